@@ -1,0 +1,430 @@
+//! The deck: serde types that mirror the YAML input one to one.
+//!
+//! A deck is declarative. Unknown keys are errors, every quantity states its unit (any consistent system; the
+//! examples use m, N, Pa, kg), and a number may be written as an expression of the deck's parameters, `${h/2}`.
+//! The doc comments of this file become the descriptions in `schema/deck.schema.json` and in `docs/deck.md`.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// An input deck of `mpm`, version 1.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Deck {
+    /// Version of the deck format. Always 1.
+    #[schemars(range(min = 1, max = 1))]
+    pub version: u32,
+    /// One line that says what is analysed; copied into the results.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub title: Option<String>,
+    /// Named numbers or words, used as `${name}` or `${h/2}` anywhere in the deck and overridden by `--set name=value`.
+    #[serde(default)]
+    pub parameters: BTreeMap<String, Parameter>,
+    /// What kind of analysis this is.
+    #[serde(default)]
+    pub analysis: Analysis,
+    /// The background grid on which equilibrium is solved.
+    pub grid: GridDeck,
+    /// Materials by name.
+    #[schemars(length(min = 1))]
+    pub materials: BTreeMap<String, MaterialDeck>,
+    /// Bodies, each filled with material points.
+    #[schemars(length(min = 1))]
+    pub bodies: Vec<BodyDeck>,
+    /// Prescribed displacements of grid nodes.
+    #[serde(default)]
+    pub boundary_conditions: Vec<BoundaryConditionDeck>,
+    /// External forces.
+    #[serde(default)]
+    pub loads: Vec<LoadDeck>,
+    /// Division of the loading into load steps.
+    pub steps: StepsDeck,
+    /// Control of the Newton iterations.
+    #[serde(default)]
+    pub solver: SolverDeck,
+    /// What is written, and how often.
+    #[serde(default)]
+    pub output: OutputDeck,
+}
+
+/// A parameter: a number, or a word such as the name of a method.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Parameter {
+    /// A number.
+    Number(f64),
+    /// A word.
+    Word(String),
+}
+
+/// Kind of analysis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Analysis {
+    /// How two-dimensional geometry represents the three-dimensional body.
+    pub idealisation: Idealisation,
+    /// Configuration in which equilibrium is written; both give the same answers.
+    pub formulation: Formulation,
+}
+
+/// How the geometry represents the three-dimensional body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Idealisation {
+    /// Plane strain per unit thickness: no displacement and no strain in z.
+    #[default]
+    PlaneStrain,
+}
+
+/// Configuration in which equilibrium is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Formulation {
+    /// The previously converged configuration, Coombs et al. (2020), section 5.
+    #[default]
+    PreviouslyConverged,
+    /// The current configuration, Coombs et al. (2020), section 3; slower, kept as a cross-check.
+    UpdatedLagrangian,
+}
+
+/// The background grid.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum GridDeck {
+    /// A regular grid of rectangles aligned with the axes.
+    Structured {
+        /// Corner with the smallest coordinates, [length].
+        origin: Vec<f64>,
+        /// Extent along each axis, [length]; a whole multiple of the spacing.
+        size: Vec<f64>,
+        /// Side of a cell, [length]; one number, or one per axis.
+        spacing: PerAxis<f64>,
+    },
+}
+
+/// One value for all axes, or a list with one value per axis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum PerAxis<T> {
+    /// The same value along every axis.
+    Same(T),
+    /// One value per axis.
+    Each(Vec<T>),
+}
+
+/// A constitutive law and its parameters.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "model", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum MaterialDeck {
+    /// Hencky elasticity: Kirchhoff stress linear in the logarithmic strain.
+    Hencky {
+        /// Young's modulus E, [stress].
+        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        young: f64,
+        /// Poisson's ratio ν, [-].
+        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5))]
+        poisson: f64,
+        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(range(min = 0.0))]
+        density: Option<f64>,
+    },
+    /// Von Mises elastic, perfectly plastic: f = √(2 J₂) − ρ_y on the Kirchhoff stress.
+    VonMises {
+        /// Young's modulus E, [stress].
+        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        young: f64,
+        /// Poisson's ratio ν, [-].
+        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5))]
+        poisson: f64,
+        /// Deviatoric yield stress ρ_y = √(2 J₂) at yield, [stress]; √(2/3) times the uniaxial yield stress.
+        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        deviatoric_yield_stress: f64,
+        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(range(min = 0.0))]
+        density: Option<f64>,
+    },
+}
+
+/// A body: a region filled with material points of one material.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BodyDeck {
+    /// Name, unique among the bodies.
+    pub name: String,
+    /// Name of its material.
+    pub material: String,
+    /// The region it fills at the start.
+    pub shape: Shape,
+    /// Material point method of its points.
+    #[serde(default)]
+    pub method: Method,
+    /// How the domains of GIMP points follow the deformation; `corners` where not stated. Points of the standard
+    /// method have no domain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub domain_update: Option<DomainUpdate>,
+    /// Points along each axis of every filled cell, at the centres of an even subdivision: one number or one per axis.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub points_per_cell: Option<PerAxis<u32>>,
+    /// Instead of `points_per_cell`: distance between points, [length], for a body that does not line up with the
+    /// grid; one number or one per axis; the sides of the body are whole multiples of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point_spacing: Option<PerAxis<f64>>,
+}
+
+/// A region.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Shape {
+    /// A box aligned with the axes.
+    Box {
+        /// Corner with the smallest coordinates, [length].
+        min: Vec<f64>,
+        /// Corner with the largest coordinates, [length].
+        max: Vec<f64>,
+    },
+}
+
+/// Material point method.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// The standard material point method: points without extent.
+    Mpm,
+    /// The generalised interpolation material point method: points with a rectangular domain.
+    #[default]
+    Gimp,
+}
+
+/// How the half lengths of a GIMP domain follow the deformation; equation numbers of Coombs et al. (2020).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum DomainUpdate {
+    /// No update: the domain keeps its original size.
+    None,
+    /// Eq. (32): all lengths scale with det(F)^(1/n_D).
+    Determinant,
+    /// Eq. (33): each length scales with F_ii.
+    Diagonal,
+    /// Eq. (34): each length scales with U_ii of the right stretch tensor.
+    Stretch,
+    /// Eq. (37): corners move with the grid, mid-sides give the lengths, the volume is corrected.
+    #[default]
+    Corners,
+    /// Eq. (38): F_ii with the volume corrected.
+    DiagonalCorrected,
+    /// Eq. (39): the incremental form of (38).
+    DiagonalIncremental,
+}
+
+/// A named set of prescribed nodal displacements; its reaction is reported under its name.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BoundaryConditionDeck {
+    /// Name, unique among the boundary conditions.
+    pub name: String,
+    /// The grid nodes it acts on.
+    pub nodes: NodeSelector,
+    /// Axes along which these nodes do not move.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fix: Vec<Axis>,
+    /// Displacement along x at load factor 1, [length]: a number or a formula of the node's coordinates x, y and the
+    /// parameters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ux: Option<Expression>,
+    /// Displacement along y at load factor 1, [length]: a number or a formula, as `ux`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uy: Option<Expression>,
+    /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve: Option<LoadCurve>,
+}
+
+/// A coordinate axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    /// The first axis.
+    X,
+    /// The second axis.
+    Y,
+}
+
+/// Selects grid nodes: by coordinates (`{x: 0}` a line, `{x: 0, y: 9.5}` a point), by a box, or the nodes of all
+/// cells touched by the outer layer of a body's points. Exactly one of the three kinds.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct NodeSelector {
+    /// Nodes with this x coordinate, [length].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub x: Option<f64>,
+    /// Nodes with this y coordinate, [length].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub y: Option<f64>,
+    /// Nodes inside this box, its boundary included.
+    #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
+    pub within: Option<BoxDeck>,
+    /// Name of a body: all nodes of the grid cells that hold (or, with a domain, overlap) the points which form the
+    /// outer layer of the body at the start; found afresh at each load step.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub outer_layer: Option<String>,
+}
+
+/// A box aligned with the axes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BoxDeck {
+    /// Corner with the smallest coordinates, [length].
+    pub min: Vec<f64>,
+    /// Corner with the largest coordinates, [length].
+    pub max: Vec<f64>,
+}
+
+/// A number, or a formula written as text.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Expression {
+    /// A number.
+    Number(f64),
+    /// A formula, for example `gamma*y`.
+    Formula(String),
+}
+
+/// Load factor over time as a table of [time, factor] pairs, linear in between; times increase and cover the analysis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct LoadCurve(#[schemars(length(min = 2))] pub Vec<[f64; 2]>);
+
+/// An external force.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum LoadDeck {
+    /// Weight: the constant mass of each point times the acceleration.
+    Gravity {
+        /// Name, unique among the loads.
+        name: String,
+        /// Acceleration at load factor 1, [length/time²], one number per axis.
+        acceleration: Vec<f64>,
+        /// Names of the bodies it acts on; all where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        bodies: Option<Vec<String>>,
+        /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        curve: Option<LoadCurve>,
+    },
+    /// Force per volume at the start of the load step, eq. (24).
+    BodyForce {
+        /// Name, unique among the loads.
+        name: String,
+        /// Force per volume at load factor 1, [force/volume], one number or formula of x, y (position at the start
+        /// of the step) and the parameters per axis.
+        force: Vec<Expression>,
+        /// Names of the bodies it acts on; all where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        bodies: Option<Vec<String>>,
+        /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        curve: Option<LoadCurve>,
+    },
+    /// A force shared equally by some points of a body and carried along with them, eq. (25).
+    PointForce {
+        /// Name, unique among the loads.
+        name: String,
+        /// Name of the body.
+        body: String,
+        /// The points that carry it.
+        points: PointSelector,
+        /// Sum of the forces at load factor 1, [force] (per unit thickness in plane strain), one number per axis.
+        total: Vec<f64>,
+        /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        curve: Option<LoadCurve>,
+    },
+}
+
+/// Selects the points of a body that are nearest to a place at the start.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PointSelector {
+    /// The place, [length].
+    pub nearest: Vec<f64>,
+    /// How many points; a choice between equally near points must not be left open.
+    #[serde(default = "one")]
+    #[schemars(range(min = 1))]
+    pub count: u32,
+}
+
+fn one() -> u32 {
+    1
+}
+
+/// Division of the loading into load steps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StepsDeck {
+    /// Number of equal load steps.
+    #[schemars(range(min = 1, max = 10_000_000))]
+    pub count: u32,
+    /// Time at the end of the analysis, [time]; it only orders the loading.
+    #[serde(default = "unit_time")]
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub end_time: f64,
+}
+
+fn unit_time() -> f64 {
+    1.0
+}
+
+/// Control of the Newton iterations.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SolverDeck {
+    /// Largest relative out-of-balance force, eq. (40), of an equilibrated step, [-].
+    #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0))]
+    pub tolerance: f64,
+    /// Largest number of linear solves in a step.
+    #[schemars(range(min = 1, max = 1000))]
+    pub max_iterations: u32,
+}
+
+impl Default for SolverDeck {
+    fn default() -> Self {
+        SolverDeck { tolerance: 1e-9, max_iterations: 20 }
+    }
+}
+
+/// What is written, and how often.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct OutputDeck {
+    /// VTU files are written every so many load steps, and for the last one; 0 writes no VTU files.
+    #[schemars(range(max = 10_000_000))]
+    pub every: u32,
+    /// Places whose displacement is recorded in `history.csv`.
+    pub probes: Vec<ProbeDeck>,
+}
+
+impl Default for OutputDeck {
+    fn default() -> Self {
+        OutputDeck { every: 1, probes: Vec::new() }
+    }
+}
+
+/// Records the mean displacement of the points of a body that are nearest to a place at the start.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ProbeDeck {
+    /// Name, unique among the probes; the columns of `history.csv` are `name_ux`, `name_uy`.
+    pub name: String,
+    /// Name of the body.
+    pub body: String,
+    /// The place, [length].
+    pub nearest: Vec<f64>,
+    /// How many points.
+    #[serde(default = "one")]
+    #[schemars(range(min = 1))]
+    pub count: u32,
+}

@@ -1,0 +1,3 @@
+//! `mpm`: an implicit, quasi-static, finite-deformation material point method.
+
+pub mod deck;
