@@ -1,0 +1,37 @@
+//! Hencky elasticity.
+
+use super::{Elasticity, Material, MaterialError, Response, StateField};
+use crate::tensor::{Sym3, Tangent};
+
+/// Hencky elasticity: Kirchhoff stress linear in the elastic logarithmic strain (section 2).
+#[derive(Debug, Clone)]
+pub struct Hencky {
+    elasticity: Elasticity,
+    tangent: Tangent,
+}
+
+impl Hencky {
+    /// From Young's modulus, [stress], and Poisson's ratio, [-].
+    pub fn new(young: f64, poisson: f64) -> Self {
+        let elasticity = Elasticity::from_young_poisson(young, poisson);
+        Hencky { elasticity, tangent: elasticity.tangent() }
+    }
+}
+
+impl Material for Hencky {
+    fn state_fields(&self) -> &'static [StateField] {
+        &[]
+    }
+
+    fn update(&self, trial: &Sym3, _old: &[f64], _new: &mut [f64]) -> Result<Response, MaterialError> {
+        let tau = self.elasticity.stress(trial);
+        if !tau.trace().is_finite() {
+            return Err(MaterialError::NotFinite);
+        }
+        Ok(Response { tau, elastic_strain: *trial, tangent: self.tangent })
+    }
+
+    fn energy(&self, elastic_strain: &Sym3) -> f64 {
+        self.elasticity.energy(elastic_strain)
+    }
+}
