@@ -1,0 +1,187 @@
+//! Which nodes every point touches and how strongly, for all points of a load step (section 5.1).
+
+use rayon::prelude::*;
+
+use super::{Basis, Method, Support};
+use crate::grid::Grid;
+use crate::points::Points;
+
+/// Marks a grid node that no point touches.
+const INACTIVE: u32 = u32::MAX;
+
+/// The links between points and grid nodes; built once per load step, then constant.
+///
+/// Points come in groups: those whose home is the same grid cell. A group touches few nodes, so its points
+/// accumulate one dense block before anything is scattered. Nodes that are touched are *active* and numbered in the
+/// order of the grid.
+#[derive(Debug, Clone, Default)]
+pub struct Connectivity<const D: usize> {
+    group_points: Vec<usize>,
+    group_node_start: Vec<usize>,
+    group_nodes: Vec<u32>,
+    link_start: Vec<usize>,
+    local: Vec<u32>,
+    value: Vec<f64>,
+    gradient: Vec<[f64; D]>,
+    active_nodes: Vec<u32>,
+    active_of: Vec<u32>,
+}
+
+/// The links of one point.
+#[derive(Debug, Clone, Copy)]
+pub struct Links<'a, const D: usize> {
+    /// Places of the nodes in the node list of the point's group, ascending.
+    pub local: &'a [u32],
+    /// S_vp, [-].
+    pub value: &'a [f64],
+    /// ∂S_vp/∂X̃, [1/length].
+    pub gradient: &'a [[f64; D]],
+}
+
+impl<const D: usize> Connectivity<D> {
+    /// Links all points; groups them by cell first.
+    ///
+    /// # Errors
+    /// The index of the first point outside the grid.
+    pub fn new(grid: &Grid<D>, points: &mut Points<D>, methods: &[Method]) -> Result<Self, usize> {
+        let group_points = points.group_by_cell(grid)?;
+        let points = &*points;
+        let n_groups = group_points.len() - 1;
+        let chunk = 64;
+        let pieces: Vec<Result<Piece<D>, usize>> = (0..n_groups.div_ceil(chunk))
+            .into_par_iter()
+            .map(|c| {
+                let groups = &group_points[c * chunk..=((c + 1) * chunk).min(n_groups)];
+                Piece::link(grid, points, methods, groups)
+            })
+            .collect();
+        let mut all = Connectivity { group_points, ..Default::default() };
+        for piece in pieces {
+            all.append(piece?);
+        }
+        all.group_node_start.push(all.group_nodes.len());
+        all.link_start.push(all.local.len());
+        all.number_active_nodes(grid.n_nodes());
+        Ok(all)
+    }
+
+    fn append(&mut self, piece: Piece<D>) {
+        let (nodes, links) = (self.group_nodes.len(), self.local.len());
+        self.group_node_start.extend(piece.group_node_start.iter().map(|s| s + nodes));
+        self.group_nodes.extend(piece.group_nodes);
+        self.link_start.extend(piece.link_start.iter().map(|s| s + links));
+        self.local.extend(piece.local);
+        self.value.extend(piece.value);
+        self.gradient.extend(piece.gradient);
+    }
+
+    /// Numbers the touched nodes in grid order and turns the node lists of the groups into these numbers.
+    fn number_active_nodes(&mut self, n_nodes: usize) {
+        self.active_of = vec![INACTIVE; n_nodes];
+        for &node in &self.group_nodes {
+            self.active_of[node as usize] = 0;
+        }
+        for (node, number) in self.active_of.iter_mut().enumerate() {
+            if *number == 0 {
+                *number = self.active_nodes.len() as u32;
+                self.active_nodes.push(node as u32);
+            }
+        }
+        for node in &mut self.group_nodes {
+            *node = self.active_of[*node as usize];
+        }
+    }
+
+    /// Number of groups.
+    pub fn n_groups(&self) -> usize {
+        self.group_points.len() - 1
+    }
+
+    /// The points of a group.
+    pub fn points_of(&self, group: usize) -> std::ops::Range<usize> {
+        self.group_points[group]..self.group_points[group + 1]
+    }
+
+    /// The active nodes that a group touches, ascending.
+    pub fn nodes_of(&self, group: usize) -> &[u32] {
+        &self.group_nodes[self.group_node_start[group]..self.group_node_start[group + 1]]
+    }
+
+    /// The links of a point.
+    #[inline]
+    pub fn links(&self, point: usize) -> Links<'_, D> {
+        let range = self.link_start[point]..self.link_start[point + 1];
+        Links {
+            local: &self.local[range.clone()],
+            value: &self.value[range.clone()],
+            gradient: &self.gradient[range],
+        }
+    }
+
+    /// Number of links before a point: where its first link stands in arrays that run over all links.
+    pub fn link_start(&self, point: usize) -> usize {
+        self.link_start[point]
+    }
+
+    /// Number of links of all points.
+    pub fn n_links(&self) -> usize {
+        self.local.len()
+    }
+
+    /// Number of active nodes.
+    pub fn n_active(&self) -> usize {
+        self.active_nodes.len()
+    }
+
+    /// Grid numbers of the active nodes, ascending.
+    pub fn active_nodes(&self) -> &[u32] {
+        &self.active_nodes
+    }
+
+    /// Active number of a grid node, if any point touches it.
+    pub fn active_number(&self, node: usize) -> Option<usize> {
+        match self.active_of[node] {
+            INACTIVE => None,
+            number => Some(number as usize),
+        }
+    }
+}
+
+/// The links of consecutive groups, in grid node numbers.
+#[derive(Default)]
+struct Piece<const D: usize> {
+    group_node_start: Vec<usize>,
+    group_nodes: Vec<u32>,
+    link_start: Vec<usize>,
+    local: Vec<u32>,
+    value: Vec<f64>,
+    gradient: Vec<[f64; D]>,
+}
+
+impl<const D: usize> Piece<D> {
+    fn link(grid: &Grid<D>, points: &Points<D>, methods: &[Method], groups: &[usize]) -> Result<Self, usize> {
+        let mut piece = Piece::default();
+        let mut support = Support::default();
+        let mut touched: Vec<u32> = Vec::new(); // grid nodes of the links of one group
+        for range in groups.windows(2).map(|w| w[0]..w[1]) {
+            touched.clear();
+            for p in range.clone() {
+                let basis: &dyn Basis<D> = methods[points.body[p] as usize].basis();
+                let (x, l) = (&points.converged.position[p], &points.converged.half_lengths[p]);
+                basis.support(grid, x, l, &mut support).map_err(|_| p)?;
+                piece.link_start.push(piece.value.len());
+                touched.extend_from_slice(&support.nodes);
+                piece.value.extend_from_slice(&support.value);
+                piece.gradient.extend_from_slice(&support.gradient);
+            }
+            let start = piece.group_nodes.len();
+            piece.group_node_start.push(start);
+            let mut nodes = touched.clone();
+            nodes.sort_unstable();
+            nodes.dedup();
+            piece.local.extend(touched.iter().map(|n| nodes.partition_point(|m| m < n) as u32));
+            piece.group_nodes.extend(nodes);
+        }
+        Ok(piece)
+    }
+}

@@ -1,0 +1,190 @@
+//! The material points: what they are, their converged state, and the trial state of the load step in hand.
+
+use crate::grid::Grid;
+use crate::tensor::{Mat3, Sym3};
+
+/// The fields of the points that change from step to step; one entry per point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State<const D: usize> {
+    /// Position x_p, [length].
+    pub position: Vec<[f64; D]>,
+    /// Half lengths l_p of the domain along the axes, [length]; zero for points without domain.
+    pub half_lengths: Vec<[f64; D]>,
+    /// Deformation gradient F from the original configuration, [-].
+    pub deformation_gradient: Vec<Mat3>,
+    /// Elastic logarithmic strain ε^e, [-].
+    pub elastic_strain: Vec<Sym3>,
+    /// Kirchhoff stress τ, [stress].
+    pub kirchhoff_stress: Vec<Sym3>,
+    /// History variables of the law, `Points::history_len` per point.
+    pub history: Vec<f64>,
+}
+
+/// All material points of an analysis, as structure of arrays.
+///
+/// Newton iterations write `trial` only; [`Points::commit`] is the sole path from trial to converged, so that
+/// abandoning a load step needs no undo. Points are kept grouped by the grid cell that holds them; `id` is the
+/// permanent number of a point.
+#[derive(Debug, Clone)]
+pub struct Points<const D: usize> {
+    /// Permanent number, 0 to n − 1.
+    pub id: Vec<u32>,
+    /// Number of the body.
+    pub body: Vec<u16>,
+    /// Original position, [length].
+    pub original_position: Vec<[f64; D]>,
+    /// Original half lengths l_p0 of the domain, [length].
+    pub original_half_lengths: Vec<[f64; D]>,
+    /// Original volume V_p0, [volume].
+    pub original_volume: Vec<f64>,
+    /// Mass m_p, [mass]; constant.
+    pub mass: Vec<f64>,
+    /// Whether the point belongs to the outer layer of its body at the start.
+    pub outer_layer: Vec<bool>,
+    /// State at the end of the last equilibrated step.
+    pub converged: State<D>,
+    /// State of the step in hand.
+    pub trial: State<D>,
+    /// Number of history variables kept per point: the most that any law needs.
+    pub history_len: usize,
+}
+
+/// What seeding knows of one point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Seed<const D: usize> {
+    /// Number of the body.
+    pub body: u16,
+    /// Position, [length].
+    pub position: [f64; D],
+    /// Half lengths of the domain, [length]; zero for points without domain.
+    pub half_lengths: [f64; D],
+    /// Volume, [volume].
+    pub volume: f64,
+    /// Mass, [mass].
+    pub mass: f64,
+    /// Whether the point belongs to the outer layer of its body.
+    pub outer_layer: bool,
+    /// Initial history variables.
+    pub history: Vec<f64>,
+}
+
+impl<const D: usize> Points<D> {
+    /// Stress-free, undeformed points; their order gives the permanent numbers.
+    pub fn new(seeds: &[Seed<D>]) -> Self {
+        let history_len = seeds.iter().map(|s| s.history.len()).max().unwrap_or(0);
+        let mut history = vec![0.0; history_len * seeds.len()];
+        for (p, seed) in seeds.iter().enumerate() {
+            history[p * history_len..][..seed.history.len()].copy_from_slice(&seed.history);
+        }
+        let state = State {
+            position: seeds.iter().map(|s| s.position).collect(),
+            half_lengths: seeds.iter().map(|s| s.half_lengths).collect(),
+            deformation_gradient: vec![Mat3::identity(); seeds.len()],
+            elastic_strain: vec![Sym3::ZERO; seeds.len()],
+            kirchhoff_stress: vec![Sym3::ZERO; seeds.len()],
+            history,
+        };
+        Points {
+            id: (0..seeds.len() as u32).collect(),
+            body: seeds.iter().map(|s| s.body).collect(),
+            original_position: seeds.iter().map(|s| s.position).collect(),
+            original_half_lengths: seeds.iter().map(|s| s.half_lengths).collect(),
+            original_volume: seeds.iter().map(|s| s.volume).collect(),
+            mass: seeds.iter().map(|s| s.mass).collect(),
+            outer_layer: seeds.iter().map(|s| s.outer_layer).collect(),
+            trial: state.clone(),
+            converged: state,
+            history_len,
+        }
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.id.len()
+    }
+
+    /// Whether there are no points.
+    pub fn is_empty(&self) -> bool {
+        self.id.is_empty()
+    }
+
+    /// The trial state becomes the converged state.
+    pub fn commit(&mut self) {
+        std::mem::swap(&mut self.converged, &mut self.trial);
+    }
+
+    /// Volume J V_p0 of a point in the converged state, eq. (22), [volume].
+    pub fn volume(&self, p: usize) -> f64 {
+        self.converged.deformation_gradient[p].determinant() * self.original_volume[p]
+    }
+
+    /// Sorts the points by the grid cell that holds them, then by body, keeping the order of equals, and returns the
+    /// first point of every occupied cell and, last, the number of points.
+    ///
+    /// # Errors
+    /// The index of the first point that lies outside the grid.
+    pub fn group_by_cell(&mut self, grid: &Grid<D>) -> Result<Vec<usize>, usize> {
+        let mut key = Vec::with_capacity(self.len());
+        for (p, position) in self.converged.position.iter().enumerate() {
+            let cell = grid.cell(grid.locate(position).ok_or(p)?);
+            key.push((cell, self.body[p]));
+        }
+        if !key.is_sorted() {
+            let mut order: Vec<u32> = (0..self.len() as u32).collect();
+            order.sort_by_key(|&p| key[p as usize]);
+            key = gather(&key, &order);
+            self.reorder(&order);
+        }
+        let mut starts: Vec<usize> =
+            (0..self.len()).filter(|&p| p == 0 || key[p].0 != key[p - 1].0).collect();
+        starts.push(self.len());
+        Ok(starts)
+    }
+
+    fn reorder(&mut self, order: &[u32]) {
+        self.id = gather(&self.id, order);
+        self.body = gather(&self.body, order);
+        self.original_position = gather(&self.original_position, order);
+        self.original_half_lengths = gather(&self.original_half_lengths, order);
+        self.original_volume = gather(&self.original_volume, order);
+        self.mass = gather(&self.mass, order);
+        self.outer_layer = gather(&self.outer_layer, order);
+        let state = &mut self.converged;
+        state.position = gather(&state.position, order);
+        state.half_lengths = gather(&state.half_lengths, order);
+        state.deformation_gradient = gather(&state.deformation_gradient, order);
+        state.elastic_strain = gather(&state.elastic_strain, order);
+        state.kirchhoff_stress = gather(&state.kirchhoff_stress, order);
+        let n = self.history_len;
+        state.history = order.iter().flat_map(|&p| &state.history[p as usize * n..][..n]).copied().collect();
+    }
+
+    /// The order of the points by permanent number: `order[id]` is the place of point `id`.
+    pub fn by_id(&self) -> Vec<usize> {
+        let mut order = vec![0; self.len()];
+        for (p, &id) in self.id.iter().enumerate() {
+            order[id as usize] = p;
+        }
+        order
+    }
+
+    /// The `count` points of a body nearest to a place in the original configuration, as permanent numbers, nearest
+    /// first; and whether the choice was clear, i.e. the next one is farther away.
+    pub fn nearest(&self, body: u16, place: &[f64; D], count: usize) -> (Vec<u32>, bool) {
+        let distance = |p: usize| -> f64 {
+            (0..D).map(|d| (self.original_position[p][d] - place[d]).powi(2)).sum::<f64>().sqrt()
+        };
+        let mut found: Vec<(f64, u32)> =
+            (0..self.len()).filter(|&p| self.body[p] == body).map(|p| (distance(p), self.id[p])).collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let clear = match (found.get(count.wrapping_sub(1)), found.get(count)) {
+            (Some(last), Some(next)) => next.0 - last.0 > 1e-9 * (1.0 + last.0),
+            _ => true,
+        };
+        (found.iter().take(count).map(|f| f.1).collect(), clear)
+    }
+}
+
+fn gather<T: Clone>(values: &[T], order: &[u32]) -> Vec<T> {
+    order.iter().map(|&p| values[p as usize].clone()).collect()
+}
