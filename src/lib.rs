@@ -4,6 +4,7 @@ pub mod basis;
 pub mod deck;
 pub mod domain;
 pub mod grid;
+pub mod linear;
 pub mod material;
 pub mod points;
 pub mod stress;

@@ -1,0 +1,266 @@
+//! Sparse direct solver: supernodal LLᵀ, LDLᵀ and LU of the faer library behind one face.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::ldlt::factor::LdltError;
+use faer::perm::PermRef;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+};
+use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{Conj, MatMut, Par, Side};
+
+use super::{Factorisation, LinearError, LinearSolver, Pattern};
+
+/// Largest relative residual of a solution that is accepted from a factorisation without pivoting.
+const UNPIVOTED_RESIDUAL: f64 = 1e-8;
+
+/// A direct solver. Symmetric matrices get LLᵀ, LDLᵀ when they are not positive definite, LU when that is not
+/// accurate; others LU. Runs on one thread, so that results do not depend on their number.
+#[derive(Default)]
+pub struct Direct {
+    pattern: Pattern,
+    symbolic: Option<SymbolicCholesky<usize>>,
+    values: Vec<f64>,
+    factor: Vec<f64>,
+    work: Vec<f64>,
+    memory: Option<MemBuffer>,
+    kind: Option<Factorisation>,
+    /// The unknown at which a factorisation without pivoting met a zero pivot.
+    suspect: Option<usize>,
+    full: Option<FullMatrix>,
+    lu: Option<Lu<usize, f64>>,
+}
+
+/// Both triangles of the matrix, which LU needs.
+struct FullMatrix {
+    pattern: Pattern,
+    /// For each entry, its place in the values of the given pattern.
+    source: Vec<usize>,
+    symbolic: SymbolicLu<usize>,
+}
+
+fn out_of_memory<E>(_: E) -> LinearError {
+    LinearError::OutOfMemory
+}
+
+fn view<'a>(pattern: &'a Pattern, values: &'a [f64]) -> SparseColMatRef<'a, usize, f64> {
+    SparseColMatRef::new(symbolic_view(pattern), values)
+}
+
+fn symbolic_view(pattern: &Pattern) -> SymbolicSparseColMatRef<'_, usize> {
+    SymbolicSparseColMatRef::new_checked(pattern.n, pattern.n, &pattern.column_start, None, &pattern.row)
+}
+
+impl LinearSolver for Direct {
+    fn analyse(&mut self, pattern: &Pattern, order: &dyn Fn() -> Vec<usize>) -> Result<bool, LinearError> {
+        if self.pattern == *pattern && (self.symbolic.is_some() || !pattern.symmetric) {
+            return Ok(false);
+        }
+        *self = Direct { pattern: pattern.clone(), ..Direct::default() };
+        if pattern.symmetric && pattern.n > 0 {
+            let order = order();
+            let mut inverse = vec![0; order.len()];
+            for (place, &unknown) in order.iter().enumerate() {
+                inverse[unknown] = place;
+            }
+            let permutation = PermRef::new_checked(&order, &inverse, pattern.n);
+            let symbolic = factorize_symbolic_cholesky(
+                symbolic_view(pattern),
+                Side::Lower,
+                SymmetricOrdering::Custom(permutation),
+                CholeskySymbolicParams::default(),
+            )
+            .map_err(out_of_memory)?;
+            self.factor = vec![0.0; symbolic.len_val()];
+            let scratch = symbolic
+                .factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default())
+                .or(symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default()))
+                .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
+            self.memory = Some(MemBuffer::try_new(scratch).map_err(out_of_memory)?);
+            self.symbolic = Some(symbolic);
+        }
+        Ok(true)
+    }
+
+    fn factorise(&mut self, values: &[f64]) -> Result<Factorisation, LinearError> {
+        self.values.clear();
+        self.values.extend_from_slice(values);
+        self.kind = None;
+        self.suspect = None;
+        let kind = if self.pattern.n == 0 {
+            Factorisation::Cholesky
+        } else if self.pattern.symmetric {
+            self.factorise_symmetric()?
+        } else {
+            self.factorise_lu()?
+        };
+        self.kind = Some(kind);
+        Ok(kind)
+    }
+
+    fn solve(&mut self, rhs: &mut [f64]) -> Result<(), LinearError> {
+        if self.pattern.n == 0 {
+            return Ok(());
+        }
+        let solved = match self.kind {
+            Some(Factorisation::Ldlt) => {
+                let given = rhs.to_vec();
+                self.back_substitute(rhs);
+                // No pivoting took place: believe the solution only if it solves the system.
+                if self.residual(&given, rhs) > UNPIVOTED_RESIDUAL {
+                    self.factorise_lu()?;
+                    self.kind = Some(Factorisation::Lu);
+                    rhs.copy_from_slice(&given);
+                    self.back_substitute(rhs);
+                }
+                true
+            }
+            Some(_) => {
+                self.back_substitute(rhs);
+                true
+            }
+            None => false,
+        };
+        if solved && rhs.iter().all(|x| x.is_finite()) {
+            Ok(())
+        } else {
+            Err(LinearError::Singular { unknown: self.suspect })
+        }
+    }
+}
+
+impl Direct {
+    fn factorise_symmetric(&mut self) -> Result<Factorisation, LinearError> {
+        let (Some(symbolic), Some(memory)) = (&self.symbolic, &mut self.memory) else {
+            return Err(LinearError::Singular { unknown: None });
+        };
+        let matrix = view(&self.pattern, &self.values);
+        let llt = symbolic.factorize_numeric_llt(
+            &mut self.factor,
+            matrix,
+            Side::Lower,
+            Default::default(),
+            Par::Seq,
+            MemStack::new(memory),
+            Default::default(),
+        );
+        if llt.is_ok() {
+            return Ok(Factorisation::Cholesky);
+        }
+        let ldlt = symbolic.factorize_numeric_ldlt(
+            &mut self.factor,
+            matrix,
+            Side::Lower,
+            Default::default(),
+            Par::Seq,
+            MemStack::new(memory),
+            Default::default(),
+        );
+        match ldlt {
+            Ok(_) => Ok(Factorisation::Ldlt),
+            Err(LdltError::ZeroPivot { index }) => {
+                self.suspect = symbolic.perm().map(|perm| perm.arrays().0[index]);
+                match self.empty_column() {
+                    Some(unknown) => Err(LinearError::Singular { unknown: Some(unknown) }),
+                    None => self.factorise_lu(),
+                }
+            }
+        }
+    }
+
+    /// The first unknown whose row and column hold nothing but zeros.
+    fn empty_column(&self) -> Option<usize> {
+        let mut empty = vec![true; self.pattern.n];
+        for j in 0..self.pattern.n {
+            for e in self.pattern.column_start[j]..self.pattern.column_start[j + 1] {
+                if self.values[e] != 0.0 {
+                    empty[j] = false;
+                    empty[self.pattern.row[e]] = false;
+                }
+            }
+        }
+        empty.iter().position(|e| *e)
+    }
+
+    fn factorise_lu(&mut self) -> Result<Factorisation, LinearError> {
+        if self.full.is_none() {
+            let (pattern, source) = both_triangles(&self.pattern);
+            let symbolic = SymbolicLu::try_new(symbolic_view(&pattern)).map_err(out_of_memory)?;
+            self.full = Some(FullMatrix { pattern, source, symbolic });
+        }
+        let Some(full) = &self.full else { return Err(LinearError::OutOfMemory) };
+        let values: Vec<f64> = full.source.iter().map(|&s| self.values[s]).collect();
+        let matrix = view(&full.pattern, &values);
+        let lu = Lu::try_new_with_symbolic(full.symbolic.clone(), matrix)
+            .map_err(|_| LinearError::Singular { unknown: self.suspect })?;
+        self.lu = Some(lu);
+        Ok(Factorisation::Lu)
+    }
+
+    fn back_substitute(&mut self, rhs: &mut [f64]) {
+        let n = self.pattern.n;
+        match (self.kind, &self.symbolic, &mut self.memory, &self.lu) {
+            (Some(Factorisation::Cholesky), Some(symbolic), Some(memory), _) => {
+                let x = MatMut::from_column_major_slice_mut(rhs, n, 1);
+                let factor = LltRef::new(symbolic, &self.factor);
+                factor.solve_in_place_with_conj(Conj::No, x, Par::Seq, MemStack::new(memory));
+            }
+            (Some(Factorisation::Ldlt), Some(symbolic), Some(memory), _) => {
+                let x = MatMut::from_column_major_slice_mut(rhs, n, 1);
+                let factor = LdltRef::new(symbolic, &self.factor);
+                factor.solve_in_place_with_conj(Conj::No, x, Par::Seq, MemStack::new(memory));
+            }
+            (Some(Factorisation::Lu), _, _, Some(lu)) => {
+                use faer::linalg::solvers::SolveCore;
+                lu.solve_in_place_with_conj(Conj::No, MatMut::from_column_major_slice_mut(rhs, n, 1));
+            }
+            _ => rhs.fill(f64::NAN),
+        }
+    }
+
+    /// |A x − b| / |b|.
+    fn residual(&mut self, b: &[f64], x: &[f64]) -> f64 {
+        self.work.clear();
+        self.work.extend(b.iter().map(|v| -v));
+        for j in 0..self.pattern.n {
+            for e in self.pattern.column_start[j]..self.pattern.column_start[j + 1] {
+                let (i, a) = (self.pattern.row[e], self.values[e]);
+                self.work[i] += a * x[j];
+                if self.pattern.symmetric && i != j {
+                    self.work[j] += a * x[i];
+                }
+            }
+        }
+        let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let residual = norm(&self.work) / norm(b);
+        if residual.is_nan() {
+            if b.iter().all(|v| *v == 0.0) { 0.0 } else { f64::INFINITY }
+        } else {
+            residual
+        }
+    }
+}
+
+/// The full pattern of a matrix, and for each of its entries the place in the given one.
+fn both_triangles(pattern: &Pattern) -> (Pattern, Vec<usize>) {
+    let mut columns: Vec<Vec<(usize, usize)>> = vec![Vec::new(); pattern.n];
+    for j in 0..pattern.n {
+        for e in pattern.column_start[j]..pattern.column_start[j + 1] {
+            let i = pattern.row[e];
+            columns[j].push((i, e));
+            if pattern.symmetric && i != j {
+                columns[i].push((j, e));
+            }
+        }
+    }
+    let mut full = Pattern { n: pattern.n, column_start: vec![0], row: Vec::new(), symmetric: false };
+    let mut source = Vec::new();
+    for column in &mut columns {
+        column.sort_unstable();
+        full.row.extend(column.iter().map(|c| c.0));
+        source.extend(column.iter().map(|c| c.1));
+        full.column_start.push(full.row.len());
+    }
+    (full, source)
+}

@@ -1,0 +1,152 @@
+//! Sparse linear systems: `analyse` once per pattern, `factorise` per iteration, `solve` per right-hand side.
+
+mod direct;
+pub mod ordering;
+
+pub use direct::Direct;
+
+/// Pattern of a sparse square matrix by columns; of a symmetric one only the lower triangle, diagonal included.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Pattern {
+    /// Number of unknowns.
+    pub n: usize,
+    /// Where each column starts in `row`; `n + 1` entries.
+    pub column_start: Vec<usize>,
+    /// Row of each entry, ascending within a column.
+    pub row: Vec<usize>,
+    /// Whether only the lower triangle is given.
+    pub symmetric: bool,
+}
+
+/// Which factorisation solved a system.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Factorisation {
+    /// LLᵀ: the matrix is positive definite.
+    Cholesky,
+    /// LDLᵀ: symmetric but not positive definite.
+    Ldlt,
+    /// LU with partial pivoting.
+    Lu,
+}
+
+/// A linear system could not be solved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum LinearError {
+    /// The matrix is singular to working precision.
+    #[error("the matrix is singular")]
+    Singular {
+        /// An unknown that the singular motion involves, where it is known.
+        unknown: Option<usize>,
+    },
+    /// The factor does not fit into memory.
+    #[error("out of memory")]
+    OutOfMemory,
+}
+
+/// A solver for sparse linear systems.
+pub trait LinearSolver {
+    /// Prepares for matrices of this pattern; `order` lists the unknowns in the order of elimination. Does nothing
+    /// when the pattern is the one analysed last; returns whether it did something.
+    ///
+    /// # Errors
+    /// [`LinearError::OutOfMemory`].
+    fn analyse(&mut self, pattern: &Pattern, order: &dyn Fn() -> Vec<usize>) -> Result<bool, LinearError>;
+
+    /// Factorises the matrix with these values, in the order of the pattern.
+    ///
+    /// # Errors
+    /// [`LinearError`] when no factorisation exists.
+    fn factorise(&mut self, values: &[f64]) -> Result<Factorisation, LinearError>;
+
+    /// Replaces the right-hand side by the solution.
+    ///
+    /// # Errors
+    /// [`LinearError::Singular`] when the solution is not finite.
+    fn solve(&mut self, rhs: &mut [f64]) -> Result<(), LinearError>;
+}
+
+/// One checker run over every solver: a new one adds one line to the list.
+#[cfg(test)]
+mod conformance {
+    use super::*;
+    use nalgebra::DMatrix;
+
+    fn solvers() -> Vec<Box<dyn LinearSolver>> {
+        vec![Box::new(Direct::default())]
+    }
+
+    /// A five-point Laplacian on an m×m grid, shifted, with an optional unsymmetric part.
+    fn matrix(m: usize, shift: f64, skew: f64) -> DMatrix<f64> {
+        let n = m * m;
+        let mut a = DMatrix::zeros(n, n);
+        for i in 0..n {
+            a[(i, i)] = 4.0 + 0.1 * (i % 7) as f64 - shift;
+            for j in [i + 1, i + m] {
+                if j < n && !(j == i + 1 && j % m == 0) {
+                    a[(i, j)] = -1.0 + skew;
+                    a[(j, i)] = -1.0 - skew;
+                }
+            }
+        }
+        a
+    }
+
+    fn sparse(a: &DMatrix<f64>, symmetric: bool) -> (Pattern, Vec<f64>) {
+        let mut pattern = Pattern { n: a.nrows(), column_start: vec![0], row: vec![], symmetric };
+        let mut values = vec![];
+        for j in 0..a.ncols() {
+            for i in (0..a.nrows()).filter(|&i| !symmetric || i >= j) {
+                if a[(i, j)] != 0.0 || i == j {
+                    pattern.row.push(i);
+                    values.push(a[(i, j)]);
+                }
+            }
+            pattern.column_start.push(values.len());
+        }
+        (pattern, values)
+    }
+
+    fn check(solver: &mut dyn LinearSolver, a: &DMatrix<f64>, symmetric: bool, expected: Factorisation) {
+        let (pattern, values) = sparse(a, symmetric);
+        let reversed = || (0..pattern.n).rev().collect();
+        solver.analyse(&pattern, &reversed).unwrap();
+        assert!(!solver.analyse(&pattern, &reversed).unwrap(), "the analysis is kept");
+        assert_eq!(solver.factorise(&values).unwrap(), expected);
+        let exact: Vec<f64> = (0..pattern.n).map(|i| (i as f64).sin()).collect();
+        let mut x: Vec<f64> = (a * nalgebra::DVector::from_vec(exact.clone())).iter().copied().collect();
+        solver.solve(&mut x).unwrap();
+        let error = x.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(error < 1e-11, "{error:e}");
+    }
+
+    #[test]
+    fn every_solver_agrees_with_the_exact_solution() {
+        for mut solver in solvers() {
+            for m in [1, 3, 20] {
+                check(solver.as_mut(), &matrix(m, 0.0, 0.0), true, Factorisation::Cholesky);
+                check(solver.as_mut(), &matrix(m, 0.0, 0.3), false, Factorisation::Lu);
+            }
+            check(solver.as_mut(), &matrix(20, 2.13, 0.0), true, Factorisation::Ldlt);
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_ldlt_cannot_factorise_is_solved_with_pivoting() {
+        let a = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 2.0]);
+        for mut solver in solvers() {
+            check(solver.as_mut(), &a, true, Factorisation::Lu);
+        }
+    }
+
+    #[test]
+    fn a_singular_matrix_is_an_error_that_names_the_unknown() {
+        let mut a = matrix(5, 0.0, 0.0);
+        a.row_mut(7).fill(0.0);
+        a.column_mut(7).fill(0.0);
+        let (pattern, values) = sparse(&a, true);
+        for mut solver in solvers() {
+            solver.analyse(&pattern, &|| (0..25).collect()).unwrap();
+            assert_eq!(solver.factorise(&values), Err(LinearError::Singular { unknown: Some(7) }));
+        }
+    }
+}
