@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::grid::Grid;
 
-pub use connectivity::Connectivity;
+pub use connectivity::{Connectivity, Links};
 pub use gimp::Gimp;
 pub use mpm::Mpm;
 

@@ -9,6 +9,10 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use crate::basis::Method;
+pub use crate::domain::DomainUpdate;
+pub use crate::stress::Formulation;
+
 /// An input deck of `mpm`, version 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -76,17 +80,6 @@ pub enum Idealisation {
     /// Plane strain per unit thickness: no displacement and no strain in z.
     #[default]
     PlaneStrain,
-}
-
-/// Configuration in which equilibrium is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Formulation {
-    /// The previously converged configuration, Coombs et al. (2020), section 5.
-    #[default]
-    PreviouslyConverged,
-    /// The current configuration, Coombs et al. (2020), section 3; slower, kept as a cross-check.
-    UpdatedLagrangian,
 }
 
 /// The background grid.
@@ -186,38 +179,6 @@ pub enum Shape {
         /// Corner with the largest coordinates, [length].
         max: Vec<f64>,
     },
-}
-
-/// Material point method.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    /// The standard material point method: points without extent.
-    Mpm,
-    /// The generalised interpolation material point method: points with a rectangular domain.
-    #[default]
-    Gimp,
-}
-
-/// How the half lengths of a GIMP domain follow the deformation; equation numbers of Coombs et al. (2020).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum DomainUpdate {
-    /// No update: the domain keeps its original size.
-    None,
-    /// Eq. (32): all lengths scale with det(F)^(1/n_D).
-    Determinant,
-    /// Eq. (33): each length scales with F_ii.
-    Diagonal,
-    /// Eq. (34): each length scales with U_ii of the right stretch tensor.
-    Stretch,
-    /// Eq. (37): corners move with the grid, mid-sides give the lengths, the volume is corrected.
-    #[default]
-    Corners,
-    /// Eq. (38): F_ii with the volume corrected.
-    DiagonalCorrected,
-    /// Eq. (39): the incremental form of (38).
-    DiagonalIncremental,
 }
 
 /// A named set of prescribed nodal displacements; its reaction is reported under its name.

@@ -8,12 +8,24 @@
 mod plane_strain;
 mod solid;
 
-use crate::deck::Formulation;
+use serde::{Deserialize, Serialize};
+
 use crate::material::{Material, MaterialError};
 use crate::tensor::{Mat3, Sym3, Tensor4};
 
 pub use plane_strain::PlaneStrain;
 pub use solid::Solid;
+
+/// Configuration in which equilibrium is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Formulation {
+    /// The previously converged configuration, Coombs et al. (2020), section 5.
+    #[default]
+    PreviouslyConverged,
+    /// The current configuration, Coombs et al. (2020), section 3; slower, kept as a cross-check.
+    UpdatedLagrangian,
+}
 
 /// What the equilibrium of one load step needs to know of a material point, fixed at the start of the step.
 #[derive(Debug, Clone, Copy)]

@@ -5,8 +5,7 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
-use super::{Contribution, Mechanics, PointError, StartOfStep};
-use crate::deck::Formulation;
+use super::{Contribution, Formulation, Mechanics, PointError, StartOfStep};
 use crate::material::Material;
 use crate::tensor::{Mat3, Sym3, Tangent, Tensor4, plane};
 

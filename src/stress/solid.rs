@@ -1,7 +1,6 @@
 //! The kernel in three dimensions, transcribed equation by equation.
 
-use super::{Contribution, Mechanics, PointError, StartOfStep};
-use crate::deck::Formulation;
+use super::{Contribution, Formulation, Mechanics, PointError, StartOfStep};
 use crate::material::Material;
 use crate::tensor::{Mat3, Sym3, Tangent, Tensor4, log_derivative, mandel_entry};
 

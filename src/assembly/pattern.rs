@@ -1,0 +1,206 @@
+//! Which pairs of nodes are coupled by a point, and where the blocks of a group go.
+
+use std::ops::Range;
+
+use crate::basis::Connectivity;
+use crate::constraints::DofMap;
+use crate::linear::Pattern;
+
+/// Marks a pair of nodes of a group that no point couples.
+pub(super) const UNCOUPLED: u32 = u32::MAX;
+
+/// The coupled pairs of active nodes, by columns; of a symmetric system those with row ≥ column.
+pub(super) struct NodePairs {
+    symmetric: bool,
+    column_start: Vec<usize>,
+    row: Vec<u32>,
+    /// Where the dense pairs of each group start in `position`.
+    group_start: Vec<usize>,
+    /// For each dense pair of each group, its place among the pairs, or [`UNCOUPLED`].
+    position: Vec<u32>,
+}
+
+/// The entries of K on the free degrees of freedom.
+pub struct FreeEntries {
+    /// Their pattern.
+    pub pattern: Pattern,
+    /// For each entry its place among all values of all blocks.
+    pub(super) source: Vec<u32>,
+}
+
+/// Number of the dense pair (a, b) of a group of n nodes.
+fn dense_pair(symmetric: bool, n: usize, a: usize, b: usize) -> usize {
+    if symmetric { a * (a + 1) / 2 + b } else { a * n + b }
+}
+
+impl NodePairs {
+    pub(super) fn new<const D: usize>(links: &Connectivity<D>, symmetric: bool) -> Self {
+        let mut group_start = vec![0];
+        for group in 0..links.n_groups() {
+            let n = links.nodes_of(group).len();
+            let dense = if symmetric { n * (n + 1) / 2 } else { n * n };
+            group_start.push(group_start[group] + dense);
+        }
+        let mut pairs = NodePairs {
+            symmetric,
+            column_start: Vec::new(),
+            row: Vec::new(),
+            position: vec![UNCOUPLED; group_start[links.n_groups()]],
+            group_start,
+        };
+        pairs.mark_coupled(links);
+        pairs.collect_columns(links);
+        pairs.place(links);
+        pairs
+    }
+
+    /// Marks with 0 the dense pairs whose nodes share a point.
+    fn mark_coupled<const D: usize>(&mut self, links: &Connectivity<D>) {
+        for group in 0..links.n_groups() {
+            let n = links.nodes_of(group).len();
+            let marks = &mut self.position[self.group_start[group]..self.group_start[group + 1]];
+            let mut last: &[u32] = &[];
+            for p in links.points_of(group) {
+                let local = links.links(p).local;
+                if local == last {
+                    continue; // neighbours in a cell mostly touch the same nodes
+                }
+                last = local;
+                for (k, &b) in local.iter().enumerate() {
+                    let rows = if self.symmetric { &local[k..] } else { local };
+                    for &a in rows {
+                        marks[dense_pair(self.symmetric, n, a as usize, b as usize)] = 0;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Calls `visit(row, column, dense pair)` for the marked pairs of a group, by columns.
+    fn coupled_in<const D: usize>(
+        &self,
+        links: &Connectivity<D>,
+        group: usize,
+        mut visit: impl FnMut(usize, usize, usize),
+    ) {
+        let nodes = links.nodes_of(group);
+        let start = self.group_start[group];
+        for b in 0..nodes.len() {
+            for a in if self.symmetric { b } else { 0 }..nodes.len() {
+                let pair = start + dense_pair(self.symmetric, nodes.len(), a, b);
+                if self.position[pair] != UNCOUPLED {
+                    visit(nodes[a] as usize, nodes[b] as usize, pair);
+                }
+            }
+        }
+    }
+
+    /// Merges the pairs of all groups into sorted columns.
+    fn collect_columns<const D: usize>(&mut self, links: &Connectivity<D>) {
+        let n = links.n_active();
+        let mut count = vec![0usize; n + 1];
+        for group in 0..links.n_groups() {
+            self.coupled_in(links, group, |_, column, _| count[column + 1] += 1);
+        }
+        for c in 0..n {
+            count[c + 1] += count[c];
+        }
+        let mut next = count.clone();
+        let mut rows = vec![0u32; count[n]];
+        for group in 0..links.n_groups() {
+            self.coupled_in(links, group, |row, column, _| {
+                rows[next[column]] = row as u32;
+                next[column] += 1;
+            });
+        }
+        self.column_start.push(0);
+        for c in 0..n {
+            let column = &mut rows[count[c]..count[c + 1]];
+            column.sort_unstable();
+            let mut previous = None;
+            for &row in column.iter() {
+                if previous != Some(row) {
+                    self.row.push(row);
+                    previous = Some(row);
+                }
+            }
+            self.column_start.push(self.row.len());
+        }
+    }
+
+    /// Gives every marked dense pair its place among the pairs.
+    fn place<const D: usize>(&mut self, links: &Connectivity<D>) {
+        let mut position = std::mem::take(&mut self.position);
+        for group in 0..links.n_groups() {
+            let nodes = links.nodes_of(group);
+            let start = self.group_start[group];
+            for b in 0..nodes.len() {
+                let column = nodes[b] as usize;
+                let first = self.column_start[column];
+                let rows = &self.row[first..self.column_start[column + 1]];
+                let mut at = 0; // both the nodes of a group and the rows of a column ascend
+                for a in if self.symmetric { b } else { 0 }..nodes.len() {
+                    let pair = &mut position[start + dense_pair(self.symmetric, nodes.len(), a, b)];
+                    if *pair != UNCOUPLED {
+                        while rows[at] < nodes[a] {
+                            at += 1;
+                        }
+                        *pair = (first + at) as u32;
+                    }
+                }
+            }
+        }
+        self.position = position;
+    }
+
+    pub(super) fn symmetric(&self) -> bool {
+        self.symmetric
+    }
+
+    pub(super) fn n_pairs(&self) -> usize {
+        self.row.len()
+    }
+
+    /// Where the dense pairs of some groups stand among those of all groups.
+    pub(super) fn dense_range(&self, groups: Range<usize>) -> Range<usize> {
+        self.group_start[groups.start]..self.group_start[groups.end]
+    }
+
+    /// Places of the dense pairs of a group.
+    pub(super) fn positions(&self, group: usize) -> &[u32] {
+        &self.position[self.group_start[group]..self.group_start[group + 1]]
+    }
+
+    /// Calls `visit(row, column, place)` for every pair.
+    pub(super) fn for_each(&self, mut visit: impl FnMut(usize, usize, usize)) {
+        for column in 0..self.column_start.len() - 1 {
+            for place in self.column_start[column]..self.column_start[column + 1] {
+                visit(self.row[place] as usize, column, place);
+            }
+        }
+    }
+
+    /// The entries of K on the free degrees of freedom, by columns.
+    pub(super) fn free_entries<const D: usize>(&self, dofs: &DofMap<D>) -> FreeEntries {
+        let mut pattern =
+            Pattern { n: dofs.n_free(), column_start: vec![0], row: Vec::new(), symmetric: self.symmetric };
+        let mut source = Vec::new();
+        for column in 0..self.column_start.len() - 1 {
+            for k in 0..D {
+                let Some(free_column) = dofs.free(column, k) else { continue };
+                for place in self.column_start[column]..self.column_start[column + 1] {
+                    let row = self.row[place] as usize;
+                    for i in 0..D {
+                        let Some(free_row) = dofs.free(row, i) else { continue };
+                        if !self.symmetric || free_row >= free_column {
+                            pattern.row.push(free_row);
+                            source.push((place * D * D + i * D + k) as u32);
+                        }
+                    }
+                }
+                pattern.column_start.push(pattern.row.len());
+            }
+        }
+        FreeEntries { pattern, source }
+    }
+}

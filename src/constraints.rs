@@ -1,0 +1,186 @@
+//! Prescribed displacements: from named boundary conditions to the degrees of freedom of a load step.
+
+use crate::basis::Connectivity;
+use crate::formula::Formula;
+use crate::loads::LoadCurve;
+use crate::model::Model;
+use crate::points::Points;
+
+/// The nodes that a boundary condition acts on.
+#[derive(Debug, Clone, PartialEq)]
+pub enum NodeSet {
+    /// Given grid nodes, ascending.
+    Fixed(Vec<u32>),
+    /// All nodes of the cells that hold, or overlap with the domain of, the points of the outer layer of a body;
+    /// found afresh at each step.
+    OuterLayer(u16),
+}
+
+/// A named set of prescribed nodal displacements.
+#[derive(Debug, Clone)]
+pub struct BoundaryCondition<const D: usize> {
+    /// Name under which the reaction is reported.
+    pub name: String,
+    /// The nodes.
+    pub nodes: NodeSet,
+    /// Displacement at load factor 1 along each prescribed axis, a formula of the node's coordinates, [length].
+    pub displacement: [Option<Formula>; D],
+    /// Load factor over time.
+    pub curve: LoadCurve,
+}
+
+/// A boundary condition cannot be applied.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ConstraintError {
+    /// Two boundary conditions want different displacements of one node.
+    #[error(
+        "boundary conditions `{first}` and `{second}` prescribe {a:e} and {b:e} along axis {axis} at node {node}"
+    )]
+    Conflict {
+        /// The one that comes first.
+        first: String,
+        /// The other.
+        second: String,
+        /// Number of the grid node.
+        node: usize,
+        /// Axis.
+        axis: usize,
+        /// Increment wanted by the first.
+        a: f64,
+        /// Increment wanted by the second.
+        b: f64,
+    },
+    /// A formula has no finite value at a node.
+    #[error("boundary condition `{name}` is not finite at node {node}")]
+    NotFinite {
+        /// The boundary condition.
+        name: String,
+        /// Number of the grid node.
+        node: usize,
+    },
+}
+
+/// A degree of freedom: free with its unknown, or held by a boundary condition.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Dof {
+    Free(u32),
+    Held { condition: u16, increment: f64 },
+}
+
+/// What each degree of freedom of the active nodes is in one load step.
+#[derive(Debug, Clone)]
+pub struct DofMap<const D: usize> {
+    dofs: Vec<[Dof; D]>,
+    n_free: usize,
+}
+
+impl<const D: usize> DofMap<D> {
+    /// Applies the boundary conditions of a step that runs from time `start` to time `end`.
+    ///
+    /// # Errors
+    /// [`ConstraintError`] when two conditions contradict each other or a formula is not finite.
+    pub fn new(
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+        start: f64,
+        end: f64,
+    ) -> Result<Self, ConstraintError> {
+        let mut dofs = vec![[Dof::Free(0); D]; links.n_active()];
+        for (number, condition) in model.boundary_conditions.iter().enumerate() {
+            let factor = condition.curve.factor(end) - condition.curve.factor(start);
+            for active in condition.active_nodes(points, links) {
+                let node = links.active_nodes()[active] as usize;
+                let place = model.grid.node_position(node);
+                for (axis, formula) in condition.displacement.iter().enumerate() {
+                    let Some(formula) = formula else { continue };
+                    let increment = formula.evaluate(&place) * factor;
+                    if !increment.is_finite() {
+                        return Err(ConstraintError::NotFinite { name: condition.name.clone(), node });
+                    }
+                    let dof = &mut dofs[active][axis];
+                    match *dof {
+                        Dof::Free(_) => *dof = Dof::Held { condition: number as u16, increment },
+                        Dof::Held { increment: held, .. } if held == increment => {}
+                        Dof::Held { condition: first, increment: held } => {
+                            return Err(ConstraintError::Conflict {
+                                first: model.boundary_conditions[first as usize].name.clone(),
+                                second: condition.name.clone(),
+                                node,
+                                axis,
+                                a: held,
+                                b: increment,
+                            });
+                        }
+                    }
+                }
+            }
+        }
+        let mut n_free = 0;
+        for dof in dofs.iter_mut().flatten() {
+            if let Dof::Free(unknown) = dof {
+                *unknown = n_free;
+                n_free += 1;
+            }
+        }
+        Ok(DofMap { dofs, n_free: n_free as usize })
+    }
+
+    /// Number of unknowns.
+    pub fn n_free(&self) -> usize {
+        self.n_free
+    }
+
+    /// The unknown of a degree of freedom, or `None` when it is prescribed.
+    #[inline]
+    pub fn free(&self, node: usize, axis: usize) -> Option<usize> {
+        match self.dofs[node][axis] {
+            Dof::Free(unknown) => Some(unknown as usize),
+            Dof::Held { .. } => None,
+        }
+    }
+
+    /// The displacement increment and the boundary condition that prescribes a degree of freedom, or `None`.
+    pub fn prescribed(&self, node: usize, axis: usize) -> Option<(f64, usize)> {
+        match self.dofs[node][axis] {
+            Dof::Free(_) => None,
+            Dof::Held { condition, increment } => Some((increment, condition as usize)),
+        }
+    }
+
+    /// Active node and axis of an unknown.
+    pub fn place_of(&self, unknown: usize) -> Option<(usize, usize)> {
+        let wanted = |dof: &Dof| *dof == Dof::Free(unknown as u32);
+        (0..self.dofs.len()).find_map(|node| self.dofs[node].iter().position(wanted).map(|axis| (node, axis)))
+    }
+
+    /// Number of active nodes.
+    pub fn n_nodes(&self) -> usize {
+        self.dofs.len()
+    }
+}
+
+impl<const D: usize> BoundaryCondition<D> {
+    /// The active nodes it acts on in this step, ascending.
+    fn active_nodes(&self, points: &Points<D>, links: &Connectivity<D>) -> Vec<usize> {
+        match &self.nodes {
+            NodeSet::Fixed(nodes) => {
+                nodes.iter().filter_map(|&node| links.active_number(node as usize)).collect()
+            }
+            NodeSet::OuterLayer(body) => {
+                let mut touched = vec![false; links.n_active()];
+                for group in 0..links.n_groups() {
+                    let nodes = links.nodes_of(group);
+                    for p in links.points_of(group) {
+                        if points.outer_layer[p] && points.body[p] == *body {
+                            for &local in links.links(p).local {
+                                touched[nodes[local as usize] as usize] = true;
+                            }
+                        }
+                    }
+                }
+                (0..touched.len()).filter(|&node| touched[node]).collect()
+            }
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! External forces: weight, body forces and point forces, eqs. (24), (25), (29), and the load curves they follow.
+
+use crate::basis::Connectivity;
+use crate::formula::Formula;
+use crate::model::Model;
+use crate::points::Points;
+
+/// Load factor over time, linear between given times.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LoadCurve(Vec<[f64; 2]>);
+
+impl LoadCurve {
+    /// From 0 at time 0 to 1 at the end.
+    pub fn ramp(end_time: f64) -> Self {
+        LoadCurve(vec![[0.0, 0.0], [end_time, 1.0]])
+    }
+
+    /// From [time, factor] pairs with increasing times.
+    pub fn table(pairs: Vec<[f64; 2]>) -> Self {
+        LoadCurve(pairs)
+    }
+
+    /// The factor at a time; constant before the first and after the last pair.
+    pub fn factor(&self, time: f64) -> f64 {
+        let after = self.0.partition_point(|pair| pair[0] <= time);
+        match (after.checked_sub(1).and_then(|k| self.0.get(k)), self.0.get(after)) {
+            (Some([t0, f0]), Some([t1, f1])) => f0 + (f1 - f0) * (time - t0) / (t1 - t0),
+            (Some(last), None) => last[1],
+            (None, Some(first)) => first[1],
+            (None, None) => 0.0,
+        }
+    }
+}
+
+/// What a load does.
+#[derive(Debug, Clone)]
+pub enum Action<const D: usize> {
+    /// Constant mass of each point times this acceleration, [length/time²].
+    Gravity([f64; D]),
+    /// Force per volume at the start of the step, formulas of the position then, [force/volume], eq. (24).
+    BodyForce([Formula; D]),
+    /// The same force on each of these points (permanent numbers), [force], eq. (25).
+    PointForce {
+        /// Permanent numbers of the points.
+        points: Vec<u32>,
+        /// Force on each of them at load factor 1.
+        force: [f64; D],
+    },
+}
+
+/// A named external force.
+#[derive(Debug, Clone)]
+pub struct Load<const D: usize> {
+    /// Name.
+    pub name: String,
+    /// What it does.
+    pub action: Action<D>,
+    /// Whether it acts on each body.
+    pub acts_on: Vec<bool>,
+    /// Load factor over time.
+    pub curve: LoadCurve,
+}
+
+/// A body force has no finite value at a point.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("load `{load}` is not finite at point {point}")]
+pub struct LoadNotFinite {
+    /// Name of the load.
+    pub load: String,
+    /// Permanent number of the point.
+    pub point: u32,
+}
+
+/// The external force of eq. (29) on the active nodes at a time, [force].
+///
+/// Weight uses the constant mass of the points: b V_p^n of eq. (24) with b per volume at the start of the step.
+///
+/// # Errors
+/// [`LoadNotFinite`] when a formula is not finite at a point.
+pub fn external_force<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    time: f64,
+) -> Result<Vec<[f64; D]>, LoadNotFinite> {
+    let at_points = forces_on_points(model, points, time)?;
+    let mut force = vec![[0.0; D]; links.n_active()];
+    for group in 0..links.n_groups() {
+        let nodes = links.nodes_of(group);
+        for p in links.points_of(group) {
+            let of_point = links.links(p);
+            for (&local, value) in of_point.local.iter().zip(of_point.value) {
+                let node = &mut force[nodes[local as usize] as usize];
+                for d in 0..D {
+                    node[d] += value * at_points[p][d];
+                }
+            }
+        }
+    }
+    Ok(force)
+}
+
+/// Sum of all loads on each point, [force].
+fn forces_on_points<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    time: f64,
+) -> Result<Vec<[f64; D]>, LoadNotFinite> {
+    let mut forces = vec![[0.0; D]; points.len()];
+    for load in &model.loads {
+        let factor = load.curve.factor(time);
+        let acts_on = |p: usize| load.acts_on[points.body[p] as usize];
+        match &load.action {
+            Action::Gravity(acceleration) => {
+                for p in (0..points.len()).filter(|&p| acts_on(p)) {
+                    for d in 0..D {
+                        forces[p][d] += factor * points.mass[p] * acceleration[d];
+                    }
+                }
+            }
+            Action::BodyForce(formulas) => {
+                for p in (0..points.len()).filter(|&p| acts_on(p)) {
+                    let volume = points.volume(p);
+                    for d in 0..D {
+                        let density = formulas[d].evaluate(&points.converged.position[p]);
+                        if !density.is_finite() {
+                            return Err(LoadNotFinite { load: load.name.clone(), point: points.id[p] });
+                        }
+                        forces[p][d] += factor * density * volume;
+                    }
+                }
+            }
+            Action::PointForce { points: chosen, force } => {
+                let place = points.by_id();
+                for &id in chosen {
+                    for d in 0..D {
+                        forces[place[id as usize]][d] += factor * force[d];
+                    }
+                }
+            }
+        }
+    }
+    Ok(forces)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn load_curves_interpolate_and_stay_constant_outside() {
+        let curve = LoadCurve::table(vec![[0.0, 0.0], [0.5, 2.0], [1.0, -1.0]]);
+        for (time, factor) in
+            [(-1.0, 0.0), (0.0, 0.0), (0.25, 1.0), (0.5, 2.0), (0.75, 0.5), (1.0, -1.0), (9.0, -1.0)]
+        {
+            assert_eq!(curve.factor(time), factor);
+        }
+        assert_eq!(LoadCurve::ramp(2.0).factor(1.5), 0.75);
+    }
+}

@@ -1,0 +1,76 @@
+//! The model: everything about an analysis that does not change while it runs.
+
+use crate::basis::Method;
+use crate::constraints::BoundaryCondition;
+use crate::domain::DomainUpdate;
+use crate::grid::Grid;
+use crate::loads::Load;
+use crate::material::Material;
+use crate::stress::Formulation;
+
+/// A material under its name.
+#[derive(Debug)]
+pub struct NamedMaterial {
+    /// Name.
+    pub name: String,
+    /// The law.
+    pub law: Box<dyn Material>,
+}
+
+/// A body: material, method and domain update of its points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Body {
+    /// Name.
+    pub name: String,
+    /// Number of its material.
+    pub material: usize,
+    /// Method of its points.
+    pub method: Method,
+    /// How their domains follow the deformation; without effect for methods without domain.
+    pub domain_update: DomainUpdate,
+}
+
+/// A place whose displacement is recorded: the mean over some points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Probe {
+    /// Name.
+    pub name: String,
+    /// Permanent numbers of the points.
+    pub points: Vec<u32>,
+}
+
+/// Control of the Newton iterations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Newton {
+    /// Largest relative out-of-balance force, eq. (40), of an equilibrated step, [-].
+    pub tolerance: f64,
+    /// Largest number of linear solves in a step.
+    pub max_iterations: usize,
+}
+
+/// An analysis in `D` dimensions; immutable after construction.
+#[derive(Debug)]
+pub struct Model<const D: usize> {
+    /// One line that says what is analysed.
+    pub title: String,
+    /// The background grid.
+    pub grid: Grid<D>,
+    /// Configuration in which equilibrium is written.
+    pub formulation: Formulation,
+    /// Materials.
+    pub materials: Vec<NamedMaterial>,
+    /// Bodies.
+    pub bodies: Vec<Body>,
+    /// Prescribed displacements.
+    pub boundary_conditions: Vec<BoundaryCondition<D>>,
+    /// External forces.
+    pub loads: Vec<Load<D>>,
+    /// Number of load steps.
+    pub n_steps: usize,
+    /// Time at the end, [time].
+    pub end_time: f64,
+    /// Control of the Newton iterations.
+    pub newton: Newton,
+    /// Places whose displacement is recorded.
+    pub probes: Vec<Probe>,
+}

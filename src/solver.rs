@@ -1,0 +1,340 @@
+//! The analysis: load steps and, within each, Newton iterations to equilibrium (sections 5 and 6.3).
+
+mod error;
+mod report;
+mod update;
+
+use crate::assembly::{FreeEntries, System};
+use crate::basis::{Connectivity, Method};
+use crate::constraints::DofMap;
+use crate::linear::{Direct, Factorisation, LinearSolver, ordering};
+use crate::loads::external_force;
+use crate::model::{Model, Newton};
+use crate::points::Points;
+use crate::stress::Mechanics;
+use crate::timing::{Phase, Timings};
+
+pub use error::SolveError;
+pub use report::{GridFields, Observer, Silent, StepReport, Summary};
+
+use error::locate_failure;
+use report::{balance_of_energy, reactions_of};
+
+/// A load step: the time it starts from and the time it reaches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// Number, from 1.
+    pub index: usize,
+    /// Time of the state it starts from.
+    pub start: f64,
+    /// Time of the state it reaches.
+    pub end: f64,
+}
+
+/// A vector on the active nodes, one entry per axis.
+type Nodal<const D: usize> = Vec<[f64; D]>;
+
+/// Runs an analysis from the converged state of `points` to the end, telling `observer` of everything.
+///
+/// # Errors
+/// [`SolveError`] when a step has no equilibrium; `points.converged` then is the last equilibrated state.
+pub fn run<const D: usize, M: Mechanics<D>>(
+    model: &Model<D>,
+    points: &mut Points<D>,
+    observer: &mut dyn Observer<D>,
+) -> Result<Summary, SolveError> {
+    let mut solver = Solver { linear: Direct::default(), summary: Summary::default() };
+    let started = solver.observe(|| observer.started(model, points));
+    let mut outcome = started;
+    for index in 1..=model.n_steps {
+        if outcome.is_err() {
+            break;
+        }
+        let time = |k: usize| model.end_time * k as f64 / model.n_steps as f64;
+        let step = Step { index, start: time(index - 1), end: time(index) };
+        outcome = solver.advance::<D, M>(model, points, step, observer);
+    }
+    let finished = solver.summary;
+    observer.finished(model, points, &finished, outcome.as_ref().err());
+    outcome.map(|()| finished)
+}
+
+/// What lives from step to step: the linear solver with its analysis, and the account of the run.
+struct Solver {
+    linear: Direct,
+    summary: Summary,
+}
+
+impl Solver {
+    fn observe(&mut self, tell: impl FnOnce() -> Result<(), std::io::Error>) -> Result<(), SolveError> {
+        self.summary.timings.measure(Phase::Output, tell).map_err(SolveError::Output)
+    }
+
+    /// Solves one step and, only if it is in equilibrium, commits and reports it.
+    fn advance<const D: usize, M: Mechanics<D>>(
+        &mut self,
+        model: &Model<D>,
+        points: &mut Points<D>,
+        step: Step,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<(), SolveError> {
+        if observer.interrupted() {
+            return Err(SolveError::Interrupted { step: step.index });
+        }
+        let report = self.solve_step::<D, M>(model, points, step, observer)?;
+        points.commit(); // the trial state becomes the converged state
+        self.summary.accept(&report);
+        let summary = &self.summary;
+        let mut timings = Timings::default();
+        let told = timings.measure(Phase::Output, || observer.converged(model, points, &report, summary));
+        self.summary.timings.add(&timings);
+        told.map_err(SolveError::Output)
+    }
+
+    /// Newton iterations until the out-of-balance force of eq. (40) meets the tolerance. Writes the trial state only.
+    fn solve_step<const D: usize, M: Mechanics<D>>(
+        &mut self,
+        model: &Model<D>,
+        points: &mut Points<D>,
+        step: Step,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<StepReport<D>, SolveError> {
+        let Newton { tolerance, max_iterations } = model.newton;
+        let timings = &mut self.summary.timings;
+        // The grid is undeformed: S_vp, ∇S_vp and the pattern of K are fixed for the step (section 5.1).
+        let methods: Vec<Method> = model.bodies.iter().map(|b| b.method).collect();
+        let links = timings
+            .measure(Phase::Basis, || Connectivity::new(&model.grid, points, &methods))
+            .map_err(|p| SolveError::off_grid(model, points, p, points.converged.position[p], step))?;
+        let set_up = timings.measure(Phase::SetUp, || StepSystem::new::<M>(model, points, &links, step));
+        let StepSystem { dofs, mut system, entries, f_ext, f_ext_start } = set_up?;
+        let analysed = timings.measure(Phase::Analyse, || {
+            let order = || elimination_order(model, &links, &system, &dofs);
+            self.linear.analyse(&entries.pattern, &order)
+        });
+        analysed.map_err(|e| SolveError::linear(e, model, &links, &dofs, step))?;
+
+        let mut unknowns = Unknowns::new(&links);
+        let mut residuals = Vec::new();
+        let mut factorisations = Vec::new();
+        let mut f_int_start = Vec::new();
+        for iteration in 0..=max_iterations {
+            let timings = &mut self.summary.timings;
+            timings
+                .measure(Phase::Assembly, || system.assemble::<M>(model, points, &links, &unknowns.delta_d))
+                .map_err(|f| locate_failure(f, model, points, step, iteration, &residuals))?;
+            self.summary.evaluations += 1;
+            let out_of_balance = unknowns.balance(&f_ext, system.internal_force());
+            let residual = unknowns.relative_norm(&out_of_balance, &f_ext, &system, tolerance);
+            residuals.push(residual);
+            observer.iteration(step, iteration, residual);
+            if iteration == 0 {
+                f_int_start = system.internal_force().to_vec();
+            }
+            if iteration > 0 && residual <= tolerance {
+                timings.measure(Phase::Update, || {
+                    update::move_points::<D, M>(model, points, &links, &unknowns.delta_d, step)
+                })?;
+                let reaction_field = reactions_of(&f_ext, system.internal_force(), &dofs);
+                let reaction_start = reactions_of(&f_ext_start, &f_int_start, &dofs);
+                return Ok(StepReport {
+                    step,
+                    reactions: report::named_reactions(model, &reaction_field, &dofs),
+                    energy: balance_of_energy(
+                        model,
+                        points,
+                        &unknowns.delta_d,
+                        [(&f_ext_start, &reaction_start), (&f_ext, &reaction_field)],
+                    ),
+                    unknowns: dofs.n_free(),
+                    grid: GridFields { links, delta_d: unknowns.delta_d, reaction: reaction_field },
+                    residuals,
+                    factorisations,
+                });
+            }
+            if iteration == max_iterations || !residual.is_finite() {
+                return Err(SolveError::not_converged(model, &links, step, residuals, &out_of_balance));
+            }
+            let used = self
+                .newton_step(&mut unknowns, &system, &entries, &dofs, &out_of_balance, iteration)
+                .map_err(|e| SolveError::linear(e, model, &links, &dofs, step))?;
+            factorisations.push(used);
+        }
+        Err(SolveError::not_converged(model, &links, step, residuals, &[])) // max_iterations ≥ 1: not reached
+    }
+
+    /// Eq. (26): K δd = f_ext − f_int on the free degrees of freedom, with the whole prescribed increment in the
+    /// first iteration; eq. (30) for the sum, and the linearised change of the reactions.
+    fn newton_step<const D: usize>(
+        &mut self,
+        unknowns: &mut Unknowns<D>,
+        system: &System<D>,
+        entries: &FreeEntries,
+        dofs: &DofMap<D>,
+        out_of_balance: &Nodal<D>,
+        iteration: usize,
+    ) -> Result<Factorisation, crate::linear::LinearError> {
+        let timings = &mut self.summary.timings;
+        let mut values = std::mem::take(&mut unknowns.values);
+        let used = timings.measure(Phase::Factorise, || {
+            system.free_values(entries, &mut values);
+            self.linear.factorise(&values)
+        })?;
+        unknowns.values = values;
+        self.summary.linear_solves += 1;
+        timings.measure(Phase::Solve, || {
+            let delta = &mut unknowns.iterative;
+            // The motion of the prescribed degrees of freedom loads the free ones through K.
+            for (node, du) in delta.iter_mut().enumerate() {
+                for (axis, u) in du.iter_mut().enumerate() {
+                    let prescribed = dofs.prescribed(node, axis).map_or(0.0, |(increment, _)| increment);
+                    *u = if iteration == 0 { prescribed } else { 0.0 };
+                }
+            }
+            system.multiply(delta, &mut unknowns.k_delta);
+            let rhs = &mut unknowns.rhs;
+            rhs.clear();
+            for_each_dof(dofs, |node, axis, free| {
+                if free.is_some() {
+                    rhs.push(out_of_balance[node][axis] - unknowns.k_delta[node][axis]);
+                }
+            });
+            self.linear.solve(rhs)?;
+            for_each_dof(dofs, |node, axis, free| {
+                if let Some(unknown) = free {
+                    delta[node][axis] = rhs[unknown];
+                }
+            });
+            system.multiply(delta, &mut unknowns.k_delta);
+            for_each_dof(dofs, |node, axis, free| {
+                unknowns.delta_d[node][axis] += delta[node][axis]; // (30)
+                if free.is_none() {
+                    unknowns.reaction[node][axis] +=
+                        unknowns.k_delta[node][axis] - out_of_balance[node][axis];
+                }
+            });
+            Ok(used)
+        })
+    }
+}
+
+fn for_each_dof<const D: usize>(dofs: &DofMap<D>, mut visit: impl FnMut(usize, usize, Option<usize>)) {
+    for node in 0..dofs.n_nodes() {
+        for axis in 0..D {
+            visit(node, axis, dofs.free(node, axis));
+        }
+    }
+}
+
+/// What is set up once per step.
+struct StepSystem<const D: usize> {
+    dofs: DofMap<D>,
+    system: System<D>,
+    entries: FreeEntries,
+    f_ext: Nodal<D>,
+    /// External force of the state the step starts from, on the nodes of this step.
+    f_ext_start: Nodal<D>,
+}
+
+impl<const D: usize> StepSystem<D> {
+    fn new<M: Mechanics<D>>(
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+        step: Step,
+    ) -> Result<Self, SolveError> {
+        let dofs = DofMap::new(model, points, links, step.start, step.end)
+            .map_err(|error| SolveError::Constraint { step: step.index, error })?;
+        let system = System::new::<M>(model, points, links);
+        let entries = system.free_entries(&dofs);
+        let load = |time| {
+            external_force(model, points, links, time) // (24), (25), (29)
+                .map_err(|error| SolveError::Load { step: step.index, error })
+        };
+        let (f_ext, f_ext_start) = (load(step.end)?, load(step.start)?);
+        Ok(StepSystem { dofs, system, entries, f_ext, f_ext_start })
+    }
+}
+
+/// The unknowns of a load step and the vectors that an iteration works with.
+struct Unknowns<const D: usize> {
+    /// Displacement increment Δd of the active nodes, [length].
+    delta_d: Nodal<D>,
+    /// Reactions, from the linearised equations of the iterations so far, [force].
+    reaction: Nodal<D>,
+    iterative: Nodal<D>,
+    k_delta: Nodal<D>,
+    rhs: Vec<f64>,
+    values: Vec<f64>,
+}
+
+/// Forces below this multiple of round-off in K Δd are no measure of the load.
+const ROUND_OFF: f64 = 64.0 * f64::EPSILON;
+
+impl<const D: usize> Unknowns<D> {
+    fn new(links: &Connectivity<D>) -> Self {
+        let zero = vec![[0.0; D]; links.n_active()];
+        Unknowns {
+            delta_d: zero.clone(),
+            reaction: zero.clone(),
+            iterative: zero.clone(),
+            k_delta: zero,
+            rhs: Vec::new(),
+            values: Vec::new(),
+        }
+    }
+
+    /// f_ext − f_int + f_react over all degrees of freedom, constrained ones included; eq. (28) with the sign that
+    /// eq. (26) needs.
+    fn balance(&self, f_ext: &Nodal<D>, f_int: &[[f64; D]]) -> Nodal<D> {
+        (0..f_ext.len())
+            .map(|n| std::array::from_fn(|d| f_ext[n][d] - f_int[n][d] + self.reaction[n][d]))
+            .collect()
+    }
+
+    /// Eq. (40): the out-of-balance force relative to external forces and reactions together.
+    ///
+    /// Where neither exists (a free body that moves rigidly, or is unloaded) the forces that remain are round-off of
+    /// K Δd, and they are measured against that.
+    fn relative_norm(
+        &self,
+        out_of_balance: &Nodal<D>,
+        f_ext: &Nodal<D>,
+        system: &System<D>,
+        tolerance: f64,
+    ) -> f64 {
+        let out = norm(out_of_balance.iter().flatten().copied());
+        let total = f_ext.iter().flatten().zip(self.reaction.iter().flatten());
+        let force = norm(total.map(|(f, r)| f + r));
+        if out <= tolerance * force || out == 0.0 {
+            return if out == 0.0 { 0.0 } else { out / force };
+        }
+        let stiff = system.diagonal();
+        let motion = stiff.iter().flatten().zip(self.delta_d.iter().flatten());
+        let scale = ROUND_OFF / tolerance * norm(motion.map(|(k, u)| k * u));
+        let reference = force.max(scale);
+        if reference > 0.0 {
+            out / reference
+        } else {
+            // Nothing moves and nothing pulls: measured against the internal force itself.
+            out / norm(system.internal_force().iter().flatten().copied())
+        }
+    }
+}
+
+fn norm(values: impl Iterator<Item = f64>) -> f64 {
+    values.map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Order of elimination of the unknowns: nested dissection of the active nodes by their place in the grid.
+fn elimination_order<const D: usize>(
+    model: &Model<D>,
+    links: &Connectivity<D>,
+    system: &System<D>,
+    dofs: &DofMap<D>,
+) -> Vec<usize> {
+    let index_of = |active: usize| model.grid.node_index(links.active_nodes()[active] as usize);
+    let coordinates: Vec<[u32; D]> = (0..links.n_active()).map(|n| index_of(n).map(|i| i as u32)).collect();
+    let nodes = ordering::nested_dissection(&coordinates, system.reach(index_of));
+    nodes.iter().flat_map(|&node| (0..D).filter_map(move |axis| dofs.free(node, axis))).collect()
+}

@@ -1,0 +1,278 @@
+//! Why a step has no equilibrium.
+
+use crate::assembly::PointFailure;
+use crate::basis::Connectivity;
+use crate::constraints::{ConstraintError, DofMap};
+use crate::domain::Collapsed;
+use crate::linear::LinearError;
+use crate::loads::LoadNotFinite;
+use crate::model::Model;
+use crate::points::Points;
+use crate::stress::PointError;
+
+use super::Step;
+
+/// A material point, as an error names it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointPlace {
+    /// Name of the body.
+    pub body: String,
+    /// Permanent number of the point.
+    pub point: u32,
+    /// Where it is, [length].
+    pub position: Vec<f64>,
+}
+
+impl std::fmt::Display for PointPlace {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "point {} of body `{}` at {}", self.point, self.body, coordinates(&self.position))
+    }
+}
+
+fn coordinates(position: &[f64]) -> String {
+    let numbers: Vec<String> = position.iter().map(|x| format!("{x:.6}")).collect();
+    format!("({})", numbers.join(", "))
+}
+
+/// A run could not go on. The converged state of the points is the last equilibrated one.
+#[derive(Debug, thiserror::Error)]
+pub enum SolveError {
+    /// The out-of-balance force did not reach the tolerance.
+    #[error(
+        "step {step} is not in equilibrium after {} iterations: residual {:.3e}, largest out-of-balance force at \
+         {}", residuals.len() - 1, residuals.last().copied().unwrap_or(f64::NAN), worst_node(worst)
+    )]
+    NotConverged {
+        /// The step.
+        step: usize,
+        /// Residual of every evaluation.
+        residuals: Vec<f64>,
+        /// Position of the node with the largest out-of-balance force and the force there.
+        worst: Option<(Vec<f64>, Vec<f64>)>,
+    },
+    /// A point could not follow the displacement increment.
+    #[error("step {step}, iteration {iteration}: {place}: {error}")]
+    Point {
+        /// The step.
+        step: usize,
+        /// The iteration.
+        iteration: usize,
+        /// The point.
+        place: PointPlace,
+        /// What failed.
+        error: PointError,
+        /// Residuals so far.
+        residuals: Vec<f64>,
+    },
+    /// A point is outside the grid.
+    #[error("step {step}: {place} is outside the grid")]
+    OffGrid {
+        /// The step.
+        step: usize,
+        /// The point.
+        place: PointPlace,
+    },
+    /// A domain update gave no valid domain.
+    #[error("step {step}: {place}: {error}")]
+    Collapsed {
+        /// The step.
+        step: usize,
+        /// The point.
+        place: PointPlace,
+        /// How.
+        error: Collapsed,
+    },
+    /// The stiffness is singular.
+    #[error("step {step}: the stiffness is singular{}", at_node(node))]
+    Singular {
+        /// The step.
+        step: usize,
+        /// Position of a node and axis of a motion without stiffness, where known.
+        node: Option<(Vec<f64>, usize)>,
+    },
+    /// The factor of the stiffness does not fit into memory.
+    #[error("step {step}: the factor of the stiffness does not fit into memory")]
+    OutOfMemory {
+        /// The step.
+        step: usize,
+    },
+    /// The boundary conditions cannot be applied.
+    #[error("step {step}: {error}")]
+    Constraint {
+        /// The step.
+        step: usize,
+        /// Why.
+        error: ConstraintError,
+    },
+    /// A load has no value.
+    #[error("step {step}: {error}")]
+    Load {
+        /// The step.
+        step: usize,
+        /// Why.
+        error: LoadNotFinite,
+    },
+    /// The user asked to stop.
+    #[error("interrupted before step {step}")]
+    Interrupted {
+        /// The step that was not begun.
+        step: usize,
+    },
+    /// Results could not be written.
+    #[error("cannot write results: {0}")]
+    Output(#[source] std::io::Error),
+}
+
+fn worst_node(worst: &Option<(Vec<f64>, Vec<f64>)>) -> String {
+    match worst {
+        Some((place, force)) => format!("node {}: {}", coordinates(place), exponents(force)),
+        None => "no node".to_string(),
+    }
+}
+
+fn exponents(force: &[f64]) -> String {
+    let numbers: Vec<String> = force.iter().map(|x| format!("{x:.3e}")).collect();
+    format!("({})", numbers.join(", "))
+}
+
+fn at_node(node: &Option<(Vec<f64>, usize)>) -> String {
+    match node {
+        Some((place, axis)) => {
+            format!(
+                ": nothing resists the motion of node {} along {}",
+                coordinates(place),
+                ["x", "y", "z"][axis % 3]
+            )
+        }
+        None => String::new(),
+    }
+}
+
+impl SolveError {
+    /// What to do about it.
+    pub fn help(&self) -> Option<&'static str> {
+        match self {
+            SolveError::NotConverged { .. } => {
+                Some("use more load steps (`steps: count`), or check loads and boundary conditions")
+            }
+            SolveError::Point { .. } => Some("use more load steps (`steps: count`)"),
+            SolveError::OffGrid { .. } => {
+                Some("make the grid larger where the body moves, or hold the body with boundary conditions")
+            }
+            SolveError::Collapsed { .. } => {
+                Some("use `domain_update: corners`, or more load steps with `diagonal-incremental`")
+            }
+            SolveError::Singular { .. } => {
+                Some("check that boundary conditions hold every body, and that enough points fill each cell")
+            }
+            SolveError::OutOfMemory { .. } => Some("use a coarser grid"),
+            SolveError::Constraint { .. } => {
+                Some("prescribe each axis of a node by one boundary condition only")
+            }
+            SolveError::Load { .. } => Some("the formula divides by zero or leaves its domain there"),
+            SolveError::Interrupted { .. } | SolveError::Output(_) => None,
+        }
+    }
+
+    /// Whether a smaller step may succeed.
+    pub fn is_retryable(&self) -> bool {
+        matches!(
+            self,
+            SolveError::NotConverged { .. }
+                | SolveError::Point { .. }
+                | SolveError::Collapsed { .. }
+                | SolveError::Singular { .. }
+        )
+    }
+
+    /// Residuals of the failed step, as far as it came.
+    pub fn residuals(&self) -> &[f64] {
+        match self {
+            SolveError::NotConverged { residuals, .. } | SolveError::Point { residuals, .. } => residuals,
+            _ => &[],
+        }
+    }
+
+    pub(super) fn off_grid<const D: usize>(
+        model: &Model<D>,
+        points: &Points<D>,
+        p: usize,
+        position: [f64; D],
+        step: Step,
+    ) -> Self {
+        SolveError::OffGrid { step: step.index, place: place(model, points, p, position) }
+    }
+
+    pub(super) fn collapsed<const D: usize>(
+        model: &Model<D>,
+        points: &Points<D>,
+        p: usize,
+        position: [f64; D],
+        step: Step,
+        error: Collapsed,
+    ) -> Self {
+        SolveError::Collapsed { step: step.index, place: place(model, points, p, position), error }
+    }
+
+    pub(super) fn not_converged<const D: usize>(
+        model: &Model<D>,
+        links: &Connectivity<D>,
+        step: Step,
+        residuals: Vec<f64>,
+        out_of_balance: &[[f64; D]],
+    ) -> Self {
+        let size = |f: &[f64; D]| f.iter().map(|x| x * x).sum::<f64>();
+        let worst = (0..out_of_balance.len())
+            .max_by(|&a, &b| size(&out_of_balance[a]).total_cmp(&size(&out_of_balance[b])))
+            .map(|n| {
+                let place = model.grid.node_position(links.active_nodes()[n] as usize);
+                (place.to_vec(), out_of_balance[n].to_vec())
+            });
+        SolveError::NotConverged { step: step.index, residuals, worst }
+    }
+
+    pub(super) fn linear<const D: usize>(
+        error: LinearError,
+        model: &Model<D>,
+        links: &Connectivity<D>,
+        dofs: &DofMap<D>,
+        step: Step,
+    ) -> Self {
+        match error {
+            LinearError::OutOfMemory => SolveError::OutOfMemory { step: step.index },
+            LinearError::Singular { unknown } => {
+                let node = unknown.and_then(|u| dofs.place_of(u)).map(|(node, axis)| {
+                    (model.grid.node_position(links.active_nodes()[node] as usize).to_vec(), axis)
+                });
+                SolveError::Singular { step: step.index, node }
+            }
+        }
+    }
+}
+
+fn place<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, position: [f64; D]) -> PointPlace {
+    PointPlace {
+        body: model.bodies[points.body[p] as usize].name.clone(),
+        point: points.id[p],
+        position: position.to_vec(),
+    }
+}
+
+/// Turns the failure of a point during assembly into an error that names it.
+pub(super) fn locate_failure<const D: usize>(
+    failure: PointFailure,
+    model: &Model<D>,
+    points: &Points<D>,
+    step: Step,
+    iteration: usize,
+    residuals: &[f64],
+) -> SolveError {
+    let position = points.converged.position[failure.point];
+    SolveError::Point {
+        step: step.index,
+        iteration,
+        place: place(model, points, failure.point, position),
+        error: failure.error,
+        residuals: residuals.to_vec(),
+    }
+}

@@ -1,0 +1,101 @@
+//! What happens to the points once a step is in equilibrium: section 6.4.
+#![allow(non_snake_case)]
+
+use rayon::prelude::*;
+
+use super::{SolveError, Step};
+use crate::assembly::deformation_increment;
+use crate::basis::Connectivity;
+use crate::domain::Motion;
+use crate::model::Model;
+use crate::points::Points;
+use crate::stress::Mechanics;
+use crate::tensor::Mat3;
+
+/// The new place, deformation and domain of one point.
+struct Moved<const D: usize> {
+    position: [f64; D],
+    deformation_gradient: Mat3,
+    half_lengths: [f64; D],
+}
+
+/// Moves the points with the grid, eqs. (9), (31), updates F by eq. (16) and the domains by eqs. (32)-(39); all into
+/// the trial state, whose stress and strain the last assembly has written.
+///
+/// # Errors
+/// [`SolveError`] when a point leaves the grid or a domain collapses.
+pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
+    model: &Model<D>,
+    points: &mut Points<D>,
+    links: &Connectivity<D>,
+    delta_d: &[[f64; D]],
+    step: Step,
+) -> Result<(), SolveError> {
+    let at_rest = [0.0; D];
+    let nodal = |node: usize| links.active_number(node).map_or(at_rest, |active| delta_d[active]);
+    let displacement = |place: &[f64; D]| model.grid.interpolate(place, nodal);
+    let state = &*points;
+    let groups: Vec<Result<Vec<Moved<D>>, SolveError>> = (0..links.n_groups())
+        .into_par_iter()
+        .map(|group| {
+            let nodes = links.nodes_of(group);
+            links
+                .points_of(group)
+                .map(|p| move_point::<D, M>(model, state, links, nodes, delta_d, &displacement, p, step))
+                .collect()
+        })
+        .collect();
+    let mut p = 0;
+    for group in groups {
+        for moved in group? {
+            points.trial.position[p] = moved.position;
+            points.trial.deformation_gradient[p] = moved.deformation_gradient;
+            points.trial.half_lengths[p] = moved.half_lengths;
+            p += 1;
+        }
+    }
+    Ok(())
+}
+
+#[expect(clippy::too_many_arguments, reason = "one point with all that moves it")]
+fn move_point<const D: usize, M: Mechanics<D>>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    nodes: &[u32],
+    delta_d: &[[f64; D]],
+    displacement: &dyn Fn(&[f64; D]) -> [f64; D],
+    p: usize,
+    step: Step,
+) -> Result<Moved<D>, SolveError> {
+    let of_point = links.links(p);
+    let mut position = points.converged.position[p];
+    for (&local, value) in of_point.local.iter().zip(of_point.value) {
+        let du = &delta_d[nodes[local as usize] as usize];
+        for d in 0..D {
+            position[d] += value * du[d];
+        }
+    }
+    if model.grid.locate(&position).is_none() {
+        return Err(SolveError::off_grid(model, points, p, position, step));
+    }
+    let dF = M::embed(&deformation_increment(nodes, &of_point, delta_d));
+    let F = dF * points.converged.deformation_gradient[p];
+    let body = &model.bodies[points.body[p] as usize];
+    let half_lengths = if body.method.has_domain() {
+        let motion = Motion {
+            F: &F,
+            dF: &dF,
+            original: &points.original_half_lengths[p],
+            previous: &points.converged.half_lengths[p],
+            position: &points.converged.position[p],
+            displacement,
+        };
+        body.domain_update
+            .half_lengths(&motion)
+            .map_err(|error| SolveError::collapsed(model, points, p, position, step, error))?
+    } else {
+        points.converged.half_lengths[p]
+    };
+    Ok(Moved { position, deformation_gradient: F, half_lengths })
+}

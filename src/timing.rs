@@ -1,0 +1,92 @@
+//! Where the time of a run goes, in the phases of the paper's Table 5.
+
+use std::time::{Duration, Instant};
+
+use cpu_time::ProcessTime;
+
+/// A phase of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// Reading the deck, building the model, laying out a step's system.
+    SetUp,
+    /// Linking points to nodes and evaluating basis functions.
+    Basis,
+    /// Internal force and stiffness.
+    Assembly,
+    /// Ordering and symbolic factorisation.
+    Analyse,
+    /// Numeric factorisation.
+    Factorise,
+    /// Forward and back substitution, and reactions.
+    Solve,
+    /// Moving points and updating domains.
+    Update,
+    /// Writing results.
+    Output,
+}
+
+impl Phase {
+    /// All phases, in the order of a step.
+    pub const ALL: [Phase; 8] = [
+        Phase::SetUp,
+        Phase::Basis,
+        Phase::Assembly,
+        Phase::Analyse,
+        Phase::Factorise,
+        Phase::Solve,
+        Phase::Update,
+        Phase::Output,
+    ];
+
+    /// Name as it appears in the results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Phase::SetUp => "set-up",
+            Phase::Basis => "basis",
+            Phase::Assembly => "assembly",
+            Phase::Analyse => "analyse",
+            Phase::Factorise => "factorise",
+            Phase::Solve => "solve",
+            Phase::Update => "update",
+            Phase::Output => "output",
+        }
+    }
+}
+
+/// Wall-clock time and processor time of all threads.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Spent {
+    /// Wall-clock time.
+    pub wall: Duration,
+    /// Processor time of all threads.
+    pub cpu: Duration,
+}
+
+/// Time spent by phase.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Timings([Spent; Phase::ALL.len()]);
+
+impl Timings {
+    /// Runs `work` and adds what it takes to a phase.
+    pub fn measure<T>(&mut self, phase: Phase, work: impl FnOnce() -> T) -> T {
+        let (wall, cpu) = (Instant::now(), ProcessTime::now());
+        let result = work();
+        let spent = &mut self.0[phase as usize];
+        spent.wall += wall.elapsed();
+        spent.cpu += cpu.elapsed();
+        result
+    }
+
+    /// Adds the times of another account.
+    pub fn add(&mut self, other: &Timings) {
+        for (sum, spent) in self.0.iter_mut().zip(&other.0) {
+            sum.wall += spent.wall;
+            sum.cpu += spent.cpu;
+        }
+    }
+
+    /// Time spent in a phase.
+    pub fn of(&self, phase: Phase) -> Spent {
+        self.0[phase as usize]
+    }
+}
