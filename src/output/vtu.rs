@@ -211,8 +211,11 @@ fn write_file(
 }
 
 fn field_array(out: &mut dyn Write, field: &Field) -> io::Result<()> {
-    let mut attributes =
-        format!(r#"Name="{}" NumberOfComponents="{}""#, escape_xml(field.name), field.components);
+    let mut attributes = format!(r#"Name="{}""#, escape_xml(field.name));
+    // One component is the default; meshio returns a flat array only where it is not stated.
+    if field.components > 1 {
+        attributes.push_str(&format!(r#" NumberOfComponents="{}""#, field.components));
+    }
     for (index, name) in field.component_names.iter().enumerate() {
         attributes.push_str(&format!(r#" ComponentName{index}="{}""#, escape_xml(name)));
     }
