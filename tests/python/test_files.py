@@ -1,4 +1,4 @@
-"""The files of every run: which there are, that all readers agree on them, and that the files agree among each other."""
+"""The files of every run: which there are, that all readers agree on them, and that they agree among each other."""
 
 import numpy as np
 import pytest
@@ -83,7 +83,8 @@ def test_fields_of_points(results):
 def test_initial_state(results):
     mesh = results.mesh("points", 0)
     np.testing.assert_array_equal(mesh.point_data["displacement"], 0)
-    np.testing.assert_array_equal(mesh.point_data["deformation_gradient"], np.tile(np.eye(3).ravel(), (mesh.n_points, 1)))
+    undeformed = np.tile(np.eye(3).ravel(), (mesh.n_points, 1))
+    np.testing.assert_array_equal(mesh.point_data["deformation_gradient"], undeformed)
     for name in ("cauchy_stress", "elastic_strain", "plastic_strain", "equivalent_plastic_strain"):
         np.testing.assert_array_equal(mesh.point_data[name], 0)
 
@@ -154,10 +155,10 @@ def test_columns_of_tables(results):
     columns = list(results.table("history"))
     assert columns[:4] == ["step", "time", "iterations", "residual"]
     assert columns[-2:] == ["external_work", "strain_energy"]
-    middle = columns[4:-2]
-    assert [name[-3:] for name in middle] == sorted((name[-3:] for name in middle), key=["_rx", "_ry", "_ux", "_uy"].index) or [
-        name[-3:] for name in middle
-    ] == ["_rx", "_ry"] * sum(n.endswith("_rx") for n in middle) + ["_ux", "_uy"] * sum(n.endswith("_ux") for n in middle)
+    endings = [name[-3:] for name in columns[4:-2]]
+    constraints, probes = endings.count("_rx"), endings.count("_ux")
+    assert constraints > 0
+    assert endings == ["_rx", "_ry"] * constraints + ["_ux", "_uy"] * probes
     assert list(results.table("convergence")) == ["step", "iteration", "residual"]
 
 
