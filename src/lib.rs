@@ -11,6 +11,7 @@ pub mod linear;
 pub mod loads;
 pub mod material;
 pub mod model;
+pub mod output;
 pub mod points;
 pub mod solver;
 pub mod stress;

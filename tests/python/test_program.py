@@ -1,0 +1,104 @@
+"""Exit codes, failed runs, and the same answers from any number of threads."""
+
+import json
+import re
+
+import jsonschema
+import numpy as np
+import pytest
+
+from conftest import BEAM, ROOT
+from results import Results
+
+DECKS = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "inputs").glob("*.yaml"))
+
+
+def with_max_iterations(deck, iterations):
+    """The text of a deck with another limit of the Newton iterations."""
+    if re.search(r"\bmax_iterations\s*:", deck):
+        return re.sub(r"(\bmax_iterations\s*:\s*)\S+?(?=[\s,}])", rf"\g<1>{iterations}", deck)
+    if re.search(r"^solver\s*:", deck, re.MULTILINE):
+        return re.sub(r"^solver\s*:", f"solver:\n  max_iterations: {iterations}", deck, count=1, flags=re.MULTILINE)
+    return f"{deck.rstrip()}\nsolver:\n  max_iterations: {iterations}\n"
+
+
+@pytest.mark.parametrize("deck", DECKS)
+def test_decks_of_the_gallery_are_valid(mpm, deck):
+    process = mpm("check", deck)
+    assert process.returncode == 0, process.stderr
+
+
+def test_there_are_decks():
+    assert {"inputs/beam.yaml", "inputs/collapse.yaml"} <= set(DECKS)
+
+
+@pytest.mark.parametrize(
+    "change, complaint",
+    [
+        (lambda text: text + "\nunheard_of: 1\n", "unheard_of"),
+        (lambda text: re.sub(r"^version\s*:.*$", "", text, flags=re.MULTILINE), "version"),
+        (lambda text: text + "\n]\n", "deck.yaml"),
+    ],
+    ids=["unknown key", "no version", "no YAML"],
+)
+def test_invalid_decks(mpm, tmp_path, change, complaint):
+    deck = tmp_path / "deck.yaml"
+    deck.write_text(change((ROOT / "inputs" / "beam.yaml").read_text()))
+    for command in (["check", deck], ["run", deck, "--out", tmp_path / "out"]):
+        process = mpm(*command)
+        assert process.returncode == 2, process.stderr
+        assert complaint in process.stderr
+        assert "panicked" not in process.stderr
+    assert not list(tmp_path.glob("out/*.vtu"))
+
+
+def test_usage_errors(mpm, tmp_path):
+    assert mpm("check", tmp_path / "missing.yaml").returncode == 2
+    assert mpm("run").returncode == 2
+    assert mpm("check", "inputs/beam.yaml", "--set", "h=nonsense+").returncode == 2
+
+
+def test_schema_is_a_schema(mpm):
+    process = mpm("schema")
+    assert process.returncode == 0, process.stderr
+    schema = json.loads(process.stdout)
+    jsonschema.Draft7Validator.check_schema(schema)
+    validator = jsonschema.Draft7Validator(schema)
+    assert not validator.is_valid({"version": 1, "unheard_of": 1})
+
+
+def test_failed_run_leaves_equilibrated_steps_only(mpm, tmp_path, beam):
+    iterations = beam.history["iterations"].astype(int)
+    # A limit that the first step meets and a later one does not, if there is such a limit.
+    later = np.flatnonzero(iterations > iterations[0])
+    limit, converged = (iterations[0], later[0]) if later.size else (1, 0)
+    deck = tmp_path / "deck.yaml"
+    deck.write_text(with_max_iterations((ROOT / "inputs" / "beam.yaml").read_text(), limit))
+    settings = [word for name, value in BEAM.items() for word in ("--set", f"{name}={value}")]
+    process = mpm("run", deck, "--out", tmp_path / "out", *settings)
+    assert process.returncode == 1, process.stderr
+    assert "panicked" not in process.stderr and process.stderr.strip()
+
+    failed = Results(tmp_path / "out")
+    assert len(failed.series("points")) == converged + 1
+    for (time, path), (expected_time, expected) in zip(failed.series("points"), beam.series("points")):
+        assert time == expected_time
+        assert path.read_bytes() == expected.read_bytes()
+    history = failed.history
+    np.testing.assert_array_equal(history["step"], np.arange(1, converged + 1))
+    assert (history["residual"] <= 1e-9).all()
+    assert failed.table("convergence")["step"].max() == converged + 1, "the failed iterations are on record"
+    written = {path.name for path in failed.directory.iterdir()}
+    assert not {name for name in written if name.endswith(".tmp")}
+    listed = {path.name for name in ("points", "domains", "grid") for _, path in failed.series(name)}
+    assert {name for name in written if name.endswith(".vtu")} == listed
+    if "summary.json" in written:
+        assert failed.summary["outcome"] != "completed"
+
+
+def test_files_do_not_depend_on_the_number_of_threads(analyse):
+    one, two = (analyse("inputs/beam.yaml", threads=threads, **BEAM) for threads in (1, 2))
+    names = sorted(path.name for path in one.directory.iterdir() if path.suffix in (".vtu", ".pvd", ".csv"))
+    assert any(name.endswith(".vtu") for name in names)
+    for name in names:
+        assert (one.directory / name).read_bytes() == (two.directory / name).read_bytes(), name
