@@ -1,0 +1,623 @@
+//! Formulas written as text in a deck, such as `gamma*y` or `if(x < 1, 0, sin(pi*x))`.
+//!
+//! A Pratt parser turns the text into postfix code, which is evaluated on a stack of fixed size: evaluation neither
+//! allocates nor fails. Numbers, names, `+ - * / ^`, comparisons (1 or 0) and the usual functions are understood;
+//! `^` binds tighter than a sign in front of it and is right associative, so `-x^2` is `-(x^2)` and `2^3^2` is 512.
+
+use thiserror::Error;
+
+/// Values that a formula may need at the same time; the parser refuses deeper formulas.
+const STACK: usize = 64;
+/// Nesting of parentheses, calls, powers and signs that the parser accepts.
+const MAX_NESTING: usize = 64;
+
+/// A formula ready to be evaluated.
+#[derive(Debug, Clone)]
+pub struct Formula {
+    code: Vec<Op>,
+    variables: usize,
+}
+
+/// What is wrong with the text of a formula, and where.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{message}")]
+pub struct FormulaError {
+    /// The fault, as a fragment in lower case.
+    pub message: String,
+    /// Byte at which the faulty part of the text starts.
+    pub offset: usize,
+    /// Length of the faulty part in bytes; 0 at the end of the text.
+    pub length: usize,
+    /// What to do about it.
+    pub help: Option<String>,
+}
+
+/// One instruction: takes its operands from the stack and leaves its result there.
+#[derive(Debug, Clone, Copy)]
+enum Op {
+    Constant(f64),
+    Variable(usize),
+    One(fn(f64) -> f64),
+    Two(fn(f64, f64) -> f64),
+    /// `if(c, a, b)`: both branches are values already, so an unused one cannot spoil the result.
+    Select,
+}
+
+impl Formula {
+    /// Parses a formula of the given variables; [`Formula::evaluate`] takes their values in the same order.
+    ///
+    /// # Errors
+    /// The first fault of the text, with its place.
+    pub fn parse(text: &str, variables: &[&str]) -> Result<Formula, FormulaError> {
+        Formula::parse_with_constants(text, variables, &[])
+    }
+
+    /// Parses a formula of the given variables in which some more names stand for fixed numbers.
+    ///
+    /// # Errors
+    /// The first fault of the text, with its place.
+    pub fn parse_with_constants(
+        text: &str,
+        variables: &[&str],
+        constants: &[(&str, f64)],
+    ) -> Result<Formula, FormulaError> {
+        let mut parser =
+            Parser { text, at: 0, variables, constants, code: Vec::new(), height: 0, nesting: 0 };
+        parser.expression(0)?;
+        if let Some((start, token)) = parser.peek()? {
+            let found = &text[start..parser.end_of(start, &token)];
+            return Err(parser.fault(start, found.len(), format!("expected an operator, found `{found}`")));
+        }
+        Ok(Formula { code: parser.code, variables: variables.len() })
+    }
+
+    /// The formula that is the same number everywhere.
+    pub fn constant(value: f64) -> Formula {
+        Formula { code: vec![Op::Constant(value)], variables: 0 }
+    }
+
+    /// The value, where the formula does not depend on any variable.
+    pub fn as_constant(&self) -> Option<f64> {
+        let depends = self.code.iter().any(|op| matches!(op, Op::Variable(_)));
+        (!depends).then(|| self.evaluate(&[]))
+    }
+
+    /// Value of the formula for these values of its variables; NaN if fewer are given than the formula has.
+    pub fn evaluate(&self, values: &[f64]) -> f64 {
+        debug_assert!(
+            self.variables <= values.len() || !self.code.iter().any(|op| matches!(op, Op::Variable(_)))
+        );
+        let mut stack = [0.0; STACK];
+        let mut top = 0;
+        for op in &self.code {
+            match *op {
+                Op::Constant(value) => {
+                    stack[top] = value;
+                    top += 1;
+                }
+                Op::Variable(index) => {
+                    stack[top] = values.get(index).copied().unwrap_or(f64::NAN);
+                    top += 1;
+                }
+                Op::One(f) => stack[top - 1] = f(stack[top - 1]),
+                Op::Two(f) => {
+                    top -= 1;
+                    stack[top - 1] = f(stack[top - 1], stack[top]);
+                }
+                Op::Select => {
+                    top -= 2;
+                    let condition = stack[top - 1];
+                    stack[top - 1] = if condition.is_nan() {
+                        condition
+                    } else if condition != 0.0 {
+                        stack[top]
+                    } else {
+                        stack[top + 1]
+                    };
+                }
+            }
+        }
+        stack[0]
+    }
+}
+
+/// Whether a name already has a meaning in every formula (a function, or the constant `pi`).
+pub fn is_reserved(name: &str) -> bool {
+    name == "pi" || function(name).is_some()
+}
+
+/// The names in a text that may be a formula, with the byte at which each starts; faults are left to the parser.
+pub(crate) fn names(text: &str) -> Vec<(usize, &str)> {
+    let mut found = Vec::new();
+    let mut at = 0;
+    while let Some(first) = text[at..].chars().next() {
+        let rest = &text[at..];
+        let length = if first.is_ascii_digit() {
+            number_length(rest)
+        } else if first.is_alphabetic() || first == '_' {
+            let end = rest.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len());
+            found.push((at, &rest[..end]));
+            end
+        } else {
+            first.len_utf8()
+        };
+        at += length;
+    }
+    found
+}
+
+/// A built-in function.
+enum Function {
+    One(fn(f64) -> f64),
+    Two(fn(f64, f64) -> f64),
+    /// Two or more arguments, taken together pair by pair.
+    Fold(fn(f64, f64) -> f64),
+    If,
+}
+
+const FUNCTIONS: [&str; 26] = [
+    "abs", "sqrt", "exp", "ln", "log10", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh",
+    "cosh", "tanh", "asinh", "acosh", "atanh", "floor", "ceil", "sign", "pow", "hypot", "min", "max", "if",
+];
+
+fn function(name: &str) -> Option<Function> {
+    Some(match name {
+        "abs" => Function::One(f64::abs),
+        "sqrt" => Function::One(f64::sqrt),
+        "exp" => Function::One(f64::exp),
+        "ln" => Function::One(f64::ln),
+        "log10" => Function::One(f64::log10),
+        "sin" => Function::One(f64::sin),
+        "cos" => Function::One(f64::cos),
+        "tan" => Function::One(f64::tan),
+        "asin" => Function::One(f64::asin),
+        "acos" => Function::One(f64::acos),
+        "atan" => Function::One(f64::atan),
+        "sinh" => Function::One(f64::sinh),
+        "cosh" => Function::One(f64::cosh),
+        "tanh" => Function::One(f64::tanh),
+        "asinh" => Function::One(f64::asinh),
+        "acosh" => Function::One(f64::acosh),
+        "atanh" => Function::One(f64::atanh),
+        "floor" => Function::One(f64::floor),
+        "ceil" => Function::One(f64::ceil),
+        "sign" => Function::One(sign),
+        "atan2" => Function::Two(f64::atan2),
+        "pow" => Function::Two(power),
+        "hypot" => Function::Two(f64::hypot),
+        "min" => Function::Fold(minimum),
+        "max" => Function::Fold(maximum),
+        "if" => Function::If,
+        _ => return None,
+    })
+}
+
+fn sign(x: f64) -> f64 {
+    if x == 0.0 { 0.0 } else { x.signum() }
+}
+
+// NaN is passed on: `f64::min` would hide a formula that is undefined at a place.
+fn minimum(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a < b { a } else { b }
+}
+
+fn maximum(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a > b { a } else { b }
+}
+
+fn power(base: f64, exponent: f64) -> f64 {
+    // Whole exponents are multiplied out, so that squares are exact and the same on every platform.
+    if exponent.abs() <= 16.0 && exponent.fract() == 0.0 {
+        base.powi(exponent as i32)
+    } else {
+        base.powf(exponent)
+    }
+}
+
+fn truth(condition: bool) -> f64 {
+    f64::from(u8::from(condition))
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Token {
+    Number(f64, usize),
+    /// A name, with its length.
+    Name(usize),
+    /// An operator or a bracket, with its length.
+    Symbol(&'static str),
+}
+
+const SYMBOLS: [&str; 15] = ["<=", ">=", "==", "!=", "**", "<", ">", "+", "-", "*", "/", "^", "(", ")", ","];
+
+/// Binding strength of a binary operator: comparison, sum, product, power. Signs bind between product and power.
+fn strength(symbol: &str) -> Option<(u8, fn(f64, f64) -> f64)> {
+    Some(match symbol {
+        "<" => (1, |a, b| truth(a < b)),
+        "<=" => (1, |a, b| truth(a <= b)),
+        ">" => (1, |a, b| truth(a > b)),
+        ">=" => (1, |a, b| truth(a >= b)),
+        "==" => (1, |a, b| truth(a == b)),
+        "!=" => (1, |a, b| truth(a != b)),
+        "+" => (2, |a, b| a + b),
+        "-" => (2, |a, b| a - b),
+        "*" => (3, |a, b| a * b),
+        "/" => (3, |a, b| a / b),
+        "^" => (5, power),
+        _ => return None,
+    })
+}
+
+const SIGN: u8 = 4;
+
+struct Parser<'a> {
+    text: &'a str,
+    at: usize,
+    variables: &'a [&'a str],
+    constants: &'a [(&'a str, f64)],
+    code: Vec<Op>,
+    height: usize,
+    nesting: usize,
+}
+
+impl Parser<'_> {
+    fn fault(&self, offset: usize, length: usize, message: impl Into<String>) -> FormulaError {
+        FormulaError { message: message.into(), offset, length, help: None }
+    }
+
+    /// The next token and where it starts, without taking it.
+    fn peek(&mut self) -> Result<Option<(usize, Token)>, FormulaError> {
+        let rest = &self.text[self.at..];
+        self.at += rest.len() - rest.trim_start().len();
+        let start = self.at;
+        let rest = &self.text[start..];
+        let Some(first) = rest.chars().next() else { return Ok(None) };
+        if first.is_ascii_digit() || (first == '.' && rest[1..].starts_with(|c: char| c.is_ascii_digit())) {
+            let length = number_length(rest);
+            let value: f64 = rest[..length].parse().unwrap_or(f64::NAN);
+            if !value.is_finite() {
+                return Err(self.fault(start, length, "this number is too large"));
+            }
+            return Ok(Some((start, Token::Number(value, length))));
+        }
+        if first.is_alphabetic() || first == '_' {
+            let end = rest.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(rest.len());
+            return Ok(Some((start, Token::Name(end))));
+        }
+        let Some(symbol) = SYMBOLS.into_iter().find(|symbol| rest.starts_with(symbol)) else {
+            return Err(self.fault(start, first.len_utf8(), format!("unexpected character `{first}`")));
+        };
+        if symbol == "**" {
+            let mut fault = self.fault(start, 2, "unknown operator `**`");
+            fault.help = Some("a power is written `^`".into());
+            return Err(fault);
+        }
+        Ok(Some((start, Token::Symbol(symbol))))
+    }
+
+    fn end_of(&self, start: usize, token: &Token) -> usize {
+        start
+            + match token {
+                Token::Number(_, length) | Token::Name(length) => *length,
+                Token::Symbol(symbol) => symbol.len(),
+            }
+    }
+
+    fn peek_symbol(&mut self) -> Result<Option<&'static str>, FormulaError> {
+        Ok(self.peek()?.and_then(|(_, token)| match token {
+            Token::Symbol(symbol) => Some(symbol),
+            _ => None,
+        }))
+    }
+
+    fn emit(&mut self, op: Op) -> Result<(), FormulaError> {
+        self.height = match op {
+            Op::Constant(_) | Op::Variable(_) => self.height + 1,
+            Op::One(_) => self.height,
+            Op::Two(_) => self.height - 1,
+            Op::Select => self.height - 2,
+        };
+        if self.height > STACK {
+            return Err(self.fault(0, self.text.len(), "the formula is nested too deeply"));
+        }
+        self.code.push(op);
+        Ok(())
+    }
+
+    /// Parses an expression whose operators bind more tightly than `floor`.
+    fn expression(&mut self, floor: u8) -> Result<(), FormulaError> {
+        self.nesting += 1;
+        if self.nesting > MAX_NESTING {
+            return Err(self.fault(self.at, 0, "the formula is nested too deeply"));
+        }
+        self.operand()?;
+        let mut compared = false;
+        while let Some((start, Token::Symbol(symbol))) = self.peek()? {
+            let Some((level, operation)) = strength(symbol) else { break };
+            if level <= floor {
+                break;
+            }
+            if level == 1 && std::mem::replace(&mut compared, true) {
+                return Err(self.fault(start, symbol.len(), "comparisons cannot be chained"));
+            }
+            self.at = start + symbol.len();
+            // A power is right associative: its exponent may hold powers and signs again.
+            self.expression(if level == 5 { SIGN } else { level })?;
+            self.emit(Op::Two(operation))?;
+        }
+        self.nesting -= 1;
+        Ok(())
+    }
+
+    fn operand(&mut self) -> Result<(), FormulaError> {
+        let Some((start, token)) = self.peek()? else {
+            return Err(self.fault(self.at, 0, "the formula ends where a number or a name is expected"));
+        };
+        self.at = self.end_of(start, &token);
+        match token {
+            Token::Number(value, _) => self.emit(Op::Constant(value)),
+            Token::Name(length) => self.name(start, length),
+            Token::Symbol("(") => {
+                self.expression(0)?;
+                self.expect(")", start)
+            }
+            Token::Symbol("-") => {
+                self.expression(SIGN)?;
+                self.emit(Op::One(|x| -x))
+            }
+            Token::Symbol("+") => self.expression(SIGN),
+            Token::Symbol(symbol) => {
+                Err(self.fault(start, symbol.len(), format!("expected a number or a name, found `{symbol}`")))
+            }
+        }
+    }
+
+    fn expect(&mut self, symbol: &'static str, opened_at: usize) -> Result<(), FormulaError> {
+        match self.peek()? {
+            Some((start, Token::Symbol(found))) if found == symbol => {
+                self.at = start + symbol.len();
+                Ok(())
+            }
+            Some((start, token)) => {
+                let end = self.end_of(start, &token);
+                let found = &self.text[start..end];
+                Err(self.fault(start, end - start, format!("expected `{symbol}`, found `{found}`")))
+            }
+            None => Err(self.fault(opened_at, 1, "this parenthesis is never closed")),
+        }
+    }
+
+    fn name(&mut self, start: usize, length: usize) -> Result<(), FormulaError> {
+        let name = &self.text[start..start + length];
+        let opens = self.peek_symbol()? == Some("(");
+        if let Some(function) = function(name) {
+            if !opens {
+                return Err(self.fault(start, length, format!("the function `{name}` needs its arguments")));
+            }
+            return self.call(start, name, &function);
+        }
+        let meaning = if let Some(index) = self.variables.iter().position(|variable| *variable == name) {
+            Some(Op::Variable(index))
+        } else if let Some((_, value)) = self.constants.iter().find(|(constant, _)| *constant == name) {
+            Some(Op::Constant(*value))
+        } else if name == "pi" {
+            Some(Op::Constant(std::f64::consts::PI))
+        } else {
+            None
+        };
+        match meaning {
+            Some(_) if opens => {
+                let mut fault = self.fault(start, length, format!("`{name}` is not a function"));
+                fault.help = Some("a product is written with `*`".into());
+                Err(fault)
+            }
+            Some(op) => self.emit(op),
+            None => Err(self.unknown_name(start, name, opens)),
+        }
+    }
+
+    fn unknown_name(&self, start: usize, name: &str, is_call: bool) -> FormulaError {
+        let quantities = || {
+            let constants = self.constants.iter().map(|(constant, _)| *constant);
+            self.variables.iter().copied().chain(constants).chain(["pi"])
+        };
+        let what = if is_call { "function" } else { "name" };
+        let help = if is_call {
+            closest(name, FUNCTIONS)
+                .map(|best| format!("did you mean `{best}`?"))
+                .unwrap_or_else(|| format!("the functions are {}", FUNCTIONS.join(", ")))
+        } else {
+            closest(name, quantities()).map(|best| format!("did you mean `{best}`?")).unwrap_or_else(|| {
+                format!("the names known here are {}", quantities().collect::<Vec<_>>().join(", "))
+            })
+        };
+        let mut fault = self.fault(start, name.len(), format!("unknown {what} `{name}`"));
+        fault.help = Some(help);
+        fault
+    }
+
+    fn call(&mut self, start: usize, name: &str, function: &Function) -> Result<(), FormulaError> {
+        let opened_at = self.at;
+        self.at += 1;
+        let mut arguments = 0;
+        if self.peek_symbol()? != Some(")") {
+            loop {
+                self.expression(0)?;
+                arguments += 1;
+                if let (Function::Fold(f), true) = (function, arguments > 1) {
+                    self.emit(Op::Two(*f))?;
+                }
+                if self.peek_symbol()? != Some(",") {
+                    break;
+                }
+                self.at += 1;
+            }
+        }
+        self.expect(")", opened_at)?;
+        let wrong = |expected: &str| {
+            self.fault(start, self.at - start, format!("`{name}` takes {expected}, {arguments} given"))
+        };
+        match function {
+            Function::One(_) if arguments != 1 => Err(wrong("1 argument")),
+            Function::Two(_) if arguments != 2 => Err(wrong("2 arguments")),
+            Function::If if arguments != 3 => {
+                Err(wrong("3 arguments (condition, value if true, value if false)"))
+            }
+            Function::Fold(_) if arguments < 2 => Err(wrong("2 or more arguments")),
+            Function::One(f) => self.emit(Op::One(*f)),
+            Function::Two(f) => self.emit(Op::Two(*f)),
+            Function::If => self.emit(Op::Select),
+            Function::Fold(_) => Ok(()),
+        }
+    }
+}
+
+/// Bytes of the number that the text starts with; an exponent counts only if it has digits.
+fn number_length(text: &str) -> usize {
+    let bytes = text.as_bytes();
+    let digits = |from: usize| bytes[from..].iter().take_while(|byte| byte.is_ascii_digit()).count();
+    let mut length = digits(0);
+    if bytes.get(length) == Some(&b'.') {
+        length += 1;
+        length += digits(length);
+    }
+    if matches!(bytes.get(length), Some(b'e' | b'E')) {
+        let sign = usize::from(matches!(bytes.get(length + 1), Some(b'+' | b'-')));
+        let exponent = if length + 1 + sign <= bytes.len() { digits(length + 1 + sign) } else { 0 };
+        if exponent > 0 {
+            length += 1 + sign + exponent;
+        }
+    }
+    length
+}
+
+/// The candidate most like a misspelt name, if any is like it.
+pub(crate) fn closest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let lower = name.to_lowercase();
+    candidates
+        .into_iter()
+        .map(|candidate| (strsim::jaro_winkler(&lower, &candidate.to_lowercase()), candidate))
+        .filter(|(likeness, _)| *likeness > 0.75)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, candidate)| candidate)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn value(text: &str) -> f64 {
+        Formula::parse(text, &["x", "y"]).unwrap().evaluate(&[2.0, 3.0])
+    }
+
+    fn fault(text: &str) -> FormulaError {
+        Formula::parse(text, &["x", "y", "gamma"]).unwrap_err()
+    }
+
+    #[test]
+    fn arithmetic_follows_the_usual_rules() {
+        for (text, expected) in [
+            ("-x^2", -4.0),
+            ("2^3^2", 512.0),
+            ("2^-1", 0.5),
+            ("2^-x^2", 0.0625),
+            ("-2^-2", -0.25),
+            ("1-2-3", -4.0),
+            ("8/4/2", 1.0),
+            ("1e-3*x", 2e-3),
+            (".5 + 1.", 1.5),
+            ("2*-x", -4.0),
+            ("+x - -y", 5.0),
+            ("1 + 2 < 4", 1.0),
+            ("x >= y", 0.0),
+            ("x != y", 1.0),
+            ("(1 < 2) == 1", 1.0),
+            ("if(x < y, 10, 1/0)", 10.0),
+            ("min(x, y, -1)", -1.0),
+            ("max(1, x, y, 2)", 3.0),
+            ("atan2(1, 1) - pi/4", 0.0),
+            ("hypot(x + 1, y + 1)", 5.0),
+            ("pow(x, y)", 8.0),
+            ("sign(-3) + sign(0)", -1.0),
+            ("ln(exp(2)) + log10(100)", 4.0),
+            ("floor(2.5) + ceil(2.5)", 5.0),
+        ] {
+            assert!((value(text) - expected).abs() < 1e-14, "{text} = {}", value(text));
+        }
+    }
+
+    #[test]
+    fn faults_have_exact_places() {
+        for (text, offset, length, message) in [
+            ("", 0, 0, "the formula ends where a number or a name is expected"),
+            ("1 +", 3, 0, "the formula ends where a number or a name is expected"),
+            ("2*gama", 2, 4, "unknown name `gama`"),
+            ("2 $ 3", 2, 1, "unexpected character `$`"),
+            ("ü+1", 0, 2, "unknown name `ü`"),
+            ("(1+2", 0, 1, "this parenthesis is never closed"),
+            ("sin(1, 2)", 0, 9, "`sin` takes 1 argument, 2 given"),
+            ("min(1)", 0, 6, "`min` takes 2 or more arguments, 1 given"),
+            ("sin", 0, 3, "the function `sin` needs its arguments"),
+            ("2 x", 2, 1, "expected an operator, found `x`"),
+            ("x(2)", 0, 1, "`x` is not a function"),
+            ("1 < 2 < 3", 6, 1, "comparisons cannot be chained"),
+            ("x**2", 1, 2, "unknown operator `**`"),
+            ("1e999", 0, 5, "this number is too large"),
+            ("sqr(2)", 0, 3, "unknown function `sqr`"),
+        ] {
+            let found = fault(text);
+            assert_eq!(
+                (found.message.as_str(), found.offset, found.length),
+                (message, offset, length),
+                "{text}"
+            );
+        }
+        assert_eq!(fault("2*gama").help.as_deref(), Some("did you mean `gamma`?"));
+        assert_eq!(fault("sqr(2)").help.as_deref(), Some("did you mean `sqrt`?"));
+    }
+
+    #[test]
+    fn depth_is_bounded() {
+        for text in ["(".repeat(10_000), "-".repeat(10_000), "2^".repeat(10_000), "min(1,".repeat(10_000)] {
+            assert!(fault(&text).message.contains("nested too deeply"));
+        }
+        let sum = vec!["x"; 10_000].join("+");
+        assert_eq!(value(&sum), 20_000.0);
+    }
+
+    #[test]
+    fn names_may_stand_for_numbers() {
+        let formula = Formula::parse_with_constants("g*y", &["x", "y"], &[("g", -2.0)]).unwrap();
+        assert_eq!(formula.evaluate(&[0.0, 3.0]), -6.0);
+        assert_eq!(formula.as_constant(), None);
+        assert_eq!(Formula::constant(4.0).evaluate(&[]), 4.0);
+        assert_eq!(Formula::parse("2*pi", &["x"]).unwrap().as_constant(), Some(std::f64::consts::TAU));
+    }
+
+    #[test]
+    fn every_listed_function_exists() {
+        assert!(FUNCTIONS.into_iter().all(|name| function(name).is_some()));
+        assert_eq!(names("2e3*ab+sin(c.1)"), [(4, "ab"), (7, "sin"), (11, "c")]);
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_makes_the_parser_panic(text in "\\PC*") {
+            let _ = Formula::parse(&text, &["x"]).map(|formula| formula.evaluate(&[0.5]));
+        }
+
+        #[test]
+        fn no_soup_of_tokens_makes_the_parser_panic(
+            tokens in prop::collection::vec(
+                prop::sample::select(vec!["x", "1", "1e", ".", "(", ")", ",", "+", "-", "^", "<", "if", "min", "é", " "]),
+                0..60,
+            )
+        ) {
+            let text = tokens.concat();
+            match Formula::parse(&text, &["x"]) {
+                Ok(formula) => { formula.evaluate(&[0.5]); }
+                Err(error) => prop_assert!(text.get(error.offset..error.offset + error.length).is_some()),
+            }
+        }
+    }
+}
