@@ -10,7 +10,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub mod diagnostic;
+pub mod load;
+mod parameters;
+pub mod schema;
+mod shape;
 pub mod source;
+pub mod validate;
 mod yaml;
 
 /// An input deck of `mpm`, version 1.
@@ -32,7 +37,7 @@ pub struct Deck {
     /// The background grid on which equilibrium is solved.
     pub grid: GridDeck,
     /// Materials by name.
-    #[schemars(length(min = 1))]
+    #[schemars(extend("minProperties" = 1))]
     pub materials: BTreeMap<String, MaterialDeck>,
     /// Bodies, each filled with material points.
     #[schemars(length(min = 1))]

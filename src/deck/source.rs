@@ -11,9 +11,6 @@ use serde_json::Value;
 use super::diagnostic::{Diagnostic, quote};
 use super::yaml;
 
-/// Largest deck, in bytes; bulky data does not belong in a deck.
-const MAX_BYTES: usize = 64 << 20;
-
 /// A range of bytes in the text of a deck.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Span {
@@ -72,6 +69,9 @@ pub(super) struct Excerpt<'a> {
 }
 
 impl Source {
+    /// Largest deck, in bytes; bulky data does not belong in a deck.
+    pub(super) const MAX_BYTES: usize = 64 << 20;
+
     /// A source without text, for a deck that was not read from a file; `name` stands for the file in messages.
     pub fn without_text(name: &str) -> Source {
         Source { name: name.to_owned(), ..Source::default() }
@@ -81,12 +81,8 @@ impl Source {
     /// hold errors even where it is there.
     pub fn read(name: &str, bytes: &[u8]) -> (Source, Option<Value>, Vec<Diagnostic>) {
         let mut source = Source::without_text(name);
-        if bytes.len() > MAX_BYTES {
-            let message = format!(
-                "the deck has {} MiB, more than the {} MiB allowed",
-                bytes.len() >> 20,
-                MAX_BYTES >> 20
-            );
+        if bytes.len() > Self::MAX_BYTES {
+            let message = format!("the deck is larger than {} MiB", Self::MAX_BYTES >> 20);
             return (source, None, vec![Diagnostic::error("D001", message)]);
         }
         // The mark that some editors put in front of a text is no part of it.
