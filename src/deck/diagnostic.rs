@@ -174,7 +174,9 @@ impl Diagnostic {
             }
             None => Group::with_title(title).element(Origin::path(source.name())),
         };
-        if let (None, Some(pointer)) = (self.span, &self.pointer) {
+        if let (None, Some(pointer)) = (self.span, &self.pointer)
+            && !pointer.is_empty()
+        {
             group = group.element(Level::NOTE.message(format!("this is about `{pointer}`")));
         }
         for note in &self.notes {

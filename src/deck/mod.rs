@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 pub mod diagnostic;
 pub mod load;
 mod parameters;
+pub mod reference;
 pub mod schema;
 mod shape;
 pub mod source;

@@ -166,9 +166,14 @@ fn admit_expressions(schema: &mut Value) {
 }
 /// The range that a schema allows, in words such as "must be above 0 and below 1".
 pub(super) fn range_in_words(schema: &Value) -> Option<String> {
-    let bound = |key: &str, words: &str| schema.get(key).map(|limit| format!("{words} {limit}"));
+    let bound = |key: &str, words: &str| schema.get(key).map(|limit| format!("{words} {}", shortest(limit)));
     let low = bound("exclusiveMinimum", "above").or_else(|| bound("minimum", "at least"));
     let high = bound("exclusiveMaximum", "below").or_else(|| bound("maximum", "at most"));
     let range: Vec<String> = low.into_iter().chain(high).collect();
     (!range.is_empty()).then(|| format!("must be {}", range.join(" and ")))
+}
+
+/// A number as a person would write it: schemas say 0.0 where 0 is meant.
+pub(super) fn shortest(number: &Value) -> String {
+    number.as_f64().map_or_else(|| number.to_string(), |value| super::Parameter::Number(value).to_string())
 }

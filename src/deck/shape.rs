@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use super::Deck;
 use super::diagnostic::{Diagnostic, list, quote};
-use super::schema::strict_schema;
+use super::schema::{shortest, strict_schema};
 use super::source::{Source, escape};
 use crate::formula::closest;
 
@@ -75,13 +75,17 @@ impl Gate<'_> {
                 format!("version {value} of the deck format is unknown; this program reads version 1"),
             ),
             ValidationErrorKind::ExclusiveMaximum { limit } => {
-                ("D009", format!("{value} is not below {limit}"))
+                ("D009", format!("{} is not below {}", shortest(value), shortest(limit)))
             }
             ValidationErrorKind::ExclusiveMinimum { limit } => {
-                ("D009", format!("{value} is not above {limit}"))
+                ("D009", format!("{} is not above {}", shortest(value), shortest(limit)))
             }
-            ValidationErrorKind::Maximum { limit } => ("D009", format!("{value} is more than {limit}")),
-            ValidationErrorKind::Minimum { limit } => ("D009", format!("{value} is less than {limit}")),
+            ValidationErrorKind::Maximum { limit } => {
+                ("D009", format!("{} is more than {}", shortest(value), shortest(limit)))
+            }
+            ValidationErrorKind::Minimum { limit } => {
+                ("D009", format!("{} is less than {}", shortest(value), shortest(limit)))
+            }
             ValidationErrorKind::MinItems { limit } => ("D015", count_fault(value, "at least", *limit)),
             ValidationErrorKind::MaxItems { limit } => ("D015", count_fault(value, "at most", *limit)),
             ValidationErrorKind::MinProperties { .. } => ("D015", "at least one entry is needed here".into()),
@@ -262,9 +266,10 @@ fn range_help(error: &ValidationError<'_>) -> Option<String> {
         return None;
     }
     let schema = subschema(error)?;
-    let description = schema.get("description").and_then(Value::as_str)?;
     let range = super::schema::range_in_words(schema)?;
-    Some(format!("{} {range}", description.trim_end_matches('.')))
+    let Some(description) = schema.get("description").and_then(Value::as_str) else { return Some(range) };
+    let meaning = description.split([';', ':']).next().unwrap_or(description).trim_end_matches('.');
+    Some(format!("{range} ({meaning})"))
 }
 
 /// Advice where a text was probably meant as a number.

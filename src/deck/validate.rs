@@ -105,9 +105,12 @@ impl Check<'_> {
     }
 
     fn unknown_reference(&mut self, pointer: &str, one: &str, several: &str, name: &str, names: Vec<&str>) {
-        let help = match closest(name, names.iter().copied()) {
-            Some(best) => format!("did you mean {}? the {several} are {}", quote(best), list(names)),
-            None => format!("the {several} are {}", list(names)),
+        let help = match (closest(name, names.iter().copied()), names.len()) {
+            (_, 0) => format!("the deck has no {several}"),
+            (Some(best), 1) => format!("did you mean {}?", quote(best)),
+            (Some(best), _) => format!("did you mean {}? the {several} are {}", quote(best), list(names)),
+            (None, 1) => format!("the only {one} is {}", list(names)),
+            (None, _) => format!("the {several} are {}", list(names)),
         };
         self.error_with_help("D018", pointer, format!("there is no {one} {}", quote(name)), help);
     }
