@@ -13,6 +13,17 @@ pub use crate::basis::Method;
 pub use crate::domain::DomainUpdate;
 pub use crate::stress::Formulation;
 
+pub mod build;
+pub mod diagnostic;
+pub mod load;
+mod parameters;
+pub mod reference;
+pub mod schema;
+mod shape;
+pub mod source;
+pub mod validate;
+mod yaml;
+
 /// An input deck of `mpm`, version 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -32,7 +43,7 @@ pub struct Deck {
     /// The background grid on which equilibrium is solved.
     pub grid: GridDeck,
     /// Materials by name.
-    #[schemars(length(min = 1))]
+    #[schemars(extend("minProperties" = 1))]
     pub materials: BTreeMap<String, MaterialDeck>,
     /// Bodies, each filled with material points.
     #[schemars(length(min = 1))]

@@ -1,0 +1,249 @@
+//! Messages about a deck: what is wrong, where, and what to do about it.
+
+use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
+
+use super::source::{Source, Span};
+
+/// How serious a message is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Severity {
+    /// The deck cannot be used.
+    Error,
+    /// The deck can be used, but probably does not say what was meant.
+    Warning,
+    /// Something worth knowing.
+    Note,
+}
+
+/// One message about a deck.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// Stable code, listed in [`CODES`].
+    pub code: &'static str,
+    /// How serious it is.
+    pub severity: Severity,
+    /// What is wrong, as a fragment in lower case.
+    pub message: String,
+    /// JSON pointer of the value it is about, such as `/bodies/0/shape/min`.
+    pub pointer: Option<String>,
+    /// Place in the text of the deck.
+    pub span: Option<Span>,
+    /// Short text beside the marked place.
+    pub label: Option<String>,
+    /// Further facts, for example that a value comes from a parameter.
+    pub notes: Vec<String>,
+    /// The next action.
+    pub help: Option<String>,
+}
+
+/// All codes with a title each.
+pub const CODES: &[(&str, &str)] = &[
+    ("D001", "the file cannot be read as text"),
+    ("D002", "the text is not YAML"),
+    ("D003", "a key is given twice"),
+    ("D004", "a YAML feature that a deck does not use, or too much of one"),
+    ("D005", "a number that is not finite"),
+    ("D006", "unknown key"),
+    ("D007", "missing key"),
+    ("D008", "a value of the wrong type"),
+    ("D009", "a number outside its range"),
+    ("D010", "unknown word where one of a list is expected"),
+    ("D011", "a parameter that cannot be used"),
+    ("D012", "an expression `${...}` that cannot be evaluated"),
+    ("D013", "an override of a parameter that does not exist"),
+    ("D014", "a domain update for points without a domain"),
+    ("D015", "a list with the wrong number of entries"),
+    ("D016", "a box without extent"),
+    ("D017", "a name used twice"),
+    ("D018", "a reference to something that does not exist"),
+    ("D019", "a selection of nodes that is not exactly one of the possible kinds"),
+    ("D020", "a boundary condition that prescribes nothing, or an axis twice"),
+    ("D021", "a formula that cannot be understood"),
+    ("D022", "a load curve that does not cover the analysis"),
+    ("D023", "points of a body not placed in exactly one way"),
+    ("D024", "gravity on a body without density"),
+    ("D025", "bodies that overlap"),
+    ("D026", "a name that cannot head a column"),
+    ("D027", "a grid that does not fit its cells, or is too fine"),
+    ("D028", "a body that does not fit the grid or its points"),
+    ("D029", "a boundary condition that selects no node"),
+    ("D030", "a selection of points that cannot be made"),
+];
+
+impl Diagnostic {
+    /// An error without a place.
+    pub fn error(code: &'static str, message: impl Into<String>) -> Diagnostic {
+        debug_assert!(CODES.iter().any(|(known, _)| *known == code), "unregistered code {code}");
+        Diagnostic {
+            code,
+            severity: Severity::Error,
+            message: message.into(),
+            pointer: None,
+            span: None,
+            label: None,
+            notes: Vec::new(),
+            help: None,
+        }
+    }
+
+    /// An error about the value at a JSON pointer; placed at the nearest parent that is in the text. Says so where
+    /// the value comes from a parameter.
+    pub fn at(source: &Source, code: &'static str, pointer: &str, message: impl Into<String>) -> Diagnostic {
+        let mut diagnostic = Diagnostic::error(code, message);
+        diagnostic.span = source.nearest_span(pointer);
+        diagnostic.pointer = Some(pointer.to_owned());
+        diagnostic.notes.extend(source.substitution(pointer).map(|substitution| substitution.describe()));
+        diagnostic
+    }
+
+    /// As [`Diagnostic::at`], but placed at the key rather than at its value.
+    pub fn at_key(
+        source: &Source,
+        code: &'static str,
+        pointer: &str,
+        message: impl Into<String>,
+    ) -> Diagnostic {
+        let mut diagnostic = Diagnostic::error(code, message);
+        diagnostic.span = source.key_span_of(pointer).or_else(|| source.nearest_span(pointer));
+        diagnostic.pointer = Some(pointer.to_owned());
+        diagnostic
+    }
+
+    /// As [`Diagnostic::at`], but placed at a part of the text of a scalar: `length` bytes from byte `offset`.
+    pub fn inside(
+        source: &Source,
+        code: &'static str,
+        pointer: &str,
+        (text, offset, length): (&str, usize, usize),
+        message: impl Into<String>,
+    ) -> Diagnostic {
+        let mut diagnostic = Diagnostic::at(source, code, pointer, message);
+        diagnostic.span = source.span_inside(pointer, text, offset, length).or(diagnostic.span);
+        diagnostic
+    }
+
+    /// Adds a text beside the marked place.
+    #[must_use]
+    pub fn label(mut self, label: impl Into<String>) -> Diagnostic {
+        self.label = Some(label.into());
+        self
+    }
+
+    /// Adds the next action.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Diagnostic {
+        self.help = Some(help.into());
+        self
+    }
+
+    /// Adds a further fact.
+    #[must_use]
+    pub fn note(mut self, note: impl Into<String>) -> Diagnostic {
+        self.notes.push(note.into());
+        self
+    }
+
+    /// Changes how serious it is.
+    #[must_use]
+    pub fn severity(mut self, severity: Severity) -> Diagnostic {
+        self.severity = severity;
+        self
+    }
+
+    /// Whether the deck cannot be used because of it.
+    pub fn is_error(&self) -> bool {
+        self.severity == Severity::Error
+    }
+
+    /// The message as text, with the line of the deck it is about; no newline at the end.
+    pub fn render(&self, source: &Source, colour: bool) -> String {
+        let level = match self.severity {
+            Severity::Error => Level::ERROR,
+            Severity::Warning => Level::WARNING,
+            Severity::Note => Level::NOTE,
+        };
+        let title = level.primary_title(self.message.as_str()).id(self.code);
+        let mut group = match self.span {
+            Some(span) => {
+                let excerpt = source.excerpt(span);
+                let mark = AnnotationKind::Primary.span(excerpt.mark).label(self.label.as_deref());
+                title.element(
+                    Snippet::source(excerpt.text)
+                        .line_start(excerpt.line)
+                        .path(source.name())
+                        .annotation(mark),
+                )
+            }
+            None => Group::with_title(title).element(Origin::path(source.name())),
+        };
+        if let (None, Some(pointer)) = (self.span, &self.pointer)
+            && !pointer.is_empty()
+        {
+            group = group.element(Level::NOTE.message(format!("this is about `{pointer}`")));
+        }
+        for note in &self.notes {
+            group = group.element(Level::NOTE.message(note.as_str()));
+        }
+        if let Some(help) = &self.help {
+            group = group.element(Level::HELP.message(help.as_str()));
+        }
+        let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
+        renderer.render(&[group])
+    }
+}
+
+/// Most messages that are rendered; a deck with more faults has one cause for most of them.
+const MOST: usize = 100;
+
+/// Renders messages in the order of their places, with an empty line between them and a newline at the end.
+pub fn render_all(source: &Source, diagnostics: &[Diagnostic], colour: bool) -> String {
+    let mut text = String::new();
+    for diagnostic in diagnostics.iter().take(MOST) {
+        if !text.is_empty() {
+            text.push('\n');
+        }
+        text.push_str(&diagnostic.render(source, colour));
+        text.push('\n');
+    }
+    if diagnostics.len() > MOST {
+        text.push_str(&format!("\nand {} more\n", diagnostics.len() - MOST));
+    }
+    text
+}
+
+/// Sorts messages by place and drops repetitions, which arise where several aliases lead to one place.
+pub fn sort(diagnostics: &mut Vec<Diagnostic>) {
+    diagnostics.sort_by(|a, b| {
+        let place = |d: &Diagnostic| d.span.map_or((0, 0), |span| (span.start, span.end));
+        (place(a), a.code, &a.message).cmp(&(place(b), b.code, &b.message))
+    });
+    diagnostics.dedup_by(|a, b| a.span == b.span && a.code == b.code && a.message == b.message);
+}
+
+/// Text of a deck made fit for a message: in backquotes, short, without control characters.
+pub fn quote(text: &str) -> String {
+    let mut shown: String = text
+        .chars()
+        .take(60)
+        .map(|c| if c.is_control() || ('\u{200b}'..='\u{202e}').contains(&c) { '\u{fffd}' } else { c })
+        .collect();
+    if text.chars().nth(60).is_some() {
+        shown.push('…');
+    }
+    format!("`{shown}`")
+}
+
+/// Names as a list for a message: `` `a`, `b` and `c` ``; long lists are cut.
+pub fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    let mut names: Vec<String> = names.into_iter().map(quote).collect();
+    if names.len() > 20 {
+        let more = names.len() - 20;
+        names.truncate(20);
+        return format!("{} and {more} more", names.join(", "));
+    }
+    match names.pop() {
+        None => "none".into(),
+        Some(last) if names.is_empty() => last,
+        Some(last) => format!("{} and {last}", names.join(", ")),
+    }
+}

@@ -1,0 +1,280 @@
+//! Gate one, shape: every key is known, every value has its type and lies in its range.
+//!
+//! The schema finds all faults at once; the messages are written here, since those of a schema validator speak of
+//! schemas.
+
+use std::collections::HashSet;
+use std::sync::OnceLock;
+
+use jsonschema::error::{TypeKind, ValidationError, ValidationErrorKind};
+use jsonschema::{Draft, Validator};
+use serde_json::Value;
+
+use super::Deck;
+use super::diagnostic::{Diagnostic, list, quote};
+use super::schema::{shortest, strict_schema};
+use super::source::{Source, escape};
+use crate::formula::closest;
+
+/// Checks the shape of a deck whose parameters are inserted; adds a message for every fault. The deck is returned if
+/// it can be read at all, even where a number is out of range, so that more can be said about it.
+pub(super) fn check(value: Value, source: &Source, diagnostics: &mut Vec<Diagnostic>) -> Option<Deck> {
+    let mut gate = Gate { source, found: Vec::new(), judged: HashSet::new(), meant: HashSet::new() };
+    if let Some(validator) = validator() {
+        let mut errors: Vec<_> = validator.iter_errors(&value).collect();
+        // Unknown keys come first, as a misspelt key explains a missing one.
+        errors.sort_by_key(|error| !matches!(error.kind(), ValidationErrorKind::AdditionalProperties { .. }));
+        for error in &errors {
+            gate.report(error);
+        }
+    }
+    let is_well_formed = gate.found.is_empty() && !source.has_poison();
+    diagnostics.append(&mut gate.found);
+    match serde_json::from_value(value) {
+        Ok(deck) if !source.has_poison() => Some(deck),
+        Err(error) if is_well_formed => {
+            diagnostics.push(Diagnostic::error("D008", format!("the deck cannot be read: {error}")));
+            None
+        }
+        _ => None,
+    }
+}
+
+fn validator() -> Option<&'static Validator> {
+    static VALIDATOR: OnceLock<Option<Validator>> = OnceLock::new();
+    let build = || jsonschema::options().with_draft(Draft::Draft7).build(strict_schema()).ok();
+    VALIDATOR.get_or_init(build).as_ref()
+}
+
+struct Gate<'a> {
+    source: &'a Source,
+    found: Vec<Diagnostic>,
+    /// Values about which something was said: a value of the wrong type is not also out of range.
+    judged: HashSet<String>,
+    /// Keys that a misspelt key was probably meant to be.
+    meant: HashSet<String>,
+}
+
+impl Gate<'_> {
+    fn report(&mut self, error: &ValidationError<'_>) {
+        let pointer = error.instance_path().as_str();
+        if self.is_poisoned(pointer) {
+            return;
+        }
+        let value = error.instance().as_ref();
+        let (code, message) = match error.kind() {
+            ValidationErrorKind::AdditionalProperties { unexpected } => {
+                return self.unknown_keys(pointer, unexpected, &allowed_keys(error));
+            }
+            ValidationErrorKind::Required { property } => return self.missing_key(pointer, property),
+            ValidationErrorKind::AnyOf { context } => return self.no_choice(error, pointer, context),
+            ValidationErrorKind::Enum { options } => return self.unknown_word(pointer, value, options),
+            ValidationErrorKind::Type { kind } => ("D008", expected(&kind_in_words(kind), value)),
+            ValidationErrorKind::Maximum { .. } if pointer == "/version" => (
+                "D009",
+                format!("version {value} of the deck format is unknown; this program reads version 1"),
+            ),
+            ValidationErrorKind::ExclusiveMaximum { limit } => {
+                ("D009", format!("{} is not below {}", shortest(value), shortest(limit)))
+            }
+            ValidationErrorKind::ExclusiveMinimum { limit } => {
+                ("D009", format!("{} is not above {}", shortest(value), shortest(limit)))
+            }
+            ValidationErrorKind::Maximum { limit } => {
+                ("D009", format!("{} is more than {}", shortest(value), shortest(limit)))
+            }
+            ValidationErrorKind::Minimum { limit } => {
+                ("D009", format!("{} is less than {}", shortest(value), shortest(limit)))
+            }
+            ValidationErrorKind::MinItems { limit } => ("D015", count_fault(value, "at least", *limit)),
+            ValidationErrorKind::MaxItems { limit } => ("D015", count_fault(value, "at most", *limit)),
+            ValidationErrorKind::MinProperties { .. } => ("D015", "at least one entry is needed here".into()),
+            _ => ("D008", error.to_string()),
+        };
+        if self.judged.insert(pointer.to_owned()) {
+            let mut diagnostic = Diagnostic::at(self.source, code, pointer, message);
+            diagnostic.help = range_help(error).or_else(|| number_help(value, code));
+            self.found.push(diagnostic);
+        }
+    }
+
+    fn is_poisoned(&self, pointer: &str) -> bool {
+        let parents = pointer.match_indices('/').map(|(at, _)| &pointer[..at]);
+        self.source.is_poisoned(pointer) || parents.into_iter().any(|parent| self.source.is_poisoned(parent))
+    }
+
+    fn unknown_keys(&mut self, pointer: &str, unexpected: &[String], allowed: &[String]) {
+        for key in unexpected {
+            let at = format!("{pointer}/{}", escape(key));
+            let mut diagnostic =
+                Diagnostic::at_key(self.source, "D006", &at, format!("unknown key {}", quote(key)));
+            let keys = list(allowed.iter().map(String::as_str));
+            diagnostic.help = Some(match closest(key, allowed.iter().map(String::as_str)) {
+                Some(best) => {
+                    self.meant.insert(format!("{pointer}/{best}"));
+                    format!("did you mean {}? the keys here are {keys}", quote(best))
+                }
+                None => format!("the keys here are {keys}"),
+            });
+            self.found.push(diagnostic);
+        }
+    }
+
+    fn missing_key(&mut self, pointer: &str, property: &Value) {
+        let key = property.as_str().unwrap_or_default();
+        if self.meant.contains(&format!("{pointer}/{key}")) {
+            return;
+        }
+        let place = if pointer.is_empty() { " at the top of the deck" } else { "" };
+        let message = format!("missing key {}{place}", quote(key));
+        let diagnostic = if pointer.is_empty() {
+            let mut diagnostic = Diagnostic::error("D007", message);
+            diagnostic.pointer = Some(String::new());
+            diagnostic
+        } else {
+            Diagnostic::at_key(self.source, "D007", pointer, message)
+        };
+        self.found.push(diagnostic);
+    }
+
+    fn unknown_word(&mut self, pointer: &str, value: &Value, options: &Value) {
+        let words: Vec<&str> = options.as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        if !self.judged.insert(pointer.to_owned()) {
+            return;
+        }
+        let known = list(words.iter().copied());
+        let Some(found) = value.as_str() else {
+            let message = format!("expected a word, found {}", found(value));
+            self.found.push(
+                Diagnostic::at(self.source, "D008", pointer, message).help(format!("use one of {known}")),
+            );
+            return;
+        };
+        let help = match (closest(found, words.iter().copied()), words.len()) {
+            (_, 1) => format!("the only possible word here is {known}"),
+            (Some(best), _) => format!("did you mean {}? the words here are {known}", quote(best)),
+            (None, _) => format!("the words here are {known}"),
+        };
+        let message = format!("unknown word {}", quote(found));
+        self.found.push(Diagnostic::at(self.source, "D010", pointer, message).help(help));
+    }
+
+    /// A value that is none of several things: if it is of the type of one of them, the faults of that one count.
+    fn no_choice(
+        &mut self,
+        error: &ValidationError<'_>,
+        pointer: &str,
+        context: &[Vec<ValidationError<'static>>],
+    ) {
+        let of_other_type = |fault: &ValidationError<'_>| {
+            fault.instance_path().as_str() == pointer
+                && matches!(fault.kind(), ValidationErrorKind::Type { .. })
+        };
+        if let Some(branch) = context.iter().find(|branch| !branch.iter().any(of_other_type)) {
+            for fault in branch {
+                self.report(fault);
+            }
+        } else if self.judged.insert(pointer.to_owned()) {
+            let value = error.instance().as_ref();
+            let message = expected(&choices_in_words(error), value);
+            let mut diagnostic = Diagnostic::at(self.source, "D008", pointer, message);
+            diagnostic.help = number_help(value, "D008");
+            self.found.push(diagnostic);
+        }
+    }
+}
+
+/// The part of the schema that holds the keyword which a value does not meet.
+fn subschema(error: &ValidationError<'_>) -> Option<&'static Value> {
+    let path = error.schema_path().as_str();
+    strict_schema().pointer(&path[..path.rfind('/')?])
+}
+
+fn allowed_keys(error: &ValidationError<'_>) -> Vec<String> {
+    let properties = subschema(error).and_then(|schema| schema.get("properties")).and_then(Value::as_object);
+    properties.map(|properties| properties.keys().cloned().collect()).unwrap_or_default()
+}
+
+fn choices_in_words(error: &ValidationError<'_>) -> String {
+    let text = match error.schema_path().as_str() {
+        "/definitions/Expression/anyOf" => "a formula",
+        "/definitions/Parameter/anyOf" => "a word",
+        _ => "a text",
+    };
+    let choices = subschema(error).and_then(|schema| schema.get("anyOf")).and_then(Value::as_array);
+    let words: Vec<&str> = choices
+        .into_iter()
+        .flatten()
+        .filter_map(|choice| {
+            Some(match choice.get("type")?.as_str()? {
+                "number" => "a number",
+                "integer" => "a whole number",
+                "array" => "a list with one per axis",
+                "string" => text,
+                _ => "a mapping",
+            })
+        })
+        .collect();
+    words.join(" or ")
+}
+
+fn kind_in_words(kind: &TypeKind) -> String {
+    match kind {
+        TypeKind::Single(kind) => match kind.as_str() {
+            "number" => "a number".into(),
+            "integer" => "a whole number".into(),
+            "string" => "a text".into(),
+            "array" => "a list, `[ ... ]`".into(),
+            "object" => "a mapping of keys to values".into(),
+            other => other.into(),
+        },
+        TypeKind::Multiple(_) => "a value of another type".into(),
+    }
+}
+
+fn expected(what: &str, value: &Value) -> String {
+    format!("expected {what}, found {}", found(value))
+}
+
+fn found(value: &Value) -> String {
+    match value {
+        Value::Null => "nothing".into(),
+        Value::Bool(value) => format!("`{value}`"),
+        Value::Number(number) => format!("the number {number}"),
+        Value::String(text) => format!("the text {}", quote(text)),
+        Value::Array(_) => "a list".into(),
+        Value::Object(_) => "a mapping".into(),
+    }
+}
+
+fn count_fault(value: &Value, bound: &str, limit: u64) -> String {
+    let count = value.as_array().map_or(0, Vec::len);
+    let entries = if limit == 1 { "entry" } else { "entries" };
+    format!("expected {bound} {limit} {entries}, found {count}")
+}
+
+/// The whole range, where only one end of it was missed.
+fn range_help(error: &ValidationError<'_>) -> Option<String> {
+    if !matches!(
+        error.kind(),
+        ValidationErrorKind::ExclusiveMaximum { .. }
+            | ValidationErrorKind::ExclusiveMinimum { .. }
+            | ValidationErrorKind::Maximum { .. }
+            | ValidationErrorKind::Minimum { .. }
+    ) || error.instance_path().as_str() == "/version"
+    {
+        return None;
+    }
+    let schema = subschema(error)?;
+    let range = super::schema::range_in_words(schema)?;
+    let Some(description) = schema.get("description").and_then(Value::as_str) else { return Some(range) };
+    let meaning = description.split([';', ':']).next().unwrap_or(description).trim_end_matches('.');
+    Some(format!("{range} ({meaning})"))
+}
+
+/// Advice where a text was probably meant as a number.
+fn number_help(value: &Value, code: &str) -> Option<String> {
+    let text = value.as_str().filter(|_| code == "D008")?;
+    let bare = text.replace(['_', ' ', '\''], "").replace(',', ".");
+    bare.parse::<f64>().ok().filter(|value| value.is_finite()).map(|_| format!("write the number as {bare}"))
+}

@@ -1,0 +1,183 @@
+//! Gate two, meaning: what a deck says must make sense as far as that can be known without the mesh.
+//!
+//! References by name, combinations of keys, geometry, formulas and curves. Ranges of single numbers are part of the
+//! schema. All faults are reported at once.
+
+mod geometry;
+mod loading;
+
+use std::collections::HashMap;
+
+use super::diagnostic::{Diagnostic, Severity, list, quote};
+use super::source::Source;
+use super::{BodyDeck, Deck, MaterialDeck, Method};
+use crate::formula::closest;
+
+/// Checks the meaning of a deck. The source gives the places of messages and tells which values come from
+/// parameters; [`Source::without_text`] serves for a deck that was not read from a file.
+pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
+    let mut check = Check { deck, source, found: Vec::new() };
+    let grid = check.grid();
+    check.bodies(grid.as_ref());
+    check.boundary_conditions();
+    check.loads();
+    check.probes();
+    check.found
+}
+
+/// A check in progress.
+struct Check<'a> {
+    deck: &'a Deck,
+    source: &'a Source,
+    found: Vec<Diagnostic>,
+}
+
+/// Longest name of something that heads columns.
+const LONGEST_NAME: usize = 60;
+
+impl Check<'_> {
+    fn error(&mut self, code: &'static str, pointer: &str, message: impl Into<String>) {
+        let diagnostic = Diagnostic::at(self.source, code, pointer, message);
+        self.found.push(diagnostic);
+    }
+
+    fn error_with_help(
+        &mut self,
+        code: &'static str,
+        pointer: &str,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) {
+        let diagnostic = Diagnostic::at(self.source, code, pointer, message).help(help);
+        self.found.push(diagnostic);
+    }
+
+    /// Names must differ within their list.
+    fn unique_names<'n>(&mut self, section: &str, names: impl IntoIterator<Item = &'n str>) {
+        let mut first = HashMap::new();
+        for (index, name) in names.into_iter().enumerate() {
+            let pointer = format!("{section}/{index}/name");
+            if name.trim().is_empty() {
+                self.error("D026", &pointer, "a name must not be empty");
+                continue;
+            }
+            match first.get(name) {
+                None => {
+                    first.insert(name, index);
+                }
+                Some(earlier) => {
+                    let place = self.source.span_of(&format!("{section}/{earlier}/name"));
+                    let mut diagnostic = Diagnostic::at(
+                        self.source,
+                        "D017",
+                        &pointer,
+                        format!("the name {} is used twice", quote(name)),
+                    );
+                    if let Some(span) = place {
+                        let (line, _) = self.source.line_column(span.start);
+                        diagnostic = diagnostic.note(format!("it is used first in line {line}"));
+                    }
+                    self.found.push(diagnostic);
+                }
+            }
+        }
+    }
+
+    /// A name that heads columns of `history.csv`.
+    fn column_name(&mut self, pointer: &str, name: &str) {
+        let fits = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+        if !fits {
+            let message = format!("the name {} cannot head a column of `history.csv`", quote(name));
+            self.error_with_help("D026", pointer, message, "use letters, digits, `_` and `-`");
+        } else if name.len() > LONGEST_NAME {
+            self.error("D026", pointer, format!("a name has at most {LONGEST_NAME} characters"));
+        }
+    }
+
+    /// The body of this name; a message if there is none.
+    fn body(&mut self, pointer: &str, name: &str) -> Option<&BodyDeck> {
+        let body = self.deck.bodies.iter().find(|body| body.name == name);
+        if body.is_none() {
+            let names = self.deck.bodies.iter().map(|body| body.name.as_str()).collect();
+            self.unknown_reference(pointer, "body", "bodies", name, names);
+        }
+        body
+    }
+
+    fn unknown_reference(&mut self, pointer: &str, one: &str, several: &str, name: &str, names: Vec<&str>) {
+        let help = match (closest(name, names.iter().copied()), names.len()) {
+            (_, 0) => format!("the deck has no {several}"),
+            (Some(best), 1) => format!("did you mean {}?", quote(best)),
+            (Some(best), _) => format!("did you mean {}? the {several} are {}", quote(best), list(names)),
+            (None, 1) => format!("the only {one} is {}", list(names)),
+            (None, _) => format!("the {several} are {}", list(names)),
+        };
+        self.error_with_help("D018", pointer, format!("there is no {one} {}", quote(name)), help);
+    }
+
+    fn bodies(&mut self, grid: Option<&geometry::GridBox>) {
+        let deck = self.deck;
+        self.unique_names("/bodies", deck.bodies.iter().map(|body| body.name.as_str()));
+        let mut boxes = Vec::new();
+        for (index, body) in deck.bodies.iter().enumerate() {
+            let pointer = format!("/bodies/{index}");
+            if !deck.materials.contains_key(&body.material) {
+                let names = deck.materials.keys().map(String::as_str).collect();
+                self.unknown_reference(
+                    &format!("{pointer}/material"),
+                    "material",
+                    "materials",
+                    &body.material,
+                    names,
+                );
+            }
+            self.domain_update(&pointer, body);
+            if let Some(extent) = self.shape(&format!("{pointer}/shape"), &body.shape) {
+                self.points(&pointer, body, &extent, grid);
+                boxes.push((index, extent));
+            } else {
+                self.points_given_once(&pointer, body);
+            }
+        }
+        self.overlaps(boxes);
+    }
+
+    fn domain_update(&mut self, pointer: &str, body: &BodyDeck) {
+        let Some(update) = body.domain_update else { return };
+        if body.method != Method::Mpm {
+            return;
+        }
+        let at = format!("{pointer}/domain_update");
+        let word =
+            serde_json::to_value(update).ok().and_then(|word| word.as_str().map(quote)).unwrap_or_default();
+        let diagnostic = if self.source.is_from_parameter(&at) {
+            let message =
+                format!("the domain update {word} is ignored: points of method `mpm` have no domain");
+            Diagnostic::at(self.source, "D014", &at, message).severity(Severity::Note)
+        } else {
+            let message = format!("domain update {word} needs a method whose points have a domain");
+            Diagnostic::at(self.source, "D014", &at, message)
+                .label("the method here is `mpm`")
+                .help("set `method: gimp`, or remove `domain_update`")
+        };
+        self.found.push(diagnostic);
+    }
+
+    fn probes(&mut self) {
+        let probes = &self.deck.output.probes;
+        self.unique_names("/output/probes", probes.iter().map(|probe| probe.name.as_str()));
+        for (index, probe) in probes.iter().enumerate() {
+            let pointer = format!("/output/probes/{index}");
+            self.column_name(&format!("{pointer}/name"), &probe.name);
+            self.body(&format!("{pointer}/body"), &probe.body);
+            self.vector(&format!("{pointer}/nearest"), &probe.nearest);
+        }
+    }
+}
+
+/// Density of a material, if it states one.
+fn density(material: &MaterialDeck) -> Option<f64> {
+    match material {
+        MaterialDeck::Hencky { density, .. } | MaterialDeck::VonMises { density, .. } => *density,
+    }
+}

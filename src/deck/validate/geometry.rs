@@ -1,0 +1,270 @@
+//! Vectors, boxes, the grid, and the points of bodies.
+
+use super::Check;
+use crate::deck::diagnostic::{Diagnostic, quote};
+use crate::deck::{BodyDeck, GridDeck, PerAxis, Shape};
+
+/// Axes of the geometry.
+const DIMENSIONS: usize = 2;
+const AXES: [&str; DIMENSIONS] = ["x", "y"];
+/// Most cells of a grid, and most points of a body: far beyond what can be computed.
+const MOST: f64 = 1e8;
+/// Most points along an axis of a cell.
+const MOST_PER_CELL: u32 = 100;
+/// Relative error up to which a length is a whole multiple of another; text such as 0.1 is not exact.
+const WHOLE: f64 = 1e-6;
+
+/// A box with extent along every axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Extent {
+    min: [f64; DIMENSIONS],
+    max: [f64; DIMENSIONS],
+}
+
+/// The region of a grid and the sides of its cells.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct GridBox {
+    extent: Extent,
+    spacing: [f64; DIMENSIONS],
+}
+
+impl Check<'_> {
+    /// A list with one number per axis.
+    pub(super) fn vector(&mut self, pointer: &str, values: &[f64]) -> Option<[f64; DIMENSIONS]> {
+        let vector = values.try_into().ok();
+        if vector.is_none() {
+            self.wrong_count(pointer, values.len());
+        }
+        vector
+    }
+
+    pub(super) fn wrong_count(&mut self, pointer: &str, count: usize) {
+        let message = format!("expected {DIMENSIONS} entries, one per axis, found {count}");
+        self.error("D015", pointer, message);
+    }
+
+    fn per_axis<T: Copy>(&mut self, pointer: &str, values: &PerAxis<T>) -> Option<[(String, T); DIMENSIONS]> {
+        match values {
+            PerAxis::Same(value) => Some([0, 1].map(|_| (pointer.to_owned(), *value))),
+            PerAxis::Each(values) => match values.as_slice() {
+                [x, y] => Some([(format!("{pointer}/0"), *x), (format!("{pointer}/1"), *y)]),
+                _ => {
+                    self.wrong_count(pointer, values.len());
+                    None
+                }
+            },
+        }
+    }
+
+    /// A positive length per axis.
+    fn lengths(&mut self, pointer: &str, values: &PerAxis<f64>) -> Option<[f64; DIMENSIONS]> {
+        let values = self.per_axis(pointer, values)?;
+        for (at, value) in &values {
+            if *value <= 0.0 {
+                self.error("D009", at, format!("{value} is not above 0"));
+                if at == pointer {
+                    break;
+                }
+            }
+        }
+        values.iter().all(|(_, value)| *value > 0.0).then(|| [values[0].1, values[1].1])
+    }
+
+    pub(super) fn grid(&mut self) -> Option<GridBox> {
+        let GridDeck::Structured { origin, size, spacing } = &self.deck.grid;
+        let origin = self.vector("/grid/origin", origin);
+        let sides = self.lengths("/grid/size", &PerAxis::Each(size.clone()));
+        let spacing = self.lengths("/grid/spacing", spacing);
+        let (origin, sides, spacing) = (origin?, sides?, spacing?);
+        let mut cells = 1.0;
+        for axis in 0..DIMENSIONS {
+            let count = sides[axis] / spacing[axis];
+            cells *= count;
+            if !is_whole(count) {
+                let message = format!(
+                    "the size {} along {} is not a whole multiple of the spacing {}",
+                    sides[axis], AXES[axis], spacing[axis]
+                );
+                let help = format!("{} would fit", count.round().max(1.0) * spacing[axis]);
+                self.error_with_help("D027", &format!("/grid/size/{axis}"), message, help);
+            }
+        }
+        if cells.is_nan() || cells > MOST {
+            let message = format!("the grid would have {cells:.1e} cells; at most {MOST:.0e} are possible");
+            self.error("D027", "/grid/spacing", message);
+            return None;
+        }
+        let max = [origin[0] + sides[0], origin[1] + sides[1]];
+        Some(GridBox { extent: Extent { min: origin, max }, spacing })
+    }
+
+    /// A box whose smallest corner is below its largest.
+    pub(super) fn extent(&mut self, pointer: &str, min: &[f64], max: &[f64]) -> Option<Extent> {
+        let low = self.vector(&format!("{pointer}/min"), min);
+        let high = self.vector(&format!("{pointer}/max"), max);
+        let (min, max) = (low?, high?);
+        let mut fits = true;
+        for axis in 0..DIMENSIONS {
+            if min[axis] >= max[axis] {
+                fits = false;
+                let message = format!(
+                    "the box has no extent along {}: its min {} is not below its max {}",
+                    AXES[axis], min[axis], max[axis]
+                );
+                self.error("D016", &format!("{pointer}/max/{axis}"), message);
+            }
+        }
+        fits.then_some(Extent { min, max })
+    }
+
+    pub(super) fn shape(&mut self, pointer: &str, shape: &Shape) -> Option<Extent> {
+        let Shape::Box { min, max } = shape;
+        self.extent(pointer, min, max)
+    }
+
+    /// Exactly one of the two ways to place points.
+    pub(super) fn points_given_once(&mut self, pointer: &str, body: &BodyDeck) -> bool {
+        match (&body.points_per_cell, &body.point_spacing) {
+            (None, None) => {
+                let message =
+                    format!("the body {} does not say how its points are placed", quote(&body.name));
+                let help = "give `points_per_cell` or `point_spacing`";
+                self.found.push(Diagnostic::at_key(self.source, "D023", pointer, message).help(help));
+                false
+            }
+            (Some(_), Some(_)) => {
+                let at = format!("{pointer}/point_spacing");
+                let message = "`points_per_cell` and `point_spacing` exclude each other";
+                self.found
+                    .push(Diagnostic::at_key(self.source, "D023", &at, message).help("remove one of them"));
+                false
+            }
+            _ => true,
+        }
+    }
+
+    pub(super) fn points(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: Option<&GridBox>) {
+        if let Some(grid) = grid {
+            self.inside_grid(pointer, body, extent, grid);
+        }
+        if !self.points_given_once(pointer, body) {
+            return;
+        }
+        let counts = match (&body.points_per_cell, &body.point_spacing) {
+            (Some(per_cell), _) => {
+                self.points_per_cell(&format!("{pointer}/points_per_cell"), per_cell, extent, grid)
+            }
+            (_, Some(spacing)) => self.point_spacing(&format!("{pointer}/point_spacing"), spacing, extent),
+            _ => None,
+        };
+        if let Some(counts) = counts
+            && counts[0] * counts[1] > MOST
+        {
+            let message = format!(
+                "the body {} would have {:.1e} points; at most {MOST:.0e} are possible",
+                quote(&body.name),
+                counts[0] * counts[1]
+            );
+            self.error("D028", pointer, message);
+        }
+    }
+
+    fn points_per_cell(
+        &mut self,
+        pointer: &str,
+        per_cell: &PerAxis<u32>,
+        extent: &Extent,
+        grid: Option<&GridBox>,
+    ) -> Option<[f64; DIMENSIONS]> {
+        let values = self.per_axis(pointer, per_cell)?;
+        let mut fits = true;
+        for (at, value) in &values {
+            if fits && !(1..=MOST_PER_CELL).contains(value) {
+                fits = false;
+                let message =
+                    format!("{value} points along an axis of a cell; 1 to {MOST_PER_CELL} are possible");
+                self.error("D009", at, message);
+            }
+        }
+        let grid = grid.filter(|_| fits)?;
+        let along = |axis: usize| {
+            (extent.max[axis] - extent.min[axis]) / grid.spacing[axis] * f64::from(values[axis].1)
+        };
+        Some([along(0), along(1)])
+    }
+
+    fn point_spacing(
+        &mut self,
+        pointer: &str,
+        spacing: &PerAxis<f64>,
+        extent: &Extent,
+    ) -> Option<[f64; DIMENSIONS]> {
+        let spacing = self.lengths(pointer, spacing)?;
+        let counts = [0, 1].map(|axis| (extent.max[axis] - extent.min[axis]) / spacing[axis]);
+        for axis in 0..DIMENSIONS {
+            if !is_whole(counts[axis]) {
+                let message = format!(
+                    "the side {} of the body along {} is not a whole multiple of the point spacing {}",
+                    extent.max[axis] - extent.min[axis],
+                    AXES[axis],
+                    spacing[axis]
+                );
+                self.error("D028", pointer, message);
+            }
+        }
+        Some(counts)
+    }
+
+    fn inside_grid(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: &GridBox) {
+        let (low, high) = (grid.extent.min, grid.extent.max);
+        for axis in 0..DIMENSIONS {
+            let slack = WHOLE * grid.spacing[axis];
+            let corner = if extent.min[axis] < low[axis] - slack {
+                "min"
+            } else if extent.max[axis] > high[axis] + slack {
+                "max"
+            } else {
+                continue;
+            };
+            let message = format!(
+                "the body {} reaches beyond the grid, which covers {} to {} along {}",
+                quote(&body.name),
+                low[axis],
+                high[axis],
+                AXES[axis]
+            );
+            self.error("D028", &format!("{pointer}/shape/{corner}/{axis}"), message);
+        }
+    }
+
+    /// Bodies must not share a region; boxes that touch are fine.
+    pub(super) fn overlaps(&mut self, mut boxes: Vec<(usize, Extent)>) {
+        // In the order of their left sides a box can only overlap those that start before its right side.
+        boxes.sort_by(|(_, a), (_, b)| a.min[0].total_cmp(&b.min[0]));
+        for (position, (first, a)) in boxes.iter().enumerate() {
+            for (second, b) in boxes[position + 1..].iter().take_while(|(_, b)| b.min[0] < a.max[0]) {
+                let overlap = |axis: usize| {
+                    a.max[axis].min(b.max[axis]) - a.min[axis].max(b.min[axis]) > slack(a, b, axis)
+                };
+                if !(0..DIMENSIONS).all(overlap) {
+                    continue;
+                }
+                let (earlier, later) = (first.min(second), first.max(second));
+                let name = |index: usize| quote(&self.deck.bodies[index].name);
+                let message = format!("the body {} overlaps the body {}", name(*later), name(*earlier));
+                self.error("D025", &format!("/bodies/{later}/shape"), message);
+                // One message per body is enough; a deck where all overlap would have a quadratic number.
+                break;
+            }
+        }
+    }
+}
+
+/// Overlap below which two boxes only touch.
+fn slack(a: &Extent, b: &Extent, axis: usize) -> f64 {
+    1e-9 * (a.max[axis] - a.min[axis]).min(b.max[axis] - b.min[axis])
+}
+
+fn is_whole(count: f64) -> bool {
+    count.round() >= 1.0 && (count - count.round()).abs() <= WHOLE * count
+}

@@ -1,0 +1,216 @@
+//! Boundary conditions, loads, their formulas and curves.
+
+use super::{Check, density};
+use crate::deck::diagnostic::{Diagnostic, Severity, quote};
+use crate::deck::{
+    Axis, BoundaryConditionDeck, Expression, LoadCurve, LoadDeck, NodeSelector, PointSelector,
+};
+
+impl Check<'_> {
+    pub(super) fn boundary_conditions(&mut self) {
+        let conditions = &self.deck.boundary_conditions;
+        self.unique_names("/boundary_conditions", conditions.iter().map(|condition| condition.name.as_str()));
+        for (index, condition) in conditions.iter().enumerate() {
+            let pointer = format!("/boundary_conditions/{index}");
+            self.column_name(&format!("{pointer}/name"), &condition.name);
+            self.nodes(&format!("{pointer}/nodes"), &condition.nodes);
+            self.prescribed(&pointer, condition);
+            self.curve(&format!("{pointer}/curve"), condition.curve.as_ref());
+        }
+    }
+
+    fn nodes(&mut self, pointer: &str, nodes: &NodeSelector) {
+        let by_place = nodes.x.is_some() || nodes.y.is_some();
+        let kinds = [by_place, nodes.within.is_some(), nodes.outer_layer.is_some()];
+        let given = kinds.iter().filter(|given| **given).count();
+        if given != 1 {
+            let message = if given == 0 {
+                "no nodes are selected here"
+            } else {
+                "nodes are selected in more than one way here"
+            };
+            let help = "give exactly one of: coordinates (`x`, `y` or both), `box`, `outer_layer`";
+            self.error_with_help("D019", pointer, message, help);
+        }
+        if let Some(within) = &nodes.within {
+            // A flat box is a fine selection of nodes, one turned inside out is not.
+            self.ordered(&format!("{pointer}/box"), &within.min, &within.max);
+        }
+        if let Some(name) = &nodes.outer_layer {
+            self.body(&format!("{pointer}/outer_layer"), name);
+        }
+    }
+
+    fn ordered(&mut self, pointer: &str, min: &[f64], max: &[f64]) {
+        let low = self.vector(&format!("{pointer}/min"), min);
+        let high = self.vector(&format!("{pointer}/max"), max);
+        let (Some(min), Some(max)) = (low, high) else { return };
+        for axis in 0..min.len() {
+            if min[axis] > max[axis] {
+                let message = format!("the min {} of the box is above its max {}", min[axis], max[axis]);
+                self.error("D016", &format!("{pointer}/max/{axis}"), message);
+            }
+        }
+    }
+
+    fn prescribed(&mut self, pointer: &str, condition: &BoundaryConditionDeck) {
+        if condition.fix.is_empty() && condition.ux.is_none() && condition.uy.is_none() {
+            let message = format!("the boundary condition {} prescribes nothing", quote(&condition.name));
+            let help = "give at least one of `fix`, `ux` and `uy`";
+            self.found.push(Diagnostic::at_key(self.source, "D020", pointer, message).help(help));
+        }
+        for (index, axis) in condition.fix.iter().enumerate() {
+            let at = format!("{pointer}/fix/{index}");
+            let (axis_name, key, moved) = match axis {
+                Axis::X => ("x", "ux", condition.ux.is_some()),
+                Axis::Y => ("y", "uy", condition.uy.is_some()),
+            };
+            if condition.fix[..index].contains(axis) {
+                self.error("D020", &at, format!("the axis `{axis_name}` is fixed twice"));
+            } else if moved {
+                let message = format!("the axis `{axis_name}` is fixed and also moved by `{key}`");
+                self.error_with_help(
+                    "D020",
+                    &at,
+                    message,
+                    format!("remove it from `fix`, or remove `{key}`"),
+                );
+            }
+        }
+        for (key, expression) in [("ux", &condition.ux), ("uy", &condition.uy)] {
+            if let Some(expression) = expression {
+                self.expression(&format!("{pointer}/{key}"), expression);
+            }
+        }
+    }
+
+    /// A formula must parse, and one that depends on nothing must have a value.
+    fn expression(&mut self, pointer: &str, expression: &Expression) {
+        let Expression::Formula(text) = expression else { return };
+        match expression.formula(&self.deck.parameters) {
+            Ok(formula) => {
+                if formula.as_constant().is_some_and(|value| !value.is_finite()) {
+                    self.error("D021", pointer, format!("the formula {} has no finite value", quote(text)));
+                }
+            }
+            Err(error) => {
+                let place = (text.as_str(), error.offset, error.length);
+                let mut diagnostic = Diagnostic::inside(self.source, "D021", pointer, place, error.message);
+                diagnostic.help = error.help;
+                self.found.push(diagnostic);
+            }
+        }
+    }
+
+    fn curve(&mut self, pointer: &str, curve: Option<&LoadCurve>) {
+        let Some(LoadCurve(pairs)) = curve else { return };
+        for (index, pair) in pairs.windows(2).enumerate() {
+            if pair[1][0] <= pair[0][0] {
+                let message =
+                    format!("the times of a load curve must increase; {} follows {}", pair[1][0], pair[0][0]);
+                self.error("D022", &format!("{pointer}/{}/0", index + 1), message);
+            }
+        }
+        let end_time = self.deck.steps.end_time;
+        if let Some([first, _]) = pairs.first()
+            && *first > 0.0
+        {
+            let message = format!("the load curve starts at time {first}; it must cover time 0");
+            self.error("D022", &format!("{pointer}/0/0"), message);
+        }
+        if let Some([last, _]) = pairs.last()
+            && *last < end_time
+        {
+            let message =
+                format!("the load curve ends at time {last}, before the analysis does at {end_time}");
+            self.error("D022", &format!("{pointer}/{}/0", pairs.len() - 1), message);
+        }
+    }
+
+    pub(super) fn loads(&mut self) {
+        let loads = &self.deck.loads;
+        let names = loads.iter().map(|load| match load {
+            LoadDeck::Gravity { name, .. }
+            | LoadDeck::BodyForce { name, .. }
+            | LoadDeck::PointForce { name, .. } => name.as_str(),
+        });
+        self.unique_names("/loads", names);
+        for (index, load) in loads.iter().enumerate() {
+            self.load(&format!("/loads/{index}"), load);
+        }
+    }
+
+    fn load(&mut self, pointer: &str, load: &LoadDeck) {
+        let at = |key: &str| format!("{pointer}/{key}");
+        match load {
+            LoadDeck::Gravity { name, acceleration, bodies, curve } => {
+                self.column_name(&at("name"), name);
+                self.vector(&at("acceleration"), acceleration);
+                self.targets(&at("bodies"), bodies.as_deref());
+                self.weight(pointer, name, bodies.as_deref());
+                self.curve(&at("curve"), curve.as_ref());
+            }
+            LoadDeck::BodyForce { name, force, bodies, curve } => {
+                self.column_name(&at("name"), name);
+                if force.len() != 2 {
+                    self.wrong_count(&at("force"), force.len());
+                }
+                for (axis, component) in force.iter().enumerate() {
+                    self.expression(&format!("{pointer}/force/{axis}"), component);
+                }
+                self.targets(&at("bodies"), bodies.as_deref());
+                self.curve(&at("curve"), curve.as_ref());
+            }
+            LoadDeck::PointForce { name, body, points: PointSelector { nearest, .. }, total, curve } => {
+                self.column_name(&at("name"), name);
+                self.body(&at("body"), body);
+                self.vector(&at("points/nearest"), nearest);
+                self.vector(&at("total"), total);
+                self.curve(&at("curve"), curve.as_ref());
+            }
+        }
+    }
+
+    fn targets(&mut self, pointer: &str, bodies: Option<&[String]>) {
+        let Some(bodies) = bodies else { return };
+        if bodies.is_empty() {
+            let help = "remove `bodies` to let the load act on all of them";
+            self.error_with_help("D015", pointer, "this load acts on no body", help);
+        }
+        for (index, name) in bodies.iter().enumerate() {
+            let at = format!("{pointer}/{index}");
+            self.body(&at, name);
+            if bodies[..index.min(1000)].contains(name) {
+                self.error("D017", &at, format!("the body {} is listed twice", quote(name)));
+            }
+        }
+    }
+
+    /// Gravity needs the density of every body that it acts on.
+    fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>) {
+        for (index, body) in self.deck.bodies.iter().enumerate() {
+            let is_target = bodies.is_none_or(|names| names.contains(&body.name));
+            let Some(material) = self.deck.materials.get(&body.material).filter(|_| is_target) else {
+                continue;
+            };
+            let at = format!("/bodies/{index}/material");
+            let (load, body, material_name) = (quote(load), quote(&body.name), quote(&body.material));
+            match density(material) {
+                None => {
+                    let message = format!(
+                        "the load {load} needs the density of the body {body}, but its material {material_name} has none"
+                    );
+                    let help = format!("add `density` to the material {material_name}");
+                    self.error_with_help("D024", &at, message, help);
+                }
+                Some(0.0) => {
+                    let message =
+                        format!("the load {load} does not move the body {body}, whose density is 0");
+                    let diagnostic = Diagnostic::at(self.source, "D024", pointer, message);
+                    self.found.push(diagnostic.severity(Severity::Warning));
+                }
+                Some(_) => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,430 @@
+//! From YAML events to values with places.
+
+use std::collections::{HashMap, HashSet};
+use std::rc::Rc;
+
+use serde_json::{Map, Number, Value};
+use serde_yaml::granit_parser::{self, Event, Marker, Parser, ScalarStyle, Tag};
+
+use super::diagnostic::{Diagnostic, quote};
+use super::source::{Place, Span, escape};
+
+/// Nesting of a deck; the deepest valid one needs a tenth of it.
+const MAX_DEPTH: usize = 64;
+/// Values in a deck.
+const MAX_VALUES: usize = 2_000_000;
+/// Values that aliases may add to those written out.
+const MAX_COPIED: usize = 100_000;
+
+/// A deck read from text, before any of it is understood.
+pub(super) struct Document {
+    pub value: Value,
+    pub places: HashMap<String, Place>,
+    /// Values already reported as faulty.
+    pub poisoned: HashSet<String>,
+}
+
+/// A value with its place; children are shared so that an alias costs nothing until the budget is checked.
+struct Node {
+    data: Data,
+    span: Span,
+    weight: usize,
+    depth: usize,
+}
+
+enum Data {
+    Scalar(Value),
+    /// A scalar already reported as faulty.
+    Faulty,
+    List(Vec<Rc<Node>>),
+    Map(Vec<Entry>),
+}
+
+struct Entry {
+    key: String,
+    key_span: Span,
+    value: Rc<Node>,
+}
+
+/// A list or mapping that is still open.
+struct Frame {
+    start: usize,
+    anchor: usize,
+    content: Content,
+}
+
+enum Content {
+    List(Vec<Rc<Node>>),
+    Map(OpenMap),
+}
+
+/// A mapping that is still open.
+#[derive(Default)]
+struct OpenMap {
+    entries: Vec<Entry>,
+    /// Where each key stands first.
+    known: HashMap<String, Span>,
+    /// The key whose value comes next.
+    pending: Option<Pending>,
+}
+
+struct Pending {
+    key: String,
+    span: Span,
+    repeated: bool,
+}
+
+/// Reads one document; nothing is returned where the text has no usable structure.
+pub(super) fn read(text: &str, diagnostics: &mut Vec<Diagnostic>) -> Option<Document> {
+    let builder =
+        Builder { text, diagnostics, stack: Vec::new(), anchors: HashMap::new(), root: None, values: 0 };
+    let root = match builder.run() {
+        Ok(root) => root,
+        Err(fault) => {
+            diagnostics.push(fault);
+            return None;
+        }
+    };
+    let mut document = Document { value: Value::Null, places: HashMap::new(), poisoned: HashSet::new() };
+    document.value = document.unfold(&root, None, &mut String::new());
+    Some(document)
+}
+
+impl Document {
+    fn unfold(&mut self, node: &Node, key: Option<Span>, pointer: &mut String) -> Value {
+        self.places.insert(pointer.clone(), Place { key, value: node.span });
+        let parent = pointer.len();
+        match &node.data {
+            Data::Scalar(value) => value.clone(),
+            Data::Faulty => {
+                self.poisoned.insert(pointer.clone());
+                Value::Null
+            }
+            Data::List(items) => {
+                let mut list = Vec::with_capacity(items.len());
+                for (index, item) in items.iter().enumerate() {
+                    pointer.push_str(&format!("/{index}"));
+                    list.push(self.unfold(item, None, pointer));
+                    pointer.truncate(parent);
+                }
+                Value::Array(list)
+            }
+            Data::Map(entries) => {
+                let mut map = Map::new();
+                for entry in entries {
+                    pointer.push('/');
+                    pointer.push_str(&escape(&entry.key));
+                    let value = self.unfold(&entry.value, Some(entry.key_span), pointer);
+                    map.insert(entry.key.clone(), value);
+                    pointer.truncate(parent);
+                }
+                Value::Object(map)
+            }
+        }
+    }
+}
+
+struct Builder<'a> {
+    text: &'a str,
+    diagnostics: &'a mut Vec<Diagnostic>,
+    stack: Vec<Frame>,
+    anchors: HashMap<usize, Rc<Node>>,
+    root: Option<Rc<Node>>,
+    values: usize,
+}
+
+impl<'a> Builder<'a> {
+    fn run(mut self) -> Result<Rc<Node>, Diagnostic> {
+        let mut documents = 0;
+        let mut parser = Parser::new_from_str(self.text);
+        while let Some(next) = parser.next_event() {
+            let (event, place) = next.map_err(|error| self.syntax_fault(&error))?;
+            let span = self.span(&place);
+            match event {
+                Event::DocumentStart(..) => {
+                    documents += 1;
+                    if documents > 1 {
+                        let message = "a second document starts here; a deck is a single one";
+                        return Err(fault("D004", span, message).help("remove the `---`, or split the file"));
+                    }
+                }
+                Event::Scalar(text, style, anchor, tag) => {
+                    self.scalar(&text, style, anchor, tag.as_deref(), span)?
+                }
+                Event::SequenceStart(_, anchor, tag) => {
+                    self.open(span, anchor, tag.as_deref(), Content::List(Vec::new()))?;
+                }
+                Event::MappingStart(_, anchor, tag) => {
+                    self.open(span, anchor, tag.as_deref(), Content::Map(OpenMap::default()))?;
+                }
+                Event::SequenceEnd | Event::MappingEnd => self.close(span)?,
+                Event::Alias(id) => self.alias(id, span)?,
+                _ => {}
+            }
+        }
+        match self.root.take() {
+            Some(root) if matches!(root.data, Data::Map(_)) => {
+                if root.weight > self.values + MAX_COPIED {
+                    return Err(copies_fault(root.span));
+                }
+                Ok(root)
+            }
+            Some(root) if !matches!(root.data, Data::Scalar(Value::Null)) => {
+                Err(fault("D008", root.span, "a deck is a mapping of keys to values, `key: value`"))
+            }
+            _ => Err(Diagnostic::error("D001", "the deck is empty")),
+        }
+    }
+
+    fn byte(&self, marker: Marker) -> usize {
+        let counted =
+            || self.text.char_indices().nth(marker.index()).map_or(self.text.len(), |(byte, _)| byte);
+        marker.byte_offset().unwrap_or_else(counted).min(self.text.len())
+    }
+
+    fn span(&self, place: &granit_parser::Span) -> Span {
+        let start = self.byte(place.start);
+        Span { start, end: self.byte(place.end).max(start) }
+    }
+
+    fn syntax_fault(&self, error: &granit_parser::ScanError) -> Diagnostic {
+        let start = self.byte(*error.marker());
+        let length = self.text[start..].chars().next().filter(|c| !c.is_control()).map_or(0, char::len_utf8);
+        let line_start = self.text[..start].rfind('\n').map_or(0, |newline| newline + 1);
+        let line = self.text[line_start..].lines().next().unwrap_or("");
+        let fault =
+            fault("D002", Span { start, end: start + length }, format!("this is not YAML: {}", error.kind()));
+        if line.contains("${") {
+            return fault.help("inside `{ }` and `[ ]` an expression needs quotes: \"${h/2}\"");
+        }
+        if line.starts_with(|c: char| c.is_whitespace()) && line.trim_end().contains('\t') {
+            return fault.help("indent with spaces instead of tabs");
+        }
+        fault
+    }
+
+    fn add(&mut self, node: Rc<Node>, anchor: usize) -> Result<(), Diagnostic> {
+        if anchor > 0 {
+            self.anchors.insert(anchor, Rc::clone(&node));
+        }
+        if node.depth + self.stack.len() > MAX_DEPTH {
+            return Err(fault(
+                "D004",
+                node.span,
+                format!("the deck is nested more than {MAX_DEPTH} levels deep"),
+            ));
+        }
+        let Some(frame) = self.stack.last_mut() else {
+            self.root = Some(node);
+            return Ok(());
+        };
+        match &mut frame.content {
+            Content::List(items) => items.push(node),
+            Content::Map(map) => match map.pending.take() {
+                // A key given twice: its second value is read but not used.
+                Some(Pending { repeated: true, .. }) => {}
+                Some(Pending { key, span, .. }) => {
+                    map.entries.push(Entry { key, key_span: span, value: node })
+                }
+                None => return Err(fault("D004", node.span, "a key must be a plain word")),
+            },
+        }
+        Ok(())
+    }
+
+    fn expects_key(&self) -> bool {
+        matches!(self.stack.last(), Some(Frame { content: Content::Map(OpenMap { pending: None, .. }), .. }))
+    }
+
+    fn count(&mut self, span: Span) -> Result<(), Diagnostic> {
+        self.values += 1;
+        if self.values > MAX_VALUES {
+            return Err(fault("D004", span, format!("the deck has more than {MAX_VALUES} values")));
+        }
+        Ok(())
+    }
+
+    fn scalar(
+        &mut self,
+        text: &str,
+        style: ScalarStyle,
+        anchor: usize,
+        tag: Option<&Tag>,
+        span: Span,
+    ) -> Result<(), Diagnostic> {
+        self.count(span)?;
+        let is_plain = style == ScalarStyle::Plain;
+        if self.expects_key() {
+            return self.key(text, is_plain, span);
+        }
+        let data = match tag.map(|tag| tag.core_suffix().unwrap_or("?")) {
+            None if is_plain => plain(text),
+            None | Some("str") => Ok(Value::String(text.to_owned())),
+            Some("int" | "float" | "bool" | "null") => plain(text),
+            Some(_) => {
+                return Err(fault("D004", span, "tags are not used in decks").help("remove the `!...`"));
+            }
+        };
+        let data = match data {
+            Ok(value) => Data::Scalar(value),
+            Err(message) => {
+                self.diagnostics.push(fault("D005", span, message));
+                Data::Faulty
+            }
+        };
+        self.add(Rc::new(Node { data, span, weight: 1, depth: 0 }), anchor)
+    }
+
+    fn key(&mut self, text: &str, is_plain: bool, span: Span) -> Result<(), Diagnostic> {
+        let is_null = is_plain && matches!(text, "" | "~");
+        if is_null {
+            return Err(fault("D004", span, "a key must be a plain word"));
+        }
+        let Some(Frame { content: Content::Map(map), .. }) = self.stack.last_mut() else { return Ok(()) };
+        // Several merge keys say what a list in one of them would say.
+        let earlier = if is_plain && text == "<<" { None } else { map.known.insert(text.to_owned(), span) };
+        map.pending = Some(Pending { key: text.to_owned(), span, repeated: earlier.is_some() });
+        if let Some(earlier) = earlier {
+            let line = self.text[..earlier.start].matches('\n').count() + 1;
+            let diagnostic = fault("D003", span, format!("the key {} is given twice", quote(text)));
+            self.diagnostics.push(diagnostic.note(format!("it is given before in line {line}")));
+        }
+        Ok(())
+    }
+
+    fn open(
+        &mut self,
+        span: Span,
+        anchor: usize,
+        tag: Option<&Tag>,
+        content: Content,
+    ) -> Result<(), Diagnostic> {
+        self.count(span)?;
+        if tag.is_some_and(|tag| !matches!(tag.core_suffix(), Some("map" | "seq"))) {
+            return Err(fault("D004", span, "tags are not used in decks").help("remove the `!...`"));
+        }
+        if self.expects_key() {
+            return Err(fault("D004", span, "a key must be a plain word")
+                .help("an expression in braces needs quotes: \"${h/2}\""));
+        }
+        if self.stack.len() >= MAX_DEPTH {
+            return Err(fault("D004", span, format!("the deck is nested more than {MAX_DEPTH} levels deep")));
+        }
+        self.stack.push(Frame { start: span.start, anchor, content });
+        Ok(())
+    }
+
+    fn close(&mut self, span: Span) -> Result<(), Diagnostic> {
+        let Some(frame) = self.stack.pop() else { return Ok(()) };
+        let end = frame.start + self.text[frame.start..span.end.max(frame.start)].trim_end().len();
+        let span = Span { start: frame.start, end };
+        let data = match frame.content {
+            Content::List(items) => Data::List(items),
+            Content::Map(map) => Data::Map(merge(map.entries)?),
+        };
+        let (weight, depth) = {
+            let children: Vec<&Node> = match &data {
+                Data::List(items) => items.iter().map(Rc::as_ref).collect(),
+                Data::Map(entries) => entries.iter().map(|entry| entry.value.as_ref()).collect(),
+                _ => Vec::new(),
+            };
+            let weight = children.iter().fold(1_usize, |sum, child| sum.saturating_add(child.weight));
+            (weight, 1 + children.iter().map(|child| child.depth).max().unwrap_or(0))
+        };
+        if weight > self.values.saturating_add(MAX_COPIED) {
+            return Err(copies_fault(span));
+        }
+        self.add(Rc::new(Node { data, span, weight, depth }), frame.anchor)
+    }
+
+    fn alias(&mut self, id: usize, span: Span) -> Result<(), Diagnostic> {
+        self.count(span)?;
+        if self.expects_key() {
+            return Err(fault("D004", span, "a key must be a plain word"));
+        }
+        let Some(node) = self.anchors.get(&id).map(Rc::clone) else {
+            return Err(fault("D004", span, "this alias stands inside of what it refers to"));
+        };
+        self.add(node, 0)
+    }
+}
+
+fn fault(code: &'static str, span: Span, message: impl Into<String>) -> Diagnostic {
+    let mut diagnostic = Diagnostic::error(code, message);
+    diagnostic.span = Some(span);
+    diagnostic
+}
+
+fn copies_fault(span: Span) -> Diagnostic {
+    fault("D004", span, format!("aliases copy more than {MAX_COPIED} values"))
+}
+
+/// Applies `<<` keys: keys written out win over merged ones, and the first merged mapping over later ones.
+fn merge(entries: Vec<Entry>) -> Result<Vec<Entry>, Diagnostic> {
+    if entries.iter().all(|entry| entry.key != "<<") {
+        return Ok(entries);
+    }
+    let (merges, mut merged): (Vec<Entry>, Vec<Entry>) =
+        entries.into_iter().partition(|entry| entry.key == "<<");
+    let mut known: HashSet<String> = merged.iter().map(|entry| entry.key.clone()).collect();
+    for merge in &merges {
+        let parts: Vec<&Node> = match &merge.value.data {
+            Data::List(parts) => parts.iter().map(Rc::as_ref).collect(),
+            _ => vec![merge.value.as_ref()],
+        };
+        for part in parts {
+            let Data::Map(additions) = &part.data else {
+                return Err(fault("D004", merge.key_span, "`<<` merges mappings only")
+                    .help("refer to a mapping, `<<: *name`, or to a list of them"));
+            };
+            for addition in additions {
+                if known.insert(addition.key.clone()) {
+                    let value = Rc::clone(&addition.value);
+                    merged.push(Entry { key: addition.key.clone(), key_span: addition.key_span, value });
+                }
+            }
+        }
+    }
+    Ok(merged)
+}
+
+/// Meaning of a scalar without quotes in the core schema of YAML 1.2.
+fn plain(text: &str) -> Result<Value, String> {
+    match text {
+        "" | "~" | "null" | "Null" | "NULL" => return Ok(Value::Null),
+        "true" | "True" | "TRUE" => return Ok(Value::Bool(true)),
+        "false" | "False" | "FALSE" => return Ok(Value::Bool(false)),
+        _ => {}
+    }
+    let unsigned = text.strip_prefix(['+', '-']).unwrap_or(text);
+    if matches!(unsigned, ".inf" | ".Inf" | ".INF") || matches!(text, ".nan" | ".NaN" | ".NAN") {
+        return Err(format!("{} is not a finite number", quote(text)));
+    }
+    match number(text) {
+        Some(value) if value.is_finite() => Ok(number_value(value)),
+        Some(_) => Err(format!("the number {} is too large", quote(text))),
+        None => Ok(Value::String(text.to_owned())),
+    }
+}
+
+/// The number that a text stands for in the core schema; infinite where it is too large.
+pub(super) fn number(text: &str) -> Option<f64> {
+    for (prefix, radix) in [("0x", 16), ("0o", 8)] {
+        if let Some(digits) = text.strip_prefix(prefix) {
+            return u64::from_str_radix(digits, radix).ok().map(|value| value as f64);
+        }
+    }
+    let unsigned = text.strip_prefix(['+', '-']).unwrap_or(text);
+    let is_number = unsigned.starts_with(|c: char| c.is_ascii_digit() || c == '.')
+        && unsigned.bytes().all(|byte| byte.is_ascii_digit() || b".eE+-".contains(&byte));
+    if is_number { text.parse().ok() } else { None }
+}
+
+/// A number as a value; whole numbers are integers however they are written, so `1e2` may stand for a count.
+pub(super) fn number_value(value: f64) -> Value {
+    if value.fract() == 0.0 && value.abs() < 9.0e15 {
+        Value::from(value as i64)
+    } else {
+        Number::from_f64(value).map_or(Value::Null, Value::Number)
+    }
+}
