@@ -3,6 +3,12 @@
 use super::{Elasticity, Material, MaterialError, Response, StateField};
 use crate::tensor::{Sym3, Tangent, dyad};
 
+/// A stress this little beyond the yield surface, relative to ρ_y, is still elastic.
+///
+/// A point that has yielded starts the next step on the surface up to round-off; without this margin round-off would
+/// decide between its elastic and its plastic tangent, and with it how Newton's iterations run.
+const ON_SURFACE: f64 = 1e-10;
+
 /// Von Mises elastic, perfectly plastic: f = ρ − ρ_y with ρ = √(2 J₂) of the Kirchhoff stress, eq. (43).
 #[derive(Debug, Clone)]
 pub struct VonMises {
@@ -35,7 +41,7 @@ impl Material for VonMises {
             return Err(MaterialError::NotFinite);
         }
         new.copy_from_slice(old);
-        if rho <= self.yield_radius {
+        if rho <= self.yield_radius * (1.0 + ON_SURFACE) {
             let tau = self.elasticity.stress(trial);
             return Ok(Response { tau, elastic_strain: *trial, tangent: self.elastic_tangent });
         }

@@ -1,0 +1,89 @@
+//! Runs a deck of `inputs/` in memory and keeps what the tests look at.
+
+use std::path::Path;
+
+use mpm::deck::{build::build, load::load};
+use mpm::model::Model;
+use mpm::points::Points;
+use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
+use mpm::stress::PlaneStrain;
+
+/// One equilibrated step.
+#[derive(Debug, Clone)]
+pub struct Record {
+    pub residuals: Vec<f64>,
+    pub probes: Vec<[f64; 2]>,
+    pub reactions: Vec<[f64; 2]>,
+}
+
+/// A finished analysis.
+pub struct Analysis {
+    pub model: Model<2>,
+    pub points: Points<2>,
+    pub steps: Vec<Record>,
+    pub summary: Result<Summary, SolveError>,
+}
+
+#[derive(Default)]
+struct Recorder {
+    steps: Vec<Record>,
+}
+
+impl Observer<2> for Recorder {
+    fn converged(
+        &mut self,
+        model: &Model<2>,
+        points: &Points<2>,
+        report: &StepReport<2>,
+        _: &Summary,
+    ) -> std::io::Result<()> {
+        let place = points.by_id();
+        let mean = |ids: &[u32]| {
+            let mut u = [0.0; 2];
+            for &id in ids {
+                let p = place[id as usize];
+                for d in 0..2 {
+                    u[d] += (points.converged.position[p][d] - points.original_position[p][d]) / ids.len() as f64;
+                }
+            }
+            u
+        };
+        self.steps.push(Record {
+            residuals: report.residuals.clone(),
+            probes: model.probes.iter().map(|probe| mean(&probe.points)).collect(),
+            reactions: report.reactions.clone(),
+        });
+        Ok(())
+    }
+}
+
+/// Builds the model and points of a deck with parameters set.
+pub fn build_deck(deck: &str, set: &[(&str, &str)]) -> (Model<2>, Points<2>) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs").join(deck);
+    let set: Vec<(String, String)> = set.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
+    let loaded = load(&path, &set).unwrap_or_else(|e| panic!("{e}"));
+    build(&loaded).unwrap_or_else(|e| panic!("{e:?}"))
+}
+
+/// Runs a deck with parameters set.
+pub fn run(deck: &str, set: &[(&str, &str)]) -> Analysis {
+    let (model, mut points) = build_deck(deck, set);
+    let mut recorder = Recorder::default();
+    let summary = solver::run::<2, PlaneStrain>(&model, &mut points, &mut recorder);
+    Analysis { model, points, steps: recorder.steps, summary }
+}
+
+impl Analysis {
+    /// Fails the test when the analysis did not reach its end.
+    pub fn completed(self) -> Self {
+        if let Err(error) = &self.summary {
+            panic!("{error}");
+        }
+        self
+    }
+
+    /// Evaluations of all steps.
+    pub fn evaluations(&self) -> usize {
+        self.steps.iter().map(|s| s.residuals.len()).sum()
+    }
+}
