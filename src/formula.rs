@@ -38,7 +38,7 @@ enum Op {
     Constant(f64),
     Variable(usize),
     One(fn(f64) -> f64),
-    Two(fn(f64, f64) -> f64),
+    Two(Binary),
     /// `if(c, a, b)`: both branches are values already, so an unused one cannot spoil the result.
     Select,
 }
@@ -146,12 +146,15 @@ pub(crate) fn names(text: &str) -> Vec<(usize, &str)> {
     found
 }
 
+/// A function of two numbers.
+type Binary = fn(f64, f64) -> f64;
+
 /// A built-in function.
 enum Function {
     One(fn(f64) -> f64),
-    Two(fn(f64, f64) -> f64),
+    Two(Binary),
     /// Two or more arguments, taken together pair by pair.
-    Fold(fn(f64, f64) -> f64),
+    Fold(Binary),
     If,
 }
 
@@ -230,7 +233,7 @@ enum Token {
 const SYMBOLS: [&str; 15] = ["<=", ">=", "==", "!=", "**", "<", ">", "+", "-", "*", "/", "^", "(", ")", ","];
 
 /// Binding strength of a binary operator: comparison, sum, product, power. Signs bind between product and power.
-fn strength(symbol: &str) -> Option<(u8, fn(f64, f64) -> f64)> {
+fn strength(symbol: &str) -> Option<(u8, Binary)> {
     Some(match symbol {
         "<" => (1, |a, b| truth(a < b)),
         "<=" => (1, |a, b| truth(a <= b)),
@@ -502,6 +505,7 @@ pub(crate) fn closest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a s
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
