@@ -2,6 +2,8 @@
 //!
 //! A line `# set: name=value` in a deck is an override. `UPDATE_EXPECTED=1` rewrites the stored messages.
 
+#![allow(clippy::unwrap_used)]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -4,6 +4,8 @@
 //! examples use m, N, Pa, kg), and a number may be written as an expression of the deck's parameters, `${h/2}`.
 //! The doc comments of this file become the descriptions in `schema/deck.schema.json` and in `docs/deck.md`.
 
+#![allow(rustdoc::broken_intra_doc_links, reason = "units stand in brackets")]
+
 use std::collections::BTreeMap;
 
 use schemars::JsonSchema;

@@ -152,8 +152,9 @@ impl Table<'_> {
                     None if self.definitions.is_empty() => "the deck has no parameters".into(),
                     None => format!("the parameters are {}", list(known())),
                 };
-                self.diagnostics
-                    .push(Diagnostic::at_key(self.source, "D013", "/parameters", message).help(help));
+                let mut diagnostic = Diagnostic::error("D013", message).help(help);
+                diagnostic.span = self.source.key_span_of("/parameters");
+                self.diagnostics.push(diagnostic);
             }
         }
     }

@@ -106,7 +106,7 @@ fn table(text: &mut String, section: &Value, tag: Option<&str>) {
         let default = match property.get("default") {
             Some(default) => cell(&in_yaml(default)),
             None if required.contains(&key.as_str()) => "required".into(),
-            None => "none".into(),
+            None => "–".into(),
         };
         let range = range_in_words(target).map(|range| format!(", {range}")).unwrap_or_default();
         let _ = writeln!(
@@ -166,7 +166,17 @@ fn kind(property: &Value) -> String {
         return words.join(", ");
     }
     if let Some(Value::Array(choices)) = target.get("anyOf") {
-        return choices.iter().map(kind).collect::<Vec<_>>().join(" or ");
+        let text = match property
+            .pointer("/allOf/0/$ref")
+            .or_else(|| property.get("$ref"))
+            .and_then(Value::as_str)
+        {
+            Some("#/definitions/Expression") => "formula",
+            Some("#/definitions/Parameter") => "word",
+            _ => "text",
+        };
+        let kinds: Vec<String> = choices.iter().map(kind).collect();
+        return kinds.join(" or ").replace("text", text);
     }
     match target.get("type").and_then(Value::as_str) {
         Some("number") => "number".into(),
@@ -188,6 +198,7 @@ fn plural(items: &Map<String, Value>) -> String {
         "text" => "texts".into(),
         "mapping" => "mappings".into(),
         "list of numbers" => "pairs of numbers".into(),
+        "number or formula" => "numbers or formulas".into(),
         other => other.to_owned(),
     }
 }

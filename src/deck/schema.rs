@@ -164,13 +164,20 @@ fn admit_expressions(schema: &mut Value) {
         }
     }
 }
-/// The range that a schema allows, in words such as "must be above 0 and below 1".
+/// The range that a schema allows, in words such as "above 0 and below 1".
 pub(super) fn range_in_words(schema: &Value) -> Option<String> {
-    let bound = |key: &str, words: &str| schema.get(key).map(|limit| format!("{words} {}", shortest(limit)));
+    // The largest number that fits into memory is no range that means anything.
+    let stated = |key: &str| schema.get(key).filter(|limit| **limit != json!(u32::MAX));
+    let bound = |key: &str, words: &str| stated(key).map(|limit| format!("{words} {}", shortest(limit)));
+    if let (Some(low), Some(high)) = (stated("minimum"), stated("maximum"))
+        && low == high
+    {
+        return Some(format!("always {}", shortest(low)));
+    }
     let low = bound("exclusiveMinimum", "above").or_else(|| bound("minimum", "at least"));
     let high = bound("exclusiveMaximum", "below").or_else(|| bound("maximum", "at most"));
     let range: Vec<String> = low.into_iter().chain(high).collect();
-    (!range.is_empty()).then(|| format!("must be {}", range.join(" and ")))
+    (!range.is_empty()).then(|| range.join(" and "))
 }
 
 /// A number as a person would write it: schemas say 0.0 where 0 is meant.

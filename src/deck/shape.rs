@@ -267,9 +267,11 @@ fn range_help(error: &ValidationError<'_>) -> Option<String> {
     }
     let schema = subschema(error)?;
     let range = super::schema::range_in_words(schema)?;
-    let Some(description) = schema.get("description").and_then(Value::as_str) else { return Some(range) };
+    let Some(description) = schema.get("description").and_then(Value::as_str) else {
+        return Some(format!("must be {range}"));
+    };
     let meaning = description.split([';', ':']).next().unwrap_or(description).trim_end_matches('.');
-    Some(format!("{range} ({meaning})"))
+    Some(format!("must be {range} ({meaning})"))
 }
 
 /// Advice where a text was probably meant as a number.

@@ -56,6 +56,8 @@ impl Substitution {
 pub struct Source {
     name: String,
     text: String,
+    /// First byte of every line but the first.
+    line_starts: Vec<usize>,
     places: HashMap<String, Place>,
     substitutions: BTreeMap<String, Substitution>,
     poisoned: HashSet<String>,
@@ -88,11 +90,11 @@ impl Source {
         // The mark that some editors put in front of a text is no part of it.
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         if let Err(error) = std::str::from_utf8(bytes) {
-            source.text = String::from_utf8_lossy(bytes).into_owned();
+            source.set_text(bytes);
             let fault = source.invalid_text(error.valid_up_to());
             return (source, None, vec![fault]);
         }
-        source.text = String::from_utf8_lossy(bytes).into_owned();
+        source.set_text(bytes);
         let mut diagnostics = Vec::new();
         let value = yaml::read(&source.text, &mut diagnostics).map(|document| {
             source.places = document.places;
@@ -100,6 +102,11 @@ impl Source {
             document.value
         });
         (source, value, diagnostics)
+    }
+
+    fn set_text(&mut self, bytes: &[u8]) {
+        self.text = String::from_utf8_lossy(bytes).into_owned();
+        self.line_starts = self.text.match_indices('\n').map(|(newline, _)| newline + 1).collect();
     }
 
     fn invalid_text(&self, offset: usize) -> Diagnostic {
@@ -171,10 +178,10 @@ impl Source {
 
     /// Line and column of a byte, both counted from 1; columns count characters.
     pub fn line_column(&self, offset: usize) -> (usize, usize) {
-        let before = &self.text.as_bytes()[..offset.min(self.text.len())];
-        let line_start = before.iter().rposition(|byte| *byte == b'\n').map_or(0, |newline| newline + 1);
-        let line = before.iter().filter(|byte| **byte == b'\n').count() + 1;
-        (line, String::from_utf8_lossy(&before[line_start..]).chars().count() + 1)
+        let offset = floor_boundary(&self.text, offset);
+        let line = self.line_starts.partition_point(|start| *start <= offset);
+        let line_start = if line == 0 { 0 } else { self.line_starts[line - 1] };
+        (line + 1, self.text[line_start..offset].chars().count() + 1)
     }
 
     pub(super) fn set_substitution(&mut self, pointer: &str, substitution: Substitution) {
@@ -221,6 +228,7 @@ pub(super) fn escape(key: &str) -> String {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -1,5 +1,7 @@
 //! From YAML events to values with places.
 
+#![expect(clippy::result_large_err, reason = "a fault ends the reading, so its size does not matter")]
+
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 
@@ -284,7 +286,8 @@ impl<'a> Builder<'a> {
         // Several merge keys say what a list in one of them would say.
         let earlier = if is_plain && text == "<<" { None } else { map.known.insert(text.to_owned(), span) };
         map.pending = Some(Pending { key: text.to_owned(), span, repeated: earlier.is_some() });
-        if let Some(earlier) = earlier {
+        // A text with this many faults is something else than a deck.
+        if let Some(earlier) = earlier.filter(|_| self.diagnostics.len() < 1000) {
             let line = self.text[..earlier.start].matches('\n').count() + 1;
             let diagnostic = fault("D003", span, format!("the key {} is given twice", quote(text)));
             self.diagnostics.push(diagnostic.note(format!("it is given before in line {line}")));
