@@ -55,8 +55,8 @@ pub fn run<const D: usize, M: Mechanics<D>>(
         outcome = solver.advance::<D, M>(model, points, step, observer);
     }
     let finished = solver.summary;
-    observer.finished(model, points, &finished, outcome.as_ref().err());
-    outcome.map(|()| finished)
+    let told = observer.finished(model, points, &finished, outcome.as_ref().err());
+    outcome.and(told.map_err(SolveError::Output)).map(|()| finished)
 }
 
 /// What lives from step to step: the linear solver with its analysis, and the account of the run.

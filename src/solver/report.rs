@@ -41,14 +41,18 @@ pub trait Observer<const D: usize> {
         false
     }
 
-    /// The run has ended, with an error or without.
+    /// The run has ended, with an error or without; `points.converged` is the last equilibrated state.
+    ///
+    /// # Errors
+    /// An error becomes the outcome of a run that had none.
     fn finished(
         &mut self,
         _model: &Model<D>,
         _points: &Points<D>,
         _summary: &Summary,
         _error: Option<&SolveError>,
-    ) {
+    ) -> std::io::Result<()> {
+        Ok(())
     }
 }
 

@@ -43,7 +43,8 @@ impl Observer<2> for Recorder {
             for &id in ids {
                 let p = place[id as usize];
                 for d in 0..2 {
-                    u[d] += (points.converged.position[p][d] - points.original_position[p][d]) / ids.len() as f64;
+                    u[d] +=
+                        (points.converged.position[p][d] - points.original_position[p][d]) / ids.len() as f64;
                 }
             }
             u

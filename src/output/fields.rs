@@ -1,0 +1,269 @@
+//! The fields of material points and grid nodes as they stand in the files.
+
+use rayon::prelude::*;
+
+use crate::model::Model;
+use crate::points::Points;
+use crate::solver::GridFields;
+use crate::tensor::{Mat3, Sym3};
+
+use super::vtu::{Field, SYMMETRIC_TENSOR, TENSOR, VECTOR, Values};
+
+/// Row and column of each component of a symmetric tensor in ParaView's order.
+const PARAVIEW: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)];
+
+/// The history variable that every file carries, zero for laws that do not have it.
+const EQUIVALENT_PLASTIC_STRAIN: &str = "equivalent_plastic_strain";
+
+/// One field, owned.
+pub struct OwnedField {
+    name: String,
+    names: &'static [&'static str],
+    components: usize,
+    values: OwnedValues,
+}
+
+enum OwnedValues {
+    Float(Vec<f64>),
+    Integer(Vec<i32>),
+}
+
+impl OwnedField {
+    fn float(name: &str, names: &'static [&'static str], values: Vec<f64>) -> OwnedField {
+        OwnedField {
+            name: name.to_owned(),
+            names,
+            components: names.len().max(1),
+            values: OwnedValues::Float(values),
+        }
+    }
+
+    fn integer(name: &str, values: Vec<i32>) -> OwnedField {
+        OwnedField { name: name.to_owned(), names: &[], components: 1, values: OwnedValues::Integer(values) }
+    }
+
+    /// The field as the writer takes it.
+    pub fn as_field(&self) -> Field<'_> {
+        Field {
+            name: &self.name,
+            components: self.components,
+            component_names: self.names,
+            values: match &self.values {
+                OwnedValues::Float(values) => Values::Float64(values),
+                OwnedValues::Integer(values) => Values::Int32(values),
+            },
+        }
+    }
+}
+
+/// A vector as three components, zero beyond `D`.
+pub fn padded<const D: usize>(v: &[f64; D]) -> [f64; 3] {
+    std::array::from_fn(|d| if d < D { v[d] } else { 0.0 })
+}
+
+/// What the files say of one point, beyond its history variables.
+struct PointValues {
+    displacement: [f64; 3],
+    deformation_gradient: [f64; 9],
+    volume_ratio: f64,
+    cauchy_stress: [f64; 6],
+    elastic_strain: [f64; 6],
+    plastic_strain: [f64; 6],
+    von_mises: f64,
+    pressure: f64,
+    volume: f64,
+}
+
+fn paraview(t: &Sym3) -> [f64; 6] {
+    PARAVIEW.map(|(i, j)| t.component(i, j))
+}
+
+/// Logarithmic plastic strain −½ ln(F⁻¹ b^e F⁻ᵀ) in the original configuration.
+fn plastic_strain(f: &Mat3, elastic_strain: &Sym3) -> Sym3 {
+    let inverse = f.try_inverse().unwrap_or_else(Mat3::identity);
+    let b = elastic_strain.map_eigenvalues(|e| (2.0 * e).exp()).to_matrix();
+    Sym3::symmetric_part(&(inverse * b * inverse.transpose())).map_eigenvalues(f64::ln) * -0.5
+}
+
+fn point_values<const D: usize>(points: &Points<D>, p: usize, yielded: bool) -> PointValues {
+    let state = &points.converged;
+    let f = &state.deformation_gradient[p];
+    let volume_ratio = f.determinant();
+    let sigma = state.kirchhoff_stress[p] * (1.0 / volume_ratio);
+    let plastic = if yielded { plastic_strain(f, &state.elastic_strain[p]) } else { Sym3::ZERO };
+    let u: [f64; D] = std::array::from_fn(|d| state.position[p][d] - points.original_position[p][d]);
+    PointValues {
+        displacement: padded(&u),
+        deformation_gradient: std::array::from_fn(|c| f[(c / 3, c % 3)]),
+        volume_ratio,
+        cauchy_stress: paraview(&sigma),
+        elastic_strain: paraview(&state.elastic_strain[p]),
+        plastic_strain: paraview(&plastic),
+        von_mises: (1.5f64).sqrt() * sigma.deviator().norm(),
+        pressure: -sigma.trace() / 3.0,
+        volume: volume_ratio * points.original_volume[p],
+    }
+}
+
+/// The fields of the points listed in `order`, converged state.
+pub fn point_fields<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    order: &[usize],
+) -> Vec<OwnedField> {
+    let plastic = history(model, points, order, EQUIVALENT_PLASTIC_STRAIN);
+    let values: Vec<PointValues> = order
+        .par_iter()
+        .zip(&plastic)
+        .map(|(&p, plastic)| point_values(points, p, *plastic != 0.0))
+        .collect();
+    let scalar = |of: fn(&PointValues) -> f64| values.iter().map(of).collect::<Vec<f64>>();
+    let six = |of: fn(&PointValues) -> &[f64; 6]| values.iter().flat_map(of).copied().collect::<Vec<f64>>();
+    let body = |p: &usize| points.body[*p];
+    let mut fields = vec![
+        OwnedField::float("displacement", &VECTOR, values.iter().flat_map(|v| v.displacement).collect()),
+        OwnedField::float(
+            "deformation_gradient",
+            &TENSOR,
+            values.iter().flat_map(|v| v.deformation_gradient).collect(),
+        ),
+        OwnedField::float("J", &[], scalar(|v| v.volume_ratio)),
+        OwnedField::float("cauchy_stress", &SYMMETRIC_TENSOR, six(|v| &v.cauchy_stress)),
+        OwnedField::float("elastic_strain", &SYMMETRIC_TENSOR, six(|v| &v.elastic_strain)),
+        OwnedField::float("plastic_strain", &SYMMETRIC_TENSOR, six(|v| &v.plastic_strain)),
+        OwnedField::float(EQUIVALENT_PLASTIC_STRAIN, &[], plastic),
+        OwnedField::float("von_mises_stress", &[], scalar(|v| v.von_mises)),
+        OwnedField::float("pressure", &[], scalar(|v| v.pressure)),
+        OwnedField::float("volume", &[], scalar(|v| v.volume)),
+        OwnedField::integer("body_id", order.iter().map(|p| i32::from(body(p))).collect()),
+        OwnedField::integer(
+            "material_id",
+            order.iter().map(|p| model.bodies[body(p) as usize].material as i32).collect(),
+        ),
+        OwnedField::integer("point_id", order.iter().map(|&p| points.id[p] as i32).collect()),
+    ];
+    for name in other_history(model) {
+        fields.push(OwnedField::float(name, &[], history(model, points, order, name)));
+    }
+    fields
+}
+
+/// A history variable by name, zero for laws that do not have it.
+fn history<const D: usize>(model: &Model<D>, points: &Points<D>, order: &[usize], name: &str) -> Vec<f64> {
+    let place: Vec<Option<usize>> = model
+        .bodies
+        .iter()
+        .map(|b| model.materials[b.material].law.state_fields().iter().position(|f| f.name == name))
+        .collect();
+    let value = |p: usize| match place[points.body[p] as usize] {
+        Some(k) => points.converged.history[p * points.history_len + k],
+        None => 0.0,
+    };
+    order.iter().map(|&p| value(p)).collect()
+}
+
+/// Names of the history variables of all laws, without the one that every file carries.
+fn other_history<const D: usize>(model: &Model<D>) -> Vec<&'static str> {
+    let mut names: Vec<&str> =
+        model.materials.iter().flat_map(|m| m.law.state_fields()).map(|f| f.name).collect();
+    names.sort_unstable();
+    names.dedup();
+    names.retain(|name| *name != EQUIVALENT_PLASTIC_STRAIN);
+    names
+}
+
+/// The cells that points overlap, as corners among the active nodes in the order of a VTK quadrilateral or
+/// hexahedron; the nodes; and their fields.
+pub struct GridMesh {
+    /// Positions of the active nodes.
+    pub nodes: Vec<[f64; 3]>,
+    /// Corners of the active cells.
+    pub corners: Vec<i64>,
+    /// Displacement increment and reaction of the nodes.
+    pub fields: Vec<OwnedField>,
+}
+
+/// The active part of the grid in a load step.
+pub fn grid_mesh<const D: usize>(model: &Model<D>, grid: &GridFields<D>) -> GridMesh {
+    let links = &grid.links;
+    let active = links.active_nodes();
+    let mut cells = Vec::new();
+    for group in 0..links.n_groups() {
+        let nodes = links.nodes_of(group);
+        let mut last: &[u32] = &[];
+        for p in links.points_of(group) {
+            let local = links.links(p).local;
+            if local == last {
+                continue;
+            }
+            last = local;
+            let index = |l: u32| model.grid.node_index(active[nodes[l as usize] as usize] as usize);
+            let (Some(&first), Some(&final_)) = (local.first(), local.last()) else { continue };
+            collect_cells(model, index(first), index(final_), &mut cells);
+        }
+    }
+    cells.sort_unstable();
+    cells.dedup();
+    let swap = |k: usize| match k % 4 {
+        2 => k + 1,
+        3 => k - 1,
+        _ => k,
+    };
+    let mut corners = Vec::with_capacity(cells.len() << D);
+    for &cell in &cells {
+        let nodes: Vec<usize> = model.grid.cell_nodes(cell).collect();
+        corners.extend(
+            (0..nodes.len()).map(|k| links.active_number(nodes[swap(k)]).map_or(0, |active| active as i64)),
+        );
+    }
+    GridMesh {
+        nodes: active.iter().map(|&node| padded(&model.grid.node_position(node as usize))).collect(),
+        corners,
+        fields: vec![
+            OwnedField::float(
+                "displacement_increment",
+                &VECTOR,
+                grid.delta_d.iter().flat_map(padded).collect(),
+            ),
+            OwnedField::float("reaction", &VECTOR, grid.reaction.iter().flat_map(padded).collect()),
+        ],
+    }
+}
+
+/// Cells between the lowest and the highest node that a point touches.
+fn collect_cells<const D: usize>(
+    model: &Model<D>,
+    low: [usize; D],
+    high: [usize; D],
+    cells: &mut Vec<usize>,
+) {
+    let count: [usize; D] = std::array::from_fn(|d| (high[d] - low[d]).max(1));
+    for number in 0..count.iter().product() {
+        let mut rest: usize = number;
+        let index = std::array::from_fn(|d| {
+            let k = rest % count[d];
+            rest /= count[d];
+            (low[d] + k).min(model.grid.cells()[d] - 1)
+        });
+        cells.push(model.grid.cell(index));
+    }
+}
+
+/// Corners of the domains of the points in `order`, in the order of a VTK quadrilateral or hexahedron.
+pub fn domain_corners<const D: usize>(points: &Points<D>, order: &[usize]) -> Vec<[f64; 3]> {
+    let swap = |k: usize| match k % 4 {
+        2 => k + 1,
+        3 => k - 1,
+        _ => k,
+    };
+    let mut corners = Vec::with_capacity(order.len() << D);
+    for &p in order {
+        let (x, l) = (&points.converged.position[p], &points.converged.half_lengths[p]);
+        for k in 0..1usize << D {
+            let corner: [f64; D] =
+                std::array::from_fn(|d| if swap(k) >> d & 1 == 1 { x[d] + l[d] } else { x[d] - l[d] });
+            corners.push(padded(&corner));
+        }
+    }
+    corners
+}

@@ -1,0 +1,246 @@
+//! The results directory of a run: VTU series, tables and summary.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::basis::Connectivity;
+use crate::model::Model;
+use crate::points::Points;
+use crate::solver::{GridFields, Observer, SolveError, Step, StepReport, Summary};
+
+use super::fields::{OwnedField, domain_corners, grid_mesh, padded, point_fields};
+use super::series::Series;
+use super::summary::{Account, Outcome};
+use super::table::{Entry, Table};
+use super::vtu::{self, CellKind, Field, Mesh};
+
+/// Names of the series.
+const SERIES: [&str; 3] = ["points", "domains", "grid"];
+
+/// Writes everything that a run leaves behind into one directory.
+pub struct Results {
+    directory: PathBuf,
+    every: usize,
+    history: Table,
+    convergence: Table,
+    series: [Series; 3],
+    /// The last step whose points were written.
+    written: Option<usize>,
+    /// The first failure of a table that could not be reported at once.
+    failure: Option<io::Error>,
+    account: Account,
+    last: Step,
+}
+
+impl Results {
+    /// Prepares a directory for a run: creates it, removes the series of an earlier run and opens the tables.
+    /// VTU files are written every `every` steps and for the last one; 0 writes none.
+    ///
+    /// # Errors
+    /// When the directory cannot be created or written.
+    pub fn create<const D: usize>(
+        directory: &Path,
+        every: usize,
+        model: &Model<D>,
+        account: Account,
+    ) -> io::Result<Results> {
+        std::fs::create_dir_all(directory)?;
+        remove_earlier_series(directory)?;
+        let axes = &["x", "y", "z"][..D];
+        let mut columns: Vec<String> = ["step", "time", "iterations", "residual"].map(String::from).to_vec();
+        for condition in &model.boundary_conditions {
+            columns.extend(axes.iter().map(|axis| format!("{}_r{axis}", condition.name)));
+        }
+        for probe in &model.probes {
+            columns.extend(axes.iter().map(|axis| format!("{}_u{axis}", probe.name)));
+        }
+        columns.extend(["external_work", "strain_energy"].map(String::from));
+        Ok(Results {
+            directory: directory.to_owned(),
+            every,
+            history: Table::create(directory.join("history.csv"), &columns)?,
+            convergence: Table::create(
+                directory.join("convergence.csv"),
+                &["step", "iteration", "residual"],
+            )?,
+            series: SERIES.map(|name| Series::new(directory.join(format!("{name}.pvd")))),
+            written: None,
+            failure: None,
+            account,
+            last: Step { index: 0, start: 0.0, end: 0.0 },
+        })
+    }
+
+    /// The directory.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    fn write_series(
+        &mut self,
+        which: usize,
+        step: Step,
+        mesh: &Mesh,
+        point_data: &[OwnedField],
+        cell_data: &[OwnedField],
+    ) -> io::Result<()> {
+        let name = format!("{}_{:04}.vtu", SERIES[which], step.index);
+        let point_data: Vec<Field> = point_data.iter().map(OwnedField::as_field).collect();
+        let cell_data: Vec<Field> = cell_data.iter().map(OwnedField::as_field).collect();
+        let path = self.directory.join(&name);
+        vtu::write(&path, step.end, step.index as i64, mesh, &point_data, &cell_data)?;
+        self.series[which].push(step.end, &name)
+    }
+
+    fn write_points<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        step: Step,
+    ) -> io::Result<()> {
+        let order = points.by_id();
+        let positions: Vec<[f64; 3]> = order.iter().map(|&p| padded(&points.converged.position[p])).collect();
+        let vertices: Vec<i64> = (0..order.len() as i64).collect();
+        let fields = point_fields(model, points, &order);
+        let mesh = Mesh { points: &positions, kind: CellKind::Vertex, connectivity: &vertices };
+        self.write_series(0, step, &mesh, &fields, &[])?;
+
+        let has_domain = |p: &usize| model.bodies[points.body[*p] as usize].method.has_domain();
+        let with_domain: Vec<usize> = order.into_iter().filter(has_domain).collect();
+        if !with_domain.is_empty() {
+            let corners = domain_corners(points, &with_domain);
+            let connectivity: Vec<i64> = (0..corners.len() as i64).collect();
+            let fields = point_fields(model, points, &with_domain);
+            let mesh = Mesh { points: &corners, kind: box_kind::<D>(), connectivity: &connectivity };
+            self.write_series(1, step, &mesh, &[], &fields)?;
+        }
+        self.written = Some(step.index);
+        Ok(())
+    }
+
+    fn write_grid<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        grid: &GridFields<D>,
+        step: Step,
+    ) -> io::Result<()> {
+        let active = grid_mesh(model, grid);
+        let mesh = Mesh { points: &active.nodes, kind: box_kind::<D>(), connectivity: &active.corners };
+        self.write_series(2, step, &mesh, &active.fields, &[])
+    }
+
+    fn write_history<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        report: &StepReport<D>,
+        summary: &Summary,
+    ) -> io::Result<()> {
+        let residual = report.residuals.last().copied().unwrap_or(0.0);
+        let mut row: Vec<Entry> = vec![
+            (report.step.index as i64).into(),
+            report.step.end.into(),
+            (report.residuals.len() as i64 - 1).into(),
+            residual.into(),
+        ];
+        row.extend(report.reactions.iter().flatten().map(|r| Entry::from(*r)));
+        let place = points.by_id();
+        for probe in &model.probes {
+            for d in 0..D {
+                let moved = |id: &u32| {
+                    let p = place[*id as usize];
+                    points.converged.position[p][d] - points.original_position[p][d]
+                };
+                let sum: f64 = probe.points.iter().map(moved).sum();
+                row.push((sum / probe.points.len().max(1) as f64).into());
+            }
+        }
+        row.extend([Entry::from(summary.external_work), Entry::from(summary.strain_energy)]);
+        self.history.push(&row)
+    }
+
+    fn is_due<const D: usize>(&self, model: &Model<D>, step: usize) -> bool {
+        self.every > 0 && (step.is_multiple_of(self.every) || step == model.n_steps)
+    }
+}
+
+fn box_kind<const D: usize>() -> CellKind {
+    if D == 2 { CellKind::Quad } else { CellKind::Hexahedron }
+}
+
+/// Removes the series that an earlier run left in the directory, so that none of its files are mistaken for ours.
+fn remove_earlier_series(directory: &Path) -> io::Result<()> {
+    for entry in std::fs::read_dir(directory)? {
+        let path = entry?.path();
+        let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
+        let ours = SERIES.iter().any(|series| {
+            let Some(rest) = name.strip_prefix(series) else { return false };
+            let number = rest.strip_prefix('_').and_then(|r| r.strip_suffix(".vtu"));
+            rest == ".pvd" || number.is_some_and(|n| n.len() >= 4 && n.bytes().all(|b| b.is_ascii_digit()))
+        });
+        if ours || name == "summary.json" {
+            std::fs::remove_file(&path)?;
+        }
+    }
+    Ok(())
+}
+
+impl<const D: usize> Observer<D> for Results {
+    fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
+        if self.every == 0 {
+            return Ok(());
+        }
+        self.write_points(model, points, self.last)?;
+        // The links of the undeformed points, only to show which cells are active.
+        let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
+        let mut copy = points.clone();
+        let Ok(links) = Connectivity::new(&model.grid, &mut copy, &methods) else { return Ok(()) };
+        let zero = vec![[0.0; D]; links.n_active()];
+        let grid = GridFields { links, delta_d: zero.clone(), reaction: zero };
+        self.write_grid(model, &grid, self.last)
+    }
+
+    fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
+        if residual.is_finite() && self.failure.is_none() {
+            let row = [Entry::from(step.index as i64), Entry::from(iteration as i64), Entry::from(residual)];
+            self.failure = self.convergence.push(&row).err();
+        }
+    }
+
+    fn converged(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        report: &StepReport<D>,
+        summary: &Summary,
+    ) -> io::Result<()> {
+        self.last = report.step;
+        if let Some(error) = self.failure.take() {
+            return Err(error);
+        }
+        if self.is_due(model, report.step.index) {
+            self.write_points(model, points, report.step)?;
+            self.write_grid(model, &report.grid, report.step)?;
+        }
+        self.write_history(model, points, report, summary)
+    }
+
+    fn finished(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        summary: &Summary,
+        error: Option<&SolveError>,
+    ) -> io::Result<()> {
+        // The last equilibrated step is never lost, whatever `every` says.
+        if self.every > 0 && self.written.is_some_and(|w| w < self.last.index) {
+            self.write_points(model, points, self.last)?;
+        }
+        let outcome = match error {
+            None => Outcome::Completed,
+            Some(SolveError::Interrupted { .. }) => Outcome::Interrupted,
+            Some(error) => Outcome::Failed(error.to_string()),
+        };
+        self.account.write(&self.directory.join("summary.json"), model, points, summary, &outcome)
+    }
+}

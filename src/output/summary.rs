@@ -1,0 +1,136 @@
+//! `summary.json`: what a run did, how well, and at what cost.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::Path;
+use std::time::Instant;
+
+use cpu_time::ProcessTime;
+use serde_json::{Map, Value, json};
+
+use crate::deck::Parameter;
+use crate::model::Model;
+use crate::points::Points;
+use crate::solver::Summary;
+use crate::timing::{Phase, Timings};
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Outcome {
+    /// All steps are in equilibrium.
+    Completed,
+    /// The user stopped it.
+    Interrupted,
+    /// It could not go on, with the reason.
+    Failed(String),
+}
+
+/// What is known before the run begins.
+#[derive(Debug, Clone)]
+pub struct Account {
+    /// When the program began.
+    pub began: Instant,
+    /// Parameters of the deck with their final values.
+    pub parameters: BTreeMap<String, Parameter>,
+    /// Time spent so far, reading the deck and building the model.
+    pub set_up: Timings,
+    /// Number of threads.
+    pub threads: usize,
+}
+
+impl Account {
+    pub(super) fn write<const D: usize>(
+        &self,
+        path: &Path,
+        model: &Model<D>,
+        points: &Points<D>,
+        summary: &Summary,
+        outcome: &Outcome,
+    ) -> io::Result<()> {
+        let mut timings = self.set_up.clone();
+        timings.add(&summary.timings);
+        let (word, reason) = match outcome {
+            Outcome::Completed => ("completed", Value::Null),
+            Outcome::Interrupted => ("interrupted", Value::Null),
+            Outcome::Failed(reason) => ("failed", json!(reason)),
+        };
+        let seconds = |total: f64, of: &dyn Fn(Phase) -> f64| {
+            let mut map = Map::new();
+            map.insert("total".to_owned(), json!(total));
+            for phase in Phase::ALL {
+                map.insert(phase.name().to_owned(), json!(of(phase)));
+            }
+            Value::Object(map)
+        };
+        let wall = self.began.elapsed().as_secs_f64();
+        let cpu = ProcessTime::now().as_duration().as_secs_f64();
+        let solved = cpu - timings.of(Phase::Output).cpu.as_secs_f64();
+        let visits = (points.len() * summary.evaluations) as f64;
+        let document = json!({
+            "outcome": word,
+            "reason": reason,
+            "version": env!("CARGO_PKG_VERSION"),
+            "title": model.title,
+            "parameters": self.parameters,
+            "threads": self.threads,
+            "points": points.len(),
+            "cells": model.grid.n_cells(),
+            "unknowns": summary.unknowns,
+            "steps": summary.steps,
+            "steps_requested": model.n_steps,
+            "evaluations": summary.evaluations,
+            "linear_solves": summary.linear_solves,
+            "indefinite_solves": summary.indefinite_solves,
+            "external_work": summary.external_work,
+            "strain_energy": summary.strain_energy,
+            "wall_seconds": seconds(wall, &|phase| timings.of(phase).wall.as_secs_f64()),
+            "cpu_seconds": seconds(cpu, &|phase| timings.of(phase).cpu.as_secs_f64()),
+            "cpu_microseconds_per_point_and_evaluation": {
+                "all": if visits > 0.0 { json!(1e6 * cpu / visits) } else { Value::Null },
+                "without_output": if visits > 0.0 { json!(1e6 * solved / visits) } else { Value::Null },
+            },
+            "peak_memory_bytes": peak_memory(),
+            "bodies": bodies(model, points),
+        });
+        let mut text = serde_json::to_string_pretty(&document).map_err(io::Error::other)?;
+        text.push('\n');
+        super::replace::replace_file(path, |out| out.write_all(text.as_bytes()))
+    }
+}
+
+/// The extent of every body: of its points, and of their domains. A point without domain counts as a square (cube)
+/// of its volume, as the paper's footnote 7.
+fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
+    let mut map = Map::new();
+    for (number, body) in model.bodies.iter().enumerate() {
+        let (mut low, mut high) = ([f64::INFINITY; D], [f64::NEG_INFINITY; D]);
+        let (mut inner, mut outer) = (low, high);
+        let mut count = 0usize;
+        for p in (0..points.len()).filter(|&p| points.body[p] as usize == number) {
+            count += 1;
+            let side = 0.5 * points.volume(p).powf(1.0 / D as f64);
+            for d in 0..D {
+                let x = points.converged.position[p][d];
+                let l = if body.method.has_domain() { points.converged.half_lengths[p][d] } else { side };
+                low[d] = low[d].min(x);
+                high[d] = high[d].max(x);
+                inner[d] = inner[d].min(x - l);
+                outer[d] = outer[d].max(x + l);
+            }
+        }
+        let extent = |min: [f64; D], max: [f64; D]| json!({"min": min.to_vec(), "max": max.to_vec()});
+        let value = json!({
+            "points": count,
+            "extent": {"points": extent(low, high), "domain": extent(inner, outer)},
+        });
+        map.insert(body.name.clone(), value);
+    }
+    Value::Object(map)
+}
+
+/// Largest resident memory of the process so far, where the system tells.
+fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib * 1024)
+}

@@ -1,0 +1,111 @@
+//! What the user sees while a run goes on: a bar on a terminal, plain lines elsewhere.
+#![expect(clippy::print_stderr, reason = "messages for the user go to standard error")]
+
+use std::io::{self, IsTerminal};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use mpm::model::Model;
+use mpm::output::results::Results;
+use mpm::points::Points;
+use mpm::solver::{Observer, SolveError, Step, StepReport, Summary};
+use mpm::timing::{Phase, Timings};
+
+/// Writes the results and shows the progress of a run.
+pub struct Watch {
+    results: Results,
+    bar: Option<ProgressBar>,
+    n_steps: usize,
+    stop: Arc<AtomicBool>,
+}
+
+impl Watch {
+    /// Watches a run that `stop` may end.
+    pub fn new(results: Results, model: &Model<2>, points: &Points<2>, stop: Arc<AtomicBool>) -> Self {
+        if !model.title.is_empty() {
+            eprintln!("{}", model.title);
+        }
+        eprintln!("{} points, {} cells, {} load steps", points.len(), model.grid.n_cells(), model.n_steps);
+        let bar = io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::new(model.n_steps as u64);
+            let layout = "{bar:30} step {pos}/{len} {msg} [{elapsed} < {eta}]";
+            if let Ok(style) = ProgressStyle::with_template(layout) {
+                bar.set_style(style);
+            }
+            bar
+        });
+        Watch { results, bar, n_steps: model.n_steps, stop }
+    }
+
+    /// Leaves the terminal tidy.
+    pub fn end(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+impl Observer<2> for Watch {
+    fn started(&mut self, model: &Model<2>, points: &Points<2>) -> io::Result<()> {
+        self.results.started(model, points)
+    }
+
+    fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
+        Observer::<2>::iteration(&mut self.results, step, iteration, residual);
+        if let Some(bar) = &self.bar {
+            bar.set_message(format!("iteration {iteration} residual {residual:.1e}"));
+        }
+    }
+
+    fn converged(
+        &mut self,
+        model: &Model<2>,
+        points: &Points<2>,
+        report: &StepReport<2>,
+        summary: &Summary,
+    ) -> io::Result<()> {
+        match &self.bar {
+            Some(bar) => bar.inc(1),
+            None => eprintln!(
+                "step {}/{}: {} iterations, residual {:.2e}",
+                report.step.index,
+                self.n_steps,
+                report.residuals.len() - 1,
+                report.residuals.last().copied().unwrap_or(0.0)
+            ),
+        }
+        self.results.converged(model, points, report, summary)
+    }
+
+    fn interrupted(&self) -> bool {
+        self.stop.load(Ordering::SeqCst)
+    }
+
+    fn finished(
+        &mut self,
+        model: &Model<2>,
+        points: &Points<2>,
+        summary: &Summary,
+        error: Option<&SolveError>,
+    ) -> io::Result<()> {
+        self.results.finished(model, points, summary, error)
+    }
+}
+
+/// Prints the phases of a run in the manner of the paper's Table 5.
+pub fn print_timings(timings: &Timings) {
+    let total: f64 = Phase::ALL.iter().map(|&phase| timings.of(phase).wall.as_secs_f64()).sum();
+    eprintln!("{:<10} {:>10} {:>10} {:>7}", "phase", "wall [s]", "CPU [s]", "share");
+    for phase in Phase::ALL {
+        let spent = timings.of(phase);
+        let wall = spent.wall.as_secs_f64();
+        eprintln!(
+            "{:<10} {:>10.3} {:>10.3} {:>6.1}%",
+            phase.name(),
+            wall,
+            spent.cpu.as_secs_f64(),
+            100.0 * wall / total.max(f64::MIN_POSITIVE)
+        );
+    }
+}
