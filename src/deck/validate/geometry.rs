@@ -10,7 +10,7 @@ const AXES: [&str; DIMENSIONS] = ["x", "y"];
 /// Most cells of a grid, and most points of a body: far beyond what can be computed.
 const MOST: f64 = 1e8;
 /// Most points along an axis of a cell.
-const MOST_PER_CELL: u32 = 100;
+const MOST_PER_CELL: u32 = 1000;
 /// Relative error up to which a length is a whole multiple of another; text such as 0.1 is not exact.
 const WHOLE: f64 = 1e-6;
 
