@@ -23,7 +23,8 @@ fn largest_difference(analysis: &Analysis, name: &str, skip: &[usize]) -> f64 {
     let reference = reference(name);
     assert_eq!(reference.len(), analysis.steps.len());
     let compared = reference.iter().zip(&analysis.steps).filter(|((step, ..), _)| !skip.contains(step));
-    let distances = compared.flat_map(|((_, _, u), ours)| (0..2).map(move |d| (u[d] - ours.probes[0][d]).abs()));
+    let distances =
+        compared.flat_map(|((_, _, u), ours)| (0..2).map(move |d| (u[d] - ours.probes[0][d]).abs()));
     let largest = distances.fold(0.0, f64::max);
     println!("{name}: {largest:.2e} m, {} evaluations", analysis.evaluations());
     largest
@@ -40,11 +41,38 @@ fn assert_balanced(analysis: &Analysis) {
     }
 }
 
-fn assert_quadratic(analysis: &Analysis) {
-    for (k, step) in analysis.steps.iter().enumerate() {
-        let digits: Vec<f64> = step.residuals.iter().map(|r| -r.log10()).collect();
-        let n = digits.len() - 1;
-        if !(digits[n] > 13.4 || digits[n] > 2.0*digits[n-1] - 3.9) { println!("step {} {:?}", k+1, step.residuals); }
+/// Digits of a residual.
+fn digits(residual: f64) -> f64 {
+    -residual.log10()
+}
+
+/// Whether the last iteration of a step doubles the number of correct digits, but for a constant: r' ≤ 10⁴ r², or
+/// round-off. The constant is the ratio of axial to bending stiffness of the beam, whose residual falls alternately
+/// in the one and in the other. A tangent with an error of a hundredth converges linearly and fails this.
+fn ends_quadratically(residuals: &[f64]) -> bool {
+    match residuals {
+        [.., before, last] => digits(*last) >= (2.0 * digits(*before) - 4.0).min(13.4),
+        _ => false,
+    }
+}
+
+/// Every step but `skip` ends quadratically.
+fn assert_quadratic(analysis: &Analysis, skip: &[usize]) {
+    for (k, step) in analysis.steps.iter().enumerate().filter(|(k, _)| !skip.contains(&(k + 1))) {
+        assert!(ends_quadratically(&step.residuals), "step {}: {:?}", k + 1, step.residuals);
+    }
+}
+
+#[test]
+fn the_test_of_quadratic_convergence_refuses_linear_convergence() {
+    assert!(ends_quadratically(&[1.0, 1e-2, 1e-4, 1e-8, 1e-14]));
+    assert!(ends_quadratically(&[1.0, 2.4e-4, 5.5e-5, 1.5e-10]));
+    for rate in [0.5, 0.1, 1e-2] {
+        let mut linear = vec![1.0];
+        while linear[linear.len() - 1] > 1e-9 {
+            linear.push(linear[linear.len() - 1] * rate);
+        }
+        assert!(!ends_quadratically(&linear), "{rate}");
     }
 }
 
@@ -52,7 +80,7 @@ fn assert_quadratic(analysis: &Analysis) {
 fn standard_points_follow_ample() {
     let analysis = beam("0.5", "mpm", "corners");
     assert_balanced(&analysis);
-    assert_quadratic(&analysis);
+    assert_quadratic(&analysis, &[]);
     assert!(largest_difference(&analysis, "beam_h0.5_mpm_6", &[]) < 1e-6);
     assert!(analysis.evaluations().abs_diff(241) <= 2);
 }
@@ -61,26 +89,51 @@ fn standard_points_follow_ample() {
 fn gimp_points_follow_ample_except_where_it_did_not_converge() {
     let analysis = beam("0.5", "gimp", "stretch");
     assert!(largest_difference(&analysis, "beam_h0.5_gimp_6", &[10]) < 1e-6);
-    assert!(*analysis.steps[9].residuals.last().unwrap() <= 1e-9, "step 10 is in equilibrium here");
-    for s in &analysis.steps { println!("{:?}", s.residuals); }
+    // In step 10 nearly empty cells make the residual rise and fall, here and in both reference programs.
+    assert_quadratic(&analysis, &[10]);
+    assert!(analysis.steps[9].residuals.iter().any(|r| *r <= 1e-9), "step 10 is in equilibrium here");
+    assert!(analysis.evaluations().abs_diff(248) <= 2);
 }
 
+/// The shape that eq. (37) gives to the domain at the free corner hangs on nodes of nearly empty cells; two correct
+/// programs drift apart by a few micrometres there, so the update `corners` is held to 5e-6 m on the coarser grids.
 #[test]
 fn refined_grids_follow_the_independent_program() {
-    for (h, method, update, name) in [
-        ("0.5", "gimp", "corners", "beam_h0.5_gimp_6_eq37"),
-        ("0.25", "mpm", "corners", "beam_h0.25_mpm_6"),
-        ("0.25", "gimp", "stretch", "beam_h0.25_gimp_6_eq34"),
-        ("0.25", "gimp", "corners", "beam_h0.25_gimp_6_eq37"),
-        ("0.125", "mpm", "corners", "beam_h0.125_mpm_6"),
-        ("0.125", "gimp", "stretch", "beam_h0.125_gimp_6_eq34"),
-        ("0.125", "gimp", "corners", "beam_h0.125_gimp_6_eq37"),
+    for (h, method, update, name, tolerance) in [
+        ("0.25", "mpm", "corners", "beam_h0.25_mpm_6", 1e-6),
+        ("0.25", "gimp", "stretch", "beam_h0.25_gimp_6_eq34", 1e-6),
+        ("0.125", "mpm", "corners", "beam_h0.125_mpm_6", 1e-6),
+        ("0.5", "gimp", "corners", "beam_h0.5_gimp_6_eq37", 5e-6),
+        ("0.25", "gimp", "corners", "beam_h0.25_gimp_6_eq37", 5e-6),
     ] {
         let analysis = beam(h, method, update);
-        largest_difference(&analysis, name, &[10]); assert_quadratic(&analysis);
-        if h == "0.125" && method=="gimp" {
-            println!("{update} {:?}", analysis.steps[9].residuals);
-            println!("{update} {:?}", analysis.steps[19].residuals);
+        assert!(largest_difference(&analysis, name, &[]) < tolerance);
+        let counts: usize = reference(name).iter().map(|r| r.1).sum();
+        assert!(analysis.evaluations().abs_diff(counts) <= 3);
+        if update == "stretch" || method == "mpm" {
+            assert_quadratic(&analysis, &[]);
         }
+        if method == "mpm" {
+            assert_balanced(&analysis);
+        }
+    }
+}
+
+/// Table 3, load step 10 (h = 0.125 m, GIMP): the printed digits, the last two entries to 1 %. The later columns of
+/// the table are not reproduced by any update; see `docs/verification/beam.md`.
+#[test]
+fn table_3_step_10() {
+    const PAPER: [f64; 5] = [1.622e1, 1.242e-1, 2.436e-4, 5.524e-5, 1.470e-10];
+    for (update, name) in [("stretch", "beam_h0.125_gimp_6_eq34"), ("corners", "beam_h0.125_gimp_6_eq37")] {
+        let analysis = beam("0.125", "gimp", update);
+        let ours = &analysis.steps[9].residuals;
+        assert_eq!(ours.len(), PAPER.len());
+        for (k, (ours, paper)) in ours.iter().zip(PAPER).enumerate() {
+            println!("{update} NR it. {k}: paper {paper:.3e}, here {ours:.3e}");
+            let tolerance = if k < 3 { 5e-4 } else { 1e-2 };
+            assert!((ours / paper - 1.0).abs() < tolerance, "NR it. {k}: paper {paper:.3e}, here {ours:.4e}");
+        }
+        assert_quadratic(&analysis, &[]);
+        assert!(largest_difference(&analysis, name, &[]) < 1e-6);
     }
 }

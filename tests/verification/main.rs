@@ -3,3 +3,4 @@
 
 mod analysis;
 mod beam;
+mod collapse;
