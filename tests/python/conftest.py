@@ -41,12 +41,17 @@ def analyse(mpm, tmp_path_factory):
     return run
 
 
-BEAM = {"h": 0.5, "n": 2, "method": "gimp", "update": "corners", "steps": 3}
+BEAM = {"h": 0.5, "n": 6, "method": "gimp", "update": "corners", "steps": 20}
 
 
 @pytest.fixture(scope="session")
 def beam(analyse):
     return analyse("inputs/beam.yaml", **BEAM)
+
+
+@pytest.fixture(scope="session")
+def beam_of_standard_points(analyse):
+    return analyse("inputs/beam.yaml", h=0.5, n=3, method="mpm", steps=50)
 
 
 @pytest.fixture(scope="session")
