@@ -203,6 +203,9 @@ impl Check<'_> {
                 let (origin, spacing) = (grid.extent.min[axis], grid.spacing[axis]);
                 let line = origin + ((edge - origin) / spacing).round() * spacing;
                 if (edge - line).abs() > WHOLE * spacing {
+                    // Six digits beyond the size of a cell are enough to read.
+                    let digits = 10f64.powf(6.0 - spacing.log10().floor());
+                    let line = (line * digits).round() / digits;
                     let message = format!(
                         "the {corner} edge {} = {edge} of the body {} lies {:.6} off the nearest grid line {line}",
                         AXES[axis],
