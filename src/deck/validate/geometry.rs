@@ -198,7 +198,7 @@ impl Check<'_> {
 
     /// Points per cell need a body whose sides lie on grid lines.
     fn aligned(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: &GridBox) {
-        for axis in 0..DIMENSIONS {
+        for (axis, name) in AXES.iter().enumerate() {
             for (corner, edge) in [("min", extent.min[axis]), ("max", extent.max[axis])] {
                 let (origin, spacing) = (grid.extent.min[axis], grid.spacing[axis]);
                 let line = origin + ((edge - origin) / spacing).round() * spacing;
@@ -207,8 +207,7 @@ impl Check<'_> {
                     let digits = 10f64.powf(6.0 - spacing.log10().floor());
                     let line = (line * digits).round() / digits;
                     let message = format!(
-                        "the {corner} edge {} = {edge} of the body {} lies {:.6} off the nearest grid line {line}",
-                        AXES[axis],
+                        "the {corner} edge {name} = {edge} of the body {} lies {:.6} off the nearest grid line {line}",
                         quote(&body.name),
                         (edge - line).abs()
                     );
