@@ -175,13 +175,13 @@ impl<const D: usize> System<D> {
         values.extend(entries.source.iter().map(|&s| flat[s as usize]));
     }
 
-    /// Largest distance, in grid lines along each axis, between two nodes that are coupled.
-    pub fn reach(&self, index_of: impl Fn(usize) -> [usize; D]) -> [u32; D] {
+    /// Largest distance along each axis of the lattice of the grid between two nodes that are coupled.
+    pub fn reach(&self, lattice: impl Fn(usize) -> [u32; D]) -> [u32; D] {
         let mut reach = [0; D];
         self.pairs.for_each(|row, column, _| {
-            let (a, b) = (index_of(row), index_of(column));
+            let (a, b) = (lattice(row), lattice(column));
             for d in 0..D {
-                reach[d] = reach[d].max(a[d].abs_diff(b[d]) as u32);
+                reach[d] = reach[d].max(a[d].abs_diff(b[d]));
             }
         });
         reach

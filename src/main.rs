@@ -216,8 +216,8 @@ fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::from(USAGE));
     };
     let methods: Vec<_> = model.bodies.iter().map(|body| body.method).collect();
-    let links = Connectivity::new(&model.grid, &mut points, &methods)
-        .map_err(|p| anyhow::anyhow!("point {} lies outside the grid", points.id[p]))?;
+    let links = Connectivity::new(model.grid.as_ref(), &mut points, &methods)
+        .map_err(|failure| anyhow::anyhow!("point {}: {}", points.id[failure.point], failure.error))?;
     let first = model.end_time / model.n_steps as f64;
     let dofs = match mpm::constraints::DofMap::new(&model, &points, &links, 0.0, first) {
         Ok(dofs) => dofs,
@@ -230,12 +230,12 @@ fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
         eprintln!("error: {error}");
         return Ok(ExitCode::from(USAGE));
     }
-    let [nx, ny] = model.grid.cells();
     print(&format!(
-        "{}: ready\n  {} points in {} bodies, {nx} x {ny} cells, {} active nodes, {} unknowns in the first of {} steps\n",
+        "{}: ready\n  {} points in {} bodies, {} cells, {} active nodes, {} unknowns in the first of {} steps\n",
         loaded.source.name(),
         points.len(),
         model.bodies.len(),
+        model.grid.n_cells(),
         links.n_active(),
         dofs.n_free(),
         model.n_steps,

@@ -54,7 +54,7 @@ pub struct Model<const D: usize> {
     /// One line that says what is analysed.
     pub title: String,
     /// The background grid.
-    pub grid: Grid<D>,
+    pub grid: Box<dyn Grid<D>>,
     /// Configuration in which equilibrium is written.
     pub formulation: Formulation,
     /// Materials.

@@ -10,6 +10,8 @@ pub struct State<const D: usize> {
     pub position: Vec<[f64; D]>,
     /// Half lengths l_p of the domain along the axes, [length]; zero for points without domain.
     pub half_lengths: Vec<[f64; D]>,
+    /// Corners of the domains given by corners, [length]; `Points::corners_per_point` per point.
+    pub corners: Vec<[f64; D]>,
     /// Deformation gradient F from the original configuration, [-].
     pub deformation_gradient: Vec<Mat3>,
     /// Elastic logarithmic strain ε^e, [-].
@@ -35,6 +37,8 @@ pub struct Points<const D: usize> {
     pub original_position: Vec<[f64; D]>,
     /// Original half lengths l_p0 of the domain, [length].
     pub original_half_lengths: Vec<[f64; D]>,
+    /// Original corners of the domains given by corners, [length]; `corners_per_point` per point.
+    pub original_corners: Vec<[f64; D]>,
     /// Original volume V_p0, [volume].
     pub original_volume: Vec<f64>,
     /// Mass m_p, [mass]; constant.
@@ -47,6 +51,10 @@ pub struct Points<const D: usize> {
     pub trial: State<D>,
     /// Number of history variables kept per point: the most that any law needs.
     pub history_len: usize,
+    /// Number of domain corners kept per point: 2^D when any body has domains given by corners, otherwise none.
+    pub corners_per_point: usize,
+    /// The cell that held the point when the points were last grouped.
+    pub cell: Vec<u32>,
 }
 
 /// What seeding knows of one point.
@@ -58,6 +66,8 @@ pub struct Seed<const D: usize> {
     pub position: [f64; D],
     /// Half lengths of the domain, [length]; zero for points without domain.
     pub half_lengths: [f64; D],
+    /// Corners of a domain given by corners, [length]; none for other points.
+    pub corners: Vec<[f64; D]>,
     /// Volume, [volume].
     pub volume: f64,
     /// Mass, [mass].
@@ -76,7 +86,13 @@ impl<const D: usize> Points<D> {
         for (p, seed) in seeds.iter().enumerate() {
             history[p * history_len..][..seed.history.len()].copy_from_slice(&seed.history);
         }
+        let corners_per_point = if seeds.iter().any(|s| !s.corners.is_empty()) { 1 << D } else { 0 };
+        let mut corners = vec![[0.0; D]; corners_per_point * seeds.len()];
+        for (p, seed) in seeds.iter().enumerate().filter(|(_, seed)| seed.corners.len() == corners_per_point) {
+            corners[p * corners_per_point..][..corners_per_point].copy_from_slice(&seed.corners);
+        }
         let state = State {
+            corners: corners.clone(),
             position: seeds.iter().map(|s| s.position).collect(),
             half_lengths: seeds.iter().map(|s| s.half_lengths).collect(),
             deformation_gradient: vec![Mat3::identity(); seeds.len()],
@@ -95,6 +111,9 @@ impl<const D: usize> Points<D> {
             trial: state.clone(),
             converged: state,
             history_len,
+            original_corners: corners,
+            corners_per_point,
+            cell: vec![0; seeds.len()],
         }
     }
 
@@ -123,20 +142,18 @@ impl<const D: usize> Points<D> {
     ///
     /// # Errors
     /// The index of the first point that lies outside the grid.
-    pub fn group_by_cell(&mut self, grid: &Grid<D>) -> Result<Vec<usize>, usize> {
-        let mut key = Vec::with_capacity(self.len());
+    pub fn group_by_cell(&mut self, grid: &dyn Grid<D>) -> Result<Vec<usize>, usize> {
         for (p, position) in self.converged.position.iter().enumerate() {
-            let cell = grid.cell(grid.locate(position).ok_or(p)?);
-            key.push((cell, self.body[p]));
+            self.cell[p] = grid.locate(position, Some(self.cell[p])).ok_or(p)?;
         }
-        if !key.is_sorted() {
+        let key = |points: &Self, p: usize| (points.cell[p], points.body[p]);
+        if !(1..self.len()).all(|p| key(self, p - 1) <= key(self, p)) {
             let mut order: Vec<u32> = (0..self.len() as u32).collect();
-            order.sort_by_key(|&p| key[p as usize]);
-            key = gather(&key, &order);
+            order.sort_by_key(|&p| key(self, p as usize));
             self.reorder(&order);
         }
         let mut starts: Vec<usize> =
-            (0..self.len()).filter(|&p| p == 0 || key[p].0 != key[p - 1].0).collect();
+            (0..self.len()).filter(|&p| p == 0 || self.cell[p] != self.cell[p - 1]).collect();
         starts.push(self.len());
         Ok(starts)
     }
@@ -144,19 +161,26 @@ impl<const D: usize> Points<D> {
     fn reorder(&mut self, order: &[u32]) {
         self.id = gather(&self.id, order);
         self.body = gather(&self.body, order);
+        self.cell = gather(&self.cell, order);
         self.original_position = gather(&self.original_position, order);
         self.original_half_lengths = gather(&self.original_half_lengths, order);
+        self.original_corners = gather_blocks(&self.original_corners, order, self.corners_per_point);
         self.original_volume = gather(&self.original_volume, order);
         self.mass = gather(&self.mass, order);
         self.outer_layer = gather(&self.outer_layer, order);
         let state = &mut self.converged;
         state.position = gather(&state.position, order);
         state.half_lengths = gather(&state.half_lengths, order);
+        state.corners = gather_blocks(&state.corners, order, self.corners_per_point);
         state.deformation_gradient = gather(&state.deformation_gradient, order);
         state.elastic_strain = gather(&state.elastic_strain, order);
         state.kirchhoff_stress = gather(&state.kirchhoff_stress, order);
-        let n = self.history_len;
-        state.history = order.iter().flat_map(|&p| &state.history[p as usize * n..][..n]).copied().collect();
+        state.history = gather_blocks(&state.history, order, self.history_len);
+    }
+
+    /// Corners of the domain of a point in the converged state; none when it is not given by corners.
+    pub fn corners(&self, p: usize) -> &[[f64; D]] {
+        &self.converged.corners[p * self.corners_per_point..][..self.corners_per_point]
     }
 
     /// The order of the points by permanent number: `order[id]` is the place of point `id`.
@@ -187,4 +211,9 @@ impl<const D: usize> Points<D> {
 
 fn gather<T: Clone>(values: &[T], order: &[u32]) -> Vec<T> {
     order.iter().map(|&p| values[p as usize].clone()).collect()
+}
+
+/// As [`gather`], for `n` values per point.
+fn gather_blocks<T: Clone>(values: &[T], order: &[u32], n: usize) -> Vec<T> {
+    order.iter().flat_map(|&p| &values[p as usize * n..][..n]).cloned().collect()
 }

@@ -104,8 +104,8 @@ impl Solver {
         // The grid is undeformed: S_vp, ∇S_vp and the pattern of K are fixed for the step (section 5.1).
         let methods: Vec<Method> = model.bodies.iter().map(|b| b.method).collect();
         let links = timings
-            .measure(Phase::Basis, || Connectivity::new(&model.grid, points, &methods))
-            .map_err(|p| SolveError::off_grid(model, points, p, points.converged.position[p], step))?;
+            .measure(Phase::Basis, || Connectivity::new(model.grid.as_ref(), points, &methods))
+            .map_err(|failure| SolveError::unsupported(model, points, failure, step))?;
         let set_up = timings.measure(Phase::SetUp, || StepSystem::new::<M>(model, points, &links, step));
         let StepSystem { dofs, mut system, entries, f_ext, f_ext_start } = set_up?;
         let analysed = timings.measure(Phase::Analyse, || {
@@ -333,8 +333,8 @@ fn elimination_order<const D: usize>(
     system: &System<D>,
     dofs: &DofMap<D>,
 ) -> Vec<usize> {
-    let index_of = |active: usize| model.grid.node_index(links.active_nodes()[active] as usize);
-    let coordinates: Vec<[u32; D]> = (0..links.n_active()).map(|n| index_of(n).map(|i| i as u32)).collect();
-    let nodes = ordering::nested_dissection(&coordinates, system.reach(index_of));
+    let lattice = |active: usize| model.grid.lattice(links.active_nodes()[active] as usize);
+    let coordinates: Vec<[u32; D]> = (0..links.n_active()).map(lattice).collect();
+    let nodes = ordering::nested_dissection(&coordinates, system.reach(lattice));
     nodes.iter().flat_map(|&node| (0..D).filter_map(move |axis| dofs.free(node, axis))).collect()
 }

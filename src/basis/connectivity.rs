@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Basis, Method, Support};
+use super::{Basis, Method, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
 use crate::points::Points;
 
@@ -25,6 +25,16 @@ pub struct Connectivity<const D: usize> {
     gradient: Vec<[f64; D]>,
     active_nodes: Vec<u32>,
     active_of: Vec<u32>,
+    active_cells: Vec<u32>,
+}
+
+/// The basis functions of a point cannot be formed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SupportFailure {
+    /// Index of the point.
+    pub point: usize,
+    /// Why.
+    pub error: SupportError,
 }
 
 /// The links of one point.
@@ -42,13 +52,19 @@ impl<const D: usize> Connectivity<D> {
     /// Links all points; groups them by cell first.
     ///
     /// # Errors
-    /// The index of the first point outside the grid.
-    pub fn new(grid: &Grid<D>, points: &mut Points<D>, methods: &[Method]) -> Result<Self, usize> {
-        let group_points = points.group_by_cell(grid)?;
+    /// The first point that is outside the grid or whose domain is.
+    pub fn new(
+        grid: &dyn Grid<D>,
+        points: &mut Points<D>,
+        methods: &[Method],
+    ) -> Result<Self, SupportFailure> {
+        let group_points = points
+            .group_by_cell(grid)
+            .map_err(|point| SupportFailure { point, error: SupportError::OffGrid })?;
         let points = &*points;
         let n_groups = group_points.len() - 1;
         let chunk = 64;
-        let pieces: Vec<Result<Piece<D>, usize>> = (0..n_groups.div_ceil(chunk))
+        let pieces: Vec<Result<Piece<D>, SupportFailure>> = (0..n_groups.div_ceil(chunk))
             .into_par_iter()
             .map(|c| {
                 let groups = &group_points[c * chunk..=((c + 1) * chunk).min(n_groups)];
@@ -62,6 +78,8 @@ impl<const D: usize> Connectivity<D> {
         all.group_node_start.push(all.group_nodes.len());
         all.link_start.push(all.local.len());
         all.number_active_nodes(grid.n_nodes());
+        all.active_cells.sort_unstable();
+        all.active_cells.dedup();
         Ok(all)
     }
 
@@ -73,6 +91,7 @@ impl<const D: usize> Connectivity<D> {
         self.local.extend(piece.local);
         self.value.extend(piece.value);
         self.gradient.extend(piece.gradient);
+        self.active_cells.extend(piece.cells);
     }
 
     /// Numbers the touched nodes in grid order and turns the node lists of the groups into these numbers.
@@ -138,6 +157,11 @@ impl<const D: usize> Connectivity<D> {
         &self.active_nodes
     }
 
+    /// The grid cells that points or their domains meet, ascending.
+    pub fn active_cells(&self) -> &[u32] {
+        &self.active_cells
+    }
+
     /// Active number of a grid node, if any point touches it.
     pub fn active_number(&self, node: usize) -> Option<usize> {
         match self.active_of[node] {
@@ -156,31 +180,49 @@ struct Piece<const D: usize> {
     local: Vec<u32>,
     value: Vec<f64>,
     gradient: Vec<[f64; D]>,
+    cells: Vec<u32>,
 }
 
 impl<const D: usize> Piece<D> {
-    fn link(grid: &Grid<D>, points: &Points<D>, methods: &[Method], groups: &[usize]) -> Result<Self, usize> {
+    fn link(
+        grid: &dyn Grid<D>,
+        points: &Points<D>,
+        methods: &[Method],
+        groups: &[usize],
+    ) -> Result<Self, SupportFailure> {
         let mut piece = Piece::default();
         let mut support = Support::default();
         let mut touched: Vec<u32> = Vec::new(); // grid nodes of the links of one group
+        let mut nodes: Vec<u32> = Vec::new();
         for range in groups.windows(2).map(|w| w[0]..w[1]) {
             touched.clear();
-            for p in range.clone() {
+            nodes.clear();
+            for p in range {
                 let basis: &dyn Basis<D> = methods[points.body[p] as usize].basis();
-                let (x, l) = (&points.converged.position[p], &points.converged.half_lengths[p]);
-                basis.support(grid, x, l, &mut support).map_err(|_| p)?;
+                let corners = points.corners_per_point;
+                let point = PointGeometry {
+                    cell: points.cell[p],
+                    position: &points.converged.position[p],
+                    half_lengths: &points.converged.half_lengths[p],
+                    corners: &points.converged.corners[p * corners..(p + 1) * corners],
+                };
+                basis
+                    .support(grid, &point, &mut support)
+                    .map_err(|error| SupportFailure { point: p, error })?;
                 piece.link_start.push(piece.value.len());
+                if !touched.ends_with(&support.nodes) {
+                    nodes.extend_from_slice(&support.nodes);
+                    piece.cells.extend_from_slice(&support.cells);
+                }
                 touched.extend_from_slice(&support.nodes);
                 piece.value.extend_from_slice(&support.value);
                 piece.gradient.extend_from_slice(&support.gradient);
             }
-            let start = piece.group_nodes.len();
-            piece.group_node_start.push(start);
-            let mut nodes = touched.clone();
+            piece.group_node_start.push(piece.group_nodes.len());
             nodes.sort_unstable();
             nodes.dedup();
             piece.local.extend(touched.iter().map(|n| nodes.partition_point(|m| m < n) as u32));
-            piece.group_nodes.extend(nodes);
+            piece.group_nodes.extend_from_slice(&nodes);
         }
         Ok(piece)
     }

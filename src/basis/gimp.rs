@@ -1,7 +1,7 @@
 //! The generalised interpolation material point method (Bardenhagen and Kober, 2004) on a regular grid.
 
-use super::{Basis, OffGrid, Support, tensor_product};
-use crate::grid::Grid;
+use super::{Basis, PointGeometry, Support, SupportError};
+use crate::grid::{Grid, Structured};
 
 /// Points with a rectangular domain: S_vp is the mean of the linear basis over the domain.
 #[derive(Debug, Clone, Copy)]
@@ -10,18 +10,56 @@ pub struct Gimp;
 impl<const D: usize> Basis<D> for Gimp {
     fn support(
         &self,
-        grid: &Grid<D>,
-        position: &[f64; D],
-        half_lengths: &[f64; D],
+        grid: &dyn Grid<D>,
+        point: &PointGeometry<D>,
         out: &mut Support<D>,
-    ) -> Result<(), OffGrid> {
-        grid.locate(position).ok_or(OffGrid)?;
+    ) -> Result<(), SupportError> {
+        let grid = grid.structured().ok_or(SupportError::Unstructured)?;
         let mut axes: [(usize, Line); D] = std::array::from_fn(|_| (0, Line::default()));
         for d in 0..D {
-            axes[d] = mean_hats(grid, d, position[d], half_lengths[d]);
+            axes[d] = mean_hats(grid, d, point.position[d], point.half_lengths[d]);
         }
         tensor_product(grid, &std::array::from_fn(|d| (axes[d].0, axes[d].1.entries())), out);
         Ok(())
+    }
+}
+
+/// The tensor product of one-dimensional supports: `(first node, [(S, dS/dx)])` per axis.
+fn tensor_product<const D: usize>(
+    grid: &Structured<D>,
+    axes: &[(usize, &[(f64, f64)]); D],
+    out: &mut Support<D>,
+) {
+    out.clear();
+    let offsets = |counts: [usize; D]| {
+        (0..counts.iter().product()).map(move |link: usize| {
+            let mut rest = link;
+            counts.map(|n| {
+                let k = rest % n;
+                rest /= n;
+                k
+            })
+        })
+    };
+    for offset in offsets(std::array::from_fn(|d| axes[d].1.len())) {
+        let mut value = 1.0;
+        let mut gradient = [1.0; D];
+        for d in 0..D {
+            let (s, ds) = axes[d].1[offset[d]];
+            value *= s;
+            for (e, g) in gradient.iter_mut().enumerate() {
+                *g *= if e == d { ds } else { s };
+            }
+        }
+        let node = grid.node(std::array::from_fn(|d| axes[d].0 + offset[d]));
+        out.nodes.push(node as u32);
+        out.value.push(value);
+        out.gradient.push(gradient);
+    }
+    // The domain meets the cells between the first and the last node of each axis.
+    for offset in offsets(std::array::from_fn(|d| (axes[d].1.len() - 1).max(1))) {
+        let cell = std::array::from_fn(|d| (axes[d].0 + offset[d]).min(grid.cells()[d] - 1));
+        out.cells.push(grid.cell(cell) as u32);
     }
 }
 
@@ -53,7 +91,7 @@ impl Line {
 /// Cell by cell the hats are linear, so the mean over the part of the domain inside a cell is the value at its
 /// middle; there is no cancellation for small domains. Where the domain reaches outside the grid, nodes that do not
 /// exist are left out and the partition of unity is lost by that much.
-fn mean_hats<const D: usize>(grid: &Grid<D>, axis: usize, x: f64, half_length: f64) -> (usize, Line) {
+fn mean_hats<const D: usize>(grid: &Structured<D>, axis: usize, x: f64, half_length: f64) -> (usize, Line) {
     let h = grid.spacing()[axis];
     let n_cells = grid.cells()[axis] as i64;
     let a = grid.cell_coordinate(axis, x - half_length);

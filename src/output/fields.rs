@@ -2,10 +2,11 @@
 
 use rayon::prelude::*;
 
+use crate::basis::DomainKind;
 use crate::model::Model;
 use crate::points::Points;
 use crate::solver::GridFields;
-use crate::tensor::{Mat3, Sym3};
+use crate::tensor::{Mat3, Sym3, padded};
 
 use super::vtu::{Field, SYMMETRIC_TENSOR, TENSOR, VECTOR, Values};
 
@@ -54,11 +55,6 @@ impl OwnedField {
             },
         }
     }
-}
-
-/// A vector as three components, zero beyond `D`.
-pub fn padded<const D: usize>(v: &[f64; D]) -> [f64; 3] {
-    std::array::from_fn(|d| if d < D { v[d] } else { 0.0 })
 }
 
 /// What the files say of one point, beyond its history variables.
@@ -186,84 +182,52 @@ pub struct GridMesh {
 /// The active part of the grid in a load step.
 pub fn grid_mesh<const D: usize>(model: &Model<D>, grid: &GridFields<D>) -> GridMesh {
     let links = &grid.links;
-    let active = links.active_nodes();
-    let mut cells = Vec::new();
-    for group in 0..links.n_groups() {
-        let nodes = links.nodes_of(group);
-        let mut last: &[u32] = &[];
-        for p in links.points_of(group) {
-            let local = links.links(p).local;
-            if local == last {
-                continue;
-            }
-            last = local;
-            let index = |l: u32| model.grid.node_index(active[nodes[l as usize] as usize] as usize);
-            let (Some(&first), Some(&final_)) = (local.first(), local.last()) else { continue };
-            collect_cells(model, index(first), index(final_), &mut cells);
-        }
+    let mut corners = Vec::new();
+    for &cell in links.active_cells() {
+        let nodes = model.grid.corners(cell as usize);
+        let number = |&node: &u32| links.active_number(node as usize).map_or(0, |active| active as i64);
+        corners.extend(nodes.nodes().iter().map(number));
     }
-    cells.sort_unstable();
-    cells.dedup();
-    let swap = |k: usize| match k % 4 {
-        2 => k + 1,
-        3 => k - 1,
-        _ => k,
-    };
-    let mut corners = Vec::with_capacity(cells.len() << D);
-    for &cell in &cells {
-        let nodes: Vec<usize> = model.grid.cell_nodes(cell).collect();
-        corners.extend(
-            (0..nodes.len()).map(|k| links.active_number(nodes[swap(k)]).map_or(0, |active| active as i64)),
-        );
-    }
+    let position = |&node: &u32| padded(&model.grid.node_position(node as usize));
     GridMesh {
-        nodes: active.iter().map(|&node| padded(&model.grid.node_position(node as usize))).collect(),
+        nodes: links.active_nodes().iter().map(position).collect(),
         corners,
         fields: vec![
-            OwnedField::float(
-                "displacement_increment",
-                &VECTOR,
-                grid.delta_d.iter().flat_map(padded).collect(),
-            ),
+            OwnedField::float("displacement_increment", &VECTOR, grid.delta_d.iter().flat_map(padded).collect()),
             OwnedField::float("reaction", &VECTOR, grid.reaction.iter().flat_map(padded).collect()),
         ],
     }
 }
 
-/// Cells between the lowest and the highest node that a point touches.
-fn collect_cells<const D: usize>(
-    model: &Model<D>,
-    low: [usize; D],
-    high: [usize; D],
-    cells: &mut Vec<usize>,
-) {
-    let count: [usize; D] = std::array::from_fn(|d| (high[d] - low[d]).max(1));
-    for number in 0..count.iter().product() {
-        let mut rest: usize = number;
-        let index = std::array::from_fn(|d| {
-            let k = rest % count[d];
-            rest /= count[d];
-            (low[d] + k).min(model.grid.cells()[d] - 1)
-        });
-        cells.push(model.grid.cell(index));
+/// Corners of the domain of a point, bit d of a corner's number being its side along axis d.
+pub fn corners_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize) -> Vec<[f64; D]> {
+    match model.bodies[points.body[p] as usize].method.domain() {
+        DomainKind::None => Vec::new(),
+        DomainKind::Corners => points.corners(p).to_vec(),
+        DomainKind::Box => {
+            let (x, l) = (&points.converged.position[p], &points.converged.half_lengths[p]);
+            let corner = |k: usize| {
+                std::array::from_fn(|d| if k >> d & 1 == 1 { x[d] + l[d] } else { x[d] - l[d] })
+            };
+            (0..1usize << D).map(corner).collect()
+        }
     }
 }
 
 /// Corners of the domains of the points in `order`, in the order of a VTK quadrilateral or hexahedron.
-pub fn domain_corners<const D: usize>(points: &Points<D>, order: &[usize]) -> Vec<[f64; 3]> {
-    let swap = |k: usize| match k % 4 {
+pub fn domain_corners<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    order: &[usize],
+) -> Vec<[f64; 3]> {
+    let vtk = |k: usize| match k % 4 {
         2 => k + 1,
         3 => k - 1,
         _ => k,
     };
-    let mut corners = Vec::with_capacity(order.len() << D);
-    for &p in order {
-        let (x, l) = (&points.converged.position[p], &points.converged.half_lengths[p]);
-        for k in 0..1usize << D {
-            let corner: [f64; D] =
-                std::array::from_fn(|d| if swap(k) >> d & 1 == 1 { x[d] + l[d] } else { x[d] - l[d] });
-            corners.push(padded(&corner));
-        }
-    }
-    corners
+    let of_point = |&p: &usize| {
+        let corners = corners_of(model, points, p);
+        (0..corners.len()).map(|k| padded(&corners[vtk(k)])).collect::<Vec<_>>()
+    };
+    order.iter().flat_map(of_point).collect()
 }

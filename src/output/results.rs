@@ -3,12 +3,13 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::basis::Connectivity;
+use crate::basis::{Connectivity, DomainKind};
 use crate::model::Model;
 use crate::points::Points;
+use crate::tensor::padded;
 use crate::solver::{GridFields, Observer, SolveError, Step, StepReport, Summary};
 
-use super::fields::{OwnedField, domain_corners, grid_mesh, padded, point_fields};
+use super::fields::{OwnedField, domain_corners, grid_mesh, point_fields};
 use super::series::Series;
 use super::summary::{Account, Outcome};
 use super::table::{Entry, Table};
@@ -105,10 +106,11 @@ impl Results {
         let mesh = Mesh { points: &positions, kind: CellKind::Vertex, connectivity: &vertices };
         self.write_series(0, step, &mesh, &fields, &[])?;
 
-        let has_domain = |p: &usize| model.bodies[points.body[*p] as usize].method.has_domain();
+        let has_domain =
+            |p: &usize| model.bodies[points.body[*p] as usize].method.domain() != DomainKind::None;
         let with_domain: Vec<usize> = order.into_iter().filter(has_domain).collect();
         if !with_domain.is_empty() {
-            let corners = domain_corners(points, &with_domain);
+            let corners = domain_corners(model, points, &with_domain);
             let connectivity: Vec<i64> = (0..corners.len() as i64).collect();
             let fields = point_fields(model, points, &with_domain);
             let mesh = Mesh { points: &corners, kind: box_kind::<D>(), connectivity: &connectivity };
@@ -194,7 +196,7 @@ impl<const D: usize> Observer<D> for Results {
         // The links of the undeformed points, only to show which cells are active.
         let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
         let mut copy = points.clone();
-        let Ok(links) = Connectivity::new(&model.grid, &mut copy, &methods) else { return Ok(()) };
+        let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut copy, &methods) else { return Ok(()) };
         let zero = vec![[0.0; D]; links.n_active()];
         let grid = GridFields { links, delta_d: zero.clone(), reaction: zero };
         self.write_grid(model, &grid, self.last)

@@ -14,6 +14,8 @@ use crate::points::Points;
 use crate::solver::Summary;
 use crate::timing::{Phase, Timings};
 
+use super::fields::corners_of;
+
 /// How a run ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
@@ -108,14 +110,19 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
         let mut count = 0usize;
         for p in (0..points.len()).filter(|&p| points.body[p] as usize == number) {
             count += 1;
+            let x = points.converged.position[p];
             let side = 0.5 * points.volume(p).powf(1.0 / D as f64);
+            let mut corners = corners_of(model, points, p);
+            if corners.is_empty() {
+                corners = vec![x.map(|x| x - side), x.map(|x| x + side)];
+            }
             for d in 0..D {
-                let x = points.converged.position[p][d];
-                let l = if body.method.has_domain() { points.converged.half_lengths[p][d] } else { side };
-                low[d] = low[d].min(x);
-                high[d] = high[d].max(x);
-                inner[d] = inner[d].min(x - l);
-                outer[d] = outer[d].max(x + l);
+                low[d] = low[d].min(x[d]);
+                high[d] = high[d].max(x[d]);
+                for corner in &corners {
+                    inner[d] = inner[d].min(corner[d]);
+                    outer[d] = outer[d].max(corner[d]);
+                }
             }
         }
         let extent = |min: [f64; D], max: [f64; D]| json!({"min": min.to_vec(), "max": max.to_vec()});

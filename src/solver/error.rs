@@ -1,7 +1,7 @@
 //! Why a step has no equilibrium.
 
 use crate::assembly::PointFailure;
-use crate::basis::Connectivity;
+use crate::basis::{Connectivity, SupportError, SupportFailure};
 use crate::constraints::{ConstraintError, DofMap};
 use crate::domain::Collapsed;
 use crate::linear::LinearError;
@@ -71,6 +71,16 @@ pub enum SolveError {
         step: usize,
         /// The point.
         place: PointPlace,
+    },
+    /// The basis functions of a point cannot be formed because of its domain.
+    #[error("step {step}: {place}: {error}")]
+    Domain {
+        /// The step.
+        step: usize,
+        /// The point.
+        place: PointPlace,
+        /// Why.
+        error: SupportError,
     },
     /// A domain update gave no valid domain.
     #[error("step {step}: {place}: {error}")]
@@ -159,6 +169,9 @@ impl SolveError {
             SolveError::OffGrid { .. } => {
                 Some("make the grid larger where the body moves, or hold the body with boundary conditions")
             }
+            SolveError::Domain { .. } => {
+                Some("make the grid larger, use more load steps, or another method where the motion tears domains")
+            }
             SolveError::Collapsed { .. } => {
                 Some("use `domain_update: corners`, or more load steps with `diagonal-incremental`")
             }
@@ -190,6 +203,22 @@ impl SolveError {
         match self {
             SolveError::NotConverged { residuals, .. } | SolveError::Point { residuals, .. } => residuals,
             _ => &[],
+        }
+    }
+
+    pub(super) fn unsupported<const D: usize>(
+        model: &Model<D>,
+        points: &Points<D>,
+        failure: SupportFailure,
+        step: Step,
+    ) -> Self {
+        let position = points.converged.position[failure.point];
+        match failure.error {
+            SupportError::OffGrid => Self::off_grid(model, points, failure.point, position, step),
+            error => {
+                let place = place(model, points, failure.point, position);
+                SolveError::Domain { step: step.index, place, error }
+            }
         }
     }
 

@@ -5,8 +5,9 @@ use rayon::prelude::*;
 
 use super::{SolveError, Step};
 use crate::assembly::deformation_increment;
-use crate::basis::Connectivity;
+use crate::basis::{Connectivity, DomainKind, Method};
 use crate::domain::Motion;
+use crate::grid::interpolate;
 use crate::model::Model;
 use crate::points::Points;
 use crate::stress::Mechanics;
@@ -17,6 +18,7 @@ struct Moved<const D: usize> {
     position: [f64; D],
     deformation_gradient: Mat3,
     half_lengths: [f64; D],
+    corners: [[f64; D]; 8],
 }
 
 /// Moves the points with the grid, eqs. (9), (31), updates F by eq. (16) and the domains by eqs. (32)-(39); all into
@@ -33,7 +35,7 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
 ) -> Result<(), SolveError> {
     let at_rest = [0.0; D];
     let nodal = |node: usize| links.active_number(node).map_or(at_rest, |active| delta_d[active]);
-    let displacement = |place: &[f64; D]| model.grid.interpolate(place, nodal);
+    let displacement = |place: &[f64; D]| interpolate(model.grid.as_ref(), place, &nodal);
     let state = &*points;
     let groups: Vec<Result<Vec<Moved<D>>, SolveError>> = (0..links.n_groups())
         .into_par_iter()
@@ -51,6 +53,8 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
             points.trial.position[p] = moved.position;
             points.trial.deformation_gradient[p] = moved.deformation_gradient;
             points.trial.half_lengths[p] = moved.half_lengths;
+            let n = points.corners_per_point;
+            points.trial.corners[p * n..(p + 1) * n].copy_from_slice(&moved.corners[..n]);
             p += 1;
         }
     }
@@ -76,26 +80,57 @@ fn move_point<const D: usize, M: Mechanics<D>>(
             position[d] += value * du[d];
         }
     }
-    if model.grid.locate(&position).is_none() {
+    if model.grid.locate(&position, Some(points.cell[p])).is_none() {
         return Err(SolveError::off_grid(model, points, p, position, step));
     }
     let dF = M::embed(&deformation_increment(nodes, &of_point, delta_d));
     let F = dF * points.converged.deformation_gradient[p];
     let body = &model.bodies[points.body[p] as usize];
-    let half_lengths = if body.method.has_domain() {
-        let motion = Motion {
-            F: &F,
-            dF: &dF,
-            original: &points.original_half_lengths[p],
-            previous: &points.converged.half_lengths[p],
-            position: &points.converged.position[p],
-            displacement,
-        };
-        body.domain_update
-            .half_lengths(&motion)
-            .map_err(|error| SolveError::collapsed(model, points, p, position, step, error))?
-    } else {
-        points.converged.half_lengths[p]
+    let mut moved = Moved {
+        position,
+        deformation_gradient: F,
+        half_lengths: points.converged.half_lengths[p],
+        corners: [[0.0; D]; 8],
     };
-    Ok(Moved { position, deformation_gradient: F, half_lengths })
+    match body.method.domain() {
+        DomainKind::None => {}
+        DomainKind::Box => {
+            let motion = Motion {
+                F: &F,
+                dF: &dF,
+                original: &points.original_half_lengths[p],
+                previous: &points.converged.half_lengths[p],
+                position: &points.converged.position[p],
+                displacement,
+            };
+            moved.half_lengths = body
+                .domain_update
+                .half_lengths(&motion)
+                .map_err(|error| SolveError::collapsed(model, points, p, position, step, error))?;
+        }
+        DomainKind::Corners => move_corners(body.method, points, p, displacement, &mut moved),
+    }
+    Ok(moved)
+}
+
+/// CPDI2 moves the corners with the grid; CPDI1 keeps a parallelogram that follows F of the point.
+fn move_corners<const D: usize>(
+    method: Method,
+    points: &Points<D>,
+    p: usize,
+    displacement: &dyn Fn(&[f64; D]) -> [f64; D],
+    moved: &mut Moved<D>,
+) {
+    let n = points.corners_per_point;
+    for (k, corner) in points.corners(p).iter().enumerate() {
+        let place = &mut moved.corners[k];
+        if method == Method::Cpdi2 {
+            let u = displacement(corner);
+            *place = std::array::from_fn(|d| corner[d] + u[d]);
+        } else {
+            let arm = |d: usize| points.original_corners[p * n + k][d] - points.original_position[p][d];
+            let F = &moved.deformation_gradient;
+            *place = std::array::from_fn(|i| moved.position[i] + (0..D).map(|j| F[(i, j)] * arm(j)).sum::<f64>());
+        }
+    }
 }
