@@ -3,3 +3,5 @@
 
 mod analysis;
 mod beam;
+mod compaction;
+mod shear;
