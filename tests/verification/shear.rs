@@ -10,7 +10,18 @@ use crate::analysis::{build_deck, watch};
 
 const YOUNG: f64 = 10e3;
 const POISSON: f64 = 0.3;
-const GAMMA: f64 = 6.0;
+
+/// Shear per load step when the paper's 30 steps reach γ = 6.
+const D_GAMMA: f64 = 0.2;
+
+/// Method, points per cell and axis, and the number of steps of 0.2 over which the motion is fully prescribed.
+///
+/// Neighbouring rows of points start γ/(8n) apart. Once that is more than two cells of 1/8 (γ > 16n/8), the cells of
+/// their first points can have a free node between them, whose cells are only partly filled: the homogeneous motion
+/// is no longer in equilibrium there. Domains that reach into neighbouring cells put that off a little. The paper
+/// shows stresses for n = 3 only.
+const CASES: [(&str, &str, usize); 5] =
+    [("mpm", "2", 20), ("mpm", "3", 30), ("mpm", "4", 30), ("gimp", "2", 24), ("gimp", "3", 30)];
 
 /// Kirchhoff stress of every point after every equilibrated step, and the extremes of Σ_v S_vp.
 struct Shear {
@@ -19,8 +30,10 @@ struct Shear {
     completed: bool,
 }
 
-fn shear(set: &[(&str, &str)]) -> Shear {
-    let (model, mut points) = build_deck("shear.yaml", set);
+fn shear(gamma: f64, steps: usize, set: &[(&str, &str)]) -> Shear {
+    let (gamma, steps) = (gamma.to_string(), steps.to_string());
+    let set: Vec<_> = set.iter().copied().chain([("gamma", gamma.as_str()), ("steps", &steps)]).collect();
+    let (model, mut points) = build_deck("shear.yaml", &set);
     let (mut stresses, mut unity) = (Vec::new(), Vec::new());
     let outcome = watch(&model, &mut points, |points, report| {
         stresses.push(points.converged.kirchhoff_stress.clone());
@@ -50,8 +63,8 @@ fn elastic_stress(gamma: f64) -> Sym3 {
 }
 
 /// The law alone, driven by `steps` equal increments of simple shear: the stress after each.
-fn driven(law: &dyn Material, steps: usize) -> Vec<Sym3> {
-    let d_gamma = GAMMA / steps as f64;
+fn driven(law: &dyn Material, gamma: f64, steps: usize) -> Vec<Sym3> {
+    let d_gamma = gamma / steps as f64;
     let df = Mat3::new(1.0, d_gamma, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
     let mut strain = Sym3::ZERO;
     let mut old: Vec<f64> = law.state_fields().iter().map(|f| f.initial).collect();
@@ -82,16 +95,15 @@ fn closed_form_is_half_the_logarithm_of_b() {
 /// points have the same stress "to machine precision".
 #[test]
 fn elastic_stress_is_the_closed_form_at_every_point_and_step() {
-    for (method, n) in [("mpm", "2"), ("mpm", "3"), ("gimp", "2"), ("gimp", "3")] {
-        let run = shear(&[("method", method), ("n", n)]);
-        assert!(run.completed && run.stresses.len() == 30);
+    for (method, n, steps) in CASES {
+        let run = shear(D_GAMMA * steps as f64, steps, &[("method", method), ("n", n)]);
+        assert!(run.completed && run.stresses.len() == steps);
         let (mut error, mut uneven) = (0.0f64, 0.0f64);
         for (step, stresses) in run.stresses.iter().enumerate() {
-            let exact = elastic_stress(GAMMA * (step + 1) as f64 / 30.0);
+            let exact = elastic_stress(D_GAMMA * (step + 1) as f64);
             error = error.max(largest_error(stresses, &exact));
             uneven = uneven.max(spread(stresses));
         }
-        println!("{method} {n}: error {error:e}, spread {uneven:e}");
         assert!(error < 1e-11, "{method} {n}: error {error:e}");
         assert!(uneven < 1e-11, "{method} {n}: spread {uneven:e}");
     }
@@ -100,37 +112,36 @@ fn elastic_stress_is_the_closed_form_at_every_point_and_step() {
 #[test]
 fn plastic_stress_is_that_of_the_law_alone_at_every_point_and_step() {
     let law = VonMises::new(YOUNG, POISSON, 5e3);
-    for (method, n) in [("mpm", "2"), ("mpm", "3"), ("gimp", "2")] {
-        for steps in [15, 30, 60] {
-            let run = shear(&[
-                ("method", method),
-                ("n", n),
-                ("yield", "5e3"),
-                ("steps", &steps.to_string()),
-            ]);
+    for (method, n, steps) in CASES {
+        for refinement in [1, 2] {
+            let (gamma, steps) = (D_GAMMA * steps as f64, steps * refinement);
+            let run = shear(gamma, steps, &[("method", method), ("n", n), ("yield", "5e3")]);
             assert!(run.completed && run.stresses.len() == steps);
-            let expected = driven(&law, steps);
             let mut error = 0.0f64;
-            for (stresses, exact) in run.stresses.iter().zip(&expected) {
+            for (stresses, exact) in run.stresses.iter().zip(&driven(&law, gamma, steps)) {
                 error = error.max(largest_error(stresses, exact));
                 for tau in stresses {
                     assert!(tau.deviator().norm() < 5e3 * (1.0 + 1e-9), "outside the yield surface");
                 }
             }
-            println!("{method} {n} {steps}: error {error:e}");
             assert!(error < 1e-10, "{method} {n} {steps}: error {error:e}");
         }
     }
 }
 
 /// The increments are the only error: it falls at first order, with a very fine driver of the law as the truth.
+///
+/// The grid is coarse because the shear stress falls with γ once the law has yielded: homogeneous shear is then
+/// unstable, and what round-off there is grows with every step. At h = 0.125 m it grows from 1e-14 to 1e-10 in 120
+/// steps and to bands of localised shear in 240, while the 30 steps of the paper leave it at 1e-13. With h = 0.25 m
+/// too few nodes are free for bands to form.
 #[test]
 fn plastic_stress_converges_with_smaller_increments() {
     const FINE: usize = 15 * 4096;
-    let truth = driven(&VonMises::new(YOUNG, POISSON, 5e3), FINE);
+    let truth = driven(&VonMises::new(YOUNG, POISSON, 5e3), 6.0, FINE);
     let mut errors = Vec::new();
     for steps in [15, 30, 60, 120, 240] {
-        let run = shear(&[("n", "2"), ("yield", "5e3"), ("steps", &steps.to_string())]);
+        let run = shear(6.0, steps, &[("h", "0.25"), ("n", "3"), ("yield", "5e3")]);
         assert!(run.completed);
         // All runs are compared at the 15 shears that they share.
         let error = (1..=15)
@@ -139,7 +150,6 @@ fn plastic_stress_converges_with_smaller_increments() {
         errors.push(error);
     }
     let orders: Vec<f64> = errors.windows(2).map(|e| (e[0] / e[1]).log2()).collect();
-    println!("errors {errors:?}, orders {orders:?}");
     assert!(orders.iter().all(|&order| order > 0.9), "errors {errors:?}, orders {orders:?}");
 }
 
@@ -147,20 +157,19 @@ fn plastic_stress_converges_with_smaller_increments() {
 /// those of the outer layers leave the physical domain, partition of unity is lost and the stress varies.
 #[test]
 fn update_by_the_stretch_tensor_loses_uniform_stress_and_the_others_do_not() {
-    for update in ["none", "determinant", "diagonal", "corners", "diagonal-corrected", "diagonal-incremental"] {
-        let run = shear(&[("method", "gimp"), ("n", "2"), ("update", update)]);
+    for update in ["none", "determinant", "diagonal", "corners", "diagonal-corrected", "diagonal-incremental"]
+    {
+        let run = shear(6.0, 30, &[("method", "gimp"), ("n", "3"), ("update", update)]);
         assert!(run.completed);
         let worst = run.stresses.iter().map(|s| spread(s)).fold(0.0, f64::max);
         let lost = run.unity.iter().flatten().map(|s| (s - 1.0).abs()).fold(0.0, f64::max);
-        println!("{update}: spread {worst:e}, unity lost {lost:e}");
         assert!(worst < 1e-10, "{update}: spread {worst:e}");
         assert!(lost < 1e-12, "{update}: partition of unity lost by {lost:e}");
     }
-    let run = shear(&[("method", "gimp"), ("n", "2"), ("update", "stretch")]);
-    let worst = run.stresses.iter().map(|s| spread(s)).fold(0.0, f64::max);
-    let lowest = run.unity.iter().map(|[low, _]| *low).fold(1.0, f64::min);
-    println!("stretch: {} steps, spread {worst:e}, lowest sum {lowest}", run.stresses.len());
-    for (k, s) in run.stresses.iter().enumerate() {
-        println!("  {} {:e} {:?}", k + 1, spread(s), run.unity[k]);
-    }
+    let run = shear(6.0, 30, &[("method", "gimp"), ("n", "3"), ("update", "stretch")]);
+    let spreads: Vec<f64> = run.stresses.iter().map(|s| spread(s)).collect();
+    assert!(spreads[0] < 1e-12, "the domains of the first step are those of the start: {:e}", spreads[0]);
+    assert!(spreads[1..].is_sorted() && spreads[1] > 0.02 && spreads[29] > 0.5, "{spreads:?}");
+    let lowest: Vec<f64> = run.unity.iter().map(|[low, _]| *low).collect();
+    assert!(lowest.is_sorted_by(|a, b| a >= b) && lowest[29] < 0.9, "{lowest:?}");
 }
