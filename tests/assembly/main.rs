@@ -1,0 +1,6 @@
+//! Internal force and stiffness: against a second, obvious implementation, against differences, and against each
+//! other in the two formulations.
+
+mod oracle;
+mod states;
+mod tangent;
