@@ -64,7 +64,6 @@ fn assembling_again_allocates_nothing() {
                     let later = allocations(|| assemble(delta_d));
                     assert_eq!(later, 0, "{method:?} {law:?} {formulation:?}, call {again}; first {first}");
                 }
-                println!("first {first}");
             }
         }
     });

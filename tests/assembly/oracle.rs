@@ -7,7 +7,7 @@ use mpm::stress::{Formulation, Mechanics, PlaneStrain, Solid, StartOfStep};
 use mpm::tensor::Mat3;
 use nalgebra::{DMatrix, DVector};
 
-use crate::states::{CASES, FORMULATIONS, State, random_state};
+use crate::states::{CASES, FORMULATIONS, Law, State, large_random_state, random_state};
 
 /// The hat function of a node at 0 with cells of length h, and its slope.
 fn hat(h: f64, x: f64) -> (f64, f64) {
@@ -129,22 +129,31 @@ fn assembled(state: &mut State) -> (DVector<f64>, DMatrix<f64>) {
     (f, k)
 }
 
+fn check(state: &mut State, case: &str) {
+    let (f, k) = assembled(state);
+    let (f_plain, k_plain) = dense(state);
+    let error_f = (f - &f_plain).amax() / f_plain.amax();
+    let error_k = (k - &k_plain).amax() / k_plain.amax();
+    assert!(error_f < 1e-12 && error_k < 1e-12, "{case}: {error_f:e} {error_k:e}");
+}
+
 #[test]
 fn internal_force_and_stiffness_equal_those_of_plain_loops() {
-    let (mut worst_f, mut worst_k) = (0.0f64, 0.0f64);
     for (method, law) in CASES {
         for formulation in FORMULATIONS {
             for (seed, n_points) in [(1, 7), (2, 60), (3, 300)] {
                 let mut state = random_state(method, law, n_points, seed);
                 state.model.formulation = formulation;
-                let (f, k) = assembled(&mut state);
-                let (f_plain, k_plain) = dense(&state);
-                let error_f = (f - &f_plain).amax() / f_plain.amax();
-                let error_k = (k - &k_plain).amax() / k_plain.amax();
-                (worst_f, worst_k) = (worst_f.max(error_f), worst_k.max(error_k));
-                let case = format!("{method:?} {law:?} {formulation:?} {n_points}: {error_f:e} {error_k:e}");
-                assert!(error_f < 1e-12 && error_k < 1e-12, "{case}");
+                check(&mut state, &format!("{method:?} {law:?} {formulation:?} {n_points}"));
             }
         }
+    }
+}
+
+/// A grid with enough groups for several batches.
+#[test]
+fn batches_are_merged_without_loss() {
+    for law in [Law::Both, Law::Skewed] {
+        check(&mut large_random_state(Method::Gimp, law, 3000, 4), &format!("{law:?}"));
     }
 }

@@ -17,7 +17,8 @@ fn evaluate(system: &mut System<2>, state: &mut State, delta_d: &[[f64; 2]]) -> 
 fn check_mixture(law: Law, flowing: &[bool]) {
     let n = flowing.iter().filter(|f| **f).count();
     let both = 10 * n > flowing.len() && 10 * n < 9 * flowing.len();
-    assert!(law == Law::Hencky || both, "{n} of {} points flow", flowing.len());
+    let flows = matches!(law, Law::VonMises | Law::Both);
+    assert!(!flows || both, "{n} of {} points flow", flowing.len());
 }
 
 fn largest(values: &[[f64; 2]]) -> f64 {
@@ -110,7 +111,7 @@ fn both_formulations_give_the_same_force_and_stiffness() {
 #[test]
 fn point_tangents_and_stiffness_are_symmetric() {
     let mut worst = 0.0f64;
-    for (method, law) in CASES {
+    for (method, law) in CASES.into_iter().filter(|(_, law)| *law != Law::Skewed) {
         for formulation in FORMULATIONS {
             let State { model, points, links, delta_d } = random_state(method, law, 200, 42);
             for group in 0..links.n_groups() {

@@ -4,4 +4,5 @@
 mod analysis;
 mod beam;
 mod compaction;
+mod formulations;
 mod shear;
