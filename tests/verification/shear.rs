@@ -16,10 +16,10 @@ const D_GAMMA: f64 = 0.2;
 
 /// Method, points per cell and axis, and the number of steps of 0.2 over which the motion is fully prescribed.
 ///
-/// Neighbouring rows of points start γ/(8n) apart. Once that is more than two cells of 1/8 (γ > 16n/8), the cells of
+/// Neighbouring rows of points start γ/(8n) apart. Once that is more than two cells of 1/8 (γ > 2n), the cells of
 /// their first points can have a free node between them, whose cells are only partly filled: the homogeneous motion
-/// is no longer in equilibrium there. Domains that reach into neighbouring cells put that off a little. The paper
-/// shows stresses for n = 3 only.
+/// is no longer in equilibrium there. Domains put that off to γ > 2n + 1, because they reach into neighbouring cells.
+/// The paper shows stresses for n = 3 only.
 const CASES: [(&str, &str, usize); 5] =
     [("mpm", "2", 20), ("mpm", "3", 30), ("mpm", "4", 30), ("gimp", "2", 24), ("gimp", "3", 30)];
 
