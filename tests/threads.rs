@@ -1,4 +1,5 @@
 //! The number of threads changes no bit of a result.
+#![allow(clippy::unwrap_used)]
 
 use std::path::Path;
 
