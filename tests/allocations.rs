@@ -1,6 +1,7 @@
 //! Newton iterations assemble in place: once a system exists, evaluating it allocates nothing.
 
-#![allow(unsafe_code)] // a global allocator that counts cannot be written without
+#![allow(unsafe_code, reason = "an allocator that counts cannot be written without")]
+#![allow(clippy::unwrap_used)]
 
 #[path = "assembly/states.rs"]
 mod states;
