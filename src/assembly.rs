@@ -112,7 +112,8 @@ impl<const D: usize> System<D> {
     ) -> Result<(), PointFailure> {
         self.blocks.fill([[0.0; D]; D]);
         self.f_int.fill([0.0; D]);
-        for batch in self.batches.clone() {
+        for number in 0..self.batches.len() {
+            let batch = self.batches[number].clone();
             let task = Task::<D, M> {
                 model,
                 body: &points.body,

@@ -74,6 +74,31 @@ pub fn run(deck: &str, set: &[(&str, &str)]) -> Analysis {
     Analysis { model, points, steps: recorder.steps, summary }
 }
 
+/// Shows every equilibrated step to a closure.
+struct Watcher<F>(F);
+
+impl<F: FnMut(&Points<2>, &StepReport<2>)> Observer<2> for Watcher<F> {
+    fn converged(
+        &mut self,
+        _: &Model<2>,
+        points: &Points<2>,
+        report: &StepReport<2>,
+        _: &Summary,
+    ) -> std::io::Result<()> {
+        self.0(points, report);
+        Ok(())
+    }
+}
+
+/// Runs a model and shows every equilibrated step to `look`.
+pub fn watch(
+    model: &Model<2>,
+    points: &mut Points<2>,
+    look: impl FnMut(&Points<2>, &StepReport<2>),
+) -> Result<Summary, SolveError> {
+    solver::run::<2, PlaneStrain>(model, points, &mut Watcher(look))
+}
+
 impl Analysis {
     /// Fails the test when the analysis did not reach its end.
     pub fn completed(self) -> Self {

@@ -6,3 +6,6 @@
 mod analysis;
 mod beam;
 mod collapse;
+mod compaction;
+mod formulations;
+mod shear;

@@ -1,0 +1,71 @@
+//! Newton iterations assemble in place: once a system exists, evaluating it allocates nothing.
+
+#![allow(unsafe_code, reason = "an allocator that counts cannot be written without")]
+#![allow(clippy::unwrap_used)]
+
+#[path = "assembly/states.rs"]
+mod states;
+
+use std::alloc::{GlobalAlloc, Layout, System as Heap};
+use std::cell::Cell;
+
+use mpm::assembly::System;
+use mpm::stress::PlaneStrain;
+
+use states::{CASES, FORMULATIONS, Random, State, random_state};
+
+thread_local! {
+    /// Allocations of this thread; the others of the test harness are of no interest.
+    static COUNT: Cell<usize> = const { Cell::new(0) };
+}
+
+/// The allocator of the system, counting.
+struct Counting;
+
+// SAFETY: every call is passed on unchanged to the allocator of the system; counting neither allocates nor unwinds.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.set(COUNT.get() + 1);
+        unsafe { Heap.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { Heap.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Allocations of `work` on this thread.
+fn allocations(work: impl FnOnce()) -> usize {
+    let before = COUNT.get();
+    work();
+    COUNT.get() - before
+}
+
+#[test]
+fn assembling_again_allocates_nothing() {
+    assert!(allocations(|| drop(std::hint::black_box(vec![0u8; 100]))) == 1, "the counter does not count");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    pool.install(|| {
+        for (method, law) in CASES {
+            for formulation in FORMULATIONS {
+                let mut state = random_state(method, law, 400, 5);
+                state.model.formulation = formulation;
+                let State { model, points, links, delta_d } = &mut state;
+                let mut system = System::new::<PlaneStrain>(model, points, links);
+                let mut assemble = |delta_d: &[[f64; 2]]| {
+                    system.assemble::<PlaneStrain>(model, points, links, delta_d).unwrap();
+                };
+                let first = allocations(|| assemble(delta_d));
+                let mut random = Random(1);
+                for again in 0..3 {
+                    delta_d.iter_mut().flatten().for_each(|u| *u *= random.within(0.98, 1.02));
+                    let later = allocations(|| assemble(delta_d));
+                    assert_eq!(later, 0, "{method:?} {law:?} {formulation:?}, call {again}; first {first}");
+                }
+            }
+        }
+    });
+}

@@ -1,0 +1,174 @@
+//! Random converged states under large deformation, and random displacement increments on top of them.
+
+use mpm::basis::{Connectivity, Method};
+use mpm::domain::DomainUpdate;
+use mpm::grid::Grid;
+use mpm::material::{Elasticity, Hencky, Material, MaterialError, Response, StateField, VonMises};
+use mpm::model::{Body, Model, NamedMaterial, Newton};
+use mpm::points::{Points, Seed};
+use mpm::stress::Formulation;
+use mpm::tensor::{Mat3, Sym3, Tangent};
+
+/// Pseudo-random numbers (splitmix64), so that every run of a test sees the same ones.
+pub struct Random(pub u64);
+
+impl Random {
+    /// Uniform in [low, high).
+    pub fn within(&mut self, low: f64, high: f64) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        low + (high - low) * ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// Laws of the points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Law {
+    Hencky,
+    /// Strong enough for some of the points of a state to stay elastic.
+    VonMises,
+    /// Two bodies, one of each law, points of both in the same cells.
+    Both,
+    /// [`Skewed`].
+    Skewed,
+}
+
+/// Linear in the strain with a tangent that has no major symmetry, as non-associated flow would give.
+#[derive(Debug)]
+pub struct Skewed(Tangent);
+
+impl Skewed {
+    fn new() -> Self {
+        let mut tangent = Elasticity::from_young_poisson(2e6, 0.25).tangent();
+        for (row, column, by) in [(0, 1, 0.5e6), (1, 5, -0.3e6), (5, 0, 0.4e6), (2, 0, 0.2e6), (0, 2, -0.1e6)]
+        {
+            tangent[(row, column)] += by;
+        }
+        Skewed(tangent)
+    }
+}
+
+impl Material for Skewed {
+    fn state_fields(&self) -> &'static [StateField] {
+        &[]
+    }
+
+    fn update(&self, trial: &Sym3, _: &[f64], _: &mut [f64]) -> Result<Response, MaterialError> {
+        Ok(Response { tau: trial.contract(&self.0), elastic_strain: *trial, tangent: self.0 })
+    }
+
+    fn energy(&self, _: &Sym3) -> f64 {
+        0.0 // it has none
+    }
+
+    fn tangent_is_symmetric(&self) -> bool {
+        false
+    }
+}
+
+/// Everything the tests run over.
+pub const CASES: [(Method, Law); 8] = [
+    (Method::Mpm, Law::Hencky),
+    (Method::Mpm, Law::VonMises),
+    (Method::Mpm, Law::Both),
+    (Method::Mpm, Law::Skewed),
+    (Method::Gimp, Law::Hencky),
+    (Method::Gimp, Law::VonMises),
+    (Method::Gimp, Law::Both),
+    (Method::Gimp, Law::Skewed),
+];
+
+pub const FORMULATIONS: [Formulation; 2] = [Formulation::PreviouslyConverged, Formulation::UpdatedLagrangian];
+
+/// A model, a converged state of its points, their links, and a displacement increment.
+pub struct State {
+    pub model: Model<2>,
+    pub points: Points<2>,
+    pub links: Connectivity<2>,
+    pub delta_d: Vec<[f64; 2]>,
+}
+
+/// Points at random places of a grid of oblong cells, some with domains that reach outside it; elastic strains of up
+/// to ±0.2, F with det(F) from 0.6 to 1.7; an increment that stretches, shears and turns, plus noise at the nodes.
+pub fn random_state(method: Method, law: Law, n_points: usize, seed: u64) -> State {
+    state_on([6, 5], 0.1, method, law, n_points, seed)
+}
+
+/// The same on a grid large enough for several batches, with domains that stay inside it.
+#[allow(dead_code, reason = "not every test program uses it")]
+pub fn large_random_state(method: Method, law: Law, n_points: usize, seed: u64) -> State {
+    state_on([24, 20], 0.4, method, law, n_points, seed)
+}
+
+fn state_on(cells: [usize; 2], margin: f64, method: Method, law: Law, n_points: usize, seed: u64) -> State {
+    let random = &mut Random(seed);
+    let grid = Grid::<2>::new([-0.3, 0.2], [0.5, 0.4], cells);
+    let (low, high) = (grid.origin(), grid.upper());
+    let hencky = || Box::new(Hencky::new(2e6, 0.25)) as Box<dyn Material>;
+    let von_mises = || Box::new(VonMises::new(1e6, 0.3, 0.25e6)) as Box<dyn Material>;
+    let laws = match law {
+        Law::Hencky => vec![hencky()],
+        Law::VonMises => vec![von_mises()],
+        Law::Both => vec![hencky(), von_mises()],
+        Law::Skewed => vec![Box::new(Skewed::new()) as Box<dyn Material>],
+    };
+    let seeds: Vec<Seed<2>> = (0..n_points)
+        .map(|p| {
+            let body = p % laws.len();
+            let domain = method.has_domain();
+            let half_lengths = [0.5, 0.4].map(|h| if domain { h * random.within(0.05, 0.7) } else { 0.0 });
+            Seed {
+                body: body as u16,
+                position: std::array::from_fn(|d| random.within(low[d] + margin, high[d] - margin)),
+                half_lengths,
+                volume: random.within(0.01, 0.05),
+                mass: 0.0,
+                outer_layer: false,
+                history: laws[body].state_fields().iter().map(|f| f.initial).collect(),
+            }
+        })
+        .collect();
+    let bodies = (0..laws.len())
+        .map(|material| Body {
+            name: format!("body {material}"),
+            material,
+            method,
+            domain_update: DomainUpdate::Corners,
+        })
+        .collect();
+    let model = Model {
+        title: String::new(),
+        grid,
+        formulation: Formulation::PreviouslyConverged,
+        materials: laws.into_iter().map(|law| NamedMaterial { name: "law".into(), law }).collect(),
+        bodies,
+        boundary_conditions: Vec::new(),
+        loads: Vec::new(),
+        n_steps: 1,
+        end_time: 1.0,
+        newton: Newton { tolerance: 1e-9, max_iterations: 20 },
+        probes: Vec::new(),
+    };
+    let mut points = Points::new(&seeds);
+    for p in 0..points.len() {
+        let mut noise = |size: f64| random.within(-size, size);
+        points.converged.elastic_strain[p] = Sym3([noise(0.2), noise(0.2), noise(0.2), 0.0, 0.0, noise(0.2)]);
+        let (a, b, c, d) = (1.0 + noise(0.3), noise(0.3), noise(0.3), 1.0 + noise(0.3));
+        points.converged.deformation_gradient[p] = Mat3::new(a, b, 0.0, c, d, 0.0, 0.0, 0.0, 1.0);
+    }
+    let methods = vec![method; model.bodies.len()];
+    let links = Connectivity::new(&model.grid, &mut points, &methods).unwrap();
+    let delta_d = links
+        .active_nodes()
+        .iter()
+        .map(|&node| {
+            let place = model.grid.node_position(node as usize);
+            let [x, y] = std::array::from_fn(|d| place[d] - 0.5 * (low[d] + high[d]));
+            let noise = [random.within(-0.06, 0.06), random.within(-0.06, 0.06)];
+            [0.25 * x + 0.45 * y + noise[0], -0.3 * x - 0.1 * y + noise[1]]
+        })
+        .collect();
+    State { model, points, links, delta_d }
+}

@@ -1,0 +1,143 @@
+//! K is the derivative of the internal force, symmetric, and the same in both formulations.
+
+use mpm::assembly::System;
+use mpm::stress::{Mechanics, PlaneStrain, StartOfStep};
+
+use crate::states::{CASES, FORMULATIONS, Law, Random, State, random_state};
+
+/// Internal force at an increment, and which points flow.
+fn evaluate(system: &mut System<2>, state: &mut State, delta_d: &[[f64; 2]]) -> (Vec<[f64; 2]>, Vec<bool>) {
+    let State { model, points, links, .. } = state;
+    system.assemble::<PlaneStrain>(model, points, links, delta_d).unwrap();
+    let flow = points.trial.history.iter().zip(&points.converged.history).map(|(new, old)| new > old);
+    (system.internal_force().to_vec(), flow.collect())
+}
+
+/// Some of the von Mises points flow, some do not.
+fn check_mixture(law: Law, flowing: &[bool]) {
+    let n = flowing.iter().filter(|f| **f).count();
+    let both = 10 * n > flowing.len() && 10 * n < 9 * flowing.len();
+    let flows = matches!(law, Law::VonMises | Law::Both);
+    assert!(!flows || both, "{n} of {} points flow", flowing.len());
+}
+
+fn largest(values: &[[f64; 2]]) -> f64 {
+    values.iter().flatten().fold(0.0, |m, x| m.max(x.abs()))
+}
+
+#[test]
+fn stiffness_is_the_derivative_of_the_internal_force() {
+    const STEP: f64 = 1e-6; // of nodal displacements; cells are 0.5 by 0.4
+    let (mut worst, mut strain) = (0.0f64, 0.0f64);
+    for (method, law) in CASES {
+        for formulation in FORMULATIONS {
+            let mut state = random_state(method, law, 80, 11);
+            state.model.formulation = formulation;
+            let mut system = System::new::<PlaneStrain>(&state.model, &state.points, &state.links);
+            let base = state.delta_d.clone();
+            let (_, flowing) = evaluate(&mut system, &mut state, &base);
+            check_mixture(law, &flowing);
+            let n = base.len();
+            // All columns of K, before the system is assembled elsewhere.
+            let mut columns = Vec::new();
+            for b in 0..2 * n {
+                let mut unit = vec![[0.0; 2]; n];
+                unit[b / 2][b % 2] = 1.0;
+                let mut column = unit.clone();
+                system.multiply(&unit, &mut column);
+                columns.push(column);
+            }
+            let scale = columns.iter().map(|c| largest(c)).fold(0.0, f64::max);
+            for (b, column) in columns.iter().enumerate() {
+                let mut shifted = |by: f64| {
+                    let mut delta_d = base.clone();
+                    delta_d[b / 2][b % 2] += by;
+                    let (force, flow) = evaluate(&mut system, &mut state, &delta_d);
+                    assert!(
+                        flow == flowing,
+                        "a point switches between elastic and plastic within the difference"
+                    );
+                    force
+                };
+                let (plus, minus) = (shifted(STEP), shifted(-STEP));
+                for a in 0..n {
+                    for i in 0..2 {
+                        let numeric = (plus[a][i] - minus[a][i]) / (2.0 * STEP);
+                        worst = worst.max((numeric - column[a][i]).abs() / scale);
+                    }
+                }
+                assert!(worst < 1e-6, "{method:?} {law:?} {formulation:?}, column {b}: {worst:e}");
+            }
+            for (old, new) in
+                state.points.converged.elastic_strain.iter().zip(&state.points.trial.elastic_strain)
+            {
+                strain = strain.max((*new - *old).norm());
+            }
+        }
+    }
+    assert!(strain > 0.3, "the increments are not large: {strain}");
+}
+
+#[test]
+fn both_formulations_give_the_same_force_and_stiffness() {
+    let (mut worst_f, mut worst_k) = (0.0f64, 0.0f64);
+    for (method, law) in CASES {
+        for seed in 0..5 {
+            let [(f, kx), (g, ky)] = FORMULATIONS.map(|formulation| {
+                let mut state = random_state(method, law, 150, 100 + seed);
+                state.model.formulation = formulation;
+                let mut system = System::new::<PlaneStrain>(&state.model, &state.points, &state.links);
+                let base = state.delta_d.clone();
+                let (f, _) = evaluate(&mut system, &mut state, &base);
+                let mut random = Random(seed);
+                let x: Vec<[f64; 2]> = f.iter().map(|_| [0; 2].map(|_| random.within(-1.0, 1.0))).collect();
+                let mut kx = x.clone();
+                system.multiply(&x, &mut kx);
+                (f, kx)
+            });
+            let difference = |a: &[[f64; 2]], b: &[[f64; 2]]| {
+                let d: Vec<_> = a.iter().zip(b).map(|(a, b)| [a[0] - b[0], a[1] - b[1]]).collect();
+                largest(&d) / largest(a)
+            };
+            worst_f = worst_f.max(difference(&f, &g));
+            worst_k = worst_k.max(difference(&kx, &ky));
+            assert!(worst_f < 1e-12 && worst_k < 1e-12, "{method:?} {law:?} {seed}: {worst_f:e} {worst_k:e}");
+        }
+    }
+}
+
+/// The system stores one triangle only, which would hide an unsymmetric tangent: the tangent of every point must have
+/// major symmetry, Ã of eqs. (A.3)-(A.6) and a of eqs. (A.1)-(A.2) alike.
+#[test]
+fn point_tangents_and_stiffness_are_symmetric() {
+    let mut worst = 0.0f64;
+    for (method, law) in CASES.into_iter().filter(|(_, law)| *law != Law::Skewed) {
+        for formulation in FORMULATIONS {
+            let State { model, points, links, delta_d } = random_state(method, law, 200, 42);
+            for group in 0..links.n_groups() {
+                for p in links.points_of(group) {
+                    let nodes = links.nodes_of(group);
+                    let df = mpm::assembly::deformation_increment(nodes, &links.links(p), &delta_d);
+                    let f_n = points.converged.deformation_gradient[p];
+                    let start = StartOfStep {
+                        b_n: PlaneStrain::elastic_left_cauchy_green(&points.converged.elastic_strain[p]),
+                        J_n: f_n.determinant(),
+                        volume_n: f_n.determinant() * points.original_volume[p],
+                    };
+                    let law = model.materials[model.bodies[points.body[p] as usize].material].law.as_ref();
+                    let old = &points.converged.history[p * points.history_len..][..law.state_fields().len()];
+                    let c =
+                        PlaneStrain::respond(formulation, &start, &df, law, old, &mut old.to_vec()).unwrap();
+                    let t = &c.tangent;
+                    let scale = t.as_flattened().as_flattened().as_flattened();
+                    let scale = scale.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+                    let index = |n: usize| [n >> 3 & 1, n >> 2 & 1, n >> 1 & 1, n & 1];
+                    for [i, j, k, l] in (0..16).map(index) {
+                        worst = worst.max((t[i][j][k][l] - t[k][l][i][j]).abs() / scale);
+                    }
+                }
+            }
+            assert!(worst < 1e-13, "{method:?} {law:?} {formulation:?}: {worst:e}");
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! The number of threads changes no bit of a result.
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use mpm::deck::{build::build, load::load};
+use mpm::model::Model;
+use mpm::points::{Points, State};
+use mpm::solver::{self, Observer, StepReport, Summary};
+use mpm::stress::PlaneStrain;
+
+/// Everything a run computes, as bits.
+#[derive(Default)]
+struct Bits {
+    residuals: Vec<u64>,
+    reactions: Vec<u64>,
+    states: Vec<Vec<u64>>,
+}
+
+fn bits(values: impl IntoIterator<Item = f64>) -> Vec<u64> {
+    values.into_iter().map(f64::to_bits).collect()
+}
+
+fn bits_of(state: &State<2>) -> Vec<u64> {
+    let mut all = bits(state.position.iter().flatten().copied());
+    all.extend(bits(state.half_lengths.iter().flatten().copied()));
+    all.extend(bits(state.deformation_gradient.iter().flatten().copied()));
+    all.extend(bits(state.elastic_strain.iter().flat_map(|e| e.0)));
+    all.extend(bits(state.kirchhoff_stress.iter().flat_map(|t| t.0)));
+    all.extend(bits(state.history.iter().copied()));
+    all
+}
+
+impl Observer<2> for Bits {
+    fn converged(
+        &mut self,
+        _: &Model<2>,
+        points: &Points<2>,
+        report: &StepReport<2>,
+        _: &Summary,
+    ) -> std::io::Result<()> {
+        self.residuals.extend(bits(report.residuals.iter().copied()));
+        self.reactions.extend(bits(report.reactions.iter().flatten().copied()));
+        self.states.push(bits_of(&points.converged));
+        Ok(())
+    }
+}
+
+/// The first `steps` of the load steps of a deck, with this many threads.
+fn run(deck: &str, set: &[(&str, &str)], steps: usize, threads: usize) -> Bits {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs").join(deck);
+    let set: Vec<(String, String)> = set.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
+    let (mut model, mut points) = build(&load(&path, &set).unwrap()).unwrap();
+    model.end_time *= steps as f64 / model.n_steps as f64;
+    model.n_steps = steps;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    pool.install(|| {
+        assert_eq!(rayon::current_num_threads(), threads);
+        let mut observer = Bits::default();
+        let outcome = solver::run::<2, PlaneStrain>(&model, &mut points, &mut observer);
+        outcome.unwrap_or_else(|error| panic!("{error}"));
+        observer
+    })
+}
+
+fn check(deck: &str, set: &[(&str, &str)], steps: usize) {
+    let one = run(deck, set, steps, 1);
+    assert_eq!(one.states.len(), steps);
+    for threads in [2, 3] {
+        let more = run(deck, set, steps, threads);
+        assert!(one.residuals == more.residuals, "{deck} {set:?}: residuals differ with {threads} threads");
+        assert!(one.reactions == more.reactions, "{deck} {set:?}: reactions differ with {threads} threads");
+        for (step, (a, b)) in one.states.iter().zip(&more.states).enumerate() {
+            assert!(a == b, "{deck} {set:?}: points differ in step {} with {threads} threads", step + 1);
+        }
+    }
+}
+
+#[test]
+fn cantilever() {
+    for method in ["mpm", "gimp"] {
+        check("beam.yaml", &[("method", method), ("h", "0.25"), ("n", "3")], 12);
+    }
+}
+
+#[test]
+fn collapse() {
+    for method in ["mpm", "gimp"] {
+        check("collapse.yaml", &[("method", method), ("h", "0.5"), ("n", "3")], 15);
+    }
+}
