@@ -50,6 +50,16 @@ impl Method {
         }
     }
 
+    /// Name in decks.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Mpm => "mpm",
+            Method::Gimp => "gimp",
+            Method::Cpdi1 => "cpdi1",
+            Method::Cpdi2 => "cpdi2",
+        }
+    }
+
     /// What kind of domain its points have.
     pub fn domain(self) -> DomainKind {
         match self {

@@ -8,7 +8,8 @@ use super::{
 };
 use crate::constraints::{BoundaryCondition, NodeSet};
 use crate::formula::Formula;
-use crate::grid::Grid;
+use crate::basis::DomainKind;
+use crate::grid::{Grid, Structured};
 use crate::loads::{Action, Load, LoadCurve};
 use crate::material::{Hencky, Material, VonMises};
 use crate::model::{Body, Model, NamedMaterial, Newton, Probe};
@@ -38,7 +39,7 @@ pub fn build(loaded: &LoadedDeck) -> Result<(Model<2>, Points<2>), Vec<Diagnosti
     }
     let model = Model {
         title: deck.title.clone().unwrap_or_default(),
-        grid,
+        grid: Box::new(grid),
         formulation: deck.analysis.formulation,
         materials,
         bodies,
@@ -97,11 +98,11 @@ impl Builder<'_> {
         self.found.push(Diagnostic::at(&self.loaded.source, code, pointer, message).help(help));
     }
 
-    fn grid(&self) -> Grid<2> {
+    fn grid(&self) -> Structured<2> {
         let GridDeck::Structured { origin, size, spacing } = &self.deck.grid;
         let (size, spacing) = (pair(size), per_axis(spacing));
         let cells = std::array::from_fn(|d| ((size[d] / spacing[d]).round() as usize).max(1));
-        Grid::new(pair(origin), std::array::from_fn(|d| size[d] / cells[d] as f64), cells)
+        Structured::new(pair(origin), std::array::from_fn(|d| size[d] / cells[d] as f64), cells)
     }
 
     fn body_number(&self, name: &str) -> usize {
@@ -119,7 +120,7 @@ impl Builder<'_> {
     }
 
     /// Fills every body with a lattice of points at the centres of an even subdivision.
-    fn seeds(&mut self, grid: &Grid<2>, materials: &[NamedMaterial], bodies: &[Body]) -> Vec<Seed<2>> {
+    fn seeds(&mut self, grid: &Structured<2>, materials: &[NamedMaterial], bodies: &[Body]) -> Vec<Seed<2>> {
         let mut seeds = Vec::new();
         for (number, deck) in self.deck.bodies.iter().enumerate() {
             let Shape::Box { min, max } = &deck.shape;
@@ -149,7 +150,8 @@ impl Builder<'_> {
             let seed = Seed {
                 body: number as u16,
                 position: [0.0; 2],
-                half_lengths: if body.method.has_domain() { spacing.map(|s| 0.5 * s) } else { [0.0; 2] },
+                half_lengths: [0.0; 2],
+                corners: Vec::new(),
                 volume,
                 mass: density(&self.deck.materials[&deck.material]) * volume,
                 outer_layer: false,
@@ -158,11 +160,20 @@ impl Builder<'_> {
             for j in 0..counts[1] {
                 for i in 0..counts[0] {
                     let edge = |k: usize, n: usize| k == 0 || k == n - 1;
+                    let at = |a: f64, b: f64| {
+                        [min[0] + (i as f64 + a) * spacing[0], min[1] + (j as f64 + b) * spacing[1]]
+                    };
+                    let (half_lengths, corners) = match body.method.domain() {
+                        DomainKind::None => ([0.0; 2], vec![]),
+                        DomainKind::Box => (spacing.map(|s| 0.5 * s), vec![]),
+                        DomainKind::Corners => {
+                            (spacing.map(|s| 0.5 * s), vec![at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0), at(1.0, 1.0)])
+                        }
+                    };
                     seeds.push(Seed {
-                        position: [
-                            min[0] + (i as f64 + 0.5) * spacing[0],
-                            min[1] + (j as f64 + 0.5) * spacing[1],
-                        ],
+                        position: at(0.5, 0.5),
+                        half_lengths,
+                        corners,
                         outer_layer: edge(i, counts[0]) || edge(j, counts[1]),
                         ..seed.clone()
                     });
@@ -187,7 +198,7 @@ impl Builder<'_> {
         })
     }
 
-    fn boundary_conditions(&mut self, grid: &Grid<2>) -> Vec<BoundaryCondition<2>> {
+    fn boundary_conditions(&mut self, grid: &Structured<2>) -> Vec<BoundaryCondition<2>> {
         let deck = self.deck;
         let mut conditions = Vec::new();
         for (number, condition) in deck.boundary_conditions.iter().enumerate() {
@@ -213,7 +224,7 @@ impl Builder<'_> {
         conditions
     }
 
-    fn nodes(&mut self, grid: &Grid<2>, condition: &BoundaryConditionDeck, pointer: &str) -> NodeSet {
+    fn nodes(&mut self, grid: &Structured<2>, condition: &BoundaryConditionDeck, pointer: &str) -> NodeSet {
         let NodeSelector { x, y, within, outer_layer } = &condition.nodes;
         if let Some(body) = outer_layer {
             return NodeSet::OuterLayer(self.body_number(body) as u16);
@@ -251,7 +262,7 @@ impl Builder<'_> {
     }
 
     /// Reports a coordinate that is on no grid line; returns whether it did.
-    fn check_line(&mut self, grid: &Grid<2>, axis: usize, c: f64, pointer: &str) -> bool {
+    fn check_line(&mut self, grid: &Structured<2>, axis: usize, c: f64, pointer: &str) -> bool {
         let (origin, spacing) = (grid.origin()[axis], grid.spacing()[axis]);
         let line = ((c - origin) / spacing).round().clamp(0.0, grid.cells()[axis] as f64);
         let nearest = origin + line * spacing;

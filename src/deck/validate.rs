@@ -144,20 +144,21 @@ impl Check<'_> {
 
     fn domain_update(&mut self, pointer: &str, body: &BodyDeck) {
         let Some(update) = body.domain_update else { return };
-        if body.method != Method::Mpm {
+        if body.method == Method::Gimp {
             return;
         }
+        let method = body.method.name();
         let at = format!("{pointer}/domain_update");
         let word =
             serde_json::to_value(update).ok().and_then(|word| word.as_str().map(quote)).unwrap_or_default();
         let diagnostic = if self.source.is_from_parameter(&at) {
             let message =
-                format!("the domain update {word} is ignored: points of method `mpm` have no domain");
+                format!("the domain update {word} is ignored: points of method `{method}` have no domain to update");
             Diagnostic::at(self.source, "D014", &at, message).severity(Severity::Note)
         } else {
-            let message = format!("domain update {word} needs a method whose points have a domain");
+            let message = format!("domain update {word} needs method `gimp`, whose points have a box for a domain");
             Diagnostic::at(self.source, "D014", &at, message)
-                .label("the method here is `mpm`")
+                .label(format!("the method here is `{method}`"))
                 .help("set `method: gimp`, or remove `domain_update`")
         };
         self.found.push(diagnostic);
