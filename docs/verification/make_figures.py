@@ -394,7 +394,7 @@ def collapse(runs):
             px, py = paper[n][0][i], paper[n][1][i]
             row(f"{n} x {n}", h, px, f"{x:.4f}", f"{x - px:+.4f}", py, f"{y:.4f}", f"{y - py:+.4f}", summary(out)["evaluations"])
             axes = grid[i, j]
-            draw(axes, out, 40, "YY", f"h = {h} m, {n} x {n} points", size=(40 * h / n) ** 2, limits=limits)
+            draw(axes, out, 40, "YY", f"h = {h} m, {n} x {n} points", size=(26 * h / n) ** 2, limits=limits)
             axes.set(xlim=(0, 16), ylim=(0, 8))
     stress_bar(figure, grid, limits)
     save(figure, HERE / "collapse-points.png")
