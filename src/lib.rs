@@ -54,6 +54,8 @@
 //!
 //! Symmetric tensors are stored in the Mandel layout of [`tensor::Sym3`], so that no factor of two leaks into a
 //! material.
+#![allow(rustdoc::broken_intra_doc_links, reason = "units stand in brackets: [length], [force]")]
+#![allow(rustdoc::private_intra_doc_links, reason = "the pages are for readers of the code")]
 
 pub mod assembly;
 pub mod basis;
