@@ -386,25 +386,16 @@ fn column<const D: usize>(c: &Contribution<D>, g: &[f64; D]) -> [[[f64; D]; D]; 
     let vg = g.map(|x| x * c.volume);
     std::array::from_fn(|i| {
         std::array::from_fn(|j| {
-            std::array::from_fn(|k| {
-                let mut sum = 0.0;
-                for l in 0..D {
-                    sum += c.tangent[i][j][k][l] * vg[l];
-                }
-                sum
-            })
+            std::array::from_fn(|k| c.tangent[i][j][k].iter().zip(&vg).map(|(a, g)| a * g).sum())
         })
     })
 }
 
 #[inline(always)]
 fn add_force<const D: usize>(c: &Contribution<D>, g: &[f64; D], f: &mut [f64; D]) {
-    for i in 0..D {
-        let mut sum = 0.0;
-        for j in 0..D {
-            sum += c.stress[i][j] * g[j];
-        }
-        f[i] += c.volume * sum;
+    for (f, row) in f.iter_mut().zip(&c.stress) {
+        let traction: f64 = row.iter().zip(g).map(|(stress, g)| stress * g).sum();
+        *f += c.volume * traction;
     }
 }
 

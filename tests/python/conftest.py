@@ -12,10 +12,16 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="session")
-def mpm():
+def program():
+    """Path of the program under test."""
+    path = Path(os.environ.get("MPM", ROOT / "target" / "debug" / "mpm")).resolve()
+    assert path.exists(), f"{path} is missing: run the tests with tests/run"
+    return path
+
+
+@pytest.fixture(scope="session")
+def mpm(program):
     """Runs the program from the root of the sources and returns the finished process."""
-    program = Path(os.environ.get("MPM", ROOT / "target" / "debug" / "mpm")).resolve()
-    assert program.exists(), f"{program} is missing: run the tests with tests/run"
 
     def run(*arguments, threads=None):
         environment = dict(os.environ)
@@ -41,12 +47,17 @@ def analyse(mpm, tmp_path_factory):
     return run
 
 
-BEAM = {"h": 0.5, "n": 2, "method": "gimp", "update": "corners", "steps": 3}
+BEAM = {"h": 0.5, "n": 6, "method": "gimp", "update": "corners", "steps": 20}
 
 
 @pytest.fixture(scope="session")
 def beam(analyse):
     return analyse("inputs/beam.yaml", **BEAM)
+
+
+@pytest.fixture(scope="session")
+def beam_of_standard_points(analyse):
+    return analyse("inputs/beam.yaml", h=0.5, n=3, method="mpm", steps=50)
 
 
 @pytest.fixture(scope="session")

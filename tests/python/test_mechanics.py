@@ -83,9 +83,11 @@ def test_elastic_strain_is_the_logarithmic_strain(beam):
         np.testing.assert_array_equal(mesh.point_data["equivalent_plastic_strain"], 0)
 
 
-def test_reactions_balance_the_load_of_the_beam(beam):
-    applied = np.outer(beam.history["time"], [0.0, -100e3])
-    np.testing.assert_allclose(beam.reactions(), -applied, rtol=0, atol=1e-6 * 100e3)
+def test_reactions_balance_the_load_of_the_beam(beam_of_standard_points, beam):
+    # GIMP domains that reach beyond the grid lose a little of the partition of unity, and with it of the balance.
+    for results, tolerance in [(beam_of_standard_points, 1e-8), (beam, 1e-4)]:
+        applied = np.outer(results.history["time"], [0.0, -100e3])
+        np.testing.assert_allclose(results.reactions(), -applied, rtol=0, atol=tolerance * 100e3)
 
 
 def test_reactions_balance_the_weight_of_the_collapse(collapse):

@@ -2,6 +2,9 @@
 
 import json
 import re
+import signal
+import subprocess
+import time
 
 import jsonschema
 import numpy as np
@@ -102,3 +105,47 @@ def test_files_do_not_depend_on_the_number_of_threads(analyse):
     assert any(name.endswith(".vtu") for name in names)
     for name in names:
         assert (one.directory / name).read_bytes() == (two.directory / name).read_bytes(), name
+
+
+def test_a_point_that_leaves_the_grid_is_named(mpm, tmp_path):
+    deck = tmp_path / "deck.yaml"
+    text = (ROOT / "inputs" / "shear.yaml").read_text()
+    assert "size: [8, 1]" in text
+    deck.write_text(text.replace("size: [8, 1]", "size: [4, 1]"))
+    process = mpm("run", deck, "--out", tmp_path / "out")
+    assert process.returncode == 1, process.stderr
+    found = re.search(r"step (\d+): point (\d+) of body `square` at \((.*), (.*)\) is outside the grid", process.stderr)
+    assert found, process.stderr
+    assert float(found[3]) > 4
+    results = Results(tmp_path / "out")
+    assert results.summary["outcome"] == "failed"
+    assert results.history["step"].max() == int(found[1]) - 1
+    assert len(results.series("points")) == int(found[1])
+
+
+def test_ctrl_c_ends_a_run_with_complete_files(tmp_path, program):
+    out = tmp_path / "out"
+    command = [program, "run", ROOT / "inputs" / "collapse.yaml", "--out", out, "--set", "n=9", "--set", "steps=400"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    while not (out / "points_0003.vtu").exists():
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, messages = process.communicate(timeout=120)
+    assert process.returncode == 130, messages
+    assert "interrupted" in messages
+    results = Results(out)
+    assert results.summary["outcome"] == "interrupted"
+    steps = results.history["step"]
+    assert len(results.series("points")) == len(steps) + 1
+    assert all(mesh.n_points == results.summary["points"] for mesh in results.meshes("points"))
+    assert not list(out.glob("*.tmp"))
+
+
+def test_body_off_the_grid_lines_names_the_edge(mpm, tmp_path):
+    deck = tmp_path / "deck.yaml"
+    text = (ROOT / "inputs" / "beam.yaml").read_text()
+    deck.write_text(text.replace("min: [0, 9]", "min: [0, 9.1]"))
+    process = mpm("check", deck)
+    assert process.returncode == 2
+    assert "9.1" in process.stderr and "0.1" in process.stderr and "min" in process.stderr, process.stderr

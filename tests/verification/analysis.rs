@@ -42,9 +42,9 @@ impl Observer<2> for Recorder {
             let mut u = [0.0; 2];
             for &id in ids {
                 let p = place[id as usize];
-                for d in 0..2 {
-                    u[d] +=
-                        (points.converged.position[p][d] - points.original_position[p][d]) / ids.len() as f64;
+                for (d, u) in u.iter_mut().enumerate() {
+                    let moved = points.converged.position[p][d] - points.original_position[p][d];
+                    *u += moved / ids.len() as f64;
                 }
             }
             u

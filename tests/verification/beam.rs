@@ -1,15 +1,139 @@
-use crate::analysis::run;
+//! Section 7.3: elastic cantilever under an end load.
+
+use crate::analysis::{Analysis, run};
+
+/// Load step, evaluations and displacement of the loaded points from a reference file.
+fn reference(name: &str) -> Vec<(usize, usize, [f64; 2])> {
+    let path = format!("{}/tests/data/{name}.csv", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(path).unwrap();
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        let number = |k: usize| cells[k].parse::<f64>().unwrap();
+        (number(0) as usize, number(1) as usize, [number(2), number(3)])
+    };
+    text.lines().skip(1).map(row).collect()
+}
+
+fn beam(h: &str, method: &str, update: &str) -> Analysis {
+    run("beam.yaml", &[("h", h), ("method", method), ("update", update)]).completed()
+}
+
+/// Largest distance of the loaded points from the reference over all steps but `skip`, in m.
+fn largest_difference(analysis: &Analysis, name: &str, skip: &[usize]) -> f64 {
+    let reference = reference(name);
+    assert_eq!(reference.len(), analysis.steps.len());
+    let compared = reference.iter().zip(&analysis.steps).filter(|((step, ..), _)| !skip.contains(step));
+    let distances =
+        compared.flat_map(|((_, _, u), ours)| (0..2).map(move |d| (u[d] - ours.probes[0][d]).abs()));
+    let largest = distances.fold(0.0, f64::max);
+    println!("{name}: {largest:.2e} m, {} evaluations", analysis.evaluations());
+    largest
+}
+
+/// The reactions carry the applied load at every step.
+fn assert_balanced(analysis: &Analysis) {
+    for (k, step) in analysis.steps.iter().enumerate() {
+        let applied = -100e3 * (k + 1) as f64 / 50.0;
+        let total: [f64; 2] = [0, 1].map(|d| step.reactions.iter().map(|r| r[d]).sum());
+        let largest = step.reactions.iter().flatten().fold(0.0f64, |m, r| m.max(r.abs()));
+        assert!((total[1] + applied).abs() <= 1e-8 * largest, "step {}: {total:?}", k + 1);
+        assert!(total[0].abs() <= 1e-8 * largest, "step {}: {total:?}", k + 1);
+    }
+}
+
+/// Digits of a residual.
+fn digits(residual: f64) -> f64 {
+    -residual.log10()
+}
+
+/// Whether the last iteration of a step doubles the number of correct digits, but for a constant: r' ≤ 10⁴ r², or
+/// round-off. The constant is the ratio of axial to bending stiffness of the beam, whose residual falls alternately
+/// in the one and in the other. A tangent with an error of a hundredth converges linearly and fails this.
+fn ends_quadratically(residuals: &[f64]) -> bool {
+    match residuals {
+        [.., before, last] => digits(*last) >= (2.0 * digits(*before) - 4.0).min(13.4),
+        _ => false,
+    }
+}
+
+/// Every step but `skip` ends quadratically.
+fn assert_quadratic(analysis: &Analysis, skip: &[usize]) {
+    for (k, step) in analysis.steps.iter().enumerate().filter(|(k, _)| !skip.contains(&(k + 1))) {
+        assert!(ends_quadratically(&step.residuals), "step {}: {:?}", k + 1, step.residuals);
+    }
+}
 
 #[test]
-fn quick() {
-    let a = run("collapse.yaml", &[("method", "gimp"), ("update", "diagonal-corrected")]);
-    for (i, s) in a.steps.iter().enumerate() {
-        println!("{} {:?}", i + 1, s.residuals);
-    }
-    for (i, p) in a.points.converged.position.iter().enumerate() {
-        let l = a.points.converged.half_lengths[i];
-        if p[1] - l[1] < 1e-6 && p[0] > 10.0 {
-            println!("{:?} {:?} {:e}", p, l, p[1] - l[1]);
+fn the_test_of_quadratic_convergence_refuses_linear_convergence() {
+    assert!(ends_quadratically(&[1.0, 1e-2, 1e-4, 1e-8, 1e-14]));
+    assert!(ends_quadratically(&[1.0, 2.4e-4, 5.5e-5, 1.5e-10]));
+    for rate in [0.5, 0.1, 1e-2] {
+        let mut linear = vec![1.0];
+        while linear[linear.len() - 1] > 1e-9 {
+            linear.push(linear[linear.len() - 1] * rate);
         }
+        assert!(!ends_quadratically(&linear), "{rate}");
+    }
+}
+
+#[test]
+fn standard_points_follow_ample() {
+    let analysis = beam("0.5", "mpm", "corners");
+    assert_balanced(&analysis);
+    assert_quadratic(&analysis, &[]);
+    assert!(largest_difference(&analysis, "beam_h0.5_mpm_6", &[]) < 1e-6);
+    assert!(analysis.evaluations().abs_diff(241) <= 2);
+}
+
+#[test]
+fn gimp_points_follow_ample_except_where_it_did_not_converge() {
+    let analysis = beam("0.5", "gimp", "stretch");
+    assert!(largest_difference(&analysis, "beam_h0.5_gimp_6", &[10]) < 1e-6);
+    // In step 10 nearly empty cells make the residual rise and fall, here and in both reference programs.
+    assert_quadratic(&analysis, &[10]);
+    assert!(analysis.steps[9].residuals.iter().any(|r| *r <= 1e-9), "step 10 is in equilibrium here");
+    assert!(analysis.evaluations().abs_diff(248) <= 2);
+}
+
+/// The shape that eq. (37) gives to the domain at the free corner hangs on nodes of nearly empty cells; two correct
+/// programs drift apart by a few micrometres there, so the update `corners` is held to 5e-6 m on the coarser grids.
+#[test]
+fn refined_grids_follow_the_independent_program() {
+    for (h, method, update, name, tolerance) in [
+        ("0.25", "mpm", "corners", "beam_h0.25_mpm_6", 1e-6),
+        ("0.25", "gimp", "stretch", "beam_h0.25_gimp_6_eq34", 1e-6),
+        ("0.125", "mpm", "corners", "beam_h0.125_mpm_6", 1e-6),
+        ("0.5", "gimp", "corners", "beam_h0.5_gimp_6_eq37", 5e-6),
+        ("0.25", "gimp", "corners", "beam_h0.25_gimp_6_eq37", 5e-6),
+    ] {
+        let analysis = beam(h, method, update);
+        assert!(largest_difference(&analysis, name, &[]) < tolerance);
+        let counts: usize = reference(name).iter().map(|r| r.1).sum();
+        assert!(analysis.evaluations().abs_diff(counts) <= 3);
+        if update == "stretch" || method == "mpm" {
+            assert_quadratic(&analysis, &[]);
+        }
+        if method == "mpm" {
+            assert_balanced(&analysis);
+        }
+    }
+}
+
+/// Table 3, load step 10 (h = 0.125 m, GIMP): the printed digits, the last two entries to 1 %. The later columns of
+/// the table are not reproduced by any update; see `docs/verification/beam.md`.
+#[test]
+fn table_3_step_10() {
+    const PAPER: [f64; 5] = [1.622e1, 1.242e-1, 2.436e-4, 5.524e-5, 1.470e-10];
+    for (update, name) in [("stretch", "beam_h0.125_gimp_6_eq34"), ("corners", "beam_h0.125_gimp_6_eq37")] {
+        let analysis = beam("0.125", "gimp", update);
+        let ours = &analysis.steps[9].residuals;
+        assert_eq!(ours.len(), PAPER.len());
+        for (k, (ours, paper)) in ours.iter().zip(PAPER).enumerate() {
+            println!("{update} NR it. {k}: paper {paper:.3e}, here {ours:.3e}");
+            let tolerance = if k < 3 { 5e-4 } else { 1e-2 };
+            assert!((ours / paper - 1.0).abs() < tolerance, "NR it. {k}: paper {paper:.3e}, here {ours:.4e}");
+        }
+        assert_quadratic(&analysis, &[]);
+        assert!(largest_difference(&analysis, name, &[]) < 1e-6);
     }
 }

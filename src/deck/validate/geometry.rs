@@ -152,6 +152,9 @@ impl Check<'_> {
         }
         let counts = match (&body.points_per_cell, &body.point_spacing) {
             (Some(per_cell), _) => {
+                if let Some(grid) = grid {
+                    self.aligned(pointer, body, extent, grid);
+                }
                 self.points_per_cell(&format!("{pointer}/points_per_cell"), per_cell, extent, grid)
             }
             (_, Some(spacing)) => self.point_spacing(&format!("{pointer}/point_spacing"), spacing, extent),
@@ -191,6 +194,30 @@ impl Check<'_> {
             (extent.max[axis] - extent.min[axis]) / grid.spacing[axis] * f64::from(values[axis].1)
         };
         Some([along(0), along(1)])
+    }
+
+    /// Points per cell need a body whose sides lie on grid lines.
+    fn aligned(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: &GridBox) {
+        for (axis, name) in AXES.iter().enumerate() {
+            for (corner, edge) in [("min", extent.min[axis]), ("max", extent.max[axis])] {
+                let (origin, spacing) = (grid.extent.min[axis], grid.spacing[axis]);
+                let line = origin + ((edge - origin) / spacing).round() * spacing;
+                if (edge - line).abs() > WHOLE * spacing {
+                    // Six digits beyond the size of a cell are enough to read.
+                    let digits = 10f64.powf(6.0 - spacing.log10().floor());
+                    let line = (line * digits).round() / digits;
+                    let message = format!(
+                        "the {corner} edge {name} = {edge} of the body {} lies {:.6} off the nearest grid line {line}",
+                        quote(&body.name),
+                        (edge - line).abs()
+                    );
+                    let help = format!(
+                        "move the edge to {line}, or give `point_spacing` instead of `points_per_cell`"
+                    );
+                    self.error_with_help("D028", &format!("{pointer}/shape/{corner}/{axis}"), message, help);
+                }
+            }
+        }
     }
 
     fn point_spacing(
