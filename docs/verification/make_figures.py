@@ -385,7 +385,7 @@ def collapse(runs):
         9: ([13.380, 13.750, 13.812, 13.863], [6.452, 6.289, 6.255, 6.226]),
     }
     limits = (-80e3, 20e3)
-    figure, grid = panels(4, 3, 12, 9.6)
+    figure, grid = panels(4, 3, 10, 7.8)
     heading("points", "h (m)", "extent, paper", "ours", "difference", "height, paper", "ours", "difference", "evaluations")
     for i, h in enumerate(sizes):
         for j, n in enumerate(counts):
@@ -394,7 +394,7 @@ def collapse(runs):
             px, py = paper[n][0][i], paper[n][1][i]
             row(f"{n} x {n}", h, px, f"{x:.4f}", f"{x - px:+.4f}", py, f"{y:.4f}", f"{y - py:+.4f}", summary(out)["evaluations"])
             axes = grid[i, j]
-            draw(axes, out, 40, "YY", f"h = {h} m, {n} x {n} points", size=(26 * h / n) ** 2, limits=limits)
+            draw(axes, out, 40, "YY", f"h = {h} m, {n} x {n} points", size=(17 * h / n) ** 2, limits=limits)
             axes.set(xlim=(0, 16), ylim=(0, 8))
     stress_bar(figure, grid, limits)
     save(figure, HERE / "collapse-points.png")
