@@ -91,7 +91,7 @@ def panels(rows, columns, width, height, **options):
 def save_svg(figure, path):
     """Saves a drawing with text as text, coordinates to a hundredth of a point and no date."""
     picture = io.StringIO()
-    figure.savefig(picture, format="svg", metadata={"Date": None})
+    figure.savefig(picture, format="svg", metadata={"Date": None, "Creator": None})
     path.write_text(re.sub(r"(\d+\.\d\d)\d+", r"\1", picture.getvalue()))
 
 
