@@ -136,7 +136,7 @@ impl Mul<f64> for Sym3 {
     }
 }
 
-/// `a ⊗ a` of two symmetric tensors as a fourth-order tensor.
+/// `a ⊗ b` of two symmetric tensors as a fourth-order tensor.
 pub fn dyad(a: &Sym3, b: &Sym3) -> Tangent {
     SVector::<f64, 6>::from(a.0) * SVector::<f64, 6>::from(b.0).transpose()
 }
