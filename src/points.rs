@@ -88,7 +88,8 @@ impl<const D: usize> Points<D> {
         }
         let corners_per_point = if seeds.iter().any(|s| !s.corners.is_empty()) { 1 << D } else { 0 };
         let mut corners = vec![[0.0; D]; corners_per_point * seeds.len()];
-        for (p, seed) in seeds.iter().enumerate().filter(|(_, seed)| seed.corners.len() == corners_per_point) {
+        for (p, seed) in seeds.iter().enumerate().filter(|(_, seed)| seed.corners.len() == corners_per_point)
+        {
             corners[p * corners_per_point..][..corners_per_point].copy_from_slice(&seed.corners);
         }
         let state = State {

@@ -141,7 +141,7 @@ pub fn padded<const D: usize>(v: &[f64; D]) -> [f64; 3] {
     std::array::from_fn(|d| if d < D { v[d] } else { 0.0 })
 }
 
-/// `a ⊗ a` of two symmetric tensors as a fourth-order tensor.
+/// `a ⊗ b` of two symmetric tensors as a fourth-order tensor.
 pub fn dyad(a: &Sym3, b: &Sym3) -> Tangent {
     SVector::<f64, 6>::from(a.0) * SVector::<f64, 6>::from(b.0).transpose()
 }

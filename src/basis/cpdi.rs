@@ -100,9 +100,8 @@ fn corner_basis<const D: usize>(corner: usize, xi: &[f64; D]) -> (f64, [f64; D])
     let side = parametric::<D>(corner);
     let factor = |d: usize| 0.5 * (1.0 + side[d] * xi[d]);
     let value = (0..D).map(factor).product();
-    let slope = std::array::from_fn(|d| {
-        (0..D).map(|e| if e == d { 0.5 * side[d] } else { factor(e) }).product()
-    });
+    let slope =
+        std::array::from_fn(|d| (0..D).map(|e| if e == d { 0.5 * side[d] } else { factor(e) }).product());
     (value, slope)
 }
 

@@ -6,9 +6,9 @@ use super::{
     BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve as CurveDeck, LoadDeck, MaterialDeck,
     NodeSelector, PerAxis, Shape,
 };
+use crate::basis::DomainKind;
 use crate::constraints::{BoundaryCondition, NodeSet};
 use crate::formula::Formula;
-use crate::basis::DomainKind;
 use crate::grid::{Grid, Structured};
 use crate::loads::{Action, Load, LoadCurve};
 use crate::material::{Hencky, Material, VonMises};
@@ -166,9 +166,10 @@ impl Builder<'_> {
                     let (half_lengths, corners) = match body.method.domain() {
                         DomainKind::None => ([0.0; 2], vec![]),
                         DomainKind::Box => (spacing.map(|s| 0.5 * s), vec![]),
-                        DomainKind::Corners => {
-                            (spacing.map(|s| 0.5 * s), vec![at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0), at(1.0, 1.0)])
-                        }
+                        DomainKind::Corners => (
+                            spacing.map(|s| 0.5 * s),
+                            vec![at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0), at(1.0, 1.0)],
+                        ),
                     };
                     seeds.push(Seed {
                         position: at(0.5, 0.5),

@@ -152,11 +152,13 @@ impl Check<'_> {
         let word =
             serde_json::to_value(update).ok().and_then(|word| word.as_str().map(quote)).unwrap_or_default();
         let diagnostic = if self.source.is_from_parameter(&at) {
-            let message =
-                format!("the domain update {word} is ignored: points of method `{method}` have no domain to update");
+            let message = format!(
+                "the domain update {word} is ignored: points of method `{method}` have no domain to update"
+            );
             Diagnostic::at(self.source, "D014", &at, message).severity(Severity::Note)
         } else {
-            let message = format!("domain update {word} needs method `gimp`, whose points have a box for a domain");
+            let message =
+                format!("domain update {word} needs method `gimp`, whose points have a box for a domain");
             Diagnostic::at(self.source, "D014", &at, message)
                 .label(format!("the method here is `{method}`"))
                 .help("set `method: gimp`, or remove `domain_update`")

@@ -133,9 +133,8 @@ impl<const D: usize> Grid<D> for Structured<D> {
             let slope = |d: usize| if upper(d) { 1.0 / self.spacing[d] } else { -1.0 / self.spacing[d] };
             let node = self.node(std::array::from_fn(|d| base[d] + usize::from(upper(d))));
             let value = (0..D).map(hat).product();
-            let gradient = std::array::from_fn(|d| {
-                (0..D).map(|e| if e == d { slope(e) } else { hat(e) }).product()
-            });
+            let gradient =
+                std::array::from_fn(|d| (0..D).map(|e| if e == d { slope(e) } else { hat(e) }).product());
             basis.push(node as u32, value, gradient);
         }
         basis

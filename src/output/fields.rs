@@ -193,7 +193,11 @@ pub fn grid_mesh<const D: usize>(model: &Model<D>, grid: &GridFields<D>) -> Grid
         nodes: links.active_nodes().iter().map(position).collect(),
         corners,
         fields: vec![
-            OwnedField::float("displacement_increment", &VECTOR, grid.delta_d.iter().flat_map(padded).collect()),
+            OwnedField::float(
+                "displacement_increment",
+                &VECTOR,
+                grid.delta_d.iter().flat_map(padded).collect(),
+            ),
             OwnedField::float("reaction", &VECTOR, grid.reaction.iter().flat_map(padded).collect()),
         ],
     }
@@ -206,9 +210,8 @@ pub fn corners_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize
         DomainKind::Corners => points.corners(p).to_vec(),
         DomainKind::Box => {
             let (x, l) = (&points.converged.position[p], &points.converged.half_lengths[p]);
-            let corner = |k: usize| {
-                std::array::from_fn(|d| if k >> d & 1 == 1 { x[d] + l[d] } else { x[d] - l[d] })
-            };
+            let corner =
+                |k: usize| std::array::from_fn(|d| if k >> d & 1 == 1 { x[d] + l[d] } else { x[d] - l[d] });
             (0..1usize << D).map(corner).collect()
         }
     }

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use crate::basis::{Connectivity, DomainKind};
 use crate::model::Model;
 use crate::points::Points;
-use crate::tensor::padded;
 use crate::solver::{GridFields, Observer, SolveError, Step, StepReport, Summary};
+use crate::tensor::padded;
 
 use super::fields::{OwnedField, domain_corners, grid_mesh, point_fields};
 use super::series::Series;

@@ -169,9 +169,9 @@ impl SolveError {
             SolveError::OffGrid { .. } => {
                 Some("make the grid larger where the body moves, or hold the body with boundary conditions")
             }
-            SolveError::Domain { .. } => {
-                Some("make the grid larger, use more load steps, or another method where the motion tears domains")
-            }
+            SolveError::Domain { .. } => Some(
+                "make the grid larger, use more load steps, or another method where the motion tears domains",
+            ),
             SolveError::Collapsed { .. } => {
                 Some("use `domain_update: corners`, or more load steps with `diagonal-incremental`")
             }

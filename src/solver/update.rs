@@ -130,7 +130,8 @@ fn move_corners<const D: usize>(
         } else {
             let arm = |d: usize| points.original_corners[p * n + k][d] - points.original_position[p][d];
             let F = &moved.deformation_gradient;
-            *place = std::array::from_fn(|i| moved.position[i] + (0..D).map(|j| F[(i, j)] * arm(j)).sum::<f64>());
+            *place =
+                std::array::from_fn(|i| moved.position[i] + (0..D).map(|j| F[(i, j)] * arm(j)).sum::<f64>());
         }
     }
 }

@@ -41,7 +41,7 @@ pub struct StartOfStep {
 /// The contribution of one material point to internal force and stiffness.
 ///
 /// With the previously converged formulation `stress` is P̃, `tangent` is Ã and `volume` is V_n; with the updated
-/// Lagrangian one they are σ, a and V, and gradients must be mapped by `gradient_map`.
+/// Lagrangian one they are σ, a and V, and gradients must be mapped to the current configuration by eq. (8).
 #[derive(Debug, Clone, Copy)]
 pub struct Contribution<const D: usize> {
     /// Stress that works with the gradient of the basis, `[i][j]`, j the direction of the gradient.

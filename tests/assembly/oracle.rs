@@ -2,7 +2,8 @@
 //! of hat functions, the kernel in three dimensions; no groups, batches, patterns or closed forms.
 
 use mpm::assembly::System;
-use mpm::basis::Method;
+use mpm::basis::{DomainKind, Method};
+use mpm::grid::Grid;
 use mpm::stress::{Formulation, Mechanics, PlaneStrain, Solid, StartOfStep};
 use mpm::tensor::Mat3;
 use nalgebra::{DMatrix, DVector};
@@ -28,17 +29,33 @@ fn hat_integral(h: f64, x: f64) -> f64 {
 fn basis(method: Method, h: f64, x: f64, l: f64) -> (f64, f64) {
     match method {
         Method::Mpm => hat(h, x),
-        Method::Gimp => (
+        _ => (
             (hat_integral(h, x + l) - hat_integral(h, x - l)) / (2.0 * l),
             (hat(h, x + l).0 - hat(h, x - l).0) / (2.0 * l),
         ),
     }
 }
 
+/// ∇S of a node for a quadrilateral domain: by the divergence theorem (1/V) ∫ ∇N_c dV is half the normal of the
+/// diagonal between the neighbours of corner c.
+fn corner_gradient(corners: &[[f64; 2]], node: [f64; 2], h: [f64; 2]) -> [f64; 2] {
+    let ring = [corners[0], corners[1], corners[3], corners[2]];
+    let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
+    let area: f64 = (0..4).map(|k| 0.5 * cross(ring[k], ring[(k + 1) % 4])).sum();
+    let mut gradient = [0.0; 2];
+    for k in 0..4 {
+        let (before, after) = (ring[(k + 3) % 4], ring[(k + 1) % 4]);
+        let value = hat(h[0], ring[k][0] - node[0]).0 * hat(h[1], ring[k][1] - node[1]).0;
+        gradient[0] += value * (after[1] - before[1]) / (2.0 * area);
+        gradient[1] -= value * (after[0] - before[0]) / (2.0 * area);
+    }
+    gradient
+}
+
 /// f_int and K on all nodes of the grid, eqs. (19)-(23) or (2)-(6).
 fn dense(state: &State) -> (DVector<f64>, DMatrix<f64>) {
     let State { model, points, links, delta_d } = state;
-    let grid = &model.grid;
+    let grid = model.grid.structured().unwrap();
     let n = grid.n_nodes();
     let (mut f, mut k) = (DVector::zeros(2 * n), DMatrix::zeros(2 * n, 2 * n));
     for p in 0..points.len() {
@@ -46,6 +63,9 @@ fn dense(state: &State) -> (DVector<f64>, DMatrix<f64>) {
         let gradients: Vec<[f64; 2]> = (0..n)
             .map(|node| {
                 let place = grid.node_position(node);
+                if body.method.domain() == DomainKind::Corners {
+                    return corner_gradient(points.corners(p), place, grid.spacing());
+                }
                 let along = |d: usize| {
                     let x = points.converged.position[p][d] - place[d];
                     basis(body.method, grid.spacing()[d], x, points.converged.half_lengths[p][d])

@@ -1,8 +1,8 @@
 //! Random converged states under large deformation, and random displacement increments on top of them.
 
-use mpm::basis::{Connectivity, Method};
+use mpm::basis::{Connectivity, DomainKind, Method};
 use mpm::domain::DomainUpdate;
-use mpm::grid::Grid;
+use mpm::grid::Structured;
 use mpm::material::{Elasticity, Hencky, Material, MaterialError, Response, StateField, VonMises};
 use mpm::model::{Body, Model, NamedMaterial, Newton};
 use mpm::points::{Points, Seed};
@@ -69,7 +69,7 @@ impl Material for Skewed {
 }
 
 /// Everything the tests run over.
-pub const CASES: [(Method, Law); 8] = [
+pub const CASES: [(Method, Law); 10] = [
     (Method::Mpm, Law::Hencky),
     (Method::Mpm, Law::VonMises),
     (Method::Mpm, Law::Both),
@@ -78,6 +78,8 @@ pub const CASES: [(Method, Law); 8] = [
     (Method::Gimp, Law::VonMises),
     (Method::Gimp, Law::Both),
     (Method::Gimp, Law::Skewed),
+    (Method::Cpdi2, Law::Hencky),
+    (Method::Cpdi2, Law::VonMises),
 ];
 
 pub const FORMULATIONS: [Formulation; 2] = [Formulation::PreviouslyConverged, Formulation::UpdatedLagrangian];
@@ -104,7 +106,7 @@ pub fn large_random_state(method: Method, law: Law, n_points: usize, seed: u64) 
 
 fn state_on(cells: [usize; 2], margin: f64, method: Method, law: Law, n_points: usize, seed: u64) -> State {
     let random = &mut Random(seed);
-    let grid = Grid::<2>::new([-0.3, 0.2], [0.5, 0.4], cells);
+    let grid = Structured::<2>::new([-0.3, 0.2], [0.5, 0.4], cells);
     let (low, high) = (grid.origin(), grid.upper());
     let hencky = || Box::new(Hencky::new(2e6, 0.25)) as Box<dyn Material>;
     let von_mises = || Box::new(VonMises::new(1e6, 0.3, 0.25e6)) as Box<dyn Material>;
@@ -117,12 +119,24 @@ fn state_on(cells: [usize; 2], margin: f64, method: Method, law: Law, n_points: 
     let seeds: Vec<Seed<2>> = (0..n_points)
         .map(|p| {
             let body = p % laws.len();
-            let domain = method.has_domain();
+            let domain = method.domain() != DomainKind::None;
             let half_lengths = [0.5, 0.4].map(|h| if domain { h * random.within(0.05, 0.7) } else { 0.0 });
+            // Corners of a distorted quadrilateral must stay inside the grid.
+            let given_by_corners = method.domain() == DomainKind::Corners;
+            let margin = if given_by_corners { 0.6 } else { margin };
+            let position: [f64; 2] =
+                std::array::from_fn(|d| random.within(low[d] + margin, high[d] - margin));
+            let corners = (0..if given_by_corners { 4 } else { 0 }).map(|c: usize| {
+                std::array::from_fn(|d| {
+                    let side = if c >> d & 1 == 1 { 1.0 } else { -1.0 };
+                    position[d] + half_lengths[d] * (side + random.within(-0.4, 0.4))
+                })
+            });
             Seed {
                 body: body as u16,
-                position: std::array::from_fn(|d| random.within(low[d] + margin, high[d] - margin)),
+                position,
                 half_lengths,
+                corners: corners.collect(),
                 volume: random.within(0.01, 0.05),
                 mass: 0.0,
                 outer_layer: false,
@@ -140,7 +154,7 @@ fn state_on(cells: [usize; 2], margin: f64, method: Method, law: Law, n_points: 
         .collect();
     let model = Model {
         title: String::new(),
-        grid,
+        grid: Box::new(grid),
         formulation: Formulation::PreviouslyConverged,
         materials: laws.into_iter().map(|law| NamedMaterial { name: "law".into(), law }).collect(),
         bodies,
@@ -159,7 +173,7 @@ fn state_on(cells: [usize; 2], margin: f64, method: Method, law: Law, n_points: 
         points.converged.deformation_gradient[p] = Mat3::new(a, b, 0.0, c, d, 0.0, 0.0, 0.0, 1.0);
     }
     let methods = vec![method; model.bodies.len()];
-    let links = Connectivity::new(&model.grid, &mut points, &methods).unwrap();
+    let links = Connectivity::new(model.grid.as_ref(), &mut points, &methods).unwrap();
     let delta_d = links
         .active_nodes()
         .iter()

@@ -1,5 +1,7 @@
 //! Section 7.5: elasto-plastic collapse of a block under its own weight.
 
+use mpm::basis::DomainKind;
+
 use crate::analysis::{Analysis, run};
 
 fn collapse(h: &str, n: &str, method: &str, update: &str) -> Analysis {
@@ -10,10 +12,14 @@ fn collapse(h: &str, n: &str, method: &str, update: &str) -> Analysis {
 /// Extent and height of the block. A point of the standard method reaches √V_p/2 beyond its position (footnote 7).
 fn extent_and_height(analysis: &Analysis) -> [f64; 2] {
     let points = &analysis.points;
-    let has_domain = analysis.model.bodies[0].method.has_domain();
+    let domain = analysis.model.bodies[0].method.domain();
     let reach = |p: usize, d: usize| {
-        let l = if has_domain { points.converged.half_lengths[p][d] } else { 0.5 * points.volume(p).sqrt() };
-        points.converged.position[p][d] + l
+        let x = points.converged.position[p][d];
+        match domain {
+            DomainKind::None => x + 0.5 * points.volume(p).sqrt(),
+            DomainKind::Box => x + points.converged.half_lengths[p][d],
+            DomainKind::Corners => points.corners(p).iter().map(|c| c[d]).fold(x, f64::max),
+        }
     };
     [0, 1].map(|d| (0..points.len()).map(|p| reach(p, d)).fold(0.0, f64::max))
 }
@@ -108,4 +114,16 @@ fn table_8() {
             assert!(pair[1] < 100.0 * pair[0] * pair[0] || pair[1] < 1e-13, "{:?}", step.residuals);
         }
     }
+}
+
+/// Table 7, CPDI2: the largest corner of a domain.
+#[test]
+fn table_7_cpdi2() {
+    let analysis = collapse("1", "6", "cpdi2", "corners");
+    let [x, y] = extent_and_height(&analysis);
+    println!("CPDI2: extent {x:.4} (paper 13.780), height {y:.4} (paper 6.292)");
+    assert!((x - 13.780).abs() < 6e-4, "extent {x:.4}");
+    assert!((y - 6.292).abs() < 1e-3, "height {y:.4}");
+    assert_balanced(&analysis);
+    assert_admissible(&analysis);
 }
