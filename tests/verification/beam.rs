@@ -137,3 +137,24 @@ fn table_3_step_10() {
         assert!(largest_difference(&analysis, name, &[]) < 1e-6);
     }
 }
+
+/// CPDI2 with 6² and 3² points per cell, against the independent program; section 7.3, Fig. 17.
+#[test]
+fn cpdi2_follows_the_independent_program() {
+    for (h, n, name) in [
+        ("0.5", "3", "beam_h0.5_cpdi2_3"),
+        ("0.5", "6", "beam_h0.5_cpdi2_6"),
+        ("0.25", "6", "beam_h0.25_cpdi2_6"),
+        ("0.125", "6", "beam_h0.125_cpdi2_6"),
+    ] {
+        let set = [("h", h), ("n", n), ("method", "cpdi2")];
+        let analysis = run("beam.yaml", &set).completed();
+        assert!(largest_difference(&analysis, name, &[]) < 1e-6);
+        let counts: usize = reference(name).iter().map(|r| r.1).sum();
+        assert!(analysis.evaluations().abs_diff(counts) <= 2);
+        assert_balanced(&analysis);
+        if n == "6" {
+            assert_quadratic(&analysis, &[]);
+        }
+    }
+}
