@@ -31,24 +31,25 @@ pub struct Ready {
     pub points: Points<2>,
 }
 
-/// Builds the model of a deck that was read; all messages about the deck are printed.
+/// Builds the model of a deck that was read.
 pub fn prepare(loaded: Result<LoadedDeck, Box<LoadFailure>>) -> Result<Ready, Box<LoadFailure>> {
-    let colour = io::stderr().is_terminal();
-    let built = loaded.and_then(|loaded| match build(&loaded) {
+    loaded.and_then(|loaded| match build(&loaded) {
         Ok((model, points)) => Ok(Ready { loaded, model, points }),
         Err(mut diagnostics) => {
             diagnostics.extend(loaded.notes);
             Err(Box::new(LoadFailure { source: loaded.source, diagnostics }))
         }
-    });
-    match &built {
-        Ok(Ready { loaded, .. }) if loaded.notes.is_empty() => {}
-        Ok(Ready { loaded, .. }) => {
-            eprintln!("{}", render_all(&loaded.source, &loaded.notes, colour).trim_end());
-        }
-        Err(failure) => eprintln!("{}", failure.render(colour).trim_end()),
-    }
-    built
+    })
+}
+
+/// All messages about a deck, without the last line break; empty where there is nothing to say.
+pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>) -> String {
+    let colour = io::stderr().is_terminal();
+    let text = match prepared {
+        Ok(Ready { loaded, .. }) => render_all(&loaded.source, &loaded.notes, colour),
+        Err(failure) => failure.render(colour),
+    };
+    text.trim_end().to_owned()
 }
 
 /// Runs an analysis into a directory; `set_up` is the time that went into making it ready.

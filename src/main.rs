@@ -18,7 +18,7 @@ use mpm::output::summary::Start;
 use mpm::solver::SolveError;
 use mpm::timing::{Phase, Timings};
 
-use analysis::{Ready, explain, prepare, run_into};
+use analysis::{Ready, explain, messages, prepare, run_into};
 use progress::View;
 use sweep::SweepArgs;
 
@@ -96,6 +96,16 @@ fn main() -> ExitCode {
     })
 }
 
+/// Reads and builds a deck; messages about it are printed. `None` when it cannot be used.
+fn prepare_aloud(args: &DeckArgs) -> Option<Ready> {
+    let prepared = prepare(load(&args.deck, &args.set));
+    let messages = messages(&prepared);
+    if !messages.is_empty() {
+        eprintln!("{messages}");
+    }
+    prepared.ok()
+}
+
 fn run(
     args: &DeckArgs,
     out: Option<PathBuf>,
@@ -105,7 +115,7 @@ fn run(
 ) -> anyhow::Result<ExitCode> {
     analysis::start_threads(threads)?;
     let mut timings = Timings::default();
-    let Ok(ready) = timings.measure(Phase::SetUp, || prepare(load(&args.deck, &args.set))) else {
+    let Some(ready) = timings.measure(Phase::SetUp, || prepare_aloud(args)) else {
         return Ok(ExitCode::from(USAGE));
     };
     let directory = out.unwrap_or_else(|| default_directory(&args.deck));
@@ -149,7 +159,7 @@ fn default_directory(deck: &Path) -> PathBuf {
 }
 
 fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
-    let Ok(Ready { loaded, model, mut points }) = prepare(load(&args.deck, &args.set)) else {
+    let Some(Ready { loaded, model, mut points }) = prepare_aloud(args) else {
         return Ok(ExitCode::from(USAGE));
     };
     let methods: Vec<_> = model.bodies.iter().map(|body| body.method).collect();

@@ -1,6 +1,7 @@
 //! `mpm sweep`: the members of a parameter study, one after the other.
 #![expect(clippy::print_stderr, reason = "messages for the user go to standard error")]
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -15,7 +16,7 @@ use mpm::solver::SolveError;
 use mpm::study::{Axis, Member, Outcome, Record, Row, Study, write_table};
 use mpm::timing::{Phase, Timings};
 
-use crate::analysis::{self, explain, prepare, run_into};
+use crate::analysis::{self, explain, messages, prepare, run_into};
 use crate::progress::View;
 use crate::{DeckArgs, FAILED, INTERRUPTED, USAGE};
 
@@ -56,8 +57,8 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
     });
     std::fs::create_dir_all(&directory)
         .with_context(|| format!("the results directory `{}` cannot be written", directory.display()))?;
-    let mut sweep =
-        Sweep { study, name: path.display().to_string(), text, directory, stop, rows: Vec::new() };
+    let name = path.display().to_string();
+    let mut sweep = Sweep { study, name, text, directory, stop, rows: Vec::new(), told: BTreeSet::new() };
     sweep.take_completed();
     sweep.write_table()?;
     Ok(ExitCode::from(sweep.run_members()))
@@ -73,6 +74,8 @@ struct Sweep {
     stop: Arc<AtomicBool>,
     /// What is known of each member so far.
     rows: Vec<Option<Row>>,
+    /// Remarks about the deck that were printed.
+    told: BTreeSet<String>,
 }
 
 impl Sweep {
@@ -110,12 +113,18 @@ impl Sweep {
         self.conclude()
     }
 
-    fn run_member(&self, member: Member, label: String) -> Row {
+    fn run_member(&mut self, member: Member, label: String) -> Row {
         let directory = self.directory.join(member.directory_name());
         let (start, mut set_up) = (Start::now(), Timings::default());
         let overrides = self.study.overrides(&member);
-        let ready = set_up.measure(Phase::SetUp, || prepare(load_text(&self.name, &self.text, &overrides)));
-        let ready = match ready {
+        let prepared =
+            set_up.measure(Phase::SetUp, || prepare(load_text(&self.name, &self.text, &overrides)));
+        let messages = messages(&prepared);
+        // Remarks are the same for many members; once is enough. Errors belong to the member.
+        if !messages.is_empty() && (prepared.is_err() || self.told.insert(messages.clone())) {
+            eprintln!("{messages}");
+        }
+        let ready = match prepared {
             Ok(ready) => ready,
             Err(failure) => {
                 eprintln!("  invalid");
