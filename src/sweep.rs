@@ -2,6 +2,7 @@
 #![expect(clippy::print_stderr, reason = "messages for the user go to standard error")]
 
 use std::collections::BTreeSet;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -40,14 +41,16 @@ pub struct SweepArgs {
 pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
     let study = Study::new(args.over, args.deck.set)?;
     let path = args.deck.deck;
-    let text = match load::read(&path) {
-        Ok(text) => text,
+    let name = path.display().to_string();
+    let read = load::read(&path).and_then(|text| Ok((load::parameter_names(&name, &text)?, text)));
+    let (known, text) = match read {
+        Ok(read) => read,
         Err(failure) => {
-            eprintln!("{failure}");
+            eprintln!("{}", failure.render(std::io::stderr().is_terminal()).trim_end());
             return Ok(ExitCode::from(USAGE));
         }
     };
-    study.check_names(&load::parameter_names(&text))?;
+    study.check_names(&known)?;
     analysis::start_threads(args.threads)?;
     let stop = analysis::stop_on_interrupt()?;
     let directory = args.out.unwrap_or_else(|| {
@@ -57,7 +60,6 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
     });
     std::fs::create_dir_all(&directory)
         .with_context(|| format!("the results directory `{}` cannot be written", directory.display()))?;
-    let name = path.display().to_string();
     let mut sweep = Sweep { study, name, text, directory, stop, rows: Vec::new(), told: BTreeSet::new() };
     sweep.take_completed();
     sweep.write_table()?;

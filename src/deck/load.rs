@@ -89,11 +89,15 @@ pub fn read(path: &Path) -> Result<Vec<u8>, Box<LoadFailure>> {
     })
 }
 
-/// Names of the parameters that the text of a deck defines; none where it is no deck.
-pub fn parameter_names(text: &[u8]) -> Vec<String> {
-    let (_, value, _) = Source::read("", text);
-    let parameters = value.as_ref().and_then(|deck| deck.get("parameters")?.as_object());
-    parameters.map_or_else(Vec::new, |parameters| parameters.keys().cloned().collect())
+/// Names of the parameters that the text of a deck defines; `name` stands for the file in messages.
+///
+/// # Errors
+/// When the text is no YAML. Nothing else is checked.
+pub fn parameter_names(name: &str, text: &[u8]) -> Result<Vec<String>, Box<LoadFailure>> {
+    let (source, value, diagnostics) = Source::read(name, text);
+    let Some(deck) = value else { return Err(Box::new(LoadFailure { source, diagnostics })) };
+    let parameters = deck.get("parameters").and_then(|parameters| parameters.as_object());
+    Ok(parameters.map_or_else(Vec::new, |parameters| parameters.keys().cloned().collect()))
 }
 
 /// Reads just enough of a file to know that it is too large, should it be (a device never ends).

@@ -187,6 +187,10 @@ def test_exit_codes(mpm, tmp_path):
     assert code("--over", "h=0.3,0.5", "--set", "n=6") == 0
     assert outcomes(tmp_path / "out") == ["invalid", "completed"]
     assert code("--over", "h=0.5", deck=tmp_path / "missing.yaml") == 2
+    (tmp_path / "broken.yaml").write_text("parameters: [\n")
+    process = mpm("sweep", tmp_path / "broken.yaml", "--over", "h=0.5", "--out", tmp_path / "other")
+    assert process.returncode == 2 and "error[D002]" in process.stderr, process.stderr
+    assert not (tmp_path / "other").exists()
 
 
 @pytest.mark.parametrize(
