@@ -72,5 +72,6 @@ pub mod output;
 pub mod points;
 pub mod solver;
 pub mod stress;
+pub mod study;
 pub mod tensor;
 pub mod timing;

@@ -1,31 +1,26 @@
-//! `mpm run|check|schema`: arguments, messages and exit codes. Everything else is in the library.
+//! `mpm run|sweep|check|schema`: arguments, messages and exit codes. Everything else is in the library.
 #![expect(clippy::print_stderr, reason = "messages for the user go to standard error")]
 
+mod analysis;
 mod progress;
+mod sweep;
 
-use std::io::{IsTerminal, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use anyhow::{Context, bail};
 use clap::{Args, Parser, Subcommand};
 use mpm::basis::Connectivity;
-use mpm::deck::build::build;
-use mpm::deck::diagnostic::render_all;
-use mpm::deck::load::{LoadedDeck, load};
+use mpm::deck::load::load;
 use mpm::deck::schema::deck_schema;
-use mpm::model::Model;
-use mpm::output::results::Results;
-use mpm::output::summary::Account;
-use mpm::points::Points;
-use mpm::solver::{self, SolveError};
-use mpm::stress::PlaneStrain;
+use mpm::output::summary::Start;
+use mpm::solver::SolveError;
 use mpm::timing::{Phase, Timings};
 
-use progress::Watch;
+use analysis::{Ready, explain, messages, prepare, run_into};
+use progress::View;
+use sweep::SweepArgs;
 
 /// The analysis failed.
 const FAILED: u8 = 1;
@@ -60,6 +55,8 @@ enum Command {
         #[arg(long)]
         timings: bool,
     },
+    /// Run a deck for every combination of lists of values of its parameters.
+    Sweep(SweepArgs),
     /// Do everything up to the first load step and report.
     Check {
         #[command(flatten)]
@@ -89,6 +86,7 @@ fn main() -> ExitCode {
     let began = Instant::now();
     let result = match Cli::parse().command {
         Command::Run { deck, out, threads, timings } => run(&deck, out, threads, timings, began),
+        Command::Sweep(args) => sweep::sweep(args),
         Command::Check { deck } => check(&deck),
         Command::Schema => print_schema(),
     };
@@ -99,28 +97,13 @@ fn main() -> ExitCode {
 }
 
 /// Reads and builds a deck; messages about it are printed. `None` when it cannot be used.
-fn prepare(args: &DeckArgs) -> Option<(LoadedDeck, Model<2>, Points<2>)> {
-    let colour = std::io::stderr().is_terminal();
-    let loaded = match load(&args.deck, &args.set) {
-        Ok(loaded) => loaded,
-        Err(failure) => {
-            eprintln!("{}", failure.render(colour).trim_end());
-            return None;
-        }
-    };
-    match build(&loaded) {
-        Ok((model, points)) => {
-            if !loaded.notes.is_empty() {
-                eprintln!("{}", render_all(&loaded.source, &loaded.notes, colour).trim_end());
-            }
-            Some((loaded, model, points))
-        }
-        Err(mut found) => {
-            found.extend(loaded.notes);
-            eprintln!("{}", render_all(&loaded.source, &found, colour).trim_end());
-            None
-        }
+fn prepare_aloud(args: &DeckArgs) -> Option<Ready> {
+    let prepared = prepare(load(&args.deck, &args.set));
+    let messages = messages(&prepared);
+    if !messages.is_empty() {
+        eprintln!("{messages}");
     }
+    prepared.ok()
 }
 
 fn run(
@@ -130,30 +113,14 @@ fn run(
     print_timings: bool,
     began: Instant,
 ) -> anyhow::Result<ExitCode> {
-    if threads == Some(0) {
-        bail!("--threads needs at least 1");
-    }
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.unwrap_or(0))
-        .build_global()
-        .context("the threads cannot be started")?;
+    analysis::start_threads(threads)?;
     let mut timings = Timings::default();
-    let Some((loaded, model, mut points)) = timings.measure(Phase::SetUp, || prepare(args)) else {
+    let Some(ready) = timings.measure(Phase::SetUp, || prepare_aloud(args)) else {
         return Ok(ExitCode::from(USAGE));
     };
     let directory = out.unwrap_or_else(|| default_directory(&args.deck));
-    let account = Account {
-        began,
-        parameters: loaded.parameters.clone(),
-        set_up: timings.clone(),
-        threads: rayon::current_num_threads(),
-    };
-    let every = loaded.deck.output.every as usize;
-    let results = Results::create(&directory, every, &model, account)
-        .with_context(|| format!("the results directory `{}` cannot be written", directory.display()))?;
-    let mut watch = Watch::new(results, &model, &points, stop_on_interrupt()?);
-    let outcome = solver::run::<2, PlaneStrain>(&model, &mut points, &mut watch);
-    watch.end();
+    let stop = analysis::stop_on_interrupt()?;
+    let outcome = run_into(&directory, ready, Start::of_program(began), timings.clone(), View::Run, &stop)?;
     Ok(match outcome {
         Ok(summary) => {
             eprintln!(
@@ -182,14 +149,7 @@ fn report_failure(error: &SolveError, directory: &Path) -> ExitCode {
         );
         return ExitCode::from(INTERRUPTED);
     }
-    eprintln!("error: {error}");
-    if !error.residuals().is_empty() {
-        let history: Vec<String> = error.residuals().iter().map(|r| format!("{r:.3e}")).collect();
-        eprintln!("  residuals: {}", history.join(", "));
-    }
-    if let Some(help) = error.help() {
-        eprintln!("  help: {help}");
-    }
+    explain(error);
     eprintln!("  results up to the last equilibrated step are in {}", directory.display());
     ExitCode::from(FAILED)
 }
@@ -198,21 +158,8 @@ fn default_directory(deck: &Path) -> PathBuf {
     Path::new("results").join(deck.file_stem().unwrap_or_default())
 }
 
-/// A flag that Ctrl-C raises; a second Ctrl-C ends the program at once.
-fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let raised = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
-        if raised.swap(true, Ordering::SeqCst) {
-            std::process::exit(i32::from(INTERRUPTED));
-        }
-    })
-    .context("Ctrl-C cannot be handled")?;
-    Ok(stop)
-}
-
 fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
-    let Some((loaded, model, mut points)) = prepare(args) else {
+    let Some(Ready { loaded, model, mut points }) = prepare_aloud(args) else {
         return Ok(ExitCode::from(USAGE));
     };
     let methods: Vec<_> = model.bodies.iter().map(|body| body.method).collect();

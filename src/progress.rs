@@ -12,9 +12,18 @@ use mpm::points::Points;
 use mpm::solver::{Observer, SolveError, Step, StepReport, Summary};
 use mpm::timing::{Phase, Timings};
 
+/// What is shown of a run.
+pub enum View {
+    /// Everything: it is all that the program does.
+    Run,
+    /// Only a bar under this label, and nothing where there is no terminal: it is one run among others.
+    Member(String),
+}
+
 /// Writes the results and shows the progress of a run.
 pub struct Watch {
     results: Results,
+    view: View,
     bar: Option<ProgressBar>,
     n_steps: usize,
     stop: Arc<AtomicBool>,
@@ -22,20 +31,37 @@ pub struct Watch {
 
 impl Watch {
     /// Watches a run that `stop` may end.
-    pub fn new(results: Results, model: &Model<2>, points: &Points<2>, stop: Arc<AtomicBool>) -> Self {
-        if !model.title.is_empty() {
-            eprintln!("{}", model.title);
-        }
-        eprintln!("{} points, {} cells, {} load steps", points.len(), model.grid.n_cells(), model.n_steps);
+    pub fn new(
+        results: Results,
+        model: &Model<2>,
+        points: &Points<2>,
+        view: View,
+        stop: Arc<AtomicBool>,
+    ) -> Self {
+        let label = match &view {
+            View::Run => {
+                if !model.title.is_empty() {
+                    eprintln!("{}", model.title);
+                }
+                eprintln!(
+                    "{} points, {} cells, {} load steps",
+                    points.len(),
+                    model.grid.n_cells(),
+                    model.n_steps
+                );
+                String::new()
+            }
+            View::Member(label) => format!("{label} "),
+        };
         let bar = io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new(model.n_steps as u64);
-            let layout = "{bar:30} step {pos}/{len} {msg} [{elapsed} < {eta}]";
+            let bar = ProgressBar::new(model.n_steps as u64).with_prefix(label);
+            let layout = "{prefix}{bar:30} step {pos}/{len} {msg} [{elapsed} < {eta}]";
             if let Ok(style) = ProgressStyle::with_template(layout) {
                 bar.set_style(style);
             }
             bar
         });
-        Watch { results, bar, n_steps: model.n_steps, stop }
+        Watch { results, view, bar, n_steps: model.n_steps, stop }
     }
 
     /// Leaves the terminal tidy.
@@ -65,9 +91,10 @@ impl Observer<2> for Watch {
         report: &StepReport<2>,
         summary: &Summary,
     ) -> io::Result<()> {
-        match &self.bar {
-            Some(bar) => bar.inc(1),
-            None => eprintln!(
+        match (&self.bar, &self.view) {
+            (Some(bar), _) => bar.inc(1),
+            (None, View::Member(_)) => {}
+            (None, View::Run) => eprintln!(
                 "step {}/{}: {} iterations, residual {:.2e}",
                 report.step.index,
                 self.n_steps,

@@ -23,6 +23,27 @@ pub struct LoadedDeck {
     pub notes: Vec<Diagnostic>,
 }
 
+impl LoadedDeck {
+    /// A hash of the text of the deck and of the final values of its parameters: decks with the same hash describe
+    /// the same analysis. It does not change from one build of the program to another.
+    pub fn hash(&self) -> String {
+        // Writing numbers and words as JSON into a string cannot fail.
+        let parameters = serde_json::to_string(&self.parameters).unwrap_or_default();
+        let mut bytes = self.source.text().as_bytes().to_vec();
+        bytes.push(0);
+        bytes.extend(parameters.as_bytes());
+        format!("{:032x}", fnv1a(&bytes))
+    }
+}
+
+/// The 128-bit hash FNV-1a: short, fixed for all time (the standard library promises neither), and long enough that
+/// two decks never share it by chance.
+fn fnv1a(bytes: &[u8]) -> u128 {
+    const BASIS: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
+    const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;
+    bytes.iter().fold(BASIS, |hash, byte| (hash ^ u128::from(*byte)).wrapping_mul(PRIME))
+}
+
 /// Why a deck cannot be used.
 #[derive(Debug, Clone)]
 pub struct LoadFailure {
@@ -53,13 +74,30 @@ impl std::error::Error for LoadFailure {}
 /// All faults that can be found, each with its place.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedDeck, Box<LoadFailure>> {
     let name = path.display().to_string();
-    match read_bounded(path) {
-        Ok(text) => load_text(&name, &text, overrides),
-        Err(error) => {
-            let diagnostic = Diagnostic::error("D001", format!("the deck cannot be read: {error}"));
-            Err(Box::new(LoadFailure { source: Source::without_text(&name), diagnostics: vec![diagnostic] }))
-        }
-    }
+    load_text(&name, &read(path)?, overrides)
+}
+
+/// Reads the text of a deck from a file, for [`load_text`].
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn read(path: &Path) -> Result<Vec<u8>, Box<LoadFailure>> {
+    read_bounded(path).map_err(|error| {
+        let diagnostic = Diagnostic::error("D001", format!("the deck cannot be read: {error}"));
+        let source = Source::without_text(&path.display().to_string());
+        Box::new(LoadFailure { source, diagnostics: vec![diagnostic] })
+    })
+}
+
+/// Names of the parameters that the text of a deck defines; `name` stands for the file in messages.
+///
+/// # Errors
+/// When the text is no YAML. Nothing else is checked.
+pub fn parameter_names(name: &str, text: &[u8]) -> Result<Vec<String>, Box<LoadFailure>> {
+    let (source, value, diagnostics) = Source::read(name, text);
+    let Some(deck) = value else { return Err(Box::new(LoadFailure { source, diagnostics })) };
+    let parameters = deck.get("parameters").and_then(|parameters| parameters.as_object());
+    Ok(parameters.map_or_else(Vec::new, |parameters| parameters.keys().cloned().collect()))
 }
 
 /// Reads just enough of a file to know that it is too large, should it be (a device never ends).
@@ -116,5 +154,31 @@ impl Expression {
                 Formula::parse_with_constants(text, &["x", "y"], &constants)
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fnv1a_is_the_published_one() {
+        assert_eq!(fnv1a(b""), 0x6c62272e07bb014262b821756295c58d);
+        assert_eq!(fnv1a(b"a"), 0xd228cb696f1a8caf78912b704e4a8964);
+    }
+
+    #[test]
+    fn hash_knows_text_and_values() {
+        let text = std::fs::read_to_string("inputs/beam.yaml").unwrap();
+        let hash = |text: &str, name: &str, value: &str| {
+            load_text("deck", text.as_bytes(), &[(name.to_owned(), value.to_owned())]).unwrap().hash()
+        };
+        let first = hash(&text, "h", "0.5");
+        assert_eq!(first.len(), 32);
+        assert_eq!(first, hash(&text, "h", "5e-1"));
+        assert_eq!(first, hash(&text, "n", "6"), "these are the values in the deck");
+        assert_ne!(first, hash(&text, "h", "0.25"));
+        assert_ne!(first, hash(&text, "method", "mpm"));
+        assert_ne!(first, hash(&text.replace("12e6", "13e6"), "h", "0.5"));
     }
 }

@@ -133,10 +133,7 @@ impl Table<'_> {
 
     fn override_with(&mut self, overrides: &[(String, String)]) {
         for (name, text) in overrides {
-            let value = match yaml::number(text) {
-                Some(number) if number.is_finite() => Parameter::Number(number),
-                _ => Parameter::Word(text.clone()),
-            };
+            let value = Parameter::from_text(text);
             if let Some(definition) = self.definitions.get_mut(name) {
                 definition.written = Some(value);
                 definition.overridden = Some(format!("{name}={text}"));
@@ -402,6 +399,16 @@ fn as_value(parameter: &Parameter) -> Value {
     match parameter {
         Parameter::Number(number) => yaml::number_value(*number),
         Parameter::Word(word) => Value::String(word.clone()),
+    }
+}
+
+impl Parameter {
+    /// The parameter that a text on the command line stands for.
+    pub fn from_text(text: &str) -> Parameter {
+        match yaml::number(text) {
+            Some(number) if number.is_finite() => Parameter::Number(number),
+            _ => Parameter::Word(text.to_owned()),
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 //! extended by whole rows; a killed run therefore stays readable up to its last step.
 
 mod fields;
-mod replace;
+pub(crate) mod replace;
 pub mod results;
 pub mod series;
 pub mod summary;
@@ -39,7 +39,7 @@ fn escape_xml(text: &str) -> String {
 }
 
 /// The shortest decimal text that reads back as exactly this number; an exponent only where it shortens.
-fn shortest(value: f64) -> String {
+pub(crate) fn shortest(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || (1e-4..1e16).contains(&size) { format!("{value}") } else { format!("{value:e}") }
 }

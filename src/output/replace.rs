@@ -9,7 +9,7 @@ use std::path::Path;
 ///
 /// The old file, if any, stays untouched until then. On failure the temporary file is removed.
 /// Errors: those of `fill` and of the file system; `InvalidInput` if `path` does not name a file.
-pub(super) fn replace_file(
+pub(crate) fn replace_file(
     path: &Path,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<()> {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use cpu_time::ProcessTime;
 use serde_json::{Map, Value, json};
@@ -12,7 +12,10 @@ use crate::deck::Parameter;
 use crate::model::Model;
 use crate::points::Points;
 use crate::solver::Summary;
-use crate::timing::{Phase, Timings};
+use crate::timing::{Phase, Spent, Timings};
+
+/// Version of the program, as it appears in the results.
+pub(crate) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 use super::fields::corners_of;
 
@@ -27,11 +30,42 @@ pub enum Outcome {
     Failed(String),
 }
 
+/// Where the account of a run begins.
+#[derive(Debug, Clone, Copy)]
+pub struct Start {
+    wall: Instant,
+    /// Processor time of the program that went into other things before.
+    cpu: Duration,
+}
+
+impl Start {
+    /// For a run that is all the program does: since the program began, and that was at `wall`.
+    pub fn of_program(wall: Instant) -> Start {
+        Start { wall, cpu: Duration::ZERO }
+    }
+
+    /// For one run among others: since now. Where the system allows it, the largest memory is counted afresh, too;
+    /// what the program still holds of earlier runs is part of it.
+    pub fn now() -> Start {
+        // Linux; elsewhere, the largest memory is that of the program so far.
+        let _ = std::fs::write("/proc/self/clear_refs", "5");
+        Start { wall: Instant::now(), cpu: ProcessTime::now().as_duration() }
+    }
+
+    /// Time since then, the processor time being that of all threads.
+    pub fn elapsed(&self) -> Spent {
+        let cpu = ProcessTime::now().as_duration().saturating_sub(self.cpu);
+        Spent { wall: self.wall.elapsed(), cpu }
+    }
+}
+
 /// What is known before the run begins.
 #[derive(Debug, Clone)]
 pub struct Account {
-    /// When the program began.
-    pub began: Instant,
+    /// Where its times begin.
+    pub start: Start,
+    /// Hash of the deck, [`crate::deck::load::LoadedDeck::hash`].
+    pub deck_hash: String,
     /// Parameters of the deck with their final values.
     pub parameters: BTreeMap<String, Parameter>,
     /// Time spent so far, reading the deck and building the model.
@@ -64,14 +98,15 @@ impl Account {
             }
             Value::Object(map)
         };
-        let wall = self.began.elapsed().as_secs_f64();
-        let cpu = ProcessTime::now().as_duration().as_secs_f64();
+        let spent = self.start.elapsed();
+        let (wall, cpu) = (spent.wall.as_secs_f64(), spent.cpu.as_secs_f64());
         let solved = cpu - timings.of(Phase::Output).cpu.as_secs_f64();
         let visits = (points.len() * summary.evaluations) as f64;
         let document = json!({
             "outcome": word,
             "reason": reason,
-            "version": env!("CARGO_PKG_VERSION"),
+            "version": VERSION,
+            "deck_hash": self.deck_hash,
             "title": model.title,
             "parameters": self.parameters,
             "threads": self.threads,
@@ -135,7 +170,7 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
     Value::Object(map)
 }
 
-/// Largest resident memory of the process so far, where the system tells.
+/// Largest resident memory of the process since the start of the account, where the system tells.
 fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;

@@ -82,8 +82,8 @@ impl Table {
     }
 }
 
-/// A name as a field of the header, quoted where it would otherwise break the line.
-fn quoted(name: &str) -> String {
+/// A text as a field of a line, quoted where it would otherwise break the line.
+pub(crate) fn quoted(name: &str) -> String {
     if name.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", name.replace('"', "\"\""))
     } else {

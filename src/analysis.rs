@@ -1,0 +1,118 @@
+//! One analysis: from a deck to a model that is ready, and from there to a directory of results.
+#![expect(clippy::print_stderr, reason = "messages for the user go to standard error")]
+
+use std::io::{self, IsTerminal};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Context, bail};
+use mpm::deck::build::build;
+use mpm::deck::diagnostic::render_all;
+use mpm::deck::load::{LoadFailure, LoadedDeck};
+use mpm::model::Model;
+use mpm::output::results::Results;
+use mpm::output::summary::{Account, Start};
+use mpm::points::Points;
+use mpm::solver::{self, SolveError, Summary};
+use mpm::stress::PlaneStrain;
+use mpm::timing::Timings;
+
+use crate::INTERRUPTED;
+use crate::progress::{View, Watch};
+
+/// A deck and the model built from it.
+pub struct Ready {
+    /// The deck.
+    pub loaded: LoadedDeck,
+    /// The model.
+    pub model: Model<2>,
+    /// Its points.
+    pub points: Points<2>,
+}
+
+/// Builds the model of a deck that was read.
+pub fn prepare(loaded: Result<LoadedDeck, Box<LoadFailure>>) -> Result<Ready, Box<LoadFailure>> {
+    loaded.and_then(|loaded| match build(&loaded) {
+        Ok((model, points)) => Ok(Ready { loaded, model, points }),
+        Err(mut diagnostics) => {
+            diagnostics.extend(loaded.notes);
+            Err(Box::new(LoadFailure { source: loaded.source, diagnostics }))
+        }
+    })
+}
+
+/// All messages about a deck, without the last line break; empty where there is nothing to say.
+pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>) -> String {
+    let colour = io::stderr().is_terminal();
+    let text = match prepared {
+        Ok(Ready { loaded, .. }) => render_all(&loaded.source, &loaded.notes, colour),
+        Err(failure) => failure.render(colour),
+    };
+    text.trim_end().to_owned()
+}
+
+/// Runs an analysis into a directory; `set_up` is the time that went into making it ready.
+///
+/// # Errors
+/// The outer one when the directory cannot be written, the inner one when the analysis ends early.
+pub fn run_into(
+    directory: &Path,
+    ready: Ready,
+    start: Start,
+    set_up: Timings,
+    view: View,
+    stop: &Arc<AtomicBool>,
+) -> anyhow::Result<Result<Summary, SolveError>> {
+    let Ready { loaded, model, mut points } = ready;
+    let every = loaded.deck.output.every as usize;
+    let account = Account {
+        start,
+        deck_hash: loaded.hash(),
+        parameters: loaded.parameters,
+        set_up,
+        threads: rayon::current_num_threads(),
+    };
+    let results = Results::create(directory, every, &model, account)
+        .with_context(|| format!("the results directory `{}` cannot be written", directory.display()))?;
+    let mut watch = Watch::new(results, &model, &points, view, Arc::clone(stop));
+    let outcome = solver::run::<2, PlaneStrain>(&model, &mut points, &mut watch);
+    watch.end();
+    Ok(outcome)
+}
+
+/// Prints why an analysis failed.
+pub fn explain(error: &SolveError) {
+    eprintln!("error: {error}");
+    if !error.residuals().is_empty() {
+        let history: Vec<String> = error.residuals().iter().map(|r| format!("{r:.3e}")).collect();
+        eprintln!("  residuals: {}", history.join(", "));
+    }
+    if let Some(help) = error.help() {
+        eprintln!("  help: {help}");
+    }
+}
+
+/// Starts the threads, as many as there are cores if no number is given.
+pub fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
+    if threads == Some(0) {
+        bail!("--threads needs at least 1");
+    }
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.unwrap_or(0))
+        .build_global()
+        .context("the threads cannot be started")
+}
+
+/// A flag that Ctrl-C raises; a second Ctrl-C ends the program at once.
+pub fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let raised = Arc::clone(&stop);
+    ctrlc::set_handler(move || {
+        if raised.swap(true, Ordering::SeqCst) {
+            std::process::exit(i32::from(INTERRUPTED));
+        }
+    })
+    .context("Ctrl-C cannot be handled")?;
+    Ok(stop)
+}

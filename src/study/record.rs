@@ -1,0 +1,129 @@
+//! What a member of a study left in its directory.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::deck::load::LoadedDeck;
+use crate::output::shortest;
+use crate::output::summary::VERSION;
+
+/// Columns of the table that come from `summary.json`, and their places in it.
+pub(super) const MEASURES: [(&str, &str); 7] = [
+    ("steps", "/steps"),
+    ("evaluations", "/evaluations"),
+    ("linear_solves", "/linear_solves"),
+    ("points", "/points"),
+    ("unknowns", "/unknowns"),
+    ("cpu_seconds", "/cpu_seconds/total"),
+    ("peak_memory_bytes", "/peak_memory_bytes"),
+];
+
+/// Columns of `history.csv` that describe the step rather than the state it reached.
+const STEP_COLUMNS: [&str; 4] = ["step", "time", "iterations", "residual"];
+
+/// The results of a run, read from its directory. The table of a study is made from these alone, so that it is the
+/// same whether a member was run just now or earlier.
+#[derive(Debug, Clone)]
+pub struct Record {
+    summary: Value,
+    /// The columns of the last row of `history.csv`, without those of the step; empty before the first step.
+    history: Vec<(String, String)>,
+}
+
+impl Record {
+    /// Reads `summary.json` and `history.csv` of a directory.
+    ///
+    /// # Errors
+    /// When one of them is missing or not understood.
+    pub fn read(directory: &Path) -> io::Result<Record> {
+        let summary = serde_json::from_slice(&fs::read(directory.join("summary.json"))?)?;
+        let history = last_row(&fs::read_to_string(directory.join("history.csv"))?)
+            .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidData, "`history.csv` has ragged rows"))?;
+        Ok(Record { summary, history })
+    }
+
+    /// Whether this is a completed run of a deck by this version of the program.
+    pub fn completes(&self, loaded: &LoadedDeck) -> bool {
+        self.summary["outcome"] == "completed"
+            && self.summary["version"] == VERSION
+            && self.summary["deck_hash"] == loaded.hash()
+    }
+
+    /// The measures of the run, in the order of [`MEASURES`].
+    pub(super) fn measures(&self) -> impl Iterator<Item = String> {
+        MEASURES.iter().map(|(_, place)| self.summary.pointer(place).map_or_else(String::new, text_of))
+    }
+
+    /// Columns and values of the extents of all bodies: those of the points and those of their domains.
+    pub(super) fn extents(&self) -> Vec<(String, String)> {
+        let mut found = Vec::new();
+        let Some(bodies) = self.summary["bodies"].as_object() else { return found };
+        for (name, body) in bodies {
+            for (of, infix) in [("points", ""), ("domain", "domain_")] {
+                for bound in ["min", "max"] {
+                    let Some(values) = body["extent"][of][bound].as_array() else { continue };
+                    for (axis, value) in ["x", "y", "z"].iter().zip(values) {
+                        found.push((format!("{name}_extent_{infix}{axis}_{bound}"), text_of(value)));
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Columns and last values of `history.csv`.
+    pub(super) fn history(&self) -> &[(String, String)] {
+        &self.history
+    }
+}
+
+fn text_of(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::Number(number) if number.is_f64() => number.as_f64().map_or_else(String::new, shortest),
+        other => other.to_string(),
+    }
+}
+
+/// The columns of a table with the entries of its last row. Names of columns need no quotes: the deck sees to it.
+fn last_row(text: &str) -> Option<Vec<(String, String)>> {
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next()?.split(',').collect();
+    let entries: Vec<&str> = match lines.next_back() {
+        Some(line) => line.split(',').collect(),
+        None => vec![""; names.len()],
+    };
+    if names.len() != entries.len() {
+        return None;
+    }
+    let pairs = names.into_iter().zip(entries).filter(|(name, _)| !STEP_COLUMNS.contains(name));
+    Some(pairs.map(|(name, entry)| (name.to_owned(), entry.to_owned())).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn last_rows() {
+        let pairs = |found: &[(&str, &str)]| {
+            Some(found.iter().map(|(a, b)| ((*a).to_owned(), (*b).to_owned())).collect::<Vec<_>>())
+        };
+        assert_eq!(last_row("step,time,a_rx\n1,0.5,2\n2,1,1e-9\n"), pairs(&[("a_rx", "1e-9")]));
+        assert_eq!(last_row("step,a_rx\n"), pairs(&[("a_rx", "")]));
+        assert_eq!(last_row("step,a_rx\n1\n"), None);
+        assert_eq!(last_row(""), None);
+    }
+
+    #[test]
+    fn numbers_are_those_of_the_file() {
+        for text in ["0.1", "0.30000000000000004", "12", "-1e-9", "1.7976931348623157e308"] {
+            let value: Value = serde_json::from_str(text).unwrap();
+            assert_eq!(text_of(&value), text);
+        }
+        assert_eq!(text_of(&Value::Null), "");
+    }
+}
