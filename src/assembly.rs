@@ -77,7 +77,7 @@ impl<const D: usize> System<D> {
                 StartOfStep {
                     b_n: M::elastic_left_cauchy_green(&points.converged.elastic_strain[p]),
                     J_n,
-                    volume_n: J_n * points.original_volume[p],
+                    volume_n: model.volume(points, p),
                 }
             })
             .collect();

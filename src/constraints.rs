@@ -23,7 +23,8 @@ pub struct BoundaryCondition<const D: usize> {
     pub name: String,
     /// The nodes.
     pub nodes: NodeSet,
-    /// Displacement at load factor 1 along each prescribed axis, a formula of the node's coordinates, [length].
+    /// Displacement along each prescribed axis, [length]: a formula of the node's coordinates (`D` values) and the
+    /// load factor. One that does not depend on the factor is multiplied by it.
     pub displacement: [Option<Formula>; D],
     /// Load factor over time.
     pub curve: LoadCurve,
@@ -88,13 +89,13 @@ impl<const D: usize> DofMap<D> {
     ) -> Result<Self, ConstraintError> {
         let mut dofs = vec![[Dof::Free(0); D]; links.n_active()];
         for (number, condition) in model.boundary_conditions.iter().enumerate() {
-            let factor = condition.curve.factor(end) - condition.curve.factor(start);
+            let factors = [condition.curve.factor(start), condition.curve.factor(end)];
             for active in condition.active_nodes(points, links) {
                 let node = links.active_nodes()[active] as usize;
                 let place = model.grid.node_position(node);
                 for (axis, formula) in condition.displacement.iter().enumerate() {
                     let Some(formula) = formula else { continue };
-                    let increment = formula.evaluate(&place) * factor;
+                    let increment = displacement_increment(formula, &place, factors);
                     if !increment.is_finite() {
                         return Err(ConstraintError::NotFinite { name: condition.name.clone(), node });
                     }
@@ -158,6 +159,17 @@ impl<const D: usize> DofMap<D> {
     pub fn n_nodes(&self) -> usize {
         self.dofs.len()
     }
+}
+
+/// Change of a prescribed displacement between two load factors.
+fn displacement_increment<const D: usize>(formula: &Formula, place: &[f64; D], factors: [f64; 2]) -> f64 {
+    let mut variables = [0.0; 4];
+    variables[..D].copy_from_slice(place);
+    let mut at = |factor: f64| {
+        variables[D] = factor;
+        formula.evaluate(&variables[..=D])
+    };
+    if formula.depends_on(D) { at(factors[1]) - at(factors[0]) } else { at(1.0) * (factors[1] - factors[0]) }
 }
 
 impl<const D: usize> BoundaryCondition<D> {

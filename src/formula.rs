@@ -77,6 +77,11 @@ impl Formula {
         (!depends).then(|| self.evaluate(&[]))
     }
 
+    /// Whether the formula depends on the variable with this number.
+    pub fn depends_on(&self, variable: usize) -> bool {
+        self.code.iter().any(|op| matches!(op, Op::Variable(index) if *index == variable))
+    }
+
     /// Value of the formula for these values of its variables; NaN if fewer are given than the formula has.
     pub fn evaluate(&self, values: &[f64]) -> f64 {
         debug_assert!(

@@ -37,8 +37,8 @@ impl LoadCurve {
 pub enum Action<const D: usize> {
     /// Constant mass of each point times this acceleration, [length/time²].
     Gravity([f64; D]),
-    /// Force per volume at the start of the step, formulas of the position then, [force/volume], eq. (24).
-    BodyForce([Formula; D]),
+    /// Force per volume at the start of the step, [force/volume], eq. (24).
+    BodyForce(VectorFormula<D>),
     /// The same force on each of these points (permanent numbers), [force], eq. (25).
     PointForce {
         /// Permanent numbers of the points.
@@ -46,6 +46,56 @@ pub enum Action<const D: usize> {
         /// Force on each of them at load factor 1.
         force: [f64; D],
     },
+}
+
+/// A vector by formulas, with intermediate values, of position, original position and load factor.
+///
+/// The variables of all formulas are, in this order: position x (`D` values), original position X (`D` values), the
+/// load factor, and the intermediate values that come before.
+#[derive(Debug, Clone)]
+pub struct VectorFormula<const D: usize> {
+    intermediate: Vec<Formula>,
+    components: [Formula; D],
+    /// For each formula whether it depends on the load factor, directly or through an intermediate value.
+    scaled: [bool; D],
+}
+
+/// Most intermediate values of a [`VectorFormula`].
+pub const MOST_INTERMEDIATE: usize = 64;
+
+impl<const D: usize> VectorFormula<D> {
+    /// From formulas of the variables listed above; at most [`MOST_INTERMEDIATE`] intermediate values are kept.
+    pub fn new(mut intermediate: Vec<Formula>, components: [Formula; D]) -> Self {
+        intermediate.truncate(MOST_INTERMEDIATE);
+        let fixed = 2 * D + 1;
+        let mut explicit = vec![false; intermediate.len()];
+        let depends = |formula: &Formula, explicit: &[bool]| {
+            formula.depends_on(2 * D)
+                || (0..explicit.len()).any(|k| explicit[k] && formula.depends_on(fixed + k))
+        };
+        for k in 0..intermediate.len() {
+            explicit[k] = depends(&intermediate[k], &explicit);
+        }
+        let scaled = std::array::from_fn(|d| !depends(&components[d], &explicit));
+        VectorFormula { intermediate, components, scaled }
+    }
+
+    /// The vector at a load factor; components that do not depend on it are multiplied by it.
+    pub fn evaluate(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> [f64; D] {
+        let mut values = [0.0; 7 + MOST_INTERMEDIATE];
+        values[..D].copy_from_slice(x);
+        values[D..2 * D].copy_from_slice(original);
+        values[2 * D] = factor;
+        let mut known = 2 * D + 1;
+        for formula in &self.intermediate {
+            values[known] = formula.evaluate(&values[..known]);
+            known += 1;
+        }
+        std::array::from_fn(|d| {
+            let value = self.components[d].evaluate(&values[..known]);
+            if self.scaled[d] { value * factor } else { value }
+        })
+    }
 }
 
 /// A named external force.
@@ -118,15 +168,16 @@ fn forces_on_points<const D: usize>(
                     }
                 }
             }
-            Action::BodyForce(formulas) => {
+            Action::BodyForce(formula) => {
                 for p in (0..points.len()).filter(|&p| acts_on(p)) {
-                    let volume = points.volume(p);
+                    let (x, original) = (&points.converged.position[p], &points.original_position[p]);
+                    let density = formula.evaluate(x, original, factor);
+                    if density.iter().any(|b| !b.is_finite()) {
+                        return Err(LoadNotFinite { load: load.name.clone(), point: points.id[p] });
+                    }
+                    let volume = model.volume(points, p);
                     for d in 0..D {
-                        let density = formulas[d].evaluate(&points.converged.position[p]);
-                        if !density.is_finite() {
-                            return Err(LoadNotFinite { load: load.name.clone(), point: points.id[p] });
-                        }
-                        forces[p][d] += factor * density * volume;
+                        forces[p][d] += density[d] * volume;
                     }
                 }
             }

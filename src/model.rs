@@ -1,11 +1,12 @@
 //! The model: everything about an analysis that does not change while it runs.
 
-use crate::basis::Method;
+use crate::basis::{DomainKind, Method, domain_volume};
 use crate::constraints::BoundaryCondition;
 use crate::domain::DomainUpdate;
 use crate::grid::Grid;
 use crate::loads::Load;
 use crate::material::Material;
+use crate::points::{PointVolume, Points};
 use crate::stress::Formulation;
 
 /// A material under its name.
@@ -57,6 +58,8 @@ pub struct Model<const D: usize> {
     pub grid: Box<dyn Grid<D>>,
     /// Configuration in which equilibrium is written.
     pub formulation: Formulation,
+    /// Where the current volume of a point comes from.
+    pub point_volume: PointVolume,
     /// Materials.
     pub materials: Vec<NamedMaterial>,
     /// Bodies.
@@ -73,4 +76,19 @@ pub struct Model<const D: usize> {
     pub newton: Newton,
     /// Places whose displacement is recorded.
     pub probes: Vec<Probe>,
+}
+
+impl<const D: usize> Model<D> {
+    /// Volume that a point represents in its converged state, V_p^n of eq. (22) or that of its domain, [volume].
+    pub fn volume(&self, points: &Points<D>, p: usize) -> f64 {
+        let domain = match self.point_volume {
+            PointVolume::Deformation => DomainKind::None,
+            PointVolume::Domain => self.bodies[points.body[p] as usize].method.domain(),
+        };
+        match domain {
+            DomainKind::None => points.volume(p),
+            DomainKind::Box => points.converged.half_lengths[p].iter().map(|l| 2.0 * l).product(),
+            DomainKind::Corners => domain_volume(points.corners(p)),
+        }
+    }
 }

@@ -3,6 +3,20 @@
 use crate::grid::Grid;
 use crate::tensor::{Mat3, Sym3};
 
+/// Where the current volume of a point comes from.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum PointVolume {
+    /// det(F) times the original volume, eq. (22).
+    #[default]
+    Deformation,
+    /// The volume of the domain; the same as above unless a domain update does not keep it. Needed only to reproduce
+    /// some results of the paper. Points without domain keep eq. (22).
+    Domain,
+}
+
 /// The fields of the points that change from step to step; one entry per point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State<const D: usize> {

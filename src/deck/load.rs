@@ -7,8 +7,7 @@ use std::path::Path;
 
 use super::diagnostic::{self, Diagnostic};
 use super::source::Source;
-use super::{Deck, Expression, Parameter, parameters, shape, validate};
-use crate::formula::{Formula, FormulaError};
+use super::{Deck, Parameter, parameters, shape, validate};
 
 /// A deck that passed every check which needs no mesh.
 #[derive(Debug, Clone)]
@@ -135,27 +134,6 @@ pub fn load_text(
     }
 }
 
-impl Expression {
-    /// The formula of x and y that this stands for; the names of numeric parameters are known in it.
-    ///
-    /// # Errors
-    /// The first fault of the text. A deck that passed its checks has none.
-    pub fn formula(&self, parameters: &BTreeMap<String, Parameter>) -> Result<Formula, FormulaError> {
-        match self {
-            Expression::Number(value) => Ok(Formula::constant(*value)),
-            Expression::Formula(text) => {
-                let constants: Vec<(&str, f64)> = parameters
-                    .iter()
-                    .filter_map(|(name, parameter)| match parameter {
-                        Parameter::Number(value) => Some((name.as_str(), *value)),
-                        Parameter::Word(_) => None,
-                    })
-                    .collect();
-                Formula::parse_with_constants(text, &["x", "y"], &constants)
-            }
-        }
-    }
-}
 
 #[cfg(test)]
 mod tests {

@@ -13,10 +13,12 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::basis::Method;
 pub use crate::domain::DomainUpdate;
+pub use crate::points::PointVolume;
 pub use crate::stress::Formulation;
 
 pub mod build;
 pub mod diagnostic;
+pub mod formulas;
 pub mod load;
 mod parameters;
 pub mod reference;
@@ -84,6 +86,8 @@ pub struct Analysis {
     pub idealisation: Idealisation,
     /// Configuration in which equilibrium is written; both give the same answers.
     pub formulation: Formulation,
+    /// Where the current volume of a point comes from.
+    pub point_volume: PointVolume,
 }
 
 /// How the geometry represents the three-dimensional body.
@@ -107,6 +111,12 @@ pub enum GridDeck {
         size: Vec<f64>,
         /// Side of a cell, [length]; one number, or one per axis.
         spacing: PerAxis<f64>,
+    },
+    /// Triangles and quadrilaterals from a mesh file of gmsh, format 2.2 or 4.1, text or binary.
+    Gmsh {
+        /// Path of the mesh file, relative to the deck.
+        #[schemars(length(min = 1))]
+        file: String,
     },
 }
 
@@ -172,16 +182,23 @@ pub struct BodyDeck {
     /// method have no domain.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain_update: Option<DomainUpdate>,
-    /// Points along each axis of every filled cell, at the centres of an even subdivision: one number or one per axis.
+    /// Points along each axis of every filled rectangle or quadrilateral, at the centres of an even subdivision: one
+    /// number or one per axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub points_per_cell: Option<PerAxis<u32>>,
+    /// Points in every filled triangle of a gmsh grid: 1, 4, 9, 16, … at the centroids of an even subdivision, or 8, for
+    /// which the triangles of the subdivision by 4 are halved.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 10_000))]
+    pub points_per_triangle: Option<u32>,
     /// Instead of `points_per_cell`: distance between points, [length], for a body that does not line up with the
     /// grid; one number or one per axis; the sides of the body are whole multiples of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub point_spacing: Option<PerAxis<f64>>,
 }
 
-/// A region.
+/// A region. A box whose sides lie on grid lines of a structured grid is filled exactly; any other region gets the
+/// points of the cells whose centres fall inside it, and the area gained or lost is reported.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Shape {
@@ -191,6 +208,51 @@ pub enum Shape {
         min: Vec<f64>,
         /// Corner with the largest coordinates, [length].
         max: Vec<f64>,
+    },
+    /// A polygon that does not cross itself, in either sense.
+    Polygon {
+        /// Its corners, [length], in order.
+        #[schemars(length(min = 3))]
+        vertices: Vec<Vec<f64>>,
+    },
+    /// A circle.
+    Circle {
+        /// Centre, [length].
+        center: Vec<f64>,
+        /// Radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        radius: f64,
+    },
+    /// The region between two circles with the same centre.
+    Annulus {
+        /// Centre, [length].
+        center: Vec<f64>,
+        /// Inner radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        inner: f64,
+        /// Outer radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        outer: f64,
+    },
+    /// Whole cells of the grid.
+    Cells {
+        /// Name of a physical group of a gmsh grid; all cells where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        group: Option<String>,
+    },
+    /// What lies in any of some regions.
+    Union {
+        /// The regions.
+        #[schemars(length(min = 1))]
+        of: Vec<Shape>,
+    },
+    /// What lies in one region but in none of some others.
+    Difference {
+        /// The region to start from.
+        from: Box<Shape>,
+        /// The regions taken away.
+        #[schemars(length(min = 1))]
+        minus: Vec<Shape>,
     },
 }
 
@@ -205,8 +267,9 @@ pub struct BoundaryConditionDeck {
     /// Axes along which these nodes do not move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fix: Vec<Axis>,
-    /// Displacement along x at load factor 1, [length]: a number or a formula of the node's coordinates x, y and the
-    /// parameters.
+    /// Displacement along x at load factor 1, [length]: a number or a formula of the node's coordinates x, y, of
+    /// `factor` (the load factor) and the parameters. One that depends on `factor` is the whole displacement as it
+    /// stands; any other is multiplied by the load factor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ux: Option<Expression>,
     /// Displacement along y at load factor 1, [length]: a number or a formula, as `ux`.
@@ -227,8 +290,8 @@ pub enum Axis {
     Y,
 }
 
-/// Selects grid nodes: by coordinates (`{x: 0}` a line, `{x: 0, y: 9.5}` a point), by a box, or the nodes of all
-/// cells touched by the outer layer of a body's points. Exactly one of the three kinds.
+/// Selects grid nodes: by coordinates (`{x: 0}` a line, `{x: 0, y: 9.5}` a point), by a box, by a physical group of a
+/// gmsh grid, or the nodes of all cells touched by the outer layer of a body's points. Exactly one of these kinds.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NodeSelector {
@@ -241,6 +304,9 @@ pub struct NodeSelector {
     /// Nodes inside this box, its boundary included.
     #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
     pub within: Option<BoxDeck>,
+    /// Name of a physical group of a gmsh grid.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub group: Option<String>,
     /// Name of a body: all nodes of the grid cells that hold (or, with a domain, overlap) the points which form the
     /// outer layer of the body at the start; found afresh at each load step.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -293,9 +359,14 @@ pub enum LoadDeck {
     BodyForce {
         /// Name, unique among the loads.
         name: String,
-        /// Force per volume at load factor 1, [force/volume], one number or formula of x, y (position at the start
-        /// of the step) and the parameters per axis.
+        /// Force per volume at load factor 1, [force/volume], one number or formula per axis. A formula knows x, y (the
+        /// position at the start of the step), X, Y (the original position), `factor` (the load factor), the
+        /// parameters and the names under `where`. One that depends on `factor` is taken as it stands; any other is
+        /// multiplied by the load factor.
         force: Vec<Expression>,
+        /// Intermediate values with a name each, in any order, for use in `force`.
+        #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
+        intermediate: BTreeMap<String, Expression>,
         /// Names of the bodies it acts on; all where not stated.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         bodies: Option<Vec<String>>,

@@ -81,7 +81,12 @@ fn plastic_strain(f: &Mat3, elastic_strain: &Sym3) -> Sym3 {
     Sym3::symmetric_part(&(inverse * b * inverse.transpose())).map_eigenvalues(f64::ln) * -0.5
 }
 
-fn point_values<const D: usize>(points: &Points<D>, p: usize, yielded: bool) -> PointValues {
+fn point_values<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    p: usize,
+    yielded: bool,
+) -> PointValues {
     let state = &points.converged;
     let f = &state.deformation_gradient[p];
     let volume_ratio = f.determinant();
@@ -97,7 +102,7 @@ fn point_values<const D: usize>(points: &Points<D>, p: usize, yielded: bool) -> 
         plastic_strain: paraview(&plastic),
         von_mises: (1.5f64).sqrt() * sigma.deviator().norm(),
         pressure: -sigma.trace() / 3.0,
-        volume: volume_ratio * points.original_volume[p],
+        volume: model.volume(points, p),
     }
 }
 
@@ -111,7 +116,7 @@ pub fn point_fields<const D: usize>(
     let values: Vec<PointValues> = order
         .par_iter()
         .zip(&plastic)
-        .map(|(&p, plastic)| point_values(points, p, *plastic != 0.0))
+        .map(|(&p, plastic)| point_values(model, points, p, *plastic != 0.0))
         .collect();
     let scalar = |of: fn(&PointValues) -> f64| values.iter().map(of).collect::<Vec<f64>>();
     let six = |of: fn(&PointValues) -> &[f64; 6]| values.iter().flat_map(of).copied().collect::<Vec<f64>>();

@@ -5,7 +5,7 @@ use mpm::domain::DomainUpdate;
 use mpm::grid::Structured;
 use mpm::material::{Elasticity, Hencky, Material, MaterialError, Response, StateField, VonMises};
 use mpm::model::{Body, Model, NamedMaterial, Newton};
-use mpm::points::{Points, Seed};
+use mpm::points::{PointVolume, Points, Seed};
 use mpm::stress::Formulation;
 use mpm::tensor::{Mat3, Sym3, Tangent};
 
@@ -156,6 +156,7 @@ fn state_on(cells: [usize; 2], margin: f64, method: Method, law: Law, n_points: 
         title: String::new(),
         grid: Box::new(grid),
         formulation: Formulation::PreviouslyConverged,
+        point_volume: PointVolume::Deformation,
         materials: laws.into_iter().map(|law| NamedMaterial { name: "law".into(), law }).collect(),
         bodies,
         boundary_conditions: Vec::new(),

@@ -21,7 +21,8 @@ impl Check<'_> {
 
     fn nodes(&mut self, pointer: &str, nodes: &NodeSelector) {
         let by_place = nodes.x.is_some() || nodes.y.is_some();
-        let kinds = [by_place, nodes.within.is_some(), nodes.outer_layer.is_some()];
+        let kinds =
+            [by_place, nodes.within.is_some(), nodes.group.is_some(), nodes.outer_layer.is_some()];
         let given = kinds.iter().filter(|given| **given).count();
         if given != 1 {
             let message = if given == 0 {
@@ -29,7 +30,7 @@ impl Check<'_> {
             } else {
                 "nodes are selected in more than one way here"
             };
-            let help = "give exactly one of: coordinates (`x`, `y` or both), `box`, `outer_layer`";
+            let help = "give exactly one of: coordinates (`x`, `y` or both), `box`, `group`, `outer_layer`";
             self.error_with_help("D019", pointer, message, help);
         }
         if let Some(within) = &nodes.within {
@@ -87,7 +88,7 @@ impl Check<'_> {
     /// A formula must parse, and one that depends on nothing must have a value.
     fn expression(&mut self, pointer: &str, expression: &Expression) {
         let Expression::Formula(text) = expression else { return };
-        match expression.formula(&self.deck.parameters) {
+        match expression.at_nodes(&self.deck.parameters) {
             Ok(formula) => {
                 if formula.as_constant().is_some_and(|value| !value.is_finite()) {
                     self.error("D021", pointer, format!("the formula {} has no finite value", quote(text)));

@@ -1,0 +1,194 @@
+//! From the texts of a deck to formulas: which names each knows, and in which order intermediate values are found.
+
+use std::collections::BTreeMap;
+
+use super::{Expression, Parameter};
+use crate::formula::{Formula, FormulaError, names};
+use crate::loads::{MOST_INTERMEDIATE, VectorFormula};
+
+/// Names of the variables of a formula for grid nodes, in the order of their values.
+const AT_NODES: [&str; 3] = ["x", "y", "factor"];
+/// Names of the variables of a formula for points, in the order of their values.
+const AT_POINTS: [&str; 5] = ["x", "y", "X", "Y", "factor"];
+
+/// Names that stand for variables in some formula, so that no parameter may have them.
+pub const VARIABLES: [&str; 7] = ["x", "y", "z", "X", "Y", "Z", "factor"];
+
+/// A fault of a formula: the key under the load (`force/0`, `where/q`), the text, and what is wrong.
+pub struct Fault {
+    /// Key, relative to the load.
+    pub key: String,
+    /// Text of the formula.
+    pub text: String,
+    /// What is wrong.
+    pub error: FormulaError,
+}
+
+/// Numeric parameters, as constants of a formula.
+fn constants(parameters: &BTreeMap<String, Parameter>) -> Vec<(&str, f64)> {
+    parameters
+        .iter()
+        .filter_map(|(name, parameter)| match parameter {
+            Parameter::Number(value) => Some((name.as_str(), *value)),
+            Parameter::Word(_) => None,
+        })
+        .collect()
+}
+
+fn parse(
+    expression: &Expression,
+    variables: &[&str],
+    parameters: &BTreeMap<String, Parameter>,
+) -> Result<Formula, FormulaError> {
+    match expression {
+        Expression::Number(value) => Ok(Formula::constant(*value)),
+        Expression::Formula(text) => Formula::parse_with_constants(text, variables, &constants(parameters)),
+    }
+}
+
+fn text_of(expression: &Expression) -> String {
+    match expression {
+        Expression::Number(value) => value.to_string(),
+        Expression::Formula(text) => text.clone(),
+    }
+}
+
+impl Expression {
+    /// The formula of x, y and factor at grid nodes that this stands for; numeric parameters are known in it.
+    ///
+    /// # Errors
+    /// The first fault of the text. A deck that passed its checks has none.
+    pub fn at_nodes(&self, parameters: &BTreeMap<String, Parameter>) -> Result<Formula, FormulaError> {
+        parse(self, &AT_NODES, parameters)
+    }
+}
+
+/// The vector formula of a body force and its intermediate values.
+///
+/// # Errors
+/// The first fault of each text, names with a meaning already, and values that depend on themselves.
+pub fn at_points(
+    components: &[Expression],
+    intermediate: &BTreeMap<String, Expression>,
+    parameters: &BTreeMap<String, Parameter>,
+) -> Result<VectorFormula<2>, Vec<Fault>> {
+    let mut faults = Vec::new();
+    let mut variables: Vec<&str> = AT_POINTS.to_vec();
+    let mut formulas = Vec::new();
+    for name in in_order(intermediate, parameters, &mut faults) {
+        let expression = &intermediate[name];
+        match parse(expression, &variables, parameters) {
+            Ok(formula) => formulas.push(formula),
+            Err(error) => {
+                faults.push(Fault { key: format!("where/{name}"), text: text_of(expression), error });
+                formulas.push(Formula::constant(0.0));
+            }
+        }
+        variables.push(name);
+    }
+    let mut vector = [Formula::constant(0.0), Formula::constant(0.0)];
+    for (index, expression) in components.iter().enumerate().take(2) {
+        match parse(expression, &variables, parameters) {
+            Ok(formula) => vector[index] = formula,
+            Err(error) => {
+                faults.push(Fault { key: format!("force/{index}"), text: text_of(expression), error });
+            }
+        }
+    }
+    if faults.is_empty() { Ok(VectorFormula::new(formulas, vector)) } else { Err(faults) }
+}
+
+/// The intermediate values in an order in which each needs only those before it.
+fn in_order<'a>(
+    intermediate: &'a BTreeMap<String, Expression>,
+    parameters: &BTreeMap<String, Parameter>,
+    faults: &mut Vec<Fault>,
+) -> Vec<&'a str> {
+    let fault = |name: &str, message: String| Fault {
+        key: format!("where/{name}"),
+        text: text_of(&intermediate[name]),
+        error: FormulaError { message, offset: 0, length: 0, help: None },
+    };
+    if intermediate.len() > MOST_INTERMEDIATE {
+        if let Some(name) = intermediate.keys().next() {
+            faults.push(fault(name, format!("at most {MOST_INTERMEDIATE} intermediate values are possible")));
+        }
+        return Vec::new();
+    }
+    let mut waiting: Vec<&str> = Vec::new();
+    for name in intermediate.keys() {
+        let first = name.chars().next().unwrap_or(' ');
+        let is_name = (first.is_alphabetic() || first == '_') && name.chars().all(|c| c.is_alphanumeric() || c == '_');
+        if !is_name {
+            faults.push(fault(name, format!("`{name}` cannot be a name in a formula")));
+        } else if VARIABLES.contains(&name.as_str()) || crate::formula::is_reserved(name) {
+            faults.push(fault(name, format!("`{name}` already has a meaning in formulas")));
+        } else if parameters.contains_key(name) {
+            faults.push(fault(name, format!("`{name}` is a parameter already")));
+        } else {
+            waiting.push(name);
+        }
+    }
+    let needs = |name: &str| -> Vec<&str> {
+        match &intermediate[name] {
+            Expression::Formula(text) => names(text).into_iter().map(|(_, used)| used).collect(),
+            Expression::Number(_) => Vec::new(),
+        }
+    };
+    let mut ordered: Vec<&str> = Vec::new();
+    while !waiting.is_empty() {
+        let ready = |name: &&str| !needs(name).iter().any(|used| waiting.contains(used));
+        let Some(place) = waiting.iter().position(ready) else {
+            for name in &waiting {
+                faults.push(fault(name, format!("`{name}` depends on itself")));
+            }
+            break;
+        };
+        ordered.push(waiting.remove(place));
+    }
+    ordered
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn formulas(pairs: &[(&str, &str)]) -> BTreeMap<String, Expression> {
+        pairs.iter().map(|(n, t)| (n.to_string(), Expression::Formula(t.to_string()))).collect()
+    }
+
+    fn text(text: &str) -> Expression {
+        Expression::Formula(text.into())
+    }
+
+    #[test]
+    fn intermediate_values_are_found_in_any_order() {
+        let parameters = BTreeMap::from([("E".to_string(), Parameter::Number(10.0))]);
+        let values = formulas(&[("a", "b + 1"), ("b", "c*2"), ("c", "X + Y")]);
+        let force = at_points(&[text("E*a + x"), text("factor*b")], &values, &parameters).ok().unwrap();
+        // c = 7, b = 14, a = 15; the first is scaled by the factor, the second depends on it.
+        assert_eq!(force.evaluate(&[1.0, 2.0], &[3.0, 4.0], 0.5), [0.5 * 151.0, 7.0]);
+    }
+
+    #[test]
+    fn a_factor_inside_an_intermediate_value_is_found() {
+        let values = formulas(&[("q", "factor^2"), ("r", "q + 1")]);
+        let force = at_points(&[text("r"), text("1")], &values, &BTreeMap::new()).ok().unwrap();
+        assert_eq!(force.evaluate(&[0.0; 2], &[0.0; 2], 3.0), [10.0, 3.0]);
+    }
+
+    #[test]
+    fn faults_are_told_with_their_place() {
+        let faults = |values: &[(&str, &str)], force: &str| -> Vec<(String, String)> {
+            match at_points(&[text(force), text("0")], &formulas(values), &BTreeMap::new()) {
+                Ok(_) => vec![],
+                Err(faults) => faults.into_iter().map(|f| (f.key, f.error.message)).collect(),
+            }
+        };
+        assert_eq!(faults(&[("a", "b"), ("b", "a")], "1").len(), 2);
+        assert_eq!(faults(&[("sin", "1")], "1")[0].0, "where/sin");
+        assert_eq!(faults(&[("a", "1 +")], "1")[0].0, "where/a");
+        assert_eq!(faults(&[], "unknown")[0].0, "force/0");
+        assert!(faults(&[("a", "1")], "a").is_empty());
+    }
+}
