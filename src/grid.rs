@@ -2,6 +2,12 @@
 //!
 //! Nodes and cells are numbered with the first axis fastest. Point location is arithmetic.
 
+mod bins;
+pub mod element;
+pub mod gmsh;
+pub mod mesh;
+pub mod subdivide;
+
 /// A position closer than this to a grid line, relative to the cell size, counts as lying on it.
 ///
 /// Points that sit on a grid line in exact arithmetic must all be given to the same cell, whatever their round-off;
