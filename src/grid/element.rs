@@ -245,9 +245,9 @@ mod tests {
 
     #[test]
     fn beyond_its_fold_a_quadrilateral_has_no_local_coordinates() {
-        let trapezium = [[0.0, 0.0], [4.0, 0.0], [3.0, 1.0], [1.0, 2.0]];
-        assert_eq!(ElementShape::Quadrilateral.inverse(&trapezium, &[2.0, 50.0]), None);
-        assert_eq!(ElementShape::Quadrilateral.inverse(&trapezium, &[f64::NAN, 0.0]), None);
+        let corners = [[0.0, 0.0], [4.0, 0.0], [3.0, 1.0], [1.0, 2.0]];
+        assert_eq!(ElementShape::Quadrilateral.inverse(&corners, &[12.0, 2.0]), None);
+        assert_eq!(ElementShape::Quadrilateral.inverse(&corners, &[f64::NAN, 0.0]), None);
     }
 
     proptest! {

@@ -265,11 +265,12 @@ impl Sections {
     /// Reads or skips one section whose header has just been read.
     fn read(&mut self, reader: &mut Reader<'_>, section: &str) -> Result<(), GmshError> {
         let Some(version) = self.version else {
-            return match section {
-                "MeshFormat" => Ok(self.version = Some(format(reader)?)),
-                "NOD" => Err(GmshError::Version { version: "1".into() }),
-                _ => reader.skip(section),
-            };
+            match section {
+                "MeshFormat" => self.version = Some(format(reader)?),
+                "NOD" => return Err(GmshError::Version { version: "1".into() }),
+                _ => reader.skip(section)?,
+            }
+            return Ok(());
         };
         match (section, version) {
             ("PhysicalNames", _) => self.names = physical_names(reader)?,

@@ -262,3 +262,6 @@ impl Mesh {
         basis
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -131,8 +131,8 @@ pub(super) fn read_41(reader: &mut Reader<'_>) -> Result<Nodes, GmshError> {
         for _ in 0..n {
             tags.push(reader.size("the number of a node")?);
         }
-        for k in first..tags.len() {
-            positions.push(position(reader, tags[k])?);
+        for tag in &tags[first..] {
+            positions.push(position(reader, *tag)?);
             for _ in 0..parameters {
                 reader.real("a parameter")?;
             }
