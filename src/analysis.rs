@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, bail};
-use mpm::deck::build::build;
+use mpm::deck::build::build_with_notes;
 use mpm::deck::diagnostic::render_all;
 use mpm::deck::load::{LoadFailure, LoadedDeck};
 use mpm::model::Model;
@@ -33,8 +33,11 @@ pub struct Ready {
 
 /// Builds the model of a deck that was read.
 pub fn prepare(loaded: Result<LoadedDeck, Box<LoadFailure>>) -> Result<Ready, Box<LoadFailure>> {
-    loaded.and_then(|loaded| match build(&loaded) {
-        Ok((model, points)) => Ok(Ready { loaded, model, points }),
+    loaded.and_then(|mut loaded| match build_with_notes(&loaded) {
+        Ok((model, points, notes)) => {
+            loaded.notes.extend(notes);
+            Ok(Ready { loaded, model, points })
+        }
         Err(mut diagnostics) => {
             diagnostics.extend(loaded.notes);
             Err(Box::new(LoadFailure { source: loaded.source, diagnostics }))

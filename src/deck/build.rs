@@ -1,15 +1,16 @@
 //! Gate three, feasibility: from a deck to the model and its points. What needs the mesh is checked here.
 
-use super::diagnostic::{Diagnostic, quote};
+use super::diagnostic::{Diagnostic, Severity, quote};
+use super::formulas::at_points;
 use super::load::LoadedDeck;
+use super::seeding::{Filled, Filling, unknown_group};
 use super::{
     BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve as CurveDeck, LoadDeck, MaterialDeck,
-    NodeSelector, PerAxis, Shape,
+    NodeSelector, PerAxis,
 };
-use crate::basis::DomainKind;
 use crate::constraints::{BoundaryCondition, NodeSet};
 use crate::formula::Formula;
-use crate::grid::{Grid, Structured};
+use crate::grid::{Grid, Mesh, Structured, gmsh};
 use crate::loads::{Action, Load, LoadCurve};
 use crate::material::{Hencky, Material, VonMises};
 use crate::model::{Body, Model, NamedMaterial, Newton, Probe};
@@ -23,15 +24,25 @@ const ON_LINE: f64 = 1e-6;
 /// # Errors
 /// Everything that cannot be done with this mesh, each with its place in the deck.
 pub fn build(loaded: &LoadedDeck) -> Result<(Model<2>, Points<2>), Vec<Diagnostic>> {
+    build_with_notes(loaded).map(|(model, points, _)| (model, points))
+}
+
+/// As [`build`], with the warnings and notes that are no errors.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_with_notes(
+    loaded: &LoadedDeck,
+) -> Result<(Model<2>, Points<2>, Vec<Diagnostic>), Vec<Diagnostic>> {
     let deck = &loaded.deck;
     let mut builder = Builder { loaded, deck, found: Vec::new() };
-    let grid = builder.grid();
+    let Some(grid) = builder.grid() else { return Err(builder.found) };
     let materials: Vec<NamedMaterial> =
         deck.materials.iter().map(|(name, m)| NamedMaterial { name: name.clone(), law: law(m) }).collect();
     let bodies = builder.bodies();
-    let seeds = builder.seeds(&grid, &materials, &bodies);
+    let seeds = builder.seeds(grid.as_ref(), &materials, &bodies);
     let points = Points::new(&seeds);
-    let boundary_conditions = builder.boundary_conditions(&grid);
+    let boundary_conditions = builder.boundary_conditions(grid.as_ref());
     let loads = builder.loads(&points);
     let probes = builder.probes(&points);
     if builder.found.iter().any(Diagnostic::is_error) {
@@ -39,8 +50,9 @@ pub fn build(loaded: &LoadedDeck) -> Result<(Model<2>, Points<2>), Vec<Diagnosti
     }
     let model = Model {
         title: deck.title.clone().unwrap_or_default(),
-        grid: Box::new(grid),
+        grid,
         formulation: deck.analysis.formulation,
+        point_volume: deck.analysis.point_volume,
         materials,
         bodies,
         boundary_conditions,
@@ -53,7 +65,7 @@ pub fn build(loaded: &LoadedDeck) -> Result<(Model<2>, Points<2>), Vec<Diagnosti
         },
         probes,
     };
-    Ok((model, points))
+    Ok((model, points, builder.found))
 }
 
 /// The law of a material.
@@ -74,11 +86,11 @@ fn density(material: &MaterialDeck) -> f64 {
     }
 }
 
-fn pair(values: &[f64]) -> [f64; 2] {
+pub(super) fn pair(values: &[f64]) -> [f64; 2] {
     [values.first().copied().unwrap_or(0.0), values.get(1).copied().unwrap_or(0.0)]
 }
 
-fn per_axis<T: Copy + Default>(value: &PerAxis<T>) -> [T; 2] {
+pub(super) fn per_axis<T: Copy + Default>(value: &PerAxis<T>) -> [T; 2] {
     match value {
         PerAxis::Same(value) => [*value; 2],
         PerAxis::Each(values) => {
@@ -98,11 +110,42 @@ impl Builder<'_> {
         self.found.push(Diagnostic::at(&self.loaded.source, code, pointer, message).help(help));
     }
 
-    fn grid(&self) -> Structured<2> {
-        let GridDeck::Structured { origin, size, spacing } = &self.deck.grid;
-        let (size, spacing) = (pair(size), per_axis(spacing));
-        let cells = std::array::from_fn(|d| ((size[d] / spacing[d]).round() as usize).max(1));
-        Structured::new(pair(origin), std::array::from_fn(|d| size[d] / cells[d] as f64), cells)
+    fn grid(&mut self) -> Option<Box<dyn Grid<2>>> {
+        match &self.deck.grid {
+            GridDeck::Structured { origin, size, spacing } => {
+                let (size, spacing) = (pair(size), per_axis(spacing));
+                let cells = std::array::from_fn(|d| ((size[d] / spacing[d]).round() as usize).max(1));
+                let spacing = std::array::from_fn(|d| size[d] / cells[d] as f64);
+                Some(Box::new(Structured::new(pair(origin), spacing, cells)))
+            }
+            GridDeck::Gmsh { file } => self.mesh(file).map(|mesh| Box::new(mesh) as Box<dyn Grid<2>>),
+        }
+    }
+
+    /// The mesh of a gmsh file; a message if it cannot be used.
+    fn mesh(&mut self, file: &str) -> Option<Mesh> {
+        let path = self.loaded.directory.join(file);
+        let source = &self.loaded.source;
+        let mesh = gmsh::read_file(&path)
+            .map_err(|error| format!("the mesh `{file}` cannot be read: {error}"))
+            .and_then(|read| {
+                Mesh::from_gmsh(&read).map_err(|error| format!("the mesh `{file}` cannot be used: {error}"))
+            });
+        match mesh {
+            Ok(mesh) => {
+                for warning in mesh.warnings() {
+                    let message = format!("the mesh `{file}`: {warning}");
+                    let found = Diagnostic::at(source, "D032", "/grid/file", message);
+                    self.found.push(found.severity(Severity::Warning));
+                }
+                Some(mesh)
+            }
+            Err(message) => {
+                let found = Diagnostic::at(source, "D032", "/grid/file", message);
+                self.found.push(found.help("the path is relative to the deck"));
+                None
+            }
+        }
     }
 
     fn body_number(&self, name: &str) -> usize {
@@ -119,69 +162,49 @@ impl Builder<'_> {
         self.deck.bodies.iter().map(body).collect()
     }
 
-    /// Fills every body with a lattice of points at the centres of an even subdivision.
-    fn seeds(&mut self, grid: &Structured<2>, materials: &[NamedMaterial], bodies: &[Body]) -> Vec<Seed<2>> {
+    /// Fills every body with points.
+    fn seeds(&mut self, grid: &dyn Grid<2>, materials: &[NamedMaterial], bodies: &[Body]) -> Vec<Seed<2>> {
         let mut seeds = Vec::new();
         for (number, deck) in self.deck.bodies.iter().enumerate() {
-            let Shape::Box { min, max } = &deck.shape;
-            let (min, max) = (pair(min), pair(max));
-            let side: [f64; 2] = std::array::from_fn(|d| max[d] - min[d]);
-            let counts: [usize; 2] = match (&deck.points_per_cell, &deck.point_spacing) {
-                (Some(n), _) => {
-                    let n = per_axis(n);
-                    std::array::from_fn(|d| (side[d] / grid.spacing()[d]).round() as usize * n[d] as usize)
-                }
-                (None, Some(spacing)) => {
-                    let spacing = per_axis(spacing);
-                    std::array::from_fn(|d| (side[d] / spacing[d]).round() as usize)
-                }
-                (None, None) => [0; 2],
-            };
-            if counts.contains(&0) {
-                let message = format!("the body {} holds no material point", quote(&deck.name));
-                let help = "state `points_per_cell`, or a `point_spacing` below its sides".to_owned();
-                self.error("D028", &format!("/bodies/{number}"), message, help);
-                continue;
-            }
-            let spacing: [f64; 2] = std::array::from_fn(|d| side[d] / counts[d] as f64);
             let body = &bodies[number];
-            let volume = spacing[0] * spacing[1];
             let fields = materials[body.material].law.state_fields();
-            let seed = Seed {
+            let filling = Filling {
+                grid,
                 body: number as u16,
-                position: [0.0; 2],
-                half_lengths: [0.0; 2],
-                corners: Vec::new(),
-                volume,
-                mass: density(&self.deck.materials[&deck.material]) * volume,
-                outer_layer: false,
+                domain: body.method.domain(),
+                density: density(&self.deck.materials[&deck.material]),
                 history: fields.iter().map(|f| f.initial).collect(),
             };
-            for j in 0..counts[1] {
-                for i in 0..counts[0] {
-                    let edge = |k: usize, n: usize| k == 0 || k == n - 1;
-                    let at = |a: f64, b: f64| {
-                        [min[0] + (i as f64 + a) * spacing[0], min[1] + (j as f64 + b) * spacing[1]]
-                    };
-                    let (half_lengths, corners) = match body.method.domain() {
-                        DomainKind::None => ([0.0; 2], vec![]),
-                        DomainKind::Box => (spacing.map(|s| 0.5 * s), vec![]),
-                        DomainKind::Corners => (
-                            spacing.map(|s| 0.5 * s),
-                            vec![at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0), at(1.0, 1.0)],
-                        ),
-                    };
-                    seeds.push(Seed {
-                        position: at(0.5, 0.5),
-                        half_lengths,
-                        corners,
-                        outer_layer: edge(i, counts[0]) || edge(j, counts[1]),
-                        ..seed.clone()
-                    });
+            match filling.fill(deck) {
+                Ok(filled) => {
+                    self.report_area(number, deck, &filled);
+                    seeds.extend(filled.seeds);
+                }
+                Err(fault) => {
+                    let pointer = format!("/bodies/{number}{}", fault.key);
+                    self.error(fault.code, &pointer, fault.message, fault.help);
                 }
             }
         }
         seeds
+    }
+
+    /// Says how far the points of a body miss the area of its region.
+    fn report_area(&mut self, number: usize, deck: &super::BodyDeck, filled: &Filled) {
+        let Some(exact) = filled.exact_area else { return };
+        let area: f64 = filled.seeds.iter().map(|s| s.volume).sum();
+        let part = (area - exact) / exact;
+        if part.abs() > 1e-9 {
+            let word = if part > 0.0 { "more" } else { "less" };
+            let message = format!(
+                "the points of the body {} stand for an area of {area:.6}, {:.3} % {word} than its region",
+                quote(&deck.name),
+                100.0 * part.abs()
+            );
+            let found =
+                Diagnostic::at(&self.loaded.source, "D033", &format!("/bodies/{number}/shape"), message);
+            self.found.push(found.severity(Severity::Note));
+        }
     }
 
     fn curve(&self, curve: &Option<CurveDeck>) -> LoadCurve {
@@ -192,14 +215,14 @@ impl Builder<'_> {
     }
 
     fn formula(&mut self, expression: &Expression, pointer: &str) -> Formula {
-        expression.formula(&self.loaded.parameters).unwrap_or_else(|error| {
+        expression.at_nodes(&self.loaded.parameters).unwrap_or_else(|error| {
             let message = format!("the formula cannot be understood: {}", error.message);
             self.error("D021", pointer, message, "see the reference of formulas".to_owned());
             Formula::constant(0.0)
         })
     }
 
-    fn boundary_conditions(&mut self, grid: &Structured<2>) -> Vec<BoundaryCondition<2>> {
+    fn boundary_conditions(&mut self, grid: &dyn Grid<2>) -> Vec<BoundaryCondition<2>> {
         let deck = self.deck;
         let mut conditions = Vec::new();
         for (number, condition) in deck.boundary_conditions.iter().enumerate() {
@@ -225,23 +248,32 @@ impl Builder<'_> {
         conditions
     }
 
-    fn nodes(&mut self, grid: &Structured<2>, condition: &BoundaryConditionDeck, pointer: &str) -> NodeSet {
-        let NodeSelector { x, y, within, outer_layer } = &condition.nodes;
+    fn nodes(&mut self, grid: &dyn Grid<2>, condition: &BoundaryConditionDeck, pointer: &str) -> NodeSet {
+        let NodeSelector { x, y, within, group, outer_layer } = &condition.nodes;
         if let Some(body) = outer_layer {
             return NodeSet::OuterLayer(self.body_number(body) as u16);
         }
+        if let Some(name) = group {
+            return NodeSet::Fixed(self.group(
+                grid.node_set(name),
+                grid,
+                name,
+                &format!("{pointer}/nodes/group"),
+            ));
+        }
         let mut off_line = false;
+        let slack = grid.structured().map_or([0.0; 2], |g| g.spacing());
         for (axis, (key, coordinate)) in [("x", x), ("y", y)].into_iter().enumerate() {
-            if let Some(c) = coordinate {
+            if let (Some(c), Some(grid)) = (coordinate, grid.structured()) {
                 off_line |= self.check_line(grid, axis, *c, &format!("{pointer}/nodes/{key}"));
             }
         }
-        let near = |axis: usize, a: f64, b: f64| (a - b).abs() <= ON_LINE * grid.spacing()[axis];
+        // On an imported grid the size of the first cell says what counts as near.
+        let slack = slack.map(|h| ON_LINE * if h > 0.0 { h } else { grid.size(0) });
+        let near = |axis: usize, a: f64, b: f64| (a - b).abs() <= slack[axis];
         let inside = |p: [f64; 2]| match within {
-            Some(region) => (0..2).all(|d| {
-                let slack = ON_LINE * grid.spacing()[d];
-                pair(&region.min)[d] - slack <= p[d] && p[d] <= pair(&region.max)[d] + slack
-            }),
+            Some(region) => (0..2)
+                .all(|d| pair(&region.min)[d] - slack[d] <= p[d] && p[d] <= pair(&region.max)[d] + slack[d]),
             None => x.is_none_or(|x| near(0, p[0], x)) && y.is_none_or(|y| near(1, p[1], y)),
         };
         let nodes: Vec<u32> = (0..grid.n_nodes())
@@ -250,16 +282,26 @@ impl Builder<'_> {
             .collect();
         if nodes.is_empty() && !off_line {
             let message = format!("the boundary condition {} selects no grid node", quote(&condition.name));
-            let help = format!(
-                "grid nodes lie at {} + i {} in x and {} + j {} in y",
-                grid.origin()[0],
-                grid.spacing()[0],
-                grid.origin()[1],
-                grid.spacing()[1]
+            let help = grid.structured().map_or_else(
+                || "name a physical group of the mesh by `group`".to_owned(),
+                |grid| {
+                    let ([x, y], [hx, hy]) = (grid.origin(), grid.spacing());
+                    format!("grid nodes lie at {x} + i {hx} in x and {y} + j {hy} in y")
+                },
             );
             self.error("D029", &format!("{pointer}/nodes"), message, help);
         }
         NodeSet::Fixed(nodes)
+    }
+
+    /// The members of a named set of the grid; a message if there is none of this name.
+    fn group(&mut self, found: Option<&[u32]>, grid: &dyn Grid<2>, name: &str, pointer: &str) -> Vec<u32> {
+        if let Some(set) = found {
+            return set.to_vec();
+        }
+        let fault = unknown_group(grid, name);
+        self.error("D031", pointer, fault.0, fault.1);
+        Vec::new()
     }
 
     /// Reports a coordinate that is on no grid line; returns whether it did.
@@ -315,13 +357,23 @@ impl Builder<'_> {
                     acts_on: acts_on(bodies),
                     curve: self.curve(curve),
                 },
-                LoadDeck::BodyForce { name, force, bodies, curve } => {
-                    let mut along = |d: usize| match force.get(d) {
-                        Some(expression) => self.formula(expression, &format!("{pointer}/force/{d}")),
-                        None => Formula::constant(0.0),
-                    };
-                    let action = Action::BodyForce([along(0), along(1)]);
-                    Load { name: name.clone(), action, acts_on: acts_on(bodies), curve: self.curve(curve) }
+                LoadDeck::BodyForce { name, force, intermediate, bodies, curve } => {
+                    match at_points(force, intermediate, &self.loaded.parameters) {
+                        Ok(formula) => Load {
+                            name: name.clone(),
+                            action: Action::BodyForce(formula),
+                            acts_on: acts_on(bodies),
+                            curve: self.curve(curve),
+                        },
+                        Err(faults) => {
+                            for fault in faults {
+                                let help = "see the reference of formulas".to_owned();
+                                let place = format!("{pointer}/{}", fault.key);
+                                self.error("D021", &place, fault.error.message, help);
+                            }
+                            continue;
+                        }
+                    }
                 }
                 LoadDeck::PointForce { name, body, points: selector, total, curve } => {
                     let place = format!("{pointer}/points");

@@ -68,6 +68,10 @@ pub const CODES: &[(&str, &str)] = &[
     ("D028", "a body that does not fit the grid or its points"),
     ("D029", "a boundary condition that selects no node"),
     ("D030", "a selection of points that cannot be made"),
+    ("D031", "a physical group that does not exist"),
+    ("D032", "a mesh file that cannot be used, or looks wrong"),
+    ("D033", "a body whose points do not fill its region exactly"),
+    ("D034", "a method that does not go with the grid"),
 ];
 
 impl Diagnostic {

@@ -118,7 +118,8 @@ fn in_order<'a>(
     let mut waiting: Vec<&str> = Vec::new();
     for name in intermediate.keys() {
         let first = name.chars().next().unwrap_or(' ');
-        let is_name = (first.is_alphabetic() || first == '_') && name.chars().all(|c| c.is_alphanumeric() || c == '_');
+        let is_name =
+            (first.is_alphabetic() || first == '_') && name.chars().all(|c| c.is_alphanumeric() || c == '_');
         if !is_name {
             faults.push(fault(name, format!("`{name}` cannot be a name in a formula")));
         } else if VARIABLES.contains(&name.as_str()) || crate::formula::is_reserved(name) {

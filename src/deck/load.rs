@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::diagnostic::{self, Diagnostic};
 use super::source::Source;
@@ -16,6 +16,8 @@ pub struct LoadedDeck {
     pub deck: Deck,
     /// The parameters with their final values.
     pub parameters: BTreeMap<String, Parameter>,
+    /// Directory of the deck, to which paths in it are relative.
+    pub directory: PathBuf,
     /// The text and its places, for messages of later checks.
     pub source: Source,
     /// Warnings and notes, in the order of their places.
@@ -128,12 +130,13 @@ pub fn load_text(
     diagnostic::sort(&mut diagnostics);
     match deck {
         Some(deck) if !diagnostics.iter().any(Diagnostic::is_error) => {
-            Ok(LoadedDeck { parameters: deck.parameters.clone(), deck, source, notes: diagnostics })
+            let directory = Path::new(name).parent().map(Path::to_path_buf).unwrap_or_default();
+            let parameters = deck.parameters.clone();
+            Ok(LoadedDeck { parameters, deck, directory, source, notes: diagnostics })
         }
         _ => Err(Box::new(LoadFailure { source, diagnostics })),
     }
 }
-
 
 #[cfg(test)]
 mod tests {

@@ -15,7 +15,7 @@ use crate::formula::{self, Formula, FormulaError, closest};
 const MOST: usize = 500;
 
 /// Names with a meaning of their own in formulas.
-const COORDINATES: [&str; 3] = ["x", "y", "z"];
+use super::formulas::VARIABLES;
 
 /// A parameter with everything needed to find its value.
 #[derive(Debug)]
@@ -118,8 +118,11 @@ impl Table<'_> {
                 format!("{} cannot be the name of a parameter", quote(name)),
                 "use letters, digits and `_`",
             ))
-        } else if COORDINATES.contains(&name) {
-            Some((format!("the name {} is that of a coordinate", quote(name)), "choose another name"))
+        } else if VARIABLES.contains(&name) {
+            Some((
+                format!("the name {} stands for a variable in formulas", quote(name)),
+                "choose another name",
+            ))
         } else if formula::is_reserved(name) {
             Some((format!("the name {} has a meaning in formulas", quote(name)), "choose another name"))
         } else {

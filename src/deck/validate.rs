@@ -136,7 +136,7 @@ impl Check<'_> {
                 self.points(&pointer, body, &extent, grid);
                 boxes.push((index, extent));
             } else {
-                self.points_given_once(&pointer, body);
+                self.placing(&pointer, body);
             }
         }
         self.overlaps(boxes);

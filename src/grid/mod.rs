@@ -1,7 +1,13 @@
 //! The background grid on which equilibrium is solved.
 
+mod bins;
+pub mod element;
+pub mod gmsh;
+pub mod mesh;
 mod structured;
+pub mod subdivide;
 
+pub use mesh::Mesh;
 pub use structured::Structured;
 
 /// A position closer than this to a grid line, relative to the cell size, counts as lying on it.
@@ -106,6 +112,21 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
 
     /// The linear basis of a cell at a position; outside the cell it is continued.
     fn basis_at(&self, cell: u32, position: &[f64; D]) -> CellBasis<D>;
+
+    /// Names and nodes of the node sets of an imported grid.
+    fn node_set(&self, _name: &str) -> Option<&[u32]> {
+        None
+    }
+
+    /// Names and cells of the cell sets of an imported grid.
+    fn cell_set(&self, _name: &str) -> Option<&[u32]> {
+        None
+    }
+
+    /// Names of all sets of an imported grid.
+    fn set_names(&self) -> Vec<&str> {
+        Vec::new()
+    }
 
     /// The grid as a structured one, which GIMP needs.
     fn structured(&self) -> Option<&Structured<D>> {

@@ -2,7 +2,7 @@
 
 use super::Check;
 use crate::deck::diagnostic::{Diagnostic, quote};
-use crate::deck::{BodyDeck, GridDeck, PerAxis, Shape};
+use crate::deck::{BodyDeck, GridDeck, Method, PerAxis, Shape, region};
 
 /// Axes of the geometry.
 const DIMENSIONS: usize = 2;
@@ -71,7 +71,7 @@ impl Check<'_> {
     }
 
     pub(super) fn grid(&mut self) -> Option<GridBox> {
-        let GridDeck::Structured { origin, size, spacing } = &self.deck.grid;
+        let GridDeck::Structured { origin, size, spacing } = &self.deck.grid else { return None };
         let origin = self.vector("/grid/origin", origin);
         let sides = self.lengths("/grid/size", &PerAxis::Each(size.clone()));
         let spacing = self.lengths("/grid/spacing", spacing);
@@ -117,37 +117,93 @@ impl Check<'_> {
         fits.then_some(Extent { min, max })
     }
 
+    /// Checks a region; the extent of a simple box, for the checks that only boxes allow.
     pub(super) fn shape(&mut self, pointer: &str, shape: &Shape) -> Option<Extent> {
-        let Shape::Box { min, max } = shape;
-        self.extent(pointer, min, max)
+        match shape {
+            Shape::Box { min, max } => return self.extent(pointer, min, max),
+            Shape::Polygon { vertices } => {
+                let mut complete = true;
+                for (k, vertex) in vertices.iter().enumerate() {
+                    complete &= self.vector(&format!("{pointer}/vertices/{k}"), vertex).is_some();
+                }
+                if complete && region::signed_area(vertices) == 0.0 {
+                    self.error("D016", pointer, "the polygon has no area");
+                }
+            }
+            Shape::Circle { center, .. } => {
+                self.vector(&format!("{pointer}/center"), center);
+            }
+            Shape::Annulus { center, inner, outer } => {
+                self.vector(&format!("{pointer}/center"), center);
+                if inner >= outer {
+                    let message = format!("the inner radius {inner} is not below the outer radius {outer}");
+                    self.error("D016", &format!("{pointer}/inner"), message);
+                }
+            }
+            Shape::Cells { group } => {
+                if group.is_some() && matches!(self.deck.grid, GridDeck::Structured { .. }) {
+                    let message = "a structured grid has no physical groups";
+                    let help = "remove `group` to take all cells";
+                    self.error_with_help("D031", &format!("{pointer}/group"), message, help);
+                }
+            }
+            Shape::Union { of } => {
+                for (k, part) in of.iter().enumerate() {
+                    self.shape(&format!("{pointer}/of/{k}"), part);
+                }
+            }
+            Shape::Difference { from, minus } => {
+                self.shape(&format!("{pointer}/from"), from);
+                for (k, part) in minus.iter().enumerate() {
+                    self.shape(&format!("{pointer}/minus/{k}"), part);
+                }
+            }
+        }
+        None
     }
 
-    /// Exactly one of the two ways to place points.
+    /// Points are placed in cells or at a spacing, not both.
     pub(super) fn points_given_once(&mut self, pointer: &str, body: &BodyDeck) -> bool {
-        match (&body.points_per_cell, &body.point_spacing) {
-            (None, None) => {
-                let message =
-                    format!("the body {} does not say how its points are placed", quote(&body.name));
-                let help = "give `points_per_cell` or `point_spacing`";
-                self.found.push(Diagnostic::at_key(self.source, "D023", pointer, message).help(help));
-                false
-            }
-            (Some(_), Some(_)) => {
-                let at = format!("{pointer}/point_spacing");
-                let message = "`points_per_cell` and `point_spacing` exclude each other";
-                self.found
-                    .push(Diagnostic::at_key(self.source, "D023", &at, message).help("remove one of them"));
-                false
-            }
-            _ => true,
+        let in_cells = body.points_per_cell.is_some() || body.points_per_triangle.is_some();
+        if in_cells == body.point_spacing.is_none() {
+            return true;
         }
+        if in_cells {
+            let at = format!("{pointer}/point_spacing");
+            let message = "`point_spacing` and points per cell exclude each other";
+            let found = Diagnostic::at_key(self.source, "D023", &at, message);
+            self.found.push(found.help("remove one of them"));
+        } else {
+            let message = format!("the body {} does not say how its points are placed", quote(&body.name));
+            let help = "give `points_per_cell`, `points_per_triangle` or `point_spacing`";
+            self.found.push(Diagnostic::at_key(self.source, "D023", pointer, message).help(help));
+        }
+        false
+    }
+
+    /// Points of a body, whatever its region.
+    pub(super) fn placing(&mut self, pointer: &str, body: &BodyDeck) -> bool {
+        if self.points_given_once(pointer, body)
+            && let (GridDeck::Structured { .. }, Some(_)) = (&self.deck.grid, body.points_per_triangle)
+        {
+            let at = format!("{pointer}/points_per_triangle");
+            let message = "a structured grid has no triangles";
+            self.error_with_help("D023", &at, message, "give `points_per_cell` instead");
+            return false;
+        }
+        if matches!(self.deck.grid, GridDeck::Gmsh { .. }) && body.method == Method::Gimp {
+            let message = "method `gimp` needs a structured grid";
+            let help = "use method `mpm`, or `cpdi2` on quadrilaterals";
+            self.error_with_help("D034", &format!("{pointer}/method"), message, help);
+        }
+        true
     }
 
     pub(super) fn points(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: Option<&GridBox>) {
         if let Some(grid) = grid {
             self.inside_grid(pointer, body, extent, grid);
         }
-        if !self.points_given_once(pointer, body) {
+        if !self.placing(pointer, body) {
             return;
         }
         let counts = match (&body.points_per_cell, &body.point_spacing) {

@@ -1,7 +1,10 @@
 //! Boundary conditions, loads, their formulas and curves.
 
+use std::collections::BTreeMap;
+
 use super::{Check, density};
 use crate::deck::diagnostic::{Diagnostic, Severity, quote};
+use crate::deck::formulas::at_points;
 use crate::deck::{
     Axis, BoundaryConditionDeck, Expression, LoadCurve, LoadDeck, NodeSelector, PointSelector,
 };
@@ -21,8 +24,7 @@ impl Check<'_> {
 
     fn nodes(&mut self, pointer: &str, nodes: &NodeSelector) {
         let by_place = nodes.x.is_some() || nodes.y.is_some();
-        let kinds =
-            [by_place, nodes.within.is_some(), nodes.group.is_some(), nodes.outer_layer.is_some()];
+        let kinds = [by_place, nodes.within.is_some(), nodes.group.is_some(), nodes.outer_layer.is_some()];
         let given = kinds.iter().filter(|given| **given).count();
         if given != 1 {
             let message = if given == 0 {
@@ -103,6 +105,22 @@ impl Check<'_> {
         }
     }
 
+    /// The formulas of a body force and their intermediate values.
+    fn body_force(
+        &mut self,
+        pointer: &str,
+        force: &[Expression],
+        intermediate: &BTreeMap<String, Expression>,
+    ) {
+        for fault in at_points(force, intermediate, &self.deck.parameters).err().unwrap_or_default() {
+            let at = format!("{pointer}/{}", fault.key);
+            let place = (fault.text.as_str(), fault.error.offset, fault.error.length);
+            let mut diagnostic = Diagnostic::inside(self.source, "D021", &at, place, fault.error.message);
+            diagnostic.help = fault.error.help;
+            self.found.push(diagnostic);
+        }
+    }
+
     fn curve(&mut self, pointer: &str, curve: Option<&LoadCurve>) {
         let Some(LoadCurve(pairs)) = curve else { return };
         for (index, pair) in pairs.windows(2).enumerate() {
@@ -151,14 +169,12 @@ impl Check<'_> {
                 self.weight(pointer, name, bodies.as_deref());
                 self.curve(&at("curve"), curve.as_ref());
             }
-            LoadDeck::BodyForce { name, force, bodies, curve } => {
+            LoadDeck::BodyForce { name, force, intermediate, bodies, curve } => {
                 self.column_name(&at("name"), name);
                 if force.len() != 2 {
                     self.wrong_count(&at("force"), force.len());
                 }
-                for (axis, component) in force.iter().enumerate() {
-                    self.expression(&format!("{pointer}/force/{axis}"), component);
-                }
+                self.body_force(pointer, force, intermediate);
                 self.targets(&at("bodies"), bodies.as_deref());
                 self.curve(&at("curve"), curve.as_ref());
             }

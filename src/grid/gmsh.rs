@@ -1,0 +1,415 @@
+//! Reader of gmsh mesh files: formats 2.2 and 4.1, text and binary.
+//!
+//! Only linear elements are read. Physical groups come from the tags of the elements (2.2) or of the entities that
+//! the elements lie on (4.1). Sections that say nothing about nodes, elements and groups are skipped.
+
+mod elements;
+mod kinds;
+mod nodes;
+mod reader;
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::fmt;
+use std::path::Path;
+
+use elements::Elements;
+use nodes::Nodes;
+use reader::{Encoding, Reader};
+
+pub use kinds::ElementKind;
+
+/// The most physical groups that one element may belong to. The number of links between elements and groups is
+/// the product of two counts of the file; this keeps it in proportion to the size of the file.
+const MAX_GROUPS: usize = 1000;
+
+/// The contents of a gmsh mesh file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GmshFile {
+    /// Positions of the nodes, [length]; all of them are finite.
+    pub nodes: Vec<[f64; 3]>,
+    /// Elements of all dimensions, in the order of the file.
+    pub elements: Vec<Element>,
+    /// Physical groups, ascending by dimension and tag.
+    pub groups: Vec<PhysicalGroup>,
+    /// The distinct lists of groups that elements have; see [`GmshFile::groups_of`].
+    group_sets: Vec<Vec<u32>>,
+}
+
+/// One element of a mesh file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Element {
+    /// Number of the element in the file; not necessarily unique.
+    pub tag: u64,
+    /// Type of the element.
+    pub kind: ElementKind,
+    nodes: [u32; 8],
+    group_set: u32,
+}
+
+impl Element {
+    /// Indices of the nodes into [`GmshFile::nodes`], in gmsh's order.
+    pub fn nodes(&self) -> &[u32] {
+        &self.nodes[..self.kind.n_nodes()]
+    }
+}
+
+/// A named set of elements of one dimension.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PhysicalGroup {
+    /// 0 for points to 3 for volumes.
+    pub dimension: u8,
+    /// Number of the group; unique within its dimension.
+    pub tag: u32,
+    /// Name of the group; the tag in digits when the file has no name for it.
+    pub name: String,
+}
+
+/// Where in a file something is wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// Line of a text file, from 1.
+    Line(usize),
+    /// Offset into a binary file, from 0.
+    Byte(usize),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Place::Line(line) => write!(f, "line {line}"),
+            Place::Byte(byte) => write!(f, "byte {byte}"),
+        }
+    }
+}
+
+/// Why a mesh file cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum GmshError {
+    /// The file cannot be opened or read.
+    #[error("cannot read the mesh file")]
+    Io(#[from] std::io::Error),
+    /// The file is something else.
+    #[error("not a gmsh mesh file: it does not begin with a section `$MeshFormat`")]
+    NotGmsh,
+    /// A version of the format that this reader does not know.
+    #[error("gmsh format {version} is not supported; save the mesh in format 4.1 or 2.2")]
+    Version {
+        /// Version as the file states it.
+        version: String,
+    },
+    /// Something else stands where the format demands a certain thing.
+    #[error("{place}: expected {expected}, found {found}")]
+    Expected {
+        /// Where it stands.
+        place: Place,
+        /// What the format demands.
+        expected: &'static str,
+        /// What stands there, shortened.
+        found: String,
+    },
+    /// The file ends too early.
+    #[error("{place}: the file ends where {expected} was expected")]
+    Truncated {
+        /// Where it ends.
+        place: Place,
+        /// What the format demands there.
+        expected: &'static str,
+    },
+    /// A section has no end.
+    #[error("{place}: section `${section}` has no end")]
+    Unclosed {
+        /// Where the section begins.
+        place: Place,
+        /// Name of the section.
+        section: String,
+    },
+    /// A count that the rest of the file is too short for.
+    #[error("{place}: {count} {what} cannot fit into the {left} bytes that follow")]
+    Count {
+        /// Where the count stands.
+        place: Place,
+        /// What is counted.
+        what: &'static str,
+        /// The count.
+        count: u64,
+        /// Number of bytes after it.
+        left: usize,
+    },
+    /// The blocks of a section do not add up to its total.
+    #[error("{place}: the blocks of the section hold other than the announced {declared} {what}")]
+    Total {
+        /// Where the contradiction shows.
+        place: Place,
+        /// What is counted.
+        what: &'static str,
+        /// The total at the head of the section.
+        declared: usize,
+    },
+    /// Element types that are not linear, or not known to this program.
+    #[error("only linear elements are supported, the file has {}; save it with order 1", list(.kinds))]
+    Unsupported {
+        /// Gmsh's name and number of elements of every such type.
+        kinds: Vec<(&'static str, usize)>,
+    },
+    /// An element type that does not exist, so that the rest of the section cannot be understood.
+    #[error("{place}: unknown element type {code}")]
+    UnknownType {
+        /// Where it stands.
+        place: Place,
+        /// Gmsh's number of the type.
+        code: i32,
+    },
+    /// An element refers to a node that the file does not have.
+    #[error("{place}: element {element} refers to node {node}, which does not exist")]
+    UnknownNode {
+        /// Where the reference ends.
+        place: Place,
+        /// Number of the element.
+        element: u64,
+        /// Number of the node.
+        node: u64,
+    },
+    /// Two nodes have the same number.
+    #[error("node {node} is defined twice")]
+    DuplicateNode {
+        /// Number of the node.
+        node: u64,
+    },
+    /// A coordinate is infinite or not a number.
+    #[error("{place}: a coordinate of node {node} is not finite")]
+    NonFinite {
+        /// Where the node ends.
+        place: Place,
+        /// Number of the node.
+        node: u64,
+    },
+    /// The mesh is split into parts.
+    #[error("{place}: the mesh is partitioned; save it without partitions")]
+    Partitioned {
+        /// Where the section begins.
+        place: Place,
+    },
+    /// An element belongs to more groups than any sensible mesh has.
+    #[error("an element belongs to {count} physical groups, more than {MAX_GROUPS}")]
+    TooManyGroups {
+        /// Number of its groups.
+        count: usize,
+    },
+}
+
+fn list(kinds: &[(&'static str, usize)]) -> String {
+    kinds.iter().map(|(name, n)| format!("{n} × `{name}`")).collect::<Vec<_>>().join(", ")
+}
+
+/// Reads a mesh file from the disk.
+///
+/// # Errors
+/// [`GmshError::Io`] when the file cannot be read, otherwise as [`read`].
+pub fn read_file(path: &Path) -> Result<GmshFile, GmshError> {
+    read(&std::fs::read(path)?)
+}
+
+/// Reads a mesh from the bytes of a file. Time and memory are proportional to the number of bytes whatever they are.
+///
+/// # Errors
+/// Any [`GmshError`] other than [`GmshError::Io`].
+pub fn read(bytes: &[u8]) -> Result<GmshFile, GmshError> {
+    let mut reader = Reader::new(bytes);
+    let mut sections = Sections::default();
+    while let Some(section) = reader.section().map_err(|e| sections.explain(e))? {
+        sections.read(&mut reader, section).map_err(|e| sections.explain(e))?;
+    }
+    if sections.version.is_none() {
+        return Err(GmshError::NotGmsh);
+    }
+    match (sections.nodes, sections.elements) {
+        (None, _) => Err(GmshError::Truncated { place: reader.place(), expected: "a section `$Nodes`" }),
+        (_, None) => Err(GmshError::Truncated { place: reader.place(), expected: "a section `$Elements`" }),
+        (Some(nodes), Some(elements)) => assemble(nodes, elements, sections.names),
+    }
+}
+
+/// The two families of formats.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Version {
+    V22,
+    V41,
+}
+
+/// A physical group as (dimension, tag).
+type GroupKey = (u8, u32);
+
+/// The physical groups of the entities of format 4.1, by dimension and number of the entity.
+type EntityGroups = HashMap<(u8, i32), Vec<GroupKey>>;
+
+/// What has been read so far.
+#[derive(Default)]
+struct Sections {
+    version: Option<Version>,
+    names: BTreeMap<GroupKey, String>,
+    entities: EntityGroups,
+    nodes: Option<Nodes>,
+    elements: Option<Elements>,
+}
+
+impl Sections {
+    /// Before the format is known, whatever is wrong means that the file is something else.
+    fn explain(&self, error: GmshError) -> GmshError {
+        match error {
+            GmshError::Version { .. } => error,
+            _ if self.version.is_none() => GmshError::NotGmsh,
+            _ => error,
+        }
+    }
+
+    /// Reads or skips one section whose header has just been read.
+    fn read(&mut self, reader: &mut Reader<'_>, section: &str) -> Result<(), GmshError> {
+        let Some(version) = self.version else {
+            match section {
+                "MeshFormat" => self.version = Some(format(reader)?),
+                "NOD" => return Err(GmshError::Version { version: "1".into() }),
+                _ => reader.skip(section)?,
+            }
+            return Ok(());
+        };
+        match (section, version) {
+            ("PhysicalNames", _) => self.names = physical_names(reader)?,
+            ("Entities", Version::V41) => self.entities = entities(reader)?,
+            ("PartitionedEntities", _) => return Err(GmshError::Partitioned { place: reader.place() }),
+            ("Nodes" | "ParametricNodes", _) => {
+                reader.once(self.nodes.is_none(), "only one section of nodes")?;
+                self.nodes = Some(match version {
+                    Version::V22 => nodes::read_22(reader, section == "ParametricNodes")?,
+                    Version::V41 => nodes::read_41(reader)?,
+                });
+            }
+            ("Elements", _) => {
+                reader.once(self.elements.is_none(), "only one section of elements")?;
+                let Some(nodes) = &self.nodes else {
+                    return reader.once(false, "the nodes before the elements");
+                };
+                self.elements = Some(match version {
+                    Version::V22 => elements::read_22(reader, nodes)?,
+                    Version::V41 => elements::read_41(reader, nodes, &self.entities)?,
+                });
+            }
+            _ => return reader.skip(section),
+        }
+        reader.end(section)
+    }
+}
+
+/// Reads the section `$MeshFormat`, and from it how the other sections are written.
+fn format(reader: &mut Reader<'_>) -> Result<Version, GmshError> {
+    let stated = reader.token("a version")?;
+    let version = match stated {
+        "2.2" => Version::V22,
+        "4.1" => Version::V41,
+        _ if stated.parse::<f64>().is_ok() => {
+            return Err(GmshError::Version { version: stated.chars().take(20).collect() });
+        }
+        _ => return Err(GmshError::NotGmsh),
+    };
+    let binary = reader.text::<u8>("0 or 1")?;
+    let word = reader.text::<u8>("the size of a number")?;
+    if binary > 1 || word != 8 {
+        return Err(GmshError::Version { version: format!("{stated} (type {binary}, size {word})") });
+    }
+    if binary == 1 {
+        reader.end_of_line()?;
+        reader.encoding = match reader.take::<4>("the byte order")? {
+            [1, 0, 0, 0] => Encoding::Little,
+            [0, 0, 0, 1] => Encoding::Big,
+            _ => return Err(GmshError::NotGmsh),
+        };
+    }
+    reader.end("MeshFormat")?;
+    Ok(version)
+}
+
+/// Reads the names of the physical groups: text in all formats.
+fn physical_names(reader: &mut Reader<'_>) -> Result<BTreeMap<GroupKey, String>, GmshError> {
+    let n = reader.text::<u64>("the number of names")?;
+    let n = reader.bounded(n, "names", 7)?;
+    let mut names = BTreeMap::new();
+    for _ in 0..n {
+        let dimension = reader.text::<u8>("the dimension of a group")?;
+        reader.once(dimension <= 3, "a dimension from 0 to 3")?;
+        let tag = reader.text::<i32>("the tag of a group")?.unsigned_abs();
+        let name = reader.quoted("the name of a group in quotes")?;
+        if !name.is_empty() {
+            names.insert((dimension, tag), name);
+        }
+    }
+    Ok(names)
+}
+
+/// Reads which physical groups the entities of format 4.1 belong to.
+fn entities(reader: &mut Reader<'_>) -> Result<EntityGroups, GmshError> {
+    let mut counts = [0; 4];
+    for count in &mut counts {
+        *count = reader.size("the number of entities")?;
+    }
+    let mut all = EntityGroups::new();
+    for (dimension, count) in (0u8..).zip(counts) {
+        for _ in 0..reader.count_of(count, "entities", 4)? {
+            let tag = reader.int("the number of an entity")?;
+            for _ in 0..if dimension == 0 { 3 } else { 6 } {
+                reader.real("a coordinate")?;
+            }
+            let n = reader.size("the number of physical tags")?;
+            let mut groups = Vec::new();
+            for _ in 0..reader.count_of(n, "physical tags", 1)? {
+                // A negative tag means reversed orientation.
+                groups.push((dimension, reader.int("a physical tag")?.unsigned_abs()));
+            }
+            if dimension > 0 {
+                let n = reader.size("the number of bounding entities")?;
+                for _ in 0..reader.count_of(n, "bounding entities", 1)? {
+                    reader.int("the number of an entity")?;
+                }
+            }
+            groups.sort_unstable();
+            groups.dedup();
+            if groups.len() > MAX_GROUPS {
+                return Err(GmshError::TooManyGroups { count: groups.len() });
+            }
+            all.insert((dimension, tag), groups);
+        }
+    }
+    Ok(all)
+}
+
+/// Numbers the groups and turns the group sets of the elements into these numbers.
+fn assemble(
+    nodes: Nodes,
+    elements: Elements,
+    mut names: BTreeMap<GroupKey, String>,
+) -> Result<GmshFile, GmshError> {
+    if !elements.unsupported.is_empty() {
+        return Err(GmshError::Unsupported { kinds: elements.unsupported.into_iter().collect() });
+    }
+    if let Some(set) = elements.group_sets.iter().find(|set| set.len() > MAX_GROUPS) {
+        return Err(GmshError::TooManyGroups { count: set.len() });
+    }
+    let mut keys: BTreeSet<GroupKey> = names.keys().copied().collect();
+    keys.extend(elements.group_sets.iter().flatten());
+    let number: HashMap<GroupKey, u32> = keys.iter().copied().zip(0..).collect();
+    let group_sets =
+        elements.group_sets.iter().map(|set| set.iter().map(|key| number[key]).collect()).collect();
+    let groups = keys
+        .into_iter()
+        .map(|(dimension, tag)| {
+            let name = names.remove(&(dimension, tag)).unwrap_or_else(|| tag.to_string());
+            PhysicalGroup { dimension, tag, name }
+        })
+        .collect();
+    Ok(GmshFile { nodes: nodes.positions, elements: elements.elements, groups, group_sets })
+}
+
+impl GmshFile {
+    /// The groups that an element belongs to: indices into [`GmshFile::groups`], ascending.
+    pub fn groups_of(&self, element: &Element) -> &[u32] {
+        &self.group_sets[element.group_set as usize]
+    }
+}

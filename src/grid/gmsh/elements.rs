@@ -1,0 +1,208 @@
+//! The elements of a mesh file.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::kinds::{ElementKind, name_and_nodes};
+use super::nodes::{Nodes, total_22, totals_41};
+use super::reader::{Encoding, Reader};
+use super::{Element, EntityGroups, GmshError, GroupKey};
+
+/// Elements and the distinct sets of groups that they belong to.
+#[derive(Default)]
+pub(super) struct Elements {
+    pub(super) elements: Vec<Element>,
+    pub(super) group_sets: Vec<Vec<GroupKey>>,
+    /// Gmsh's name and number of elements of types that cannot be used.
+    pub(super) unsupported: BTreeMap<&'static str, usize>,
+}
+
+/// An element type: what is to be read, and whether it can be used.
+#[derive(Clone, Copy)]
+struct Type {
+    kind: Option<ElementKind>,
+    name: &'static str,
+    n_nodes: usize,
+}
+
+impl Type {
+    fn read(reader: &mut Reader<'_>) -> Result<Type, GmshError> {
+        let code = reader.int("an element type")?;
+        match name_and_nodes(code) {
+            Some((name, n_nodes)) => Ok(Type { kind: ElementKind::from_code(code), name, n_nodes }),
+            None => Err(GmshError::UnknownType { place: reader.place(), code }),
+        }
+    }
+}
+
+impl Elements {
+    /// Reads the nodes of an element by `number`; the element itself is `None` if its type cannot be used.
+    fn nodes(
+        &mut self,
+        reader: &mut Reader<'_>,
+        nodes: &Nodes,
+        (kind, tag): (Type, u64),
+        mut number: impl FnMut(&mut Reader<'_>) -> Result<u64, GmshError>,
+    ) -> Result<Option<Element>, GmshError> {
+        let Some(usable) = kind.kind else {
+            for _ in 0..kind.n_nodes {
+                number(reader)?;
+            }
+            *self.unsupported.entry(kind.name).or_default() += 1;
+            return Ok(None);
+        };
+        let mut element = Element { tag, kind: usable, nodes: [0; 8], group_set: 0 };
+        for entry in &mut element.nodes[..kind.n_nodes] {
+            let node = number(reader)?;
+            let place = || reader.place();
+            *entry = nodes.find(node).ok_or_else(|| GmshError::UnknownNode {
+                place: place(),
+                element: tag,
+                node,
+            })?;
+        }
+        Ok(Some(element))
+    }
+}
+
+/// Reads `$Elements` of format 4.1.
+pub(super) fn read_41(
+    reader: &mut Reader<'_>,
+    nodes: &Nodes,
+    entities: &EntityGroups,
+) -> Result<Elements, GmshError> {
+    let (blocks, total) = totals_41(reader, "elements")?;
+    let mut all = Elements::default();
+    let mut sets = SetNumbers::default();
+    let mut found = 0;
+    for _ in 0..blocks {
+        let dimension = reader.int("the dimension of an entity")?;
+        let entity = reader.int("the number of an entity")?;
+        let kind = Type::read(reader)?;
+        let n = reader.size("the number of elements")?;
+        let n = reader.count_of(n, "elements", 1 + kind.n_nodes)?;
+        let key = u8::try_from(dimension).map(|d| (d, entity));
+        let groups = key.ok().and_then(|key| entities.get(&key)).map_or(&[][..], |groups| groups);
+        let group_set = sets.number(groups);
+        for _ in 0..n {
+            let tag = reader.size("the number of an element")?;
+            let element = all.nodes(reader, nodes, (kind, tag), |r| r.size("the number of a node"))?;
+            all.elements.extend(element.map(|element| Element { group_set, ..element }));
+        }
+        found += n;
+    }
+    if found != total {
+        return Err(GmshError::Total { place: reader.place(), what: "elements", declared: total });
+    }
+    all.group_sets = sets.in_order();
+    Ok(all)
+}
+
+/// Reads `$Elements` of format 2.2.
+///
+/// The format has room for one group only: gmsh writes elements with more of them repeatedly, so elements with the
+/// same nodes are one.
+pub(super) fn read_22(reader: &mut Reader<'_>, nodes: &Nodes) -> Result<Elements, GmshError> {
+    let n = total_22(reader, "elements", 3)?;
+    let mut all = Elements::default();
+    let mut known: HashMap<(ElementKind, [u32; 8]), u32> = HashMap::new();
+    let mut memberships: Vec<(u32, GroupKey)> = Vec::new();
+    let mut found = 0;
+    while found < n {
+        let block = Block::read(reader)?;
+        for _ in 0..block.n {
+            let (kind, tag, group) = block.head(reader)?;
+            let element = all.nodes(reader, nodes, (kind, tag), |r| r.natural("the number of a node"))?;
+            let Some(element) = element else { continue };
+            let next = all.elements.len() as u32;
+            let number = *known.entry((element.kind, element.nodes)).or_insert(next);
+            if number == next {
+                all.elements.push(element);
+            }
+            if group != 0 {
+                memberships.push((number, (element.kind.dimension(), group)));
+            }
+        }
+        found += block.n;
+    }
+    if found != n {
+        return Err(GmshError::Total { place: reader.place(), what: "elements", declared: n });
+    }
+    all.set_groups(memberships);
+    Ok(all)
+}
+
+/// A run of elements in format 2.2: single elements in a text, elements of one type in a binary file.
+struct Block {
+    /// Type and number of tags, if they stand before the elements.
+    common: Option<(Type, u64)>,
+    n: usize,
+}
+
+impl Block {
+    fn read(reader: &mut Reader<'_>) -> Result<Block, GmshError> {
+        if reader.encoding == Encoding::Text {
+            return Ok(Block { common: None, n: 1 });
+        }
+        let kind = Type::read(reader)?;
+        let n = reader.natural("the number of elements")?;
+        let n_tags = reader.natural("the number of tags")?;
+        Ok(Block { common: Some((kind, n_tags)), n: reader.count_of(n, "elements", 1 + kind.n_nodes)? })
+    }
+
+    /// Reads what stands before the nodes of one element: its type, number and physical group (0 for none).
+    fn head(&self, reader: &mut Reader<'_>) -> Result<(Type, u64, u32), GmshError> {
+        let number = reader.natural("the number of an element")?;
+        let (kind, n_tags) = match self.common {
+            Some(common) => common,
+            None => (Type::read(reader)?, reader.natural("the number of tags")?),
+        };
+        let mut group = 0;
+        for k in 0..n_tags {
+            let tag = reader.int("a tag")?;
+            if k == 0 {
+                group = tag.unsigned_abs(); // a negative tag means reversed orientation
+            }
+        }
+        Ok((kind, number, group))
+    }
+}
+
+impl Elements {
+    /// Gives every element the set of its groups, from pairs of element and group.
+    fn set_groups(&mut self, mut memberships: Vec<(u32, GroupKey)>) {
+        memberships.sort_unstable();
+        memberships.dedup();
+        let mut sets = SetNumbers::default();
+        let mut rest = &memberships[..];
+        let mut groups = Vec::new();
+        for (element, number) in self.elements.iter_mut().zip(0..) {
+            let n = rest.iter().take_while(|(e, _)| *e == number).count();
+            groups.clear();
+            groups.extend(rest[..n].iter().map(|(_, group)| *group));
+            element.group_set = sets.number(&groups);
+            rest = &rest[n..];
+        }
+        self.group_sets = sets.in_order();
+    }
+}
+
+/// Numbers of the distinct sets of groups.
+#[derive(Default)]
+struct SetNumbers(HashMap<Vec<GroupKey>, u32>);
+
+impl SetNumbers {
+    fn number(&mut self, groups: &[GroupKey]) -> u32 {
+        if let Some(number) = self.0.get(groups) {
+            return *number;
+        }
+        let number = self.0.len() as u32;
+        self.0.insert(groups.to_vec(), number);
+        number
+    }
+
+    fn in_order(self) -> Vec<Vec<GroupKey>> {
+        let mut sets: Vec<_> = self.0.into_iter().collect();
+        sets.sort_unstable_by_key(|(_, number)| *number);
+        sets.into_iter().map(|(groups, _)| groups).collect()
+    }
+}

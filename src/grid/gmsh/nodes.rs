@@ -1,0 +1,145 @@
+//! The nodes of a mesh file.
+
+use super::GmshError;
+use super::reader::{Encoding, Reader};
+
+/// Marks a number that no node has.
+const NONE: u32 = u32::MAX;
+
+/// Positions of the nodes and the way to them from the numbers that the file gives them.
+pub(super) struct Nodes {
+    pub(super) positions: Vec<[f64; 3]>,
+    index: Index,
+}
+
+/// From the numbers of nodes in the file to their order.
+enum Index {
+    /// By the difference to the lowest number.
+    Dense(u64, Vec<u32>),
+    /// Ascending by number.
+    Sparse(Vec<(u64, u32)>),
+}
+
+impl Nodes {
+    fn new(positions: Vec<[f64; 3]>, tags: &[u64]) -> Result<Self, GmshError> {
+        let low = tags.iter().copied().min().unwrap_or(0);
+        let range = tags.iter().copied().max().unwrap_or(0) - low;
+        let index = if range < 4 * tags.len() as u64 {
+            let mut dense = vec![NONE; range as usize + 1];
+            for (&node, order) in tags.iter().zip(0..) {
+                let entry = &mut dense[(node - low) as usize];
+                if *entry != NONE {
+                    return Err(GmshError::DuplicateNode { node });
+                }
+                *entry = order;
+            }
+            Index::Dense(low, dense)
+        } else {
+            let mut sparse: Vec<(u64, u32)> = tags.iter().copied().zip(0..).collect();
+            sparse.sort_unstable();
+            if let Some(pair) = sparse.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+                return Err(GmshError::DuplicateNode { node: pair[0].0 });
+            }
+            Index::Sparse(sparse)
+        };
+        Ok(Nodes { positions, index })
+    }
+
+    /// Index of the node that has a number in the file.
+    pub(super) fn find(&self, tag: u64) -> Option<u32> {
+        match &self.index {
+            Index::Dense(low, dense) => {
+                let offset = usize::try_from(tag.checked_sub(*low)?).ok()?;
+                dense.get(offset).copied().filter(|node| *node != NONE)
+            }
+            Index::Sparse(sparse) => {
+                sparse.binary_search_by_key(&tag, |entry| entry.0).ok().map(|k| sparse[k].1)
+            }
+        }
+    }
+}
+
+fn position(reader: &mut Reader<'_>, node: u64) -> Result<[f64; 3], GmshError> {
+    let mut x = [0.0; 3];
+    for x in &mut x {
+        *x = reader.real("a coordinate")?;
+    }
+    if x.iter().all(|x| x.is_finite()) {
+        Ok(x)
+    } else {
+        Err(GmshError::NonFinite { place: reader.place(), node })
+    }
+}
+
+/// Reads `$Nodes` or `$ParametricNodes` of format 2.2.
+pub(super) fn read_22(reader: &mut Reader<'_>, parametric: bool) -> Result<Nodes, GmshError> {
+    let n = total_22(reader, "nodes", 4)?;
+    let mut positions = Vec::with_capacity(n);
+    let mut tags = Vec::with_capacity(n);
+    for _ in 0..n {
+        let tag = reader.natural("the number of a node")?;
+        positions.push(position(reader, tag)?);
+        tags.push(tag);
+        if parametric {
+            let dimension = reader.natural("the dimension of an entity")?;
+            reader.int("the number of an entity")?;
+            // Points have no parameters, and those of volumes would be the coordinates.
+            for _ in 0..if dimension < 3 { dimension } else { 0 } {
+                reader.real("a parameter")?;
+            }
+        }
+    }
+    Nodes::new(positions, &tags)
+}
+
+/// The number of nodes or elements at the head of a section of format 2.2: text also in binary files.
+pub(super) fn total_22(
+    reader: &mut Reader<'_>,
+    what: &'static str,
+    numbers: usize,
+) -> Result<usize, GmshError> {
+    let n = reader.text::<u64>("a number of nodes or elements")?;
+    let n = reader.count_of(n, what, numbers)?;
+    if reader.encoding != Encoding::Text {
+        reader.end_of_line()?;
+    }
+    Ok(n)
+}
+
+/// Reads the head of `$Nodes` or `$Elements` of format 4.1: the numbers of blocks and of things in all of them.
+pub(super) fn totals_41(reader: &mut Reader<'_>, what: &'static str) -> Result<(usize, usize), GmshError> {
+    let blocks = reader.size("the number of blocks")?;
+    let total = reader.size("a number of nodes or elements")?;
+    reader.size("the lowest number")?;
+    reader.size("the highest number")?;
+    Ok((reader.count_of(blocks, "blocks", 4)?, reader.count_of(total, what, 1)?))
+}
+
+/// Reads `$Nodes` of format 4.1.
+pub(super) fn read_41(reader: &mut Reader<'_>) -> Result<Nodes, GmshError> {
+    let (blocks, total) = totals_41(reader, "nodes")?;
+    let mut positions = Vec::new();
+    let mut tags = Vec::new();
+    for _ in 0..blocks {
+        let dimension = reader.natural("the dimension of an entity")?;
+        reader.once(dimension <= 3, "a dimension from 0 to 3")?;
+        reader.int("the number of an entity")?;
+        let parameters = if reader.int("0 or 1")? == 0 { 0 } else { dimension };
+        let n = reader.size("the number of nodes")?;
+        let n = reader.count_of(n, "nodes", 4)?;
+        let first = tags.len();
+        for _ in 0..n {
+            tags.push(reader.size("the number of a node")?);
+        }
+        for tag in &tags[first..] {
+            positions.push(position(reader, *tag)?);
+            for _ in 0..parameters {
+                reader.real("a parameter")?;
+            }
+        }
+    }
+    if tags.len() != total {
+        return Err(GmshError::Total { place: reader.place(), what: "nodes", declared: total });
+    }
+    Nodes::new(positions, &tags)
+}

@@ -1,0 +1,324 @@
+//! Mesh files as gmsh writes them, and what is left of them after damage.
+
+#![allow(clippy::unwrap_used)]
+
+use std::path::{Path, PathBuf};
+
+use mpm::grid::gmsh::{GmshError, GmshFile, PhysicalGroup, Place, read, read_file};
+use mpm::grid::mesh::{Mesh, MeshError, MeshWarning};
+use proptest::prelude::*;
+
+const FORMATS: [&str; 4] = ["2.2_text", "2.2_binary", "4.1_text", "4.1_binary"];
+
+fn path(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/mesh").join(format!("{name}.msh"))
+}
+
+fn file(name: &str) -> GmshFile {
+    read_file(&path(name)).unwrap()
+}
+
+fn mesh(name: &str) -> Mesh {
+    Mesh::from_gmsh(&file(name)).unwrap()
+}
+
+fn all_files() -> Vec<Vec<u8>> {
+    let mut names: Vec<String> =
+        ["mixed", "disk"].iter().flat_map(|n| FORMATS.map(|f| format!("{n}_{f}"))).collect();
+    names.extend(["clockwise", "second_order", "partitioned"].map(String::from));
+    names.iter().map(|name| std::fs::read(path(name)).unwrap()).collect()
+}
+
+/// Equal but for the last digit of coordinates, of which gmsh's texts have one too few.
+fn assert_same(a: &Mesh, b: &Mesh) {
+    assert_eq!((a.n_nodes(), a.n_cells()), (b.n_nodes(), b.n_cells()));
+    for node in 0..a.n_nodes() {
+        let (x, y) = (a.node_position(node), b.node_position(node));
+        assert!((0..2).all(|d| (x[d] - y[d]).abs() < 1e-15), "{x:?} {y:?}");
+    }
+    assert!((0..a.n_cells() as u32).all(|cell| a.cell_nodes(cell) == b.cell_nodes(cell)));
+    assert_eq!(a.node_sets(), b.node_sets());
+    assert_eq!(a.edge_sets(), b.edge_sets());
+    assert_eq!(a.cell_sets(), b.cell_sets());
+    assert_eq!(a.boundary_edges(), b.boundary_edges());
+}
+
+#[test]
+fn all_formats_give_the_same_mesh() {
+    for name in ["mixed", "disk"] {
+        let meshes = FORMATS.map(|format| mesh(&format!("{name}_{format}")));
+        for other in &meshes[1..] {
+            assert_same(&meshes[0], other);
+        }
+    }
+}
+
+#[test]
+fn groups_have_names_with_spaces_or_their_tags() {
+    for format in FORMATS {
+        let groups = file(&format!("mixed_{format}")).groups;
+        let group = |dimension, tag, name: &str| PhysicalGroup { dimension, tag, name: name.into() };
+        let expected = [
+            group(0, 1, "origin"),
+            group(1, 7, "left edge"),
+            group(1, 8, "8"),
+            group(2, 1, "soil body"),
+            group(2, 2, "rock"),
+            group(2, 3, "all of it"),
+        ];
+        let sorted = |mut groups: Vec<PhysicalGroup>| {
+            groups.sort_by(|a, b| (a.dimension, &a.name).cmp(&(b.dimension, &b.name)));
+            groups.into_iter().map(|g| (g.dimension, g.name)).collect::<Vec<_>>()
+        };
+        assert_eq!(sorted(groups), sorted(expected.to_vec()), "{format}");
+    }
+}
+
+#[test]
+fn groups_become_sets() {
+    let mesh = mesh("mixed_4.1_binary");
+    let names = |n: &[&str]| n.iter().map(ToString::to_string).collect::<Vec<_>>();
+    assert_eq!(
+        mesh.cell_sets().keys().cloned().collect::<Vec<_>>(),
+        names(&["all of it", "rock", "soil body"])
+    );
+    assert_eq!(mesh.edge_sets().keys().cloned().collect::<Vec<_>>(), names(&["8", "left edge"]));
+    assert_eq!(mesh.node_sets().len(), 6);
+    let area = |set: &str| mesh.cell_sets()[set].iter().map(|c| mesh.area(*c)).sum::<f64>();
+    assert!((area("soil body") - 1.0).abs() < 1e-14 && (area("rock") - 1.0).abs() < 1e-14);
+    assert_eq!(mesh.cell_sets()["all of it"].len(), mesh.n_cells());
+    let left = &mesh.node_sets()["left edge"];
+    assert!(left.len() == 3 && left.iter().all(|n| mesh.node_position(*n as usize)[0] == 0.0));
+    assert_eq!(mesh.edge_sets()["left edge"].len(), 2);
+    assert_eq!(mesh.edge_sets()["8"].len(), 4);
+    let origin = &mesh.node_sets()["origin"];
+    assert!(origin.len() == 1 && mesh.node_position(origin[0] as usize) == [0.0, 0.0]);
+    // Triangles first, then the quadrilaterals of the soil.
+    assert!(mesh.cell_sets()["soil body"].iter().all(|c| mesh.cell_nodes(*c).len() == 4));
+    assert!(mesh.cell_sets()["rock"].iter().all(|c| mesh.cell_nodes(*c).len() == 3));
+    assert!(mesh.warnings().is_empty());
+}
+
+#[test]
+fn the_grid_of_the_beam_is_complete() {
+    let mesh = mesh("rectangle_quad_h0.5");
+    assert_eq!((mesh.n_cells(), mesh.n_nodes()), (440, 483));
+    assert_eq!(mesh.bounds(), [[0.0, 0.0], [11.0, 10.0]]);
+    assert_eq!(mesh.node_sets()["left"].len(), 21);
+    assert_eq!(mesh.node_sets()["grid"].len(), 483);
+    assert_eq!(mesh.boundary_edges().len(), 84);
+    assert!((0..440).all(|cell| mesh.area(cell) == 0.25));
+}
+
+#[test]
+fn the_annulus_meshes_are_good() {
+    for segments in [18, 36, 72, 144, 288] {
+        let path = format!("{}/inputs/annulus/annulus_{segments}.msh", env!("CARGO_MANIFEST_DIR"));
+        let mesh = Mesh::from_gmsh(&read_file(Path::new(&path)).unwrap()).unwrap();
+        assert_eq!(mesh.edge_sets()["outer"].len(), segments);
+        for (set, radius) in [("outer", 1.25), ("inner", 0.75)] {
+            let x = mesh.node_sets()[set].iter().map(|n| mesh.node_position(*n as usize));
+            assert!(
+                x.clone().count() >= 9 && x.into_iter().all(|x| (x[0].hypot(x[1]) - radius).abs() < 1e-9)
+            );
+        }
+        let boundary = mesh.edge_sets()["outer"].len() + mesh.edge_sets()["inner"].len();
+        assert_eq!(mesh.boundary_edges().len(), boundary);
+        assert!(mesh.warnings().is_empty());
+    }
+}
+
+#[test]
+fn second_order_elements_are_refused_by_name_and_number() {
+    match read_file(&path("second_order")) {
+        Err(GmshError::Unsupported { kinds }) => {
+            assert_eq!(kinds.iter().map(|k| k.0).collect::<Vec<_>>(), ["Line 3", "Triangle 6"]);
+            assert_eq!(kinds[0].1, 23);
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn clockwise_and_partitioned_meshes_are_refused() {
+    assert_eq!(Mesh::from_gmsh(&file("clockwise")).unwrap_err(), MeshError::AllClockwise);
+    assert!(matches!(read_file(&path("partitioned")), Err(GmshError::Partitioned { .. })));
+}
+
+#[test]
+fn other_files_are_refused() {
+    let error = |bytes: &[u8]| read(bytes).unwrap_err();
+    for bytes in [
+        &b""[..],
+        b"   ",
+        b"solid cube",
+        b"$",
+        b"\x7fELF",
+        b"$MeshFormat",
+        b"$MeshFormat\nfoo 0 8\n",
+        b"$A\n",
+    ] {
+        assert!(matches!(error(bytes), GmshError::NotGmsh), "{bytes:?}");
+    }
+    assert!(matches!(error(b"$MeshFormat\n4 0 8\n"), GmshError::Version { version } if version == "4"));
+    assert!(matches!(error(b"$NOD\n1\n"), GmshError::Version { version } if version == "1"));
+    assert!(matches!(error(b"$MeshFormat\n4.1 0 4\n"), GmshError::Version { .. }));
+    assert!(matches!(read_file(Path::new("/nowhere.msh")), Err(GmshError::Io(_))));
+}
+
+const HEAD: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n";
+
+fn text(nodes: &str, elements: &str) -> Result<GmshFile, GmshError> {
+    let section = |name: &str, body: &str| format!("${name}\n{}\n{body}$End{name}\n", body.lines().count());
+    let comment = "$Comments\nwhatever $Nodes\n$EndComments\n";
+    read(format!("{HEAD}{comment}{}{}", section("Nodes", nodes), section("Elements", elements)).as_bytes())
+}
+
+const SQUARE: &str = "1 0 0 0\n2 1 0 0\n3 1 1 0\n40000000 0 1 0\n";
+
+fn square(elements: &str) -> Result<Mesh, MeshError> {
+    Mesh::from_gmsh(&text(&format!("{SQUARE}5 0 1e-12 0\n6 .4 .4 0\n"), elements).unwrap())
+}
+
+#[test]
+fn contradictions_are_found_where_they_are() {
+    let triangle = "1 2 2 0 1 1 2 3\n";
+    assert!(matches!(
+        text(SQUARE, "7 2 2 0 1 1 2 4\n"),
+        Err(GmshError::UnknownNode { element: 7, node: 4, place: Place::Line(16) })
+    ));
+    assert!(matches!(text("1 0 0 0\n1 1 0 0\n", triangle), Err(GmshError::DuplicateNode { node: 1 })));
+    let error = text("1 0 nan 0\n", triangle);
+    assert!(matches!(error, Err(GmshError::NonFinite { node: 1, place: Place::Line(9) })), "{error:?}");
+    assert!(matches!(text(SQUARE, "1 99999 0\n"), Err(GmshError::UnknownType { code: 99999, .. })));
+    let error = text("1 0 x 0\n", triangle).unwrap_err();
+    assert_eq!(error.to_string(), "line 9: expected a coordinate, found `x`");
+    let many = format!("{HEAD}$Nodes\n4000000000\n1 0 0 0\n");
+    assert!(matches!(read(many.as_bytes()), Err(GmshError::Count { count: 4_000_000_000, .. })));
+    let error = read(format!("{HEAD}$Nodes\n1\n1 0 0 0\n$EndNodes\n$Other\n").as_bytes());
+    assert!(matches!(error, Err(GmshError::Unclosed { .. })));
+    let early = read(format!("{HEAD}$Elements\n0\n$EndElements\n").as_bytes());
+    assert!(matches!(early, Err(GmshError::Expected { .. })));
+}
+
+#[test]
+fn unusable_cells_are_found() {
+    let quad = |a: u32, b: u32, c: u32, d: u32| format!("1 3 2 1 1 {a} {b} {c} {d}\n");
+    let top = 40_000_000;
+    let good = square(&quad(1, 2, 3, top)).unwrap();
+    assert_eq!((good.n_nodes(), good.n_cells()), (4, 1));
+    assert_eq!(square("1 1 2 0 1 1 2\n").unwrap_err(), MeshError::NoCells);
+    assert_eq!(square(&quad(1, top, 3, 2)).unwrap_err(), MeshError::AllClockwise);
+    let two = "1 2 0 1 2 3\n2 2 0 1 40000000 3\n";
+    match square(two).unwrap_err() {
+        MeshError::Clockwise { n: 1, first } => assert_eq!(first[0].element, 2),
+        other => panic!("{other:?}"),
+    }
+    assert!(matches!(square(&quad(1, 2, 6, top)), Err(MeshError::NotConvex { n: 1, .. })));
+    assert!(matches!(square("1 2 0 1 2 2\n"), Err(MeshError::ZeroArea { n: 1, .. })));
+    assert!(matches!(square("1 2 0 1 5 2\n"), Err(MeshError::ZeroArea { n: 1, .. })));
+    let overlap = square("1 2 0 1 2 3\n2 2 0 1 2 40000000\n").unwrap_err();
+    assert!(matches!(overlap, MeshError::Overlap { n: 1, .. }), "{overlap}");
+    let tilted = Mesh::from_gmsh(&text("1 0 0 0\n2 1 0 1\n3 0 1 0\n", "1 2 0 1 2 3\n").unwrap());
+    assert_eq!(tilted.unwrap_err(), MeshError::NotFlat { low: 0.0, high: 1.0 });
+    let solid = Mesh::from_gmsh(&text(SQUARE, "1 4 0 1 2 3 40000000\n").unwrap());
+    assert_eq!(solid.unwrap_err(), MeshError::Solid { n: 1 });
+    let shared = square("1 1 1 5 1 2\n2 2 1 5 1 2 3\n").unwrap_err();
+    assert_eq!(shared, MeshError::SharedName { name: "5".into(), dimensions: [1, 2] });
+}
+
+#[test]
+fn nodes_that_should_be_one_are_told() {
+    let nodes = format!("{SQUARE}5 0 0 0\n6 1 1 1e-13\n");
+    let mesh = Mesh::from_gmsh(&text(&nodes, "1 2 0 1 2 3\n2 2 0 5 6 40000000\n").unwrap()).unwrap();
+    let [MeshWarning::Unmerged { n: 2, first }] = mesh.warnings() else { panic!("{:?}", mesh.warnings()) };
+    assert_eq!(first, &[[0.0, 0.0], [1.0, 1.0]]);
+}
+
+/// One triangle in binary, with the bytes of numbers in either order.
+fn binary(version: &str, reverse: bool) -> Vec<u8> {
+    let number = |mut bytes: Vec<u8>| {
+        if reverse {
+            bytes.reverse();
+        }
+        bytes
+    };
+    let ints = |v: &[i32]| v.iter().flat_map(|i| number(i.to_le_bytes().into())).collect::<Vec<_>>();
+    let sizes = |v: &[u64]| v.iter().flat_map(|i| number(i.to_le_bytes().into())).collect::<Vec<_>>();
+    let reals = |v: &[f64]| v.iter().flat_map(|i| number(i.to_le_bytes().into())).collect::<Vec<_>>();
+    let x = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let head = format!("$MeshFormat\n{version} 1 8\n").into_bytes();
+    let mut parts = vec![head, ints(&[1]), b"\n$EndMeshFormat\n$Nodes\n".into()];
+    if version == "4.1" {
+        parts.extend([sizes(&[1, 3, 1, 3]), ints(&[2, 1, 0]), sizes(&[3, 1, 2, 3]), reals(&x.concat())]);
+        parts.push(b"\n$EndNodes\n$Elements\n".into());
+        parts.extend([sizes(&[1, 1, 1, 1]), ints(&[2, 1, 2]), sizes(&[1, 1, 1, 2, 3])]);
+    } else {
+        parts.push(b"3\n".into());
+        parts.extend((1..4).flat_map(|k| [ints(&[k]), reals(&x[k as usize - 1])]));
+        parts.push(b"\n$EndNodes\n$Elements\n1\n".into());
+        parts.push(ints(&[2, 1, 2, 1, 0, 1, 1, 2, 3]));
+    }
+    parts.push(b"\n$EndElements\n".into());
+    parts.concat()
+}
+
+#[test]
+fn both_byte_orders_are_read() {
+    for version in ["2.2", "4.1"] {
+        let little = read(&binary(version, false)).unwrap();
+        assert_eq!(little, read(&binary(version, true)).unwrap());
+        assert_eq!(Mesh::from_gmsh(&little).unwrap().area(0), 0.5);
+    }
+}
+
+#[test]
+fn no_part_of_a_file_is_a_file() {
+    for bytes in all_files() {
+        let whole = bytes.trim_ascii_end().len();
+        for n in 0..whole {
+            assert!(read(&bytes[..n]).is_err(), "{n} of {whole} bytes");
+        }
+    }
+}
+
+/// Reads and builds; only the absence of panics matters.
+fn survive(bytes: &[u8]) {
+    if let Ok(file) = read(bytes)
+        && let Ok(mesh) = Mesh::from_gmsh(&file)
+    {
+        let x = mesh.node_position(0);
+        for x in [x, [f64::NAN, x[1]], [f64::INFINITY, 0.0], [1e300, -1e300]] {
+            let cell = mesh.nearest_cell(&x);
+            mesh.shape(cell, &x);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    #[test]
+    fn damaged_files_cause_no_panic(which in 0..11usize, damage in prop::collection::vec((any::<usize>(), any::<u8>()), 1..6)) {
+        let mut bytes = all_files().swap_remove(which);
+        let n = bytes.len();
+        for (at, value) in damage {
+            bytes[at % n] = value;
+        }
+        survive(&bytes);
+    }
+
+    #[test]
+    fn odd_coordinates_cause_no_panic(x in prop::collection::vec(prop_oneof![any::<f64>(), -1e3..1e3f64, Just(0.0)], 10)) {
+        let x: Vec<f64> = x.into_iter().map(|x| if x.is_finite() { x } else { 0.0 }).collect();
+        let nodes: String = (0..5).map(|k| format!("{k} {:e} {:e} 0\n", x[2 * k], x[2 * k + 1])).collect();
+        for elements in ["1 2 0 0 1 2\n2 2 0 0 2 3\n", "1 3 0 0 1 2 3\n", "1 2 0 2 1 0\n", "1 3 0 3 2 1 0\n2 2 0 0 1 4\n"] {
+            let file = text(&nodes, elements).unwrap();
+            if let Ok(mesh) = Mesh::from_gmsh(&file) {
+                mesh.locate(&mesh.centroid(0), None);
+                mesh.nearest_cell(&[x[8], x[9]]);
+                mesh.shape(0, &[x[8], x[9]]);
+            }
+        }
+    }
+}
