@@ -44,7 +44,7 @@ fn parameters_may_depend_on_each_other_and_be_overridden() {
             .replace("points_per_cell: [2, 3]", "point_spacing: 0.1");
         let loaded = good(&text, overrides);
         assert_eq!(loaded.parameters["h"], Parameter::Number(side / 10.0));
-        let GridDeck::Structured { size, spacing, .. } = &loaded.deck.grid;
+        let GridDeck::Structured { size, spacing, .. } = &loaded.deck.grid else { panic!("another grid") };
         assert_eq!(size[0], 4.0 * side);
         assert_eq!(*spacing, PerAxis::Each(vec![side / 10.0, side / 5.0]));
         assert_eq!(
@@ -63,9 +63,9 @@ fn formulas_know_the_parameters() {
     let loaded = good(RICH, &[]);
     let side = loaded.deck.boundary_conditions[1].ux.clone().unwrap();
     assert_eq!(side, Expression::Formula("(-0.5)*y^2 + if(x < h, 1, 0)".into()));
-    let formula = side.formula(&loaded.parameters).unwrap();
-    assert_eq!(formula.evaluate(&[0.0, 2.0]), -1.0);
-    assert_eq!(formula.evaluate(&[0.2, 2.0]), -2.0);
+    let formula = side.at_nodes(&loaded.parameters).unwrap();
+    assert_eq!(formula.evaluate(&[0.0, 2.0, 1.0]), -1.0);
+    assert_eq!(formula.evaluate(&[0.2, 2.0, 1.0]), -2.0);
 }
 
 #[test]

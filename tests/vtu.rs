@@ -11,7 +11,7 @@ use std::{fs, io};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use mpm::output::vtu::{self, CellKind, Field, Mesh, Values};
+use mpm::output::vtu::{self, CellKind, Field, Kinds, Mesh, Values};
 use vtkio::Vtk;
 use vtkio::model::{Attribute, CellType, DataSet, IOBuffer, Piece, UnstructuredGridPiece, VertexNumbers};
 
@@ -93,7 +93,7 @@ fn quads_with_all_kinds_of_fields() {
     let points =
         [[0.0, 0.0, 0.0], [1.0 / 3.0, 0.0, 0.0], [1.0, 1e-300, 0.0], [0.0, 1.0, -0.0], [2.0, 0.0, 7.5]];
     let connectivity = [0, 1, 2, 3, 1, 4, 2, 3];
-    let mesh = Mesh { points: &points, kind: CellKind::Quad, connectivity: &connectivity };
+    let mesh = Mesh { points: &points, kinds: Kinds::All(CellKind::Quad), connectivity: &connectivity };
     let tensor = irregular(45);
     let stress = irregular(12);
     let odd = "name with <odd> & \"quoted\" signs";
@@ -131,7 +131,7 @@ fn write_blocks(count: usize) -> (std::path::PathBuf, Vec<[f64; 3]>, Vec<i64>) {
     let path = directory.join(format!("blocks_{count}.vtu"));
     let points: Vec<[f64; 3]> = irregular(count).iter().map(|&v| [v, -v, 0.5 * v]).collect();
     let connectivity: Vec<i64> = (0..count as i64).collect();
-    let mesh = Mesh { points: &points, kind: CellKind::Vertex, connectivity: &connectivity };
+    let mesh = Mesh { points: &points, kinds: Kinds::All(CellKind::Vertex), connectivity: &connectivity };
     let fields = [
         scalar("id", Values::Int64(&connectivity)),
         Field {
@@ -187,7 +187,7 @@ fn empty_meshes() {
     }
 
     let path = path.with_file_name("no_cells.vtu");
-    let mesh = Mesh { points: &[[1.0, 2.0, 3.0]], kind: CellKind::Quad, connectivity: &[] };
+    let mesh = Mesh { points: &[[1.0, 2.0, 3.0]], kinds: Kinds::All(CellKind::Quad), connectivity: &[] };
     let cell_data = [scalar("b", Values::Int32(&[]))];
     vtu::write(&path, 0.0, 0, &mesh, &[scalar("a", Values::Float64(&[4.0]))], &cell_data).unwrap();
     let text = fs::read_to_string(&path).unwrap();
@@ -225,7 +225,7 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
     let directory = tempfile::tempdir().unwrap();
     let values = irregular(5 * BLOCK + 17);
     let points: Vec<[f64; 3]> = values.iter().map(|&v| [v, v, 0.0]).collect();
-    let mesh = Mesh { points: &points, kind: CellKind::Vertex, connectivity: &[] };
+    let mesh = Mesh { points: &points, kinds: Kinds::All(CellKind::Vertex), connectivity: &[] };
     let files: Vec<Vec<u8>> = [1, 2, 5]
         .into_iter()
         .map(|threads| {
@@ -244,7 +244,7 @@ fn refuses_what_does_not_fit_together() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("refused.vtu");
     let points = [[0.0; 3], [1.0; 3]];
-    let good = Mesh { points: &points, kind: CellKind::Vertex, connectivity: &[0, 1] };
+    let good = Mesh { points: &points, kinds: Kinds::All(CellKind::Vertex), connectivity: &[0, 1] };
     let ones = [1.0, 1.0];
     let refused = |time: f64, mesh: Mesh, point: &[Field], cell: &[Field], words: &str| {
         let error = vtu::write(&path, time, 0, &mesh, point, cell).unwrap_err();
@@ -255,7 +255,7 @@ fn refuses_what_does_not_fit_together() {
     refused(0.0, Mesh { points: &[[f64::INFINITY, 0.0, 0.0], [0.0; 3]], ..good }, &[], &[], "point 0");
     refused(0.0, Mesh { connectivity: &[0, 2], ..good }, &[], &[], "names point 2 of 2");
     refused(0.0, Mesh { connectivity: &[-1], ..good }, &[], &[], "names point -1 of 2");
-    refused(0.0, Mesh { kind: CellKind::Triangle, ..good }, &[], &[], "2 indices");
+    refused(0.0, Mesh { kinds: Kinds::All(CellKind::Triangle), ..good }, &[], &[], "2 indices");
     let field = scalar("a", Values::Float64(&ones));
     refused(0.0, good, &[field, field], &[], "two point fields are named `a`");
     refused(0.0, good, &[Field { components: 2, ..field }], &[], "has 2 values, not 2 for each of 2");

@@ -40,9 +40,19 @@ fn parse(
     variables: &[&str],
     parameters: &BTreeMap<String, Parameter>,
 ) -> Result<Formula, FormulaError> {
-    match expression {
-        Expression::Number(value) => Ok(Formula::constant(*value)),
-        Expression::Formula(text) => Formula::parse_with_constants(text, variables, &constants(parameters)),
+    let text = match expression {
+        Expression::Number(value) => return Ok(Formula::constant(*value)),
+        Expression::Formula(text) => text,
+    };
+    let formula = Formula::parse_with_constants(text, variables, &constants(parameters))?;
+    match formula.as_constant() {
+        Some(value) if !value.is_finite() => Err(FormulaError {
+            message: format!("the formula `{text}` has no finite value"),
+            offset: 0,
+            length: text.len(),
+            help: None,
+        }),
+        _ => Ok(formula),
     }
 }
 

@@ -8,7 +8,7 @@ use crate::points::Points;
 use crate::solver::GridFields;
 use crate::tensor::{Mat3, Sym3, padded};
 
-use super::vtu::{Field, SYMMETRIC_TENSOR, TENSOR, VECTOR, Values};
+use super::vtu::{CellKind, Field, SYMMETRIC_TENSOR, TENSOR, VECTOR, Values};
 
 /// Row and column of each component of a symmetric tensor in ParaView's order.
 const PARAVIEW: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)];
@@ -180,6 +180,8 @@ pub struct GridMesh {
     pub nodes: Vec<[f64; 3]>,
     /// Corners of the active cells.
     pub corners: Vec<i64>,
+    /// Kinds of the active cells.
+    pub kinds: Vec<CellKind>,
     /// Displacement increment and reaction of the nodes.
     pub fields: Vec<OwnedField>,
 }
@@ -187,16 +189,23 @@ pub struct GridMesh {
 /// The active part of the grid in a load step.
 pub fn grid_mesh<const D: usize>(model: &Model<D>, grid: &GridFields<D>) -> GridMesh {
     let links = &grid.links;
-    let mut corners = Vec::new();
+    let (mut corners, mut kinds) = (Vec::new(), Vec::new());
     for &cell in links.active_cells() {
         let nodes = model.grid.corners(cell as usize);
         let number = |&node: &u32| links.active_number(node as usize).map_or(0, |active| active as i64);
         corners.extend(nodes.nodes().iter().map(number));
+        kinds.push(match (D, nodes.nodes().len()) {
+            (_, 3) => CellKind::Triangle,
+            (3, 4) => CellKind::Tetrahedron,
+            (_, 4) => CellKind::Quad,
+            _ => CellKind::Hexahedron,
+        });
     }
     let position = |&node: &u32| padded(&model.grid.node_position(node as usize));
     GridMesh {
         nodes: links.active_nodes().iter().map(position).collect(),
         corners,
+        kinds,
         fields: vec![
             OwnedField::float(
                 "displacement_increment",

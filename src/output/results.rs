@@ -13,7 +13,7 @@ use super::fields::{OwnedField, domain_corners, grid_mesh, point_fields};
 use super::series::Series;
 use super::summary::{Account, Outcome};
 use super::table::{Entry, Table};
-use super::vtu::{self, CellKind, Field, Mesh};
+use super::vtu::{self, CellKind, Field, Kinds, Mesh};
 
 /// Names of the series.
 const SERIES: [&str; 3] = ["points", "domains", "grid"];
@@ -103,7 +103,7 @@ impl Results {
         let positions: Vec<[f64; 3]> = order.iter().map(|&p| padded(&points.converged.position[p])).collect();
         let vertices: Vec<i64> = (0..order.len() as i64).collect();
         let fields = point_fields(model, points, &order);
-        let mesh = Mesh { points: &positions, kind: CellKind::Vertex, connectivity: &vertices };
+        let mesh = Mesh { points: &positions, kinds: Kinds::All(CellKind::Vertex), connectivity: &vertices };
         self.write_series(0, step, &mesh, &fields, &[])?;
 
         let has_domain =
@@ -113,7 +113,8 @@ impl Results {
             let corners = domain_corners(model, points, &with_domain);
             let connectivity: Vec<i64> = (0..corners.len() as i64).collect();
             let fields = point_fields(model, points, &with_domain);
-            let mesh = Mesh { points: &corners, kind: box_kind::<D>(), connectivity: &connectivity };
+            let mesh =
+                Mesh { points: &corners, kinds: Kinds::All(box_kind::<D>()), connectivity: &connectivity };
             self.write_series(1, step, &mesh, &[], &fields)?;
         }
         self.written = Some(step.index);
@@ -127,7 +128,8 @@ impl Results {
         step: Step,
     ) -> io::Result<()> {
         let active = grid_mesh(model, grid);
-        let mesh = Mesh { points: &active.nodes, kind: box_kind::<D>(), connectivity: &active.corners };
+        let mesh =
+            Mesh { points: &active.nodes, kinds: Kinds::Each(&active.kinds), connectivity: &active.corners };
         self.write_series(2, step, &mesh, &active.fields, &[])
     }
 

@@ -65,13 +65,36 @@ impl CellKind {
     }
 }
 
-/// Points and the cells between them, all cells of one kind.
+/// Shapes of the cells of a mesh.
+#[derive(Debug, Clone, Copy)]
+pub enum Kinds<'a> {
+    /// All cells are alike.
+    All(CellKind),
+    /// The kind of every cell.
+    Each(&'a [CellKind]),
+}
+
+impl Kinds<'_> {
+    /// Kinds of the cells of a mesh with so many corners in all; `None` when they do not fit.
+    fn of(&self, corners: usize) -> Option<Vec<CellKind>> {
+        match self {
+            Kinds::All(kind) => {
+                corners.is_multiple_of(kind.points()).then(|| vec![*kind; corners / kind.points()])
+            }
+            Kinds::Each(kinds) => {
+                (kinds.iter().map(|kind| kind.points()).sum::<usize>() == corners).then(|| kinds.to_vec())
+            }
+        }
+    }
+}
+
+/// Points and the cells between them.
 #[derive(Debug, Clone, Copy)]
 pub struct Mesh<'a> {
     /// Coordinates, [length]; z is 0 in plane problems.
     pub points: &'a [[f64; 3]],
-    /// Shape of all cells.
-    pub kind: CellKind,
+    /// Shapes of the cells.
+    pub kinds: Kinds<'a>,
     /// Indices of the points of the first cell, of the second, and so on.
     pub connectivity: &'a [i64],
 }
@@ -133,19 +156,19 @@ fn check(time: f64, mesh: &Mesh, point_data: &[Field], cell_data: &[Field]) -> R
     if !time.is_finite() {
         return Err(format!("time {time} is not finite"));
     }
-    let (points, corners) = (mesh.points.len(), mesh.kind.points());
+    let points = mesh.points.len();
     if let Some(point) = mesh.points.iter().position(|x| x.iter().any(|c| !c.is_finite())) {
         return Err(format!("position of point {point} is not finite"));
     }
-    if !mesh.connectivity.len().is_multiple_of(corners) {
-        return Err(format!("{} indices do not make cells of {corners} points", mesh.connectivity.len()));
-    }
+    let Some(kinds) = mesh.kinds.of(mesh.connectivity.len()) else {
+        return Err(format!("{} indices do not make cells of this kind", mesh.connectivity.len()));
+    };
     if let Some(index) = mesh.connectivity.iter().find(|&&i| usize::try_from(i).map_or(true, |i| i >= points))
     {
         return Err(format!("a cell names point {index} of {points}"));
     }
     check_fields("point", points, point_data)?;
-    check_fields("cell", mesh.connectivity.len() / corners, cell_data)
+    check_fields("cell", kinds.len(), cell_data)
 }
 
 /// The part of [`check`] that concerns the fields of `count` points or cells.
@@ -184,10 +207,15 @@ fn write_file(
     point_data: &[Field],
     cell_data: &[Field],
 ) -> io::Result<()> {
-    let corners = mesh.kind.points();
-    let cells = mesh.connectivity.len() / corners;
-    let offsets: Vec<i64> = (1..=cells).map(|cell| (cell * corners) as i64).collect();
-    let types = vec![mesh.kind.code(); cells];
+    let kinds = mesh.kinds.of(mesh.connectivity.len()).unwrap_or_default();
+    let cells = kinds.len();
+    let mut end = 0;
+    let mut offsets: Vec<i64> = Vec::with_capacity(cells);
+    for kind in &kinds {
+        end += kind.points() as i64;
+        offsets.push(end);
+    }
+    let types: Vec<u8> = kinds.iter().map(|kind| kind.code()).collect();
     writeln!(out, r#"<?xml version="1.0" encoding="UTF-8"?>"#)?;
     write!(out, r#"<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian""#)?;
     writeln!(out, r#" header_type="UInt64" compressor="vtkZLibDataCompressor">"#)?;

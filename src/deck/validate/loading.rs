@@ -87,21 +87,14 @@ impl Check<'_> {
         }
     }
 
-    /// A formula must parse, and one that depends on nothing must have a value.
+    /// A formula at grid nodes.
     fn expression(&mut self, pointer: &str, expression: &Expression) {
         let Expression::Formula(text) = expression else { return };
-        match expression.at_nodes(&self.deck.parameters) {
-            Ok(formula) => {
-                if formula.as_constant().is_some_and(|value| !value.is_finite()) {
-                    self.error("D021", pointer, format!("the formula {} has no finite value", quote(text)));
-                }
-            }
-            Err(error) => {
-                let place = (text.as_str(), error.offset, error.length);
-                let mut diagnostic = Diagnostic::inside(self.source, "D021", pointer, place, error.message);
-                diagnostic.help = error.help;
-                self.found.push(diagnostic);
-            }
+        if let Err(error) = expression.at_nodes(&self.deck.parameters) {
+            let place = (text.as_str(), error.offset, error.length);
+            let mut diagnostic = Diagnostic::inside(self.source, "D021", pointer, place, error.message);
+            diagnostic.help = error.help;
+            self.found.push(diagnostic);
         }
     }
 

@@ -151,21 +151,24 @@ fn point_location_takes_the_same_time_in_small_and_large_meshes() {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (state >> 11) as f64 / (1u64 << 53) as f64
         };
-        let points: Vec<[f64; 2]> = (0..queries).map(|_| [random(), random()]).collect();
-        let time = |hint: &dyn Fn(usize) -> Option<u32>| {
+        let mut points: Vec<[f64; 2]> = (0..queries).map(|_| [random(), random()]).collect();
+        let time = |points: &[[f64; 2]], hint: &dyn Fn(usize) -> Option<u32>| {
             let start = Instant::now();
             let found = points.iter().enumerate().filter(|(k, x)| mesh.locate(x, hint(*k)).is_some()).count();
             assert_eq!(found, queries);
             start.elapsed().as_nanos() as f64 / queries as f64
         };
-        let without = time(&|_| None);
+        let without = time(&points, &|_| None);
         let cells: Vec<_> = points.iter().map(|x| mesh.locate(x, None)).collect();
-        let with = time(&|k| cells[k]);
+        let with = time(&points, &|k| cells[k]);
         let start = Instant::now();
         let sum: f64 = points.iter().zip(&cells).map(|(x, c)| mesh.shape(c.unwrap(), x).value()[0]).sum();
         let shape = start.elapsed().as_nanos() as f64 / queries as f64;
+        points.sort_by_cached_key(|x| mesh.locate(x, None)); // as the points of a model are
+        let ordered = time(&points, &|_| None);
         println!(
-            "{:8} cells, read and built in {build:.2?}: {without:.0} ns without hint, {with:.0} with, shape {shape:.0} ({sum:.0})",
+            "{:8} cells, read and built in {build:.2?}: {without:.0} ns without hint, {with:.0} with, {ordered:.0} in \
+             order; shape {shape:.0} ({sum:.0})",
             mesh.n_cells()
         );
     }
