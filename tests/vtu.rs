@@ -211,7 +211,7 @@ fn every_kind_of_cell() {
     ];
     for (kind, expected) in kinds {
         let connectivity: Vec<i64> = (0..kind.points() as i64).rev().collect();
-        vtu::write(&path, 0.0, 0, &Mesh { points: &points, kind, connectivity: &connectivity }, &[], &[])
+        vtu::write(&path, 0.0, 0, &Mesh { points: &points, kinds: Kinds::All(kind), connectivity: &connectivity }, &[], &[])
             .unwrap();
         let cells = read(&path).cells;
         assert_eq!(cells.types, [expected]);
