@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 mod analysis;
+mod annulus;
 mod beam;
 mod collapse;
 mod compaction;
