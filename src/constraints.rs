@@ -29,34 +29,41 @@ pub struct BoundaryCondition<const D: usize> {
     pub curve: LoadCurve,
 }
 
+/// Two prescribed increments that differ by less than this, relative to their size, agree.
+const SAME: f64 = 1e-12;
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
 /// A boundary condition cannot be applied.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ConstraintError {
     /// Two boundary conditions want different displacements of one node.
     #[error(
-        "boundary conditions `{first}` and `{second}` prescribe {a:e} and {b:e} along axis {axis} at node {node}"
+        "boundary conditions `{first}` and `{second}` prescribe the increments {a:e} and {b:e} along {axis} at node {node:?}"
     )]
     Conflict {
         /// The one that comes first.
         first: String,
         /// The other.
         second: String,
-        /// Number of the grid node.
-        node: usize,
-        /// Axis.
-        axis: usize,
+        /// Position of the grid node, [length].
+        node: Vec<f64>,
+        /// Name of the axis.
+        axis: &'static str,
         /// Increment wanted by the first.
         a: f64,
         /// Increment wanted by the second.
         b: f64,
     },
     /// A formula has no finite value at a node.
-    #[error("boundary condition `{name}` is not finite at node {node}")]
+    #[error("the displacement of boundary condition `{name}` along {axis} is not finite at node {node:?}")]
     NotFinite {
         /// The boundary condition.
         name: String,
-        /// Number of the grid node.
-        node: usize,
+        /// Name of the axis.
+        axis: &'static str,
+        /// Position of the grid node, [length].
+        node: Vec<f64>,
     },
 }
 
@@ -88,7 +95,9 @@ impl<const D: usize> DofMap<D> {
     ) -> Result<Self, ConstraintError> {
         let mut dofs = vec![[Dof::Free(0); D]; links.n_active()];
         for (number, condition) in model.boundary_conditions.iter().enumerate() {
-            let factor = condition.curve.factor(end) - condition.curve.factor(start);
+            // At time 0 nothing has moved yet, whatever the curve says.
+            let reached = if start > 0.0 { condition.curve.factor(start) } else { 0.0 };
+            let factor = condition.curve.factor(end) - reached;
             for active in condition.active_nodes(points, links) {
                 let node = links.active_nodes()[active] as usize;
                 let place = model.grid.node_position(node);
@@ -96,18 +105,23 @@ impl<const D: usize> DofMap<D> {
                     let Some(formula) = formula else { continue };
                     let increment = formula.evaluate(&place) * factor;
                     if !increment.is_finite() {
-                        return Err(ConstraintError::NotFinite { name: condition.name.clone(), node });
+                        return Err(ConstraintError::NotFinite {
+                            name: condition.name.clone(),
+                            axis: AXES[axis % 3],
+                            node: place.to_vec(),
+                        });
                     }
                     let dof = &mut dofs[active][axis];
                     match *dof {
                         Dof::Free(_) => *dof = Dof::Held { condition: number as u16, increment },
-                        Dof::Held { increment: held, .. } if held == increment => {}
+                        Dof::Held { increment: held, .. }
+                            if (held - increment).abs() <= SAME * held.abs().max(increment.abs()) => {}
                         Dof::Held { condition: first, increment: held } => {
                             return Err(ConstraintError::Conflict {
                                 first: model.boundary_conditions[first as usize].name.clone(),
                                 second: condition.name.clone(),
-                                node,
-                                axis,
+                                node: place.to_vec(),
+                                axis: AXES[axis % 3],
                                 a: held,
                                 b: increment,
                             });
@@ -152,6 +166,21 @@ impl<const D: usize> DofMap<D> {
     pub fn place_of(&self, unknown: usize) -> Option<(usize, usize)> {
         let wanted = |dof: &Dof| *dof == Dof::Free(unknown as u32);
         (0..self.dofs.len()).find_map(|node| self.dofs[node].iter().position(wanted).map(|axis| (node, axis)))
+    }
+
+    /// An active node and an axis along which nothing holds the part of the body it belongs to: no degree of freedom
+    /// along that axis is prescribed at any node coupled to it, directly or through others. `part_of` gives the part
+    /// of each node.
+    pub fn unheld(&self, part_of: &[usize]) -> Option<(usize, usize)> {
+        let mut held = vec![[false; D]; self.dofs.len()];
+        for (node, dofs) in self.dofs.iter().enumerate() {
+            for (axis, dof) in dofs.iter().enumerate() {
+                held[part_of[node]][axis] |= matches!(dof, Dof::Held { .. });
+            }
+        }
+        (0..self.dofs.len()).find_map(|node| {
+            (0..D).find(|&axis| part_of[node] == node && !held[node][axis]).map(|axis| (node, axis))
+        })
     }
 
     /// Number of active nodes.

@@ -1,6 +1,7 @@
 //! `mpm run|check|schema`: arguments, messages and exit codes. Everything else is in the library.
-#![expect(clippy::print_stderr, reason = "messages for the user go to standard error")]
 
+#[macro_use]
+mod tell;
 mod progress;
 
 use std::io::{IsTerminal, Write};
@@ -31,6 +32,8 @@ use progress::Watch;
 const FAILED: u8 = 1;
 /// The deck or the command line is wrong.
 const USAGE: u8 = 2;
+/// Most threads that can be asked for.
+const MOST_THREADS: usize = 1024;
 /// The user stopped the run.
 const INTERRUPTED: u8 = 130;
 
@@ -93,7 +96,7 @@ fn main() -> ExitCode {
         Command::Schema => print_schema(),
     };
     result.unwrap_or_else(|error| {
-        eprintln!("error: {error:#}");
+        tell!("error: {error:#}");
         ExitCode::from(USAGE)
     })
 }
@@ -104,20 +107,20 @@ fn prepare(args: &DeckArgs) -> Option<(LoadedDeck, Model<2>, Points<2>)> {
     let loaded = match load(&args.deck, &args.set) {
         Ok(loaded) => loaded,
         Err(failure) => {
-            eprintln!("{}", failure.render(colour).trim_end());
+            tell!("{}", failure.render(colour).trim_end());
             return None;
         }
     };
     match build(&loaded) {
         Ok((model, points)) => {
             if !loaded.notes.is_empty() {
-                eprintln!("{}", render_all(&loaded.source, &loaded.notes, colour).trim_end());
+                tell!("{}", render_all(&loaded.source, &loaded.notes, colour).trim_end());
             }
             Some((loaded, model, points))
         }
         Err(mut found) => {
             found.extend(loaded.notes);
-            eprintln!("{}", render_all(&loaded.source, &found, colour).trim_end());
+            tell!("{}", render_all(&loaded.source, &found, colour).trim_end());
             None
         }
     }
@@ -130,8 +133,8 @@ fn run(
     print_timings: bool,
     began: Instant,
 ) -> anyhow::Result<ExitCode> {
-    if threads == Some(0) {
-        bail!("--threads needs at least 1");
+    if threads.is_some_and(|n| !(1..=MOST_THREADS).contains(&n)) {
+        bail!("--threads takes a number from 1 to {MOST_THREADS}");
     }
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))
@@ -156,7 +159,7 @@ fn run(
     watch.end();
     Ok(match outcome {
         Ok(summary) => {
-            eprintln!(
+            tell!(
                 "completed: {} steps in equilibrium, {} evaluations, {:.1} s; results in {}",
                 summary.steps,
                 summary.evaluations,
@@ -176,21 +179,21 @@ fn run(
 /// Prints why a run ended early; returns the exit code.
 fn report_failure(error: &SolveError, directory: &Path) -> ExitCode {
     if let SolveError::Interrupted { step } = error {
-        eprintln!(
+        tell!(
             "interrupted: all steps before step {step} are in equilibrium and written to {}",
             directory.display()
         );
         return ExitCode::from(INTERRUPTED);
     }
-    eprintln!("error: {error}");
+    tell!("error: {error}");
     if !error.residuals().is_empty() {
         let history: Vec<String> = error.residuals().iter().map(|r| format!("{r:.3e}")).collect();
-        eprintln!("  residuals: {}", history.join(", "));
+        tell!("  residuals: {}", history.join(", "));
     }
     if let Some(help) = error.help() {
-        eprintln!("  help: {help}");
+        tell!("  help: {help}");
     }
-    eprintln!("  results up to the last equilibrated step are in {}", directory.display());
+    tell!("  results up to the last equilibrated step are in {}", directory.display());
     ExitCode::from(FAILED)
 }
 
@@ -204,8 +207,10 @@ fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
     let raised = Arc::clone(&stop);
     ctrlc::set_handler(move || {
         if raised.swap(true, Ordering::SeqCst) {
+            tell!("interrupted at once: the step in hand is not written");
             std::process::exit(i32::from(INTERRUPTED));
         }
+        tell!("stopping after the step in hand; press Ctrl-C again to stop at once");
     })
     .context("Ctrl-C cannot be handled")?;
     Ok(stop)
@@ -222,12 +227,12 @@ fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
     let dofs = match mpm::constraints::DofMap::new(&model, &points, &links, 0.0, first) {
         Ok(dofs) => dofs,
         Err(error) => {
-            eprintln!("error: {error}");
+            tell!("error: {error}");
             return Ok(ExitCode::from(USAGE));
         }
     };
     if let Err(error) = mpm::loads::external_force(&model, &points, &links, first) {
-        eprintln!("error: {error}");
+        tell!("error: {error}");
         return Ok(ExitCode::from(USAGE));
     }
     let [nx, ny] = model.grid.cells();

@@ -1,5 +1,4 @@
 //! What the user sees while a run goes on: a bar on a terminal, plain lines elsewhere.
-#![expect(clippy::print_stderr, reason = "messages for the user go to standard error")]
 
 use std::io::{self, IsTerminal};
 use std::sync::Arc;
@@ -24,12 +23,12 @@ impl Watch {
     /// Watches a run that `stop` may end.
     pub fn new(results: Results, model: &Model<2>, points: &Points<2>, stop: Arc<AtomicBool>) -> Self {
         if !model.title.is_empty() {
-            eprintln!("{}", model.title);
+            tell!("{}", model.title);
         }
-        eprintln!("{} points, {} cells, {} load steps", points.len(), model.grid.n_cells(), model.n_steps);
+        tell!("{} points, {} cells, {} load steps", points.len(), model.grid.n_cells(), model.n_steps);
         let bar = io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(model.n_steps as u64);
-            let layout = "{bar:30} step {pos}/{len} {msg} [{elapsed} < {eta}]";
+            let layout = "{bar:30} {msg} [{elapsed} < {eta}]";
             if let Ok(style) = ProgressStyle::with_template(layout) {
                 bar.set_style(style);
             }
@@ -54,7 +53,8 @@ impl Observer<2> for Watch {
     fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
         Observer::<2>::iteration(&mut self.results, step, iteration, residual);
         if let Some(bar) = &self.bar {
-            bar.set_message(format!("iteration {iteration} residual {residual:.1e}"));
+            let (index, n) = (step.index, self.n_steps);
+            bar.set_message(format!("step {index}/{n} iteration {iteration} residual {residual:.1e}"));
         }
     }
 
@@ -67,7 +67,7 @@ impl Observer<2> for Watch {
     ) -> io::Result<()> {
         match &self.bar {
             Some(bar) => bar.inc(1),
-            None => eprintln!(
+            None => tell!(
                 "step {}/{}: {} iterations, residual {:.2e}",
                 report.step.index,
                 self.n_steps,
@@ -96,11 +96,11 @@ impl Observer<2> for Watch {
 /// Prints the phases of a run in the manner of the paper's Table 5.
 pub fn print_timings(timings: &Timings) {
     let total: f64 = Phase::ALL.iter().map(|&phase| timings.of(phase).wall.as_secs_f64()).sum();
-    eprintln!("{:<10} {:>10} {:>10} {:>7}", "phase", "wall [s]", "CPU [s]", "share");
+    tell!("{:<10} {:>10} {:>10} {:>7}", "phase", "wall [s]", "CPU [s]", "share");
     for phase in Phase::ALL {
         let spent = timings.of(phase);
         let wall = spent.wall.as_secs_f64();
-        eprintln!(
+        tell!(
             "{:<10} {:>10.3} {:>10.3} {:>6.1}%",
             phase.name(),
             wall,
