@@ -1,5 +1,4 @@
 //! One analysis: from a deck to a model that is ready, and from there to a directory of results.
-#![expect(clippy::print_stderr, reason = "messages for the user go to standard error")]
 
 use std::io::{self, IsTerminal};
 use std::path::Path;
@@ -86,20 +85,23 @@ pub fn run_into(
 
 /// Prints why an analysis failed.
 pub fn explain(error: &SolveError) {
-    eprintln!("error: {error}");
+    tell!("error: {error}");
     if !error.residuals().is_empty() {
         let history: Vec<String> = error.residuals().iter().map(|r| format!("{r:.3e}")).collect();
-        eprintln!("  residuals: {}", history.join(", "));
+        tell!("  residuals: {}", history.join(", "));
     }
     if let Some(help) = error.help() {
-        eprintln!("  help: {help}");
+        tell!("  help: {help}");
     }
 }
 
+/// Most threads that can be asked for.
+const MOST_THREADS: usize = 1024;
+
 /// Starts the threads, as many as there are cores if no number is given.
 pub fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
-    if threads == Some(0) {
-        bail!("--threads needs at least 1");
+    if threads.is_some_and(|n| !(1..=MOST_THREADS).contains(&n)) {
+        bail!("--threads takes a number from 1 to {MOST_THREADS}");
     }
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))
@@ -113,8 +115,10 @@ pub fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
     let raised = Arc::clone(&stop);
     ctrlc::set_handler(move || {
         if raised.swap(true, Ordering::SeqCst) {
+            tell!("interrupted at once: the step in hand is not written");
             std::process::exit(i32::from(INTERRUPTED));
         }
+        tell!("stopping after the step in hand; press Ctrl-C again to stop at once");
     })
     .context("Ctrl-C cannot be handled")?;
     Ok(stop)

@@ -30,34 +30,41 @@ pub struct BoundaryCondition<const D: usize> {
     pub curve: LoadCurve,
 }
 
+/// Two prescribed increments that differ by less than this, relative to their size, agree.
+const SAME: f64 = 1e-12;
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
 /// A boundary condition cannot be applied.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ConstraintError {
     /// Two boundary conditions want different displacements of one node.
     #[error(
-        "boundary conditions `{first}` and `{second}` prescribe {a:e} and {b:e} along axis {axis} at node {node}"
+        "boundary conditions `{first}` and `{second}` prescribe the increments {a:e} and {b:e} along {axis} at node {node:?}"
     )]
     Conflict {
         /// The one that comes first.
         first: String,
         /// The other.
         second: String,
-        /// Number of the grid node.
-        node: usize,
-        /// Axis.
-        axis: usize,
+        /// Position of the grid node, [length].
+        node: Vec<f64>,
+        /// Name of the axis.
+        axis: &'static str,
         /// Increment wanted by the first.
         a: f64,
         /// Increment wanted by the second.
         b: f64,
     },
     /// A formula has no finite value at a node.
-    #[error("boundary condition `{name}` is not finite at node {node}")]
+    #[error("the displacement of boundary condition `{name}` along {axis} is not finite at node {node:?}")]
     NotFinite {
         /// The boundary condition.
         name: String,
-        /// Number of the grid node.
-        node: usize,
+        /// Name of the axis.
+        axis: &'static str,
+        /// Position of the grid node, [length].
+        node: Vec<f64>,
     },
 }
 
@@ -89,7 +96,9 @@ impl<const D: usize> DofMap<D> {
     ) -> Result<Self, ConstraintError> {
         let mut dofs = vec![[Dof::Free(0); D]; links.n_active()];
         for (number, condition) in model.boundary_conditions.iter().enumerate() {
-            let factors = [condition.curve.factor(start), condition.curve.factor(end)];
+            // At time 0 nothing has moved yet, whatever the curve says.
+            let reached = (start > 0.0).then(|| condition.curve.factor(start));
+            let factors = [reached, Some(condition.curve.factor(end))];
             for active in condition.active_nodes(points, links) {
                 let node = links.active_nodes()[active] as usize;
                 let place = model.grid.node_position(node);
@@ -97,18 +106,23 @@ impl<const D: usize> DofMap<D> {
                     let Some(formula) = formula else { continue };
                     let increment = displacement_increment(formula, &place, factors);
                     if !increment.is_finite() {
-                        return Err(ConstraintError::NotFinite { name: condition.name.clone(), node });
+                        return Err(ConstraintError::NotFinite {
+                            name: condition.name.clone(),
+                            axis: AXES[axis % 3],
+                            node: place.to_vec(),
+                        });
                     }
                     let dof = &mut dofs[active][axis];
                     match *dof {
                         Dof::Free(_) => *dof = Dof::Held { condition: number as u16, increment },
-                        Dof::Held { increment: held, .. } if held == increment => {}
+                        Dof::Held { increment: held, .. }
+                            if (held - increment).abs() <= SAME * held.abs().max(increment.abs()) => {}
                         Dof::Held { condition: first, increment: held } => {
                             return Err(ConstraintError::Conflict {
                                 first: model.boundary_conditions[first as usize].name.clone(),
                                 second: condition.name.clone(),
-                                node,
-                                axis,
+                                node: place.to_vec(),
+                                axis: AXES[axis % 3],
                                 a: held,
                                 b: increment,
                             });
@@ -155,21 +169,45 @@ impl<const D: usize> DofMap<D> {
         (0..self.dofs.len()).find_map(|node| self.dofs[node].iter().position(wanted).map(|axis| (node, axis)))
     }
 
+    /// An active node and an axis along which nothing holds the part of the body it belongs to: no degree of freedom
+    /// along that axis is prescribed at any node coupled to it, directly or through others. `part_of` gives the part
+    /// of each node.
+    pub fn unheld(&self, part_of: &[usize]) -> Option<(usize, usize)> {
+        let mut held = vec![[false; D]; self.dofs.len()];
+        for (node, dofs) in self.dofs.iter().enumerate() {
+            for (axis, dof) in dofs.iter().enumerate() {
+                held[part_of[node]][axis] |= matches!(dof, Dof::Held { .. });
+            }
+        }
+        (0..self.dofs.len()).find_map(|node| {
+            (0..D).find(|&axis| part_of[node] == node && !held[node][axis]).map(|axis| (node, axis))
+        })
+    }
+
     /// Number of active nodes.
     pub fn n_nodes(&self) -> usize {
         self.dofs.len()
     }
 }
 
-/// Change of a prescribed displacement between two load factors.
-fn displacement_increment<const D: usize>(formula: &Formula, place: &[f64; D], factors: [f64; 2]) -> f64 {
+/// Change of a prescribed displacement between two load factors; `None` stands for no displacement yet.
+fn displacement_increment<const D: usize>(
+    formula: &Formula,
+    place: &[f64; D],
+    factors: [Option<f64>; 2],
+) -> f64 {
     let mut variables = [0.0; 4];
     variables[..D].copy_from_slice(place);
-    let mut at = |factor: f64| {
-        variables[D] = factor;
-        formula.evaluate(&variables[..=D])
+    let mut at = |factor: Option<f64>| {
+        let Some(factor) = factor else { return 0.0 };
+        if formula.depends_on(D) {
+            variables[D] = factor;
+            formula.evaluate(&variables[..=D])
+        } else {
+            formula.evaluate(&variables[..=D]) * factor
+        }
     };
-    if formula.depends_on(D) { at(factors[1]) - at(factors[0]) } else { at(1.0) * (factors[1] - factors[0]) }
+    at(factors[1]) - at(factors[0])
 }
 
 impl<const D: usize> BoundaryCondition<D> {

@@ -1,6 +1,7 @@
 //! `mpm run|sweep|check|schema`: arguments, messages and exit codes. Everything else is in the library.
-#![expect(clippy::print_stderr, reason = "messages for the user go to standard error")]
 
+#[macro_use]
+mod tell;
 mod analysis;
 mod progress;
 mod sweep;
@@ -91,7 +92,7 @@ fn main() -> ExitCode {
         Command::Schema => print_schema(),
     };
     result.unwrap_or_else(|error| {
-        eprintln!("error: {error:#}");
+        tell!("error: {error:#}");
         ExitCode::from(USAGE)
     })
 }
@@ -101,7 +102,7 @@ fn prepare_aloud(args: &DeckArgs) -> Option<Ready> {
     let prepared = prepare(load(&args.deck, &args.set));
     let messages = messages(&prepared);
     if !messages.is_empty() {
-        eprintln!("{messages}");
+        tell!("{messages}");
     }
     prepared.ok()
 }
@@ -123,7 +124,7 @@ fn run(
     let outcome = run_into(&directory, ready, Start::of_program(began), timings.clone(), View::Run, &stop)?;
     Ok(match outcome {
         Ok(summary) => {
-            eprintln!(
+            tell!(
                 "completed: {} steps in equilibrium, {} evaluations, {:.1} s; results in {}",
                 summary.steps,
                 summary.evaluations,
@@ -143,14 +144,14 @@ fn run(
 /// Prints why a run ended early; returns the exit code.
 fn report_failure(error: &SolveError, directory: &Path) -> ExitCode {
     if let SolveError::Interrupted { step } = error {
-        eprintln!(
+        tell!(
             "interrupted: all steps before step {step} are in equilibrium and written to {}",
             directory.display()
         );
         return ExitCode::from(INTERRUPTED);
     }
     explain(error);
-    eprintln!("  results up to the last equilibrated step are in {}", directory.display());
+    tell!("  results up to the last equilibrated step are in {}", directory.display());
     ExitCode::from(FAILED)
 }
 
@@ -169,12 +170,12 @@ fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
     let dofs = match mpm::constraints::DofMap::new(&model, &points, &links, 0.0, first) {
         Ok(dofs) => dofs,
         Err(error) => {
-            eprintln!("error: {error}");
+            tell!("error: {error}");
             return Ok(ExitCode::from(USAGE));
         }
     };
     if let Err(error) = mpm::loads::external_force(&model, &points, &links, first) {
-        eprintln!("error: {error}");
+        tell!("error: {error}");
         return Ok(ExitCode::from(USAGE));
     }
     print(&format!(

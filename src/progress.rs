@@ -1,5 +1,4 @@
 //! What the user sees while a run goes on: a bar on a terminal, plain lines elsewhere.
-#![expect(clippy::print_stderr, reason = "messages for the user go to standard error")]
 
 use std::io::{self, IsTerminal};
 use std::sync::Arc;
@@ -41,9 +40,9 @@ impl Watch {
         let label = match &view {
             View::Run => {
                 if !model.title.is_empty() {
-                    eprintln!("{}", model.title);
+                    tell!("{}", model.title);
                 }
-                eprintln!(
+                tell!(
                     "{} points, {} cells, {} load steps",
                     points.len(),
                     model.grid.n_cells(),
@@ -55,7 +54,7 @@ impl Watch {
         };
         let bar = io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(model.n_steps as u64).with_prefix(label);
-            let layout = "{prefix}{bar:30} step {pos}/{len} {msg} [{elapsed} < {eta}]";
+            let layout = "{prefix}{bar:30} {msg} [{elapsed} < {eta}]";
             if let Ok(style) = ProgressStyle::with_template(layout) {
                 bar.set_style(style);
             }
@@ -80,7 +79,8 @@ impl Observer<2> for Watch {
     fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
         Observer::<2>::iteration(&mut self.results, step, iteration, residual);
         if let Some(bar) = &self.bar {
-            bar.set_message(format!("iteration {iteration} residual {residual:.1e}"));
+            let (index, n) = (step.index, self.n_steps);
+            bar.set_message(format!("step {index}/{n} iteration {iteration} residual {residual:.1e}"));
         }
     }
 
@@ -94,7 +94,7 @@ impl Observer<2> for Watch {
         match (&self.bar, &self.view) {
             (Some(bar), _) => bar.inc(1),
             (None, View::Member(_)) => {}
-            (None, View::Run) => eprintln!(
+            (None, View::Run) => tell!(
                 "step {}/{}: {} iterations, residual {:.2e}",
                 report.step.index,
                 self.n_steps,
@@ -123,11 +123,11 @@ impl Observer<2> for Watch {
 /// Prints the phases of a run in the manner of the paper's Table 5.
 pub fn print_timings(timings: &Timings) {
     let total: f64 = Phase::ALL.iter().map(|&phase| timings.of(phase).wall.as_secs_f64()).sum();
-    eprintln!("{:<10} {:>10} {:>10} {:>7}", "phase", "wall [s]", "CPU [s]", "share");
+    tell!("{:<10} {:>10} {:>10} {:>7}", "phase", "wall [s]", "CPU [s]", "share");
     for phase in Phase::ALL {
         let spent = timings.of(phase);
         let wall = spent.wall.as_secs_f64();
-        eprintln!(
+        tell!(
             "{:<10} {:>10.3} {:>10.3} {:>6.1}%",
             phase.name(),
             wall,

@@ -50,7 +50,7 @@ pub fn run<const D: usize, M: Mechanics<D>>(
         if outcome.is_err() {
             break;
         }
-        let time = |k: usize| model.end_time * k as f64 / model.n_steps as f64;
+        let time = |k: usize| model.end_time * (k as f64 / model.n_steps as f64);
         let step = Step { index, start: time(index - 1), end: time(index) };
         outcome = solver.advance::<D, M>(model, points, step, observer);
     }
@@ -114,7 +114,7 @@ impl Solver {
         });
         analysed.map_err(|e| SolveError::linear(e, model, &links, &dofs, step))?;
 
-        let mut unknowns = Unknowns::new(&links);
+        let mut unknowns = Unknowns::new(model, &links);
         let mut residuals = Vec::new();
         let mut factorisations = Vec::new();
         let mut f_int_start = Vec::new();
@@ -205,6 +205,10 @@ impl Solver {
                     delta[node][axis] = rhs[unknown];
                 }
             });
+            // Only a motion that nothing resists carries a node that far.
+            if let Some(unknown) = rhs.iter().position(|u| u.abs() > unknowns.far) {
+                return Err(crate::linear::LinearError::Singular { unknown: Some(unknown) });
+            }
             system.multiply(delta, &mut unknowns.k_delta);
             for_each_dof(dofs, |node, axis, free| {
                 unknowns.delta_d[node][axis] += delta[node][axis]; // (30)
@@ -247,11 +251,17 @@ impl<const D: usize> StepSystem<D> {
             .map_err(|error| SolveError::Constraint { step: step.index, error })?;
         let system = System::new::<M>(model, points, links);
         let entries = system.free_entries(&dofs);
+        if let Some((node, axis)) = dofs.unheld(&system.parts()) {
+            let place = model.grid.node_position(links.active_nodes()[node] as usize);
+            return Err(SolveError::Unheld { step: step.index, node: place.to_vec(), axis });
+        }
         let load = |time| {
             external_force(model, points, links, time) // (24), (25), (29)
                 .map_err(|error| SolveError::Load { step: step.index, error })
         };
-        let (f_ext, f_ext_start) = (load(step.end)?, load(step.start)?);
+        let f_ext = load(step.end)?;
+        // At time 0 nothing is loaded yet, whatever the curves say.
+        let f_ext_start = if step.start > 0.0 { load(step.start)? } else { vec![[0.0; D]; f_ext.len()] };
         Ok(StepSystem { dofs, system, entries, f_ext, f_ext_start })
     }
 }
@@ -266,14 +276,21 @@ struct Unknowns<const D: usize> {
     k_delta: Nodal<D>,
     rhs: Vec<f64>,
     values: Vec<f64>,
+    /// A displacement that no equilibrium in this grid can have, [length].
+    far: f64,
 }
+
+/// An iterative displacement of so many diameters of the grid is the work of a singular stiffness.
+const FAR: f64 = 1e6;
 
 /// Forces below this multiple of round-off in K Δd are no measure of the load.
 const ROUND_OFF: f64 = 64.0 * f64::EPSILON;
 
 impl<const D: usize> Unknowns<D> {
-    fn new(links: &Connectivity<D>) -> Self {
+    fn new(model: &Model<D>, links: &Connectivity<D>) -> Self {
         let zero = vec![[0.0; D]; links.n_active()];
+        let [low, high] = model.grid.bounds();
+        let diameter = norm((0..D).map(|d| high[d] - low[d]));
         Unknowns {
             delta_d: zero.clone(),
             reaction: zero.clone(),
@@ -281,6 +298,7 @@ impl<const D: usize> Unknowns<D> {
             k_delta: zero,
             rhs: Vec::new(),
             values: Vec::new(),
+            far: FAR * diameter,
         }
     }
 

@@ -1,5 +1,4 @@
 //! `mpm sweep`: the members of a parameter study, one after the other.
-#![expect(clippy::print_stderr, reason = "messages for the user go to standard error")]
 
 use std::collections::BTreeSet;
 use std::io::IsTerminal;
@@ -46,7 +45,7 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
     let (known, text) = match read {
         Ok(read) => read,
         Err(failure) => {
-            eprintln!("{}", failure.render(std::io::stderr().is_terminal()).trim_end());
+            tell!("{}", failure.render(std::io::stderr().is_terminal()).trim_end());
             return Ok(ExitCode::from(USAGE));
         }
     };
@@ -99,16 +98,16 @@ impl Sweep {
         for (index, member) in members.into_iter().enumerate() {
             let label = format!("member {}/{}", index + 1, self.study.size());
             if self.rows[index].is_some() {
-                eprintln!("{label}: {member}: completed earlier");
+                tell!("{label}: {member}: completed earlier");
                 continue;
             }
             if self.stop.load(Ordering::SeqCst) {
                 break;
             }
-            eprintln!("{label}: {member}");
+            tell!("{label}: {member}");
             self.rows[index] = Some(self.run_member(member, label));
             if let Err(error) = self.write_table() {
-                eprintln!("error: {error:#}");
+                tell!("error: {error:#}");
                 return FAILED;
             }
         }
@@ -124,12 +123,12 @@ impl Sweep {
         let messages = messages(&prepared);
         // Remarks are the same for many members; once is enough. Errors belong to the member.
         if !messages.is_empty() && (prepared.is_err() || self.told.insert(messages.clone())) {
-            eprintln!("{messages}");
+            tell!("{messages}");
         }
         let ready = match prepared {
             Ok(ready) => ready,
             Err(failure) => {
-                eprintln!("  invalid");
+                tell!("  invalid");
                 return Row { member, outcome: Outcome::Invalid(in_one_line(&failure)), record: None };
             }
         };
@@ -137,11 +136,11 @@ impl Sweep {
         let record = ended.as_ref().ok().and_then(|_| Record::read(&directory).ok());
         let outcome = match ended {
             Err(error) => {
-                eprintln!("error: {error:#}");
+                tell!("error: {error:#}");
                 Outcome::Failed(format!("{error:#}"))
             }
             Ok(Ok(summary)) => {
-                eprintln!(
+                tell!(
                     "  completed: {} steps in equilibrium, {} evaluations, {:.1} s",
                     summary.steps,
                     summary.evaluations,
@@ -150,7 +149,7 @@ impl Sweep {
                 Outcome::Completed
             }
             Ok(Err(SolveError::Interrupted { step })) => {
-                eprintln!("  interrupted: all steps before step {step} are in equilibrium");
+                tell!("  interrupted: all steps before step {step} are in equilibrium");
                 Outcome::Interrupted
             }
             Ok(Err(error)) => {
@@ -159,7 +158,7 @@ impl Sweep {
             }
         };
         if matches!(outcome, Outcome::Failed(_)) {
-            eprintln!("  failed");
+            tell!("  failed");
         }
         Row { member, outcome, record }
     }
@@ -180,7 +179,7 @@ impl Sweep {
         if open > 0 {
             counts.push(format!("{open} not begun"));
         }
-        eprintln!("{}; the table is {}", counts.join(", "), self.directory.join("sweep.csv").display());
+        tell!("{}; the table is {}", counts.join(", "), self.directory.join("sweep.csv").display());
         if open > 0 || count("interrupted") > 0 {
             INTERRUPTED
         } else if count("failed") > 0 {

@@ -232,6 +232,9 @@ proptest! {
     ) {
         let mut text = if rich { RICH } else { BEAM }.as_bytes().to_vec();
         for (place, byte, kind) in edits {
+            if text.is_empty() {
+                break;
+            }
             let at = place.index(text.len());
             match kind {
                 0 => text[at] = byte,

@@ -211,8 +211,15 @@ fn every_kind_of_cell() {
     ];
     for (kind, expected) in kinds {
         let connectivity: Vec<i64> = (0..kind.points() as i64).rev().collect();
-        vtu::write(&path, 0.0, 0, &Mesh { points: &points, kinds: Kinds::All(kind), connectivity: &connectivity }, &[], &[])
-            .unwrap();
+        vtu::write(
+            &path,
+            0.0,
+            0,
+            &Mesh { points: &points, kinds: Kinds::All(kind), connectivity: &connectivity },
+            &[],
+            &[],
+        )
+        .unwrap();
         let cells = read(&path).cells;
         assert_eq!(cells.types, [expected]);
         let (read, _) = cells.cell_verts.into_xml();

@@ -210,7 +210,7 @@ mod tests {
 
     #[test]
     fn a_hexahedron_is_integrated_likewise() {
-        let mut corners: Vec<[f64; 3]> = (0..8).map(|c| parametric(c)).collect();
+        let mut corners: Vec<[f64; 3]> = (0..8).map(parametric).collect();
         corners[7] = [1.4, 1.2, 0.9];
         corners[1] = [1.1, -0.8, -1.2];
         let weights = CornerWeights::new(&corners).unwrap();

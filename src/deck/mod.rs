@@ -52,10 +52,11 @@ pub struct Deck {
     #[schemars(extend("minProperties" = 1))]
     pub materials: BTreeMap<String, MaterialDeck>,
     /// Bodies, each filled with material points.
-    #[schemars(length(min = 1))]
+    #[schemars(length(min = 1, max = 60_000))]
     pub bodies: Vec<BodyDeck>,
     /// Prescribed displacements of grid nodes.
     #[serde(default)]
+    #[schemars(length(max = 60_000))]
     pub boundary_conditions: Vec<BoundaryConditionDeck>,
     /// External forces.
     #[serde(default)]
@@ -417,7 +418,7 @@ pub struct StepsDeck {
     pub count: u32,
     /// Time at the end of the analysis, [time]; it only orders the loading.
     #[serde(default = "unit_time")]
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    #[schemars(range(min = 1e-100, max = 1e100))]
     pub end_time: f64,
 }
 

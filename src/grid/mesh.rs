@@ -269,6 +269,10 @@ impl Grid<2> for Mesh {
         self.node_position(node)
     }
 
+    fn bounds(&self) -> [[f64; 2]; 2] {
+        self.bounds()
+    }
+
     fn lattice(&self, node: usize) -> [u32; 2] {
         let x = self.node_position(node);
         let low = self.bounds()[0];

@@ -94,6 +94,9 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
     /// Position of a node, [length].
     fn node_position(&self, node: usize) -> [f64; D];
 
+    /// Lowest and highest coordinates, [length].
+    fn bounds(&self) -> [[f64; D]; 2];
+
     /// Place of a node on a lattice of about the spacing of the grid; orders the elimination of unknowns.
     fn lattice(&self, node: usize) -> [u32; D];
 

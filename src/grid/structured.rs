@@ -93,6 +93,10 @@ impl<const D: usize> Grid<D> for Structured<D> {
         std::array::from_fn(|d| self.origin[d] + self.spacing[d] * index[d] as f64)
     }
 
+    fn bounds(&self) -> [[f64; D]; 2] {
+        [self.origin, self.upper()]
+    }
+
     fn lattice(&self, node: usize) -> [u32; D] {
         self.node_index(node).map(|i| i as u32)
     }

@@ -160,7 +160,14 @@ impl Direct {
         match ldlt {
             Ok(_) => Ok(Factorisation::Ldlt),
             Err(LdltError::ZeroPivot { index }) => {
-                self.suspect = symbolic.perm().map(|perm| perm.arrays().0[index]);
+                // faer counts pivots from 1 in its simplicial factorisation and from 0 in the supernodal one.
+                let place = match symbolic.raw() {
+                    faer::sparse::linalg::cholesky::SymbolicCholeskyRaw::Simplicial(_) => {
+                        index.saturating_sub(1)
+                    }
+                    faer::sparse::linalg::cholesky::SymbolicCholeskyRaw::Supernodal(_) => index,
+                };
+                self.suspect = symbolic.perm().and_then(|perm| perm.arrays().0.get(place).copied());
                 match self.empty_column() {
                     Some(unknown) => Err(LinearError::Singular { unknown: Some(unknown) }),
                     None => self.factorise_lu(),

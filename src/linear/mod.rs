@@ -149,4 +149,44 @@ mod conformance {
             assert_eq!(solver.factorise(&values), Err(LinearError::Singular { unknown: Some(7) }));
         }
     }
+
+    /// The stiffness of a chain of springs that hangs on nothing, with the loose part first, last or in the middle;
+    /// no row is empty, yet the matrix is singular.
+    #[test]
+    fn a_loose_part_is_an_error_whatever_its_place_and_size() {
+        for n in [4, 40, 400] {
+            for loose in [0, n / 2, n - 2] {
+                let mut a = DMatrix::zeros(n, n);
+                for i in 0..n - 1 {
+                    let inside = i == loose;
+                    let cut = i + 1 == loose || i == loose + 1;
+                    let k = if cut { 0.0 } else { 1.0 };
+                    for (r, c, sign) in [(i, i, 1.0), (i + 1, i + 1, 1.0), (i, i + 1, -1.0), (i + 1, i, -1.0)]
+                    {
+                        a[(r, c)] += k * sign;
+                    }
+                    if !inside && i != loose + 1 {
+                        a[(i, i)] += 0.5; // the rest is held
+                    }
+                }
+                if loose != n - 2 {
+                    a[(n - 1, n - 1)] += 0.5;
+                }
+                let (pattern, values) = sparse(&a, true);
+                for mut solver in solvers() {
+                    solver.analyse(&pattern, &|| (0..n).rev().collect()).unwrap();
+                    let mut x = vec![1.0; n];
+                    let outcome = solver.factorise(&values).and_then(|_| solver.solve(&mut x));
+                    match outcome {
+                        Err(LinearError::Singular { unknown }) => {
+                            if let Some(u) = unknown {
+                                assert!(u == loose || u == loose + 1, "n = {n}, loose {loose}: names {u}");
+                            }
+                        }
+                        other => panic!("n = {n}, loose {loose}: {other:?}"),
+                    }
+                }
+            }
+        }
+    }
 }

@@ -100,6 +100,19 @@ pub enum SolveError {
         /// Position of a node and axis of a motion without stiffness, where known.
         node: Option<(Vec<f64>, usize)>,
     },
+    /// Nothing holds a part of the bodies along an axis.
+    #[error(
+        "step {step}: no boundary condition holds the part of the bodies at node {} along {}",
+        coordinates(node), ["x", "y", "z"][axis % 3]
+    )]
+    Unheld {
+        /// The step.
+        step: usize,
+        /// Position of a node of the part, [length].
+        node: Vec<f64>,
+        /// The axis.
+        axis: usize,
+    },
     /// The factor of the stiffness does not fit into memory.
     #[error("step {step}: the factor of the stiffness does not fit into memory")]
     OutOfMemory {
@@ -179,8 +192,14 @@ impl SolveError {
                 Some("check that boundary conditions hold every body, and that enough points fill each cell")
             }
             SolveError::OutOfMemory { .. } => Some("use a coarser grid"),
-            SolveError::Constraint { .. } => {
+            SolveError::Unheld { .. } => Some(
+                "fix or prescribe the displacement along that axis at one node of each separate part at least",
+            ),
+            SolveError::Constraint { error: ConstraintError::Conflict { .. }, .. } => {
                 Some("prescribe each axis of a node by one boundary condition only")
+            }
+            SolveError::Constraint { error: ConstraintError::NotFinite { .. }, .. } => {
+                Some("the formula divides by zero or leaves its domain there")
             }
             SolveError::Load { .. } => Some("the formula divides by zero or leaves its domain there"),
             SolveError::Interrupted { .. } | SolveError::Output(_) => None,

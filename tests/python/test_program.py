@@ -1,6 +1,7 @@
 """Exit codes, failed runs, and the same answers from any number of threads."""
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -149,3 +150,75 @@ def test_body_off_the_grid_lines_names_the_edge(mpm, tmp_path):
     process = mpm("check", deck)
     assert process.returncode == 2
     assert "9.1" in process.stderr and "0.1" in process.stderr and "min" in process.stderr, process.stderr
+
+
+SQUARE = """
+version: 1
+grid: {{type: structured, origin: [0, 0], size: [4, 4], spacing: 1}}
+materials: {{m: {{model: hencky, young: 1e3, poisson: 0.2, density: 1}}}}
+bodies: [{{name: square, material: m, shape: {{type: box, min: [0, 0], max: [2, 2]}}, method: mpm, points_per_cell: 3}}]
+boundary_conditions: [{conditions}]
+loads: [{loads}]
+steps: {{count: 2}}
+output: {{probes: [{{name: corner, body: square, nearest: [2, 2]}}]}}
+"""
+
+
+def square(mpm, tmp_path, conditions, loads=""):
+    deck = tmp_path / "deck.yaml"
+    deck.write_text(SQUARE.format(conditions=conditions, loads=loads))
+    return mpm("run", deck, "--out", tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    "conditions, axis",
+    [("", "x"), ("{name: base, nodes: {y: 0}, fix: [y]}", "x"), ("{name: side, nodes: {x: 0}, fix: [x]}", "y")],
+)
+def test_a_body_that_nothing_holds_is_an_error(mpm, tmp_path, conditions, axis):
+    process = square(mpm, tmp_path, conditions, "{name: g, type: gravity, acceleration: [0, -1]}")
+    assert process.returncode == 1, process.stderr
+    assert "no boundary condition holds" in process.stderr and f"along {axis}" in process.stderr
+    assert Results(tmp_path / "out").summary["outcome"] == "failed"
+
+
+def test_a_mechanism_is_an_error_and_no_panic(mpm, tmp_path):
+    deck = tmp_path / "deck.yaml"
+    text = SQUARE.replace("max: [2, 2]}}, method: mpm, points_per_cell: 3", "max: [1, 1]}}, method: mpm, points_per_cell: 1")
+    assert text != SQUARE
+    conditions = "{name: base, nodes: {y: 0}, fix: [x, y]}"
+    deck.write_text(text.format(conditions=conditions, loads="{name: g, type: gravity, acceleration: [0, -1]}"))
+    process = mpm("run", deck, "--out", tmp_path / "out")
+    assert process.returncode == 1, process.stderr
+    assert "singular" in process.stderr and "panicked" not in process.stderr
+    assert Results(tmp_path / "out").summary["outcome"] == "failed"
+
+
+def test_a_curve_that_starts_above_zero_moves_at_once(mpm, tmp_path):
+    conditions = "{name: base, nodes: {y: 0}, fix: [x, y]}, {name: top, nodes: {y: 2}, uy: 0.1, ux: 0, curve: [[0, 1], [1, 1]]}"
+    process = square(mpm, tmp_path, conditions)
+    assert process.returncode == 0, process.stderr
+    history = Results(tmp_path / "out").history
+    np.testing.assert_allclose(history["corner_uy"], 0.1 * 11 / 12, rtol=1e-3)
+
+
+def test_conditions_that_agree_up_to_rounding_do_not_conflict(mpm, tmp_path):
+    conditions = '{name: base, nodes: {y: 0}, ux: "0.1*x", uy: 0}, {name: side, nodes: {x: 2}, ux: "0.1 + 0.1", uy: 0}'
+    assert square(mpm, tmp_path, conditions + ', {name: top, nodes: {y: 2}, uy: 0}').returncode == 0
+    process = square(mpm, tmp_path, '{name: a, nodes: {y: 0}, ux: 0.1, uy: 0}, {name: b, nodes: {x: 0}, ux: 0.2}')
+    assert process.returncode == 1
+    assert "`a` and `b`" in process.stderr and "[0.0, 0.0]" in process.stderr
+
+
+def test_nobody_needs_to_read_the_messages(tmp_path, program):
+    out = tmp_path / "out"
+    read, write = os.pipe()
+    os.close(read)
+    command = [program, "run", ROOT / "inputs" / "beam.yaml", "--out", out, "--set", "steps=20"]
+    assert subprocess.run(command, stderr=write, timeout=120).returncode == 0
+    os.close(write)
+    assert Results(out).summary["outcome"] == "completed"
+
+
+def test_too_many_threads_are_refused(mpm, tmp_path):
+    for threads in ("0", "100000"):
+        assert mpm("run", "inputs/beam.yaml", "--out", tmp_path, "--threads", threads).returncode == 2

@@ -66,9 +66,22 @@ pub fn build_deck(deck: &str, set: &[(&str, &str)]) -> (Model<2>, Points<2>) {
     build(&loaded).unwrap_or_else(|e| panic!("{e:?}"))
 }
 
+/// Runs a deck given as text, with parameters set; paths in it are relative to the root of the sources.
+pub fn run_text(text: &str, set: &[(&str, &str)]) -> Analysis {
+    let set: Vec<(String, String)> = set.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
+    let name = concat!(env!("CARGO_MANIFEST_DIR"), "/deck.yaml");
+    let loaded = mpm::deck::load::load_text(name, text.as_bytes(), &set).unwrap_or_else(|e| panic!("{e}"));
+    let (model, points) = build(&loaded).unwrap_or_else(|e| panic!("{e:?}"));
+    finish(model, points)
+}
+
 /// Runs a deck with parameters set.
 pub fn run(deck: &str, set: &[(&str, &str)]) -> Analysis {
-    let (model, mut points) = build_deck(deck, set);
+    let (model, points) = build_deck(deck, set);
+    finish(model, points)
+}
+
+fn finish(model: Model<2>, mut points: Points<2>) -> Analysis {
     let mut recorder = Recorder::default();
     let summary = solver::run::<2, PlaneStrain>(&model, &mut points, &mut recorder);
     Analysis { model, points, steps: recorder.steps, summary }

@@ -9,4 +9,5 @@ mod beam;
 mod collapse;
 mod compaction;
 mod formulations;
+mod imported;
 mod shear;

@@ -11,7 +11,7 @@ const AXES: [&str; DIMENSIONS] = ["x", "y"];
 const MOST: f64 = 1e8;
 /// Most points along an axis of a cell.
 const MOST_PER_CELL: u32 = 1000;
-/// Relative error up to which a length is a whole multiple of another; text such as 0.1 is not exact.
+/// Error up to which the ratio of two lengths is a whole number; text such as 0.1 is not exact.
 const WHOLE: f64 = 1e-6;
 
 /// A box with extent along every axis.
@@ -349,5 +349,5 @@ fn slack(a: &Extent, b: &Extent, axis: usize) -> f64 {
 }
 
 fn is_whole(count: f64) -> bool {
-    count.round() >= 1.0 && (count - count.round()).abs() <= WHOLE * count
+    count.round() >= 1.0 && (count - count.round()).abs() <= WHOLE
 }
