@@ -1,0 +1,102 @@
+//! What an analysis says when a step has no equilibrium.
+#![allow(non_snake_case)]
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use mpm::assembly::System;
+use mpm::basis::Connectivity;
+use mpm::deck::{build::build, load::load};
+use mpm::loads::external_force;
+use mpm::model::Model;
+use mpm::points::Points;
+use mpm::solver::{self, Silent, SolveError};
+use mpm::stress::PlaneStrain;
+use nalgebra::{DMatrix, DVector};
+
+fn cantilever() -> (Model<2>, Points<2>) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs/beam.yaml");
+    let set = [("method", "mpm"), ("n", "2"), ("steps", "4")].map(|(k, v)| (k.to_owned(), v.to_owned()));
+    build(&load(&path, &set).unwrap()).unwrap()
+}
+
+/// Position of a node and the force out of balance there.
+type Imbalance = ([f64; 2], [f64; 2]);
+
+/// The first load step with one linear solve, by dense matrices: what every active node lacks to equilibrium, and the
+/// residual of eq. (40).
+fn after_one_solve() -> (Vec<Imbalance>, f64) {
+    let (model, mut points) = cantilever();
+    let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
+    let links = Connectivity::new(&model.grid, &mut points, &methods).unwrap();
+    let n = links.n_active();
+    let place: Vec<[f64; 2]> =
+        links.active_nodes().iter().map(|&node| model.grid.node_position(node as usize)).collect();
+    // The root is held along x, the node at its middle along y as well.
+    let free: Vec<usize> = (0..2 * n)
+        .filter(|i| {
+            let [x, y] = place[i / 2];
+            if i % 2 == 0 { x != 0.0 } else { x != 0.0 || y != 9.5 }
+        })
+        .collect();
+
+    let mut system = System::new::<PlaneStrain>(&model, &points, &links);
+    let at_rest = vec![[0.0; 2]; n];
+    system.assemble::<PlaneStrain>(&model, &mut points, &links, &at_rest).unwrap();
+    let f_ext = external_force(&model, &points, &links, model.end_time / model.n_steps as f64).unwrap();
+    let times = |x: &[[f64; 2]]| {
+        let mut out = at_rest.clone();
+        system.multiply(x, &mut out);
+        out
+    };
+    let mut K = DMatrix::zeros(2 * n, 2 * n);
+    for j in 0..2 * n {
+        let mut unit = at_rest.clone();
+        unit[j / 2][j % 2] = 1.0;
+        K.column_mut(j).copy_from_slice(times(&unit).as_flattened());
+    }
+    let load = DVector::from_iterator(free.len(), free.iter().map(|&i| f_ext[i / 2][i % 2]));
+    let solution = K.select_rows(&free).select_columns(&free).lu().solve(&load).unwrap();
+    let mut delta_d = at_rest.clone();
+    for (&i, u) in free.iter().zip(&solution) {
+        delta_d[i / 2][i % 2] = *u;
+    }
+    let resisted = times(&delta_d);
+    system.assemble::<PlaneStrain>(&model, &mut points, &links, &delta_d).unwrap();
+
+    let (mut forces, mut out, mut applied) = (Vec::new(), 0.0, 0.0);
+    for a in 0..n {
+        let total: [f64; 2] = std::array::from_fn(|d| {
+            // External force, and the linearised reaction where the node is held.
+            if free.contains(&(2 * a + d)) { f_ext[a][d] } else { resisted[a][d] }
+        });
+        let force: [f64; 2] = std::array::from_fn(|d| total[d] - system.internal_force()[a][d]);
+        out += force[0].powi(2) + force[1].powi(2);
+        applied += total[0].powi(2) + total[1].powi(2);
+        forces.push((place[a], force));
+    }
+    (forces, (out / applied).sqrt())
+}
+
+#[test]
+fn the_node_farthest_from_equilibrium_is_named() {
+    let (mut model, mut points) = cantilever();
+    model.newton.max_iterations = 1;
+    let error = solver::run::<2, PlaneStrain>(&model, &mut points, &mut Silent).unwrap_err();
+    let message = error.to_string();
+    let SolveError::NotConverged { step, residuals, worst } = error else { panic!("{message}") };
+    assert_eq!((step, residuals.len()), (1, 2));
+
+    let (forces, residual) = after_one_solve();
+    assert!((residuals[1] / residual - 1.0).abs() < 1e-6, "{} instead of {residual}", residuals[1]);
+    let size = |f: &[f64; 2]| f[0].hypot(f[1]);
+    let (place, force) = forces.iter().max_by(|a, b| size(&a.1).total_cmp(&size(&b.1))).unwrap();
+    let next = forces.iter().filter(|f| f.0 != *place).map(|f| size(&f.1)).fold(0.0, f64::max);
+    assert!(next < 0.999 * size(force), "the case does not tell the nodes apart");
+    let (named, there) = worst.unwrap();
+    assert_eq!(named, place);
+    for d in 0..2 {
+        assert!((there[d] - force[d]).abs() < 1e-6 * size(force), "{there:?} instead of {force:?}");
+    }
+    assert!(message.contains(&format!("node ({:.6}, {:.6})", place[0], place[1])), "{message}");
+}
