@@ -28,7 +28,7 @@ type Imbalance = ([f64; 2], [f64; 2]);
 fn after_one_solve() -> (Vec<Imbalance>, f64) {
     let (model, mut points) = cantilever();
     let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
-    let links = Connectivity::new(&model.grid, &mut points, &methods).unwrap();
+    let links = Connectivity::new(model.grid.as_ref(), &mut points, &methods).unwrap();
     let n = links.n_active();
     let place: Vec<[f64; 2]> =
         links.active_nodes().iter().map(|&node| model.grid.node_position(node as usize)).collect();

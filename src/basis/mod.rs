@@ -172,7 +172,7 @@ mod conformance {
         // A sheared parallelogram about the point, which is its centroid.
         let corners: [[f64; 2]; 4] = std::array::from_fn(|c| {
             let (s, t) = (f64::from(2 * (c as u8 & 1)) - 1.0, f64::from(c as u8 & 2) - 1.0);
-            [x[0] + s * l[0] + 0.3 * t * l[1], x[1] - 0.2 * s * l[0] + t * l[1]]
+            [x[0] + s * l[0] + 0.15 * t * l[1], x[1] - 0.2 * s * l[0] + t * l[1]]
         });
         let cell = grid.locate(&x, None).unwrap();
         let point = PointGeometry { cell, position: &x, half_lengths: &l, corners: &corners };

@@ -218,3 +218,28 @@ fn update_by_the_stretch_tensor_loses_uniform_stress_and_the_others_do_not() {
     let lowest: Vec<f64> = run.unity.iter().map(|[low, _]| *low).collect();
     assert!(lowest.is_sorted_by(|a, b| a >= b) && lowest[29] < 0.9, "{lowest:?}");
 }
+
+/// CPDI with either kind of corner update carries the homogeneous motion exactly.
+#[test]
+fn cpdi_points_carry_the_homogeneous_motion() {
+    for method in ["cpdi1", "cpdi2"] {
+        let set = [("method", method), ("n", "3"), ("gamma", "3"), ("steps", "15")];
+        let analysis = crate::analysis::run("shear.yaml", &set).completed();
+        let g: f64 = 10e3 / (2.0 * 1.3);
+        let exact = 2.0 * g * 1.5f64.asinh() / (1.0f64 + 2.25).sqrt();
+        let worst = analysis
+            .points
+            .converged
+            .kirchhoff_stress
+            .iter()
+            .map(|tau| (tau.component(0, 1) / exact - 1.0).abs())
+            .fold(0.0, f64::max);
+        println!("{method}: {worst:.1e}");
+        assert!(worst < 1e-11);
+        // The domains are sheared with the material: parallelograms of unchanged area.
+        for p in 0..analysis.points.len() {
+            let area = mpm::basis::domain_volume(analysis.points.corners(p));
+            assert!((area / analysis.points.original_volume[p] - 1.0).abs() < 1e-11);
+        }
+    }
+}
