@@ -9,14 +9,18 @@
 //!    is one step away from it.
 //! 2. [`points`] and [`model`]: what changes during a run and what does not. Iterations write [`points::Points::trial`];
 //!    [`points::Points::commit`] is the only way from there to [`points::Points::converged`].
-//! 3. [`grid`] and [`basis`]: which nodes a point touches and how strongly; one file per method.
+//! 3. [`grid`] and [`basis`]: which nodes a point touches and how strongly; one file per method. [`grid::Grid`] is a
+//!    trait, location and linear basis of a cell; [`grid::Structured`] is the regular grid, [`grid::Mesh`] holds
+//!    triangles and quadrilaterals, which [`grid::gmsh`] reads.
 //! 4. [`stress`]: from the displacement gradient of one point to P̃ and Ã. [`stress::Solid`] is the transcription of
 //!    the paper, [`stress::PlaneStrain`] the same in closed form. [`material`] holds the laws, [`tensor`] the spectral
 //!    functions and the index conventions.
 //! 5. [`assembly`], [`constraints`], [`loads`], [`linear`]: internal force and stiffness of the grid, prescribed
 //!    displacements, external force, and the sparse direct solver.
-//! 6. [`domain`]: how the domain of a GIMP point follows the deformation.
-//! 7. [`deck`] and [`formula`]: from YAML to [`model::Model`] and [`points::Points`], with messages that name the line.
+//! 6. [`domain`]: how the domain of a GIMP point follows the deformation. Domains of CPDI are given by their corners,
+//!    [`points::State::corners`], which the last step of [`solver`] moves.
+//! 7. [`deck`] and [`formula`]: from YAML to [`model::Model`] and [`points::Points`], with messages that name the line;
+//!    `deck/region.rs` and `deck/seeding.rs` fill bodies with points. [`study`] runs a deck for many parameters.
 //!    [`output`]: from there to files. The modules above know neither.
 //!
 //! The library never prints and never exits; `main.rs` does.
@@ -41,6 +45,8 @@
 //! | L | [`log_derivative`](tensor::log_derivative), `L` | derivative of the logarithm, eq. (A.2) |
 //! | V_p^0, V_p^n | [`original_volume`](points::Points::original_volume), [`volume_n`](stress::StartOfStep::volume_n) | volume of a point, eq. (22) |
 //! | m_p | [`mass`](points::Points::mass) | constant mass |
+//! | – | [`corners`](points::State::corners), [`original_corners`](points::Points::original_corners) | corners of a CPDI domain |
+//! | w_c, g_c | `CornerWeights` in `basis/cpdi.rs` | means of the interpolation of the corners and of its gradient |
 //! | l_p, l_p0 | [`half_lengths`](points::State::half_lengths), [`original_half_lengths`](points::Points::original_half_lengths) | half lengths of a domain |
 //! | S_vp | [`value`](basis::Links::value) | basis functions |
 //! | ∇S_vp | [`gradient`](basis::Links::gradient) | their derivatives with respect to X̃ |

@@ -35,7 +35,9 @@ UPDATES = {
     "diagonal-corrected": "$F_{ii}$ + volume (38)",
     "diagonal-incremental": "$\\Delta F_{ii}$ + volume (39)",
 }
-MARKERS = "osD^v<>"
+MARKERS = "osD^v<>p"
+DOMAIN_VOLUME = ("idealisation: plane-strain", "idealisation: plane-strain, point_volume: domain")
+LOOSE = ("tolerance: 1e-9", "tolerance: 1e-6")
 
 
 class Runs:
@@ -44,15 +46,23 @@ class Runs:
     def __init__(self, program, directory):
         self.program, self.directory = Path(program).resolve(), Path(directory).resolve()
 
-    def __call__(self, deck, **parameters):
-        """The results directory of a deck with these parameters."""
+    def __call__(self, deck, change=None, **parameters):
+        """The results directory of a deck with these parameters; `change` replaces a text of the deck by another."""
         if parameters.get("method") == "mpm":
             parameters.pop("update", None)
-        name = "_".join([deck, *(f"{key}-{value}" for key, value in parameters.items())])
+        marks = [re.sub(r"[^\w.-]+", "-", change[1])] if change else []
+        name = "_".join([deck, *marks, *(f"{key}-{value}" for key, value in parameters.items())])
         out = self.directory / name
         if not (out / "summary.json").exists():
+            file = ROOT / "inputs" / f"{deck}.yaml"
+            if change:
+                text = file.read_text()
+                assert change[0] in text
+                out.mkdir(parents=True, exist_ok=True)
+                file = out / "deck.yaml"
+                file.write_text(text.replace(*change))
             settings = [word for key, value in parameters.items() for word in ("--set", f"{key}={value}")]
-            command = [self.program, "run", f"inputs/{deck}.yaml", *settings, "--out", out]
+            command = [self.program, "run", file, *settings, "--out", out]
             subprocess.run(command, cwd=ROOT, stderr=subprocess.PIPE, check=False)
         return out
 
@@ -132,12 +142,13 @@ def compaction(runs):
 
     figure, ((axes,),) = panels(1, 1, 5.5, 4)
     heading("update", *cells)
-    for number, update in enumerate(UPDATES):
+    cases = [("gimp", update, label) for update, label in UPDATES.items()] + [("cpdi2", "corners", "CPDI2")]
+    for number, (method, update, label) in enumerate(cases):
         errors = [
-            compaction_error(runs("compaction", h=50 / c, n=2, method="gimp", update=update, every=20)) for c in cells
+            compaction_error(runs("compaction", h=50 / c, n=2, method=method, update=update, every=20)) for c in cells
         ]
-        row(update, *(f"{e:.2e}" for e in errors))
-        axes.loglog([c / 50 for c in cells], errors, marker=MARKERS[number], ms=4, lw=1, label=UPDATES[update])
+        row(label, *(f"{e:.2e}" for e in errors))
+        axes.loglog([c / 50 for c in cells], errors, marker=MARKERS[number], ms=4, lw=1, label=label)
     slope = np.array([0.2, 4.0])
     axes.loglog(slope, 1e-3 * slope**-2.0, "k--", lw=0.8, label="second order")
     axes.set(xlabel="1 / h  [1/m]", ylabel="error, eq. (42)")
@@ -258,7 +269,7 @@ def stress_limits(values):
 
 def beam(runs):
     reference = np.linspace(0.05, 1, 20)
-    tip = -elastica(reference * 100e3) / 10
+    tip_of_elastica = -elastica(reference * 100e3) / 10
     figure, grid = panels(2, 2, 9.5, 7.4, sharex=True, sharey=True)
     groups = [
         ("standard points, h = 0.5 m", [(f"{n} x {n} points", dict(h=0.5, n=n, method="mpm")) for n in (3, 6, 9, 12)]),
@@ -275,8 +286,8 @@ def beam(runs):
             row(title + ": " + label, outcome, result["evaluations"], f"{history['tip_ux'][-1]:.5f}",
                 f"{history['tip_uy'][-1]:.5f}", result["indefinite_solves"])
             force_displacement(axes, out, label, f"C{number}")
-        axes.plot(tip[0], reference, "ko", ms=3, label="elastica")
-        axes.plot(tip[1], reference, "ko", ms=3, mfc="white")
+        axes.plot(tip_of_elastica[0], reference, "ko", ms=3, label="elastica")
+        axes.plot(tip_of_elastica[1], reference, "ko", ms=3, mfc="white")
         axes.set(title=title)
         axes.grid(alpha=0.3)
         axes.legend(fontsize=7, loc="upper left")
@@ -316,23 +327,36 @@ def beam(runs):
     }
     table_of_residuals(runs("beam", h=0.125, n=6, method="gimp", update="corners", every=0), paper)
     heading("Table 4", "evaluations at 1e-9", "at 1e-6", "paper")
-    for method, counts in (("mpm", (210, 210, 215)), ("gimp", (214, 218, 227))):
+    for method, counts in (("mpm", (210, 210, 215)), ("gimp", (214, 218, 227)), ("cpdi2", (205, 202, 202))):
         for h, count in zip(sizes, counts):
-            strict = summary(runs("beam", h=h, n=6, method=method, update="corners", every=0))["evaluations"]
-            row(f"{method}, h = {h} m", strict, loose_count(runs, h, method), count)
+            strict, loose = (
+                summary(runs("beam", change, h=h, n=6, method=method, update="corners", every=0))["evaluations"]
+                for change in (None, LOOSE)
+            )
+            row(f"{method}, h = {h} m", strict, loose, count)
 
+    figure, (pair,) = panels(1, 2, 9.5, 3.9, sharey=True)
+    heading("final displacement", "GIMP (37) u_x", "u_y", "CPDI2 u_x", "u_y", "difference x", "difference y")
+    for axes, n in zip(pair, (3, 6)):
+        for number, h in enumerate(sizes):
+            tips = []
+            for method in ("gimp", "cpdi2"):
+                out = runs("beam", h=h, n=n, method=method, update="corners", every=0)
+                history = table(out, "history")
+                tips.append((history["tip_ux"][-1], history["tip_uy"][-1]))
+            force_displacement(axes, out, f"h = {h} m", f"C{number}")
+            cells = [f"{u:.5f}" for u in tips[0] + tips[1]]
+            row(f"{n} x {n}, h = {h}, steps {len(history['step'])}", *cells, *(f"{b - a:+.5f}" for a, b in zip(*tips)))
+        axes.plot(tip_of_elastica[0], reference, "ko", ms=3, label="elastica")
+        axes.plot(tip_of_elastica[1], reference, "ko", ms=3, mfc="white")
+        axes.set(title=f"CPDI2, {n} x {n} points", xlabel="displacement / $l_0$ (left curves: horizontal, right: vertical)")
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=7, loc="upper left")
+    pair[0].set(ylabel="load / 100 kN")
+    save_svg(figure, HERE / "beam-cpdi2.svg")
 
-def loose_count(runs, h, method):
-    """Evaluations of the beam with the tolerance 1e-6."""
-    deck = (ROOT / "inputs/beam.yaml").read_text()
-    out = runs.directory / f"beam_loose_{h}_{method}"
-    if not (out / "summary.json").exists():
-        out.mkdir(parents=True, exist_ok=True)
-        loose = out / "deck.yaml"
-        loose.write_text(deck.replace("tolerance: 1e-9", "tolerance: 1e-6"))
-        command = [runs.program, "run", loose, "--set", f"h={h}", "--set", f"method={method}", "--set", "every=0", "--out", out]
-        subprocess.run(command, cwd=ROOT, stderr=subprocess.PIPE, check=False)
-    return summary(out)["evaluations"]
+    out = runs("beam", ("analysis: {" + DOMAIN_VOLUME[0], "analysis: {" + DOMAIN_VOLUME[1]), h=0.5, n=6, method="gimp", update="diagonal", every=0)
+    print("\n(33) with volumes from the domains:", summary(out)["steps"], summary(out)["reason"])
 
 
 def table_of_residuals(out, paper):
@@ -361,6 +385,70 @@ def draw(axes, out, step, component, title, domains=False, size=4.0, lines=0.0, 
     axes.set_aspect("equal")
     axes.set_title(title, fontsize=9)
     axes.tick_params(labelsize=7)
+
+
+# Annulus, section 7.4
+
+
+def annulus_exact(original, alpha=0.1, inner=0.75, outer=1.25):
+    """Displacement of the manufactured solution, eq. (44), at original positions."""
+    x, y = original.T
+    radius = np.hypot(x, y)
+    angle = alpha * 16 * ((radius - inner) * (radius - outer)) ** 2 / (inner - outer) ** 4
+    return np.stack([np.cos(angle) * x - np.sin(angle) * y - x, np.sin(angle) * x + np.cos(angle) * y - y], axis=1)
+
+
+def annulus_error(out):
+    """Mean distance of the points from where they should be, weighted with their original volume."""
+    mesh = mesh_of_step(out, "points", -1)
+    u = np.asarray(mesh.point_data["displacement"])[:, :2]
+    off = np.linalg.norm(u - annulus_exact(np.asarray(mesh.points)[:, :2] - u), axis=1)
+    return float(np.average(off, weights=mesh.point_data["volume"] / mesh.point_data["J"]))
+
+
+def annulus(runs):
+    segments, counts = (18, 36, 72, 144, 288), (1, 4, 8, 16)
+    sizes = np.array([2 * np.pi * 1.25 / s for s in segments])
+    figure, ((axes,),) = panels(1, 1, 5.5, 4.2)
+    heading("points per triangle", *(f"{h:.4f}" for h in sizes), "slope")
+    for number, n in enumerate(counts):
+        errors = []
+        for s in segments:
+            out = runs("annulus", segments=s, n=n, every=10)
+            if summary(out)["outcome"] != "completed":
+                print(s, n, summary(out)["reason"])
+            errors.append(annulus_error(out) if summary(out)["outcome"] == "completed" else np.nan)
+        errors = np.array(errors)
+        done = np.isfinite(errors)
+        slope = np.polyfit(np.log(sizes[done]), np.log(errors[done]), 1)[0]
+        row(n, *(f"{e:.4e}" for e in errors), f"{slope:.2f}")
+        axes.loglog(1 / sizes[done], errors[done], marker=MARKERS[number], ms=4, lw=1, label=f"{n}")
+    # 144 points per triangle, from the test `the_displacement_converges_with_order_two`.
+    axes.loglog(1 / sizes, ANNULUS_144, marker=MARKERS[4], ms=4, lw=1, label="144")
+    line = np.array([3.0, 40.0])
+    axes.loglog(line, 0.1 * line**-2.0, "k--", lw=0.8, label="second order")
+    axes.set(xlabel="1 / h  [1/m]", ylabel="mean displacement error  [m]")
+    axes.legend(fontsize=7, title="points per triangle", title_fontsize=7)
+    axes.grid(alpha=0.3)
+    save_svg(figure, HERE / "annulus-error.svg")
+
+    figure, (row_of_axes,) = panels(1, 3, 12, 4.4)
+    for axes, s in zip(row_of_axes, (36, 72, 144)):
+        out = runs("annulus", segments=s, n=4, every=10)
+        grid = mesh_of_step(out, "grid", -1)
+        triangles = np.asarray(grid.points)[grid.cell_connectivity.reshape(-1, 3), :2]
+        axes.add_collection(PolyCollection(triangles, facecolors="none", edgecolors="0.6", linewidths=0.3, zorder=0))
+        mesh = mesh_of_step(out, "points", -1)
+        u = np.linalg.norm(np.asarray(mesh.point_data["displacement"]), axis=1)
+        drawn = axes.scatter(*np.asarray(mesh.points)[:, :2].T, c=u, s=(200 / s) ** 2, cmap="viridis", vmin=0, vmax=0.1, linewidths=0)
+        axes.set(aspect="equal", xlim=(-1.3, 1.3), ylim=(-1.3, 1.3))
+        axes.set_title(f"h = {2 * np.pi * 1.25 / s:.4f} m", fontsize=9)
+        axes.tick_params(labelsize=7)
+    figure.colorbar(drawn, ax=row_of_axes, label="displacement [m]", shrink=0.7)
+    save(figure, HERE / "annulus-points.png")
+
+
+ANNULUS_144 = (3.1275e-2, 8.9411e-3, 3.5174e-3, 6.2458e-4, 1.3686e-4)
 
 
 # Collapse, section 7.5
@@ -403,14 +491,19 @@ def collapse(runs):
         "determinant": (13.645, 6.316), "diagonal": (14.415, 5.546), "stretch": (13.425, 6.441),
         "corners": (13.769, 6.392), "diagonal-corrected": (13.769, 6.257), "diagonal-incremental": (13.769, 6.257),
     }
-    figure, grid = panels(3, 2, 11, 9.3)
+    cases = [(UPDATES[u], None, "gimp", u, *values) for u, values in paper.items()]
+    cases.append(("CPDI2", None, "cpdi2", "corners", 13.780, 6.292))
+    for update in ("diagonal", "stretch"):
+        cases.append((UPDATES[update] + ", volumes from domains", DOMAIN_VOLUME, "gimp", update, *paper[update]))
+    figure, grid = panels(5, 2, 11, 15.3)
     heading("update", "extent, paper", "ours", "difference", "height, paper", "ours", "difference", "evaluations")
-    for axes, (update, (px, py)) in zip(grid.flat, paper.items()):
-        out = runs("collapse", h=1, n=6, method="gimp", update=update, every=40)
+    for axes, (title, change, method, update, px, py) in zip(grid.flat, cases):
+        out = runs("collapse", change, h=1, n=6, method=method, update=update, every=40)
         x, y = extent_and_height(out)
-        row(update, px, f"{x:.4f}", f"{x - px:+.4f}", py, f"{y:.4f}", f"{y - py:+.4f}", summary(out)["evaluations"])
-        draw(axes, out, 40, "YY", UPDATES[update], domains=True, limits=limits, lines=0.08)
+        row(title, px, f"{x:.4f}", f"{x - px:+.4f}", py, f"{y:.4f}", f"{y - py:+.4f}", summary(out)["evaluations"])
+        draw(axes, out, 40, "YY", title, domains=True, limits=limits, lines=0.08)
         axes.set(xlim=(0, 16), ylim=(-0.4, 8))
+    grid[4, 1].set_axis_off()
     stress_bar(figure, grid, limits)
     save(figure, HERE / "collapse-domains.png")
 
@@ -450,7 +543,14 @@ def picture(runs):
     save(figure, ROOT / "docs/images/beam.png")
 
 
-PAGES = {"compaction": compaction, "shear": shear, "beam": beam, "collapse": collapse, "picture": picture}
+PAGES = {
+    "compaction": compaction,
+    "shear": shear,
+    "beam": beam,
+    "annulus": annulus,
+    "collapse": collapse,
+    "picture": picture,
+}
 
 
 def main():
