@@ -428,7 +428,7 @@ def annulus(runs):
         slope = np.polyfit(np.log(sizes[done]), np.log(errors[done]), 1)[0]
         row(n, *(f"{e:.4e}" for e in errors), f"{slope:.2f}")
         axes.loglog(1 / sizes[done], errors[done], marker=MARKERS[number], ms=4, lw=1, label=f"{n}")
-    # 144 points per triangle, from the test `the_displacement_converges_with_order_two`.
+    # 144 points per triangle, from the second study of annulus.md: too long for this script.
     axes.loglog(1 / sizes, ANNULUS_144, marker=MARKERS[4], ms=4, lw=1, label="144")
     line = np.array([3.0, 40.0])
     axes.loglog(line, 0.1 * line**-2.0, "k--", lw=0.8, label="second order")
