@@ -7,7 +7,7 @@ use crate::domain::Collapsed;
 use crate::linear::LinearError;
 use crate::loads::LoadNotFinite;
 use crate::model::Model;
-use crate::points::Points;
+use crate::points::{Points, coordinates};
 use crate::stress::PointError;
 
 use super::Step;
@@ -27,11 +27,6 @@ impl std::fmt::Display for PointPlace {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "point {} of body `{}` at {}", self.point, self.body, coordinates(&self.position))
     }
-}
-
-fn coordinates(position: &[f64]) -> String {
-    let numbers: Vec<String> = position.iter().map(|x| format!("{x:.6}")).collect();
-    format!("({})", numbers.join(", "))
 }
 
 /// A run could not go on. The converged state of the points is the last equilibrated one.
