@@ -1,6 +1,6 @@
 //! Gate three, feasibility: from a deck to the model and its points. What needs the mesh is checked here.
 
-use super::diagnostic::{Diagnostic, Severity, quote};
+use super::diagnostic::{Diagnostic, Severity, list, quote};
 use super::formulas::at_points;
 use super::load::LoadedDeck;
 use super::placing;
@@ -227,8 +227,12 @@ impl Builder<'_> {
             );
             let found =
                 Diagnostic::at(&self.loaded.source, "D033", &format!("/bodies/{number}/shape"), message);
-            let severity = if part.abs() > MUCH { Severity::Warning } else { Severity::Note };
-            self.found.push(found.severity(severity));
+            self.found.push(if part.abs() > MUCH {
+                let help = "use more points or smaller cells, and see that the region lies in the grid";
+                found.severity(Severity::Warning).help(help)
+            } else {
+                found.severity(Severity::Note)
+            });
         }
     }
 
@@ -311,7 +315,10 @@ impl Builder<'_> {
         if nodes.is_empty() && !off_line {
             let message = format!("the boundary condition {} selects no grid node", quote(&condition.name));
             let help = grid.structured().map_or_else(
-                || "name a physical group of the mesh by `group`".to_owned(),
+                || {
+                    let names = grid.set_names();
+                    format!("name a physical group of the mesh by `group`; there are {}", list(names))
+                },
                 |grid| {
                     let ([x, y], [hx, hy]) = (grid.origin(), grid.spacing());
                     format!("grid nodes lie at {x} + i {hx} in x and {y} + j {hy} in y")

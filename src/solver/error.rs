@@ -229,11 +229,19 @@ impl SolveError {
         let position = points.converged.position[failure.point];
         match failure.error {
             SupportError::OffGrid => Self::off_grid(model, points, failure.point, position, step),
-            error => {
-                let place = place(model, points, failure.point, position);
-                SolveError::Domain { step: step.index, place, error }
-            }
+            error => Self::domain(model, points, failure.point, position, step, error),
         }
+    }
+
+    pub(super) fn domain<const D: usize>(
+        model: &Model<D>,
+        points: &Points<D>,
+        p: usize,
+        position: [f64; D],
+        step: Step,
+        error: SupportError,
+    ) -> Self {
+        SolveError::Domain { step: step.index, place: place(model, points, p, position), error }
     }
 
     pub(super) fn off_grid<const D: usize>(

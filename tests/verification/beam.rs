@@ -1,6 +1,8 @@
 //! Section 7.3: elastic cantilever under an end load.
 
-use crate::analysis::{Analysis, run};
+use mpm::solver::SolveError;
+
+use crate::analysis::{Analysis, run, run_with_domain_volume};
 
 /// Load step, evaluations and displacement of the loaded points from a reference file.
 fn reference(name: &str) -> Vec<(usize, usize, [f64; 2])> {
@@ -155,4 +157,19 @@ fn cpdi2_follows_the_independent_program() {
         assert_balanced(&analysis);
         assert_quadratic(&analysis, &[]);
     }
+}
+
+/// Fig. 15(b): F_ii shrinks the domains of the turning beam, eq. (33). With the volume of a point taken from its domain
+/// the paper loses the beam in step 19, the independent program in step 20, where points leave the grid. Both carry on
+/// with domains of negative length, which first appear in step 18: here that is an error.
+#[test]
+fn domains_that_shrink_in_rotation_end_the_analysis() {
+    let set = [("h", "0.5"), ("method", "gimp"), ("update", "diagonal")];
+    let analysis = run_with_domain_volume("beam.yaml", &set);
+    let error = analysis.summary.as_ref().unwrap_err();
+    println!("{} steps, then: {error}", analysis.steps.len());
+    assert!(matches!(error, SolveError::Collapsed { step: 18, .. }), "{error}");
+    assert_eq!(analysis.steps.len(), 17);
+    assert!(analysis.steps.iter().all(|step| step.residuals.last().is_some_and(|r| *r <= 1e-9)));
+    assert_balanced(&analysis);
 }
