@@ -95,10 +95,8 @@ impl<const D: usize> VectorFormula<D> {
         values[..D].copy_from_slice(x);
         values[D..2 * D].copy_from_slice(original);
         values[2 * D] = factor;
-        let mut known = 2 * D + 1;
-        for formula in &self.intermediate {
+        for (known, formula) in (2 * D + 1..).zip(&self.intermediate) {
             values[known] = formula.evaluate(&values[..known]);
-            known += 1;
         }
         values
     }

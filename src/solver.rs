@@ -282,7 +282,7 @@ impl<const D: usize> StepSystem<D> {
         }
         let load = |time| {
             external_force(model, points, links, time) // (24), (25), (29)
-                .map_err(|error| SolveError::Load { step: step.index, error })
+                .map_err(|error| SolveError::Load { step: step.index, error: Box::new(error) })
         };
         let f_ext = load(step.end)?;
         // At time 0 nothing is loaded yet, whatever the curves say.

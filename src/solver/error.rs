@@ -128,7 +128,7 @@ pub enum SolveError {
         /// The step.
         step: usize,
         /// Why.
-        error: LoadNotFinite,
+        error: Box<LoadNotFinite>,
     },
     /// The user asked to stop.
     #[error("interrupted before step {step}")]

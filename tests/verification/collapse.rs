@@ -104,19 +104,18 @@ fn table_7_with_the_volume_of_the_domain() {
     assert!((x - extent).abs().max((y - height).abs()) > 0.01, "{x:.4} {y:.4}");
 }
 
-/// Table 7, (33), 14.4145 and 5.5462 in the independent program: there F_ii of one point turns negative in the last
-/// step, and its domain with it, which that program does not notice. Here it is an error, and the 39 steps before it
-/// stay below that extent and above that height.
+/// Table 7, (33): the independent program gets the printed 14.415, 5.546, but in the last step a domain has a negative
+/// length there. Here that is an error; the step before it agrees.
 #[test]
 fn table_7_with_a_domain_that_collapses() {
     let set = [("h", "1"), ("n", "6"), ("method", "gimp"), ("update", "diagonal")];
     let analysis = run_with_domain_volume("collapse.yaml", &set);
     let error = analysis.summary.as_ref().unwrap_err();
     let [x, y] = extent_and_height(&analysis);
-    println!("extent {x:.4}, height {y:.4} after step {}; then {error}", analysis.steps.len());
+    println!("step {}: extent {x:.6}, height {y:.6}; then {error}", analysis.steps.len());
     assert!(matches!(error, SolveError::Collapsed { step: 40, .. }), "{error}");
     assert_eq!(analysis.steps.len(), 39);
-    assert!((13.8..14.4145).contains(&x) && (5.5462..6.2).contains(&y), "{x:.4} {y:.4}");
+    assert!((x - 14.1021133).abs() < 1e-6 && (y - 5.7150683).abs() < 1e-6, "{x:.7} {y:.7}");
 }
 
 /// Table 8 with (38), to the printed digits as far as 1e-12. Residuals below that are round-off.
