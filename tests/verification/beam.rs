@@ -170,9 +170,14 @@ fn domains_that_shrink_in_rotation_end_the_analysis() {
     println!("{} steps, then: {error}", analysis.steps.len());
     assert!(matches!(error, SolveError::Collapsed { step: 18, .. }), "{error}");
     assert_eq!(analysis.steps.len(), 17);
-    let [ux, uy] = analysis.steps[16].probes[0];
-    println!("step 17: {ux:.9} {uy:.9}");
-    assert!((ux + 3.4708841721).abs() < 1e-6 && (uy + 6.6134286048).abs() < 1e-6, "{ux} {uy}");
+    // By step 17 the smallest domain has 2 % of its volume, and the two programs have drifted apart by 1.5e-5 m.
+    for (step, expected, tolerance) in
+        [(10, [-1.7093302690f64, -5.0105466913], 1e-6), (17, [-3.4708841721, -6.6134286048], 2e-5)]
+    {
+        let u = analysis.steps[step - 1].probes[0];
+        println!("step {step}: {u:.9?}, reference {expected:.9?}");
+        assert!((0..2).all(|d| (u[d] - expected[d]).abs() < tolerance), "step {step}: {u:?}");
+    }
     assert!(analysis.steps.iter().all(|step| step.residuals.last().is_some_and(|r| *r <= 1e-9)));
     assert_balanced(&analysis);
 }
