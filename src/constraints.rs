@@ -4,7 +4,7 @@ use crate::basis::Connectivity;
 use crate::formula::Formula;
 use crate::loads::LoadCurve;
 use crate::model::Model;
-use crate::points::Points;
+use crate::points::{Points, coordinates};
 
 /// The nodes that a boundary condition acts on.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,7 +57,10 @@ pub enum ConstraintError {
         b: f64,
     },
     /// A formula has no finite value at a node.
-    #[error("the displacement of boundary condition `{name}` along {axis} is not finite at node {node:?}")]
+    #[error(
+        "the displacement of boundary condition `{name}` along {axis} is not finite at node {}: the formula `{formula}` \
+         gives {value} at load factor {factor}", coordinates(.node)
+    )]
     NotFinite {
         /// The boundary condition.
         name: String,
@@ -65,6 +68,12 @@ pub enum ConstraintError {
         axis: &'static str,
         /// Position of the grid node, [length].
         node: Vec<f64>,
+        /// The load factor.
+        factor: f64,
+        /// Text of the formula.
+        formula: String,
+        /// The increment that follows from it.
+        value: f64,
     },
 }
 
@@ -110,6 +119,9 @@ impl<const D: usize> DofMap<D> {
                             name: condition.name.clone(),
                             axis: AXES[axis % 3],
                             node: place.to_vec(),
+                            factor: factors[1].unwrap_or_default(),
+                            formula: formula.text().to_owned(),
+                            value: increment,
                         });
                     }
                     let dof = &mut dofs[active][axis];

@@ -16,6 +16,7 @@ const STACK: usize = 64;
 /// A formula ready to be evaluated.
 #[derive(Debug, Clone)]
 pub struct Formula {
+    text: String,
     code: Vec<Op>,
     variables: usize,
 }
@@ -63,12 +64,18 @@ impl Formula {
         variables: &[&str],
         constants: &[(&str, f64)],
     ) -> Result<Formula, FormulaError> {
-        Ok(Formula { code: Parser::new(text, variables, constants).parse()?, variables: variables.len() })
+        let code = Parser::new(text, variables, constants).parse()?;
+        Ok(Formula { text: text.to_owned(), code, variables: variables.len() })
     }
 
     /// The formula that is the same number everywhere.
     pub fn constant(value: f64) -> Formula {
-        Formula { code: vec![Op::Constant(value)], variables: 0 }
+        Formula { text: value.to_string(), code: vec![Op::Constant(value)], variables: 0 }
+    }
+
+    /// The text it was made from.
+    pub fn text(&self) -> &str {
+        &self.text
     }
 
     /// The value, where the formula does not depend on any variable.

@@ -3,7 +3,7 @@
 use crate::basis::Connectivity;
 use crate::formula::Formula;
 use crate::model::Model;
-use crate::points::Points;
+use crate::points::{Points, coordinates};
 
 /// Load factor over time, linear between given times.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,19 +82,32 @@ impl<const D: usize> VectorFormula<D> {
 
     /// The vector at a load factor; components that do not depend on it are multiplied by it.
     pub fn evaluate(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> [f64; D] {
+        let values = self.values(x, original, factor);
+        std::array::from_fn(|d| {
+            let value = self.components[d].evaluate(&values);
+            if self.scaled[d] { value * factor } else { value }
+        })
+    }
+
+    /// The variables with the intermediate values.
+    fn values(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> [f64; 7 + MOST_INTERMEDIATE] {
         let mut values = [0.0; 7 + MOST_INTERMEDIATE];
         values[..D].copy_from_slice(x);
         values[D..2 * D].copy_from_slice(original);
         values[2 * D] = factor;
-        let mut known = 2 * D + 1;
-        for formula in &self.intermediate {
+        for (known, formula) in (2 * D + 1..).zip(&self.intermediate) {
             values[known] = formula.evaluate(&values[..known]);
-            known += 1;
         }
-        std::array::from_fn(|d| {
-            let value = self.components[d].evaluate(&values[..known]);
-            if self.scaled[d] { value * factor } else { value }
-        })
+        values
+    }
+
+    /// The first formula without a finite value, and that value: an intermediate one, if any, before the components.
+    fn not_finite(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> Option<(&str, f64)> {
+        let values = self.values(x, original, factor);
+        let of_intermediate = self.intermediate.iter().zip(&values[2 * D + 1..]).map(|(f, v)| (f, *v));
+        let of_components = self.components.iter().zip(self.evaluate(x, original, factor));
+        let mut all = of_intermediate.chain(of_components);
+        all.find(|(_, value)| !value.is_finite()).map(|(formula, value)| (formula.text(), value))
     }
 }
 
@@ -113,12 +126,26 @@ pub struct Load<const D: usize> {
 
 /// A body force has no finite value at a point.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("load `{load}` is not finite at point {point}")]
+#[error(
+    "load `{load}` is not finite at point {point} of body `{body}` at {}: the formula `{formula}` gives {value} at \
+     load factor {factor}",
+    coordinates(.position)
+)]
 pub struct LoadNotFinite {
     /// Name of the load.
     pub load: String,
+    /// Name of the body.
+    pub body: String,
     /// Permanent number of the point.
     pub point: u32,
+    /// Where the point is, [length].
+    pub position: Vec<f64>,
+    /// The load factor.
+    pub factor: f64,
+    /// Text of the first formula without a finite value, which may be an intermediate one.
+    pub formula: String,
+    /// Its value.
+    pub value: f64,
 }
 
 /// The external force of eq. (29) on the active nodes at a time, [force].
@@ -173,7 +200,17 @@ fn forces_on_points<const D: usize>(
                     let (x, original) = (&points.converged.position[p], &points.original_position[p]);
                     let density = formula.evaluate(x, original, factor);
                     if density.iter().any(|b| !b.is_finite()) {
-                        return Err(LoadNotFinite { load: load.name.clone(), point: points.id[p] });
+                        let fault = formula.not_finite(x, original, factor);
+                        let (text, value) = fault.unwrap_or(("", f64::NAN));
+                        return Err(LoadNotFinite {
+                            load: load.name.clone(),
+                            body: model.bodies[points.body[p] as usize].name.clone(),
+                            point: points.id[p],
+                            position: x.to_vec(),
+                            factor,
+                            formula: text.to_owned(),
+                            value,
+                        });
                     }
                     let volume = model.volume(points, p);
                     for d in 0..D {

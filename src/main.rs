@@ -12,11 +12,11 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::{Args, Parser, Subcommand};
-use mpm::basis::Connectivity;
 use mpm::deck::load::load;
 use mpm::deck::schema::deck_schema;
 use mpm::output::summary::Start;
-use mpm::solver::SolveError;
+use mpm::solver::{self, SolveError};
+use mpm::stress::PlaneStrain;
 use mpm::timing::{Phase, Timings};
 
 use analysis::{Ready, explain, messages, prepare, run_into};
@@ -163,29 +163,21 @@ fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
     let Some(Ready { loaded, model, mut points }) = prepare_aloud(args) else {
         return Ok(ExitCode::from(USAGE));
     };
-    let methods: Vec<_> = model.bodies.iter().map(|body| body.method).collect();
-    let links = Connectivity::new(model.grid.as_ref(), &mut points, &methods)
-        .map_err(|failure| anyhow::anyhow!("point {}: {}", points.id[failure.point], failure.error))?;
-    let first = model.end_time / model.n_steps as f64;
-    let dofs = match mpm::constraints::DofMap::new(&model, &points, &links, 0.0, first) {
-        Ok(dofs) => dofs,
+    let first = match solver::first_step::<2, PlaneStrain>(&model, &mut points) {
+        Ok(first) => first,
         Err(error) => {
-            tell!("error: {error}");
-            return Ok(ExitCode::from(USAGE));
+            explain(&error);
+            return Ok(ExitCode::from(FAILED));
         }
     };
-    if let Err(error) = mpm::loads::external_force(&model, &points, &links, first) {
-        tell!("error: {error}");
-        return Ok(ExitCode::from(USAGE));
-    }
     print(&format!(
         "{}: ready\n  {} points in {} bodies, {} cells, {} active nodes, {} unknowns in the first of {} steps\n",
         loaded.source.name(),
         points.len(),
         model.bodies.len(),
         model.grid.n_cells(),
-        links.n_active(),
-        dofs.n_free(),
+        first.active_nodes,
+        first.unknowns,
         model.n_steps,
     ))
 }

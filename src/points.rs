@@ -3,6 +3,12 @@
 use crate::grid::Grid;
 use crate::tensor::{Mat3, Sym3};
 
+/// A position as messages show it.
+pub(crate) fn coordinates(position: &[f64]) -> String {
+    let numbers: Vec<String> = position.iter().map(|x| format!("{x:.6}")).collect();
+    format!("({})", numbers.join(", "))
+}
+
 /// Where the current volume of a point comes from.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize, schemars::JsonSchema,

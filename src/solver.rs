@@ -59,6 +59,31 @@ pub fn run<const D: usize, M: Mechanics<D>>(
     outcome.and(told.map_err(SolveError::Output)).map(|()| finished)
 }
 
+/// The size of the first load step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FirstStep {
+    /// Nodes that the points touch.
+    pub active_nodes: usize,
+    /// Degrees of freedom that no boundary condition prescribes.
+    pub unknowns: usize,
+}
+
+/// Sets the first load step up, as [`run`] does before it solves anything.
+///
+/// # Errors
+/// As [`run`] for what is wrong with the first step before its first solution.
+pub fn first_step<const D: usize, M: Mechanics<D>>(
+    model: &Model<D>,
+    points: &mut Points<D>,
+) -> Result<FirstStep, SolveError> {
+    let step = Step { index: 1, start: 0.0, end: model.end_time * (1.0 / model.n_steps as f64) };
+    let methods: Vec<Method> = model.bodies.iter().map(|b| b.method).collect();
+    let links = Connectivity::new(model.grid.as_ref(), points, &methods)
+        .map_err(|failure| SolveError::unsupported(model, points, failure, step))?;
+    let system = StepSystem::new::<M>(model, points, &links, step)?;
+    Ok(FirstStep { active_nodes: links.n_active(), unknowns: system.dofs.n_free() })
+}
+
 /// What lives from step to step: the linear solver with its analysis, and the account of the run.
 struct Solver {
     linear: Direct,
@@ -257,7 +282,7 @@ impl<const D: usize> StepSystem<D> {
         }
         let load = |time| {
             external_force(model, points, links, time) // (24), (25), (29)
-                .map_err(|error| SolveError::Load { step: step.index, error })
+                .map_err(|error| SolveError::Load { step: step.index, error: Box::new(error) })
         };
         let f_ext = load(step.end)?;
         // At time 0 nothing is loaded yet, whatever the curves say.

@@ -256,3 +256,21 @@ proptest! {
         let _ = load_text("deck.yaml", BEAM.as_bytes(), &[(name, value.clone()), ("h".into(), value)]);
     }
 }
+
+/// A study must not take the results of another mesh for its own.
+#[test]
+fn the_mesh_is_part_of_the_hash() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mesh hash");
+    std::fs::create_dir_all(&folder).unwrap();
+    let deck =
+        std::fs::read_to_string("tests/decks/build/counts_of_the_cells_that_are_filled.good.yaml").unwrap();
+    let deck = deck.replace("../../data/mesh/mixed_4.1_text.msh", "a.msh");
+    let name = folder.join("deck.yaml").display().to_string();
+    let hash = |mesh: &str| {
+        std::fs::copy(format!("tests/data/mesh/{mesh}.msh"), folder.join("a.msh")).unwrap();
+        load_text(&name, deck.as_bytes(), &[]).unwrap().hash()
+    };
+    let first = hash("mixed_4.1_text");
+    assert_ne!(first, hash("mixed_2.2_text"));
+    assert_eq!(first, hash("mixed_4.1_text"));
+}

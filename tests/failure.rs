@@ -6,7 +6,8 @@ use std::path::Path;
 
 use mpm::assembly::System;
 use mpm::basis::Connectivity;
-use mpm::deck::{build::build, load::load};
+use mpm::deck::build::build;
+use mpm::deck::load::{load, load_text};
 use mpm::loads::external_force;
 use mpm::model::Model;
 use mpm::points::Points;
@@ -99,4 +100,76 @@ fn the_node_farthest_from_equilibrium_is_named() {
         assert!((there[d] - force[d]).abs() < 1e-6 * size(force), "{there:?} instead of {force:?}");
     }
     assert!(message.contains(&format!("node ({:.6}, {:.6})", place[0], place[1])), "{message}");
+}
+
+/// Why a square of one point per cell, in a grid of 6 by 6 cells of side 1, cannot be analysed.
+fn failure_of_square(side: u32, method: &str, rest: &str) -> SolveError {
+    let text = format!(
+        "version: 1
+grid: {{type: structured, origin: [0, 0], size: [6, 6], spacing: 1}}
+materials: {{m: {{model: hencky, young: 1e3, poisson: 0}}}}
+bodies: [{{name: square, material: m, shape: {{type: box, min: [0, 0], max: [{side}, {side}]}},
+          method: {method}, points_per_cell: 1}}]
+{rest}"
+    );
+    let (model, mut points) = build(&load_text("deck", text.as_bytes(), &[]).unwrap()).unwrap();
+    solver::run::<2, PlaneStrain>(&model, &mut points, &mut Silent).unwrap_err()
+}
+
+/// In the last step as well: no later step would notice.
+#[test]
+fn a_domain_that_leaves_the_grid_is_an_error() {
+    let rest = "boundary_conditions: [{name: all, nodes: {outer_layer: square}, ux: 2.2, uy: 0}]
+steps: {count: 1}";
+    for method in ["cpdi1", "cpdi2"] {
+        let error = failure_of_square(4, method, rest);
+        let text = error.to_string();
+        assert!(matches!(error, SolveError::Domain { step: 1, .. }), "{text}");
+        assert!(
+            text.contains("of body `square` at (5.700000, ") && text.contains("at (6.200000, "),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn a_domain_that_crosses_itself_is_an_error() {
+    let rest = "boundary_conditions:
+  - {name: all, nodes: {outer_layer: square}, uy: 0,
+     ux: 'if(y > 0.5, if(x < 0.5, 0.8, -0.5), 0)'}
+steps: {count: 1}";
+    let error = failure_of_square(1, "cpdi2", rest);
+    assert!(matches!(error, SolveError::Domain { step: 1, .. }), "{error}");
+    assert!(error.to_string().ends_with("its domain is inverted or crosses itself"), "{error}");
+}
+
+#[test]
+fn formulas_without_value_are_quoted() {
+    let base = "boundary_conditions: [{name: base, nodes: {y: 0}, fix: [x, y]}]\n";
+    let force = |where_, force: &str| {
+        format!(
+            "{base}loads: [{{name: push, type: body-force, where: {{{where_}}}, force: [1, '{force}']}}]
+steps: {{count: 2}}"
+        )
+    };
+    for (rest, expected) in [
+        (
+            force("", "sqrt(1 - X)"),
+            "step 1: load `push` is not finite at point 1 of body `square` at (1.500000, 0.500000): the formula \
+             `sqrt(1 - X)` gives NaN at load factor 0.5",
+        ),
+        (
+            force("r: 2*q, q: 1/(y - 1.5)", "r + X"),
+            "step 1: load `push` is not finite at point 2 of body `square` at (0.500000, 1.500000): the formula \
+             `1/(y - 1.5)` gives inf at load factor 0.5",
+        ),
+        (
+            "boundary_conditions: [{name: base, nodes: {y: 0}, ux: 1/x, uy: 0}]\nsteps: {count: 2}"
+                .to_owned(),
+            "step 1: the displacement of boundary condition `base` along x is not finite at node (0.000000, 0.000000): \
+             the formula `1/x` gives inf at load factor 0.5",
+        ),
+    ] {
+        assert_eq!(failure_of_square(2, "mpm", &rest).to_string(), expected);
+    }
 }

@@ -47,6 +47,23 @@ impl<const D: usize> Basis<D> for Cpdi {
     }
 }
 
+/// Whether a domain given by its corners lies in the grid and is neither inverted nor a bow-tie; `cell` is where to
+/// look first.
+///
+/// # Errors
+/// What [`Cpdi`] could not form basis functions from.
+pub fn check_domain<const D: usize>(
+    grid: &dyn Grid<D>,
+    corners: &[[f64; D]],
+    cell: u32,
+) -> Result<(), SupportError> {
+    for (corner, place) in corners.iter().enumerate() {
+        grid.locate(place, Some(cell))
+            .ok_or(SupportError::CornerOffGrid { corner, position: crate::tensor::padded(place) })?;
+    }
+    CornerWeights::new(corners).map(|_| ())
+}
+
 /// w_c and g_c of a domain.
 struct CornerWeights<const D: usize> {
     value: [f64; MAX_CORNERS],

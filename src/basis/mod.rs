@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::grid::Grid;
 
 pub use connectivity::{Connectivity, Links, SupportFailure};
-pub use cpdi::{Cpdi, domain_volume};
+pub use cpdi::{Cpdi, check_domain, domain_volume};
 pub use gimp::Gimp;
 pub use mpm::Mpm;
 

@@ -1,16 +1,18 @@
 //! Gate three, feasibility: from a deck to the model and its points. What needs the mesh is checked here.
 
-use super::diagnostic::{Diagnostic, Severity, quote};
+use super::diagnostic::{Diagnostic, Severity, list, quote};
 use super::formulas::at_points;
 use super::load::LoadedDeck;
-use super::seeding::{Filled, Filling, unknown_group};
+use super::placing;
+use super::seeding::{Filled, Filling};
 use super::{
     BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve as CurveDeck, LoadDeck, MaterialDeck,
     NodeSelector, PerAxis,
 };
 use crate::constraints::{BoundaryCondition, NodeSet};
 use crate::formula::Formula;
-use crate::grid::{Grid, Mesh, Structured, gmsh};
+use crate::grid::gmsh::{self, GmshError};
+use crate::grid::{Grid, Mesh, Structured};
 use crate::loads::{Action, Load, LoadCurve};
 use crate::material::{Hencky, Material, VonMises};
 use crate::model::{Body, Model, NamedMaterial, Newton, Probe};
@@ -18,6 +20,9 @@ use crate::points::{Points, Seed};
 
 /// Relative distance to a grid line within which a selected coordinate counts as lying on it.
 const ON_LINE: f64 = 1e-6;
+
+/// Part of the area of a region that is probably not missed on purpose.
+const MUCH: f64 = 0.05;
 
 /// Builds the two-dimensional model of a deck that passed the earlier gates, and its points.
 ///
@@ -126,23 +131,32 @@ impl Builder<'_> {
     fn mesh(&mut self, file: &str) -> Option<Mesh> {
         let path = self.loaded.directory.join(file);
         let source = &self.loaded.source;
-        let mesh = gmsh::read_file(&path)
-            .map_err(|error| format!("the mesh `{file}` cannot be read: {error}"))
+        let read = gmsh::read_file(&path);
+        // What is in the file can only be mended in gmsh.
+        let help = match &read {
+            Err(GmshError::Io(_) | GmshError::NotAFile | GmshError::TooLarge { .. }) => {
+                format!("the path is relative to the deck; this is `{}`", path.display())
+            }
+            Err(GmshError::NotGmsh) => "save the mesh from gmsh as `.msh`, format 4.1 or 2.2".to_owned(),
+            _ => "mend the mesh in gmsh and save it again".to_owned(),
+        };
+        let mesh = read
+            .map_err(|error| format!("the mesh {} cannot be read: {error}", quote(file)))
             .and_then(|read| {
-                Mesh::from_gmsh(&read).map_err(|error| format!("the mesh `{file}` cannot be used: {error}"))
+                Mesh::from_gmsh(&read)
+                    .map_err(|error| format!("the mesh {} cannot be used: {error}", quote(file)))
             });
         match mesh {
             Ok(mesh) => {
                 for warning in mesh.warnings() {
-                    let message = format!("the mesh `{file}`: {warning}");
+                    let message = format!("the mesh {}: {warning}", quote(file));
                     let found = Diagnostic::at(source, "D032", "/grid/file", message);
                     self.found.push(found.severity(Severity::Warning));
                 }
                 Some(mesh)
             }
             Err(message) => {
-                let found = Diagnostic::at(source, "D032", "/grid/file", message);
-                self.found.push(found.help("the path is relative to the deck"));
+                self.error("D032", "/grid/file", message, help);
                 None
             }
         }
@@ -175,7 +189,11 @@ impl Builder<'_> {
                 density: density(&self.deck.materials[&deck.material]),
                 history: fields.iter().map(|f| f.initial).collect(),
             };
-            match filling.fill(deck) {
+            let filled = filling.fill(deck).and_then(|filled| {
+                placing::inside_grid(grid, &deck.name, &filled.seeds)?;
+                Ok(filled)
+            });
+            match filled {
                 Ok(filled) => {
                     self.report_area(number, deck, &filled);
                     seeds.extend(filled.seeds);
@@ -185,6 +203,12 @@ impl Builder<'_> {
                     self.error(fault.code, &pointer, fault.message, fault.help);
                 }
             }
+        }
+        for (number, message) in placing::overlaps(grid, &self.deck.bodies, &seeds) {
+            let found =
+                Diagnostic::at(&self.loaded.source, "D025", &format!("/bodies/{number}/shape"), message);
+            let help = "take the one from the other by a `difference`, if this is not meant";
+            self.found.push(found.severity(Severity::Warning).help(help));
         }
         seeds
     }
@@ -203,7 +227,12 @@ impl Builder<'_> {
             );
             let found =
                 Diagnostic::at(&self.loaded.source, "D033", &format!("/bodies/{number}/shape"), message);
-            self.found.push(found.severity(Severity::Note));
+            self.found.push(if part.abs() > MUCH {
+                let help = "use more points or smaller cells, and see that the region lies in the grid";
+                found.severity(Severity::Warning).help(help)
+            } else {
+                found.severity(Severity::Note)
+            });
         }
     }
 
@@ -254,12 +283,15 @@ impl Builder<'_> {
             return NodeSet::OuterLayer(self.body_number(body) as u16);
         }
         if let Some(name) = group {
-            return NodeSet::Fixed(self.group(
-                grid.node_set(name),
-                grid,
-                name,
-                &format!("{pointer}/nodes/group"),
-            ));
+            let pointer = format!("{pointer}/nodes/group");
+            return NodeSet::Fixed(match grid.node_set(name) {
+                Some(nodes) => nodes.to_vec(),
+                None => {
+                    let (message, help) = placing::unknown_group(grid, name, false);
+                    self.error("D031", &pointer, message, help);
+                    Vec::new()
+                }
+            });
         }
         let mut off_line = false;
         let slack = grid.structured().map_or([0.0; 2], |g| g.spacing());
@@ -283,7 +315,10 @@ impl Builder<'_> {
         if nodes.is_empty() && !off_line {
             let message = format!("the boundary condition {} selects no grid node", quote(&condition.name));
             let help = grid.structured().map_or_else(
-                || "name a physical group of the mesh by `group`".to_owned(),
+                || {
+                    let names = grid.set_names();
+                    format!("name a physical group of the mesh by `group`; there are {}", list(names))
+                },
                 |grid| {
                     let ([x, y], [hx, hy]) = (grid.origin(), grid.spacing());
                     format!("grid nodes lie at {x} + i {hx} in x and {y} + j {hy} in y")
@@ -292,16 +327,6 @@ impl Builder<'_> {
             self.error("D029", &format!("{pointer}/nodes"), message, help);
         }
         NodeSet::Fixed(nodes)
-    }
-
-    /// The members of a named set of the grid; a message if there is none of this name.
-    fn group(&mut self, found: Option<&[u32]>, grid: &dyn Grid<2>, name: &str, pointer: &str) -> Vec<u32> {
-        if let Some(set) = found {
-            return set.to_vec();
-        }
-        let fault = unknown_group(grid, name);
-        self.error("D031", pointer, fault.0, fault.1);
-        Vec::new()
     }
 
     /// Reports a coordinate that is on no grid line; returns whether it did.

@@ -85,7 +85,11 @@ pub fn at_points(
     let mut faults = Vec::new();
     let mut variables: Vec<&str> = AT_POINTS.to_vec();
     let mut formulas = Vec::new();
-    for name in in_order(intermediate, parameters, &mut faults) {
+    let ordered = in_order(intermediate, parameters, &mut faults);
+    if !faults.is_empty() {
+        return Err(faults); // formulas that use these names have no faults of their own
+    }
+    for name in ordered {
         let expression = &intermediate[name];
         match parse(expression, &variables, parameters) {
             Ok(formula) => formulas.push(formula),
@@ -150,8 +154,21 @@ fn in_order<'a>(
     while !waiting.is_empty() {
         let ready = |name: &&str| !needs(name).iter().any(|used| waiting.contains(used));
         let Some(place) = waiting.iter().position(ready) else {
+            // What leads back to itself is at fault; what only needs such a value is a consequence.
             for name in &waiting {
-                faults.push(fault(name, format!("`{name}` depends on itself")));
+                let mut reached: Vec<&str> = needs(name);
+                let mut next = 0;
+                while let Some(&used) = reached.get(next) {
+                    next += 1;
+                    if waiting.contains(&used) {
+                        let further: Vec<&str> =
+                            needs(used).into_iter().filter(|n| !reached.contains(n)).collect();
+                        reached.extend(further);
+                    }
+                }
+                if reached.contains(name) {
+                    faults.push(fault(name, format!("`{name}` depends on itself")));
+                }
             }
             break;
         };

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::diagnostic::{self, Diagnostic};
 use super::source::Source;
-use super::{Deck, Parameter, parameters, shape, validate};
+use super::{Deck, GridDeck, Parameter, parameters, shape, validate};
 
 /// A deck that passed every check which needs no mesh.
 #[derive(Debug, Clone)]
@@ -25,15 +25,28 @@ pub struct LoadedDeck {
 }
 
 impl LoadedDeck {
-    /// A hash of the text of the deck and of the final values of its parameters: decks with the same hash describe
-    /// the same analysis. It does not change from one build of the program to another.
+    /// A hash of the text of the deck, of the final values of its parameters and of its mesh file: decks with the same
+    /// hash describe the same analysis. It does not change from one build of the program to another.
     pub fn hash(&self) -> String {
         // Writing numbers and words as JSON into a string cannot fail.
         let parameters = serde_json::to_string(&self.parameters).unwrap_or_default();
         let mut bytes = self.source.text().as_bytes().to_vec();
         bytes.push(0);
         bytes.extend(parameters.as_bytes());
+        if let Some(mesh) = self.mesh_path().filter(|path| path.is_file()) {
+            bytes.push(0);
+            // A file that cannot be read has no analysis that could be mistaken for another.
+            bytes.extend(std::fs::read(mesh).unwrap_or_default());
+        }
         format!("{:032x}", fnv1a(&bytes))
+    }
+
+    /// Path of the mesh file, if the grid comes from one.
+    pub fn mesh_path(&self) -> Option<PathBuf> {
+        match &self.deck.grid {
+            GridDeck::Gmsh { file } => Some(self.directory.join(file)),
+            GridDeck::Structured { .. } => None,
+        }
     }
 }
 

@@ -21,6 +21,7 @@ pub mod diagnostic;
 pub mod formulas;
 pub mod load;
 mod parameters;
+mod placing;
 pub mod reference;
 mod region;
 pub mod schema;

@@ -88,16 +88,37 @@ pub fn bounds(shape: &Shape) -> Option<Bounds> {
     }
 }
 
+/// Whether a cell with these bounds may have a part in a region; `in_cells` as for [`contains`].
+pub fn may_meet(shape: &Shape, cell: Bounds, in_cells: &dyn Fn(Option<&str>) -> bool) -> bool {
+    match shape {
+        Shape::Cells { group } => in_cells(group.as_deref()),
+        Shape::Union { of } => of.iter().any(|part| may_meet(part, cell, in_cells)),
+        Shape::Difference { from, .. } => may_meet(from, cell, in_cells),
+        _ => bounds(shape)
+            .is_none_or(|[low, high]| (0..2).all(|d| cell[0][d] <= high[d] && low[d] <= cell[1][d])),
+    }
+}
+
 fn hull(a: Bounds, b: Bounds) -> Bounds {
     [[a[0][0].min(b[0][0]), a[0][1].min(b[0][1])], [a[1][0].max(b[1][0]), a[1][1].max(b[1][1])]]
 }
 
-/// All groups of cells that a region names.
-pub fn groups(shape: &Shape) -> Vec<&str> {
+/// All groups of cells that a region names, each with its place in the deck; `place` is that of the region.
+pub fn groups<'a>(shape: &'a Shape, place: &str) -> Vec<(String, &'a str)> {
+    let of_all = |parts: &'a [Shape], key: &str| -> Vec<(String, &'a str)> {
+        let parts = parts.iter().enumerate();
+        parts.flat_map(|(k, part)| groups(part, &format!("{place}/{key}/{k}"))).collect()
+    };
     match shape {
-        Shape::Cells { group } => group.iter().map(String::as_str).collect(),
-        Shape::Union { of } => of.iter().flat_map(groups).collect(),
-        Shape::Difference { from, minus } => minus.iter().chain([from.as_ref()]).flat_map(groups).collect(),
+        Shape::Cells { group } => {
+            group.iter().map(|name| (format!("{place}/group"), name.as_str())).collect()
+        }
+        Shape::Union { of } => of_all(of, "of"),
+        Shape::Difference { from, minus } => {
+            let mut all = groups(from, &format!("{place}/from"));
+            all.extend(of_all(minus, "minus"));
+            all
+        }
         _ => Vec::new(),
     }
 }

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::build::{pair, per_axis};
-use super::{BodyDeck, PerAxis, Shape, region};
+use super::diagnostic::quote;
+use super::{BodyDeck, PerAxis, Shape, placing, region};
 use crate::basis::DomainKind;
 use crate::grid::subdivide::subdivide_triangle;
 use crate::grid::{Grid, Structured};
@@ -12,10 +13,13 @@ use crate::points::Seed;
 /// Relative distance to a grid line within which a side of a box counts as lying on it.
 const ON_LINE: f64 = 1e-6;
 
+/// Most points of a body.
+const MOST_POINTS: f64 = 1e8;
+
 /// Why a body cannot be filled: a code, the key of the body that is to blame, and what to do.
 pub(super) struct Fault {
     pub(super) code: &'static str,
-    pub(super) key: &'static str,
+    pub(super) key: String,
     pub(super) message: String,
     pub(super) help: String,
 }
@@ -36,27 +40,13 @@ pub(super) struct Filling<'a> {
     pub(super) history: Vec<f64>,
 }
 
-/// Message and help for the name of a physical group that does not exist.
-pub(super) fn unknown_group(grid: &dyn Grid<2>, name: &str) -> (String, String) {
-    let names = grid.set_names();
-    let help = if grid.structured().is_some() {
-        "physical groups exist on grids of type `gmsh` only".to_owned()
-    } else if names.is_empty() {
-        "the mesh has no physical groups".to_owned()
-    } else {
-        let list: Vec<String> = names.iter().map(|n| format!("`{n}`")).collect();
-        format!("the physical groups are {}", list.join(", "))
-    };
-    (format!("there is no physical group `{name}` of this kind"), help)
-}
-
 impl Filling<'_> {
     /// The points of a body, as its deck says.
     pub(super) fn fill(&self, deck: &BodyDeck) -> Result<Filled, Fault> {
-        for group in region::groups(&deck.shape) {
+        for (place, group) in region::groups(&deck.shape, "/shape") {
             if self.grid.cell_set(group).is_none() {
-                let (message, help) = unknown_group(self.grid, group);
-                return Err(Fault { code: "D031", key: "/shape", message, help });
+                let (message, help) = placing::unknown_group(self.grid, group, true);
+                return Err(Fault { code: "D031", key: place, message, help });
             }
         }
         let box_on_lines = match (&deck.shape, self.grid.structured(), &deck.points_per_cell) {
@@ -65,15 +55,16 @@ impl Filling<'_> {
         };
         let seeds = match (box_on_lines, &deck.point_spacing) {
             (Some(seeds), _) => seeds,
-            (None, Some(spacing)) => self.lattice(&deck.shape, per_axis(spacing))?,
+            (None, Some(spacing)) => self.lattice(deck, per_axis(spacing))?,
             (None, None) => self.cell_by_cell(deck)?,
         };
         if seeds.is_empty() {
             return Err(Fault {
                 code: "D028",
-                key: "",
-                message: format!("the body `{}` holds no material point", deck.name),
-                help: "its region must hold the centre of at least one part of a cell".to_owned(),
+                key: String::new(),
+                message: format!("the body {} holds no material point", quote(&deck.name)),
+                help: "its region must be inside the grid and hold the centre of at least one part of a cell"
+                    .to_owned(),
             });
         }
         Ok(Filled { seeds, exact_area: region::area(&deck.shape) })
@@ -167,31 +158,37 @@ impl Filling<'_> {
     }
 
     /// Points at a stated spacing, whatever the grid.
-    fn lattice(&self, shape: &Shape, spacing: [f64; 2]) -> Result<Vec<Seed<2>>, Fault> {
+    fn lattice(&self, deck: &BodyDeck, spacing: [f64; 2]) -> Result<Vec<Seed<2>>, Fault> {
+        let shape = &deck.shape;
         let Some([min, max]) = region::bounds(shape) else {
             return Err(Fault {
                 code: "D023",
-                key: "/point_spacing",
+                key: "/point_spacing".to_owned(),
                 message: "a region of whole cells cannot be filled at a spacing".to_owned(),
                 help: "give `points_per_cell` or `points_per_triangle`".to_owned(),
             });
         };
-        let n: [usize; 2] =
-            std::array::from_fn(|d| (((max[d] - min[d]) / spacing[d] - ON_LINE).ceil() as usize).max(1));
+        let along = |d: usize| (max[d] - min[d]) / spacing[d] - ON_LINE;
+        if along(0) * along(1) > MOST_POINTS {
+            return Err(Fault {
+                code: "D028",
+                key: "/point_spacing".to_owned(),
+                message: format!(
+                    "the body {} would be cut from {:.1e} points; at most {MOST_POINTS:.0e} are possible",
+                    quote(&deck.name),
+                    along(0) * along(1)
+                ),
+                help: "give a larger spacing".to_owned(),
+            });
+        }
+        let n: [usize; 2] = std::array::from_fn(|d| (along(d).ceil() as usize).max(1));
         let high = std::array::from_fn(|d| min[d] + n[d] as f64 * spacing[d]);
         Ok(self.rows(min, high, n, &|x| region::contains(shape, x, &|_| false)))
     }
 
     /// The parts of every cell whose centres lie in the region.
     fn cell_by_cell(&self, deck: &BodyDeck) -> Result<Vec<Seed<2>>, Fault> {
-        let mut in_group: BTreeMap<&str, Vec<bool>> = BTreeMap::new();
-        for group in region::groups(&deck.shape) {
-            let mut member = vec![false; self.grid.n_cells()];
-            for &cell in self.grid.cell_set(group).unwrap_or_default() {
-                member[cell as usize] = true;
-            }
-            in_group.insert(group, member);
-        }
+        let in_group = placing::members(self.grid, &deck.shape);
         let mut seeds = Vec::new();
         let mut cell_of = Vec::new();
         let mut full = vec![false; self.grid.n_cells()];
@@ -200,15 +197,40 @@ impl Filling<'_> {
                 None => true,
                 Some(name) => in_group.get(name).is_some_and(|member| member[cell]),
             };
+            // What the deck says must suit those kinds of cells that the body may fill, not all of the grid.
+            if !region::may_meet(&deck.shape, self.bounds(cell), &in_cells) {
+                continue;
+            }
             let parts = self.parts(cell, deck)?;
             let all = parts.len();
             let before = seeds.len();
+            if seeds.len() as f64 > MOST_POINTS {
+                return Err(Fault {
+                    code: "D028",
+                    key: String::new(),
+                    message: format!("the body {} has more than {MOST_POINTS:.0e} points", quote(&deck.name)),
+                    help: "use fewer points per cell".to_owned(),
+                });
+            }
             seeds.extend(parts.into_iter().filter(|s| region::contains(&deck.shape, s.position, &in_cells)));
             full[cell] = seeds.len() == before + all;
             cell_of.resize(seeds.len(), cell);
         }
         self.mark_outer_layer(&mut seeds, &cell_of, &full);
         Ok(seeds)
+    }
+
+    /// Lowest and highest coordinates of a cell.
+    fn bounds(&self, cell: usize) -> region::Bounds {
+        let mut bounds = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+        for &node in self.grid.corners(cell).nodes() {
+            let x = self.grid.node_position(node as usize);
+            for d in 0..2 {
+                bounds[0][d] = bounds[0][d].min(x[d]);
+                bounds[1][d] = bounds[1][d].max(x[d]);
+            }
+        }
+        bounds
     }
 
     /// The points of cells that are not full, or share a node with the border of the full ones.
@@ -239,7 +261,7 @@ impl Filling<'_> {
         let x: Vec<[f64; 2]> = corners.nodes().iter().map(|&n| self.grid.node_position(n as usize)).collect();
         let missing = |key: &str, kind: &str| Fault {
             code: "D023",
-            key: "",
+            key: String::new(),
             message: format!("the grid has {kind}, and the body does not say how many points they get"),
             help: format!("give `{key}`"),
         };
@@ -264,14 +286,14 @@ impl Filling<'_> {
         if self.domain != DomainKind::None {
             return Err(Fault {
                 code: "D034",
-                key: "/method",
+                key: "/method".to_owned(),
                 message: "this method needs quadrilateral cells, and the grid has triangles".to_owned(),
                 help: "use method `mpm` on triangles".to_owned(),
             });
         }
         let parts = subdivide_triangle(n as usize).ok_or_else(|| Fault {
             code: "D009",
-            key: "/points_per_triangle",
+            key: "/points_per_triangle".to_owned(),
             message: format!("a triangle cannot be divided evenly for {n} points"),
             help: "use 1, 4, 9, 16, … or 8".to_owned(),
         })?;

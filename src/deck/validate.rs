@@ -5,6 +5,7 @@
 
 mod geometry;
 mod loading;
+mod shape;
 
 use std::collections::HashMap;
 
@@ -132,11 +133,11 @@ impl Check<'_> {
                 );
             }
             self.domain_update(&pointer, body);
-            if let Some(extent) = self.shape(&format!("{pointer}/shape"), &body.shape) {
+            if let Some(extent) = self.shape(&format!("{pointer}/shape"), &body.shape, grid) {
                 self.points(&pointer, body, &extent, grid);
                 boxes.push((index, extent));
             } else {
-                self.placing(&pointer, body);
+                self.points_in_region(&pointer, body);
             }
         }
         self.overlaps(boxes);

@@ -22,6 +22,9 @@ pub use kinds::ElementKind;
 /// the product of two counts of the file; this keeps it in proportion to the size of the file.
 const MAX_GROUPS: usize = 1000;
 
+/// The largest file that is read: some 30 million cells.
+const MAX_BYTES: u64 = 4 << 30;
+
 /// The contents of a gmsh mesh file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GmshFile {
@@ -86,8 +89,17 @@ impl fmt::Display for Place {
 #[derive(Debug, thiserror::Error)]
 pub enum GmshError {
     /// The file cannot be opened or read.
-    #[error("cannot read the mesh file")]
+    #[error("{0}")]
     Io(#[from] std::io::Error),
+    /// A directory or a device.
+    #[error("it is not a file")]
+    NotAFile,
+    /// The file is larger than any mesh that can be used.
+    #[error("the file has {bytes} bytes; at most {MAX_BYTES} are possible")]
+    TooLarge {
+        /// Size of the file.
+        bytes: u64,
+    },
     /// The file is something else.
     #[error("not a gmsh mesh file: it does not begin with a section `$MeshFormat`")]
     NotGmsh,
@@ -204,15 +216,24 @@ fn list(kinds: &[(&'static str, usize)]) -> String {
 /// Reads a mesh file from the disk.
 ///
 /// # Errors
-/// [`GmshError::Io`] when the file cannot be read, otherwise as [`read`].
+/// [`GmshError::Io`] when the file cannot be read, [`GmshError::NotAFile`], [`GmshError::TooLarge`], otherwise as
+/// [`read`].
 pub fn read_file(path: &Path) -> Result<GmshFile, GmshError> {
+    // A device or a pipe may never end.
+    let about = std::fs::metadata(path)?;
+    if !about.is_file() {
+        return Err(GmshError::NotAFile);
+    }
+    if about.len() > MAX_BYTES {
+        return Err(GmshError::TooLarge { bytes: about.len() });
+    }
     read(&std::fs::read(path)?)
 }
 
 /// Reads a mesh from the bytes of a file. Time and memory are proportional to the number of bytes whatever they are.
 ///
 /// # Errors
-/// Any [`GmshError`] other than [`GmshError::Io`].
+/// Any [`GmshError`] about the contents.
 pub fn read(bytes: &[u8]) -> Result<GmshFile, GmshError> {
     let mut reader = Reader::new(bytes);
     let mut sections = Sections::default();

@@ -7,7 +7,7 @@ use crate::domain::Collapsed;
 use crate::linear::LinearError;
 use crate::loads::LoadNotFinite;
 use crate::model::Model;
-use crate::points::Points;
+use crate::points::{Points, coordinates};
 use crate::stress::PointError;
 
 use super::Step;
@@ -27,11 +27,6 @@ impl std::fmt::Display for PointPlace {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "point {} of body `{}` at {}", self.point, self.body, coordinates(&self.position))
     }
-}
-
-fn coordinates(position: &[f64]) -> String {
-    let numbers: Vec<String> = position.iter().map(|x| format!("{x:.6}")).collect();
-    format!("({})", numbers.join(", "))
 }
 
 /// A run could not go on. The converged state of the points is the last equilibrated one.
@@ -133,7 +128,7 @@ pub enum SolveError {
         /// The step.
         step: usize,
         /// Why.
-        error: LoadNotFinite,
+        error: Box<LoadNotFinite>,
     },
     /// The user asked to stop.
     #[error("interrupted before step {step}")]
@@ -234,11 +229,19 @@ impl SolveError {
         let position = points.converged.position[failure.point];
         match failure.error {
             SupportError::OffGrid => Self::off_grid(model, points, failure.point, position, step),
-            error => {
-                let place = place(model, points, failure.point, position);
-                SolveError::Domain { step: step.index, place, error }
-            }
+            error => Self::domain(model, points, failure.point, position, step, error),
         }
+    }
+
+    pub(super) fn domain<const D: usize>(
+        model: &Model<D>,
+        points: &Points<D>,
+        p: usize,
+        position: [f64; D],
+        step: Step,
+        error: SupportError,
+    ) -> Self {
+        SolveError::Domain { step: step.index, place: place(model, points, p, position), error }
     }
 
     pub(super) fn off_grid<const D: usize>(

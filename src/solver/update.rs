@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::{SolveError, Step};
 use crate::assembly::deformation_increment;
-use crate::basis::{Connectivity, DomainKind, Method};
+use crate::basis::{Connectivity, DomainKind, Method, check_domain};
 use crate::domain::Motion;
 use crate::grid::interpolate;
 use crate::model::Model;
@@ -25,7 +25,7 @@ struct Moved<const D: usize> {
 /// the trial state, whose stress and strain the last assembly has written.
 ///
 /// # Errors
-/// [`SolveError`] when a point leaves the grid or a domain collapses.
+/// [`SolveError`] when a point or a corner of its domain leaves the grid, or a domain collapses.
 pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
     model: &Model<D>,
     points: &mut Points<D>,
@@ -108,7 +108,12 @@ fn move_point<const D: usize, M: Mechanics<D>>(
                 .half_lengths(&motion)
                 .map_err(|error| SolveError::collapsed(model, points, p, position, step, error))?;
         }
-        DomainKind::Corners => move_corners(body.method, points, p, displacement, &mut moved),
+        DomainKind::Corners => {
+            move_corners(body.method, points, p, displacement, &mut moved);
+            // Otherwise the next step, if there is one, would be the first to notice.
+            check_domain(model.grid.as_ref(), &moved.corners[..points.corners_per_point], points.cell[p])
+                .map_err(|error| SolveError::domain(model, points, p, position, step, error))?;
+        }
     }
     Ok(moved)
 }

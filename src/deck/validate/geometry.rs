@@ -2,7 +2,7 @@
 
 use super::Check;
 use crate::deck::diagnostic::{Diagnostic, quote};
-use crate::deck::{BodyDeck, GridDeck, Method, PerAxis, Shape, region};
+use crate::deck::{BodyDeck, GridDeck, Method, PerAxis};
 
 /// Axes of the geometry.
 const DIMENSIONS: usize = 2;
@@ -17,15 +17,15 @@ const WHOLE: f64 = 1e-6;
 /// A box with extent along every axis.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Extent {
-    min: [f64; DIMENSIONS],
-    max: [f64; DIMENSIONS],
+    pub(super) min: [f64; DIMENSIONS],
+    pub(super) max: [f64; DIMENSIONS],
 }
 
 /// The region of a grid and the sides of its cells.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct GridBox {
-    extent: Extent,
-    spacing: [f64; DIMENSIONS],
+    pub(super) extent: Extent,
+    pub(super) spacing: [f64; DIMENSIONS],
 }
 
 impl Check<'_> {
@@ -117,51 +117,6 @@ impl Check<'_> {
         fits.then_some(Extent { min, max })
     }
 
-    /// Checks a region; the extent of a simple box, for the checks that only boxes allow.
-    pub(super) fn shape(&mut self, pointer: &str, shape: &Shape) -> Option<Extent> {
-        match shape {
-            Shape::Box { min, max } => return self.extent(pointer, min, max),
-            Shape::Polygon { vertices } => {
-                let mut complete = true;
-                for (k, vertex) in vertices.iter().enumerate() {
-                    complete &= self.vector(&format!("{pointer}/vertices/{k}"), vertex).is_some();
-                }
-                if complete && region::signed_area(vertices) == 0.0 {
-                    self.error("D016", pointer, "the polygon has no area");
-                }
-            }
-            Shape::Circle { center, .. } => {
-                self.vector(&format!("{pointer}/center"), center);
-            }
-            Shape::Annulus { center, inner, outer } => {
-                self.vector(&format!("{pointer}/center"), center);
-                if inner >= outer {
-                    let message = format!("the inner radius {inner} is not below the outer radius {outer}");
-                    self.error("D016", &format!("{pointer}/inner"), message);
-                }
-            }
-            Shape::Cells { group } => {
-                if group.is_some() && matches!(self.deck.grid, GridDeck::Structured { .. }) {
-                    let message = "a structured grid has no physical groups";
-                    let help = "remove `group` to take all cells";
-                    self.error_with_help("D031", &format!("{pointer}/group"), message, help);
-                }
-            }
-            Shape::Union { of } => {
-                for (k, part) in of.iter().enumerate() {
-                    self.shape(&format!("{pointer}/of/{k}"), part);
-                }
-            }
-            Shape::Difference { from, minus } => {
-                self.shape(&format!("{pointer}/from"), from);
-                for (k, part) in minus.iter().enumerate() {
-                    self.shape(&format!("{pointer}/minus/{k}"), part);
-                }
-            }
-        }
-        None
-    }
-
     /// Points are placed in cells or at a spacing, not both.
     pub(super) fn points_given_once(&mut self, pointer: &str, body: &BodyDeck) -> bool {
         let in_cells = body.points_per_cell.is_some() || body.points_per_triangle.is_some();
@@ -182,7 +137,7 @@ impl Check<'_> {
     }
 
     /// Points of a body, whatever its region.
-    pub(super) fn placing(&mut self, pointer: &str, body: &BodyDeck) -> bool {
+    fn placing(&mut self, pointer: &str, body: &BodyDeck) -> bool {
         if self.points_given_once(pointer, body)
             && let (GridDeck::Structured { .. }, Some(_)) = (&self.deck.grid, body.points_per_triangle)
         {
@@ -228,6 +183,33 @@ impl Check<'_> {
         }
     }
 
+    /// A number of points along each axis of a cell.
+    fn counts(&mut self, pointer: &str, per_cell: &PerAxis<u32>) -> Option<[u32; DIMENSIONS]> {
+        let values = self.per_axis(pointer, per_cell)?;
+        for (at, value) in &values {
+            if !(1..=MOST_PER_CELL).contains(value) {
+                let message =
+                    format!("{value} points along an axis of a cell; 1 to {MOST_PER_CELL} are possible");
+                self.error("D009", at, message);
+                return None;
+            }
+        }
+        Some(values.map(|(_, value)| value))
+    }
+
+    /// The points of a body that is no simple box.
+    pub(super) fn points_in_region(&mut self, pointer: &str, body: &BodyDeck) {
+        if !self.placing(pointer, body) {
+            return;
+        }
+        if let Some(per_cell) = &body.points_per_cell {
+            self.counts(&format!("{pointer}/points_per_cell"), per_cell);
+        }
+        if let Some(spacing) = &body.point_spacing {
+            self.lengths(&format!("{pointer}/point_spacing"), spacing);
+        }
+    }
+
     fn points_per_cell(
         &mut self,
         pointer: &str,
@@ -235,19 +217,10 @@ impl Check<'_> {
         extent: &Extent,
         grid: Option<&GridBox>,
     ) -> Option<[f64; DIMENSIONS]> {
-        let values = self.per_axis(pointer, per_cell)?;
-        let mut fits = true;
-        for (at, value) in &values {
-            if fits && !(1..=MOST_PER_CELL).contains(value) {
-                fits = false;
-                let message =
-                    format!("{value} points along an axis of a cell; 1 to {MOST_PER_CELL} are possible");
-                self.error("D009", at, message);
-            }
-        }
-        let grid = grid.filter(|_| fits)?;
+        let values = self.counts(pointer, per_cell)?;
+        let grid = grid?;
         let along = |axis: usize| {
-            (extent.max[axis] - extent.min[axis]) / grid.spacing[axis] * f64::from(values[axis].1)
+            (extent.max[axis] - extent.min[axis]) / grid.spacing[axis] * f64::from(values[axis])
         };
         Some([along(0), along(1)])
     }
