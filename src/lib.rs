@@ -16,7 +16,8 @@
 //! 5. [`assembly`], [`constraints`], [`loads`], [`linear`]: internal force and stiffness of the grid, prescribed
 //!    displacements, external force, and the sparse direct solver.
 //! 6. [`domain`]: how the domain of a GIMP point follows the deformation.
-//! 7. [`deck`] and [`formula`]: from YAML to [`model::Model`] and [`points::Points`], with messages that name the line.
+//! 7. [`quality`]: how well a run goes, and when a domain update does not suit the motion.
+//! 8. [`deck`] and [`formula`]: from YAML to [`model::Model`] and [`points::Points`], with messages that name the line.
 //!    [`output`]: from there to files. The modules above know neither.
 //!
 //! The library never prints and never exits; `main.rs` does.
@@ -70,6 +71,7 @@ pub mod material;
 pub mod model;
 pub mod output;
 pub mod points;
+pub mod quality;
 pub mod solver;
 pub mod stress;
 pub mod study;
