@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::motion::{Objection, rotation, shear};
+use super::motion::{Objection, rotation_of_turn, shear, turn};
 use crate::basis::{Connectivity, DomainKind, domain_volume};
 use crate::grid::{Grid, MAX_CORNERS};
 use crate::model::Model;
@@ -24,7 +24,7 @@ pub struct OfBody {
     pub partition_of_unity_loss: Option<AtPoint>,
     /// Share of the domain outside the grid; `None` without domains, [-].
     pub outside: Option<AtPoint>,
-    /// Magnitude of the rotation, [degrees].
+    /// Magnitude of the rotation, [degrees]; until all points are known, its [`turn`].
     pub rotation: Option<AtPoint>,
     /// Shear, [-].
     pub shear: Option<AtPoint>,
@@ -124,6 +124,9 @@ impl Measures {
             }
             all.fill(piece.smallest_filling);
         }
+        for rotation in all.bodies.iter_mut().filter_map(|body| body.rotation.as_mut()) {
+            rotation.value = rotation_of_turn(rotation.value);
+        }
         all
     }
 
@@ -155,7 +158,7 @@ impl Measures {
             let sum: f64 = links.links(p).value.iter().sum();
             keep(&mut body.partition_of_unity_loss, (1.0 - sum).max(0.0));
             let gradient = &points.trial.deformation_gradient[p];
-            keep(&mut body.rotation, rotation(gradient).abs());
+            keep(&mut body.rotation, turn(gradient));
             keep(&mut body.shear, shear(gradient));
             if let Some(objection) = &objections[number] {
                 keep(&mut body.objection, objection.measure(gradient));

@@ -9,6 +9,19 @@ pub fn rotation(F: &Mat3) -> f64 {
     (F[(1, 0)] - F[(0, 1)]).atan2(F[(0, 0)] + F[(1, 1)]).to_degrees()
 }
 
+/// A number from 0 to 2 that grows with the magnitude of the rotation and costs less.
+pub fn turn(F: &Mat3) -> f64 {
+    let (c, s) = (F[(0, 0)] + F[(1, 1)], (F[(1, 0)] - F[(0, 1)]).abs());
+    let part = s / (c.abs() + s);
+    if c >= 0.0 { part } else { 2.0 - part }
+}
+
+/// The rotation of a [`turn`], [degrees].
+pub fn rotation_of_turn(turn: f64) -> f64 {
+    let (s, c) = if turn <= 1.0 { (turn, 1.0 - turn) } else { (2.0 - turn, 1.0 - turn) };
+    s.atan2(c).to_degrees()
+}
+
 /// Tangent of the angle by which the axes of the original configuration have left the right angle: γ in simple shear,
 /// zero in stretch along the axes, and the same whatever rotation comes on top, [-].
 pub fn shear(F: &Mat3) -> f64 {
@@ -112,7 +125,7 @@ mod tests {
         Mat3::new(xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, 1.0)
     }
 
-    fn turn(degrees: f64) -> Mat3 {
+    fn rotated(degrees: f64) -> Mat3 {
         let (s, c) = degrees.to_radians().sin_cos();
         plane(c, -s, s, c)
     }
@@ -126,10 +139,11 @@ mod tests {
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
         let stretch = plane(1.5, 0.0, 0.0, 0.5);
         for angle in [-170.0, -20.0, 0.0, 35.0, 120.0] {
-            near(rotation(&(turn(angle) * stretch)), angle);
-            near(shear(&(turn(angle) * stretch)), 0.0);
-            near(stretch_ratio(&(turn(angle) * stretch)), 3.0);
-            near(shear(&(turn(angle) * plane(1.0, 0.7, 0.0, 1.0))), 0.7);
+            near(rotation(&(rotated(angle) * stretch)), angle);
+            near(rotation_of_turn(turn(&(rotated(angle) * stretch))), angle.abs());
+            near(shear(&(rotated(angle) * stretch)), 0.0);
+            near(stretch_ratio(&(rotated(angle) * stretch)), 3.0);
+            near(shear(&(rotated(angle) * plane(1.0, 0.7, 0.0, 1.0))), 0.7);
         }
         near(rotation(&plane(1.0, 0.8, 0.0, 1.0)), -f64::atan(0.4).to_degrees());
         near(stretch_ratio(&plane(1.0, 1.5, 0.0, 1.0)), 4.0);
@@ -144,7 +158,7 @@ mod tests {
             (plane(0.7, 0.0, 0.0, 1.0), &[None, Determinant]),
             (plane(0.7, 0.0, 0.0, 0.7), &[None]),
             (plane(1.0, 2.0, 0.0, 1.0), &[Stretch]),
-            (turn(40.0), &[Diagonal]),
+            (rotated(40.0), &[Diagonal]),
         ];
         for (F, unsuitable) in motions {
             for update in all {
@@ -158,7 +172,7 @@ mod tests {
         for (update, below, above) in [
             (DomainUpdate::None, plane(1.049, 0.0, 0.0, 1.0), plane(1.051, 0.0, 0.0, 1.0)),
             (DomainUpdate::Determinant, plane(1.19, 0.0, 0.0, 1.0), plane(1.21, 0.0, 0.0, 1.0)),
-            (DomainUpdate::Diagonal, turn(14.9), turn(-15.1)),
+            (DomainUpdate::Diagonal, rotated(14.9), rotated(-15.1)),
             (DomainUpdate::Stretch, plane(1.0, 0.29, 0.0, 1.0), plane(1.0, -0.31, 0.0, 1.0)),
         ] {
             assert!(!objects(update, below) && objects(update, above), "{update:?}");
