@@ -75,6 +75,7 @@ impl OfBody {
 }
 
 /// Keeps the larger of two values; of equals, the first.
+#[inline]
 fn keep_largest(kept: &mut Option<AtPoint>, found: Option<AtPoint>) {
     if let Some(found) = found
         && kept.is_none_or(|kept| found.value > kept.value)

@@ -10,6 +10,7 @@ pub fn rotation(F: &Mat3) -> f64 {
 }
 
 /// A number from 0 to 2 that grows with the magnitude of the rotation and costs less.
+#[inline]
 pub fn turn(F: &Mat3) -> f64 {
     let (c, s) = (F[(0, 0)] + F[(1, 1)], (F[(1, 0)] - F[(0, 1)]).abs());
     let part = s / (c.abs() + s);
@@ -24,6 +25,7 @@ pub fn rotation_of_turn(turn: f64) -> f64 {
 
 /// Tangent of the angle by which the axes of the original configuration have left the right angle: γ in simple shear,
 /// zero in stretch along the axes, and the same whatever rotation comes on top, [-].
+#[inline]
 pub fn shear(F: &Mat3) -> f64 {
     let [_, C_xy, _] = right_cauchy_green(F);
     C_xy.abs() / area_ratio(F).abs()
