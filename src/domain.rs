@@ -53,6 +53,19 @@ pub struct Collapsed {
 }
 
 impl DomainUpdate {
+    /// Name in decks.
+    pub fn name(self) -> &'static str {
+        match self {
+            DomainUpdate::None => "none",
+            DomainUpdate::Determinant => "determinant",
+            DomainUpdate::Diagonal => "diagonal",
+            DomainUpdate::Stretch => "stretch",
+            DomainUpdate::Corners => "corners",
+            DomainUpdate::DiagonalCorrected => "diagonal-corrected",
+            DomainUpdate::DiagonalIncremental => "diagonal-incremental",
+        }
+    }
+
     /// Half lengths at the end of the step, [length].
     ///
     /// # Errors

@@ -25,6 +25,8 @@ pub struct Watch {
     view: View,
     bar: Option<ProgressBar>,
     n_steps: usize,
+    /// Warnings that were printed.
+    warned: usize,
     stop: Arc<AtomicBool>,
 }
 
@@ -60,7 +62,15 @@ impl Watch {
             }
             bar
         });
-        Watch { results, view, bar, n_steps: model.n_steps, stop }
+        Watch { results, view, bar, n_steps: model.n_steps, warned: 0, stop }
+    }
+
+    /// Prints above the bar, if there is one.
+    fn print(&self, line: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| tell!("{line}")),
+            None => tell!("{line}"),
+        }
     }
 
     /// Leaves the terminal tidy.
@@ -102,6 +112,11 @@ impl Observer<2> for Watch {
                 report.residuals.last().copied().unwrap_or(0.0)
             ),
         }
+        let indent = if let View::Member(_) = self.view { "  " } else { "" };
+        for warning in &summary.warnings[self.warned..] {
+            self.print(&format!("{indent}warning: {warning}"));
+        }
+        self.warned = summary.warnings.len();
         self.results.converged(model, points, report, summary)
     }
 
@@ -116,6 +131,11 @@ impl Observer<2> for Watch {
         summary: &Summary,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
+        if let View::Run = self.view
+            && summary.steps > 0
+        {
+            self.print(&format!("quality: {}", summary.quality));
+        }
         self.results.finished(model, points, summary, error)
     }
 }

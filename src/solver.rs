@@ -11,6 +11,7 @@ use crate::linear::{Direct, Factorisation, LinearSolver, ordering};
 use crate::loads::external_force;
 use crate::model::{Model, Newton};
 use crate::points::Points;
+use crate::quality::{Measures, Quality};
 use crate::stress::Mechanics;
 use crate::timing::{Phase, Timings};
 
@@ -43,7 +44,8 @@ pub fn run<const D: usize, M: Mechanics<D>>(
     points: &mut Points<D>,
     observer: &mut dyn Observer<D>,
 ) -> Result<Summary, SolveError> {
-    let mut solver = Solver { linear: Direct::default(), summary: Summary::default() };
+    let summary = Summary { quality: Quality::new(model, points), ..Summary::default() };
+    let mut solver = Solver { linear: Direct::default(), summary };
     let started = solver.observe(|| observer.started(model, points));
     let mut outcome = started;
     for index in 1..=model.n_steps {
@@ -107,6 +109,7 @@ impl Solver {
             return Err(SolveError::Interrupted { step: step.index });
         }
         let report = self.solve_step::<D, M>(model, points, step, observer)?;
+        self.judge(model, points, &report);
         points.commit(); // the trial state becomes the converged state
         self.summary.accept(&report);
         let summary = &self.summary;
@@ -114,6 +117,16 @@ impl Solver {
         let told = timings.measure(Phase::Output, || observer.converged(model, points, &report, summary));
         self.summary.timings.add(&timings);
         told.map_err(SolveError::Output)
+    }
+
+    /// Takes the measures of a step in equilibrium, before it is committed.
+    fn judge<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>, report: &StepReport<D>) {
+        let Summary { timings, quality, warnings, .. } = &mut self.summary;
+        let raised = timings.measure(Phase::Update, || {
+            let measures = Measures::new(model, points, &report.grid.links);
+            quality.accept(model, report.step.index, &measures, &report.residuals)
+        });
+        warnings.extend(raised);
     }
 
     /// Newton iterations until the out-of-balance force of eq. (40) meets the tolerance. Writes the trial state only.

@@ -19,7 +19,7 @@ pub enum Phase {
     Factorise,
     /// Forward and back substitution, and reactions.
     Solve,
-    /// Moving points and updating domains.
+    /// Moving points, updating domains and taking the measures of the step.
     Update,
     /// Writing results.
     Output,

@@ -287,6 +287,10 @@ impl Grid<2> for Mesh {
         self.size(cell as u32)
     }
 
+    fn volume(&self, cell: usize) -> f64 {
+        self.area(cell as u32)
+    }
+
     fn locate(&self, position: &[f64; 2], hint: Option<u32>) -> Option<u32> {
         self.locate(position, hint)
     }

@@ -106,6 +106,9 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
     /// Size of a cell, [length].
     fn size(&self, cell: usize) -> f64;
 
+    /// Volume (area) of a cell, [volume].
+    fn volume(&self, cell: usize) -> f64;
+
     /// The cell that holds a position, or `None` outside the grid; `hint` is a cell where to look first. A position
     /// on the border of cells belongs to one of them whatever its round-off.
     fn locate(&self, position: &[f64; D], hint: Option<u32>) -> Option<u32>;

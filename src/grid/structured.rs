@@ -115,6 +115,10 @@ impl<const D: usize> Grid<D> for Structured<D> {
         self.spacing.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
+    fn volume(&self, _cell: usize) -> f64 {
+        self.spacing.iter().product()
+    }
+
     fn locate(&self, position: &[f64; D], _hint: Option<u32>) -> Option<u32> {
         self.locate_index(position).map(|index| self.cell(index) as u32)
     }

@@ -11,6 +11,7 @@ use serde_json::{Map, Value, json};
 use crate::deck::Parameter;
 use crate::model::Model;
 use crate::points::Points;
+use crate::quality::{Balance, Quality, Worst};
 use crate::solver::Summary;
 use crate::timing::{Phase, Spent, Timings};
 
@@ -127,6 +128,8 @@ impl Account {
                 "without_output": if visits > 0.0 { json!(1e6 * solved / visits) } else { Value::Null },
             },
             "peak_memory_bytes": peak_memory(),
+            "quality": quality(model, &summary.quality),
+            "warnings": summary.warnings,
             "bodies": bodies(model, points),
         });
         let mut text = serde_json::to_string_pretty(&document).map_err(io::Error::other)?;
@@ -168,6 +171,40 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
         map.insert(body.name.clone(), value);
     }
     Value::Object(map)
+}
+
+/// How well the run went; null for what no step has shown.
+fn quality<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
+    let worst = |worst: Option<Worst>| {
+        worst.map(|Worst { value, step, body, point }| {
+            let mut entry = json!({"value": value, "step": step, "body": model.bodies[body].name});
+            if let Some(point) = point {
+                entry["point"] = json!(point);
+            }
+            entry
+        })
+    };
+    let balance = |of: &Balance| json!({"total": of.now, "relative_change": of.relative_change()});
+    let slowest = quality.smallest_newton_order();
+    json!({
+        "partition_of_unity_loss": worst(quality.partition_of_unity_loss),
+        "domain_outside_grid": worst(quality.domain_outside_grid),
+        "smallest_cell_filling": quality.smallest_cell_filling.map(|filling| {
+            json!({"value": filling.value, "step": filling.step, "cell": filling.cell})
+        }),
+        "det_f": quality.det_f.map(|[min, max]| json!({"min": min, "max": max})),
+        "mass": balance(&quality.mass),
+        "volume": balance(&quality.volume),
+        "domain_overlap": worst(quality.domain_overlap),
+        "newton_order": quality.median_newton_order().map(|median| json!({
+            "median": median,
+            "smallest": slowest.map(|(_, order)| order),
+            "step": slowest.map(|(step, _)| step),
+            "steps": quality.newton_orders.len(),
+        })),
+        "rotation": worst(quality.rotation),
+        "shear": worst(quality.shear),
+    })
 }
 
 /// Largest resident memory of the process since the start of the account, where the system tells.

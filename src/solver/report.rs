@@ -5,6 +5,7 @@ use crate::constraints::DofMap;
 use crate::linear::Factorisation;
 use crate::model::Model;
 use crate::points::Points;
+use crate::quality::Quality;
 use crate::timing::Timings;
 
 use super::{Nodal, SolveError, Step};
@@ -118,6 +119,10 @@ pub struct Summary {
     pub external_work: f64,
     /// Stored elastic energy, [energy].
     pub strain_energy: f64,
+    /// How well the run goes.
+    pub quality: Quality,
+    /// What the user should know about it, in the order of the steps; observers find new ones at the end.
+    pub warnings: Vec<String>,
     /// Time spent by phase.
     pub timings: Timings,
 }

@@ -1,0 +1,258 @@
+//! How well a run goes, in numbers that cost next to nothing: what its basis functions lose, how its domains fit the
+//! bodies and the grid, how full the cells are, and how the iterations converge.
+//!
+//! [`Measures`] are taken once per equilibrated step; [`Quality`] keeps the worst of all steps and says when a measure
+//! is out of bounds for the first time.
+
+mod measure;
+mod motion;
+#[cfg(test)]
+mod tests;
+
+use std::fmt;
+
+pub use measure::{AtPoint, Measures, OfBody, newton_order};
+pub use motion::Objection;
+
+use crate::basis::DomainKind;
+use crate::domain::DomainUpdate;
+use crate::model::Model;
+use crate::points::Points;
+
+/// Loss of the partition of unity beyond which there is a warning, [-].
+const MOST_LOSS: f64 = 1e-3;
+/// Share of a domain outside the grid beyond which there is a warning, [-].
+const MOST_OUTSIDE: f64 = 0.01;
+
+/// The worst value of a measure so far, and where it was.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Worst {
+    /// The value.
+    pub value: f64,
+    /// Number of the step.
+    pub step: usize,
+    /// Number of the body.
+    pub body: usize,
+    /// Permanent number of the point, for measures of points.
+    pub point: Option<u32>,
+}
+
+/// Smallest filling of a cell so far.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Filling {
+    /// Volume of the points in the cell by that of the cell, [-].
+    pub value: f64,
+    /// Number of the step.
+    pub step: usize,
+    /// The cell.
+    pub cell: u32,
+}
+
+/// A total now, and what has become of it since the start.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Balance {
+    /// At the start of the run.
+    pub start: f64,
+    /// Now.
+    pub now: f64,
+}
+
+impl Balance {
+    /// Change since the start relative to the start; 0 of nothing, [-].
+    pub fn relative_change(&self) -> f64 {
+        if self.start == 0.0 { 0.0 } else { self.now / self.start - 1.0 }
+    }
+}
+
+/// Which warnings a body has had.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Raised {
+    update: bool,
+    outside: bool,
+    partition_of_unity: bool,
+}
+
+/// The quality of a run so far. Measures that no step has shown are `None`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Quality {
+    /// Largest 1 − Σ S_vp, [-].
+    pub partition_of_unity_loss: Option<Worst>,
+    /// Largest share of a domain outside the grid; of the corners for domains given by corners, [-].
+    pub domain_outside_grid: Option<Worst>,
+    /// Smallest filling of a cell that holds points.
+    pub smallest_cell_filling: Option<Filling>,
+    /// Smallest and largest det F, [-].
+    pub det_f: Option<[f64; 2]>,
+    /// Total mass, [mass].
+    pub mass: Balance,
+    /// Total volume Σ J V_p0, [volume].
+    pub volume: Balance,
+    /// Volume of the domains of a body relative to that of its points, minus 1; the largest in magnitude, [-].
+    pub domain_overlap: Option<Worst>,
+    /// Observed order of the Newton iterations of every step where it can be told, with the step.
+    pub newton_orders: Vec<(usize, f64)>,
+    /// Largest magnitude of the rotation in the plane, [degrees].
+    pub rotation: Option<Worst>,
+    /// Largest shear in the plane, [-].
+    pub shear: Option<Worst>,
+    raised: Vec<Raised>,
+}
+
+impl Quality {
+    /// Of a run that begins from the converged state of `points`.
+    pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Quality {
+        let mass: f64 = points.mass.iter().sum();
+        let volume: f64 = (0..points.len()).map(|p| points.volume(p)).sum();
+        Quality {
+            mass: Balance { start: mass, now: mass },
+            volume: Balance { start: volume, now: volume },
+            raised: vec![Raised::default(); model.bodies.len()],
+            ..Quality::default()
+        }
+    }
+
+    /// Takes in the measures and the residuals of a step; returns the warnings that they give rise to for the first
+    /// time.
+    pub fn accept<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        step: usize,
+        measures: &Measures,
+        residuals: &[f64],
+    ) -> Vec<String> {
+        let mut warnings = Vec::new();
+        self.raised.resize(model.bodies.len(), Raised::default());
+        for (number, body) in measures.bodies.iter().enumerate() {
+            for (worst, found) in [
+                (&mut self.partition_of_unity_loss, body.partition_of_unity_loss),
+                (&mut self.domain_outside_grid, body.outside),
+                (&mut self.rotation, body.rotation),
+                (&mut self.shear, body.shear),
+            ] {
+                if let Some(AtPoint { value, point }) = found {
+                    keep_worst(worst, Worst { value, step, body: number, point: Some(point) });
+                }
+            }
+            if model.bodies[number].method.domain() != DomainKind::None && body.volume > 0.0 {
+                let value = body.domain_volume / body.volume - 1.0;
+                keep_worst(&mut self.domain_overlap, Worst { value, step, body: number, point: None });
+            }
+            let [low, high] = self.det_f.unwrap_or(body.det_f);
+            self.det_f = Some([low.min(body.det_f[0]), high.max(body.det_f[1])]);
+            warn(model, step, number, body, &mut self.raised[number], &mut warnings);
+        }
+        if let Some((value, cell)) = measures.smallest_filling
+            && self.smallest_cell_filling.is_none_or(|kept| value < kept.value)
+        {
+            self.smallest_cell_filling = Some(Filling { value, step, cell });
+        }
+        self.mass.now = measures.bodies.iter().map(|body| body.mass).sum();
+        self.volume.now = measures.bodies.iter().map(|body| body.volume).sum();
+        self.newton_orders.extend(newton_order(residuals).map(|order| (step, order)));
+        warnings
+    }
+
+    /// Median of the observed orders of the Newton iterations.
+    pub fn median_newton_order(&self) -> Option<f64> {
+        let mut orders: Vec<f64> = self.newton_orders.iter().map(|(_, order)| *order).collect();
+        orders.sort_by(f64::total_cmp);
+        let upper = orders.len() / 2;
+        let lower = orders.len().checked_sub(1)? / 2;
+        Some(0.5 * (orders[lower] + orders[upper]))
+    }
+
+    /// Smallest observed order of the Newton iterations, with the step.
+    pub fn smallest_newton_order(&self) -> Option<(usize, f64)> {
+        self.newton_orders.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// One line; nothing before the first step.
+impl fmt::Display for Quality {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut parts = Vec::new();
+        if let Some(loss) = self.partition_of_unity_loss {
+            parts.push(format!("loss of partition of unity {:.1e}", loss.value));
+        }
+        if let Some(outside) = self.domain_outside_grid {
+            parts.push(format!("{:.2} % of a domain outside the grid", 100.0 * outside.value));
+        }
+        if let Some(overlap) = self.domain_overlap {
+            parts.push(format!("overlap of domains {:.2} %", 100.0 * overlap.value));
+        }
+        if let Some(filling) = self.smallest_cell_filling {
+            parts.push(format!("cells filled to {:.1} % or more", 100.0 * filling.value));
+        }
+        if let Some([low, high]) = self.det_f {
+            parts.push(format!("det F {low:.4} to {high:.4}"));
+            parts.push(format!("volume changed by {:.2} %", 100.0 * self.volume.relative_change()));
+        }
+        if let Some(order) = self.median_newton_order() {
+            parts.push(format!("Newton order {order:.2}"));
+        }
+        f.write_str(&parts.join(", "))
+    }
+}
+
+fn keep_worst(kept: &mut Option<Worst>, found: Worst) {
+    if kept.is_none_or(|kept| found.value.abs() > kept.value.abs()) {
+        *kept = Some(found);
+    }
+}
+
+/// The warnings that a body has not had before.
+fn warn<const D: usize>(
+    model: &Model<D>,
+    step: usize,
+    number: usize,
+    measures: &OfBody,
+    raised: &mut Raised,
+    warnings: &mut Vec<String>,
+) {
+    let body = &model.bodies[number];
+    let name = &body.name;
+    if let (Some(objection), Some(AtPoint { value, point })) =
+        (Objection::to(body.domain_update), measures.objection)
+        && !raised.update
+        && value > objection.limit
+    {
+        raised.update = true;
+        let update = body.domain_update.name();
+        let motion = (objection.describe)(value);
+        warnings.push(format!(
+            "step {step}: body `{name}`: its domain update `{update}` does not suit its motion: \
+             point {point} has {motion}; use `domain_update: corners`"
+        ));
+    }
+    let advice = match body.method.domain() {
+        DomainKind::Box if body.domain_update != DomainUpdate::Corners => {
+            "use a larger grid or `domain_update: corners`, which keeps domains inside the body"
+        }
+        _ => "use a larger grid",
+    };
+    if let Some(AtPoint { value, point }) = measures.outside
+        && !raised.outside
+        && value > MOST_OUTSIDE
+    {
+        raised.outside = true;
+        let share = 100.0 * value;
+        let of = match body.method.domain() {
+            DomainKind::Corners => "the corners of the domain",
+            DomainKind::Box | DomainKind::None => "the domain",
+        };
+        warnings.push(format!(
+            "step {step}: body `{name}`: {share:.1} % of {of} of point {point} is outside the grid; {advice}"
+        ));
+    }
+    if let Some(AtPoint { value, point }) = measures.partition_of_unity_loss
+        && !raised.partition_of_unity
+        && value > MOST_LOSS
+    {
+        raised.partition_of_unity = true;
+        let sum = 1.0 - value;
+        warnings.push(format!(
+            "step {step}: body `{name}`: the basis functions of point {point} add up to {sum:.4} instead of 1, as its \
+             domain is partly outside the grid; {advice}"
+        ));
+    }
+}

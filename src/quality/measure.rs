@@ -1,0 +1,231 @@
+//! The measures of one equilibrated step.
+
+use rayon::prelude::*;
+
+use super::motion::{Objection, rotation_of_turn, shear, turn};
+use crate::basis::{Connectivity, DomainKind, domain_volume};
+use crate::grid::{Grid, MAX_CORNERS};
+use crate::model::Model;
+use crate::points::Points;
+
+/// A value and the permanent number of the point that has it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AtPoint {
+    /// The value.
+    pub value: f64,
+    /// The point.
+    pub point: u32,
+}
+
+/// What a step shows of one body: the largest over its points, or the sum.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OfBody {
+    /// 1 − Σ S_vp of the basis functions that the step used, [-].
+    pub partition_of_unity_loss: Option<AtPoint>,
+    /// Share of the domain outside the grid; `None` without domains, [-].
+    pub outside: Option<AtPoint>,
+    /// Magnitude of the rotation, [degrees]; until all points are known, its [`turn`].
+    pub rotation: Option<AtPoint>,
+    /// Shear, [-].
+    pub shear: Option<AtPoint>,
+    /// The motion that the domain update does not stand; `None` where it stands all.
+    pub objection: Option<AtPoint>,
+    /// Smallest and largest det F, [-].
+    pub det_f: [f64; 2],
+    /// Mass, [mass].
+    pub mass: f64,
+    /// Volume of the points, Σ J V_p0, [volume].
+    pub volume: f64,
+    /// Volume of their domains, [volume].
+    pub domain_volume: f64,
+}
+
+impl Default for OfBody {
+    fn default() -> Self {
+        OfBody {
+            partition_of_unity_loss: None,
+            outside: None,
+            rotation: None,
+            shear: None,
+            objection: None,
+            det_f: [f64::INFINITY, f64::NEG_INFINITY],
+            mass: 0.0,
+            volume: 0.0,
+            domain_volume: 0.0,
+        }
+    }
+}
+
+impl OfBody {
+    fn merge(&mut self, other: &OfBody) {
+        for (ours, theirs) in [
+            (&mut self.partition_of_unity_loss, other.partition_of_unity_loss),
+            (&mut self.outside, other.outside),
+            (&mut self.rotation, other.rotation),
+            (&mut self.shear, other.shear),
+            (&mut self.objection, other.objection),
+        ] {
+            keep_largest(ours, theirs);
+        }
+        self.det_f = [self.det_f[0].min(other.det_f[0]), self.det_f[1].max(other.det_f[1])];
+        self.mass += other.mass;
+        self.volume += other.volume;
+        self.domain_volume += other.domain_volume;
+    }
+}
+
+/// Keeps the larger of two values; of equals, the first.
+#[inline]
+fn keep_largest(kept: &mut Option<AtPoint>, found: Option<AtPoint>) {
+    if let Some(found) = found
+        && kept.is_none_or(|kept| found.value > kept.value)
+    {
+        *kept = Some(found);
+    }
+}
+
+/// What a step shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measures {
+    /// By body.
+    pub bodies: Vec<OfBody>,
+    /// Smallest ratio of the volume of the points in a cell to that of the cell, at the start of the step, with the
+    /// cell. Cells that only domains meet do not count.
+    pub smallest_filling: Option<(f64, u32)>,
+}
+
+impl Measures {
+    /// Of a step that is in equilibrium but not committed: the converged state of the points is the one that the step
+    /// starts from and that `links` belong to, the trial state the one it has reached.
+    pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Measures {
+        let objections: Vec<Option<Objection>> = (model.bodies.iter())
+            .map(|body| match body.method.domain() {
+                DomainKind::Box => Objection::to(body.domain_update),
+                DomainKind::None | DomainKind::Corners => None,
+            })
+            .collect();
+        let empty =
+            || Measures { bodies: vec![OfBody::default(); model.bodies.len()], smallest_filling: None };
+        // Pieces of a fixed size, put together in order: the same sums for any number of threads.
+        let piece = 64;
+        let pieces: Vec<Measures> = (0..links.n_groups().div_ceil(piece))
+            .into_par_iter()
+            .map(|k| {
+                let mut measures = empty();
+                for group in k * piece..((k + 1) * piece).min(links.n_groups()) {
+                    measures.add_group(model, points, links, &objections, group);
+                }
+                measures
+            })
+            .collect();
+        let mut all = empty();
+        for piece in &pieces {
+            for (body, other) in all.bodies.iter_mut().zip(&piece.bodies) {
+                body.merge(other);
+            }
+            all.fill(piece.smallest_filling);
+        }
+        for rotation in all.bodies.iter_mut().filter_map(|body| body.rotation.as_mut()) {
+            rotation.value = rotation_of_turn(rotation.value);
+        }
+        all
+    }
+
+    fn fill(&mut self, found: Option<(f64, u32)>) {
+        if let Some(found) = found
+            && self.smallest_filling.is_none_or(|kept| found.0 < kept.0)
+        {
+            self.smallest_filling = Some(found);
+        }
+    }
+
+    /// Adds the points of one cell.
+    fn add_group<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+        objections: &[Option<Objection>],
+        group: usize,
+    ) {
+        let mut filled = 0.0;
+        for p in links.points_of(group) {
+            filled += points.volume(p);
+            let number = points.body[p] as usize;
+            let body = &mut self.bodies[number];
+            let keep = |kept: &mut Option<AtPoint>, value: f64| {
+                keep_largest(kept, Some(AtPoint { value, point: points.id[p] }));
+            };
+            let sum: f64 = links.links(p).value.iter().sum();
+            keep(&mut body.partition_of_unity_loss, (1.0 - sum).max(0.0));
+            let gradient = &points.trial.deformation_gradient[p];
+            keep(&mut body.rotation, turn(gradient));
+            keep(&mut body.shear, shear(gradient));
+            if let Some(objection) = &objections[number] {
+                keep(&mut body.objection, objection.measure(gradient));
+            }
+            let det_f = gradient.determinant();
+            body.det_f = [body.det_f[0].min(det_f), body.det_f[1].max(det_f)];
+            body.mass += points.mass[p];
+            body.volume += det_f * points.original_volume[p];
+            let (volume, outside) = match model.bodies[number].method.domain() {
+                DomainKind::None => continue,
+                DomainKind::Box => {
+                    let (x, l) = (&points.trial.position[p], &points.trial.half_lengths[p]);
+                    (l.iter().map(|l| 2.0 * l).product(), share_of_box_outside(model.grid.as_ref(), x, l))
+                }
+                DomainKind::Corners => {
+                    let n = points.corners_per_point;
+                    let corners = &points.trial.corners[p * n..(p + 1) * n];
+                    let share = share_of_corners_outside(model.grid.as_ref(), corners, points.cell[p]);
+                    (domain_volume(corners), share)
+                }
+            };
+            body.domain_volume += volume;
+            keep(&mut body.outside, outside);
+        }
+        if let Some(first) = links.points_of(group).next() {
+            let cell = points.cell[first];
+            self.fill(Some((filled / model.grid.volume(cell as usize), cell)));
+        }
+    }
+}
+
+/// Share of the volume of a box outside the grid; on unstructured grids, of its corners.
+fn share_of_box_outside<const D: usize>(grid: &dyn Grid<D>, x: &[f64; D], half_lengths: &[f64; D]) -> f64 {
+    let Some(structured) = grid.structured() else {
+        let mut corners = [[0.0; D]; MAX_CORNERS];
+        for (k, corner) in corners.iter_mut().enumerate() {
+            *corner = std::array::from_fn(|d| {
+                if k >> d & 1 == 1 { x[d] + half_lengths[d] } else { x[d] - half_lengths[d] }
+            });
+        }
+        return share_of_corners_outside(grid, &corners[..1 << D], grid.nearest_cell(x));
+    };
+    let inside: f64 = (0..D)
+        .map(|d| {
+            let low = structured.cell_coordinate(d, x[d] - half_lengths[d]);
+            let high = structured.cell_coordinate(d, x[d] + half_lengths[d]);
+            let n = structured.cells()[d] as f64;
+            if low >= 0.0 && high <= n { 1.0 } else { (high.min(n) - low.max(0.0)).max(0.0) / (high - low) }
+        })
+        .product();
+    1.0 - inside
+}
+
+/// Share of the corners of a domain outside the grid.
+fn share_of_corners_outside<const D: usize>(grid: &dyn Grid<D>, corners: &[[f64; D]], hint: u32) -> f64 {
+    let outside = corners.iter().filter(|corner| grid.locate(corner, Some(hint)).is_none()).count();
+    outside as f64 / corners.len().max(1) as f64
+}
+
+/// Residuals below this are round-off.
+const ROUND_OFF: f64 = 1e-12;
+
+/// Observed order of the iterations of a step, from its last three residuals above round-off; `None` where there are
+/// not three that fall. The residual of iteration 0 is not relative to the reactions and does not count.
+pub fn newton_order(residuals: &[f64]) -> Option<f64> {
+    let mut last = residuals.iter().skip(1).copied().filter(|r| *r > ROUND_OFF).rev();
+    let (c, b, a) = (last.next()?, last.next()?, last.next()?);
+    (a > b && b > c).then(|| (c / b).ln() / (b / a).ln())
+}
