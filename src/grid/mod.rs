@@ -8,7 +8,7 @@ mod structured;
 pub mod subdivide;
 
 pub use mesh::Mesh;
-pub use structured::Structured;
+pub use structured::{Structured, vtk_corner};
 
 /// A position closer than this to a grid line, relative to the cell size, counts as lying on it.
 ///

@@ -153,8 +153,9 @@ impl<const D: usize> Grid<D> for Structured<D> {
     }
 }
 
-/// Offsets (bit d along axis d) of the corners of a cell in the order of a VTK quadrilateral or hexahedron.
-fn vtk_corner(corner: usize) -> usize {
+/// The corner, numbered by its offsets (bit d along axis d), that stands at a place in the order of a VTK
+/// quadrilateral or hexahedron.
+pub fn vtk_corner(corner: usize) -> usize {
     match corner % 4 {
         2 => corner + 1,
         3 => corner - 1,

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::basis::DomainKind;
+use crate::grid::vtk_corner;
 use crate::model::Model;
 use crate::points::Points;
 use crate::solver::GridFields;
@@ -237,14 +238,9 @@ pub fn domain_corners<const D: usize>(
     points: &Points<D>,
     order: &[usize],
 ) -> Vec<[f64; 3]> {
-    let vtk = |k: usize| match k % 4 {
-        2 => k + 1,
-        3 => k - 1,
-        _ => k,
-    };
     let of_point = |&p: &usize| {
         let corners = corners_of(model, points, p);
-        (0..corners.len()).map(|k| padded(&corners[vtk(k)])).collect::<Vec<_>>()
+        (0..corners.len()).map(|k| padded(&corners[vtk_corner(k)])).collect::<Vec<_>>()
     };
     order.iter().flat_map(of_point).collect()
 }
