@@ -26,7 +26,7 @@ PAGES = {
 
 
 def main():
-    matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "mpm", "font.size": 9})
+    matplotlib.rcParams["font.size"] = 9
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("mpm", help="the program")
     parser.add_argument("--results", default="results/verification", help="where the runs leave their results")

@@ -8,6 +8,7 @@ mod annulus;
 mod beam;
 mod collapse;
 mod compaction;
+mod domains;
 mod formulations;
 mod imported;
 mod shear;

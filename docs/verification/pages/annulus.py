@@ -55,15 +55,16 @@ def body_force(original, factor=1.0):
     return np.stack([evaluate(formula) for formula in load["force"]], axis=1), known["br"], known["bp"]
 
 
-def unbalanced_moment(out, step):
+def unbalanced_moment(out, step, factor=1.0):
     """Moment of body force and reactions about the centre at the end of a step, relative to that of the body force.
 
-    The internal forces have none, so that it vanishes if the program applied the body force evaluated here.
+    The internal forces have none, so that it vanishes if the program applied the body force evaluated here, that of the
+    step times `factor`.
     """
     places, u = places_and_displacements(out, step)
     start = mesh_of_step(out, "points", step - 1)
     parameters = summary(out)["parameters"]
-    force, _, _ = body_force(places - u, step / float(parameters["steps"]))
+    force, _, _ = body_force(places - u, factor * step / float(parameters["steps"]))
     force *= np.asarray(start.point_data["volume"])[:, None]
     grid = mesh_of_step(out, "grid", step)
     reaction, nodes = np.asarray(grid.point_data["reaction"]), np.asarray(grid.points)

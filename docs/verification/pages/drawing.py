@@ -3,6 +3,7 @@
 import io
 import re
 
+import matplotlib
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import EllipseCollection, PolyCollection
@@ -37,7 +38,8 @@ def panels(rows, columns, width, height, **options):
 def save_svg(figure, path):
     """Saves a drawing with text as text, coordinates to a hundredth of a point and no date."""
     picture = io.StringIO()
-    figure.savefig(picture, format="svg", metadata={"Date": None, "Creator": None})
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "mpm"}):
+        figure.savefig(picture, format="svg", metadata={"Date": None, "Creator": None})
     shorten = lambda tag: re.sub(r"(\d+\.\d\d)\d+", r"\1", tag[0])  # within tags: texts keep their digits
     path.write_text(re.sub(r"<[^>]+>", shorten, picture.getvalue()))
 
