@@ -19,7 +19,7 @@
 //!    displacements, external force, and the sparse direct solver.
 //! 6. [`domain`]: how the domain of a GIMP point follows the deformation. Domains of CPDI are given by their corners,
 //!    [`points::State::corners`], which the last step of [`solver`] moves.
-//! 7. [`quality`]: how well a run goes, and when a domain update does not suit the motion.
+//! 7. [`rigid`]: motions that boundary conditions leave free. [`memory`]: how much there is. [`quality`]: how well a run goes, and when a domain update does not suit the motion.
 //! 8. [`deck`] and [`formula`]: from YAML to [`model::Model`] and [`points::Points`], with messages that name the line;
 //!    `deck/region.rs` and `deck/seeding.rs` fill bodies with points. [`study`] runs a deck for many parameters.
 //!    [`output`]: from there to files. The modules above know neither.
@@ -74,10 +74,12 @@ pub mod grid;
 pub mod linear;
 pub mod loads;
 pub mod material;
+pub mod memory;
 pub mod model;
 pub mod output;
 pub mod points;
 pub mod quality;
+pub mod rigid;
 pub mod solver;
 pub mod stress;
 pub mod study;

@@ -221,7 +221,12 @@ impl<const D: usize> Points<D> {
         };
         let mut found: Vec<(f64, u32)> =
             (0..self.len()).filter(|&p| self.body[p] == body).map(|p| (distance(p), self.id[p])).collect();
-        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        if count + 1 < found.len() {
+            found.select_nth_unstable_by(count, order);
+            found.truncate(count + 1);
+        }
+        found.sort_unstable_by(order);
         let clear = match (found.get(count.wrapping_sub(1)), found.get(count)) {
             (Some(last), Some(next)) => next.0 - last.0 > 1e-9 * (1.0 + last.0),
             _ => true,
