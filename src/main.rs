@@ -16,7 +16,6 @@ use mpm::deck::load::load;
 use mpm::deck::schema::deck_schema;
 use mpm::output::summary::Start;
 use mpm::solver::{self, SolveError};
-use mpm::stress::PlaneStrain;
 use mpm::timing::{Phase, Timings};
 
 use analysis::{Ready, explain, messages, prepare, run_into};
@@ -163,7 +162,7 @@ fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
     let Some(Ready { loaded, model, mut points }) = prepare_aloud(args) else {
         return Ok(ExitCode::from(USAGE));
     };
-    let first = match solver::first_step::<2, PlaneStrain>(&model, &mut points) {
+    let first = match solver::first_step_in_plane(&model, &mut points) {
         Ok(first) => first,
         Err(error) => {
             explain(&error);

@@ -12,7 +12,7 @@ use crate::loads::external_force;
 use crate::model::{Model, Newton};
 use crate::points::Points;
 use crate::quality::{Measures, Quality};
-use crate::stress::Mechanics;
+use crate::stress::{Axisymmetric, Mechanics, PlaneStrain};
 use crate::timing::{Phase, Timings};
 
 pub use error::SolveError;
@@ -61,6 +61,22 @@ pub fn run<const D: usize, M: Mechanics<D>>(
     outcome.and(told.map_err(SolveError::Output)).map(|()| finished)
 }
 
+/// Runs an analysis in the plane as [`run`], with the mechanics of its idealisation.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_in_plane(
+    model: &Model<2>,
+    points: &mut Points<2>,
+    observer: &mut dyn Observer<2>,
+) -> Result<Summary, SolveError> {
+    if model.revolved {
+        run::<2, Axisymmetric>(model, points, observer)
+    } else {
+        run::<2, PlaneStrain>(model, points, observer)
+    }
+}
+
 /// The size of the first load step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FirstStep {
@@ -84,6 +100,18 @@ pub fn first_step<const D: usize, M: Mechanics<D>>(
         .map_err(|failure| SolveError::unsupported(model, points, failure, step))?;
     let system = StepSystem::new::<M>(model, points, &links, step)?;
     Ok(FirstStep { active_nodes: links.n_active(), unknowns: system.dofs.n_free() })
+}
+
+/// Sets the first load step of an analysis in the plane up as [`first_step`], with the mechanics of its idealisation.
+///
+/// # Errors
+/// As [`first_step`].
+pub fn first_step_in_plane(model: &Model<2>, points: &mut Points<2>) -> Result<FirstStep, SolveError> {
+    if model.revolved {
+        first_step::<2, Axisymmetric>(model, points)
+    } else {
+        first_step::<2, PlaneStrain>(model, points)
+    }
 }
 
 /// What lives from step to step: the linear solver with its analysis, and the account of the run.

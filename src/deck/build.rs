@@ -3,18 +3,18 @@
 use super::diagnostic::{Diagnostic, Severity, list, quote};
 use super::formulas::at_points;
 use super::load::LoadedDeck;
-use super::placing;
 use super::seeding::{Filled, Filling};
 use super::{
-    BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve as CurveDeck, LoadDeck, MaterialDeck,
-    NodeSelector, PerAxis,
+    BoundaryConditionDeck, Deck, Expression, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
+    MaterialDeck, NodeSelector, PerAxis,
 };
+use super::{axisymmetry, placing};
 use crate::constraints::{BoundaryCondition, NodeSet};
 use crate::formula::Formula;
 use crate::grid::gmsh::{self, GmshError};
 use crate::grid::{Grid, Mesh, Structured};
 use crate::loads::{Action, Load, LoadCurve};
-use crate::material::{Hencky, Material, VonMises};
+use crate::material::{Hencky, Material, NeoHookean, VonMises};
 use crate::model::{Body, Model, NamedMaterial, Newton, Probe};
 use crate::points::{Points, Seed};
 
@@ -42,13 +42,20 @@ pub fn build_with_notes(
     let deck = &loaded.deck;
     let mut builder = Builder { loaded, deck, found: Vec::new() };
     let Some(grid) = builder.grid() else { return Err(builder.found) };
+    let revolved = deck.analysis.idealisation == Idealisation::Axisymmetric;
     let materials: Vec<NamedMaterial> =
         deck.materials.iter().map(|(name, m)| NamedMaterial { name: name.clone(), law: law(m) }).collect();
     let bodies = builder.bodies();
-    let seeds = builder.seeds(grid.as_ref(), &materials, &bodies);
+    let mut seeds = builder.seeds(grid.as_ref(), &materials, &bodies);
+    if revolved {
+        axisymmetry::revolve(&mut seeds);
+    }
     let points = Points::new(&seeds);
     let boundary_conditions = builder.boundary_conditions(grid.as_ref());
     let loads = builder.loads(&points);
+    if revolved {
+        builder.found.extend(axisymmetry::faults(loaded, grid.as_ref(), &boundary_conditions));
+    }
     let probes = builder.probes(&points);
     if builder.found.iter().any(Diagnostic::is_error) {
         return Err(builder.found);
@@ -56,6 +63,7 @@ pub fn build_with_notes(
     let model = Model {
         title: deck.title.clone().unwrap_or_default(),
         grid,
+        revolved,
         formulation: deck.analysis.formulation,
         point_volume: deck.analysis.point_volume,
         materials,
@@ -77,16 +85,9 @@ pub fn build_with_notes(
 fn law(material: &MaterialDeck) -> Box<dyn Material> {
     match *material {
         MaterialDeck::Hencky { young, poisson, .. } => Box::new(Hencky::new(young, poisson)),
-        MaterialDeck::VonMises { young, poisson, deviatoric_yield_stress, .. } => {
-            Box::new(VonMises::new(young, poisson, deviatoric_yield_stress))
-        }
-    }
-}
-
-fn density(material: &MaterialDeck) -> f64 {
-    match material {
-        MaterialDeck::Hencky { density, .. } | MaterialDeck::VonMises { density, .. } => {
-            density.unwrap_or(0.0)
+        MaterialDeck::NeoHookean { young, poisson, .. } => Box::new(NeoHookean::new(young, poisson)),
+        MaterialDeck::VonMises { young, poisson, deviatoric_yield_stress, hardening_modulus, .. } => {
+            Box::new(VonMises::new(young, poisson, deviatoric_yield_stress).hardening(hardening_modulus))
         }
     }
 }
@@ -186,7 +187,7 @@ impl Builder<'_> {
                 grid,
                 body: number as u16,
                 domain: body.method.domain(),
-                density: density(&self.deck.materials[&deck.material]),
+                density: self.deck.materials[&deck.material].density().unwrap_or(0.0),
                 history: fields.iter().map(|f| f.initial).collect(),
             };
             let filled = filling.fill(deck).and_then(|filled| {

@@ -72,6 +72,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D032", "a mesh file that cannot be used, or looks wrong"),
     ("D033", "a body whose points do not fill its region exactly"),
     ("D034", "a method that does not go with the grid"),
+    ("D035", "a body of revolution whose axis is free or inside the grid, or whose weight is not along it"),
 ];
 
 impl Diagnostic {

@@ -10,4 +10,6 @@ mod collapse;
 mod compaction;
 mod formulations;
 mod imported;
+mod radial;
+mod revolution;
 mod shear;
