@@ -16,7 +16,6 @@ use mpm::output::results::Results;
 use mpm::output::summary::{Account, Start};
 use mpm::points::Points;
 use mpm::solver::{self, SolveError, Summary};
-use mpm::stress::PlaneStrain;
 use mpm::timing::Timings;
 use serde_json::{Value, json};
 
@@ -135,7 +134,7 @@ pub fn run_into(
     let results = Results::create(directory, every, &model, account)
         .with_context(|| format!("the results directory `{}` cannot be written", directory.display()))?;
     let mut watch = Watch::new(results, &model, &points, view, Arc::clone(stop));
-    let outcome = solver::run::<2, PlaneStrain>(&model, &mut points, &mut watch);
+    let outcome = solver::run_in_plane(&model, &mut points, &mut watch);
     watch.end();
     Ok(outcome)
 }

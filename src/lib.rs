@@ -12,9 +12,10 @@
 //! 3. [`grid`] and [`basis`]: which nodes a point touches and how strongly; one file per method. [`grid::Grid`] is a
 //!    trait, location and linear basis of a cell; [`grid::Structured`] is the regular grid, [`grid::Mesh`] holds
 //!    triangles and quadrilaterals, which [`grid::gmsh`] reads.
-//! 4. [`stress`]: from the displacement gradient of one point to P̃ and Ã. [`stress::Solid`] is the transcription of
-//!    the paper, [`stress::PlaneStrain`] the same in closed form. [`material`] holds the laws, [`tensor`] the spectral
-//!    functions and the index conventions.
+//! 4. [`kinematics`] and [`stress`]: from the displacement gradient of one point to its part in force and stiffness,
+//!    P̃ and Ã. [`stress::Solid`] is the general kernel, [`stress::PlaneStrain`] is in closed form,
+//!    [`stress::Axisymmetric`] for bodies of revolution. [`material`] holds the laws, [`tensor`] the spectral functions
+//!    and the index conventions.
 //! 5. [`assembly`], [`constraints`], [`loads`], [`linear`]: internal force and stiffness of the grid, prescribed
 //!    displacements, external force, and the sparse direct solver.
 //! 6. [`domain`]: how the domain of a GIMP point follows the deformation. Domains of CPDI are given by their corners,
@@ -36,12 +37,12 @@
 //! | X̃, x_p | [`position`](points::State::position) | position of a point at the start of the step (converged), at its end (trial) |
 //! | X | [`original_position`](points::Points::original_position) | original position |
 //! | F, F_n | [`deformation_gradient`](points::State::deformation_gradient) | trial and converged deformation gradient; `F` in [`domain`] |
-//! | ΔF, ΔJ | `dF`, `dJ` | increment of F over the step, eq. (7), and its determinant |
+//! | ΔF, ΔJ | [`dF`](kinematics::Increment::dF), `dJ` | increment of F over the step, eq. (7), and its determinant |
 //! | J_n | [`J_n`](stress::StartOfStep::J_n) | det F_n |
 //! | b^e_n | [`b_n`](stress::StartOfStep::b_n) | elastic left Cauchy-Green strain at the start of the step |
-//! | ε^e | [`elastic_strain`](points::State::elastic_strain) | elastic logarithmic strain, ½ ln b^e |
+//! | ε^e | [`elastic_strain`](points::State::elastic_strain) | elastic logarithmic strain, ½ ln b^e (or ½ (b^e − I), see [`StrainMeasure`](material::StrainMeasure)) |
 //! | τ | [`kirchhoff_stress`](points::State::kirchhoff_stress), `tau` | Kirchhoff stress |
-//! | P̃, Ã | [`stress`](stress::Contribution::stress), [`tangent`](stress::Contribution::tangent) | stress of eq. (18) and its derivative (A.3); `P` inside the kernel |
+//! | P̃, Ã | [`stress`](stress::Contribution::stress), [`tangent`](stress::Contribution::tangent) | stress of eq. (18) and its derivative (A.3); `P` inside the kernel; factors of both in [`Spatial`](stress::Spatial) |
 //! | D^alg | [`tangent`](material::Response::tangent) | algorithmic tangent of the law |
 //! | L | [`log_derivative`](tensor::log_derivative), `L` | derivative of the logarithm, eq. (A.2) |
 //! | V_p^0, V_p^n | [`original_volume`](points::Points::original_volume), [`volume_n`](stress::StartOfStep::volume_n) | volume of a point, eq. (22) |
@@ -71,6 +72,7 @@ pub mod deck;
 pub mod domain;
 pub mod formula;
 pub mod grid;
+pub mod kinematics;
 pub mod linear;
 pub mod loads;
 pub mod material;

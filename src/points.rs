@@ -34,7 +34,7 @@ pub struct State<const D: usize> {
     pub corners: Vec<[f64; D]>,
     /// Deformation gradient F from the original configuration, [-].
     pub deformation_gradient: Vec<Mat3>,
-    /// Elastic logarithmic strain ε^e, [-].
+    /// Elastic strain in the measure of the law, for most laws the logarithmic one ε^e, [-].
     pub elastic_strain: Vec<Sym3>,
     /// Kirchhoff stress τ, [stress].
     pub kirchhoff_stress: Vec<Sym3>,

@@ -76,9 +76,9 @@ fn paraview(t: &Sym3) -> [f64; 6] {
 }
 
 /// Logarithmic plastic strain −½ ln(F⁻¹ b^e F⁻ᵀ) in the original configuration.
-fn plastic_strain(f: &Mat3, elastic_strain: &Sym3) -> Sym3 {
+fn plastic_strain(f: &Mat3, b: &Sym3) -> Sym3 {
     let inverse = f.try_inverse().unwrap_or_else(Mat3::identity);
-    let b = elastic_strain.map_eigenvalues(|e| (2.0 * e).exp()).to_matrix();
+    let b = b.to_matrix();
     Sym3::symmetric_part(&(inverse * b * inverse.transpose())).map_eigenvalues(f64::ln) * -0.5
 }
 
@@ -92,14 +92,15 @@ fn point_values<const D: usize>(
     let f = &state.deformation_gradient[p];
     let volume_ratio = f.determinant();
     let sigma = state.kirchhoff_stress[p] * (1.0 / volume_ratio);
-    let plastic = if yielded { plastic_strain(f, &state.elastic_strain[p]) } else { Sym3::ZERO };
+    let (measure, elastic) = (model.law(points, p).strain_measure(), &state.elastic_strain[p]);
+    let plastic = if yielded { plastic_strain(f, &measure.left_cauchy_green(elastic)) } else { Sym3::ZERO };
     let u: [f64; D] = std::array::from_fn(|d| state.position[p][d] - points.original_position[p][d]);
     PointValues {
         displacement: padded(&u),
         deformation_gradient: std::array::from_fn(|c| f[(c / 3, c % 3)]),
         volume_ratio,
         cauchy_stress: paraview(&sigma),
-        elastic_strain: paraview(&state.elastic_strain[p]),
+        elastic_strain: paraview(&measure.logarithmic(elastic)),
         plastic_strain: paraview(&plastic),
         von_mises: (1.5f64).sqrt() * sigma.deviator().norm(),
         pressure: -sigma.trace() / 3.0,

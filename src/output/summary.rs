@@ -149,7 +149,8 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
         for p in (0..points.len()).filter(|&p| points.body[p] as usize == number) {
             count += 1;
             let x = points.converged.position[p];
-            let side = 0.5 * model.volume(points, p).powf(1.0 / D as f64);
+            let size = model.volume(points, p) / model.depth(&x);
+            let side = 0.5 * size.powf(1.0 / D as f64);
             let mut corners = corners_of(model, points, p);
             if corners.is_empty() {
                 corners = vec![x.map(|x| x - side), x.map(|x| x + side)];

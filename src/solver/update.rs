@@ -4,10 +4,10 @@
 use rayon::prelude::*;
 
 use super::{SolveError, Step};
-use crate::assembly::deformation_increment;
 use crate::basis::{Connectivity, DomainKind, Method, check_domain};
 use crate::domain::Motion;
 use crate::grid::interpolate;
+use crate::kinematics::Increment;
 use crate::model::Model;
 use crate::points::Points;
 use crate::stress::Mechanics;
@@ -83,7 +83,8 @@ fn move_point<const D: usize, M: Mechanics<D>>(
     if model.grid.locate(&position, Some(points.cell[p])).is_none() {
         return Err(SolveError::off_grid(model, points, p, position, step));
     }
-    let dF = M::embed(&deformation_increment(nodes, &of_point, delta_d));
+    let start = &points.converged.position[p];
+    let dF = M::embed(&Increment::new::<M>(nodes, &of_point, delta_d, start));
     let F = dF * points.converged.deformation_gradient[p];
     let body = &model.bodies[points.body[p] as usize];
     let mut moved = Moved {
@@ -96,8 +97,8 @@ fn move_point<const D: usize, M: Mechanics<D>>(
         DomainKind::None => {}
         DomainKind::Box => {
             let motion = Motion {
-                F: &F,
-                dF: &dF,
+                F: &along_axes::<D>(F),
+                dF: &along_axes::<D>(dF),
                 original: &points.original_half_lengths[p],
                 previous: &points.converged.half_lengths[p],
                 position: &points.converged.position[p],
@@ -116,6 +117,15 @@ fn move_point<const D: usize, M: Mechanics<D>>(
         }
     }
     Ok(moved)
+}
+
+/// A deformation gradient without what happens beyond the `D` axes, which is no matter of the domain: the stretch
+/// around the axis of a body of revolution.
+fn along_axes<const D: usize>(mut F: Mat3) -> Mat3 {
+    for d in D..3 {
+        F[(d, d)] = 1.0;
+    }
+    F
 }
 
 /// CPDI2 moves the corners with the grid; CPDI1 keeps a parallelogram that follows F of the point.

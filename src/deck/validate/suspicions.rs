@@ -133,7 +133,9 @@ impl Check<'_> {
 
     fn incompressible(&mut self) {
         for (name, material) in &self.deck.materials {
-            let (MaterialDeck::Hencky { poisson, .. } | MaterialDeck::VonMises { poisson, .. }) = material;
+            let (MaterialDeck::Hencky { poisson, .. }
+            | MaterialDeck::NeoHookean { poisson, .. }
+            | MaterialDeck::VonMises { poisson, .. }) = material;
             if *poisson >= NEARLY_INCOMPRESSIBLE {
                 let message = format!(
                     "with Poisson's ratio {poisson} the material {} hardly changes its volume, and cells of low order \
@@ -187,7 +189,9 @@ impl Check<'_> {
                 if !told.insert(&body.material) {
                     continue;
                 }
-                let (MaterialDeck::Hencky { young, .. } | MaterialDeck::VonMises { young, .. }) = *material;
+                let (MaterialDeck::Hencky { young, .. }
+                | MaterialDeck::NeoHookean { young, .. }
+                | MaterialDeck::VonMises { young, .. }) = *material;
                 let density = density(material).unwrap_or(0.0);
                 if density > 0.0 && gravity > 0.0 {
                     self.units_of(&body.material, young, density, gravity, self.height(body));
