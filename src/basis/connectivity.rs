@@ -238,12 +238,11 @@ impl<const D: usize> Piece<D> {
             nodes.clear();
             for p in range {
                 let basis: &dyn Basis<D> = methods[points.body[p] as usize].basis();
-                let corners = points.corners_per_point;
                 let point = PointGeometry {
                     cell: points.cell[p],
                     position: &points.converged.position[p],
                     half_lengths: &points.converged.half_lengths[p],
-                    corners: &points.converged.corners[p * corners..(p + 1) * corners],
+                    corners: points.corners(p),
                 };
                 basis
                     .support(grid, &point, &mut support)

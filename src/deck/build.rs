@@ -167,7 +167,7 @@ impl<'a> Builder<'a> {
     }
 
     /// The mesh of a gmsh file; a message if it cannot be used.
-    fn mesh(&mut self, file: &str) -> Option<Mesh> {
+    fn mesh(&mut self, file: &str) -> Option<Mesh<2>> {
         let path = self.loaded.directory.join(file);
         let source = &self.loaded.source;
         let read = gmsh::read_file(&path);

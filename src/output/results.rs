@@ -9,7 +9,7 @@ use crate::points::Points;
 use crate::solver::{GridFields, Observer, SolveError, Step, StepReport, Summary};
 use crate::tensor::padded;
 
-use super::fields::{OwnedField, domain_corners, grid_mesh, point_fields};
+use super::fields::{OwnedField, domain_mesh, grid_mesh, point_fields};
 use super::series::Series;
 use super::summary::{Account, Outcome};
 use super::table::{Entry, Table};
@@ -110,11 +110,14 @@ impl Results {
             |p: &usize| model.bodies[points.body[*p] as usize].method.domain() != DomainKind::None;
         let with_domain: Vec<usize> = order.into_iter().filter(has_domain).collect();
         if !with_domain.is_empty() {
-            let corners = domain_corners(model, points, &with_domain);
-            let connectivity: Vec<i64> = (0..corners.len() as i64).collect();
+            let domains = domain_mesh(model, points, &with_domain);
+            let connectivity: Vec<i64> = (0..domains.corners.len() as i64).collect();
             let fields = point_fields(model, points, &with_domain);
-            let mesh =
-                Mesh { points: &corners, kinds: Kinds::All(box_kind::<D>()), connectivity: &connectivity };
+            let mesh = Mesh {
+                points: &domains.corners,
+                kinds: Kinds::Each(&domains.kinds),
+                connectivity: &connectivity,
+            };
             self.write_series(1, step, &mesh, &[], &fields)?;
         }
         self.written = Some(step.index);
@@ -166,10 +169,6 @@ impl Results {
     fn is_due<const D: usize>(&self, model: &Model<D>, step: usize) -> bool {
         self.every > 0 && (step.is_multiple_of(self.every) || step == model.n_steps)
     }
-}
-
-fn box_kind<const D: usize>() -> CellKind {
-    if D == 2 { CellKind::Quad } else { CellKind::Hexahedron }
 }
 
 /// Removes the series that an earlier run left in the directory, so that none of its files are mistaken for ours.
