@@ -126,6 +126,8 @@ pub fn run_into(
     let every = loaded.deck.output.every as usize;
     let account = Account {
         start,
+        deck_file: loaded.source.name().to_owned(),
+        deck_text: loaded.source.text().to_owned(),
         deck_hash: loaded.hash(),
         parameters: loaded.parameters,
         set_up,

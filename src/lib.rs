@@ -23,7 +23,7 @@
 //! 7. [`rigid`]: motions that boundary conditions leave free. [`memory`]: how much there is. [`quality`]: how well a run goes, and when a domain update does not suit the motion.
 //! 8. [`deck`] and [`formula`]: from YAML to [`model::Model`] and [`points::Points`], with messages that name the line;
 //!    `deck/region.rs` and `deck/seeding.rs` fill bodies with points. [`study`] runs a deck for many parameters.
-//!    [`output`]: from there to files. The modules above know neither.
+//!    [`output`]: from there to files. The modules above know neither. [`appendix`] makes a report of the files.
 //!
 //! The library never prints and never exits; `main.rs` does.
 //!
@@ -65,6 +65,7 @@
 #![allow(rustdoc::broken_intra_doc_links, reason = "units stand in brackets: [length], [force]")]
 #![allow(rustdoc::private_intra_doc_links, reason = "the pages are for readers of the code")]
 
+pub mod appendix;
 pub mod assembly;
 pub mod basis;
 pub mod constraints;

@@ -181,7 +181,7 @@ fn remove_earlier_series(directory: &Path) -> io::Result<()> {
             let number = rest.strip_prefix('_').and_then(|r| r.strip_suffix(".vtu"));
             rest == ".pvd" || number.is_some_and(|n| n.len() >= 4 && n.bytes().all(|b| b.is_ascii_digit()))
         });
-        if ours || name == "summary.json" {
+        if ours || ["summary.json", "run.json"].contains(&name) {
             std::fs::remove_file(&path)?;
         }
     }
@@ -190,6 +190,7 @@ fn remove_earlier_series(directory: &Path) -> io::Result<()> {
 
 impl<const D: usize> Observer<D> for Results {
     fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
+        self.account.write_start(&self.directory.join("run.json"), model, points)?;
         if self.every == 0 {
             return Ok(());
         }
