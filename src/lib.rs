@@ -78,6 +78,7 @@ pub mod model;
 pub mod output;
 pub mod points;
 pub mod quality;
+pub mod region;
 pub mod solver;
 pub mod stress;
 pub mod study;
