@@ -10,6 +10,8 @@ mod error;
 mod inside;
 mod weld;
 
+use std::fmt;
+
 use robust::{Coord3D, orient3d};
 
 use super::vector::{cross, dot, minus};
@@ -26,7 +28,7 @@ const LARGEST: f64 = 1e60;
 
 /// A closed surface of triangles that does not cross itself, and what it encloses. It may have several shells, side
 /// by side or one in a cavity of another.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Surface {
     /// The facets, in the order of the tree.
     triangles: Vec<Triangle>,
@@ -78,6 +80,18 @@ impl Surface {
     /// Number of corners that were merged with others nearby because edges were open.
     pub fn welded(&self) -> usize {
         self.welded
+    }
+}
+
+impl fmt::Debug for Surface {
+    /// Without the facets, of which there may be many.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut surface = f.debug_struct("Surface");
+        surface
+            .field("facets", &self.facets())
+            .field("bounds", &self.tree.bounds())
+            .field("volume", &self.volume);
+        surface.finish_non_exhaustive()
     }
 }
 
@@ -174,5 +188,7 @@ fn depth(t: &Triangle, x: &[f64; 3]) -> f64 {
     orient3d(at(&t[0]), at(&t[1]), at(&t[2]), at(x))
 }
 
+#[cfg(test)]
+mod damage;
 #[cfg(test)]
 pub(super) mod tests;

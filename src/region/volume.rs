@@ -30,9 +30,9 @@ pub struct Accuracy {
 }
 
 impl Default for Accuracy {
-    /// 10⁻⁶ and a million lines: about a second at worst for a dozen primitives.
+    /// 10⁻⁶ and four million lines, which a few primitives do not use up; a second or two for those that do.
     fn default() -> Self {
-        Accuracy { relative: 1e-6, lines: 1_000_000 }
+        Accuracy { relative: 1e-6, lines: 4_000_000 }
     }
 }
 

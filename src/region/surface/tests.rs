@@ -1,6 +1,5 @@
 //! Surfaces that are good, and what is found where they are not.
 
-use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 use std::time::Instant;
 
@@ -37,7 +36,7 @@ pub(in crate::region) fn torus(ring: f64, tube: f64, nu: usize, nv: usize) -> Ve
     })
 }
 
-fn sphere(center: [f64; 3], radius: f64, nu: usize, nv: usize) -> Vec<Triangle> {
+pub(super) fn sphere(center: [f64; 3], radius: f64, nu: usize, nv: usize) -> Vec<Triangle> {
     parametric(nu, nv, true, |u, v| {
         let (r, z) = ((PI * v).sin(), -(PI * v).cos());
         [r * (TAU * u).cos(), r * (TAU * u).sin(), z]
@@ -51,19 +50,19 @@ fn sphere(center: [f64; 3], radius: f64, nu: usize, nv: usize) -> Vec<Triangle> 
 }
 
 /// A cube with its lowest corner and its side.
-fn cube([x, y, z]: [f64; 3], side: f64) -> Vec<Triangle> {
+pub(super) fn cube([x, y, z]: [f64; 3], side: f64) -> Vec<Triangle> {
     let at =
         |k: usize| [x + side * (k & 1) as f64, y + side * (k >> 1 & 1) as f64, z + side * (k >> 2) as f64];
     let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     faces.iter().flat_map(|f| [[f[0], f[1], f[2]], [f[0], f[2], f[3]]]).map(|t| t.map(at)).collect()
 }
 
-fn turned(mut triangles: Vec<Triangle>) -> Vec<Triangle> {
+pub(super) fn turned(mut triangles: Vec<Triangle>) -> Vec<Triangle> {
     triangles.iter_mut().for_each(|t| t.swap(1, 2));
     triangles
 }
 
-fn together(parts: &[Vec<Triangle>]) -> Vec<Triangle> {
+pub(super) fn together(parts: &[Vec<Triangle>]) -> Vec<Triangle> {
     parts.concat()
 }
 
@@ -71,7 +70,7 @@ fn refused(triangles: &[Triangle]) -> SurfaceError {
     Surface::new(triangles).unwrap_err()
 }
 
-fn binary(triangles: &[Triangle]) -> Vec<u8> {
+pub(super) fn binary(triangles: &[Triangle]) -> Vec<u8> {
     let mut bytes = b"solid by name only".to_vec();
     bytes.resize(80, 0);
     bytes.extend((triangles.len() as u32).to_le_bytes());
@@ -83,7 +82,7 @@ fn binary(triangles: &[Triangle]) -> Vec<u8> {
     bytes
 }
 
-fn text(triangles: &[Triangle]) -> Vec<u8> {
+pub(super) fn text(triangles: &[Triangle]) -> Vec<u8> {
     let mut text = String::from("solid test\n");
     for t in triangles {
         let [a, b, c] = t.map(|[x, y, z]| format!("vertex {x} {y} {z}\n"));
@@ -198,8 +197,8 @@ fn an_open_surface_is_refused_with_the_place() {
     assert!(matches!(&error, SurfaceError::Open { n: 3, first } if first.len() == 3));
     assert_eq!(
         error.to_string(),
-        "the surface is open: 3 edges have one facet only: (0, 0, 0) to (1, 0, 0) of facet 1; \
-         (0, 0, 0) to (1, 0, 1) of facet 5; (1, 0, 0) to (1, 0, 1) of facet 12"
+        "the surface is open: 3 edges have one facet only: (0, 0, 0) to (1, 0, 0) of facet 2; \
+         (0, 0, 0) to (1, 0, 1) of facet 5; (1, 0, 0) to (1, 0, 1) of facet 11"
     );
     // A corner in the middle of an edge leaves it open though nothing can be seen.
     let mut split = cube([0.0; 3], 1.0);
@@ -331,7 +330,7 @@ fn lines_through_a_turned_body_agree_with_its_volume() {
             body.clone(),
             Brick::new([-9.0, -9.0, low], [9.0, 9.0, high]).unwrap().into(),
         ]);
-        part.unwrap().volume(Accuracy { relative: 1e-5, lines: 200_000 }).unwrap()
+        part.unwrap().volume(Accuracy { relative: 1e-4, lines: 4_000_000 }).unwrap()
     };
     let (lower, upper) = (half(-9.0, 0.2), half(0.2, 9.0));
     let error = lower.error + upper.error;
@@ -364,120 +363,5 @@ fn many_positions_are_decided_fast() {
     assert!(decided.as_secs() < 100 && checked.as_secs() < 100, "{checked:?} {decided:?}");
     if std::env::var_os("SHOW_TIMES").is_some() {
         panic!("checked in {checked:?}, decided in {decided:?}");
-    }
-}
-
-/// Damages valid files in all ways and reads them. `FUZZ_SECONDS` sets the time.
-#[test]
-fn damaged_files_are_refused_or_give_a_body() {
-    let seconds: f64 = std::env::var("FUZZ_SECONDS").ok().and_then(|s| s.parse().ok()).unwrap_or(2.0);
-    let bodies = [
-        cube([0.0; 3], 1.0),
-        torus(2.0, 0.5, 6, 5),
-        sphere([1.0; 3], 1.0, 6, 4),
-        together(&[cube([0.0; 3], 4.0), turned(cube([1.0; 3], 2.0)), cube([1.5; 3], 1.0)]),
-    ];
-    let files: Vec<Vec<u8>> = bodies.iter().flat_map(|body| [text(body), binary(body)]).collect();
-    let mut random = Random(3);
-    let mut outcomes: HashMap<String, usize> = HashMap::new();
-    let start = Instant::now();
-    while start.elapsed().as_secs_f64() < seconds {
-        let mut file = files[random.word() as usize % files.len()].clone();
-        for _ in 0..=random.word() % 4 {
-            damage(&mut file, &files, &mut random);
-        }
-        let before = Instant::now();
-        *outcomes.entry(outcome(&file)).or_default() += 1;
-        assert!(before.elapsed().as_secs() < 20);
-    }
-    assert!(outcomes["body"] > 0 && outcomes.len() > 8, "{outcomes:?}");
-    if std::env::var_os("SHOW_TIMES").is_some() {
-        panic!("{} files: {outcomes:?}", outcomes.values().sum::<usize>());
-    }
-}
-
-fn damage(file: &mut Vec<u8>, files: &[Vec<u8>], random: &mut Random) {
-    const STRANGE: [&[u8]; 14] = [
-        b"nan",
-        b"inf",
-        b"1e999",
-        b"-1e-320",
-        b"1e59",
-        b"solid",
-        b"endsolid",
-        b"facet",
-        b"vertex",
-        b"\0\0\0\0",
-        b"\xff\xff\xff\xff",
-        b"\0\0\xc0\x7f",
-        b"\xef\xbb\xbf",
-        b"\n",
-    ];
-    let mut within = |n: usize| if n == 0 { 0 } else { random.word() as usize % n };
-    let (at, to) = (within(file.len()), within(file.len()));
-    let (at, to) = (at.min(to), at.max(to));
-    match within(9) {
-        0 if !file.is_empty() => file[at] = within(256) as u8,
-        1 if !file.is_empty() => file[at] ^= 1 << within(8),
-        2 => file.truncate(at),
-        3 => drop(file.drain(at..to.min(at + 60))),
-        4 => drop(file.splice(at..at, STRANGE[within(STRANGE.len())].iter().copied())),
-        5 => {
-            let strange = STRANGE[within(STRANGE.len())];
-            let end = (at + strange.len()).min(file.len());
-            file[at..end].copy_from_slice(&strange[..end - at]);
-        }
-        6 => {
-            let other = &files[within(files.len())];
-            let (a, b) = (within(other.len()), within(other.len()));
-            file.splice(at..to, other[a.min(b)..a.max(b)].iter().copied());
-        }
-        // One coordinate of a facet takes the value of another, in a binary file.
-        7 if file.len() > 200 => {
-            let facets = (file.len() - 84) / 50;
-            let (a, b) = (
-                84 + 50 * within(facets) + 12 + 4 * within(9),
-                84 + 50 * within(facets) + 12 + 4 * within(9),
-            );
-            file.copy_within(b..b + 4, a);
-        }
-        // Two facets change places with a digit.
-        8 if file.len() > 84 => {
-            let digit = file.iter().skip(at).position(u8::is_ascii_digit);
-            if let Some(place) = digit {
-                file[at + place] = b'0' + within(10) as u8;
-            }
-        }
-        _ => {}
-    }
-}
-
-/// The kind of error, or a body that answers.
-fn outcome(file: &[u8]) -> String {
-    let kind = |error: &dyn std::fmt::Debug| {
-        format!("{error:?}").split([' ', '(']).next().unwrap_or_default().to_owned()
-    };
-    let triangles = match stl::read(file) {
-        Ok(triangles) => triangles,
-        Err(error) => {
-            assert!(error.to_string().len() < 500);
-            return kind(&error);
-        }
-    };
-    assert!(triangles.len() * 50 <= file.len());
-    match Surface::new(&triangles) {
-        Ok(body) => {
-            assert!(body.volume() >= 0.0);
-            let bounds = body.tree.bounds();
-            let middle = std::array::from_fn(|d| 0.5 * bounds[0][d] + 0.5 * bounds[1][d]);
-            let line = Line::along_axis(middle, 0);
-            let inside = body.intervals(&line);
-            assert!(inside.length() >= 0.0 && !body.contains(&bounds[1].map(|x| x + 1.0 + x.abs())));
-            "body".to_owned()
-        }
-        Err(error) => {
-            assert!(error.to_string().len() < 2000);
-            kind(&error)
-        }
     }
 }
