@@ -22,7 +22,8 @@
 //!    [`points::State::corners`], which the last step of [`solver`] moves.
 //! 7. [`rigid`]: motions that boundary conditions leave free. [`memory`]: how much there is. [`quality`]: how well a run goes, and when a domain update does not suit the motion.
 //! 8. [`deck`] and [`formula`]: from YAML to [`model::Model`] and [`points::Points`], with messages that name the line;
-//!    `deck/region.rs` and `deck/seeding.rs` fill bodies with points. [`study`] runs a deck for many parameters.
+//!    `deck/region.rs` and `deck/seeding.rs` fill bodies with points. [`region`] is the geometry of solids: primitives,
+//!    closed surfaces from STL files, booleans, motions and their volumes. [`study`] runs a deck for many parameters.
 //!    [`output`]: from there to files. The modules above know neither. [`appendix`] makes a report of the files.
 //!
 //! The library never prints and never exits; `main.rs` does.
@@ -82,6 +83,7 @@ pub mod model;
 pub mod output;
 pub mod points;
 pub mod quality;
+pub mod region;
 pub mod rigid;
 pub mod solver;
 pub mod stress;
