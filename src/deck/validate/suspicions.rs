@@ -250,7 +250,9 @@ impl Check<'_> {
         let used: BTreeSet<&str> = self.deck.bodies.iter().map(|body| body.material.as_str()).collect();
         let densities: Vec<(&str, f64)> = (self.deck.materials.iter())
             .filter(|(name, _)| used.contains(name.as_str()))
-            .filter_map(|(name, material)| Some((name.as_str(), material.density().filter(|rho| *rho > 0.0)?)))
+            .filter_map(|(name, material)| {
+                Some((name.as_str(), material.density().filter(|rho| *rho > 0.0)?))
+            })
             .collect();
         let least = densities.iter().min_by(|a, b| a.1.total_cmp(&b.1));
         let most = densities.iter().max_by(|a, b| a.1.total_cmp(&b.1));
