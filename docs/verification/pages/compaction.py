@@ -58,7 +58,7 @@ def standard_points(runs):
         for c, e in zip(CELLS, errors):
             by_cells.setdefault(c, []).append((c * n / 50, e))
     for c, line in by_cells.items():
-        right.loglog(*np.array(line).T, "o-", ms=4, lw=1, label=f"{50 / c:.4g} m")
+        right.loglog(*np.array(line).T, "o-", ms=4, lw=1, label=f"{50 / c:.5g} m")
     left.set(xlabel="1 / h  [1/m]", ylabel="error, eq. (42)", title="(a) standard points per cell in the vertical")
     right.set(xlabel="points per metre", title="(b) size of the cells")
     for axes in (left, right):
