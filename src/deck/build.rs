@@ -254,7 +254,7 @@ impl<'a> Builder<'a> {
 
     /// Says how far the points of a body miss the area of its region.
     fn report_area(&mut self, number: usize, deck: &super::BodyDeck, filled: &Filled) {
-        let Some(exact) = filled.exact_area else { return };
+        let Some(exact) = filled.exact_area.filter(|area| *area > 0.0) else { return };
         let area: f64 = filled.seeds.iter().map(|s| s.volume).sum();
         let part = (area - exact) / exact;
         if part.abs() > 1e-9 {

@@ -6,6 +6,7 @@
 mod analysis;
 mod annulus;
 mod beam;
+mod beam_methods;
 mod collapse;
 mod compaction;
 mod domains;
