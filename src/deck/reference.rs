@@ -5,7 +5,7 @@ use std::fmt::Write;
 use serde_json::{Map, Value};
 
 use super::diagnostic::CODES;
-use super::schema::{range_in_words, shortest, strict_schema};
+use super::schema::{range_in_words, resolve, shortest, strict_schema};
 
 const INTRODUCTION: &str = "\
 # The deck
@@ -132,13 +132,6 @@ fn list_words(text: &mut String, key: &str, target: &Value) {
             target.pointer(&format!("/enumDescriptions/{index}")).and_then(Value::as_str).unwrap_or_default();
         let _ = writeln!(text, "- `{}`: {}", word.as_str().unwrap_or_default(), flow(meaning));
     }
-}
-
-/// What a reference in the schema refers to.
-fn resolve(property: &Value) -> &Value {
-    let reference =
-        property.get("$ref").or_else(|| property.pointer("/allOf/0/$ref")).and_then(Value::as_str);
-    reference.and_then(|path| strict_schema().pointer(path.trim_start_matches('#'))).unwrap_or(property)
 }
 
 /// The first example of a key, as a sentence; keys with a default need none.

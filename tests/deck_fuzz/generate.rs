@@ -80,7 +80,7 @@ impl Generator {
     pub fn value(&self, home: &str, key: &str, depth: usize, random: &mut Random) -> Value {
         let home = self.resolve(home);
         let node = self.schema.pointer(&home).unwrap_or(&Value::Null);
-        if random.chance(0.01) {
+        if random.chance(0.002) {
             return odd(random);
         }
         if let Some(choices) = node.get("anyOf").and_then(Value::as_array) {

@@ -29,38 +29,38 @@ pub fn change(deck: &mut Value, generator: &Generator, random: &mut Random) {
     let other = random.pick(&places).clone();
     let (parent, last) = pointer.rsplit_once('/').unwrap_or(("", &pointer));
     let key = last.replace("~1", "/").replace("~0", "~");
-    match random.below(12) {
+    match random.below(20) {
         // Another value that the schema allows there.
-        0..=3 => {
+        0..=7 => {
             if let Some(home) = generator.home_of(deck, &pointer) {
                 let value = generator.value(&home, &key, 4, random);
                 put(deck, &pointer, value);
             }
         }
-        4 => {
+        8 => {
             let value = odd(random);
             put(deck, &pointer, value);
         }
-        5 => match deck.pointer_mut(parent) {
+        9 => match deck.pointer_mut(parent) {
             Some(Value::Object(entries)) => drop(entries.shift_remove(&key)),
             Some(Value::Array(items)) => drop(key.parse::<usize>().map(|k| items.remove(k))),
             _ => {}
         },
         // An entry of a list once more, or a whole list of them.
-        6 => {
+        10 | 11 => {
             let times = if random.chance(0.05) { 300 } else { 1 };
             let copy = deck.pointer(&pointer).cloned();
             if let (Some(Value::Array(items)), Some(copy)) = (deck.pointer_mut(parent), copy) {
                 items.extend(std::iter::repeat_n(copy, times));
             }
         }
-        7 => {
+        12 => {
             if let Some(value) = deck.pointer(&other).cloned() {
                 put(deck, &pointer, value);
             }
         }
-        8 | 9 => number(deck, &pointer, random),
-        10 => {
+        13..=16 => number(deck, &pointer, random),
+        17 => {
             let name = random.pick(&["unheard_of", "young", "type", "x", "fix", "name", ""]).to_string();
             if let Some(Value::Object(entries)) = deck.pointer_mut(parent) {
                 entries.insert(name, odd(random));
