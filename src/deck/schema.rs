@@ -143,7 +143,7 @@ fn admit_expressions(schema: &mut Value) {
     let Some(object) = schema.as_object_mut() else { return };
     let is_number = matches!(object.get("type").and_then(Value::as_str), Some("number" | "integer"));
     if is_number || object.contains_key("enum") {
-        let keeps = |key: &str| matches!(key, "description" | "default" | "title");
+        let keeps = |key: &str| matches!(key, "description" | "default" | "title" | "examples");
         let (outer, inner): (Map<_, _>, Map<_, _>) =
             std::mem::take(object).into_iter().partition(|(k, _)| keeps(k));
         *object = outer;
@@ -164,6 +164,7 @@ fn admit_expressions(schema: &mut Value) {
         }
     }
 }
+
 /// The range that a schema allows, in words such as "above 0 and below 1".
 pub(super) fn range_in_words(schema: &Value) -> Option<String> {
     // The largest number that fits into memory is no range that means anything.

@@ -11,4 +11,6 @@ mod compaction;
 mod domains;
 mod formulations;
 mod imported;
+mod radial;
+mod revolution;
 mod shear;
