@@ -28,7 +28,7 @@ mod region;
 pub mod schema;
 mod seeding;
 mod shape;
-mod size;
+pub mod size;
 pub mod source;
 pub mod validate;
 mod yaml;
