@@ -17,7 +17,6 @@ use mpm::output::results::Results;
 use mpm::output::summary::{Account, Start};
 use mpm::points::Points;
 use mpm::solver::{self, SolveError, Summary};
-use mpm::stress::PlaneStrain;
 use mpm::timing::Timings;
 use serde_json::{Value, json};
 
@@ -136,6 +135,8 @@ pub fn run_into(
     let every = loaded.deck.output.every as usize;
     let account = Account {
         start,
+        deck_file: loaded.source.name().to_owned(),
+        deck_text: loaded.source.text().to_owned(),
         deck_hash: loaded.hash(),
         parameters: loaded.parameters,
         set_up,
@@ -144,7 +145,7 @@ pub fn run_into(
     let results = Results::create(directory, every, &model, account)
         .with_context(|| format!("the results directory `{}` cannot be written", directory.display()))?;
     let mut watch = Watch::new(results, &model, &points, view, Arc::clone(stop));
-    let outcome = solver::run::<2, PlaneStrain>(&model, &mut points, &mut watch);
+    let outcome = solver::run_in_plane(&model, &mut points, &mut watch);
     watch.end();
     Ok(outcome)
 }

@@ -1,9 +1,10 @@
-//! `mpm run|sweep|check|schema`: arguments, messages and exit codes. Everything else is in the library.
+//! `mpm run|sweep|report|check|schema`: arguments, messages and exit codes. Everything else is in the library.
 
 #[macro_use]
 mod tell;
 mod analysis;
 mod progress;
+mod report;
 mod sweep;
 
 use std::io::Write;
@@ -21,6 +22,7 @@ use mpm::timing::{Phase, Timings};
 
 use analysis::{Ready, explain, messages, prepare, report, run_into};
 use progress::View;
+use report::ReportArgs;
 use sweep::SweepArgs;
 
 /// The analysis failed.
@@ -58,6 +60,8 @@ enum Command {
     },
     /// Run a deck for every combination of lists of values of its parameters.
     Sweep(SweepArgs),
+    /// Write a report on results as one page of HTML; several results are compared.
+    Report(ReportArgs),
     /// Do everything up to the first load step and report.
     Check {
         #[command(flatten)]
@@ -103,6 +107,7 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Run { deck, out, threads, timings } => run(&deck, out, threads, timings, began),
         Command::Sweep(args) => sweep::sweep(args),
+        Command::Report(args) => report::report(args),
         Command::Check { deck } => check(&deck),
         Command::Schema => print_schema(),
     };

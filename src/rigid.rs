@@ -69,6 +69,9 @@ pub fn free_parts<const D: usize>(
             part.hold(&place(node), axis);
         }
     }
+    if model.revolved {
+        parts.values_mut().for_each(Part::resist_by_hoops);
+    }
     let mut free: BTreeMap<usize, FreePart<D>> = BTreeMap::new();
     for (&node, part) in &parts {
         if let Some(motions) = part.free(place(node)) {
@@ -130,6 +133,14 @@ impl<const D: usize> Part<D> {
     fn frame(&self) -> ([f64; D], f64) {
         let size = (0..D).map(|d| self.high[d] - self.low[d]).fold(f64::MIN_POSITIVE, f64::max);
         (self.sum.map(|sum| sum / self.n_nodes as f64), size)
+    }
+
+    /// A body of revolution moves as a rigid body along its axis only; all else stretches its rings.
+    fn resist_by_hoops(&mut self) {
+        self.held[0] = true;
+        for motion in (0..n_motions(D)).filter(|&motion| motion != 1) {
+            self.gram[(motion, motion)] += 1.0;
+        }
     }
 
     /// Adds a held degree of freedom, after all nodes are known.

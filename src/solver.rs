@@ -12,7 +12,7 @@ use crate::loads::external_force;
 use crate::model::{Model, Newton};
 use crate::points::Points;
 use crate::quality::{Measures, Quality};
-use crate::stress::Mechanics;
+use crate::stress::{Axisymmetric, Mechanics, PlaneStrain};
 use crate::timing::{Phase, Timings};
 
 pub use error::SolveError;
@@ -59,6 +59,22 @@ pub fn run<const D: usize, M: Mechanics<D>>(
     let finished = solver.summary;
     let told = observer.finished(model, points, &finished, outcome.as_ref().err());
     outcome.and(told.map_err(SolveError::Output)).map(|()| finished)
+}
+
+/// Runs an analysis in the plane as [`run`], with the mechanics of its idealisation.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_in_plane(
+    model: &Model<2>,
+    points: &mut Points<2>,
+    observer: &mut dyn Observer<2>,
+) -> Result<Summary, SolveError> {
+    if model.revolved {
+        run::<2, Axisymmetric>(model, points, observer)
+    } else {
+        run::<2, PlaneStrain>(model, points, observer)
+    }
 }
 
 /// What lives from step to step: the linear solver with its analysis, and the account of the run.

@@ -7,19 +7,19 @@ use std::collections::HashMap;
 use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote};
 use super::formulas::at_points;
 use super::load::LoadedDeck;
-use super::placing;
 use super::seeding::{Filled, Filling};
 use super::size::Size;
 use super::{
-    BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve as CurveDeck, LoadDeck, MaterialDeck,
-    NodeSelector, PerAxis,
+    BoundaryConditionDeck, Deck, Expression, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
+    MaterialDeck, NodeSelector, PerAxis,
 };
+use super::{axisymmetry, placing};
 use crate::constraints::{BoundaryCondition, NodeSet};
 use crate::formula::Formula;
 use crate::grid::gmsh::{self, GmshError};
 use crate::grid::{Grid, Mesh, Structured};
 use crate::loads::{Action, Load, LoadCurve};
-use crate::material::{Hencky, Material, VonMises};
+use crate::material::{Hencky, Material, NeoHookean, VonMises};
 use crate::memory::Memory;
 use crate::model::{Body, Model, NamedMaterial, Newton, Probe};
 use crate::points::{Points, Seed};
@@ -70,16 +70,9 @@ pub fn build_within(
 fn law(material: &MaterialDeck) -> Box<dyn Material> {
     match *material {
         MaterialDeck::Hencky { young, poisson, .. } => Box::new(Hencky::new(young, poisson)),
-        MaterialDeck::VonMises { young, poisson, deviatoric_yield_stress, .. } => {
-            Box::new(VonMises::new(young, poisson, deviatoric_yield_stress))
-        }
-    }
-}
-
-fn density(material: &MaterialDeck) -> f64 {
-    match material {
-        MaterialDeck::Hencky { density, .. } | MaterialDeck::VonMises { density, .. } => {
-            density.unwrap_or(0.0)
+        MaterialDeck::NeoHookean { young, poisson, .. } => Box::new(NeoHookean::new(young, poisson)),
+        MaterialDeck::VonMises { young, poisson, deviatoric_yield_stress, hardening_modulus, .. } => {
+            Box::new(VonMises::new(young, poisson, deviatoric_yield_stress).hardening(hardening_modulus))
         }
     }
 }
@@ -125,15 +118,23 @@ impl<'a> Builder<'a> {
             .map(|(name, m)| NamedMaterial { name: name.clone(), law: law(m) })
             .collect();
         let bodies = self.bodies();
-        let seeds = self.seeds(grid.as_ref(), &materials, &bodies);
+        let revolved = deck.analysis.idealisation == Idealisation::Axisymmetric;
+        let mut seeds = self.seeds(grid.as_ref(), &materials, &bodies);
+        if revolved {
+            axisymmetry::revolve(&mut seeds);
+        }
         let points = Points::new(&seeds);
         drop(seeds);
         let boundary_conditions = self.boundary_conditions(grid.as_ref());
         let loads = self.loads(grid.as_ref(), &points);
+        if revolved {
+            self.found.extend(axisymmetry::faults(self.loaded, grid.as_ref(), &boundary_conditions));
+        }
         let probes = self.probes(grid.as_ref(), &points);
         let model = Model {
             title: deck.title.clone().unwrap_or_default(),
             grid,
+            revolved,
             formulation: deck.analysis.formulation,
             point_volume: deck.analysis.point_volume,
             materials,
@@ -168,7 +169,7 @@ impl<'a> Builder<'a> {
     }
 
     /// The mesh of a gmsh file; a message if it cannot be used.
-    fn mesh(&mut self, file: &str) -> Option<Mesh> {
+    fn mesh(&mut self, file: &str) -> Option<Mesh<2>> {
         let path = self.loaded.directory.join(file);
         let source = &self.loaded.source;
         let read = gmsh::read_file(&path);
@@ -226,7 +227,7 @@ impl<'a> Builder<'a> {
                 grid,
                 body: number as u16,
                 domain: body.method.domain(),
-                density: density(&self.deck.materials[&deck.material]),
+                density: self.deck.materials[&deck.material].density().unwrap_or(0.0),
                 history: fields.iter().map(|f| f.initial).collect(),
             };
             let filled = filling.fill(deck).and_then(|filled| {
@@ -255,7 +256,7 @@ impl<'a> Builder<'a> {
 
     /// Says how far the points of a body miss the area of its region.
     fn report_area(&mut self, number: usize, deck: &super::BodyDeck, filled: &Filled) {
-        let Some(exact) = filled.exact_area else { return };
+        let Some(exact) = filled.exact_area.filter(|area| *area > 0.0) else { return };
         let area: f64 = filled.seeds.iter().map(|s| s.volume).sum();
         let part = (area - exact) / exact;
         if part.abs() > 1e-9 {

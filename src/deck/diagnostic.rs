@@ -128,6 +128,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D043", "a formula that has no finite value somewhere"),
     ("D044", "a domain update that does not suit the motion"),
     ("D045", "a tolerance that is loose, or out of reach"),
+    ("D046", "a body of revolution whose axis is free or inside the grid, or whose weight is not along it"),
 ];
 
 impl Diagnostic {

@@ -16,6 +16,7 @@ pub use crate::domain::DomainUpdate;
 pub use crate::points::PointVolume;
 pub use crate::stress::Formulation;
 
+mod axisymmetry;
 pub mod build;
 pub mod diagnostic;
 pub mod first_step;
@@ -123,6 +124,9 @@ pub enum Idealisation {
     /// Plane strain per unit thickness: no displacement and no strain in z.
     #[default]
     PlaneStrain,
+    /// Body of revolution about the axis x = 0, without twist: x is the distance from the axis, y runs along it, and z
+    /// is the direction around it. Volumes, masses and forces are those of the full circle.
+    Axisymmetric,
 }
 
 /// The background grid.
@@ -176,7 +180,21 @@ pub enum MaterialDeck {
         #[schemars(range(min = 0.0), extend("examples" = [2000]))]
         density: Option<f64>,
     },
-    /// Von Mises elastic, perfectly plastic: f = √(2 J₂) − ρ_y on the Kirchhoff stress.
+    /// Compressible neo-Hookean elasticity: W = μ/2 (tr b − 3) − μ ln J + λ/2 (ln J)², with λ and μ from E and ν.
+    NeoHookean {
+        /// Young's modulus E of small strains, [stress].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1e6]))]
+        young: f64,
+        /// Poisson's ratio ν of small strains, [-].
+        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
+        poisson: f64,
+        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(range(min = 0.0), extend("examples" = [2000]))]
+        density: Option<f64>,
+    },
+    /// Von Mises plasticity with linear isotropic hardening: f = √(2 J₂) − (ρ_y + H κ) on the Kirchhoff stress, κ the
+    /// equivalent plastic strain.
     VonMises {
         /// Young's modulus E, [stress].
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [12e6]))]
@@ -187,11 +205,27 @@ pub enum MaterialDeck {
         /// Deviatoric yield stress ρ_y = √(2 J₂) at yield, [stress]; √(2/3) times the uniaxial yield stress.
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [20e3]))]
         deviatoric_yield_stress: f64,
+        /// H, the growth of ρ_y per unit of equivalent plastic strain, [stress]; √(2/3) times the slope of the uniaxial
+        /// stress over the plastic strain. Perfect plasticity where not stated.
+        #[serde(default)]
+        #[schemars(range(min = 0.0))]
+        hardening_modulus: f64,
         /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(range(min = 0.0), extend("examples" = [2000]))]
         density: Option<f64>,
     },
+}
+
+impl MaterialDeck {
+    /// Its density, if it states one.
+    pub fn density(&self) -> Option<f64> {
+        match self {
+            MaterialDeck::Hencky { density, .. }
+            | MaterialDeck::NeoHookean { density, .. }
+            | MaterialDeck::VonMises { density, .. } => *density,
+        }
+    }
 }
 
 /// A body: a region filled with material points of one material.
@@ -425,7 +459,8 @@ pub enum LoadDeck {
         body: String,
         /// The points that carry it.
         points: PointSelector,
-        /// Sum of the forces at load factor 1, [force] (per unit thickness in plane strain), one number per axis.
+        /// Sum of the forces at load factor 1, [force] (per unit thickness in plane strain, on the full
+        /// circle in axisymmetry), one number per axis.
         #[schemars(with = "Vector", extend("examples" = [[0, -100e3]]))]
         total: Vec<f64>,
         /// Load factor over time; a linear ramp from 0 to 1 where not stated.

@@ -13,7 +13,7 @@ use std::collections::HashMap;
 
 use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote};
 use super::source::Source;
-use super::{BodyDeck, Deck, MaterialDeck, Method};
+use super::{BodyDeck, Deck, Method};
 use crate::formula::closest;
 
 /// Checks the meaning of a deck. The source gives the places of messages and tells which values come from
@@ -194,12 +194,5 @@ impl Check<'_> {
             self.body(&format!("{pointer}/body"), &probe.body);
             self.vector(&format!("{pointer}/nearest"), &probe.nearest);
         }
-    }
-}
-
-/// Density of a material, if it states one.
-fn density(material: &MaterialDeck) -> Option<f64> {
-    match material {
-        MaterialDeck::Hencky { density, .. } | MaterialDeck::VonMises { density, .. } => *density,
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Check, density};
+use super::Check;
 use crate::deck::diagnostic::{Diagnostic, Severity, quote};
 use crate::deck::formulas::at_points;
 use crate::deck::{
@@ -200,7 +200,7 @@ impl Check<'_> {
             };
             let at = format!("/bodies/{index}/material");
             let (load, body, material_name) = (quote(load), quote(&body.name), quote(&body.material));
-            match density(material) {
+            match material.density() {
                 None => {
                     let message = format!(
                         "the load {load} needs the density of the body {body}, but its material {material_name} has none"

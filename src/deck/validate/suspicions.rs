@@ -120,7 +120,9 @@ impl Check<'_> {
 
     fn incompressible(&mut self) {
         for (name, material) in &self.deck.materials {
-            let (MaterialDeck::Hencky { poisson, .. } | MaterialDeck::VonMises { poisson, .. }) = material;
+            let (MaterialDeck::Hencky { poisson, .. }
+            | MaterialDeck::NeoHookean { poisson, .. }
+            | MaterialDeck::VonMises { poisson, .. }) = material;
             if *poisson >= NEARLY_INCOMPRESSIBLE {
                 let message = format!(
                     "with Poisson's ratio {poisson} the material {} hardly changes its volume, and cells of low order \

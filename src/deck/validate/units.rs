@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{Check, density};
+use super::Check;
 use crate::deck::build::pair;
 use crate::deck::diagnostic::quote;
 use crate::deck::source::escape;
@@ -36,8 +36,10 @@ impl Check<'_> {
                 if !told.insert(&body.material) {
                     continue;
                 }
-                let (MaterialDeck::Hencky { young, .. } | MaterialDeck::VonMises { young, .. }) = *material;
-                let density = density(material).unwrap_or(0.0);
+                let (MaterialDeck::Hencky { young, .. }
+                | MaterialDeck::NeoHookean { young, .. }
+                | MaterialDeck::VonMises { young, .. }) = *material;
+                let density = material.density().unwrap_or(0.0);
                 if density > 0.0 && gravity > 0.0 {
                     self.units_of(&body.material, young, density, gravity, self.height(body));
                 }
@@ -95,7 +97,9 @@ impl Check<'_> {
         let used: BTreeSet<&str> = self.deck.bodies.iter().map(|body| body.material.as_str()).collect();
         let densities: Vec<(&str, f64)> = (self.deck.materials.iter())
             .filter(|(name, _)| used.contains(name.as_str()))
-            .filter_map(|(name, material)| Some((name.as_str(), density(material).filter(|rho| *rho > 0.0)?)))
+            .filter_map(|(name, material)| {
+                Some((name.as_str(), material.density().filter(|rho| *rho > 0.0)?))
+            })
             .collect();
         let least = densities.iter().min_by(|a, b| a.1.total_cmp(&b.1));
         let most = densities.iter().max_by(|a, b| a.1.total_cmp(&b.1));
