@@ -152,7 +152,7 @@ fn messages_are_written_as_json() {
         ("unknown_key.yaml", "one of the keys `model`, `young`, `poisson` or `density`"),
         ("missing_keys.yaml", "the key `version`"),
         ("wrong_types.yaml", "a number"),
-        ("unknown_model.yaml", "`hencky` or `von-mises`"),
+        ("unknown_model.yaml", "`hencky`, `neo-hookean` or `von-mises`"),
         ("load_curve_pair.yaml", "2 entries, [time, factor]"),
         ("grid_in_three_dimensions.yaml", "2 entries, one per axis"),
     ] {
