@@ -65,6 +65,10 @@ impl Start {
 pub struct Account {
     /// Where its times begin.
     pub start: Start,
+    /// Name of the deck.
+    pub deck_file: String,
+    /// Its text.
+    pub deck_text: String,
     /// Hash of the deck, [`crate::deck::load::LoadedDeck::hash`].
     pub deck_hash: String,
     /// Parameters of the deck with their final values.
@@ -149,7 +153,8 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
         for p in (0..points.len()).filter(|&p| points.body[p] as usize == number) {
             count += 1;
             let x = points.converged.position[p];
-            let side = 0.5 * model.volume(points, p).powf(1.0 / D as f64);
+            let size = model.volume(points, p) / model.depth(&x);
+            let side = 0.5 * size.powf(1.0 / D as f64);
             let mut corners = corners_of(model, points, p);
             if corners.is_empty() {
                 corners = vec![x.map(|x| x - side), x.map(|x| x + side)];
