@@ -10,6 +10,7 @@ A block of a page is run as it stands, in a folder of the page's own. A comment 
     <!-- not run: REASON -->        what cannot be run in a test
 """
 
+import json
 import os
 import re
 import shutil
@@ -80,6 +81,8 @@ class Reader:
             self.run(["bash", "-euo", "pipefail", "-c", text], code)
         elif language == "python":
             self.run([sys.executable, "-c", text])
+        elif language == "json":
+            json.loads(text)
         else:
             assert language == "text" and not note, f"a block of {self.page.name} is not run: {note!r}\n{text}"
 
