@@ -10,6 +10,7 @@ use mpm::deck::build::build_with_notes;
 use mpm::deck::diagnostic::{self, Diagnostic, as_json, render_all};
 use mpm::deck::first_step::{FirstStep, first_step};
 use mpm::deck::load::{LoadFailure, LoadedDeck};
+use mpm::deck::size::predicted_memory;
 use mpm::deck::source::Source;
 use mpm::model::Model;
 use mpm::output::results::Results;
@@ -32,6 +33,13 @@ pub struct Ready {
     pub points: Points<2>,
     /// The size of its first load step.
     pub first: FirstStep,
+}
+
+impl Ready {
+    /// The memory that the analysis will need at most, estimated, [byte].
+    pub fn memory(&self) -> f64 {
+        predicted_memory(&self.loaded.deck, self.model.grid.as_ref())
+    }
 }
 
 /// Builds the model of a deck that was read, as far as the first load step. With `deny_warnings` a warning about the
@@ -105,6 +113,7 @@ pub fn report(prepared: &Result<Ready, Box<LoadFailure>>) -> Value {
             "active_nodes": ready.first.active_nodes,
             "unknowns": ready.first.unknowns,
             "steps": ready.model.n_steps,
+            "memory_bytes": ready.memory().round(),
         })
     });
     report

@@ -15,6 +15,7 @@ use std::time::Instant;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use mpm::deck::load::load;
 use mpm::deck::schema::deck_schema;
+use mpm::memory::in_words;
 use mpm::output::summary::Start;
 use mpm::solver::SolveError;
 use mpm::timing::{Phase, Timings};
@@ -186,21 +187,23 @@ fn default_directory(deck: &Path) -> PathBuf {
 }
 
 fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
-    let Some(Ready { loaded, model, points, first }) = prepare_aloud(args)? else {
+    let Some(ready) = prepare_aloud(args)? else {
         return Ok(ExitCode::from(USAGE));
     };
     if args.format == Format::Json {
         return Ok(ExitCode::SUCCESS);
     }
     print(&format!(
-        "{}: ready\n  {} points in {} bodies, {} cells, {} active nodes, {} unknowns in the first of {} steps\n",
-        loaded.source.name(),
-        points.len(),
-        model.bodies.len(),
-        model.grid.n_cells(),
-        first.active_nodes,
-        first.unknowns,
-        model.n_steps,
+        "{}: ready\n  {} points in {} bodies, {} cells, {} active nodes, {} unknowns in the first of {} steps, \
+         about {} of memory\n",
+        ready.loaded.source.name(),
+        ready.points.len(),
+        ready.model.bodies.len(),
+        ready.model.grid.n_cells(),
+        ready.first.active_nodes,
+        ready.first.unknowns,
+        ready.model.n_steps,
+        in_words(ready.memory()),
     ))
 }
 

@@ -152,7 +152,7 @@ fn messages_are_written_as_json() {
         ("unknown_key.yaml", "one of the keys `model`, `young`, `poisson` or `density`"),
         ("missing_keys.yaml", "the key `version`"),
         ("wrong_types.yaml", "a number"),
-        ("unknown_model.yaml", "`hencky` or `von-mises`"),
+        ("unknown_model.yaml", "`hencky`, `neo-hookean` or `von-mises`"),
         ("load_curve_pair.yaml", "2 entries, [time, factor]"),
         ("grid_in_three_dimensions.yaml", "2 entries, one per axis"),
     ] {
@@ -168,10 +168,68 @@ fn a_deck_that_can_be_used_tells_its_size_as_json() {
     let report = json(&output);
     assert_eq!(report["diagnostics"], serde_json::json!([]));
     assert_eq!(report["usable"], true);
+    let mut found = report["size"].clone();
+    let memory = found.as_object_mut().unwrap().shift_remove("memory_bytes").unwrap().as_f64().unwrap();
+    assert!((1e7..2e7).contains(&memory), "{memory}");
     let size = serde_json::json!({
         "bodies": 1, "points": 1440, "cells": 440, "active_nodes": 63, "unknowns": 122, "steps": 50
     });
-    assert_eq!(report["size"], size);
+    assert_eq!(found, size);
+}
+
+/// A block under its weight with this many points along an axis of a cell of this size.
+fn block(method: &str, cell: f64, points: u32, every: u32) -> String {
+    format!(
+        "version: 1
+grid: {{type: structured, origin: [0, 0], size: [10, 10], spacing: {cell}}}
+materials: {{clay: {{model: von-mises, young: 1e8, poisson: 0.3, deviatoric_yield_stress: 1e9, density: 1000}}}}
+bodies:
+  - {{name: block, material: clay, shape: {{type: box, min: [0, 0], max: [8, 8]}},
+     method: {method}, points_per_cell: {points}}}
+boundary_conditions:
+  - {{name: symmetry, nodes: {{x: 0}}, fix: [x]}}
+  - {{name: base, nodes: {{y: 0}}, fix: [y]}}
+loads: [{{name: weight, type: gravity, acceleration: [0, -1]}}]
+steps: {{count: 2}}
+solver: {{tolerance: 1e-6}}
+output: {{every: {every}}}
+"
+    )
+}
+
+/// The prediction is to warn of what does not fit: it may be too high by half, too low by a fifth.
+#[test]
+#[cfg(target_os = "linux")]
+fn the_predicted_memory_is_what_a_run_takes() {
+    let folder = tempfile::tempdir().unwrap();
+    let deck = folder.path().join("block.yaml");
+    let out = folder.path().join("out");
+    for (method, cell, points, every) in [
+        ("mpm", 1.0, 40, 0),
+        ("gimp", 1.0, 40, 1),
+        ("mpm", 0.0625, 2, 0),
+        ("gimp", 0.125, 3, 0),
+        ("cpdi2", 0.125, 3, 1),
+    ] {
+        fs::write(&deck, block(method, cell, points, every)).unwrap();
+        let deck = deck.to_str().unwrap();
+        let report = json(&mpm(&["check", deck, "--format", "json"]));
+        let predicted = report["size"]["memory_bytes"].as_f64().unwrap();
+        let run = mpm(&["run", deck, "--threads", "2", "--out", out.to_str().unwrap()]);
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        let summary: Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+        let taken = summary["peak_memory_bytes"].as_f64().unwrap();
+        println!(
+            "{method}, cells of {cell}, {points} points along an axis, files every {every} steps: {:.0} MB predicted, \
+             {:.0} MB taken",
+            predicted / 1e6,
+            taken / 1e6
+        );
+        assert!(
+            (0.8..1.5).contains(&(predicted / taken)),
+            "{method} {cell} {points}: {predicted:e} {taken:e}"
+        );
+    }
 }
 
 #[test]

@@ -147,6 +147,25 @@ steps: {count: 1}";
     );
 }
 
+/// The deck is refused before a run begins; later steps can only be judged when they come.
+#[test]
+fn what_the_first_step_cannot_begin_with_is_an_error_of_any_step() {
+    let error = failure_of_square(
+        2,
+        "mpm",
+        "boundary_conditions: [{name: base, nodes: {y: 0}, fix: [y]}]\nsteps: {count: 1}",
+    );
+    assert!(matches!(error, SolveError::Unheld { step: 1, axis: 0, .. }), "{error}");
+    let rest = "boundary_conditions:
+  - {name: base, nodes: {y: 0}, ux: 'factor^2 - factor', uy: 0}
+  - {name: side, nodes: {x: 0}, ux: 'factor - factor^2'}
+steps: {count: 2, end_time: 2}";
+    let error = failure_of_square(2, "mpm", rest);
+    let text = error.to_string();
+    assert!(matches!(error, SolveError::Constraint { step: 1, .. }), "{text}");
+    assert!(text.contains("boundary conditions `base` and `side`"), "{text}");
+}
+
 #[test]
 fn formulas_without_value_are_quoted() {
     let base = "boundary_conditions: [{name: base, nodes: {y: 0}, fix: [x, y]}]\n";

@@ -101,8 +101,12 @@ fn outcome(page: &mut Page, runs: &[Run], naming: &Naming) {
             unit if unit.is_empty() => format!("#{name}"),
             unit => format!("#{name} [{}]", escape(&unit)),
         });
-        let cells =
-            |run: &Run| group.iter().map(|(column, _, _)| Cell::maybe(last(run, column), 6)).collect();
+        let cell = |run: &Run, column: &str| {
+            let values = runs.iter().filter_map(|run| last(run, column));
+            let largest = values.fold(0.0, |largest: f64, value| largest.max(value.abs()));
+            Cell::beside(last(run, column), largest, 6)
+        };
+        let cells = |run: &Run| group.iter().map(|(column, _, _)| cell(run, column)).collect();
         page.table(
             "Values at the end of the last step in equilibrium: displacements of probes (u), reactions of boundary conditions (r).",
             &table_of_runs(runs, heads, cells),
@@ -201,6 +205,9 @@ fn load_and_displacement(page: &mut Page, runs: &[Run], naming: &Naming) {
         [('u', "displacement", Quantity::Length), ('r', "reaction", Quantity::Force)]
     {
         for component in curves::components(runs, letter) {
+            if runs.iter().filter(|run| !run.column(&component.column).is_empty()).count() < 2 {
+                continue;
+            }
             let name = format!("{what} of {}", component.label());
             let chart = curves::of_runs(runs, &component.column, &name, quantity);
             let caption = format!(
@@ -303,21 +310,21 @@ fn cost(page: &mut Page, runs: &[Run]) {
     }
     page.section("Cost");
     let phases: Vec<&str> = Phase::ALL.iter().map(|phase| phase.name()).chain(["total"]).collect();
-    let heads = phases.iter().map(|phase| format!("#{phase}")).chain(["#threads".to_owned()]);
+    let heads = phases.iter().map(|phase| format!("#{phase}"));
     let table = table_of_runs(runs, heads, |run| {
-        let seconds = phases.iter().map(|phase| Cell::fixed(run.summary["cpu_seconds"][*phase].as_f64(), 3));
-        seconds.chain([Cell::maybe(run.number("/threads"), 4)]).collect()
+        phases.iter().map(|phase| Cell::fixed(run.summary["cpu_seconds"][*phase].as_f64(), 3)).collect()
     });
     page.table("CPU time by phase [s].", &table);
 }
 
 fn origins(page: &mut Page, runs: &[Run]) {
     page.section("Runs");
-    let heads = ["Started", "Program", "Hash of the deck", "Machine"];
+    let heads = ["Started", "Program", "Hash of the deck", "Machine", "#Threads"];
     let table = table_of_runs(runs, heads.map(str::to_owned), |run| {
         let known = |text: Option<String>| text.map_or(Cell::Empty, Cell::Html);
         let hash = run.text("/deck_hash").map(|hash| format!("<code class=\"hash\">{}</code>", escape(hash)));
-        vec![known(started(run)), known(program(run)), known(hash), known(machine(run))]
+        let threads = Cell::maybe(run.number("/threads"), 4);
+        vec![known(started(run)), known(program(run)), known(hash), known(machine(run)), threads]
     });
     page.table("Where the results come from.", &table);
 }

@@ -145,6 +145,10 @@ pub(super) fn load_displacement(runs: &[Run]) -> Option<(Component, Component, C
     let largest_of =
         |letter: char| components(runs, letter).into_iter().max_by(|a, b| size(a).total_cmp(&size(b)));
     let (reaction, displacement) = (largest_of('r')?, largest_of('u')?);
+    let has_both = |run: &Run| [&reaction, &displacement].iter().all(|c| !run.column(&c.column).is_empty());
+    if !runs.iter().all(has_both) {
+        return None;
+    }
     let progress = Progress::of(runs);
     let curve = |(number, run): (usize, &Run)| {
         let displacements = progress.points(run, &displacement.column);
@@ -211,6 +215,11 @@ pub(super) fn residuals(run: &Run) -> Option<(Chart, usize, usize)> {
     Some((chart, drawn, steps.len()))
 }
 
+/// The axis of load steps, from the first one on.
+fn load_steps() -> Axis {
+    Axis { contains: vec![0.0, 1.0], ..Axis::counting("load step") }
+}
+
 /// Linear solves of each step of all runs.
 pub(super) fn iterations(runs: &[Run]) -> Chart {
     let curve = |(number, run): (usize, &Run)| Curve {
@@ -220,14 +229,17 @@ pub(super) fn iterations(runs: &[Run]) -> Chart {
     };
     let y = Axis { contains: vec![0.0], ..Axis::counting("iterations") };
     let curves = runs.iter().enumerate().map(curve).collect();
-    let chart = chart("iterations of each load step".to_owned(), Axis::counting("load step"), y, curves);
+    let chart = chart("iterations of each load step".to_owned(), load_steps(), y, curves);
     Chart { height: 220.0, ..chart }
 }
 
 /// Observed order of the iterations of each step of all runs, where it can be told.
 pub(super) fn orders(runs: &[Run]) -> Option<Chart> {
     let curve = |(number, run): (usize, &Run)| {
-        let order = |(step, residuals): (usize, Vec<f64>)| Some([step as f64, newton_order(&residuals)?]);
+        // The order of a step that failed says nothing.
+        let order = |(step, residuals): (usize, Vec<f64>)| {
+            if step <= run.steps() { Some([step as f64, newton_order(&residuals)?]) } else { None }
+        };
         Curve {
             name: if runs.len() > 1 { run.name.clone() } else { String::new() },
             points: run.residuals().into_iter().filter_map(order).collect(),
@@ -240,7 +252,6 @@ pub(super) fn orders(runs: &[Run]) -> Option<Chart> {
         return None;
     }
     let y = Axis { contains: vec![1.0, 2.5], ..Axis::new("observed order", Quantity::Number) };
-    let x = Axis::counting("load step");
-    let chart = chart("observed order of convergence of each load step".to_owned(), x, y, curves);
+    let chart = chart("observed order of convergence of each load step".to_owned(), load_steps(), y, curves);
     Some(Chart { levels: vec![(2.0, "quadratic".to_owned())], height: 240.0, ..chart })
 }

@@ -126,6 +126,19 @@ impl Cell {
         value.map_or(Cell::Empty, |value| Cell::Number(Decimal::fixed(value, decimals)))
     }
 
+    /// A number beside others, of which the largest has so many significant digits and the others no more decimals.
+    pub fn beside(value: Option<f64>, largest: f64, digits: usize) -> Cell {
+        match value {
+            None => Cell::Empty,
+            Some(value) if (1e-3..1e7).contains(&largest) => {
+                let decimals = digits as i32 - 1 - largest.log10().floor() as i32;
+                Cell::fixed(Some(value), usize::try_from(decimals).unwrap_or(0))
+            }
+            Some(value) if value.abs() < 0.1f64.powi(digits as i32) * largest => Cell::rounded(0.0, 1),
+            Some(value) => Cell::rounded(value, digits),
+        }
+    }
+
     /// A number with so many significant digits.
     pub fn rounded(value: f64, digits: usize) -> Cell {
         Cell::Number(Decimal::significant(value, digits))
@@ -230,6 +243,20 @@ mod tests {
             )
         );
         assert!(html.contains("<title>&lt;script&gt;"));
+    }
+
+    #[test]
+    fn numbers_beside_each_other_have_the_same_decimals() {
+        let shown = |value, largest| match Cell::beside(Some(value), largest, 6) {
+            Cell::Number(number) => number.html(),
+            other => format!("{other:?}"),
+        };
+        assert_eq!([shown(-16_710.25, 16_710.3), shown(1e-5, 16_710.3)], ["\u{2212}16\u{202f}710.2", "0.0"]);
+        assert_eq!(
+            [shown(2.5e9, 2.5e9), shown(3.0, 2.5e9)],
+            ["2.5\u{202f}\u{d7}\u{202f}10<sup>9</sup>", "0"]
+        );
+        assert_eq!(Cell::beside(None, 1.0, 6), Cell::Empty);
     }
 
     #[test]

@@ -49,7 +49,7 @@ impl Scale {
         // Engineers count in thousands.
         let largest = low.abs().max(high.abs());
         let power =
-            if (1e-3..1e5).contains(&largest) { 0 } else { 3 * (largest.log10() / 3.0).floor() as i32 };
+            if (1e-3..1e4).contains(&largest) { 0 } else { 3 * (largest.log10() / 3.0).floor() as i32 };
         let ticks = (0..=(last - first).max(0.0) as usize)
             .map(|index| first + index as f64)
             .map(|count| Tick { value: step.value(count), label: step.label(count, power) })

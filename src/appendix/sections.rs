@@ -91,7 +91,9 @@ pub(super) fn started(run: &Run) -> Option<String> {
 /// Date and time of a timestamp, to the minute.
 fn date(timestamp: &str) -> String {
     match (timestamp.get(..10), timestamp.get(11..16)) {
-        (Some(day), Some(time)) => format!("{}\u{a0}{}\u{a0}UTC", escape(day), escape(time)),
+        (Some(day), Some(time)) => {
+            format!("<span class=\"date\">{} {} UTC</span>", escape(day), escape(time))
+        }
         _ => escape(timestamp),
     }
 }

@@ -111,20 +111,21 @@ fn last_values(page: &mut Page, run: &Run, naming: &Naming) {
         let mut table = Table::new(std::iter::once(what.to_owned()).chain(heads));
         let last = |column: String| run.column(&column).last().copied();
         let names = run.names_before(&format!("_{letter}x"));
-        let mut sums = vec![0.0; axes.len()];
-        for name in &names {
-            let values: Vec<Option<f64>> =
-                axes.iter().map(|axis| last(format!("{name}_{letter}{axis}"))).collect();
-            sums.iter_mut().zip(&values).for_each(|(sum, value)| *sum += value.unwrap_or(0.0));
-            if values.iter().any(Option::is_some) {
-                table.row(
-                    std::iter::once(Cell::name(name)).chain(values.into_iter().map(|v| Cell::maybe(v, 6))),
-                );
-            }
+        let values: Vec<Vec<Option<f64>>> = names
+            .iter()
+            .map(|name| axes.iter().map(|axis| last(format!("{name}_{letter}{axis}"))).collect())
+            .filter(|values: &Vec<Option<f64>>| values.iter().any(Option::is_some))
+            .collect();
+        let known = values.iter().flatten().flatten();
+        let largest = known.fold(0.0, |largest: f64, value| largest.max(value.abs()));
+        let cell = |value: Option<f64>| Cell::beside(value, largest, 6);
+        for (name, values) in names.iter().zip(&values) {
+            table.row(std::iter::once(Cell::name(name)).chain(values.iter().copied().map(cell)));
         }
-        if letter == 'r' && names.len() > 1 && !step.is_empty() {
-            let cells = sums.into_iter().map(|sum| Cell::rounded(sum, 6));
-            table.total(std::iter::once(Cell::text("Sum")).chain(cells));
+        if letter == 'r' && values.len() > 1 {
+            let sum = |axis: usize| values.iter().filter_map(|values| values[axis]).sum();
+            let sums = (0..axes.len()).map(|axis| cell(Some(sum(axis))));
+            table.total(std::iter::once(Cell::text("Sum")).chain(sums));
         }
         let caption = match letter {
             'r' => format!(
@@ -281,10 +282,7 @@ fn convergence(page: &mut Page, run: &Run, naming: &Naming) {
     }
     if let Some(chart) = curves::orders(runs) {
         let order = &run.summary["quality"]["newton_order"];
-        let median = order["median"].as_f64().map(|median| {
-            let steps = order["steps"].as_u64().unwrap_or(0);
-            format!(" The median of {steps} steps is {}.", html(median, 3))
-        });
+        let median = order["median"].as_f64().map(|median| format!(" Their median is {}.", html(median, 3)));
         let caption = format!(
             "Observed order of the Newton iterations, from the last three residuals above round-off, where it can be told.{}",
             median.unwrap_or_default()

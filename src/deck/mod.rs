@@ -29,7 +29,7 @@ mod region;
 pub mod schema;
 mod seeding;
 mod shape;
-mod size;
+pub mod size;
 pub mod source;
 pub mod validate;
 mod yaml;
@@ -183,14 +183,14 @@ pub enum MaterialDeck {
     /// Compressible neo-Hookean elasticity: W = μ/2 (tr b − 3) − μ ln J + λ/2 (ln J)², with λ and μ from E and ν.
     NeoHookean {
         /// Young's modulus E of small strains, [stress].
-        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1e6]))]
         young: f64,
         /// Poisson's ratio ν of small strains, [-].
-        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5))]
+        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
         poisson: f64,
         /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        #[schemars(range(min = 0.0))]
+        #[schemars(range(min = 0.0), extend("examples" = [2000]))]
         density: Option<f64>,
     },
     /// Von Mises plasticity with linear isotropic hardening: f = √(2 J₂) − (ρ_y + H κ) on the Kirchhoff stress, κ the

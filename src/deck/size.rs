@@ -17,6 +17,11 @@ const SAMPLES: usize = 200;
 /// Part of the memory from which on there is a warning.
 const MUCH: f64 = 0.8;
 
+/// The memory that an analysis on a grid will need at most, estimated from its deck, [byte].
+pub fn predicted_memory(deck: &Deck, grid: &dyn Grid<2>) -> f64 {
+    Size::of(deck, grid).memory()
+}
+
 /// Memory per point without output files and what writing them adds, and memory of the stiffness and its factor
 /// relative to N log₂ N with N unknowns, [byte]. Measured, see `docs/performance.md`.
 fn costs(method: Method) -> (f64, f64, f64) {

@@ -7,6 +7,7 @@ mod geometry;
 mod loading;
 mod shape;
 mod suspicions;
+mod units;
 
 use std::collections::HashMap;
 

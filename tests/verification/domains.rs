@@ -26,12 +26,15 @@ fn equal(a: [f64; 2], b: [f64; 2]) -> bool {
     (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) < 1e-12
 }
 
+/// Parameters of a motion, its deformation gradient, the lengths of a suitable domain, and the unsuitable updates.
+type Motion = (&'static [(&'static str, &'static str)], Mat3, [f64; 2], &'static [&'static str]);
+
 /// Table 2 through a deck: which updates give the domain its right lengths, and the failures of the footnotes, Fig. 4.
 #[test]
 fn table_2() {
     let plane = |xx, xy, yx, yy| Mat3::new(xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, 1.0);
     let (s, c) = 1.0f64.sin_cos();
-    let motions: [(&[(&str, &str)], Mat3, [f64; 2], &[&str]); 4] = [
+    let motions: [Motion; 4] = [
         (&[("stretch_y", "0.6")], plane(1.0, 0.0, 0.0, 0.6), [1.0, 0.6], &["none", "determinant"]),
         (&[("stretch_x", "0.7"), ("stretch_y", "0.7")], plane(0.7, 0.0, 0.0, 0.7), [0.7, 0.7], &["none"]),
         (&[("shear", "1")], plane(1.0, 1.0, 0.0, 1.0), [1.0, 1.0], &["stretch"]),

@@ -33,7 +33,7 @@ pub(super) fn check(facets: &Facets, tree: &BoxTree) -> Result<(), SurfaceError>
         Some(pair) => {
             let [a, b] = pair.map(|facet| bounds(&facets.triangle(facet)));
             let near = std::array::from_fn(|d| 0.5 * (a[0][d].max(b[0][d]) + a[1][d].min(b[1][d])));
-            Err(SurfaceError::Crossing { near, facets: pair.map(|facet| facets.report(facet)) })
+            Err(SurfaceError::Crossing { near, facets: Box::new(pair.map(|facet| facets.report(facet))) })
         }
     }
 }

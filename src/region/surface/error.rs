@@ -100,7 +100,7 @@ pub enum SurfaceError {
         /// A place next to both, [length].
         near: [f64; 3],
         /// The two facets.
-        facets: [FacetReport; 2],
+        facets: Box<[FacetReport; 2]>,
     },
     /// A shell is inside out.
     #[error("{}: {at}", inside_out(*.cavity))]

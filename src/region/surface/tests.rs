@@ -361,7 +361,4 @@ fn many_positions_are_decided_fast() {
     assert!((inside as f64 / 1e6 * 8.0 - body.volume()).abs() < 0.01);
     // A hundred times what it takes.
     assert!(decided.as_secs() < 100 && checked.as_secs() < 100, "{checked:?} {decided:?}");
-    if std::env::var_os("SHOW_TIMES").is_some() {
-        panic!("checked in {checked:?}, decided in {decided:?}");
-    }
 }
