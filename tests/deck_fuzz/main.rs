@@ -10,6 +10,7 @@
 
 mod generate;
 mod mutate;
+mod random;
 mod write;
 
 use std::alloc::System;
@@ -35,7 +36,8 @@ use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
 use mpm::stress::PlaneStrain;
 use serde_json::Value;
 
-use generate::{Generator, Random};
+use generate::Generator;
+use random::Random;
 
 #[global_allocator]
 static ALLOCATOR: Cap<System> = Cap::new(System, usize::MAX);

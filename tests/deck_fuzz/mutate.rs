@@ -2,7 +2,8 @@
 
 use serde_json::{Value, json};
 
-use crate::generate::{Generator, Random, odd};
+use crate::generate::{Generator, odd};
+use crate::random::Random;
 
 /// Pointers to all values, the deck itself left out.
 fn pointers(value: &Value, at: &str, found: &mut Vec<String>) {

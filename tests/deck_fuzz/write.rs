@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::generate::Random;
+use crate::random::Random;
 
 /// The deck as YAML: block or flow style, with comments, quotes, anchors and empty lines here and there.
 pub fn yaml(deck: &Value, random: &mut Random) -> String {
