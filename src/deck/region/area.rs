@@ -301,7 +301,6 @@ mod tests {
             ),
         ] {
             let found = area(&shape).unwrap();
-            println!("{name}: {found:.15}, {:.1e}", found - exact);
             assert!((found - exact).abs() < 1e-13, "{name}: {found}, exact {exact}");
         }
         assert_eq!(area(&union(&[unit, Shape::Cells { group: None }])), None);
