@@ -63,7 +63,7 @@ pub enum ReportError {
     #[error("a report needs at least one directory of results")]
     Nothing,
     /// A directory without results.
-    #[error("{} {}", quote(&path.display().to_string()), no_results(path, *hint))]
+    #[error("{} {}", shown(path), no_results(path, *hint))]
     NoResults {
         /// The directory.
         path: PathBuf,
@@ -71,12 +71,12 @@ pub enum ReportError {
         hint: NoResults,
     },
     /// A file or directory that cannot be read.
-    #[error("{} cannot be read: {source}", quote(&path.display().to_string()))]
+    #[error("{} cannot be read: {error}", shown(path))]
     Unreadable {
         /// Its path.
         path: PathBuf,
         /// Why.
-        source: io::Error,
+        error: io::Error,
     },
     /// A file that is not as a run writes it; the error names it.
     #[error("a file of the results is damaged: {0}")]
@@ -116,12 +116,12 @@ pub enum ReportError {
         known: Vec<usize>,
     },
     /// The report cannot be written.
-    #[error("{} cannot be written: {source}", quote(&path.display().to_string()))]
+    #[error("{} cannot be written: {error}", shown(path))]
     Unwritable {
         /// Its path.
         path: PathBuf,
         /// Why.
-        source: io::Error,
+        error: io::Error,
     },
 }
 
@@ -134,7 +134,7 @@ impl ReportError {
                 let what = what.strip_prefix(&format!("{}: ", path.display())).unwrap_or(&what);
                 ReportError::Damaged { path: path.to_owned(), what: what.to_owned() }
             }
-            _ => ReportError::Unreadable { path: path.to_owned(), source: error },
+            _ => ReportError::Unreadable { path: path.to_owned(), error },
         }
     }
 
@@ -142,6 +142,11 @@ impl ReportError {
     fn from_reader(error: io::Error) -> ReportError {
         ReportError::DamagedFile(error)
     }
+}
+
+/// A path in full: it may have to be copied.
+fn shown(path: &Path) -> String {
+    format!("`{}`", path.display())
 }
 
 fn no_results(path: &Path, hint: NoResults) -> String {
@@ -209,5 +214,5 @@ pub fn report(directories: &[PathBuf], options: &Options) -> Result<String, Repo
 /// When the file cannot be written.
 pub fn write(path: &Path, page: &str) -> Result<(), ReportError> {
     replace_file(path, |out| out.write_all(page.as_bytes()))
-        .map_err(|source| ReportError::Unwritable { path: path.to_owned(), source })
+        .map_err(|error| ReportError::Unwritable { path: path.to_owned(), error })
 }
