@@ -3,12 +3,12 @@
 use std::io::{self, IsTerminal};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, bail};
 use mpm::deck::build::build_with_notes;
 use mpm::deck::diagnostic::render_all;
-use mpm::deck::load::{LoadFailure, LoadedDeck};
+use mpm::deck::load::{LoadFailure, LoadedDeck, load};
 use mpm::model::Model;
 use mpm::output::results::Results;
 use mpm::output::summary::{Account, Start};
@@ -17,7 +17,8 @@ use mpm::solver::{self, SolveError, Summary};
 use mpm::stress::PlaneStrain;
 use mpm::timing::Timings;
 
-use crate::INTERRUPTED;
+use crate::DeckArgs;
+use crate::closing::Closing;
 use crate::progress::{View, Watch};
 
 /// A deck and the model built from it.
@@ -44,9 +45,23 @@ pub fn prepare(loaded: Result<LoadedDeck, Box<LoadFailure>>) -> Result<Ready, Bo
     })
 }
 
+/// Reads and builds a deck; messages about it are printed, and handed to `write_down` if there are any. `None` when
+/// the deck cannot be used.
+pub fn prepare_aloud(args: &DeckArgs, write_down: &dyn Fn(&str)) -> Option<Ready> {
+    let prepared = prepare(load(&args.deck, &args.set));
+    let text = messages(&prepared, io::stderr().is_terminal());
+    if !text.is_empty() {
+        tell!("{text}");
+        write_down(&messages(&prepared, false));
+    }
+    if prepared.is_err() && io::stderr().is_terminal() {
+        tell!("`mpm explain CODE` says more about a message");
+    }
+    prepared.ok()
+}
+
 /// All messages about a deck, without the last line break; empty where there is nothing to say.
-pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>) -> String {
-    let colour = io::stderr().is_terminal();
+pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>, colour: bool) -> String {
     let text = match prepared {
         Ok(Ready { loaded, .. }) => render_all(&loaded.source, &loaded.notes, colour),
         Err(failure) => failure.render(colour),
@@ -54,10 +69,18 @@ pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>) -> String {
     text.trim_end().to_owned()
 }
 
+/// How an analysis ended.
+pub struct Ended {
+    /// The account of the run, or why it ended early.
+    pub outcome: Result<Summary, SolveError>,
+    /// What there is to say at the end; `None` where no step is in equilibrium.
+    pub closing: Option<Closing>,
+}
+
 /// Runs an analysis into a directory; `set_up` is the time that went into making it ready.
 ///
 /// # Errors
-/// The outer one when the directory cannot be written, the inner one when the analysis ends early.
+/// When the directory cannot be written, or another run writes there.
 pub fn run_into(
     directory: &Path,
     ready: Ready,
@@ -65,7 +88,7 @@ pub fn run_into(
     set_up: Timings,
     view: View,
     stop: &Arc<AtomicBool>,
-) -> anyhow::Result<Result<Summary, SolveError>> {
+) -> anyhow::Result<Ended> {
     let Ready { loaded, model, mut points } = ready;
     let every = loaded.deck.output.every as usize;
     let account = Account {
@@ -77,22 +100,23 @@ pub fn run_into(
     };
     let results = Results::create(directory, every, &model, account)
         .with_context(|| format!("the results directory `{}` cannot be written", directory.display()))?;
-    let mut watch = Watch::new(results, &model, &points, view, Arc::clone(stop));
+    let mut watch = Watch::new(results, &model, &points, start, view, Arc::clone(stop));
     let outcome = solver::run::<2, PlaneStrain>(&model, &mut points, &mut watch);
-    watch.end();
-    Ok(outcome)
+    Ok(Ended { outcome, closing: watch.end() })
 }
 
-/// Prints why an analysis failed.
-pub fn explain(error: &SolveError) {
-    tell!("error: {error}");
+/// Why an analysis failed, in a few lines.
+pub fn describe_failure(error: &SolveError) -> String {
+    let code = error.code().map(|code| format!("[{code}]")).unwrap_or_default();
+    let mut text = format!("error{code}: {error}");
     if !error.residuals().is_empty() {
         let history: Vec<String> = error.residuals().iter().map(|r| format!("{r:.3e}")).collect();
-        tell!("  residuals: {}", history.join(", "));
+        text.push_str(&format!("\n  residuals: {}", history.join(", ")));
     }
     if let Some(help) = error.help() {
-        tell!("  help: {help}");
+        text.push_str(&format!("\n  help: {help}"));
     }
+    text
 }
 
 /// Most threads that can be asked for.
@@ -107,19 +131,4 @@ pub fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
         .num_threads(threads.unwrap_or(0))
         .build_global()
         .context("the threads cannot be started")
-}
-
-/// A flag that Ctrl-C raises; a second Ctrl-C ends the program at once.
-pub fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let raised = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
-        if raised.swap(true, Ordering::SeqCst) {
-            tell!("interrupted at once: the step in hand is not written");
-            std::process::exit(i32::from(INTERRUPTED));
-        }
-        tell!("stopping after the step in hand; press Ctrl-C again to stop at once");
-    })
-    .context("Ctrl-C cannot be handled")?;
-    Ok(stop)
 }

@@ -22,7 +22,7 @@
 //! 7. [`quality`]: how well a run goes, and when a domain update does not suit the motion.
 //! 8. [`deck`] and [`formula`]: from YAML to [`model::Model`] and [`points::Points`], with messages that name the line;
 //!    `deck/region.rs` and `deck/seeding.rs` fill bodies with points. [`study`] runs a deck for many parameters.
-//!    [`output`]: from there to files. The modules above know neither.
+//!    [`output`]: from there to files. [`codes`]: pages that explain messages. The modules above know none of these.
 //!
 //! The library never prints and never exits; `main.rs` does.
 //!
@@ -66,6 +66,7 @@
 
 pub mod assembly;
 pub mod basis;
+pub mod codes;
 pub mod constraints;
 pub mod deck;
 pub mod domain;
