@@ -178,31 +178,40 @@ impl Table {
     fn forces(&mut self, balance: &ForceBalance) {
         let axes = ["x", "y", "z"].iter().take(balance.applied.len());
         self.line(&format!("{:<LABEL$}{}", "forces", columns(axes.map(|axis| (*axis).to_owned()))));
-        let mut row = |label: &str, force: &[f64], after: &str| {
+        let mut row = |label: &str, force: &[Option<f64>], after: &str| {
             let label: String = if label.chars().count() < LABEL {
                 format!("{label:<LABEL$}")
             } else {
                 format!("{}… ", label.chars().take(LABEL - 2).collect::<String>())
             };
-            self.line(&format!("{label}{}{after}", columns(force.iter().map(|f| significant(*f, 5)))));
+            self.line(&format!("{label}{}{after}", columns(force.iter().map(number))));
         };
-        row("  loads", &balance.applied, "");
+        row("  loads", &all(&balance.applied), "");
         // All of them, or all but those that have to share a line.
         let shown =
             if balance.reactions.len() > MOST_CONDITIONS { MOST_CONDITIONS - 1 } else { MOST_CONDITIONS };
         for (name, reaction) in balance.reactions.iter().take(shown) {
-            row(&format!("  {name}"), reaction, "");
+            row(&format!("  {name}"), &all(reaction), "");
         }
         let rest = balance.reactions.get(shown..).unwrap_or_default();
         if !rest.is_empty() {
-            let sum: Vec<f64> =
-                (0..balance.applied.len()).map(|axis| rest.iter().map(|(_, r)| r[axis]).sum()).collect();
-            row(&format!("  {} more", rest.len()), &sum, "");
+            let sum = |axis: usize| Some(rest.iter().map(|(_, r)| r[axis]).sum());
+            let sums: Vec<_> = (0..balance.applied.len()).map(sum).collect();
+            row(&format!("  {} more", rest.len()), &sums, "");
         }
         let relative = balance.relative_difference();
         let after = relative.map(|share| format!("   {share:.1e} of all forces")).unwrap_or_default();
-        row("  difference", &balance.difference(), &after);
+        let difference = balance.difference();
+        row("  difference", &difference, &after);
     }
+}
+
+fn all(force: &[f64]) -> Vec<Option<f64>> {
+    force.iter().copied().map(Some).collect()
+}
+
+fn number(force: &Option<f64>) -> String {
+    force.map_or_else(|| "–".to_owned(), |force| significant(force, 5))
 }
 
 fn columns(entries: impl Iterator<Item = String>) -> String {

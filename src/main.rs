@@ -11,6 +11,7 @@ mod manual;
 mod new;
 mod progress;
 mod quantities;
+mod report;
 mod run;
 mod status;
 mod sweep;
@@ -20,7 +21,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use mpm::deck::schema::deck_schema;
 
@@ -65,6 +66,8 @@ enum Command {
     Status(status::StatusArgs),
     /// Run a deck for every combination of lists of values of its parameters.
     Sweep(sweep::SweepArgs),
+    /// Write a report on results as one page of HTML; several results are compared.
+    Report(report::ReportArgs),
     /// Explain a message by its code, such as D014, or list all codes.
     Explain {
         /// The code; all are listed where none is given.
@@ -95,6 +98,21 @@ struct DeckArgs {
     /// Set a parameter of the deck, as often as needed.
     #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
     set: Vec<(String, String)>,
+    /// How messages about the deck are written.
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
+    format: Format,
+    /// Take warnings about the deck for errors.
+    #[arg(long, visible_alias = "warnings-as-errors")]
+    deny_warnings: bool,
+}
+
+/// For whom something is written.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// Text for people.
+    Text,
+    /// One JSON document for programs, to standard output.
+    Json,
 }
 
 fn assignment(text: &str) -> Result<(String, String), String> {
@@ -112,8 +130,9 @@ fn main() -> ExitCode {
         Command::Run(args) => run::run(args, began),
         Command::Status(args) => status::status(&args),
         Command::Sweep(args) => sweep::sweep(args),
+        Command::Report(args) => report::report(args),
         Command::Explain { code } => explain::explain(code.as_deref()),
-        Command::Schema => schema_text().and_then(|text| print(&text)),
+        Command::Schema => print_json(&deck_schema()),
         Command::Completions { shell } => manual::completions(shell),
         Command::Man { command } => manual::man(command.as_deref()),
     };
@@ -123,9 +142,14 @@ fn main() -> ExitCode {
     })
 }
 
-/// The JSON schema of decks as text.
-fn schema_text() -> anyhow::Result<String> {
-    Ok(serde_json::to_string_pretty(&deck_schema())? + "\n")
+/// A JSON document as text.
+fn json_text(document: &impl serde::Serialize) -> anyhow::Result<String> {
+    Ok(serde_json::to_string_pretty(document)? + "\n")
+}
+
+/// Writes a JSON document to standard output.
+fn print_json(document: &impl serde::Serialize) -> anyhow::Result<ExitCode> {
+    print(&json_text(document)?)
 }
 
 /// Writes to standard output; a reader that has gone away is no error.

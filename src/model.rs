@@ -56,6 +56,9 @@ pub struct Model<const D: usize> {
     pub title: String,
     /// The background grid.
     pub grid: Box<dyn Grid<D>>,
+    /// Whether the bodies are of revolution about the axis where the first coordinate vanishes; otherwise those of two
+    /// dimensions have unit thickness.
+    pub revolved: bool,
     /// Configuration in which equilibrium is written.
     pub formulation: Formulation,
     /// Where the current volume of a point comes from.
@@ -92,16 +95,27 @@ impl<const D: usize> Model<D> {
         curves.all(|curve| curve == first).then_some(first)
     }
 
+    /// The law of a point.
+    pub fn law(&self, points: &Points<D>, p: usize) -> &dyn Material {
+        self.materials[self.bodies[points.body[p] as usize].material].law.as_ref()
+    }
+
+    /// Extent of the bodies out of the plane at a place: the length of the full circle about the axis, or 1; [length].
+    pub fn depth(&self, position: &[f64; D]) -> f64 {
+        if self.revolved { std::f64::consts::TAU * position[0] } else { 1.0 }
+    }
+
     /// Volume that a point represents in its converged state, V_p^n of eq. (22) or that of its domain, [volume].
     pub fn volume(&self, points: &Points<D>, p: usize) -> f64 {
         let domain = match self.point_volume {
             PointVolume::Deformation => DomainKind::None,
             PointVolume::Domain => self.bodies[points.body[p] as usize].method.domain(),
         };
-        match domain {
-            DomainKind::None => points.volume(p),
+        let area = match domain {
+            DomainKind::None => return points.volume(p),
             DomainKind::Box => points.converged.half_lengths[p].iter().map(|l| 2.0 * l).product(),
             DomainKind::Corners => domain_volume(points.corners(p)),
-        }
+        };
+        self.depth(&points.converged.position[p]) * area
     }
 }

@@ -7,8 +7,9 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use clap::Args;
 use mpm::deck::diagnostic::list;
+use mpm::deck::schema::deck_schema;
 
-use crate::{print, schema_text};
+use crate::{json_text, print};
 
 /// Arguments of `mpm new`.
 #[derive(Args)]
@@ -75,7 +76,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
     };
     let deck = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.yaml")));
     let folder = deck.parent().map(Path::to_owned).unwrap_or_default();
-    let schema = schema_text()?;
+    let schema = json_text(&deck_schema())?;
     let mut files = vec![(deck.clone(), example.deck.as_bytes())];
     files.extend(example.files.iter().map(|(file, content)| (folder.join(file), *content)));
     files.push((folder.join(SCHEMA), schema.as_bytes()));

@@ -33,24 +33,17 @@ pub fn duration(seconds: f64) -> String {
 
 /// A rate of points per second.
 pub fn rate(points_per_second: f64) -> String {
-    format!("{} points/s", scaled(points_per_second, 1000.0, &["", "k", "M", "G"]))
+    let (value, unit) = match points_per_second {
+        ..1e4 => (points_per_second, ""),
+        ..1e7 => (points_per_second * 1e-3, " thousand"),
+        _ => (points_per_second * 1e-6, " million"),
+    };
+    format!("{value:.0}{unit} points/s")
 }
 
 /// A size of memory.
 pub fn bytes(bytes: u64) -> String {
-    scaled(bytes as f64, 1024.0, &["B", "KiB", "MiB", "GiB", "TiB"])
-}
-
-/// A number of at least 1 with three digits and the largest of these units that fits.
-fn scaled(value: f64, base: f64, units: &[&str]) -> String {
-    let mut value = value;
-    let mut unit = 0;
-    while value >= base && unit + 1 < units.len() {
-        value /= base;
-        unit += 1;
-    }
-    let decimals = if value >= 99.5 || unit == 0 { 0 } else { 1 };
-    format!("{value:.decimals$} {}", units[unit]).trim_end().to_owned()
+    mpm::memory::in_words(bytes as f64)
 }
 
 #[cfg(test)]
@@ -85,8 +78,7 @@ mod tests {
             assert_eq!(duration(seconds), text);
         }
         assert_eq!(rate(812.3), "812 points/s");
-        assert_eq!(rate(1_234_567.0), "1.2 M points/s");
-        assert_eq!(bytes(45 << 20), "45.0 MiB");
-        assert_eq!(bytes(700 << 20), "700 MiB");
+        assert_eq!(rate(1_234_567.0), "1235 thousand points/s");
+        assert_eq!(rate(12_345_678.0), "12 million points/s");
     }
 }

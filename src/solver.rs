@@ -12,7 +12,7 @@ use crate::loads::{ExternalForce, external_force};
 use crate::model::{Model, Newton};
 use crate::points::Points;
 use crate::quality::{Measures, Quality};
-use crate::stress::Mechanics;
+use crate::stress::{Axisymmetric, Mechanics, PlaneStrain};
 use crate::timing::{Phase, Timings};
 
 pub use error::{CODES, SolveError};
@@ -61,29 +61,20 @@ pub fn run<const D: usize, M: Mechanics<D>>(
     outcome.and(told.map_err(SolveError::Output)).map(|()| finished)
 }
 
-/// The size of the first load step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FirstStep {
-    /// Nodes that the points touch.
-    pub active_nodes: usize,
-    /// Degrees of freedom that no boundary condition prescribes.
-    pub unknowns: usize,
-}
-
-/// Sets the first load step up, as [`run`] does before it solves anything.
+/// Runs an analysis in the plane as [`run`], with the mechanics of its idealisation.
 ///
 /// # Errors
-/// As [`run`] for what is wrong with the first step before its first solution.
-pub fn first_step<const D: usize, M: Mechanics<D>>(
-    model: &Model<D>,
-    points: &mut Points<D>,
-) -> Result<FirstStep, SolveError> {
-    let step = Step { index: 1, start: 0.0, end: model.end_time * (1.0 / model.n_steps as f64) };
-    let methods: Vec<Method> = model.bodies.iter().map(|b| b.method).collect();
-    let links = Connectivity::new(model.grid.as_ref(), points, &methods)
-        .map_err(|failure| SolveError::unsupported(model, points, failure, step))?;
-    let system = StepSystem::new::<M>(model, points, &links, step)?;
-    Ok(FirstStep { active_nodes: links.n_active(), unknowns: system.dofs.n_free() })
+/// As [`run`].
+pub fn run_in_plane(
+    model: &Model<2>,
+    points: &mut Points<2>,
+    observer: &mut dyn Observer<2>,
+) -> Result<Summary, SolveError> {
+    if model.revolved {
+        run::<2, Axisymmetric>(model, points, observer)
+    } else {
+        run::<2, PlaneStrain>(model, points, observer)
+    }
 }
 
 /// What lives from step to step: the linear solver with its analysis, and the account of the run.
@@ -292,7 +283,7 @@ impl<const D: usize> StepSystem<D> {
             .map_err(|error| SolveError::Constraint { step: step.index, error })?;
         let system = System::new::<M>(model, points, links);
         let entries = system.free_entries(&dofs);
-        if let Some((node, axis)) = dofs.unheld(&system.parts()) {
+        if let Some((node, axis)) = dofs.unheld(&links.parts()) {
             let place = model.grid.node_position(links.active_nodes()[node] as usize);
             return Err(SolveError::Unheld { step: step.index, node: place.to_vec(), axis });
         }

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::bail;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use jiff::Timestamp;
 use mpm::output::status::{self, State, Status};
 
 use crate::quantities::{bytes, duration, rate, significant};
-use crate::{FAILED, INTERRUPTED, print};
+use crate::{FAILED, Format, INTERRUPTED, print, print_json};
 
 /// The run has not ended.
 const RUNNING: u8 = 3;
@@ -21,18 +21,9 @@ pub struct StatusArgs {
     /// The results of the run.
     #[arg(value_name = "DIR")]
     directory: PathBuf,
-    /// How to print it.
-    #[arg(long, value_enum, default_value = "text")]
+    /// How it is printed.
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
     format: Format,
-}
-
-/// For whom something is printed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Format {
-    /// For persons.
-    Text,
-    /// For programs.
-    Json,
 }
 
 /// Prints how far a run is; the exit code is that of the run, or 3 while it goes on.
@@ -45,11 +36,10 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<ExitCode> {
         }
         Err(error) => bail!("the status of the run in `{}` cannot be read: {error}", directory.display()),
     };
-    let text = match args.format {
-        Format::Text => in_words(directory, &status),
-        Format::Json => serde_json::to_string_pretty(&status)? + "\n",
+    match args.format {
+        Format::Text => print(&in_words(directory, &status))?,
+        Format::Json => print_json(&status)?,
     };
-    print(&text)?;
     Ok(match status.state {
         State::Completed => ExitCode::SUCCESS,
         State::Running => ExitCode::from(RUNNING),

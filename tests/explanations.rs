@@ -11,12 +11,12 @@ use std::path::PathBuf;
 use mpm::codes::{PAGES, Page};
 use mpm::deck::build::build_with_notes;
 use mpm::deck::diagnostic::Diagnostic;
+use mpm::deck::first_step::first_step;
 use mpm::deck::load::load_text;
 use mpm::solver::{self, Silent};
-use mpm::stress::PlaneStrain;
 
-/// What cannot be shown by a deck: no memory, no room on the disk.
-const WITHOUT_EXAMPLE: [&str; 2] = ["S008", "S011"];
+/// What cannot be shown by a deck on every machine: no memory, no room on the disk.
+const WITHOUT_EXAMPLE: [&str; 3] = ["D036", "S008", "S011"];
 
 /// The blocks of a language between two headings, or up to the end.
 fn blocks<'a>(text: &'a str, language: &str, heading: &str) -> Vec<&'a str> {
@@ -79,11 +79,21 @@ fn codes(deck: &str, set: &[(String, String)]) -> Codes {
     };
     take(&loaded.notes);
     loaded.directory = PathBuf::from("inputs/new");
-    match build_with_notes(&loaded) {
-        Err(found) => take(&found),
-        Ok((model, mut points, notes)) => {
+    let (model, mut points) = match build_with_notes(&loaded) {
+        Err(found) => {
+            take(&found);
+            return codes;
+        }
+        Ok((model, points, notes)) => {
             take(&notes);
-            if let Err(error) = solver::run::<2, PlaneStrain>(&model, &mut points, &mut Silent) {
+            (model, points)
+        }
+    };
+    match first_step(&loaded, &model, &mut points) {
+        Err(found) => take(&found),
+        Ok((_, notes)) => {
+            take(&notes);
+            if let Err(error) = solver::run_in_plane(&model, &mut points, &mut Silent) {
                 codes[0].insert(error.code().unwrap());
             }
         }

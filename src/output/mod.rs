@@ -8,10 +8,10 @@
 mod fields;
 pub mod findings;
 mod lock;
-mod memory;
 pub(crate) mod replace;
 pub mod results;
 pub mod series;
+mod start;
 pub mod status;
 pub mod summary;
 pub mod table;
@@ -25,7 +25,7 @@ fn invalid(message: impl Into<String>) -> io::Error {
 }
 
 /// Text made safe between the double quotes of an XML attribute.
-fn escape_xml(text: &str) -> String {
+pub(crate) fn escape_xml(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

@@ -9,12 +9,12 @@ use jiff::{Timestamp, Unit};
 use serde::{Deserialize, Serialize};
 
 use crate::loads::LoadCurve;
+use crate::memory;
 use crate::model::Model;
 use crate::points::Points;
 use crate::solver::{SolveError, Step, StepReport, Summary};
 
 use super::lock::Lock;
-use super::memory;
 use super::replace::replace_file;
 use super::summary::{Start, VERSION};
 

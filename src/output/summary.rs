@@ -71,6 +71,10 @@ impl Start {
 pub struct Account {
     /// Where its times begin.
     pub start: Start,
+    /// Name of the deck.
+    pub deck_file: String,
+    /// Its text.
+    pub deck_text: String,
     /// Hash of the deck, [`crate::deck::load::LoadedDeck::hash`].
     pub deck_hash: String,
     /// Parameters of the deck with their final values.
@@ -135,7 +139,7 @@ impl Account {
                 "all": if visits > 0.0 { json!(1e6 * cpu / visits) } else { Value::Null },
                 "without_output": if visits > 0.0 { json!(1e6 * solved / visits) } else { Value::Null },
             },
-            "peak_memory_bytes": super::memory::peak(),
+            "peak_memory_bytes": crate::memory::peak(),
             "iterations": findings.iterations.map(|[min, max]| json!({"min": min, "max": max})),
             "worst_residual": findings.worst_residual.map(|(value, step)| json!({"value": value, "step": step})),
             "forces": findings.balance.as_ref().map(forces),
@@ -161,7 +165,8 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
         for p in (0..points.len()).filter(|&p| points.body[p] as usize == number) {
             count += 1;
             let x = points.converged.position[p];
-            let side = 0.5 * model.volume(points, p).powf(1.0 / D as f64);
+            let size = model.volume(points, p) / model.depth(&x);
+            let side = 0.5 * size.powf(1.0 / D as f64);
             let mut corners = corners_of(model, points, p);
             if corners.is_empty() {
                 corners = vec![x.map(|x| x - side), x.map(|x| x + side)];
