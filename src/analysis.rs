@@ -3,13 +3,13 @@
 use std::io::{self, IsTerminal};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, bail};
 use mpm::deck::build::build_with_notes;
 use mpm::deck::diagnostic::{self, Diagnostic, as_json, render_all};
 use mpm::deck::first_step::{FirstStep, first_step};
-use mpm::deck::load::{LoadFailure, LoadedDeck};
+use mpm::deck::load::{LoadFailure, LoadedDeck, load};
 use mpm::deck::size::predicted_memory;
 use mpm::deck::source::Source;
 use mpm::model::Model;
@@ -20,8 +20,9 @@ use mpm::solver::{self, SolveError, Summary};
 use mpm::timing::Timings;
 use serde_json::{Value, json};
 
-use crate::INTERRUPTED;
+use crate::closing::Closing;
 use crate::progress::{View, Watch};
+use crate::{DeckArgs, Format, print_json};
 
 /// A deck and the model built from it.
 pub struct Ready {
@@ -91,10 +92,34 @@ fn findings(prepared: &Result<Ready, Box<LoadFailure>>) -> (&Source, &[Diagnosti
     }
 }
 
+/// Reads and builds a deck; messages about it are printed, and handed to `write_down` if there are any. `None` when
+/// the deck cannot be used.
+pub fn prepare_aloud(args: &DeckArgs, write_down: &dyn Fn(&str)) -> anyhow::Result<Option<Ready>> {
+    let prepared = prepare(load(&args.deck, &args.set), args.deny_warnings);
+    let plain = messages(&prepared, false);
+    if !plain.is_empty() {
+        write_down(&plain);
+    }
+    match args.format {
+        Format::Json => {
+            print_json(&as_document(&prepared))?;
+        }
+        Format::Text if !plain.is_empty() => {
+            let terminal = io::stderr().is_terminal();
+            tell!("{}", messages(&prepared, terminal));
+            if prepared.is_err() && terminal {
+                tell!("`mpm explain CODE` says more about a message");
+            }
+        }
+        Format::Text => {}
+    }
+    Ok(prepared.ok())
+}
+
 /// All messages about a deck, without the last line break; empty where there is nothing to say.
-pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>) -> String {
+pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>, colour: bool) -> String {
     let (source, diagnostics) = findings(prepared);
-    let text = render_all(source, diagnostics, io::stderr().is_terminal());
+    let text = render_all(source, diagnostics, colour);
     match diagnostic::count(diagnostics) {
         count if count.is_empty() => text.trim_end().to_owned(),
         count => format!("{text}\n{}: {count}", source.name()),
@@ -102,7 +127,7 @@ pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>) -> String {
 }
 
 /// All messages about a deck for programs, with the size of the analysis where it can be run.
-pub fn report(prepared: &Result<Ready, Box<LoadFailure>>) -> Value {
+fn as_document(prepared: &Result<Ready, Box<LoadFailure>>) -> Value {
     let (source, diagnostics) = findings(prepared);
     let mut report = as_json(source, diagnostics);
     report["size"] = prepared.as_ref().map_or(Value::Null, |ready| {
@@ -119,10 +144,18 @@ pub fn report(prepared: &Result<Ready, Box<LoadFailure>>) -> Value {
     report
 }
 
+/// How an analysis ended.
+pub struct Ended {
+    /// The account of the run, or why it ended early.
+    pub outcome: Result<Summary, SolveError>,
+    /// What there is to say at the end; `None` where no step is in equilibrium.
+    pub closing: Option<Closing>,
+}
+
 /// Runs an analysis into a directory; `set_up` is the time that went into making it ready.
 ///
 /// # Errors
-/// The outer one when the directory cannot be written, the inner one when the analysis ends early.
+/// When the directory cannot be written, or another run writes there.
 pub fn run_into(
     directory: &Path,
     ready: Ready,
@@ -130,7 +163,7 @@ pub fn run_into(
     set_up: Timings,
     view: View,
     stop: &Arc<AtomicBool>,
-) -> anyhow::Result<Result<Summary, SolveError>> {
+) -> anyhow::Result<Ended> {
     let Ready { loaded, model, mut points, .. } = ready;
     let every = loaded.deck.output.every as usize;
     let account = Account {
@@ -144,22 +177,23 @@ pub fn run_into(
     };
     let results = Results::create(directory, every, &model, account)
         .with_context(|| format!("the results directory `{}` cannot be written", directory.display()))?;
-    let mut watch = Watch::new(results, &model, &points, view, Arc::clone(stop));
+    let mut watch = Watch::new(results, &model, &points, start, view, Arc::clone(stop));
     let outcome = solver::run_in_plane(&model, &mut points, &mut watch);
-    watch.end();
-    Ok(outcome)
+    Ok(Ended { outcome, closing: watch.end() })
 }
 
-/// Prints why an analysis failed.
-pub fn explain(error: &SolveError) {
-    tell!("error: {error}");
+/// Why an analysis failed, in a few lines.
+pub fn describe_failure(error: &SolveError) -> String {
+    let code = error.code().map(|code| format!("[{code}]")).unwrap_or_default();
+    let mut text = format!("error{code}: {error}");
     if !error.residuals().is_empty() {
         let history: Vec<String> = error.residuals().iter().map(|r| format!("{r:.3e}")).collect();
-        tell!("  residuals: {}", history.join(", "));
+        text.push_str(&format!("\n  residuals: {}", history.join(", ")));
     }
     if let Some(help) = error.help() {
-        tell!("  help: {help}");
+        text.push_str(&format!("\n  help: {help}"));
     }
+    text
 }
 
 /// Most threads that can be asked for.
@@ -174,19 +208,4 @@ pub fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
         .num_threads(threads.unwrap_or(0))
         .build_global()
         .context("the threads cannot be started")
-}
-
-/// A flag that Ctrl-C raises; a second Ctrl-C ends the program at once.
-pub fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let raised = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
-        if raised.swap(true, Ordering::SeqCst) {
-            tell!("interrupted at once: the step in hand is not written");
-            std::process::exit(i32::from(INTERRUPTED));
-        }
-        tell!("stopping after the step in hand; press Ctrl-C again to stop at once");
-    })
-    .context("Ctrl-C cannot be handled")?;
-    Ok(stop)
 }

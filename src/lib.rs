@@ -26,6 +26,7 @@
 //!    `deck/region.rs` and `deck/seeding.rs` fill bodies with points. [`region`] is the geometry of solids: primitives,
 //!    closed surfaces from STL files, booleans, motions and their volumes. [`study`] runs a deck for many parameters.
 //!    [`output`]: from there to files. The modules above know neither. [`appendix`] makes a report of the files.
+//!    [`codes`]: pages that explain messages.
 //!
 //! The library never prints and never exits; `main.rs` does.
 //!
@@ -70,6 +71,7 @@
 pub mod appendix;
 pub mod assembly;
 pub mod basis;
+pub mod codes;
 pub mod constraints;
 pub mod deck;
 pub mod domain;

@@ -60,7 +60,18 @@ impl Memory {
     }
 }
 
-/// A line of `/proc/meminfo`, [byte].
+/// Resident memory of this process now, [byte]; `None` where the system does not tell.
+pub fn resident() -> Option<u64> {
+    kibibytes(&std::fs::read_to_string("/proc/self/status").ok()?, "VmRSS:")
+}
+
+/// Largest resident memory of this process so far, or since it was last counted afresh, [byte]; `None` where the
+/// system does not tell.
+pub fn peak() -> Option<u64> {
+    kibibytes(&std::fs::read_to_string("/proc/self/status").ok()?, "VmHWM:")
+}
+
+/// A line of `/proc/meminfo`, or another file of its form, [byte].
 fn kibibytes(meminfo: &str, name: &str) -> Option<u64> {
     let line = meminfo.lines().find_map(|line| line.strip_prefix(name))?;
     line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib.saturating_mul(1024))
@@ -173,6 +184,8 @@ mod tests {
     fn this_machine_has_memory() {
         let memory = Memory::of_this_machine().unwrap();
         assert!(memory.available <= memory.limit && memory.limit > 1 << 24, "{memory:?}");
+        let (resident, peak) = (resident().unwrap(), peak().unwrap());
+        assert!(1 << 20 < resident && resident <= peak && peak < memory.limit, "{resident} {peak}");
     }
 
     #[test]

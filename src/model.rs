@@ -4,7 +4,7 @@ use crate::basis::{DomainKind, Method, domain_volume};
 use crate::constraints::BoundaryCondition;
 use crate::domain::DomainUpdate;
 use crate::grid::Grid;
-use crate::loads::Load;
+use crate::loads::{Load, LoadCurve};
 use crate::material::Material;
 use crate::points::{PointVolume, Points};
 use crate::stress::Formulation;
@@ -82,6 +82,19 @@ pub struct Model<const D: usize> {
 }
 
 impl<const D: usize> Model<D> {
+    /// The curve that all loads and prescribed motions follow; `None` where they follow several, or where there are
+    /// none.
+    pub fn common_curve(&self) -> Option<&LoadCurve> {
+        // Conditions that only hold their nodes have a curve without effect.
+        let moves = |condition: &&BoundaryCondition<D>| {
+            condition.displacement.iter().flatten().any(|formula| formula.as_constant() != Some(0.0))
+        };
+        let moving = self.boundary_conditions.iter().filter(moves).map(|condition| &condition.curve);
+        let mut curves = self.loads.iter().map(|load| &load.curve).chain(moving);
+        let first = curves.next()?;
+        curves.all(|curve| curve == first).then_some(first)
+    }
+
     /// The law of a point.
     pub fn law(&self, points: &Points<D>, p: usize) -> &dyn Material {
         self.materials[self.bodies[points.body[p] as usize].material].law.as_ref()

@@ -8,14 +8,14 @@ use crate::assembly::{FreeEntries, System};
 use crate::basis::{Connectivity, Method};
 use crate::constraints::DofMap;
 use crate::linear::{Direct, Factorisation, LinearSolver, ordering};
-use crate::loads::external_force;
+use crate::loads::{ExternalForce, external_force};
 use crate::model::{Model, Newton};
 use crate::points::Points;
 use crate::quality::{Measures, Quality};
 use crate::stress::{Axisymmetric, Mechanics, PlaneStrain};
 use crate::timing::{Phase, Timings};
 
-pub use error::SolveError;
+pub use error::{CODES, SolveError};
 pub use report::{GridFields, Observer, Silent, StepReport, Summary};
 
 use error::locate_failure;
@@ -136,7 +136,7 @@ impl Solver {
             .measure(Phase::Basis, || Connectivity::new(model.grid.as_ref(), points, &methods))
             .map_err(|failure| SolveError::unsupported(model, points, failure, step))?;
         let set_up = timings.measure(Phase::SetUp, || StepSystem::new::<M>(model, points, &links, step));
-        let StepSystem { dofs, mut system, entries, f_ext, f_ext_start } = set_up?;
+        let StepSystem { dofs, mut system, entries, f_ext, f_ext_start, applied } = set_up?;
         let analysed = timings.measure(Phase::Analyse, || {
             let order = || elimination_order(model, &links, &system, &dofs);
             self.linear.analyse(&entries.pattern, &order)
@@ -169,6 +169,7 @@ impl Solver {
                 return Ok(StepReport {
                     step,
                     reactions: report::named_reactions(model, &reaction_field, &dofs),
+                    applied,
                     energy: balance_of_energy(
                         model,
                         points,
@@ -267,6 +268,8 @@ struct StepSystem<const D: usize> {
     f_ext: Nodal<D>,
     /// External force of the state the step starts from, on the nodes of this step.
     f_ext_start: Nodal<D>,
+    /// Sum of the loads at the end of the step, [force].
+    applied: [f64; D],
 }
 
 impl<const D: usize> StepSystem<D> {
@@ -290,10 +293,11 @@ impl<const D: usize> StepSystem<D> {
             external_force(model, points, links, time) // (24), (25), (29)
                 .map_err(|error| SolveError::Load { step: step.index, error: Box::new(error) })
         };
-        let f_ext = load(step.end)?;
+        let ExternalForce { nodal: f_ext, applied } = load(step.end)?;
         // At time 0 nothing is loaded yet, whatever the curves say.
-        let f_ext_start = if step.start > 0.0 { load(step.start)? } else { vec![[0.0; D]; f_ext.len()] };
-        Ok(StepSystem { dofs, system, entries, f_ext, f_ext_start })
+        let f_ext_start =
+            if step.start > 0.0 { load(step.start)?.nodal } else { vec![[0.0; D]; f_ext.len()] };
+        Ok(StepSystem { dofs, system, entries, f_ext, f_ext_start, applied })
     }
 }
 

@@ -82,6 +82,26 @@ fn plastic_strain(f: &Mat3, b: &Sym3) -> Sym3 {
     Sym3::symmetric_part(&(inverse * b * inverse.transpose())).map_eigenvalues(f64::ln) * -0.5
 }
 
+/// Displacement of a point in its converged state, [length].
+pub fn displacement<const D: usize>(points: &Points<D>, p: usize) -> [f64; D] {
+    std::array::from_fn(|d| points.converged.position[p][d] - points.original_position[p][d])
+}
+
+/// Cauchy stress σ = τ/J of a point in its converged state, [stress].
+pub fn cauchy_stress<const D: usize>(points: &Points<D>, p: usize) -> Sym3 {
+    points.converged.kirchhoff_stress[p] * (1.0 / points.converged.deformation_gradient[p].determinant())
+}
+
+/// √(3/2) |dev σ|, [stress].
+pub fn von_mises_stress(sigma: &Sym3) -> f64 {
+    (1.5f64).sqrt() * sigma.deviator().norm()
+}
+
+/// −tr σ/3, [stress].
+pub fn pressure(sigma: &Sym3) -> f64 {
+    -sigma.trace() / 3.0
+}
+
 fn point_values<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -91,19 +111,18 @@ fn point_values<const D: usize>(
     let state = &points.converged;
     let f = &state.deformation_gradient[p];
     let volume_ratio = f.determinant();
-    let sigma = state.kirchhoff_stress[p] * (1.0 / volume_ratio);
+    let sigma = cauchy_stress(points, p);
     let (measure, elastic) = (model.law(points, p).strain_measure(), &state.elastic_strain[p]);
     let plastic = if yielded { plastic_strain(f, &measure.left_cauchy_green(elastic)) } else { Sym3::ZERO };
-    let u: [f64; D] = std::array::from_fn(|d| state.position[p][d] - points.original_position[p][d]);
     PointValues {
-        displacement: padded(&u),
+        displacement: padded(&displacement(points, p)),
         deformation_gradient: std::array::from_fn(|c| f[(c / 3, c % 3)]),
         volume_ratio,
         cauchy_stress: paraview(&sigma),
         elastic_strain: paraview(&measure.logarithmic(elastic)),
         plastic_strain: paraview(&plastic),
-        von_mises: (1.5f64).sqrt() * sigma.deviator().norm(),
-        pressure: -sigma.trace() / 3.0,
+        von_mises: von_mises_stress(&sigma),
+        pressure: pressure(&sigma),
         volume: model.volume(points, p),
     }
 }

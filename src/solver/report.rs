@@ -94,6 +94,8 @@ pub struct StepReport<const D: usize> {
     pub factorisations: Vec<Factorisation>,
     /// Reaction of each boundary condition, [force].
     pub reactions: Vec<[f64; D]>,
+    /// Sum of all loads on the points, [force].
+    pub applied: [f64; D],
     /// Work and energy.
     pub energy: Energy,
     /// Number of free degrees of freedom.
