@@ -317,7 +317,9 @@ impl<const D: usize> StepSystem<D> {
             .map_err(|error| SolveError::Constraint { step: step.index, error })?;
         let system = System::new::<M>(model, points, links);
         let entries = system.free_entries(&dofs);
-        if let Some((node, axis)) = dofs.unheld(&system.parts()) {
+        // A ring resists its own motion outwards.
+        let rigid = usize::from(M::REVOLVED)..D;
+        if let Some((node, axis)) = dofs.unheld(&system.parts(), rigid) {
             let place = model.grid.node_position(links.active_nodes()[node] as usize);
             return Err(SolveError::Unheld { step: step.index, node: place.to_vec(), axis });
         }

@@ -135,7 +135,7 @@ impl Sub for Sym3 {
 impl Mul<f64> for Sym3 {
     type Output = Sym3;
     fn mul(self, factor: f64) -> Sym3 {
-        Sym3(self.0.map(|x| x * factor))
+        Sym3(std::array::from_fn(|c| self.0[c] * factor))
     }
 }
 

@@ -47,11 +47,11 @@ impl WeakForm<2> for Revolved {
     fn column(&self, gradient: &[f64; 3], force: &mut [f64; 2]) -> [[[f64; 2]; 2]; 3] {
         let Spatial { b, stress, moduli, .. } = &self.point;
         let [r, z, hoop] = *gradient;
-        let traction = [0, 1].map(|i| stress[i][0] * r + stress[i][1] * z);
+        let traction: [f64; 2] = std::array::from_fn(|i| stress[i][0] * r + stress[i][1] * z);
         let around = stress[AROUND][AROUND] * hoop;
         force[0] += traction[0] + around;
         force[1] += traction[1];
-        let alpha = [0, 1].map(|i| b[i][0] * r + b[i][1] * z);
+        let alpha: [f64; 2] = std::array::from_fn(|i| b[i][0] * r + b[i][1] * z);
         let stretch = b[AROUND][AROUND] * hoop;
         let change = |place: usize, k: usize| {
             let of = |q: usize| moduli[PLACE[k][q]][place];

@@ -82,7 +82,7 @@ impl WeakForm<3> for Spatial {
 
 #[inline(always)]
 pub(super) fn times(a: &[[f64; 3]; 3], x: &[f64; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|i| a[i][0] * x[0] + a[i][1] * x[1] + a[i][2] * x[2])
+    std::array::from_fn(|i| a[i][0] * x[0] + a[i][1] * x[1] + a[i][2] * x[2])
 }
 
 /// A symmetric tensor as a full matrix of rows, times a factor.
@@ -101,20 +101,20 @@ fn invert(dF: &[[f64; 3]; 3]) -> Result<(f64, [[f64; 3]; 3]), PointError> {
         let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
         dF[a][c] * dF[b][d] - dF[a][d] * dF[b][c]
     };
-    let cofactors = [0, 1, 2].map(|i| [0, 1, 2].map(|j| minor(i, j)));
+    let cofactors: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| minor(i, j)));
     let dJ = dF[0][0] * cofactors[0][0] + dF[0][1] * cofactors[0][1] + dF[0][2] * cofactors[0][2];
     if dJ.is_nan() || dJ <= 0.0 {
         return Err(PointError::Inverted { determinant: dJ });
     }
     let per_dJ = 1.0 / dJ;
-    Ok((dJ, [0, 1, 2].map(|i| [0, 1, 2].map(|j| cofactors[j][i] * per_dJ))))
+    Ok((dJ, std::array::from_fn(|i| std::array::from_fn(|j| cofactors[j][i] * per_dJ))))
 }
 
 /// The trial state b = ΔF b_n ΔFᵀ.
 #[inline(always)]
 fn trial(dF: &[[f64; 3]; 3], b_n: &Sym3) -> Sym3 {
     let b_n = full(b_n, 1.0);
-    let A = dF.map(|row| [0, 1, 2].map(|j| row[0] * b_n[0][j] + row[1] * b_n[1][j] + row[2] * b_n[2][j]));
+    let A: [[f64; 3]; 3] = std::array::from_fn(|i| times(&b_n, &dF[i]));
     let entry = |i: usize, j: usize| A[i][0] * dF[j][0] + A[i][1] * dF[j][1] + A[i][2] * dF[j][2];
     Sym3([
         entry(0, 0),

