@@ -7,14 +7,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, bail};
 use mpm::deck::build::build_with_notes;
-use mpm::deck::diagnostic::render_all;
+use mpm::deck::diagnostic::{self, Diagnostic, as_json, render_all};
+use mpm::deck::first_step::{FirstStep, first_step};
 use mpm::deck::load::{LoadFailure, LoadedDeck};
+use mpm::deck::size::predicted_memory;
+use mpm::deck::source::Source;
 use mpm::model::Model;
 use mpm::output::results::Results;
 use mpm::output::summary::{Account, Start};
 use mpm::points::Points;
 use mpm::solver::{self, SolveError, Summary};
 use mpm::timing::Timings;
+use serde_json::{Value, json};
 
 use crate::INTERRUPTED;
 use crate::progress::{View, Watch};
@@ -27,30 +31,92 @@ pub struct Ready {
     pub model: Model<2>,
     /// Its points.
     pub points: Points<2>,
+    /// The size of its first load step.
+    pub first: FirstStep,
 }
 
-/// Builds the model of a deck that was read.
-pub fn prepare(loaded: Result<LoadedDeck, Box<LoadFailure>>) -> Result<Ready, Box<LoadFailure>> {
-    loaded.and_then(|mut loaded| match build_with_notes(&loaded) {
-        Ok((model, points, notes)) => {
-            loaded.notes.extend(notes);
-            Ok(Ready { loaded, model, points })
+impl Ready {
+    /// The memory that the analysis will need at most, estimated, [byte].
+    pub fn memory(&self) -> f64 {
+        predicted_memory(&self.loaded.deck, self.model.grid.as_ref())
+    }
+}
+
+/// Builds the model of a deck that was read, as far as the first load step. With `deny_warnings` a warning about the
+/// deck is an error.
+pub fn prepare(
+    loaded: Result<LoadedDeck, Box<LoadFailure>>,
+    deny_warnings: bool,
+) -> Result<Ready, Box<LoadFailure>> {
+    let mut loaded = loaded?;
+    let built = build_with_notes(&loaded).and_then(|(model, mut points, mut notes)| {
+        match first_step(&loaded, &model, &mut points) {
+            Ok((first, more)) => {
+                notes.extend(more);
+                Ok((model, points, first, notes))
+            }
+            Err(found) => {
+                notes.extend(found);
+                Err(notes)
+            }
         }
-        Err(mut diagnostics) => {
-            diagnostics.extend(loaded.notes);
-            Err(Box::new(LoadFailure { source: loaded.source, diagnostics }))
+    });
+    let mut diagnostics = std::mem::take(&mut loaded.notes);
+    let ready = match built {
+        Ok((model, points, first, notes)) => {
+            diagnostics.extend(notes);
+            Some((model, points, first))
         }
-    })
+        Err(found) => {
+            diagnostics.extend(found);
+            None
+        }
+    };
+    diagnostic::sort(&mut diagnostics);
+    let denied = deny_warnings && diagnostic::deny_warnings(&mut diagnostics);
+    match ready {
+        Some((model, points, first)) if !denied => {
+            loaded.notes = diagnostics;
+            Ok(Ready { loaded, model, points, first })
+        }
+        _ => Err(Box::new(LoadFailure { source: loaded.source, diagnostics })),
+    }
+}
+
+/// The source of a deck and what there is to say about it.
+fn findings(prepared: &Result<Ready, Box<LoadFailure>>) -> (&Source, &[Diagnostic]) {
+    match prepared {
+        Ok(Ready { loaded, .. }) => (&loaded.source, &loaded.notes),
+        Err(failure) => (&failure.source, &failure.diagnostics),
+    }
 }
 
 /// All messages about a deck, without the last line break; empty where there is nothing to say.
 pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>) -> String {
-    let colour = io::stderr().is_terminal();
-    let text = match prepared {
-        Ok(Ready { loaded, .. }) => render_all(&loaded.source, &loaded.notes, colour),
-        Err(failure) => failure.render(colour),
-    };
-    text.trim_end().to_owned()
+    let (source, diagnostics) = findings(prepared);
+    let text = render_all(source, diagnostics, io::stderr().is_terminal());
+    match diagnostic::count(diagnostics) {
+        count if count.is_empty() => text.trim_end().to_owned(),
+        count => format!("{text}\n{}: {count}", source.name()),
+    }
+}
+
+/// All messages about a deck for programs, with the size of the analysis where it can be run.
+pub fn report(prepared: &Result<Ready, Box<LoadFailure>>) -> Value {
+    let (source, diagnostics) = findings(prepared);
+    let mut report = as_json(source, diagnostics);
+    report["size"] = prepared.as_ref().map_or(Value::Null, |ready| {
+        json!({
+            "bodies": ready.model.bodies.len(),
+            "points": ready.points.len(),
+            "cells": ready.model.grid.n_cells(),
+            "active_nodes": ready.first.active_nodes,
+            "unknowns": ready.first.unknowns,
+            "steps": ready.model.n_steps,
+            "memory_bytes": ready.memory().round(),
+        })
+    });
+    report
 }
 
 /// Runs an analysis into a directory; `set_up` is the time that went into making it ready.
@@ -65,10 +131,12 @@ pub fn run_into(
     view: View,
     stop: &Arc<AtomicBool>,
 ) -> anyhow::Result<Result<Summary, SolveError>> {
-    let Ready { loaded, model, mut points } = ready;
+    let Ready { loaded, model, mut points, .. } = ready;
     let every = loaded.deck.output.every as usize;
     let account = Account {
         start,
+        deck_file: loaded.source.name().to_owned(),
+        deck_text: loaded.source.text().to_owned(),
         deck_hash: loaded.hash(),
         parameters: loaded.parameters,
         set_up,

@@ -189,24 +189,6 @@ impl<const D: usize> System<D> {
         reach
     }
 
-    /// Connected parts of the active nodes: for each node the lowest node that is coupled to it, directly or through
-    /// others.
-    pub fn parts(&self) -> Vec<usize> {
-        let mut root: Vec<usize> = (0..self.f_int.len()).collect();
-        fn find(root: &mut [usize], mut node: usize) -> usize {
-            while root[node] != node {
-                root[node] = root[root[node]];
-                node = root[node];
-            }
-            node
-        }
-        self.pairs.for_each(|row, column, _| {
-            let (a, b) = (find(&mut root, row), find(&mut root, column));
-            root[a.max(b)] = a.min(b);
-        });
-        (0..root.len()).map(|node| find(&mut root, node)).collect()
-    }
-
     /// `out = K x` over all active nodes, constrained ones included.
     pub fn multiply(&self, x: &[[f64; D]], out: &mut [[f64; D]]) {
         out.fill([0.0; D]);

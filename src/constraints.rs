@@ -224,7 +224,7 @@ fn displacement_increment<const D: usize>(
 
 impl<const D: usize> BoundaryCondition<D> {
     /// The active nodes it acts on in this step, ascending.
-    fn active_nodes(&self, points: &Points<D>, links: &Connectivity<D>) -> Vec<usize> {
+    pub fn active_nodes(&self, points: &Points<D>, links: &Connectivity<D>) -> Vec<usize> {
         match &self.nodes {
             NodeSet::Fixed(nodes) => {
                 nodes.iter().filter_map(|&node| links.active_number(node as usize)).collect()

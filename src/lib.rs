@@ -20,10 +20,12 @@
 //!    displacements, external force, and the sparse direct solver.
 //! 6. [`domain`]: how the domain of a GIMP point follows the deformation. Domains of CPDI are given by their corners,
 //!    [`points::State::corners`], which the last step of [`solver`] moves.
-//! 7. [`quality`]: how well a run goes, and when a domain update does not suit the motion.
+//! 7. [`quality`]: how well a run goes, and when a domain update does not suit the motion. [`rigid`]: motions that
+//!    boundary conditions leave free. [`memory`]: how much there is.
 //! 8. [`deck`] and [`formula`]: from YAML to [`model::Model`] and [`points::Points`], with messages that name the line;
-//!    `deck/region.rs` and `deck/seeding.rs` fill bodies with points. [`study`] runs a deck for many parameters.
-//!    [`output`]: from there to files. The modules above know neither.
+//!    `deck/region.rs` and `deck/seeding.rs` fill bodies with points. [`region`] is the geometry of solids: primitives,
+//!    closed surfaces from STL files, booleans, motions and their volumes. [`study`] runs a deck for many parameters.
+//!    [`output`]: from there to files. The modules above know neither. [`appendix`] makes a report of the files.
 //!
 //! The library never prints and never exits; `main.rs` does.
 //!
@@ -65,6 +67,7 @@
 #![allow(rustdoc::broken_intra_doc_links, reason = "units stand in brackets: [length], [force]")]
 #![allow(rustdoc::private_intra_doc_links, reason = "the pages are for readers of the code")]
 
+pub mod appendix;
 pub mod assembly;
 pub mod basis;
 pub mod constraints;
@@ -76,10 +79,13 @@ pub mod kinematics;
 pub mod linear;
 pub mod loads;
 pub mod material;
+pub mod memory;
 pub mod model;
 pub mod output;
 pub mod points;
 pub mod quality;
+pub mod region;
+pub mod rigid;
 pub mod solver;
 pub mod stress;
 pub mod study;

@@ -1,9 +1,10 @@
-//! `mpm run|sweep|check|schema`: arguments, messages and exit codes. Everything else is in the library.
+//! `mpm run|sweep|report|check|schema`: arguments, messages and exit codes. Everything else is in the library.
 
 #[macro_use]
 mod tell;
 mod analysis;
 mod progress;
+mod report;
 mod sweep;
 
 use std::io::Write;
@@ -11,15 +12,17 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use mpm::deck::load::load;
 use mpm::deck::schema::deck_schema;
+use mpm::memory::in_words;
 use mpm::output::summary::Start;
-use mpm::solver::{self, SolveError};
+use mpm::solver::SolveError;
 use mpm::timing::{Phase, Timings};
 
-use analysis::{Ready, explain, messages, prepare, run_into};
+use analysis::{Ready, explain, messages, prepare, report, run_into};
 use progress::View;
+use report::ReportArgs;
 use sweep::SweepArgs;
 
 /// The analysis failed.
@@ -57,6 +60,8 @@ enum Command {
     },
     /// Run a deck for every combination of lists of values of its parameters.
     Sweep(SweepArgs),
+    /// Write a report on results as one page of HTML; several results are compared.
+    Report(ReportArgs),
     /// Do everything up to the first load step and report.
     Check {
         #[command(flatten)]
@@ -73,6 +78,21 @@ struct DeckArgs {
     /// Set a parameter of the deck, as often as needed.
     #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
     set: Vec<(String, String)>,
+    /// How messages about the deck are written.
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
+    format: Format,
+    /// Take warnings about the deck for errors.
+    #[arg(long, visible_alias = "warnings-as-errors")]
+    deny_warnings: bool,
+}
+
+/// How messages about a deck are written.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// Text for people, to standard error.
+    Text,
+    /// One JSON document for programs, to standard output.
+    Json,
 }
 
 fn assignment(text: &str) -> Result<(String, String), String> {
@@ -87,6 +107,7 @@ fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Run { deck, out, threads, timings } => run(&deck, out, threads, timings, began),
         Command::Sweep(args) => sweep::sweep(args),
+        Command::Report(args) => report::report(args),
         Command::Check { deck } => check(&deck),
         Command::Schema => print_schema(),
     };
@@ -97,13 +118,20 @@ fn main() -> ExitCode {
 }
 
 /// Reads and builds a deck; messages about it are printed. `None` when it cannot be used.
-fn prepare_aloud(args: &DeckArgs) -> Option<Ready> {
-    let prepared = prepare(load(&args.deck, &args.set));
-    let messages = messages(&prepared);
-    if !messages.is_empty() {
-        tell!("{messages}");
+fn prepare_aloud(args: &DeckArgs) -> anyhow::Result<Option<Ready>> {
+    let prepared = prepare(load(&args.deck, &args.set), args.deny_warnings);
+    match args.format {
+        Format::Json => {
+            print_json(&report(&prepared))?;
+        }
+        Format::Text => {
+            let messages = messages(&prepared);
+            if !messages.is_empty() {
+                tell!("{messages}");
+            }
+        }
     }
-    prepared.ok()
+    Ok(prepared.ok())
 }
 
 fn run(
@@ -115,7 +143,7 @@ fn run(
 ) -> anyhow::Result<ExitCode> {
     analysis::start_threads(threads)?;
     let mut timings = Timings::default();
-    let Some(ready) = timings.measure(Phase::SetUp, || prepare_aloud(args)) else {
+    let Some(ready) = timings.measure(Phase::SetUp, || prepare_aloud(args))? else {
         return Ok(ExitCode::from(USAGE));
     };
     let directory = out.unwrap_or_else(|| default_directory(&args.deck));
@@ -159,30 +187,33 @@ fn default_directory(deck: &Path) -> PathBuf {
 }
 
 fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
-    let Some(Ready { loaded, model, mut points }) = prepare_aloud(args) else {
+    let Some(ready) = prepare_aloud(args)? else {
         return Ok(ExitCode::from(USAGE));
     };
-    let first = match solver::first_step_in_plane(&model, &mut points) {
-        Ok(first) => first,
-        Err(error) => {
-            explain(&error);
-            return Ok(ExitCode::from(FAILED));
-        }
-    };
+    if args.format == Format::Json {
+        return Ok(ExitCode::SUCCESS);
+    }
     print(&format!(
-        "{}: ready\n  {} points in {} bodies, {} cells, {} active nodes, {} unknowns in the first of {} steps\n",
-        loaded.source.name(),
-        points.len(),
-        model.bodies.len(),
-        model.grid.n_cells(),
-        first.active_nodes,
-        first.unknowns,
-        model.n_steps,
+        "{}: ready\n  {} points in {} bodies, {} cells, {} active nodes, {} unknowns in the first of {} steps, \
+         about {} of memory\n",
+        ready.loaded.source.name(),
+        ready.points.len(),
+        ready.model.bodies.len(),
+        ready.model.grid.n_cells(),
+        ready.first.active_nodes,
+        ready.first.unknowns,
+        ready.model.n_steps,
+        in_words(ready.memory()),
     ))
 }
 
 fn print_schema() -> anyhow::Result<ExitCode> {
-    let mut text = serde_json::to_string_pretty(&deck_schema())?;
+    print_json(&deck_schema())
+}
+
+/// Writes a JSON document to standard output.
+fn print_json(document: &serde_json::Value) -> anyhow::Result<ExitCode> {
+    let mut text = serde_json::to_string_pretty(document)?;
     text.push('\n');
     print(&text)
 }

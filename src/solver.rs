@@ -77,43 +77,6 @@ pub fn run_in_plane(
     }
 }
 
-/// The size of the first load step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FirstStep {
-    /// Nodes that the points touch.
-    pub active_nodes: usize,
-    /// Degrees of freedom that no boundary condition prescribes.
-    pub unknowns: usize,
-}
-
-/// Sets the first load step up, as [`run`] does before it solves anything.
-///
-/// # Errors
-/// As [`run`] for what is wrong with the first step before its first solution.
-pub fn first_step<const D: usize, M: Mechanics<D>>(
-    model: &Model<D>,
-    points: &mut Points<D>,
-) -> Result<FirstStep, SolveError> {
-    let step = Step { index: 1, start: 0.0, end: model.end_time * (1.0 / model.n_steps as f64) };
-    let methods: Vec<Method> = model.bodies.iter().map(|b| b.method).collect();
-    let links = Connectivity::new(model.grid.as_ref(), points, &methods)
-        .map_err(|failure| SolveError::unsupported(model, points, failure, step))?;
-    let system = StepSystem::new::<M>(model, points, &links, step)?;
-    Ok(FirstStep { active_nodes: links.n_active(), unknowns: system.dofs.n_free() })
-}
-
-/// Sets the first load step of an analysis in the plane up as [`first_step`], with the mechanics of its idealisation.
-///
-/// # Errors
-/// As [`first_step`].
-pub fn first_step_in_plane(model: &Model<2>, points: &mut Points<2>) -> Result<FirstStep, SolveError> {
-    if model.revolved {
-        first_step::<2, Axisymmetric>(model, points)
-    } else {
-        first_step::<2, PlaneStrain>(model, points)
-    }
-}
-
 /// What lives from step to step: the linear solver with its analysis, and the account of the run.
 struct Solver {
     linear: Direct,
@@ -319,7 +282,7 @@ impl<const D: usize> StepSystem<D> {
         let entries = system.free_entries(&dofs);
         // A ring resists its own motion outwards.
         let rigid = usize::from(M::REVOLVED)..D;
-        if let Some((node, axis)) = dofs.unheld(&system.parts(), rigid) {
+        if let Some((node, axis)) = dofs.unheld(&links.parts(), rigid) {
             let place = model.grid.node_position(links.active_nodes()[node] as usize);
             return Err(SolveError::Unheld { step: step.index, node: place.to_vec(), axis });
         }

@@ -119,7 +119,7 @@ impl Sweep {
         let (start, mut set_up) = (Start::now(), Timings::default());
         let overrides = self.study.overrides(&member);
         let prepared =
-            set_up.measure(Phase::SetUp, || prepare(load_text(&self.name, &self.text, &overrides)));
+            set_up.measure(Phase::SetUp, || prepare(load_text(&self.name, &self.text, &overrides), false));
         let messages = messages(&prepared);
         // Remarks are the same for many members; once is enough. Errors belong to the member.
         if !messages.is_empty() && (prepared.is_err() || self.told.insert(messages.clone())) {

@@ -172,6 +172,35 @@ impl<const D: usize> Connectivity<D> {
         &self.active_cells
     }
 
+    /// Connected parts of the active nodes: for each node the lowest node that is coupled to it, directly or through
+    /// others. Two nodes are coupled when a point touches both.
+    pub fn parts(&self) -> Vec<usize> {
+        fn find(root: &mut [usize], mut node: usize) -> usize {
+            while root[node] != node {
+                root[node] = root[root[node]];
+                node = root[node];
+            }
+            node
+        }
+        let mut root: Vec<usize> = (0..self.n_active()).collect();
+        for group in 0..self.n_groups() {
+            let nodes = self.nodes_of(group);
+            let mut last: &[u32] = &[];
+            for p in self.points_of(group) {
+                let local = self.links(p).local;
+                if local == last {
+                    continue; // neighbours in a cell mostly touch the same nodes
+                }
+                last = local;
+                for pair in local.windows(2) {
+                    let [a, b] = [pair[0], pair[1]].map(|k| find(&mut root, nodes[k as usize] as usize));
+                    root[a.max(b)] = a.min(b);
+                }
+            }
+        }
+        (0..root.len()).map(|node| find(&mut root, node)).collect()
+    }
+
     /// Active number of a grid node, if any point touches it.
     pub fn active_number(&self, node: usize) -> Option<usize> {
         match self.active_of[node] {
@@ -209,12 +238,11 @@ impl<const D: usize> Piece<D> {
             nodes.clear();
             for p in range {
                 let basis: &dyn Basis<D> = methods[points.body[p] as usize].basis();
-                let corners = points.corners_per_point;
                 let point = PointGeometry {
                     cell: points.cell[p],
                     position: &points.converged.position[p],
                     half_lengths: &points.converged.half_lengths[p],
-                    corners: &points.converged.corners[p * corners..(p + 1) * corners],
+                    corners: points.corners(p),
                 };
                 basis
                     .support(grid, &point, &mut support)

@@ -26,7 +26,7 @@ pub(super) fn faults(
     grid: &dyn Grid<2>,
     conditions: &[BoundaryCondition<2>],
 ) -> Vec<Diagnostic> {
-    let error = |pointer: &str, message: String| Diagnostic::at(&loaded.source, "D035", pointer, message);
+    let error = |pointer: &str, message: String| Diagnostic::at(&loaded.source, "D046", pointer, message);
     let mut found = Vec::new();
     let slack = ON_AXIS * grid.size(0);
     let leftmost = grid.bounds()[0][0];

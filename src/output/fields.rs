@@ -175,8 +175,18 @@ fn other_history<const D: usize>(model: &Model<D>) -> Vec<&'static str> {
     names
 }
 
-/// The cells that points overlap, as corners among the active nodes in the order of a VTK quadrilateral or
-/// hexahedron; the nodes; and their fields.
+/// The shape of a cell or domain with this many corners.
+fn cell_kind<const D: usize>(corners: usize) -> CellKind {
+    match (D, corners) {
+        (_, 3) => CellKind::Triangle,
+        (3, 4) => CellKind::Tetrahedron,
+        (_, 4) => CellKind::Quad,
+        _ => CellKind::Hexahedron,
+    }
+}
+
+/// The cells that points overlap, as corners among the active nodes in the order of the VTK cell of their kind; the
+/// nodes; and their fields.
 pub struct GridMesh {
     /// Positions of the active nodes.
     pub nodes: Vec<[f64; 3]>,
@@ -196,12 +206,7 @@ pub fn grid_mesh<const D: usize>(model: &Model<D>, grid: &GridFields<D>) -> Grid
         let nodes = model.grid.corners(cell as usize);
         let number = |&node: &u32| links.active_number(node as usize).map_or(0, |active| active as i64);
         corners.extend(nodes.nodes().iter().map(number));
-        kinds.push(match (D, nodes.nodes().len()) {
-            (_, 3) => CellKind::Triangle,
-            (3, 4) => CellKind::Tetrahedron,
-            (_, 4) => CellKind::Quad,
-            _ => CellKind::Hexahedron,
-        });
+        kinds.push(cell_kind::<D>(nodes.nodes().len()));
     }
     let position = |&node: &u32| padded(&model.grid.node_position(node as usize));
     GridMesh {
@@ -219,7 +224,7 @@ pub fn grid_mesh<const D: usize>(model: &Model<D>, grid: &GridFields<D>) -> Grid
     }
 }
 
-/// Corners of the domain of a point, bit d of a corner's number being its side along axis d.
+/// Corners of the domain of a point; of 2^D corners, bit d of a corner's number is its side along axis d.
 pub fn corners_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize) -> Vec<[f64; D]> {
     match model.bodies[points.body[p] as usize].method.domain() {
         DomainKind::None => Vec::new(),
@@ -233,15 +238,23 @@ pub fn corners_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize
     }
 }
 
-/// Corners of the domains of the points in `order`, in the order of a VTK quadrilateral or hexahedron.
-pub fn domain_corners<const D: usize>(
-    model: &Model<D>,
-    points: &Points<D>,
-    order: &[usize],
-) -> Vec<[f64; 3]> {
-    let of_point = |&p: &usize| {
+/// The domains of points as cells, each with corners of its own.
+pub struct DomainMesh {
+    /// Corners of the domains, in the order of the VTK cell of their kind.
+    pub corners: Vec<[f64; 3]>,
+    /// Kinds of the domains.
+    pub kinds: Vec<CellKind>,
+}
+
+/// The domains of the points in `order`, which must have one.
+pub fn domain_mesh<const D: usize>(model: &Model<D>, points: &Points<D>, order: &[usize]) -> DomainMesh {
+    let mut mesh = DomainMesh { corners: Vec::new(), kinds: Vec::new() };
+    for &p in order {
         let corners = corners_of(model, points, p);
-        (0..corners.len()).map(|k| padded(&corners[vtk_corner(k)])).collect::<Vec<_>>()
-    };
-    order.iter().flat_map(of_point).collect()
+        let is_box = corners.len() == 1 << D;
+        let place = |k: usize| padded(&corners[if is_box { vtk_corner(k) } else { k }]);
+        mesh.corners.extend((0..corners.len()).map(place));
+        mesh.kinds.push(cell_kind::<D>(corners.len()));
+    }
+    mesh
 }

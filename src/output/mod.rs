@@ -9,6 +9,7 @@ mod fields;
 pub(crate) mod replace;
 pub mod results;
 pub mod series;
+mod start;
 pub mod summary;
 pub mod table;
 pub mod vtu;
@@ -21,7 +22,7 @@ fn invalid(message: impl Into<String>) -> io::Error {
 }
 
 /// Text made safe between the double quotes of an XML attribute.
-fn escape_xml(text: &str) -> String {
+pub(crate) fn escape_xml(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

@@ -9,7 +9,7 @@ use crate::points::Points;
 use crate::solver::{GridFields, Observer, SolveError, Step, StepReport, Summary};
 use crate::tensor::padded;
 
-use super::fields::{OwnedField, domain_corners, grid_mesh, point_fields};
+use super::fields::{OwnedField, domain_mesh, grid_mesh, point_fields};
 use super::series::Series;
 use super::summary::{Account, Outcome};
 use super::table::{Entry, Table};
@@ -110,11 +110,14 @@ impl Results {
             |p: &usize| model.bodies[points.body[*p] as usize].method.domain() != DomainKind::None;
         let with_domain: Vec<usize> = order.into_iter().filter(has_domain).collect();
         if !with_domain.is_empty() {
-            let corners = domain_corners(model, points, &with_domain);
-            let connectivity: Vec<i64> = (0..corners.len() as i64).collect();
+            let domains = domain_mesh(model, points, &with_domain);
+            let connectivity: Vec<i64> = (0..domains.corners.len() as i64).collect();
             let fields = point_fields(model, points, &with_domain);
-            let mesh =
-                Mesh { points: &corners, kinds: Kinds::All(box_kind::<D>()), connectivity: &connectivity };
+            let mesh = Mesh {
+                points: &domains.corners,
+                kinds: Kinds::Each(&domains.kinds),
+                connectivity: &connectivity,
+            };
             self.write_series(1, step, &mesh, &[], &fields)?;
         }
         self.written = Some(step.index);
@@ -168,10 +171,6 @@ impl Results {
     }
 }
 
-fn box_kind<const D: usize>() -> CellKind {
-    if D == 2 { CellKind::Quad } else { CellKind::Hexahedron }
-}
-
 /// Removes the series that an earlier run left in the directory, so that none of its files are mistaken for ours.
 fn remove_earlier_series(directory: &Path) -> io::Result<()> {
     for entry in std::fs::read_dir(directory)? {
@@ -182,7 +181,7 @@ fn remove_earlier_series(directory: &Path) -> io::Result<()> {
             let number = rest.strip_prefix('_').and_then(|r| r.strip_suffix(".vtu"));
             rest == ".pvd" || number.is_some_and(|n| n.len() >= 4 && n.bytes().all(|b| b.is_ascii_digit()))
         });
-        if ours || name == "summary.json" {
+        if ours || ["summary.json", "run.json"].contains(&name) {
             std::fs::remove_file(&path)?;
         }
     }
@@ -191,6 +190,7 @@ fn remove_earlier_series(directory: &Path) -> io::Result<()> {
 
 impl<const D: usize> Observer<D> for Results {
     fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
+        self.account.write_start(&self.directory.join("run.json"), model, points)?;
         if self.every == 0 {
             return Ok(());
         }

@@ -1,7 +1,10 @@
 //! ParaView time series: a `.pvd` file that names one data file per time.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use quick_xml::XmlVersion;
+use quick_xml::events::Event;
 
 use super::replace::replace_file;
 use super::{escape_xml, invalid, shortest};
@@ -54,6 +57,49 @@ impl Series {
     }
 }
 
+/// An entry of a series.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DataSet {
+    /// Time, [time].
+    pub time: f64,
+    /// Path of the data file.
+    pub path: PathBuf,
+}
+
+/// Reads a `.pvd` time series, in the order of the file.
+///
+/// Errors: those of the file system; `InvalidData` with the name of the file if it is cut off or no series.
+pub fn read(path: &Path) -> io::Result<Vec<DataSet>> {
+    let text = std::fs::read_to_string(path)?;
+    let directory = path.parent().unwrap_or(Path::new(""));
+    parse(&text, directory)
+        .map_err(|what| io::Error::new(io::ErrorKind::InvalidData, format!("{}: {what}", path.display())))
+}
+
+fn parse(text: &str, directory: &Path) -> Result<Vec<DataSet>, String> {
+    let mut reader = quick_xml::Reader::from_str(text);
+    let mut entries = Vec::new();
+    loop {
+        match reader.read_event().map_err(|error| format!("cut off or no XML: {error}"))? {
+            Event::Start(tag) | Event::Empty(tag) if tag.name().as_ref() == "DataSet" => {
+                let attribute = |name: &str| {
+                    let found = tag.try_get_attribute(name).ok().flatten()?;
+                    Some(found.normalized_value(XmlVersion::Implicit1_0).ok()?.into_owned())
+                };
+                let time =
+                    attribute("timestep").and_then(|text| text.parse().ok()).filter(|t: &f64| t.is_finite());
+                let (Some(time), Some(file)) = (time, attribute("file")) else {
+                    return Err(format!("entry {} has no time or no file", entries.len() + 1));
+                };
+                entries.push(DataSet { time, path: directory.join(file) });
+            }
+            Event::Eof if text.trim_end().ends_with("</VTKFile>") => return Ok(entries),
+            Event::Eof => return Err("the file is cut off".to_owned()),
+            _ => {}
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::fs;
@@ -79,6 +125,13 @@ mod tests {
 "#;
         assert_eq!(text, expected);
         assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1, "a temporary file is left");
+        let read = read(&path).unwrap();
+        assert_eq!(read.iter().map(|entry| entry.time).collect::<Vec<f64>>(), [0.0, 1.0 / 3.0]);
+        assert_eq!(read[1].path, directory.path().join("points_0001.vtu"));
+        for end in 0..text.trim_end().len() {
+            fs::write(&path, &text[..end]).unwrap();
+            assert!(super::read(&path).is_err(), "{}", &text[..end]);
+        }
     }
 
     #[test]

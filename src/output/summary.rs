@@ -65,6 +65,10 @@ impl Start {
 pub struct Account {
     /// Where its times begin.
     pub start: Start,
+    /// Name of the deck.
+    pub deck_file: String,
+    /// Its text.
+    pub deck_text: String,
     /// Hash of the deck, [`crate::deck::load::LoadedDeck::hash`].
     pub deck_hash: String,
     /// Parameters of the deck with their final values.

@@ -1,6 +1,6 @@
-//! Comma-separated tables that grow by whole rows.
+//! Comma-separated tables that grow by whole rows, and the way back.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -91,11 +91,125 @@ pub(crate) fn quoted(name: &str) -> String {
     }
 }
 
+/// A table of numbers as it was read from a file.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Columns {
+    names: Vec<String>,
+    /// The values of the first column, of the second, and so on.
+    values: Vec<Vec<f64>>,
+}
+
+impl Columns {
+    /// Reads a table that [`Table`] has written.
+    ///
+    /// Errors: those of the file system; `InvalidData` with file and line if there is no header, a row has another
+    /// number of entries, an entry is no number, or the last row is cut off.
+    pub fn read(path: &Path) -> io::Result<Columns> {
+        let text = fs::read_to_string(path)?;
+        Columns::parse(&text)
+            .map_err(|what| io::Error::new(io::ErrorKind::InvalidData, format!("{}: {what}", path.display())))
+    }
+
+    fn parse(text: &str) -> Result<Columns, String> {
+        let (header, body) = text.split_once('\n').ok_or("there is no complete header")?;
+        let names = unquoted(header);
+        let mut values = vec![Vec::new(); names.len()];
+        for (index, line) in body.split_terminator('\n').enumerate() {
+            let number = index + 2;
+            let entries: Vec<&str> = line.split(',').collect();
+            if entries.len() != names.len() {
+                let (found, wanted) = (entries.len(), names.len());
+                return Err(format!("line {number} has {found} entries, the header has {wanted}"));
+            }
+            for (entry, column) in entries.iter().zip(&mut values) {
+                match entry.parse::<f64>() {
+                    Ok(value) if value.is_finite() => column.push(value),
+                    _ => return Err(format!("line {number}: {entry:?} is no number")),
+                }
+            }
+        }
+        if !text.ends_with('\n') {
+            return Err(format!("line {} is cut off", body.lines().count() + 1));
+        }
+        Ok(Columns { names, values })
+    }
+
+    /// Names of the columns.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.values.first().map_or(0, Vec::len)
+    }
+
+    /// The values of a column.
+    pub fn column(&self, name: &str) -> Option<&[f64]> {
+        let index = self.names.iter().position(|known| known == name)?;
+        Some(&self.values[index])
+    }
+
+    /// Names and values of all columns.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &[f64])> {
+        self.names.iter().map(String::as_str).zip(self.values.iter().map(Vec::as_slice))
+    }
+}
+
+/// The fields of a line that [`quoted`] has made.
+fn unquoted(line: &str) -> Vec<String> {
+    let (mut fields, mut field, mut inside) = (Vec::new(), String::new(), false);
+    let mut rest = line.chars().peekable();
+    while let Some(c) = rest.next() {
+        match c {
+            '"' if inside && rest.peek() == Some(&'"') => {
+                rest.next();
+                field.push('"');
+            }
+            '"' => inside = !inside,
+            ',' if !inside => fields.push(std::mem::take(&mut field)),
+            c => field.push(c),
+        }
+    }
+    fields.push(field);
+    fields
+}
+
 #[cfg(test)]
 mod tests {
-    use std::fs;
-
     use super::*;
+
+    #[test]
+    fn tables_are_read_back_exactly() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("t.csv");
+        let mut table = Table::create(&path, &["step", "a, \"b\""]).unwrap();
+        assert_eq!(Columns::read(&path).unwrap().rows(), 0);
+        for (step, value) in [(1, 1.0 / 3.0), (2, -5e-324), (3, 12e6)] {
+            table.push(&[step.into(), value.into()]).unwrap();
+        }
+        let read = Columns::read(&path).unwrap();
+        assert_eq!(read.names(), ["step", "a, \"b\""]);
+        assert_eq!(read.column("a, \"b\""), Some(&[1.0 / 3.0, -5e-324, 12e6][..]));
+        assert_eq!(read.column("b"), None);
+        assert_eq!(read.iter().last(), Some(("a, \"b\"", &[1.0 / 3.0, -5e-324, 12e6][..])));
+    }
+
+    #[test]
+    fn damaged_tables_are_refused_with_the_line() {
+        for (text, complaint) in [
+            ("", "header"),
+            ("step,a", "header"),
+            ("step,a\n1,2\n3", "line 3 has 1 entries"),
+            ("step,a\n1,2\n3,4", "line 3 is cut off"),
+            ("step,a\n1,2\n3,x\n", "line 3: \"x\" is no number"),
+            ("step,a\n1,NaN\n", "line 2"),
+            ("step,a\n\n1,2\n", "line 2 has 1 entries"),
+        ] {
+            let error = Columns::parse(text).unwrap_err();
+            assert!(error.contains(complaint), "{text:?}: {error}");
+        }
+    }
 
     #[test]
     fn rows_are_on_disk_at_once() {

@@ -3,6 +3,8 @@
 //! Arrays are stored inline as base64 of zlib-compressed blocks with 64-bit headers, which ParaView, PyVista and
 //! meshio read exactly. The bytes of a file depend on its content only, not on the number of threads.
 
+pub mod read;
+
 use std::io::{self, Write};
 use std::path::Path;
 

@@ -175,8 +175,7 @@ impl Measures {
                     (l.iter().map(|l| 2.0 * l).product(), share_of_box_outside(model.grid.as_ref(), x, l))
                 }
                 DomainKind::Corners => {
-                    let n = points.corners_per_point;
-                    let corners = &points.trial.corners[p * n..(p + 1) * n];
+                    let corners = &points.trial.corners[points.corner_range(p)];
                     let share = share_of_corners_outside(model.grid.as_ref(), corners, points.cell[p]);
                     (domain_volume(corners), share)
                 }

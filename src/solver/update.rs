@@ -53,8 +53,9 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
             points.trial.position[p] = moved.position;
             points.trial.deformation_gradient[p] = moved.deformation_gradient;
             points.trial.half_lengths[p] = moved.half_lengths;
-            let n = points.corners_per_point;
-            points.trial.corners[p * n..(p + 1) * n].copy_from_slice(&moved.corners[..n]);
+            let corners = points.corner_range(p);
+            let n = corners.len();
+            points.trial.corners[corners].copy_from_slice(&moved.corners[..n]);
             p += 1;
         }
     }
@@ -112,7 +113,8 @@ fn move_point<const D: usize, M: Mechanics<D>>(
         DomainKind::Corners => {
             move_corners(body.method, points, p, displacement, &mut moved);
             // Otherwise the next step, if there is one, would be the first to notice.
-            check_domain(model.grid.as_ref(), &moved.corners[..points.corners_per_point], points.cell[p])
+            let corners = &moved.corners[..points.corner_range(p).len()];
+            check_domain(model.grid.as_ref(), corners, points.cell[p])
                 .map_err(|error| SolveError::domain(model, points, p, position, step, error))?;
         }
     }
@@ -128,7 +130,7 @@ fn along_axes<const D: usize>(mut F: Mat3) -> Mat3 {
     F
 }
 
-/// CPDI2 moves the corners with the grid; CPDI1 keeps a parallelogram that follows F of the point.
+/// CPDI2 moves the corners with the grid; CPDI1 keeps a parallelogram (parallelepiped) that follows F of the point.
 fn move_corners<const D: usize>(
     method: Method,
     points: &Points<D>,
@@ -136,14 +138,14 @@ fn move_corners<const D: usize>(
     displacement: &dyn Fn(&[f64; D]) -> [f64; D],
     moved: &mut Moved<D>,
 ) {
-    let n = points.corners_per_point;
+    let first = points.corner_range(p).start;
     for (k, corner) in points.corners(p).iter().enumerate() {
         let place = &mut moved.corners[k];
         if method == Method::Cpdi2 {
             let u = displacement(corner);
             *place = std::array::from_fn(|d| corner[d] + u[d]);
         } else {
-            let arm = |d: usize| points.original_corners[p * n + k][d] - points.original_position[p][d];
+            let arm = |d: usize| points.original_corners[first + k][d] - points.original_position[p][d];
             let F = &moved.deformation_gradient;
             *place =
                 std::array::from_fn(|i| moved.position[i] + (0..D).map(|j| F[(i, j)] * arm(j)).sum::<f64>());

@@ -9,6 +9,7 @@ use serde_json::Value;
 use crate::deck::load::LoadedDeck;
 use crate::output::shortest;
 use crate::output::summary::VERSION;
+use crate::output::table::Columns;
 
 /// Columns of the table that come from `summary.json`, and their places in it.
 pub(super) const MEASURES: [(&str, &str); 7] = [
@@ -40,9 +41,8 @@ impl Record {
     /// When one of them is missing or not understood.
     pub fn read(directory: &Path) -> io::Result<Record> {
         let summary = serde_json::from_slice(&fs::read(directory.join("summary.json"))?)?;
-        let history = last_row(&fs::read_to_string(directory.join("history.csv"))?)
-            .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidData, "`history.csv` has ragged rows"))?;
-        Ok(Record { summary, history })
+        let history = Columns::read(&directory.join("history.csv"))?;
+        Ok(Record { summary, history: last_row(&history) })
     }
 
     /// Whether this is a completed run of a deck by this version of the program.
@@ -88,19 +88,11 @@ fn text_of(value: &Value) -> String {
     }
 }
 
-/// The columns of a table with the entries of its last row. Names of columns need no quotes: the deck sees to it.
-fn last_row(text: &str) -> Option<Vec<(String, String)>> {
-    let mut lines = text.lines();
-    let names: Vec<&str> = lines.next()?.split(',').collect();
-    let entries: Vec<&str> = match lines.next_back() {
-        Some(line) => line.split(',').collect(),
-        None => vec![""; names.len()],
-    };
-    if names.len() != entries.len() {
-        return None;
-    }
-    let pairs = names.into_iter().zip(entries).filter(|(name, _)| !STEP_COLUMNS.contains(name));
-    Some(pairs.map(|(name, entry)| (name.to_owned(), entry.to_owned())).collect())
+/// The columns of a table with the entries of its last row; empty ones before the first step.
+fn last_row(table: &Columns) -> Vec<(String, String)> {
+    let of_state = table.iter().filter(|(name, _)| !STEP_COLUMNS.contains(name));
+    let last = |values: &[f64]| values.last().map_or_else(String::new, |value| shortest(*value));
+    of_state.map(|(name, values)| (name.to_owned(), last(values))).collect()
 }
 
 #[cfg(test)]
@@ -109,13 +101,15 @@ mod tests {
 
     #[test]
     fn last_rows() {
-        let pairs = |found: &[(&str, &str)]| {
-            Some(found.iter().map(|(a, b)| ((*a).to_owned(), (*b).to_owned())).collect::<Vec<_>>())
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("history.csv");
+        let row_of = |text: &str| {
+            fs::write(&path, text).unwrap();
+            last_row(&Columns::read(&path).unwrap())
         };
-        assert_eq!(last_row("step,time,a_rx\n1,0.5,2\n2,1,1e-9\n"), pairs(&[("a_rx", "1e-9")]));
-        assert_eq!(last_row("step,a_rx\n"), pairs(&[("a_rx", "")]));
-        assert_eq!(last_row("step,a_rx\n1\n"), None);
-        assert_eq!(last_row(""), None);
+        let expected = |entry: &str| vec![("a_rx".to_owned(), entry.to_owned())];
+        assert_eq!(row_of("step,time,a_rx\n1,0.5,2\n2,1,1e-9\n"), expected("1e-9"));
+        assert_eq!(row_of("step,a_rx\n"), expected(""));
     }
 
     #[test]

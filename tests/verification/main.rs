@@ -6,8 +6,10 @@
 mod analysis;
 mod annulus;
 mod beam;
+mod beam_methods;
 mod collapse;
 mod compaction;
+mod domains;
 mod formulations;
 mod imported;
 mod radial;

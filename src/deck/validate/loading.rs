@@ -141,12 +141,7 @@ impl Check<'_> {
 
     pub(super) fn loads(&mut self) {
         let loads = &self.deck.loads;
-        let names = loads.iter().map(|load| match load {
-            LoadDeck::Gravity { name, .. }
-            | LoadDeck::BodyForce { name, .. }
-            | LoadDeck::PointForce { name, .. } => name.as_str(),
-        });
-        self.unique_names("/loads", names);
+        self.unique_names("/loads", loads.iter().map(LoadDeck::name));
         for (index, load) in loads.iter().enumerate() {
             self.load(&format!("/loads/{index}"), load);
         }

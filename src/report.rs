@@ -1,0 +1,40 @@
+//! `mpm report`: a page of HTML about results.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use mpm::appendix::{self, FieldChoice, Options, StepChoice, Units};
+
+/// Arguments of `mpm report`.
+#[derive(Args)]
+pub struct ReportArgs {
+    /// Directories of results; several are compared.
+    #[arg(required = true, value_name = "DIR")]
+    directories: Vec<PathBuf>,
+    /// The page [default: DIR/report.html; comparison.html for several directories].
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Field that the points are coloured by, as often as needed; cauchy_stress:XX is a component.
+    #[arg(long, value_name = "NAME[:COMPONENT]", default_value = "von_mises_stress")]
+    field: Vec<FieldChoice>,
+    /// Load steps that the points are shown at: numbers, first, middle, last.
+    #[arg(long, value_name = "STEP,...", value_delimiter = ',', default_value = "first,middle,last")]
+    steps: Vec<StepChoice>,
+    /// Units of length, force and time in the decks, for example m,kN,s.
+    #[arg(long, value_name = "LENGTH,FORCE,TIME")]
+    units: Option<Units>,
+}
+
+/// Writes the page.
+pub fn report(args: ReportArgs) -> anyhow::Result<ExitCode> {
+    let options = Options { fields: args.field, steps: args.steps, units: args.units };
+    let page = appendix::report(&args.directories, &options)?;
+    let path = args.out.unwrap_or_else(|| match &args.directories[..] {
+        [directory] => directory.join("report.html"),
+        _ => PathBuf::from("comparison.html"),
+    });
+    appendix::write(&path, &page)?;
+    tell!("the report is {}", path.display());
+    Ok(ExitCode::SUCCESS)
+}

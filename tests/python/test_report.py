@@ -1,0 +1,421 @@
+"""Reports: that they are valid pages in themselves, say what the files say, and are honest about runs that failed."""
+
+import base64
+import io
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+
+import html5lib
+import numpy as np
+import pytest
+from PIL import Image
+
+import browser
+from conftest import BEAM, ROOT
+
+TERSE = {"h": 0.5, "n": 3, "steps": 10, "every": 5}
+
+
+@pytest.fixture(scope="session")
+def page_of(mpm, tmp_path_factory):
+    """Writes the report on some directories and returns its path."""
+
+    def write(*directories, **options):
+        path = tmp_path_factory.mktemp("report") / "report.html"
+        settings = [word for name, value in options.items() for word in (f"--{name}", value)]
+        process = mpm("report", *directories, "--out", path, *settings)
+        assert process.returncode == 0, process.stderr
+        assert str(path) in process.stderr
+        return path
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def page(page_of, beam):
+    return page_of(beam.directory, units="m,N,s")
+
+
+@pytest.fixture(scope="session")
+def failed(mpm, tmp_path_factory):
+    """A run whose second step cannot be brought into equilibrium."""
+    folder = tmp_path_factory.mktemp("failed")
+    deck = folder / "deck.yaml"
+    deck.write_text((ROOT / "inputs" / "collapse.yaml").read_text())
+    process = mpm("run", deck, "--out", folder / "out", *settings(h=1, n=3, method="mpm", steps=2))
+    assert process.returncode == 1, process.stderr
+    return folder / "out"
+
+
+@pytest.fixture(scope="session")
+def beam_of_cpdi2(analyse):
+    return analyse("inputs/beam.yaml", **(BEAM | {"method": "cpdi2"}))
+
+
+@pytest.fixture(scope="session")
+def comparison(page_of, beam, beam_of_cpdi2, failed):
+    return page_of(beam.directory, beam_of_cpdi2.directory, failed)
+
+
+@pytest.fixture(params=["page", "comparison"])
+def any_page(request):
+    return request.getfixturevalue(request.param)
+
+
+def settings(**parameters):
+    return [word for name, value in parameters.items() for word in ("--set", f"{name}={value}")]
+
+
+def text_of(html):
+    """What a page says, without markup and with plain signs."""
+    words = []
+
+    class Reader(HTMLParser):
+        def handle_data(self, data):
+            words.append(data)
+
+    Reader().feed(re.sub(r"<(style|script).*?</\1>", "", html, flags=re.S))
+    text = "".join(words).replace("\u2212", "-").replace("\u202f", "").replace("\u00a0", " ")
+    return re.sub(r"\s+", " ", text)
+
+
+def curves(html):
+    """Name and values of every curve."""
+    found = re.findall(r'<polyline [^>]*data-name="([^"]*)" data-x="([^"]*)" data-y="([^"]*)"', html)
+    return [(name, *(np.array(values.split(), dtype=float) for values in points)) for name, *points in found]
+
+
+def pictures(html):
+    """The pictures in a page as arrays of pixels."""
+    data = re.findall(r'href="data:image/png;base64,([^"]*)"', html)
+    return [np.asarray(Image.open(io.BytesIO(base64.b64decode(text)))) for text in data]
+
+
+def test_pages_are_valid_and_contain_all_they_need(any_page):
+    html = any_page.read_text()
+    # Raises an error at the first thing that is not as HTML has it.
+    tree = html5lib.HTMLParser(strict=True, namespaceHTMLElements=False).parse(html)
+    identifiers = [element.get("id") for element in tree.iter() if element.get("id")]
+    assert len(identifiers) == len(set(identifiers))
+    for element in tree.iter():
+        for name, value in element.items():
+            if name.split("}")[-1] in ("src", "href", "srcset", "action", "data"):
+                inside = value.startswith("#") and value[1:] in identifiers
+                assert inside or value.startswith("data:image/png;base64,"), f"{name}={value[:80]}"
+        if str(element.tag).endswith("svg"):
+            assert element.get("role") == "img" and element.get("aria-label")
+    assert "@import" not in html and not re.search(r"url\((?!#)", html)
+    numbers = re.sub(r"base64,[^\"]*", "", html)
+    assert "NaN" not in numbers and not re.search(r"\binf\b", numbers)
+    assert any_page.stat().st_size < 1_500_000
+
+
+def test_figures_and_tables_are_numbered(any_page):
+    html = any_page.read_text()
+    for kind in ("Figure", "Table"):
+        numbers = [int(number) for number in re.findall(rf"<b>{kind} (\d+)\.</b>", html)]
+        assert numbers == list(range(1, len(numbers) + 1)) and len(numbers) >= 5
+
+
+def test_a_page_says_what_the_files_say(page, beam):
+    html = page.read_text()
+    text, history, summary = text_of(html), beam.history, beam.summary
+    assert "Completed. All 20 load steps are in equilibrium." in text
+    assert summary["title"] in text and summary["deck_hash"] in text
+    assert f"tip {history['tip_ux'][-1]:.5f} {history['tip_uy'][-1]:.5f}".replace(" ", "") in text.replace(" ", "")
+    assert f"{history['pin_ry'][-1]:.1f}" in text
+    for phase, seconds in summary["wall_seconds"].items():
+        assert f"{phase}{seconds:.3f}" in text.replace(" ", ""), phase
+    order = summary["quality"]["newton_order"]["median"]
+    assert float(re.search(r"Their median is ([\d.]+)\.", text)[1]) == pytest.approx(order, rel=5e-3)
+    for unit in ("displacement [m]", "reaction [10³ N/m]", "von Mises stress [10⁶ Pa]", "x [m]"):
+        assert unit in text, unit
+
+
+def test_curves_are_those_of_the_history(page, beam):
+    history, found = beam.history, {name: (x, y) for name, x, y in curves(page.read_text())}
+    for name, column in [("tip x", "tip_ux"), ("tip y", "tip_uy"), ("pin y", "pin_ry"), ("strain energy", "strain_energy")]:
+        x, y = found[name]
+        np.testing.assert_allclose(x, [0, *history["time"]], rtol=1e-5)
+        np.testing.assert_allclose(y, [0, *history[column]], rtol=1e-5)
+    # The reaction against the deflection has no name on the chart: it is the only curve there.
+    assert any(
+        name == "" and len(x) == 21 and np.allclose(x[1:], history["tip_uy"], rtol=1e-5)
+        and np.allclose(y[1:], history["pin_ry"], rtol=1e-5)
+        for name, x, y in curves(page.read_text())
+    )
+
+
+def test_residuals_of_every_step_are_drawn(page, beam):
+    table, drawn = beam.table("convergence"), [y for _, _, y in curves(page.read_text())]
+    for step in range(1, 21):
+        residuals = table["residual"][table["step"] == step]
+        assert any(len(y) == len(residuals) and np.allclose(y, residuals, rtol=1e-5) for y in drawn), step
+
+
+def test_the_deck_is_listed_as_it_was_used(page, beam):
+    html = page.read_text()
+    lines = [text_of(line) for line in re.findall(r"<code>(.*?)</code>\n", html.split('<pre class="deck">')[1])]
+    deck = [re.sub(r"\s+", " ", line) for line in (ROOT / "inputs" / "beam.yaml").read_text().splitlines()]
+    assert lines[: len(deck)] == deck
+    # The deck says 50 steps, the command line said 20.
+    assert "steps (changed)2050" in text_of(html).replace(" ", "").replace("steps(changed)", "steps (changed)")
+
+
+def test_pictures_show_the_area_of_the_bodies(page_of, beam_of_cpdi2):
+    """Pixels that are not transparent, in units of the axes, cover what the domains cover, which are CPDI2's: without
+    gaps and overlaps."""
+    beam = beam_of_cpdi2
+    html, meshes = page_of(beam.directory).read_text(), [beam.mesh("domains", index) for index in (0, 10, 20)]
+    scales = re.findall(r'<rect class="ground" [^>]*width="([\d.]+)" height="([\d.]+)"', html)
+    corners = np.concatenate([*(mesh.points for mesh in meshes), *(beam.mesh("grid", index).points for index in (0, 10, 20))])
+    span = np.ptp(corners[:, :2], axis=0)
+    span = span + 2 * 0.02 * span.max()
+    found = pictures(html)
+    assert len(found) == len(scales) == 3
+    for mesh, picture, (width, height) in zip(meshes, found, scales, strict=True):
+        rows, columns = picture.shape[:2]
+        assert float(width) / float(height) == pytest.approx(columns / rows, rel=0.01)
+        assert span[0] / span[1] == pytest.approx(columns / rows, rel=0.01), "the axes have equal scales"
+        # Domains are opaque, grid lines are not.
+        area = (picture[:, :, 3] > 200).sum() * span[0] / columns * span[1] / rows
+        assert area == pytest.approx(mesh.cell_data["volume"].sum(), rel=0.02)
+
+
+def test_colours_follow_the_field(page_of, beam):
+    """Bending: the upper side, in tension, is red and the lower one, in compression, blue."""
+    html = page_of(beam.directory, field="cauchy_stress:XX", steps="last").read_text()
+    (picture,) = pictures(html)
+    opaque = picture[:, :, 3] > 200
+    column = int(np.flatnonzero(opaque.any(axis=0))[0]) + 4
+    rows = np.flatnonzero(opaque[:, column])
+    upper, lower = picture[rows[5], column].astype(int), picture[rows[-6], column].astype(int)
+    assert upper[0] > upper[2] + 60 and lower[2] > lower[0] + 60, (upper, lower)
+    assert "Step 20, load factor 1" in html and "Step 0" not in html
+
+
+def test_standard_points_are_drawn_as_discs(page_of, collapse):
+    html = page_of(collapse.directory, steps="last").read_text()
+    (picture,) = pictures(html)
+    assert "Deformed material points, coloured by von Mises stress" in text_of(html)
+    assert (picture[:, :, 3] > 200).mean() > 0.2
+
+
+def test_a_failed_run_says_so(page_of, failed):
+    text = text_of(page_of(failed).read_text())
+    reason = json.loads((failed / "summary.json").read_text())["reason"]
+    assert re.sub(r"\s+", " ", f"The analysis failed after 1 of 2 load steps: {reason}").replace("\u2212", "-") in text
+    assert "Everything on this page shows the steps in equilibrium only." in text
+    assert "step 2, failed" in text
+
+
+def test_a_run_without_summary_has_not_ended(page_of, beam, tmp_path):
+    directory = tmp_path / "going on"
+    shutil.copytree(beam.directory, directory)
+    (directory / "summary.json").unlink()
+    text = text_of(page_of(directory).read_text())
+    assert "The analysis has not ended" in text and "20 of 20 load steps are in equilibrium" in text
+    # Before the first step is in equilibrium there is next to nothing to show.
+    header = (directory / "history.csv").read_text().splitlines()[0]
+    (directory / "history.csv").write_text(header + "\n")
+    (directory / "convergence.csv").write_text("step,iteration,residual\n")
+    for path in [*directory.glob("*.vtu"), *directory.glob("*.pvd")]:
+        path.unlink()
+    assert "0 of 20 load steps" in text_of(page_of(directory).read_text())
+
+
+def test_results_of_an_earlier_version_have_no_deck(page_of, beam, tmp_path):
+    shutil.copytree(beam.directory, tmp_path / "old")
+    (tmp_path / "old" / "run.json").unlink()
+    text = text_of(page_of(tmp_path / "old").read_text())
+    assert "The results do not contain the text of the deck." in text and "displacement [length]" in text
+
+
+def test_a_run_without_pictures(page_of, analyse):
+    results = analyse("inputs/beam.yaml", **(TERSE | {"every": 0}))
+    assert "The run wrote no VTU files" in text_of(page_of(results.directory).read_text())
+
+
+def test_a_comparison_tells_the_runs_apart(comparison, beam):
+    html = comparison.read_text()
+    text = text_of(html)
+    names = [re.escape(name) for name in re.findall(r'<polyline [^>]*data-name="([^"]+)"', html)]
+    assert len(set(names)) >= 2
+    assert "The analysis failed after 1 of 2 load steps" in text
+    assert "Parameters that differ." in text and "gimp" in text and "cpdi2" in text
+    assert "- title: Elastic cantilever" in text and "+ title: Elasto-plastic collapse" in text
+    tips = [y for name, x, y in curves(html) if np.allclose(y[-1], beam.history["tip_uy"][-1], rtol=1e-5)]
+    assert tips, "the curve of the first run"
+    assert len(pictures(html)) == 3
+
+
+def cut(path):
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+
+
+@pytest.mark.parametrize(
+    "damage, complaint",
+    [
+        (lambda d: cut(d / "history.csv"), "history.csv"),
+        (lambda d: cut(d / "convergence.csv"), "convergence.csv"),
+        (lambda d: cut(d / "summary.json"), "summary.json"),
+        (lambda d: cut(d / "run.json"), "run.json"),
+        (lambda d: cut(d / "points.pvd"), "points.pvd"),
+        (lambda d: cut(d / "points_0010.vtu"), "points_0010.vtu"),
+        (lambda d: cut(d / "domains_0010.vtu"), "domains_0010.vtu"),
+        (lambda d: (d / "points_0010.vtu").unlink(), "points_0010.vtu"),
+        (lambda d: (d / "points_0010.vtu").write_text("not at all"), "points_0010.vtu"),
+        (lambda d: (d / "history.csv").unlink(), "holds no results"),
+        (lambda d: (d / "convergence.csv").unlink(), "convergence.csv"),
+        (lambda d: (d / "summary.json").write_text("[]"), "summary.json"),
+        (lambda d: (d / "summary.json").write_text("{}"), "outcome"),
+        (lambda d: (d / "history.csv").write_bytes(b"\xff\xfe\n"), "history.csv"),
+        (lambda d: (d / "history.csv").write_text("a,b\n1,2\n"), "`step`"),
+    ],
+)
+def test_damaged_results_are_refused_by_name(mpm, beam, tmp_path, damage, complaint):
+    directory = tmp_path / "damaged"
+    shutil.copytree(beam.directory, directory)
+    damage(directory)
+    process = mpm("report", directory)
+    assert process.returncode == 2, process.stderr
+    assert complaint in process.stderr and "panicked" not in process.stderr, process.stderr
+    assert not (directory / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments, complaint",
+    [
+        (["--field", "von_mises"], "did you mean `von_mises_stress`?"),
+        (["--field", "colour"], "there are `displacement`"),
+        (["--field", "cauchy_stress"], "choose one of `cauchy_stress:XX`"),
+        (["--field", "cauchy_stress:RR"], "no component `RR`"),
+        (["--field", "pressure:XX"], "`pressure` has no components"),
+        (["--steps", "first,7.5"], "numbers of load steps"),
+        (["--steps", "21"], "load step 21 was not written"),
+        (["--units", "m"], "m,kN,s"),
+        (["--out", "/nowhere/at/all/report.html"], "cannot be written"),
+    ],
+)
+def test_wrong_options_are_explained(mpm, beam, arguments, complaint):
+    process = mpm("report", beam.directory, *arguments)
+    assert process.returncode == 2
+    assert complaint in process.stderr and "panicked" not in process.stderr, process.stderr
+
+
+def test_what_is_no_result_is_refused(mpm, tmp_path):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study" / "sweep.csv").write_text("h\n")
+    for path, complaint in [("missing", "cannot be read"), ("file", "is a file"), ("study", "give its members"), (".", "no results")]:
+        process = mpm("report", tmp_path / path)
+        assert process.returncode == 2 and complaint in process.stderr, process.stderr
+
+
+def test_names_from_a_deck_do_not_become_markup(mpm, page_of, tmp_path):
+    title = "<script>alert(1)</script> & <b>bold</b>"
+    deck = (ROOT / "inputs" / "beam.yaml").read_text()
+    deck = re.sub(r"^title: .*$", f"title: {json.dumps(title)}", deck, flags=re.M)
+    (tmp_path / "deck.yaml").write_text(deck)
+    process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out", *settings(**TERSE))
+    assert process.returncode == 0, process.stderr
+    html = page_of(tmp_path / "out").read_text()
+    assert html.count("<script") == 1 and "<b>bold" not in html
+    assert title in text_of(html)
+
+
+def luminance(colour):
+    channels = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(a, b):
+    low, high = sorted([luminance(a), luminance(b)])
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_contrasts_are_sufficient(page):
+    """As the Web Content Accessibility Guidelines ask for: 4.5 for text, 3 for curves."""
+    style = page.read_text().split("<style>")[1].split("</style>")[0]
+    light, dark = (dict(re.findall(r"--([\w-]+): (#[0-9a-f]{3,6})\b", block)) for block in re.findall(r":root \{(.*?)\}", style, re.S))
+    for theme in (light, light | dark):
+        colours = {name: value if len(value) == 7 else "#" + "".join(2 * c for c in value[1:]) for name, value in theme.items()}
+        for text in ("ink", "soft", "accent", *(f"c{number}" for number in range(8))):
+            assert contrast(colours[text], colours["paper"]) >= 4.5, text
+        for text, ground in [("bad", "bad-ground"), ("good", "good-ground"), ("care", "care-ground"), ("ink", "bad-ground"), ("soft", "faint")]:
+            assert contrast(colours[text], colours[ground]) >= 4.5, text
+        assert contrast(colours["late"], colours["paper"]) >= 4.5
+        assert contrast(colours["early"], colours["paper"]) >= 1.5
+
+
+@pytest.fixture(scope="module")
+def window():
+    program = browser.find()
+    if program is None:
+        pytest.skip("there is no Chromium; put one on the PATH or name it in CHROMIUM")
+    with browser.Browser(program) as window:
+        yield window
+
+
+@pytest.fixture
+def seen(program):
+    """Where pictures of the pages are kept for those who want to see them."""
+    folder = program.parents[1] / "tmp" / "report"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_browser_shows_a_page_without_asking_anyone(window, any_page, seen, scheme, request):
+    for width in (820, 400):
+        window.look(width, scheme)
+        window.open(any_page.as_uri())
+        assert window.requests() == [any_page.as_uri()]
+        assert window.complaints() == []
+        assert window.evaluate("document.documentElement.scrollWidth") <= width, "the page is wider than the window"
+        assert window.evaluate("[...document.images, ...document.querySelectorAll('image')].length") >= 3
+        paper = window.evaluate("getComputedStyle(document.documentElement).backgroundColor")
+        assert (sum(map(int, re.findall(r"\d+", paper))) > 600) == (scheme == "light")
+        shot = seen / f"{request.node.callspec.params['any_page']}-{scheme}-{width}.png"
+        window.screenshot(shot)
+        assert np.ptp(np.asarray(Image.open(shot).convert("L"))) > 150
+
+
+def test_the_policy_of_a_page_forbids_requests(window, page):
+    window.look()
+    window.open(page.as_uri())
+    answer = window.evaluate("fetch('https://example.org/').then(() => 'answered', () => 'refused')")
+    assert answer == "refused"
+
+
+def test_a_curve_is_read_with_the_pointer(window, page, beam):
+    window.look()
+    window.open(page.as_uri())
+    window.evaluate("document.querySelector('svg.chart').scrollIntoView()")
+    place = window.evaluate(
+        "(() => { const svg = document.querySelector('svg.chart'), p = svg.querySelector('.curve').points[10];"
+        " const at = new DOMPoint(p.x, p.y).matrixTransform(svg.getScreenCTM()); return [at.x + 2, at.y - 2]; })()"
+    )
+    window.call("Input.dispatchMouseEvent", type="mouseMoved", x=place[0], y=place[1])
+    shown = window.evaluate("document.querySelector('svg.chart .readout text').textContent")
+    value = float(f"{beam.history['tip_ux'][9]:.5e}")
+    assert shown.replace("\u2212", "-") == f"tip x: 0.5, {value!r}"
+    assert window.complaints() == []
+
+
+def test_a_page_is_printed_in_light_colours(window, any_page, seen, request):
+    window.look(scheme="dark")
+    window.open(any_page.as_uri())
+    path = seen / f"{request.node.callspec.params['any_page']}.pdf"
+    window.pdf(path)
+    printed = path.read_bytes()
+    assert printed.startswith(b"%PDF")
+    sheets = len(re.findall(rb"/Type\s*/Page\b", printed))
+    assert 4 <= sheets <= 20, sheets
+    window.call("Emulation.setEmulatedMedia", media="print", features=[{"name": "prefers-color-scheme", "value": "dark"}])
+    paper = window.evaluate("getComputedStyle(document.documentElement).backgroundColor")
+    assert paper == "rgb(255, 255, 255)"
+    assert window.evaluate("getComputedStyle(document.querySelector('nav')).display") == "none"
