@@ -1,11 +1,13 @@
-"""Makes the pictures of `paraview.md` with the snippets of that page.
+"""Makes the pictures of `paraview.md` and `report.md`.
 
     python docs/how-to/make_pictures.py target/debug/mpm
 
 Every block of Python under a comment `picture: NAME` is run as it stands and must write that file, which then goes to
-`docs/images`. Needs the packages of tests/python/requirements.txt, and no display.
+`docs/images`. The picture of a report is taken with Chromium, if there is one. Needs the packages of
+tests/python/requirements.txt, and no display.
 """
 
+import base64
 import os
 import re
 import subprocess
@@ -14,6 +16,7 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent.parent
 IMAGES = HERE.parent / "images"
 BLOCK = re.compile(r"<!-- picture: (\S+) -->\n```python\n(.*?)```", re.S)
 
@@ -21,13 +24,30 @@ BLOCK = re.compile(r"<!-- picture: (\S+) -->\n```python\n(.*?)```", re.S)
 def main():
     program = Path(sys.argv[1]).resolve()
     with tempfile.TemporaryDirectory() as folder:
-        deck = HERE.parent.parent / "inputs" / "beam.yaml"
-        subprocess.run([program, "run", deck, "--out", f"{folder}/results/beam"], check=True)
+        results = Path(folder) / "results" / "beam"
+        subprocess.run([program, "run", "inputs/beam.yaml", "--out", results], check=True, cwd=ROOT)
         environment = dict(os.environ, PYVISTA_OFF_SCREEN="true", MPLBACKEND="Agg")
         for name, code in BLOCK.findall((HERE / "paraview.md").read_text()):
             subprocess.run([sys.executable, "-c", code], cwd=folder, env=environment, check=True)
             (IMAGES / name).write_bytes((Path(folder) / name).read_bytes())
             print(IMAGES / name)
+        subprocess.run([program, "report", results, "--units", "m,N,s"], check=True)
+        picture_of_report(results / "report.html")
+
+
+def picture_of_report(page):
+    """The first screen of a report."""
+    sys.path.insert(0, str(ROOT / "tests" / "python"))
+    import browser
+
+    if program := browser.find():
+        with browser.Browser(program) as window:
+            window.look()
+            window.open(page.as_uri())
+            clip = {"x": 0, "y": 0, "width": 820, "height": 1010, "scale": 1}
+            picture = window.call("Page.captureScreenshot", format="png", clip=clip)
+        (IMAGES / "report.png").write_bytes(base64.b64decode(picture["data"]))
+        print(IMAGES / "report.png")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ A block of a page is run as it stands, in a folder of the page's own. A comment 
     <!-- part of: NAME -->          the block replaces these keys of the deck NAME, and the deck must still be valid
     <!-- exits with N -->           the commands end with this code, not with 0
     <!-- output -->                 these texts are part of the lines of the last output, in this order
+    <!-- picture: NAME -->          the block writes this picture, which the page shows
     <!-- not run: REASON -->        what cannot be run in a test
 """
 
@@ -81,6 +82,8 @@ class Reader:
             self.run(["bash", "-euo", "pipefail", "-c", text], code)
         elif language == "python":
             self.run([sys.executable, "-c", text])
+            if kind == "picture":
+                assert (self.folder / value).stat().st_size > 1000 and f"images/{value})" in self.page.read_text()
         elif language == "json":
             json.loads(text)
         else:
