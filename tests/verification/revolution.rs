@@ -236,7 +236,7 @@ fn a_spinning_cylinder_in_many_steps() {
         println!("spinning {material}: inner radius {:.4}", reference.radius(1.0));
         for method in ["mpm", "gimp"] {
             let mut errors = Vec::new();
-            for n in [8, 16, 32] {
+            for n in [8, 16, 32, 64] {
                 let text = format!(
                     "
 version: 1
@@ -263,9 +263,12 @@ steps: {{count: {STEPS}}}
             let orders = orders(&errors);
             println!("spinning {material}, {method}: {errors:?}, orders {orders:.2?}");
             if method == "gimp" {
-                assert!(orders[0] > 1.5 && orders[1] > 1.8, "{errors:?} {orders:?}");
+                // The front of plastic flow crosses points one by one, so that the order sets in late.
+                let (first, last) = if material == HENCKY { (1.5, 1.9) } else { (0.4, 1.5) };
+                assert!(orders[0] > first && orders[2] > last, "{errors:?} {orders:?}");
+                assert!(errors.is_sorted_by(|coarse, fine| coarse > fine), "{errors:?}");
             }
-            assert!(errors[2] < 1e-3, "{errors:?}");
+            assert!(errors[3] < 3e-4, "{errors:?}");
         }
     }
 }
