@@ -3,22 +3,26 @@
 use std::io::{self, IsTerminal};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, bail};
 use mpm::deck::build::build_with_notes;
-use mpm::deck::diagnostic::render_all;
-use mpm::deck::load::{LoadFailure, LoadedDeck};
+use mpm::deck::diagnostic::{self, Diagnostic, as_json, render_all};
+use mpm::deck::first_step::{FirstStep, first_step};
+use mpm::deck::load::{LoadFailure, LoadedDeck, load};
+use mpm::deck::size::predicted_memory;
+use mpm::deck::source::Source;
 use mpm::model::Model;
 use mpm::output::results::Results;
 use mpm::output::summary::{Account, Start};
 use mpm::points::Points;
 use mpm::solver::{self, SolveError, Summary};
-use mpm::stress::PlaneStrain;
 use mpm::timing::Timings;
+use serde_json::{Value, json};
 
-use crate::INTERRUPTED;
+use crate::closing::Closing;
 use crate::progress::{View, Watch};
+use crate::{DeckArgs, Format, print_json};
 
 /// A deck and the model built from it.
 pub struct Ready {
@@ -28,36 +32,130 @@ pub struct Ready {
     pub model: Model<2>,
     /// Its points.
     pub points: Points<2>,
+    /// The size of its first load step.
+    pub first: FirstStep,
 }
 
-/// Builds the model of a deck that was read.
-pub fn prepare(loaded: Result<LoadedDeck, Box<LoadFailure>>) -> Result<Ready, Box<LoadFailure>> {
-    loaded.and_then(|mut loaded| match build_with_notes(&loaded) {
-        Ok((model, points, notes)) => {
-            loaded.notes.extend(notes);
-            Ok(Ready { loaded, model, points })
+impl Ready {
+    /// The memory that the analysis will need at most, estimated, [byte].
+    pub fn memory(&self) -> f64 {
+        predicted_memory(&self.loaded.deck, self.model.grid.as_ref())
+    }
+}
+
+/// Builds the model of a deck that was read, as far as the first load step. With `deny_warnings` a warning about the
+/// deck is an error.
+pub fn prepare(
+    loaded: Result<LoadedDeck, Box<LoadFailure>>,
+    deny_warnings: bool,
+) -> Result<Ready, Box<LoadFailure>> {
+    let mut loaded = loaded?;
+    let built = build_with_notes(&loaded).and_then(|(model, mut points, mut notes)| {
+        match first_step(&loaded, &model, &mut points) {
+            Ok((first, more)) => {
+                notes.extend(more);
+                Ok((model, points, first, notes))
+            }
+            Err(found) => {
+                notes.extend(found);
+                Err(notes)
+            }
         }
-        Err(mut diagnostics) => {
-            diagnostics.extend(loaded.notes);
-            Err(Box::new(LoadFailure { source: loaded.source, diagnostics }))
+    });
+    let mut diagnostics = std::mem::take(&mut loaded.notes);
+    let ready = match built {
+        Ok((model, points, first, notes)) => {
+            diagnostics.extend(notes);
+            Some((model, points, first))
         }
-    })
+        Err(found) => {
+            diagnostics.extend(found);
+            None
+        }
+    };
+    diagnostic::sort(&mut diagnostics);
+    let denied = deny_warnings && diagnostic::deny_warnings(&mut diagnostics);
+    match ready {
+        Some((model, points, first)) if !denied => {
+            loaded.notes = diagnostics;
+            Ok(Ready { loaded, model, points, first })
+        }
+        _ => Err(Box::new(LoadFailure { source: loaded.source, diagnostics })),
+    }
+}
+
+/// The source of a deck and what there is to say about it.
+fn findings(prepared: &Result<Ready, Box<LoadFailure>>) -> (&Source, &[Diagnostic]) {
+    match prepared {
+        Ok(Ready { loaded, .. }) => (&loaded.source, &loaded.notes),
+        Err(failure) => (&failure.source, &failure.diagnostics),
+    }
+}
+
+/// Reads and builds a deck; messages about it are printed, and handed to `write_down` if there are any. `None` when
+/// the deck cannot be used.
+pub fn prepare_aloud(args: &DeckArgs, write_down: &dyn Fn(&str)) -> anyhow::Result<Option<Ready>> {
+    let prepared = prepare(load(&args.deck, &args.set), args.deny_warnings);
+    let plain = messages(&prepared, false);
+    if !plain.is_empty() {
+        write_down(&plain);
+    }
+    match args.format {
+        Format::Json => {
+            print_json(&as_document(&prepared))?;
+        }
+        Format::Text if !plain.is_empty() => {
+            let terminal = io::stderr().is_terminal();
+            tell!("{}", messages(&prepared, terminal));
+            if prepared.is_err() && terminal {
+                tell!("`mpm explain CODE` says more about a message");
+            }
+        }
+        Format::Text => {}
+    }
+    Ok(prepared.ok())
 }
 
 /// All messages about a deck, without the last line break; empty where there is nothing to say.
-pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>) -> String {
-    let colour = io::stderr().is_terminal();
-    let text = match prepared {
-        Ok(Ready { loaded, .. }) => render_all(&loaded.source, &loaded.notes, colour),
-        Err(failure) => failure.render(colour),
-    };
-    text.trim_end().to_owned()
+pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>, colour: bool) -> String {
+    let (source, diagnostics) = findings(prepared);
+    let text = render_all(source, diagnostics, colour);
+    match diagnostic::count(diagnostics) {
+        count if count.is_empty() => text.trim_end().to_owned(),
+        count => format!("{text}\n{}: {count}", source.name()),
+    }
+}
+
+/// All messages about a deck for programs, with the size of the analysis where it can be run.
+fn as_document(prepared: &Result<Ready, Box<LoadFailure>>) -> Value {
+    let (source, diagnostics) = findings(prepared);
+    let mut report = as_json(source, diagnostics);
+    report["size"] = prepared.as_ref().map_or(Value::Null, |ready| {
+        json!({
+            "bodies": ready.model.bodies.len(),
+            "points": ready.points.len(),
+            "cells": ready.model.grid.n_cells(),
+            "active_nodes": ready.first.active_nodes,
+            "unknowns": ready.first.unknowns,
+            "steps": ready.model.n_steps,
+            "memory_bytes": ready.memory().round(),
+        })
+    });
+    report
+}
+
+/// How an analysis ended.
+pub struct Ended {
+    /// The account of the run, or why it ended early.
+    pub outcome: Result<Summary, SolveError>,
+    /// What there is to say at the end; `None` where no step is in equilibrium.
+    pub closing: Option<Closing>,
 }
 
 /// Runs an analysis into a directory; `set_up` is the time that went into making it ready.
 ///
 /// # Errors
-/// The outer one when the directory cannot be written, the inner one when the analysis ends early.
+/// When the directory cannot be written, or another run writes there.
 pub fn run_into(
     directory: &Path,
     ready: Ready,
@@ -65,8 +163,8 @@ pub fn run_into(
     set_up: Timings,
     view: View,
     stop: &Arc<AtomicBool>,
-) -> anyhow::Result<Result<Summary, SolveError>> {
-    let Ready { loaded, model, mut points } = ready;
+) -> anyhow::Result<Ended> {
+    let Ready { loaded, model, mut points, .. } = ready;
     let every = loaded.deck.output.every as usize;
     let account = Account {
         start,
@@ -79,22 +177,23 @@ pub fn run_into(
     };
     let results = Results::create(directory, every, &model, account)
         .with_context(|| format!("the results directory `{}` cannot be written", directory.display()))?;
-    let mut watch = Watch::new(results, &model, &points, view, Arc::clone(stop));
-    let outcome = solver::run::<2, PlaneStrain>(&model, &mut points, &mut watch);
-    watch.end();
-    Ok(outcome)
+    let mut watch = Watch::new(results, &model, &points, start, view, Arc::clone(stop));
+    let outcome = solver::run_in_plane(&model, &mut points, &mut watch);
+    Ok(Ended { outcome, closing: watch.end() })
 }
 
-/// Prints why an analysis failed.
-pub fn explain(error: &SolveError) {
-    tell!("error: {error}");
+/// Why an analysis failed, in a few lines.
+pub fn describe_failure(error: &SolveError) -> String {
+    let code = error.code().map(|code| format!("[{code}]")).unwrap_or_default();
+    let mut text = format!("error{code}: {error}");
     if !error.residuals().is_empty() {
         let history: Vec<String> = error.residuals().iter().map(|r| format!("{r:.3e}")).collect();
-        tell!("  residuals: {}", history.join(", "));
+        text.push_str(&format!("\n  residuals: {}", history.join(", ")));
     }
     if let Some(help) = error.help() {
-        tell!("  help: {help}");
+        text.push_str(&format!("\n  help: {help}"));
     }
+    text
 }
 
 /// Most threads that can be asked for.
@@ -109,19 +208,4 @@ pub fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
         .num_threads(threads.unwrap_or(0))
         .build_global()
         .context("the threads cannot be started")
-}
-
-/// A flag that Ctrl-C raises; a second Ctrl-C ends the program at once.
-pub fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let raised = Arc::clone(&stop);
-    ctrlc::set_handler(move || {
-        if raised.swap(true, Ordering::SeqCst) {
-            tell!("interrupted at once: the step in hand is not written");
-            std::process::exit(i32::from(INTERRUPTED));
-        }
-        tell!("stopping after the step in hand; press Ctrl-C again to stop at once");
-    })
-    .context("Ctrl-C cannot be handled")?;
-    Ok(stop)
 }

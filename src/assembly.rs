@@ -12,10 +12,12 @@ use std::ops::Range;
 
 use crate::basis::{Connectivity, Links};
 use crate::constraints::DofMap;
+use crate::kinematics::Increment;
 use crate::linear::Pattern;
+use crate::material::Material;
 use crate::model::Model;
 use crate::points::Points;
-use crate::stress::{Contribution, Formulation, Mechanics, PointError, StartOfStep};
+use crate::stress::{Formulation, Mechanics, PointError, PointResponse, StartOfStep, WeakForm};
 use crate::tensor::Sym3;
 
 pub use pattern::FreeEntries;
@@ -40,7 +42,7 @@ pub struct System<const D: usize> {
     batches: Vec<Range<usize>>,
     dense: Vec<Block<D>>,
     dense_force: Vec<[f64; D]>,
-    /// Gradients mapped to the current configuration, eq. (8); empty in the previously converged formulation.
+    /// Room for the gradients of one point of each group in the current configuration, eq. (8).
     mapped: Vec<[f64; D]>,
 }
 
@@ -70,12 +72,12 @@ impl<const D: usize> System<D> {
         let largest = |len: &dyn Fn(&Range<usize>) -> usize| batches.iter().map(len).max().unwrap_or(0);
         let n_dense = largest(&|b| pairs.dense_range(b.clone()).len());
         let n_force = largest(&|b| b.clone().map(|g| links.nodes_of(g).len()).sum());
-        let updated = model.formulation == Formulation::UpdatedLagrangian;
         let start = (0..points.len())
             .map(|p| {
                 let J_n = points.converged.deformation_gradient[p].determinant();
+                let measure = model.law(points, p).strain_measure();
                 StartOfStep {
-                    b_n: M::elastic_left_cauchy_green(&points.converged.elastic_strain[p]),
+                    b_n: M::elastic_left_cauchy_green(measure, &points.converged.elastic_strain[p]),
                     J_n,
                     volume_n: model.volume(points, p),
                 }
@@ -87,7 +89,7 @@ impl<const D: usize> System<D> {
             start,
             dense: vec![[[0.0; D]; D]; n_dense],
             dense_force: vec![[0.0; D]; n_force],
-            mapped: vec![[0.0; D]; if updated { links.n_links() } else { 0 }],
+            mapped: vec![[0.0; D]; n_force],
             batches,
             pairs,
         }
@@ -117,6 +119,7 @@ impl<const D: usize> System<D> {
             let task = Task::<D, M> {
                 model,
                 body: &points.body,
+                position: &points.converged.position,
                 history_len: points.history_len,
                 old_history: &points.converged.history,
                 start: &self.start,
@@ -128,13 +131,11 @@ impl<const D: usize> System<D> {
             let first = links.points_of(batch.start).start;
             let last = links.points_of(batch.end - 1).end;
             let n = points.history_len;
-            let updated = !self.mapped.is_empty();
-            let links_before = |p: usize| if updated { links.link_start(p) } else { 0 };
             let work = Work {
                 elastic_strain: &mut points.trial.elastic_strain[first..last],
                 kirchhoff_stress: &mut points.trial.kirchhoff_stress[first..last],
                 history: &mut points.trial.history[first * n..last * n],
-                mapped: &mut self.mapped[links_before(first)..links_before(last)],
+                mapped: &mut self.mapped,
                 dense: &mut self.dense,
                 force: &mut self.dense_force,
             };
@@ -188,24 +189,6 @@ impl<const D: usize> System<D> {
         reach
     }
 
-    /// Connected parts of the active nodes: for each node the lowest node that is coupled to it, directly or through
-    /// others.
-    pub fn parts(&self) -> Vec<usize> {
-        let mut root: Vec<usize> = (0..self.f_int.len()).collect();
-        fn find(root: &mut [usize], mut node: usize) -> usize {
-            while root[node] != node {
-                root[node] = root[root[node]];
-                node = root[node];
-            }
-            node
-        }
-        self.pairs.for_each(|row, column, _| {
-            let (a, b) = (find(&mut root, row), find(&mut root, column));
-            root[a.max(b)] = a.min(b);
-        });
-        (0..root.len()).map(|node| find(&mut root, node)).collect()
-    }
-
     /// `out = K x` over all active nodes, constrained ones included.
     pub fn multiply(&self, x: &[[f64; D]], out: &mut [[f64; D]]) {
         out.fill([0.0; D]);
@@ -250,6 +233,7 @@ fn add<const D: usize>(sum: &mut [f64; D], x: &[f64; D]) {
 struct Task<'a, const D: usize, M> {
     model: &'a Model<D>,
     body: &'a [u16],
+    position: &'a [[f64; D]],
     history_len: usize,
     old_history: &'a [f64],
     start: &'a [StartOfStep],
@@ -273,21 +257,23 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
     /// Divides the groups between threads; the division has no influence on the result.
     fn run(&self, groups: Range<usize>, work: Work<D>) -> Result<(), PointFailure> {
         if groups.len() <= GRAIN {
-            return self.run_groups(groups, work);
+            return match self.model.formulation {
+                Formulation::PreviouslyConverged => self.run_groups(groups, work, M::respond),
+                Formulation::UpdatedLagrangian => self.run_groups(groups, work, M::respond_updated),
+            };
         }
         let middle = groups.start + groups.len() / 2;
         let (left, right) = (groups.start..middle, middle..groups.end);
         let first = self.links.points_of(left.start).start;
         let cut = self.links.points_of(right.start).start;
-        let n_links = self.links.link_start(cut) - self.links.link_start(first);
         let n_points = cut - first;
-        let n_force = left.clone().map(|g| self.links.nodes_of(g).len()).sum();
+        let n_nodes = left.clone().map(|g| self.links.nodes_of(g).len()).sum();
         let (strain_l, strain_r) = work.elastic_strain.split_at_mut(n_points);
         let (stress_l, stress_r) = work.kirchhoff_stress.split_at_mut(n_points);
         let (history_l, history_r) = work.history.split_at_mut(n_points * self.history_len);
-        let (mapped_l, mapped_r) = work.mapped.split_at_mut(if work.mapped.is_empty() { 0 } else { n_links });
+        let (mapped_l, mapped_r) = work.mapped.split_at_mut(n_nodes);
         let (dense_l, dense_r) = work.dense.split_at_mut(self.pairs.dense_range(left.clone()).len());
-        let (force_l, force_r) = work.force.split_at_mut(n_force);
+        let (force_l, force_r) = work.force.split_at_mut(n_nodes);
         let work_l = Work {
             elastic_strain: strain_l,
             kirchhoff_stress: stress_l,
@@ -308,9 +294,20 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         a.and(b)
     }
 
-    /// Evaluates the points of some groups one after the other.
-    fn run_groups(&self, groups: Range<usize>, work: Work<D>) -> Result<(), PointFailure> {
-        let (mut dense, mut force, mut mapped) = (work.dense, work.force, work.mapped);
+    /// Evaluates the points of some groups one after the other by `respond`, one of the two of [`Mechanics`].
+    fn run_groups<W: WeakForm<D>>(
+        &self,
+        groups: Range<usize>,
+        work: Work<D>,
+        respond: impl Fn(
+            &StartOfStep,
+            &Increment<D>,
+            &dyn Material,
+            &[f64],
+            &mut [f64],
+        ) -> Result<PointResponse<W>, PointError>,
+    ) -> Result<(), PointFailure> {
+        let (mut dense, mut force) = (work.dense, work.force);
         let first = self.links.points_of(groups.start).start;
         let n = self.history_len;
         for group in groups {
@@ -324,145 +321,88 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
             for p in self.links.points_of(group) {
                 let links = self.links.links(p);
                 let here = p - first;
-                let new_history = &mut work.history[here * n..(here + 1) * n];
-                let (contribution, dF) = self
-                    .evaluate(p, nodes, &links, new_history)
+                let increment = Increment::new::<M>(nodes, &links, self.delta_d, &self.position[p]);
+                let law = self.law(p);
+                let kept = law.state_fields().len();
+                let old = &self.old_history[p * n..][..kept];
+                let new = &mut work.history[here * n..][..kept];
+                let response = respond(&self.start[p], &increment, law, old, new)
                     .map_err(|error| PointFailure { point: p, error })?;
-                work.elastic_strain[here] = contribution.elastic_strain;
-                work.kirchhoff_stress[here] = contribution.tau;
-                let gradient = if mapped.is_empty() {
-                    links.gradient
-                } else {
-                    let (own, rest) = mapped.split_at_mut(links.gradient.len());
-                    mapped = rest;
-                    map_gradients::<D, M>(&dF, links.gradient, own);
-                    own
+                work.elastic_strain[here] = response.elastic_strain;
+                work.kirchhoff_stress[here] = response.tau;
+                let weak = &response.weak;
+                let gradients = match weak.inverse() {
+                    None => links.gradient,
+                    Some(inverse) => map_gradients(inverse, links.gradient, work.mapped),
                 };
                 if self.pairs.symmetric() {
-                    accumulate_symmetric(&contribution, links.local, gradient, f, k);
+                    accumulate_symmetric(weak, &links, gradients, f, k);
                 } else {
-                    accumulate(&contribution, links.local, gradient, nodes.len(), f, k);
+                    accumulate(weak, &links, gradients, nodes.len(), f, k);
                 }
             }
         }
         Ok(())
     }
 
-    /// The response of one point; also its ΔF, eq. (7).
     #[inline]
-    fn evaluate(
-        &self,
-        p: usize,
-        nodes: &[u32],
-        links: &Links<D>,
-        new_history: &mut [f64],
-    ) -> Result<(Contribution<D>, Block<D>), PointError> {
+    fn law(&self, p: usize) -> &dyn Material {
         let body = &self.model.bodies[self.body[p] as usize];
-        let law = self.model.materials[body.material].law.as_ref();
-        let kept = law.state_fields().len();
-        let old = &self.old_history[p * self.history_len..][..kept];
-        let dF = deformation_increment(nodes, links, self.delta_d);
-        let new = &mut new_history[..kept];
-        M::respond(self.model.formulation, &self.start[p], &dF, law, old, new).map(|c| (c, dF))
+        self.model.materials[body.material].law.as_ref()
     }
 }
 
-/// ΔF of eq. (7) at a point whose group touches `nodes`.
-#[inline]
-pub fn deformation_increment<const D: usize>(
-    nodes: &[u32],
-    links: &Links<D>,
-    delta_d: &[[f64; D]],
-) -> [[f64; D]; D] {
-    let mut dF: [[f64; D]; D] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j)));
-    for (&local, gradient) in links.local.iter().zip(links.gradient) {
-        let du = &delta_d[nodes[local as usize] as usize];
-        for i in 0..D {
-            for j in 0..D {
-                dF[i][j] += du[i] * gradient[j];
-            }
-        }
-    }
-    dF
-}
-
-/// ∂S/∂x = ∂S/∂X̃ ΔF⁻¹, eq. (8).
-fn map_gradients<const D: usize, M: Mechanics<D>>(
-    dF: &Block<D>,
+/// ∂S/∂x = ∂S/∂X̃ ΔF⁻¹, eq. (8), for one point.
+#[inline(always)]
+fn map_gradients<'a, const D: usize>(
+    inverse: &Block<D>,
     gradient: &[[f64; D]],
-    out: &mut [[f64; D]],
-) {
-    // det(ΔF) > 0 was checked when the point was evaluated.
-    let inverse = M::embed(dF).try_inverse().unwrap_or_else(crate::tensor::Mat3::zeros);
+    room: &'a mut [[f64; D]],
+) -> &'a [[f64; D]] {
+    let out = &mut room[..gradient.len()];
     for (mapped, g) in out.iter_mut().zip(gradient) {
-        *mapped = std::array::from_fn(|j| (0..D).map(|i| g[i] * inverse[(i, j)]).sum());
+        *mapped = std::array::from_fn(|j| (0..D).map(|i| g[i] * inverse[i][j]).sum());
     }
-}
-
-/// V g_b·Ã as `[i][j][k]`, and the force V P̃ g_b.
-#[inline(always)]
-fn column<const D: usize>(c: &Contribution<D>, g: &[f64; D]) -> [[[f64; D]; D]; D] {
-    let vg = g.map(|x| x * c.volume);
-    std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            std::array::from_fn(|k| c.tangent[i][j][k].iter().zip(&vg).map(|(a, g)| a * g).sum())
-        })
-    })
-}
-
-#[inline(always)]
-fn add_force<const D: usize>(c: &Contribution<D>, g: &[f64; D], f: &mut [f64; D]) {
-    for (f, row) in f.iter_mut().zip(&c.stress) {
-        let traction: f64 = row.iter().zip(g).map(|(stress, g)| stress * g).sum();
-        *f += c.volume * traction;
-    }
-}
-
-#[inline(always)]
-fn add_block<const D: usize>(t: &[[[f64; D]; D]; D], g: &[f64; D], block: &mut Block<D>) {
-    for i in 0..D {
-        for j in 0..D {
-            for k in 0..D {
-                block[i][k] += g[j] * t[i][j][k];
-            }
-        }
-    }
+    out
 }
 
 /// Adds eqs. (21) and (23) of one point to the dense lower triangle of its group.
 #[inline]
-fn accumulate_symmetric<const D: usize>(
-    c: &Contribution<D>,
-    local: &[u32],
-    gradient: &[[f64; D]],
+fn accumulate_symmetric<const D: usize, W: WeakForm<D>>(
+    weak: &W,
+    links: &Links<D>,
+    gradients: &[[f64; D]],
     f: &mut [[f64; D]],
     k: &mut [Block<D>],
 ) {
-    for (b, gb) in gradient.iter().enumerate() {
+    let n = links.local.len();
+    let (local, value, gradients) = (&links.local[..n], &links.value[..n], &gradients[..n]);
+    for b in 0..n {
         let column_node = local[b] as usize;
-        add_force(c, gb, &mut f[column_node]);
-        let t = column(c, gb);
-        for (&row, ga) in local[b..].iter().zip(&gradient[b..]) {
-            let row = row as usize;
-            add_block(&t, ga, &mut k[row * (row + 1) / 2 + column_node]);
+        let column = weak.column(&weak.gradient(&gradients[b], value[b]), &mut f[column_node]);
+        for a in b..n {
+            let row = local[a] as usize;
+            let gradient = weak.gradient(&gradients[a], value[a]);
+            W::add_block(&column, &gradient, &mut k[row * (row + 1) / 2 + column_node]);
         }
     }
 }
 
 /// The same for an unsymmetric tangent: the full dense block.
-fn accumulate<const D: usize>(
-    c: &Contribution<D>,
-    local: &[u32],
-    gradient: &[[f64; D]],
+fn accumulate<const D: usize, W: WeakForm<D>>(
+    weak: &W,
+    links: &Links<D>,
+    gradients: &[[f64; D]],
     n: usize,
     f: &mut [[f64; D]],
     k: &mut [Block<D>],
 ) {
-    for (&b, gb) in local.iter().zip(gradient) {
-        add_force(c, gb, &mut f[b as usize]);
-        let t = column(c, gb);
-        for (&a, ga) in local.iter().zip(gradient) {
-            add_block(&t, ga, &mut k[a as usize * n + b as usize]);
+    let nodes = || links.local.iter().zip(gradients).zip(links.value);
+    for ((&b, gradient), value) in nodes() {
+        let column = weak.column(&weak.gradient(gradient, *value), &mut f[b as usize]);
+        for ((&a, gradient), value) in nodes() {
+            let gradient = weak.gradient(gradient, *value);
+            W::add_block(&column, &gradient, &mut k[a as usize * n + b as usize]);
         }
     }
 }

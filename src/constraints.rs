@@ -181,10 +181,10 @@ impl<const D: usize> DofMap<D> {
         (0..self.dofs.len()).find_map(|node| self.dofs[node].iter().position(wanted).map(|axis| (node, axis)))
     }
 
-    /// An active node and an axis along which nothing holds the part of the body it belongs to: no degree of freedom
-    /// along that axis is prescribed at any node coupled to it, directly or through others. `part_of` gives the part
-    /// of each node.
-    pub fn unheld(&self, part_of: &[usize]) -> Option<(usize, usize)> {
+    /// An active node and one of `axes` along which nothing holds the part of the body it belongs to: no degree of
+    /// freedom along that axis is prescribed at any node coupled to it, directly or through others. `part_of` gives the
+    /// part of each node.
+    pub fn unheld(&self, part_of: &[usize], axes: std::ops::Range<usize>) -> Option<(usize, usize)> {
         let mut held = vec![[false; D]; self.dofs.len()];
         for (node, dofs) in self.dofs.iter().enumerate() {
             for (axis, dof) in dofs.iter().enumerate() {
@@ -192,7 +192,7 @@ impl<const D: usize> DofMap<D> {
             }
         }
         (0..self.dofs.len()).find_map(|node| {
-            (0..D).find(|&axis| part_of[node] == node && !held[node][axis]).map(|axis| (node, axis))
+            axes.clone().find(|&axis| part_of[node] == node && !held[node][axis]).map(|axis| (node, axis))
         })
     }
 
@@ -224,7 +224,7 @@ fn displacement_increment<const D: usize>(
 
 impl<const D: usize> BoundaryCondition<D> {
     /// The active nodes it acts on in this step, ascending.
-    fn active_nodes(&self, points: &Points<D>, links: &Connectivity<D>) -> Vec<usize> {
+    pub fn active_nodes(&self, points: &Points<D>, links: &Connectivity<D>) -> Vec<usize> {
         match &self.nodes {
             NodeSet::Fixed(nodes) => {
                 nodes.iter().filter_map(|&node| links.active_number(node as usize)).collect()

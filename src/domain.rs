@@ -124,7 +124,7 @@ fn with_volume<const D: usize>(lengths: [f64; D], volume: f64) -> [f64; D] {
     lengths.map(|l| l * factor)
 }
 
-/// Eqs. (35)-(36): half the largest distance between the mid-points of the sides, after the corners have moved.
+/// Eqs. (35)-(36): half the largest distance between the mid-points of the sides (faces), after the corners have moved.
 fn lengths_from_corners<const D: usize>(motion: &Motion<D>) -> [f64; D] {
     let mut low = [f64::INFINITY; D];
     let mut high = [f64::NEG_INFINITY; D];
@@ -150,110 +150,5 @@ fn lengths_from_corners<const D: usize>(motion: &Motion<D>) -> [f64; D] {
     std::array::from_fn(|d| 0.5 * (high[d] - low[d]))
 }
 
-/// Table 2 as a conformance test, with (38) and (39) added: each update under each motion, and for those that the
-/// table rejects the very failure that its footnotes describe.
 #[cfg(test)]
-mod table_2 {
-    use super::DomainUpdate::*;
-    use super::*;
-
-    const ALL: [DomainUpdate; 7] =
-        [None, Determinant, Diagonal, Stretch, Corners, DiagonalCorrected, DiagonalIncremental];
-    const L0: [f64; 2] = [0.3, 0.2];
-    const STEPS: usize = 40;
-
-    /// Half lengths after a homogeneous motion given by its deformation gradient at time t in [0, 1].
-    fn after(update: DomainUpdate, F_at: impl Fn(f64) -> Mat3) -> Result<[f64; 2], Collapsed> {
-        let mut lengths = L0;
-        let mut position = [1.0, 2.0];
-        let mut F_n = Mat3::identity();
-        for step in 1..=STEPS {
-            let F = F_at(step as f64 / STEPS as f64);
-            let dF = F * F_n.try_inverse().unwrap();
-            let displacement = |x: &[f64; 2]| {
-                let y = dF * nalgebra::Vector3::new(x[0], x[1], 0.0);
-                [y[0] - x[0], y[1] - x[1]]
-            };
-            let motion = Motion {
-                F: &F,
-                dF: &dF,
-                original: &L0,
-                previous: &lengths,
-                position: &position,
-                displacement: &displacement,
-            };
-            lengths = update.half_lengths(&motion)?;
-            let u = displacement(&position);
-            position = [position[0] + u[0], position[1] + u[1]];
-            F_n = F;
-        }
-        Ok(lengths)
-    }
-
-    fn is(lengths: Result<[f64; 2], Collapsed>, expected: [f64; 2]) -> bool {
-        lengths.is_ok_and(|l| (l[0] - expected[0]).abs() < 1e-12 && (l[1] - expected[1]).abs() < 1e-12)
-    }
-
-    fn rotation(angle: f64) -> Mat3 {
-        let (s, c) = angle.sin_cos();
-        Mat3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
-    }
-
-    #[test]
-    fn simple_stretch() {
-        let stretch = |t: f64| Mat3::from_diagonal(&nalgebra::Vector3::new(1.0, 1.0 - 0.4 * t, 1.0));
-        for update in ALL {
-            let suitable = !matches!(update, None | Determinant);
-            assert_eq!(is(after(update, stretch), [0.3, 0.12]), suitable, "{update:?}");
-        }
-        assert!(is(after(None, stretch), L0), "footnote a: the volume change is not seen");
-        let shrink = 0.6f64.sqrt();
-        assert!(
-            is(after(Determinant, stretch), [0.3 * shrink, 0.2 * shrink]),
-            "footnote b: artificial contraction"
-        );
-    }
-
-    #[test]
-    fn hydrostatic_compression_and_extension() {
-        for end in [0.7, 1.5] {
-            let squeeze = |t: f64| {
-                let s = 1.0 + (end - 1.0) * t;
-                Mat3::from_diagonal(&nalgebra::Vector3::new(s, s, 1.0))
-            };
-            for update in ALL {
-                assert_eq!(is(after(update, squeeze), [0.3 * end, 0.2 * end]), update != None, "{update:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn simple_shear() {
-        let shear = |t: f64| Mat3::new(1.0, 2.0 * t, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
-        for update in ALL {
-            assert_eq!(is(after(update, shear), L0), update != Stretch, "{update:?}");
-        }
-        let [lx, ly] = after(Stretch, shear).unwrap();
-        assert!((lx * ly / (0.3 * 0.2) - 1.0).abs() > 0.05, "footnote c: the volume changes");
-        assert!(lx < 0.3 && ly > 0.2);
-    }
-
-    #[test]
-    fn pure_rotation() {
-        let turn = |t: f64| rotation(1.2 * t);
-        let volume = |l: [f64; 2]| l[0] * l[1] / (L0[0] * L0[1]);
-        for update in ALL {
-            let lengths = after(update, turn).unwrap();
-            assert_eq!((volume(lengths) - 1.0).abs() < 1e-12, update != Diagonal, "{update:?}");
-        }
-        for update in [None, Determinant, Stretch, DiagonalCorrected, DiagonalIncremental] {
-            assert!(is(after(update, turn), L0), "{update:?}");
-        }
-        assert!(volume(after(Diagonal, turn).unwrap()) < 0.2, "footnote d: the domain vanishes");
-        // Beyond 90° the diagonal of F turns negative: an error, not a negative domain.
-        assert!(after(Diagonal, |t| rotation(2.0 * t)).is_err());
-        assert!(after(DiagonalCorrected, |t| rotation(1.5 * t)).is_ok());
-        assert!(after(DiagonalCorrected, |t| rotation(2.0 * t)).is_err());
-        assert!(is(after(DiagonalIncremental, |t| rotation(2.0 * t)), L0));
-    }
-}
+mod table_2;

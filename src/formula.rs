@@ -343,6 +343,7 @@ mod tests {
         #[test]
         fn no_text_makes_the_parser_panic(text in "\\PC*") {
             let _ = Formula::parse(&text, &["x"]).map(|formula| formula.evaluate(&[0.5]));
+            prop_assert!(names(&text).into_iter().all(|(at, name)| text[at..].starts_with(name)));
         }
 
         #[test]

@@ -12,17 +12,21 @@
 //! 3. [`grid`] and [`basis`]: which nodes a point touches and how strongly; one file per method. [`grid::Grid`] is a
 //!    trait, location and linear basis of a cell; [`grid::Structured`] is the regular grid, [`grid::Mesh`] holds
 //!    triangles and quadrilaterals, which [`grid::gmsh`] reads.
-//! 4. [`stress`]: from the displacement gradient of one point to P̃ and Ã. [`stress::Solid`] is the transcription of
-//!    the paper, [`stress::PlaneStrain`] the same in closed form. [`material`] holds the laws, [`tensor`] the spectral
-//!    functions and the index conventions.
+//! 4. [`kinematics`] and [`stress`]: from the displacement gradient of one point to its part in force and stiffness,
+//!    P̃ and Ã. [`stress::Solid`] is the general kernel, [`stress::PlaneStrain`] is in closed form,
+//!    [`stress::Axisymmetric`] for bodies of revolution. [`material`] holds the laws, [`tensor`] the spectral functions
+//!    and the index conventions.
 //! 5. [`assembly`], [`constraints`], [`loads`], [`linear`]: internal force and stiffness of the grid, prescribed
 //!    displacements, external force, and the sparse direct solver.
 //! 6. [`domain`]: how the domain of a GIMP point follows the deformation. Domains of CPDI are given by their corners,
 //!    [`points::State::corners`], which the last step of [`solver`] moves.
-//! 7. [`quality`]: how well a run goes, and when a domain update does not suit the motion.
+//! 7. [`quality`]: how well a run goes, and when a domain update does not suit the motion. [`rigid`]: motions that
+//!    boundary conditions leave free. [`memory`]: how much there is.
 //! 8. [`deck`] and [`formula`]: from YAML to [`model::Model`] and [`points::Points`], with messages that name the line;
-//!    `deck/region.rs` and `deck/seeding.rs` fill bodies with points. [`study`] runs a deck for many parameters.
+//!    `deck/region.rs` and `deck/seeding.rs` fill bodies with points. [`region`] is the geometry of solids: primitives,
+//!    closed surfaces from STL files, booleans, motions and their volumes. [`study`] runs a deck for many parameters.
 //!    [`output`]: from there to files. The modules above know neither. [`appendix`] makes a report of the files.
+//!    [`codes`]: pages that explain messages.
 //!
 //! The library never prints and never exits; `main.rs` does.
 //!
@@ -36,12 +40,12 @@
 //! | X̃, x_p | [`position`](points::State::position) | position of a point at the start of the step (converged), at its end (trial) |
 //! | X | [`original_position`](points::Points::original_position) | original position |
 //! | F, F_n | [`deformation_gradient`](points::State::deformation_gradient) | trial and converged deformation gradient; `F` in [`domain`] |
-//! | ΔF, ΔJ | `dF`, `dJ` | increment of F over the step, eq. (7), and its determinant |
+//! | ΔF, ΔJ | [`dF`](kinematics::Increment::dF), `dJ` | increment of F over the step, eq. (7), and its determinant |
 //! | J_n | [`J_n`](stress::StartOfStep::J_n) | det F_n |
 //! | b^e_n | [`b_n`](stress::StartOfStep::b_n) | elastic left Cauchy-Green strain at the start of the step |
-//! | ε^e | [`elastic_strain`](points::State::elastic_strain) | elastic logarithmic strain, ½ ln b^e |
+//! | ε^e | [`elastic_strain`](points::State::elastic_strain) | elastic logarithmic strain, ½ ln b^e (or ½ (b^e − I), see [`StrainMeasure`](material::StrainMeasure)) |
 //! | τ | [`kirchhoff_stress`](points::State::kirchhoff_stress), `tau` | Kirchhoff stress |
-//! | P̃, Ã | [`stress`](stress::Contribution::stress), [`tangent`](stress::Contribution::tangent) | stress of eq. (18) and its derivative (A.3); `P` inside the kernel |
+//! | P̃, Ã | [`stress`](stress::Contribution::stress), [`tangent`](stress::Contribution::tangent) | stress of eq. (18) and its derivative (A.3); `P` inside the kernel; factors of both in [`Spatial`](stress::Spatial) |
 //! | D^alg | [`tangent`](material::Response::tangent) | algorithmic tangent of the law |
 //! | L | [`log_derivative`](tensor::log_derivative), `L` | derivative of the logarithm, eq. (A.2) |
 //! | V_p^0, V_p^n | [`original_volume`](points::Points::original_volume), [`volume_n`](stress::StartOfStep::volume_n) | volume of a point, eq. (22) |
@@ -67,18 +71,23 @@
 pub mod appendix;
 pub mod assembly;
 pub mod basis;
+pub mod codes;
 pub mod constraints;
 pub mod deck;
 pub mod domain;
 pub mod formula;
 pub mod grid;
+pub mod kinematics;
 pub mod linear;
 pub mod loads;
 pub mod material;
+pub mod memory;
 pub mod model;
 pub mod output;
 pub mod points;
 pub mod quality;
+pub mod region;
+pub mod rigid;
 pub mod solver;
 pub mod stress;
 pub mod study;

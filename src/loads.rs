@@ -148,7 +148,17 @@ pub struct LoadNotFinite {
     pub value: f64,
 }
 
-/// The external force of eq. (29) on the active nodes at a time, [force].
+/// The external force at a time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExternalForce<const D: usize> {
+    /// On each active node, eq. (29), [force].
+    pub nodal: Vec<[f64; D]>,
+    /// Sum over the material points, as the deck states the loads: what the nodes get in all, less what basis functions
+    /// lose that do not add up to 1, [force].
+    pub applied: [f64; D],
+}
+
+/// The external force of eq. (29) at a time.
 ///
 /// Weight uses the constant mass of the points: b V_p^n of eq. (24) with b per volume at the start of the step.
 ///
@@ -159,8 +169,9 @@ pub fn external_force<const D: usize>(
     points: &Points<D>,
     links: &Connectivity<D>,
     time: f64,
-) -> Result<Vec<[f64; D]>, LoadNotFinite> {
+) -> Result<ExternalForce<D>, LoadNotFinite> {
     let at_points = forces_on_points(model, points, time)?;
+    let applied = std::array::from_fn(|d| at_points.iter().map(|force| force[d]).sum());
     let mut force = vec![[0.0; D]; links.n_active()];
     for group in 0..links.n_groups() {
         let nodes = links.nodes_of(group);
@@ -174,7 +185,7 @@ pub fn external_force<const D: usize>(
             }
         }
     }
-    Ok(force)
+    Ok(ExternalForce { nodal: force, applied })
 }
 
 /// Sum of all loads on each point, [force].

@@ -1,29 +1,29 @@
-//! `mpm run|sweep|report|check|schema`: arguments, messages and exit codes. Everything else is in the library.
+//! `mpm`: arguments, messages and exit codes. Everything else is in the library.
 
 #[macro_use]
 mod tell;
 mod analysis;
+mod closing;
+mod explain;
+mod interrupt;
+mod log;
+mod manual;
+mod new;
 mod progress;
+mod quantities;
 mod report;
+mod run;
+mod status;
 mod sweep;
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::{Args, Parser, Subcommand};
-use mpm::deck::load::load;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
 use mpm::deck::schema::deck_schema;
-use mpm::output::summary::Start;
-use mpm::solver::{self, SolveError};
-use mpm::stress::PlaneStrain;
-use mpm::timing::{Phase, Timings};
-
-use analysis::{Ready, explain, messages, prepare, run_into};
-use progress::View;
-use report::ReportArgs;
-use sweep::SweepArgs;
 
 /// The analysis failed.
 const FAILED: u8 = 1;
@@ -33,42 +33,62 @@ const USAGE: u8 = 2;
 const INTERRUPTED: u8 = 130;
 
 /// Implicit, quasi-static, finite-deformation material point method.
-///
-/// First run:  mpm run inputs/beam.yaml   then open results/beam/points.pvd in ParaView.
 #[derive(Parser)]
-#[command(version, about, max_term_width = 100)]
+#[command(version, about, max_term_width = 100, after_help = FIRST_RUN)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 }
 
+const FIRST_RUN: &str = "\
+First run:
+  mpm new beam         writes beam.yaml, a deck with comments
+  mpm run beam.yaml    leaves results in results/beam
+then open results/beam/domains.pvd in ParaView. `mpm new` lists more decks to start from.
+
+Exit codes: 0 done, 1 the analysis failed, 2 the deck or command line is wrong, 130 interrupted.";
+
 #[derive(Subcommand)]
 enum Command {
-    /// Run the analysis of a deck.
-    Run {
-        #[command(flatten)]
-        deck: DeckArgs,
-        /// Directory for the results [default: results/<deck name>].
-        #[arg(long, value_name = "DIR")]
-        out: Option<PathBuf>,
-        /// Number of threads [default: all cores]. The results are the same for any number.
-        #[arg(long, value_name = "N")]
-        threads: Option<usize>,
-        /// Print where the time went.
-        #[arg(long)]
-        timings: bool,
-    },
-    /// Run a deck for every combination of lists of values of its parameters.
-    Sweep(SweepArgs),
-    /// Write a report on results as one page of HTML; several results are compared.
-    Report(ReportArgs),
+    /// Write a deck to start from, or list what there is.
+    New(new::NewArgs),
     /// Do everything up to the first load step and report.
     Check {
         #[command(flatten)]
         deck: DeckArgs,
     },
+    /// Run the analysis of a deck.
+    Run(run::RunArgs),
+    /// Tell how far a run is, from another shell.
+    ///
+    /// The exit code is that of the run: 0 completed, 1 failed or died, 130 interrupted; and 3 while it goes on, 2
+    /// where there is no run.
+    Status(status::StatusArgs),
+    /// Run a deck for every combination of lists of values of its parameters.
+    Sweep(sweep::SweepArgs),
+    /// Write a report on results as one page of HTML; several results are compared.
+    Report(report::ReportArgs),
+    /// Explain a message by its code, such as D014, or list all codes.
+    Explain {
+        /// The code; all are listed where none is given.
+        code: Option<String>,
+    },
     /// Print the JSON schema of decks.
     Schema,
+    /// Print a script that completes commands and options in a shell.
+    ///
+    /// For bash: mpm completions bash > ~/.local/share/bash-completion/completions/mpm
+    Completions {
+        /// The shell.
+        shell: Shell,
+    },
+    /// Print a manual page.
+    ///
+    /// For example: mpm man > ~/.local/share/man/man1/mpm.1
+    Man {
+        /// A command; the page of the program where none is given.
+        command: Option<String>,
+    },
 }
 
 #[derive(Args)]
@@ -78,6 +98,21 @@ struct DeckArgs {
     /// Set a parameter of the deck, as often as needed.
     #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
     set: Vec<(String, String)>,
+    /// How messages about the deck are written.
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
+    format: Format,
+    /// Take warnings about the deck for errors.
+    #[arg(long, visible_alias = "warnings-as-errors")]
+    deny_warnings: bool,
+}
+
+/// For whom something is written.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// Text for people.
+    Text,
+    /// One JSON document for programs, to standard output.
+    Json,
 }
 
 fn assignment(text: &str) -> Result<(String, String), String> {
@@ -90,11 +125,16 @@ fn assignment(text: &str) -> Result<(String, String), String> {
 fn main() -> ExitCode {
     let began = Instant::now();
     let result = match Cli::parse().command {
-        Command::Run { deck, out, threads, timings } => run(&deck, out, threads, timings, began),
+        Command::New(args) => new::new(&args),
+        Command::Check { deck } => run::check(&deck),
+        Command::Run(args) => run::run(args, began),
+        Command::Status(args) => status::status(&args),
         Command::Sweep(args) => sweep::sweep(args),
         Command::Report(args) => report::report(args),
-        Command::Check { deck } => check(&deck),
-        Command::Schema => print_schema(),
+        Command::Explain { code } => explain::explain(code.as_deref()),
+        Command::Schema => print_json(&deck_schema()),
+        Command::Completions { shell } => manual::completions(shell),
+        Command::Man { command } => manual::man(command.as_deref()),
     };
     result.unwrap_or_else(|error| {
         tell!("error: {error:#}");
@@ -102,95 +142,14 @@ fn main() -> ExitCode {
     })
 }
 
-/// Reads and builds a deck; messages about it are printed. `None` when it cannot be used.
-fn prepare_aloud(args: &DeckArgs) -> Option<Ready> {
-    let prepared = prepare(load(&args.deck, &args.set));
-    let messages = messages(&prepared);
-    if !messages.is_empty() {
-        tell!("{messages}");
-    }
-    prepared.ok()
+/// A JSON document as text.
+fn json_text(document: &impl serde::Serialize) -> anyhow::Result<String> {
+    Ok(serde_json::to_string_pretty(document)? + "\n")
 }
 
-fn run(
-    args: &DeckArgs,
-    out: Option<PathBuf>,
-    threads: Option<usize>,
-    print_timings: bool,
-    began: Instant,
-) -> anyhow::Result<ExitCode> {
-    analysis::start_threads(threads)?;
-    let mut timings = Timings::default();
-    let Some(ready) = timings.measure(Phase::SetUp, || prepare_aloud(args)) else {
-        return Ok(ExitCode::from(USAGE));
-    };
-    let directory = out.unwrap_or_else(|| default_directory(&args.deck));
-    let stop = analysis::stop_on_interrupt()?;
-    let outcome = run_into(&directory, ready, Start::of_program(began), timings.clone(), View::Run, &stop)?;
-    Ok(match outcome {
-        Ok(summary) => {
-            tell!(
-                "completed: {} steps in equilibrium, {} evaluations, {:.1} s; results in {}",
-                summary.steps,
-                summary.evaluations,
-                began.elapsed().as_secs_f64(),
-                directory.display()
-            );
-            if print_timings {
-                timings.add(&summary.timings);
-                progress::print_timings(&timings);
-            }
-            ExitCode::SUCCESS
-        }
-        Err(error) => report_failure(&error, &directory),
-    })
-}
-
-/// Prints why a run ended early; returns the exit code.
-fn report_failure(error: &SolveError, directory: &Path) -> ExitCode {
-    if let SolveError::Interrupted { step } = error {
-        tell!(
-            "interrupted: all steps before step {step} are in equilibrium and written to {}",
-            directory.display()
-        );
-        return ExitCode::from(INTERRUPTED);
-    }
-    explain(error);
-    tell!("  results up to the last equilibrated step are in {}", directory.display());
-    ExitCode::from(FAILED)
-}
-
-fn default_directory(deck: &Path) -> PathBuf {
-    Path::new("results").join(deck.file_stem().unwrap_or_default())
-}
-
-fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
-    let Some(Ready { loaded, model, mut points }) = prepare_aloud(args) else {
-        return Ok(ExitCode::from(USAGE));
-    };
-    let first = match solver::first_step::<2, PlaneStrain>(&model, &mut points) {
-        Ok(first) => first,
-        Err(error) => {
-            explain(&error);
-            return Ok(ExitCode::from(FAILED));
-        }
-    };
-    print(&format!(
-        "{}: ready\n  {} points in {} bodies, {} cells, {} active nodes, {} unknowns in the first of {} steps\n",
-        loaded.source.name(),
-        points.len(),
-        model.bodies.len(),
-        model.grid.n_cells(),
-        first.active_nodes,
-        first.unknowns,
-        model.n_steps,
-    ))
-}
-
-fn print_schema() -> anyhow::Result<ExitCode> {
-    let mut text = serde_json::to_string_pretty(&deck_schema())?;
-    text.push('\n');
-    print(&text)
+/// Writes a JSON document to standard output.
+fn print_json(document: &impl serde::Serialize) -> anyhow::Result<ExitCode> {
+    print(&json_text(document)?)
 }
 
 /// Writes to standard output; a reader that has gone away is no error.

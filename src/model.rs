@@ -4,7 +4,7 @@ use crate::basis::{DomainKind, Method, domain_volume};
 use crate::constraints::BoundaryCondition;
 use crate::domain::DomainUpdate;
 use crate::grid::Grid;
-use crate::loads::Load;
+use crate::loads::{Load, LoadCurve};
 use crate::material::Material;
 use crate::points::{PointVolume, Points};
 use crate::stress::Formulation;
@@ -56,6 +56,9 @@ pub struct Model<const D: usize> {
     pub title: String,
     /// The background grid.
     pub grid: Box<dyn Grid<D>>,
+    /// Whether the bodies are of revolution about the axis where the first coordinate vanishes; otherwise those of two
+    /// dimensions have unit thickness.
+    pub revolved: bool,
     /// Configuration in which equilibrium is written.
     pub formulation: Formulation,
     /// Where the current volume of a point comes from.
@@ -79,16 +82,40 @@ pub struct Model<const D: usize> {
 }
 
 impl<const D: usize> Model<D> {
+    /// The curve that all loads and prescribed motions follow; `None` where they follow several, or where there are
+    /// none.
+    pub fn common_curve(&self) -> Option<&LoadCurve> {
+        // Conditions that only hold their nodes have a curve without effect.
+        let moves = |condition: &&BoundaryCondition<D>| {
+            condition.displacement.iter().flatten().any(|formula| formula.as_constant() != Some(0.0))
+        };
+        let moving = self.boundary_conditions.iter().filter(moves).map(|condition| &condition.curve);
+        let mut curves = self.loads.iter().map(|load| &load.curve).chain(moving);
+        let first = curves.next()?;
+        curves.all(|curve| curve == first).then_some(first)
+    }
+
+    /// The law of a point.
+    pub fn law(&self, points: &Points<D>, p: usize) -> &dyn Material {
+        self.materials[self.bodies[points.body[p] as usize].material].law.as_ref()
+    }
+
+    /// Extent of the bodies out of the plane at a place: the length of the full circle about the axis, or 1; [length].
+    pub fn depth(&self, position: &[f64; D]) -> f64 {
+        if self.revolved { std::f64::consts::TAU * position[0] } else { 1.0 }
+    }
+
     /// Volume that a point represents in its converged state, V_p^n of eq. (22) or that of its domain, [volume].
     pub fn volume(&self, points: &Points<D>, p: usize) -> f64 {
         let domain = match self.point_volume {
             PointVolume::Deformation => DomainKind::None,
             PointVolume::Domain => self.bodies[points.body[p] as usize].method.domain(),
         };
-        match domain {
-            DomainKind::None => points.volume(p),
+        let area = match domain {
+            DomainKind::None => return points.volume(p),
             DomainKind::Box => points.converged.half_lengths[p].iter().map(|l| 2.0 * l).product(),
             DomainKind::Corners => domain_volume(points.corners(p)),
-        }
+        };
+        self.depth(&points.converged.position[p]) * area
     }
 }

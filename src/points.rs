@@ -30,11 +30,11 @@ pub struct State<const D: usize> {
     pub position: Vec<[f64; D]>,
     /// Half lengths l_p of the domain along the axes, [length]; zero for points without domain.
     pub half_lengths: Vec<[f64; D]>,
-    /// Corners of the domains given by corners, [length]; `Points::corners_per_point` per point.
+    /// Corners of the domains given by corners, [length]; those of a point are at [`Points::corner_range`].
     pub corners: Vec<[f64; D]>,
     /// Deformation gradient F from the original configuration, [-].
     pub deformation_gradient: Vec<Mat3>,
-    /// Elastic logarithmic strain ε^e, [-].
+    /// Elastic strain in the measure of the law, for most laws the logarithmic one ε^e, [-].
     pub elastic_strain: Vec<Sym3>,
     /// Kirchhoff stress τ, [stress].
     pub kirchhoff_stress: Vec<Sym3>,
@@ -57,7 +57,7 @@ pub struct Points<const D: usize> {
     pub original_position: Vec<[f64; D]>,
     /// Original half lengths l_p0 of the domain, [length].
     pub original_half_lengths: Vec<[f64; D]>,
-    /// Original corners of the domains given by corners, [length]; `corners_per_point` per point.
+    /// Original corners of the domains given by corners, [length]; those of a point are at [`Points::corner_range`].
     pub original_corners: Vec<[f64; D]>,
     /// Original volume V_p0, [volume].
     pub original_volume: Vec<f64>,
@@ -71,8 +71,11 @@ pub struct Points<const D: usize> {
     pub trial: State<D>,
     /// Number of history variables kept per point: the most that any law needs.
     pub history_len: usize,
-    /// Number of domain corners kept per point: 2^D when any body has domains given by corners, otherwise none.
+    /// Number of places for domain corners kept per point: the most that any of them has.
     pub corners_per_point: usize,
+    /// Number of corners of the domain of the point: 2^D for quadrilaterals and hexahedra, D + 1 for triangles and
+    /// tetrahedra, none for points whose domain is not given by corners.
+    pub corner_count: Vec<u8>,
     /// The cell that held the point when the points were last grouped.
     pub cell: Vec<u32>,
 }
@@ -86,7 +89,9 @@ pub struct Seed<const D: usize> {
     pub position: [f64; D],
     /// Half lengths of the domain, [length]; zero for points without domain.
     pub half_lengths: [f64; D],
-    /// Corners of a domain given by corners, [length]; none for other points.
+    /// Corners of a domain given by corners, [length]; none for other points. 2^D corners are those of a
+    /// quadrilateral or hexahedron, bit d of a corner's number being its side along parametric axis d; D + 1 are
+    /// those of a triangle or tetrahedron of positive volume.
     pub corners: Vec<[f64; D]>,
     /// Volume, [volume].
     pub volume: f64,
@@ -106,11 +111,10 @@ impl<const D: usize> Points<D> {
         for (p, seed) in seeds.iter().enumerate() {
             history[p * history_len..][..seed.history.len()].copy_from_slice(&seed.history);
         }
-        let corners_per_point = if seeds.iter().any(|s| !s.corners.is_empty()) { 1 << D } else { 0 };
+        let corners_per_point = seeds.iter().map(|s| s.corners.len()).max().unwrap_or(0);
         let mut corners = vec![[0.0; D]; corners_per_point * seeds.len()];
-        for (p, seed) in seeds.iter().enumerate().filter(|(_, seed)| seed.corners.len() == corners_per_point)
-        {
-            corners[p * corners_per_point..][..corners_per_point].copy_from_slice(&seed.corners);
+        for (p, seed) in seeds.iter().enumerate() {
+            corners[p * corners_per_point..][..seed.corners.len()].copy_from_slice(&seed.corners);
         }
         let state = State {
             corners: corners.clone(),
@@ -134,6 +138,7 @@ impl<const D: usize> Points<D> {
             history_len,
             original_corners: corners,
             corners_per_point,
+            corner_count: seeds.iter().map(|s| s.corners.len() as u8).collect(),
             cell: vec![0; seeds.len()],
         }
     }
@@ -189,6 +194,7 @@ impl<const D: usize> Points<D> {
         self.original_volume = gather(&self.original_volume, order);
         self.mass = gather(&self.mass, order);
         self.outer_layer = gather(&self.outer_layer, order);
+        self.corner_count = gather(&self.corner_count, order);
         let state = &mut self.converged;
         state.position = gather(&state.position, order);
         state.half_lengths = gather(&state.half_lengths, order);
@@ -199,9 +205,16 @@ impl<const D: usize> Points<D> {
         state.history = gather_blocks(&state.history, order, self.history_len);
     }
 
+    /// Where the corners of the domain of a point stand in the arrays of corners; empty when its domain is not given
+    /// by corners.
+    pub fn corner_range(&self, p: usize) -> std::ops::Range<usize> {
+        let start = p * self.corners_per_point;
+        start..start + usize::from(self.corner_count[p])
+    }
+
     /// Corners of the domain of a point in the converged state; none when it is not given by corners.
     pub fn corners(&self, p: usize) -> &[[f64; D]] {
-        &self.converged.corners[p * self.corners_per_point..][..self.corners_per_point]
+        &self.converged.corners[self.corner_range(p)]
     }
 
     /// The order of the points by permanent number: `order[id]` is the place of point `id`.
@@ -221,7 +234,12 @@ impl<const D: usize> Points<D> {
         };
         let mut found: Vec<(f64, u32)> =
             (0..self.len()).filter(|&p| self.body[p] == body).map(|p| (distance(p), self.id[p])).collect();
-        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        if count + 1 < found.len() {
+            found.select_nth_unstable_by(count, order);
+            found.truncate(count + 1);
+        }
+        found.sort_unstable_by(order);
         let clear = match (found.get(count.wrapping_sub(1)), found.get(count)) {
             (Some(last), Some(next)) => next.0 - last.0 > 1e-9 * (1.0 + last.0),
             _ => true,

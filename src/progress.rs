@@ -1,123 +1,219 @@
-//! What the user sees while a run goes on: a bar on a terminal, plain lines elsewhere.
+//! What the user sees while a run goes on: a bar on a terminal, lines elsewhere, a log, and a status for others.
 
 use std::io::{self, IsTerminal};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use mpm::model::Model;
 use mpm::output::results::Results;
+use mpm::output::status::{Progress, Status, StatusFile};
+use mpm::output::summary::Start;
 use mpm::points::Points;
 use mpm::solver::{Observer, SolveError, Step, StepReport, Summary};
-use mpm::timing::{Phase, Timings};
+
+use crate::closing::Closing;
+use crate::log::LogFile;
+use crate::quantities::{bytes, duration, rate, significant};
 
 /// What is shown of a run.
 pub enum View {
     /// Everything: it is all that the program does.
-    Run,
+    Run {
+        /// Where everything is written down.
+        log: Option<LogFile>,
+    },
     /// Only a bar under this label, and nothing where there is no terminal: it is one run among others.
     Member(String),
 }
 
-/// Writes the results and shows the progress of a run.
+/// The bar is drawn afresh at most this often.
+const FRAME: Duration = Duration::from_millis(100);
+/// Without a terminal there are about so many lines in all, …
+const LINES: usize = 20;
+/// … and one at least every so often.
+const SILENCE: Duration = Duration::from_secs(30);
+
+/// Writes the results of a run and shows how far it is.
 pub struct Watch {
     results: Results,
     view: View,
-    bar: Option<ProgressBar>,
-    n_steps: usize,
+    progress: Progress,
+    status_file: StatusFile,
+    /// Whether writing the status and the log has worked so far: a failure is told once and stops nothing.
+    status_works: bool,
+    log_works: bool,
+    display: Display,
     /// Warnings that were printed.
     warned: usize,
     stop: Arc<AtomicBool>,
+    closing: Option<Closing>,
+}
+
+/// How the progress is shown.
+enum Display {
+    Bar { bar: ProgressBar, drawn: Option<Instant> },
+    Lines { last: Instant },
+    Nothing,
 }
 
 impl Watch {
     /// Watches a run that `stop` may end.
-    pub fn new(
+    pub fn new<const D: usize>(
         results: Results,
-        model: &Model<2>,
-        points: &Points<2>,
+        model: &Model<D>,
+        points: &Points<D>,
+        start: Start,
         view: View,
         stop: Arc<AtomicBool>,
     ) -> Self {
         let label = match &view {
-            View::Run => {
-                if !model.title.is_empty() {
-                    tell!("{}", model.title);
-                }
-                tell!(
-                    "{} points, {} cells, {} load steps",
-                    points.len(),
-                    model.grid.n_cells(),
-                    model.n_steps
-                );
-                String::new()
-            }
+            View::Run { .. } => String::new(),
             View::Member(label) => format!("{label} "),
         };
-        let bar = io::stderr().is_terminal().then(|| {
+        let display = if io::stderr().is_terminal() {
             let bar = ProgressBar::new(model.n_steps as u64).with_prefix(label);
-            let layout = "{prefix}{bar:30} {msg} [{elapsed} < {eta}]";
-            if let Ok(style) = ProgressStyle::with_template(layout) {
+            if let Ok(style) = ProgressStyle::with_template("{prefix}{bar:20} {msg}") {
                 bar.set_style(style);
             }
-            bar
-        });
-        Watch { results, view, bar, n_steps: model.n_steps, warned: 0, stop }
+            Display::Bar { bar, drawn: None }
+        } else if let View::Run { .. } = view {
+            Display::Lines { last: Instant::now() }
+        } else {
+            Display::Nothing
+        };
+        let mut watch = Watch {
+            status_file: StatusFile::new(results.directory()),
+            progress: Progress::new(model, points, start),
+            results,
+            view,
+            status_works: true,
+            log_works: true,
+            display,
+            warned: 0,
+            stop,
+            closing: None,
+        };
+        if let View::Run { .. } = watch.view {
+            if !model.title.is_empty() {
+                watch.say(&model.title);
+            }
+            watch.say(&format!(
+                "{} points, {} cells, {} load steps",
+                points.len(),
+                model.grid.n_cells(),
+                model.n_steps
+            ));
+        }
+        watch
     }
 
-    /// Prints above the bar, if there is one.
+    /// Prints a line, above the bar if there is one.
     fn print(&self, line: &str) {
-        match &self.bar {
-            Some(bar) => bar.suspend(|| tell!("{line}")),
-            None => tell!("{line}"),
+        match &self.display {
+            Display::Bar { bar, .. } => bar.suspend(|| tell!("{line}")),
+            Display::Lines { .. } | Display::Nothing => tell!("{line}"),
         }
     }
 
-    /// Leaves the terminal tidy.
-    pub fn end(&self) {
-        if let Some(bar) = &self.bar {
+    /// Prints a line and writes it into the log.
+    fn say(&mut self, line: &str) {
+        self.print(line);
+        self.log(line);
+    }
+
+    /// Writes a line into the log.
+    fn log(&mut self, line: &str) {
+        let View::Run { log: Some(log) } = &self.view else { return };
+        let written = log.line(line);
+        if let (Err(error), true) = (written, self.log_works) {
+            self.log_works = false;
+            self.print(&format!("warning: the log cannot be written: {error}"));
+        }
+    }
+
+    fn update_status(&mut self) {
+        let written = self.status_file.update(&self.progress);
+        if let (Err(error), true) = (written, self.status_works) {
+            self.status_works = false;
+            self.say(&format!("warning: `mpm status` will not see this run: {error}"));
+        }
+    }
+
+    /// Shows the state of things on the bar, if it is time.
+    fn draw(&mut self) {
+        let Display::Bar { bar, drawn } = &mut self.display else { return };
+        if drawn.is_some_and(|drawn| drawn.elapsed() < FRAME) {
+            return;
+        }
+        *drawn = Some(Instant::now());
+        bar.set_message(on_the_bar(&self.progress.status()));
+    }
+
+    /// Shows a step in equilibrium where there is no terminal.
+    fn show_line<const D: usize>(&mut self, report: &StepReport<D>) {
+        let Display::Lines { last } = &mut self.display else { return };
+        let status = self.progress.status();
+        let (step, steps) = (report.step.index, status.steps_requested);
+        let due = step == 1 || step == steps || step.is_multiple_of(steps.div_ceil(LINES));
+        if due || last.elapsed() >= SILENCE {
+            *last = Instant::now();
+            let left = status.seconds_left.filter(|_| step < steps);
+            let left = left.map(|left| format!(", {} left", duration(left))).unwrap_or_default();
+            tell!("{}{left}", in_equilibrium(report, steps));
+        }
+    }
+
+    /// Leaves the terminal tidy; returns what there is to say at the end.
+    pub fn end(self) -> Option<Closing> {
+        if let Display::Bar { bar, .. } = &self.display {
             bar.finish_and_clear();
         }
+        self.closing
     }
 }
 
-impl Observer<2> for Watch {
-    fn started(&mut self, model: &Model<2>, points: &Points<2>) -> io::Result<()> {
+impl<const D: usize> Observer<D> for Watch {
+    fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
+        self.update_status();
+        self.draw();
         self.results.started(model, points)
     }
 
     fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
-        Observer::<2>::iteration(&mut self.results, step, iteration, residual);
-        if let Some(bar) = &self.bar {
-            let (index, n) = (step.index, self.n_steps);
-            bar.set_message(format!("step {index}/{n} iteration {iteration} residual {residual:.1e}"));
-        }
+        Observer::<D>::iteration(&mut self.results, step, iteration, residual);
+        self.progress.iteration(step, iteration, residual);
+        self.log(&format!("step {}: iteration {iteration}: residual {residual:.3e}", step.index));
+        self.update_status();
+        self.draw();
     }
 
     fn converged(
         &mut self,
-        model: &Model<2>,
-        points: &Points<2>,
-        report: &StepReport<2>,
+        model: &Model<D>,
+        points: &Points<D>,
+        report: &StepReport<D>,
         summary: &Summary,
     ) -> io::Result<()> {
-        match (&self.bar, &self.view) {
-            (Some(bar), _) => bar.inc(1),
-            (None, View::Member(_)) => {}
-            (None, View::Run) => tell!(
-                "step {}/{}: {} iterations, residual {:.2e}",
-                report.step.index,
-                self.n_steps,
-                report.residuals.len() - 1,
-                report.residuals.last().copied().unwrap_or(0.0)
-            ),
+        let written = self.results.converged(model, points, report, summary);
+        self.progress.converged(report, summary);
+        if let Display::Bar { bar, .. } = &self.display {
+            bar.inc(1);
+        }
+        self.show_line(report);
+        if let View::Run { log: Some(_) } = self.view {
+            let status = self.progress.status();
+            self.log(&format!("{}{}", in_equilibrium(report, model.n_steps), in_the_log(&status)));
         }
         let indent = if let View::Member(_) = self.view { "  " } else { "" };
         for warning in &summary.warnings[self.warned..] {
-            self.print(&format!("{indent}warning: {warning}"));
+            self.say(&format!("{indent}warning: {warning}"));
         }
         self.warned = summary.warnings.len();
-        self.results.converged(model, points, report, summary)
+        self.update_status();
+        self.draw();
+        written
     }
 
     fn interrupted(&self) -> bool {
@@ -126,33 +222,52 @@ impl Observer<2> for Watch {
 
     fn finished(
         &mut self,
-        model: &Model<2>,
-        points: &Points<2>,
+        model: &Model<D>,
+        points: &Points<D>,
         summary: &Summary,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
-        if let View::Run = self.view
-            && summary.steps > 0
-        {
-            self.print(&format!("quality: {}", summary.quality));
+        let written = self.results.finished(model, points, summary, error);
+        self.progress.finished(error);
+        // A summary that could not be written is a failure, too.
+        if let (Err(failure), None) = (&written, error) {
+            let failure = io::Error::new(failure.kind(), failure.to_string());
+            self.progress.finished(Some(&SolveError::Output(failure)));
         }
-        self.results.finished(model, points, summary, error)
+        self.update_status();
+        self.closing = Closing::new(model, points, summary, &self.results, error);
+        written
     }
 }
 
-/// Prints the phases of a run in the manner of the paper's Table 5.
-pub fn print_timings(timings: &Timings) {
-    let total: f64 = Phase::ALL.iter().map(|&phase| timings.of(phase).wall.as_secs_f64()).sum();
-    tell!("{:<10} {:>10} {:>10} {:>7}", "phase", "wall [s]", "CPU [s]", "share");
-    for phase in Phase::ALL {
-        let spent = timings.of(phase);
-        let wall = spent.wall.as_secs_f64();
-        tell!(
-            "{:<10} {:>10.3} {:>10.3} {:>6.1}%",
-            phase.name(),
-            wall,
-            spent.cpu.as_secs_f64(),
-            100.0 * wall / total.max(f64::MIN_POSITIVE)
-        );
+/// A step in equilibrium, in a line.
+fn in_equilibrium<const D: usize>(report: &StepReport<D>, steps: usize) -> String {
+    let solves = report.residuals.len().saturating_sub(1);
+    let residual = report.residuals.last().copied().unwrap_or(0.0);
+    format!("step {}/{steps}: {solves} iterations, residual {residual:.2e}", report.step.index)
+}
+
+/// Two lines of less than 80 columns in all.
+fn on_the_bar(status: &Status) -> String {
+    let mut first = format!("step {}/{}", status.step, status.steps_requested);
+    if let Some(residual) = status.residual {
+        first.push_str(&format!("  iteration {}  residual {residual:.1e}", status.iteration));
     }
+    let mut second = vec![format!("{} elapsed", duration(status.elapsed_seconds))];
+    second.extend(status.seconds_left.map(|left| format!("{} left", duration(left))));
+    second.extend(status.load_factor.map(|factor| format!("load factor {}", significant(factor, 3))));
+    second.extend(status.points_per_second.map(rate));
+    second.extend(status.memory_bytes.map(bytes));
+    format!("{first}\n{}", second.join("  "))
+}
+
+/// What the log says of a step in equilibrium beside its residual.
+fn in_the_log(status: &Status) -> String {
+    let mut parts = Vec::new();
+    parts.extend(status.load_factor.map(|factor| format!("load factor {}", significant(factor, 4))));
+    parts.push(format!("{} unknowns", status.unknowns));
+    parts.extend(status.points_per_second.map(rate));
+    parts.extend(status.memory_bytes.map(bytes));
+    parts.extend(status.seconds_left.map(|left| format!("{} left", duration(left))));
+    parts.iter().map(|part| format!(", {part}")).collect()
 }

@@ -8,14 +8,14 @@ use crate::assembly::{FreeEntries, System};
 use crate::basis::{Connectivity, Method};
 use crate::constraints::DofMap;
 use crate::linear::{Direct, Factorisation, LinearSolver, ordering};
-use crate::loads::external_force;
+use crate::loads::{ExternalForce, external_force};
 use crate::model::{Model, Newton};
 use crate::points::Points;
 use crate::quality::{Measures, Quality};
-use crate::stress::Mechanics;
+use crate::stress::{Axisymmetric, Mechanics, PlaneStrain};
 use crate::timing::{Phase, Timings};
 
-pub use error::SolveError;
+pub use error::{CODES, SolveError};
 pub use report::{GridFields, Observer, Silent, StepReport, Summary};
 
 use error::locate_failure;
@@ -61,29 +61,20 @@ pub fn run<const D: usize, M: Mechanics<D>>(
     outcome.and(told.map_err(SolveError::Output)).map(|()| finished)
 }
 
-/// The size of the first load step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FirstStep {
-    /// Nodes that the points touch.
-    pub active_nodes: usize,
-    /// Degrees of freedom that no boundary condition prescribes.
-    pub unknowns: usize,
-}
-
-/// Sets the first load step up, as [`run`] does before it solves anything.
+/// Runs an analysis in the plane as [`run`], with the mechanics of its idealisation.
 ///
 /// # Errors
-/// As [`run`] for what is wrong with the first step before its first solution.
-pub fn first_step<const D: usize, M: Mechanics<D>>(
-    model: &Model<D>,
-    points: &mut Points<D>,
-) -> Result<FirstStep, SolveError> {
-    let step = Step { index: 1, start: 0.0, end: model.end_time * (1.0 / model.n_steps as f64) };
-    let methods: Vec<Method> = model.bodies.iter().map(|b| b.method).collect();
-    let links = Connectivity::new(model.grid.as_ref(), points, &methods)
-        .map_err(|failure| SolveError::unsupported(model, points, failure, step))?;
-    let system = StepSystem::new::<M>(model, points, &links, step)?;
-    Ok(FirstStep { active_nodes: links.n_active(), unknowns: system.dofs.n_free() })
+/// As [`run`].
+pub fn run_in_plane(
+    model: &Model<2>,
+    points: &mut Points<2>,
+    observer: &mut dyn Observer<2>,
+) -> Result<Summary, SolveError> {
+    if model.revolved {
+        run::<2, Axisymmetric>(model, points, observer)
+    } else {
+        run::<2, PlaneStrain>(model, points, observer)
+    }
 }
 
 /// What lives from step to step: the linear solver with its analysis, and the account of the run.
@@ -145,7 +136,7 @@ impl Solver {
             .measure(Phase::Basis, || Connectivity::new(model.grid.as_ref(), points, &methods))
             .map_err(|failure| SolveError::unsupported(model, points, failure, step))?;
         let set_up = timings.measure(Phase::SetUp, || StepSystem::new::<M>(model, points, &links, step));
-        let StepSystem { dofs, mut system, entries, f_ext, f_ext_start } = set_up?;
+        let StepSystem { dofs, mut system, entries, f_ext, f_ext_start, applied } = set_up?;
         let analysed = timings.measure(Phase::Analyse, || {
             let order = || elimination_order(model, &links, &system, &dofs);
             self.linear.analyse(&entries.pattern, &order)
@@ -178,6 +169,7 @@ impl Solver {
                 return Ok(StepReport {
                     step,
                     reactions: report::named_reactions(model, &reaction_field, &dofs),
+                    applied,
                     energy: balance_of_energy(
                         model,
                         points,
@@ -276,6 +268,8 @@ struct StepSystem<const D: usize> {
     f_ext: Nodal<D>,
     /// External force of the state the step starts from, on the nodes of this step.
     f_ext_start: Nodal<D>,
+    /// Sum of the loads at the end of the step, [force].
+    applied: [f64; D],
 }
 
 impl<const D: usize> StepSystem<D> {
@@ -289,7 +283,9 @@ impl<const D: usize> StepSystem<D> {
             .map_err(|error| SolveError::Constraint { step: step.index, error })?;
         let system = System::new::<M>(model, points, links);
         let entries = system.free_entries(&dofs);
-        if let Some((node, axis)) = dofs.unheld(&system.parts()) {
+        // A ring resists its own motion outwards.
+        let rigid = usize::from(M::REVOLVED)..D;
+        if let Some((node, axis)) = dofs.unheld(&links.parts(), rigid) {
             let place = model.grid.node_position(links.active_nodes()[node] as usize);
             return Err(SolveError::Unheld { step: step.index, node: place.to_vec(), axis });
         }
@@ -297,10 +293,11 @@ impl<const D: usize> StepSystem<D> {
             external_force(model, points, links, time) // (24), (25), (29)
                 .map_err(|error| SolveError::Load { step: step.index, error: Box::new(error) })
         };
-        let f_ext = load(step.end)?;
+        let ExternalForce { nodal: f_ext, applied } = load(step.end)?;
         // At time 0 nothing is loaded yet, whatever the curves say.
-        let f_ext_start = if step.start > 0.0 { load(step.start)? } else { vec![[0.0; D]; f_ext.len()] };
-        Ok(StepSystem { dofs, system, entries, f_ext, f_ext_start })
+        let f_ext_start =
+            if step.start > 0.0 { load(step.start)?.nodal } else { vec![[0.0; D]; f_ext.len()] };
+        Ok(StepSystem { dofs, system, entries, f_ext, f_ext_start, applied })
     }
 }
 

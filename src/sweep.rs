@@ -16,7 +16,8 @@ use mpm::solver::SolveError;
 use mpm::study::{Axis, Member, Outcome, Record, Row, Study, write_table};
 use mpm::timing::{Phase, Timings};
 
-use crate::analysis::{self, explain, messages, prepare, run_into};
+use crate::analysis::{self, Ended, describe_failure, messages, prepare, run_into};
+use crate::interrupt::stop_on_interrupt;
 use crate::progress::View;
 use crate::{DeckArgs, FAILED, INTERRUPTED, USAGE};
 
@@ -51,7 +52,7 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
     };
     study.check_names(&known)?;
     analysis::start_threads(args.threads)?;
-    let stop = analysis::stop_on_interrupt()?;
+    let stop = stop_on_interrupt()?;
     let directory = args.out.unwrap_or_else(|| {
         let mut name = path.file_stem().unwrap_or_default().to_owned();
         name.push("-sweep");
@@ -119,8 +120,8 @@ impl Sweep {
         let (start, mut set_up) = (Start::now(), Timings::default());
         let overrides = self.study.overrides(&member);
         let prepared =
-            set_up.measure(Phase::SetUp, || prepare(load_text(&self.name, &self.text, &overrides)));
-        let messages = messages(&prepared);
+            set_up.measure(Phase::SetUp, || prepare(load_text(&self.name, &self.text, &overrides), false));
+        let messages = messages(&prepared, std::io::stderr().is_terminal());
         // Remarks are the same for many members; once is enough. Errors belong to the member.
         if !messages.is_empty() && (prepared.is_err() || self.told.insert(messages.clone())) {
             tell!("{messages}");
@@ -139,7 +140,7 @@ impl Sweep {
                 tell!("error: {error:#}");
                 Outcome::Failed(format!("{error:#}"))
             }
-            Ok(Ok(summary)) => {
+            Ok(Ended { outcome: Ok(summary), .. }) => {
                 tell!(
                     "  completed: {} steps in equilibrium, {} evaluations, {:.1} s",
                     summary.steps,
@@ -148,12 +149,12 @@ impl Sweep {
                 );
                 Outcome::Completed
             }
-            Ok(Err(SolveError::Interrupted { step })) => {
+            Ok(Ended { outcome: Err(SolveError::Interrupted { step }), .. }) => {
                 tell!("  interrupted: all steps before step {step} are in equilibrium");
                 Outcome::Interrupted
             }
-            Ok(Err(error)) => {
-                explain(&error);
+            Ok(Ended { outcome: Err(error), .. }) => {
+                tell!("{}", describe_failure(&error));
                 Outcome::Failed(error.to_string())
             }
         };

@@ -12,7 +12,7 @@ use std::cell::Cell;
 use mpm::assembly::System;
 use mpm::stress::PlaneStrain;
 
-use states::{CASES, FORMULATIONS, Random, State, random_state};
+use states::{FORMULATIONS, Random, State, cases, random_state};
 
 thread_local! {
     /// Allocations of this thread; the others of the test harness are of no interest.
@@ -49,9 +49,9 @@ fn assembling_again_allocates_nothing() {
     assert!(allocations(|| drop(std::hint::black_box(vec![0u8; 100]))) == 1, "the counter does not count");
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| {
-        for (method, law) in CASES {
+        for (method, law) in cases() {
             for formulation in FORMULATIONS {
-                let mut state = random_state(method, law, 400, 5);
+                let mut state = random_state::<2, PlaneStrain>(method, law, 400, 5);
                 state.model.formulation = formulation;
                 let State { model, points, links, delta_d } = &mut state;
                 let mut system = System::new::<PlaneStrain>(model, points, links);

@@ -44,7 +44,7 @@ fn after_one_solve() -> (Vec<Imbalance>, f64) {
     let mut system = System::new::<PlaneStrain>(&model, &points, &links);
     let at_rest = vec![[0.0; 2]; n];
     system.assemble::<PlaneStrain>(&model, &mut points, &links, &at_rest).unwrap();
-    let f_ext = external_force(&model, &points, &links, model.end_time / model.n_steps as f64).unwrap();
+    let f_ext = external_force(&model, &points, &links, model.end_time / model.n_steps as f64).unwrap().nodal;
     let times = |x: &[[f64; 2]]| {
         let mut out = at_rest.clone();
         system.multiply(x, &mut out);
@@ -125,9 +125,10 @@ steps: {count: 1}";
         let error = failure_of_square(4, method, rest);
         let text = error.to_string();
         assert!(matches!(error, SolveError::Domain { step: 1, .. }), "{text}");
-        assert!(
-            text.contains("of body `square` at (5.700000, ") && text.contains("at (6.200000, "),
-            "{text}"
+        assert_eq!(
+            text,
+            "step 1: point 3 of body `square` at (5.700000, 0.500000): corner 1 of its domain, at (6.200000, 0.000000), \
+             is outside the grid"
         );
     }
 }
@@ -140,7 +141,29 @@ fn a_domain_that_crosses_itself_is_an_error() {
 steps: {count: 1}";
     let error = failure_of_square(1, "cpdi2", rest);
     assert!(matches!(error, SolveError::Domain { step: 1, .. }), "{error}");
-    assert!(error.to_string().ends_with("its domain is inverted or crosses itself"), "{error}");
+    assert_eq!(
+        error.to_string(),
+        "step 1: point 0 of body `square` at (0.575000, 0.500000): its domain is inverted or crosses itself"
+    );
+}
+
+/// The deck is refused before a run begins; later steps can only be judged when they come.
+#[test]
+fn what_the_first_step_cannot_begin_with_is_an_error_of_any_step() {
+    let error = failure_of_square(
+        2,
+        "mpm",
+        "boundary_conditions: [{name: base, nodes: {y: 0}, fix: [y]}]\nsteps: {count: 1}",
+    );
+    assert!(matches!(error, SolveError::Unheld { step: 1, axis: 0, .. }), "{error}");
+    let rest = "boundary_conditions:
+  - {name: base, nodes: {y: 0}, ux: 'factor^2 - factor', uy: 0}
+  - {name: side, nodes: {x: 0}, ux: 'factor - factor^2'}
+steps: {count: 2, end_time: 2}";
+    let error = failure_of_square(2, "mpm", rest);
+    let text = error.to_string();
+    assert!(matches!(error, SolveError::Constraint { step: 1, .. }), "{text}");
+    assert!(text.contains("boundary conditions `base` and `side`"), "{text}");
 }
 
 #[test]

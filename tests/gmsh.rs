@@ -18,8 +18,8 @@ fn file(name: &str) -> GmshFile {
     read_file(&path(name)).unwrap()
 }
 
-fn mesh(name: &str) -> Mesh {
-    Mesh::from_gmsh(&file(name)).unwrap()
+fn mesh(name: &str) -> Mesh<2> {
+    Mesh::<2>::from_gmsh(&file(name)).unwrap()
 }
 
 fn all_files() -> Vec<Vec<u8>> {
@@ -30,17 +30,17 @@ fn all_files() -> Vec<Vec<u8>> {
 }
 
 /// Equal but for the last digit of coordinates, of which gmsh's texts have one too few.
-fn assert_same(a: &Mesh, b: &Mesh) {
+fn assert_same<const D: usize>(a: &Mesh<D>, b: &Mesh<D>) {
     assert_eq!((a.n_nodes(), a.n_cells()), (b.n_nodes(), b.n_cells()));
     for node in 0..a.n_nodes() {
         let (x, y) = (a.node_position(node), b.node_position(node));
-        assert!((0..2).all(|d| (x[d] - y[d]).abs() < 1e-15), "{x:?} {y:?}");
+        assert!((0..D).all(|d| (x[d] - y[d]).abs() < 1e-15), "{x:?} {y:?}");
     }
     assert!((0..a.n_cells() as u32).all(|cell| a.cell_nodes(cell) == b.cell_nodes(cell)));
     assert_eq!(a.node_sets(), b.node_sets());
-    assert_eq!(a.edge_sets(), b.edge_sets());
+    assert_eq!(a.side_sets(), b.side_sets());
     assert_eq!(a.cell_sets(), b.cell_sets());
-    assert_eq!(a.boundary_edges(), b.boundary_edges());
+    assert_eq!(a.boundary(), b.boundary());
 }
 
 #[test]
@@ -82,15 +82,15 @@ fn groups_become_sets() {
         mesh.cell_sets().keys().cloned().collect::<Vec<_>>(),
         names(&["all of it", "rock", "soil body"])
     );
-    assert_eq!(mesh.edge_sets().keys().cloned().collect::<Vec<_>>(), names(&["8", "left edge"]));
+    assert_eq!(mesh.side_sets().keys().cloned().collect::<Vec<_>>(), names(&["8", "left edge"]));
     assert_eq!(mesh.node_sets().len(), 6);
-    let area = |set: &str| mesh.cell_sets()[set].iter().map(|c| mesh.area(*c)).sum::<f64>();
+    let area = |set: &str| mesh.cell_sets()[set].iter().map(|c| mesh.volume(*c)).sum::<f64>();
     assert!((area("soil body") - 1.0).abs() < 1e-14 && (area("rock") - 1.0).abs() < 1e-14);
     assert_eq!(mesh.cell_sets()["all of it"].len(), mesh.n_cells());
     let left = &mesh.node_sets()["left edge"];
     assert!(left.len() == 3 && left.iter().all(|n| mesh.node_position(*n as usize)[0] == 0.0));
-    assert_eq!(mesh.edge_sets()["left edge"].len(), 2);
-    assert_eq!(mesh.edge_sets()["8"].len(), 4);
+    assert_eq!(mesh.side_sets()["left edge"].len(), 2);
+    assert_eq!(mesh.side_sets()["8"].len(), 4);
     let origin = &mesh.node_sets()["origin"];
     assert!(origin.len() == 1 && mesh.node_position(origin[0] as usize) == [0.0, 0.0]);
     // Triangles first, then the quadrilaterals of the soil.
@@ -106,24 +106,24 @@ fn the_grid_of_the_beam_is_complete() {
     assert_eq!(mesh.bounds(), [[0.0, 0.0], [11.0, 10.0]]);
     assert_eq!(mesh.node_sets()["left"].len(), 21);
     assert_eq!(mesh.node_sets()["grid"].len(), 483);
-    assert_eq!(mesh.boundary_edges().len(), 84);
-    assert!((0..440).all(|cell| mesh.area(cell) == 0.25));
+    assert_eq!(mesh.boundary().len(), 84);
+    assert!((0..440).all(|cell| mesh.volume(cell) == 0.25));
 }
 
 #[test]
 fn the_annulus_meshes_are_good() {
     for segments in [18, 36, 72, 144, 288] {
         let path = format!("{}/inputs/annulus/annulus_{segments}.msh", env!("CARGO_MANIFEST_DIR"));
-        let mesh = Mesh::from_gmsh(&read_file(Path::new(&path)).unwrap()).unwrap();
-        assert_eq!(mesh.edge_sets()["outer"].len(), segments);
+        let mesh = Mesh::<2>::from_gmsh(&read_file(Path::new(&path)).unwrap()).unwrap();
+        assert_eq!(mesh.side_sets()["outer"].len(), segments);
         for (set, radius) in [("outer", 1.25), ("inner", 0.75)] {
             let x = mesh.node_sets()[set].iter().map(|n| mesh.node_position(*n as usize));
             assert!(
                 x.clone().count() >= 9 && x.into_iter().all(|x| (x[0].hypot(x[1]) - radius).abs() < 1e-9)
             );
         }
-        let boundary = mesh.edge_sets()["outer"].len() + mesh.edge_sets()["inner"].len();
-        assert_eq!(mesh.boundary_edges().len(), boundary);
+        let boundary = mesh.side_sets()["outer"].len() + mesh.side_sets()["inner"].len();
+        assert_eq!(mesh.boundary().len(), boundary);
         assert!(mesh.warnings().is_empty());
     }
 }
@@ -141,7 +141,10 @@ fn second_order_elements_are_refused_by_name_and_number() {
 
 #[test]
 fn clockwise_and_partitioned_meshes_are_refused() {
-    assert_eq!(Mesh::from_gmsh(&file("clockwise")).unwrap_err(), MeshError::AllClockwise);
+    assert_eq!(
+        Mesh::<2>::from_gmsh(&file("clockwise")).unwrap_err(),
+        MeshError::AllInverted { dimension: 2 }
+    );
     assert!(matches!(read_file(&path("partitioned")), Err(GmshError::Partitioned { .. })));
 }
 
@@ -176,8 +179,8 @@ fn text(nodes: &str, elements: &str) -> Result<GmshFile, GmshError> {
 
 const SQUARE: &str = "1 0 0 0\n2 1 0 0\n3 1 1 0\n40000000 0 1 0\n";
 
-fn square(elements: &str) -> Result<Mesh, MeshError> {
-    Mesh::from_gmsh(&text(&format!("{SQUARE}5 0 1e-12 0\n6 .4 .4 0\n"), elements).unwrap())
+fn square(elements: &str) -> Result<Mesh<2>, MeshError> {
+    Mesh::<2>::from_gmsh(&text(&format!("{SQUARE}5 0 1e-12 0\n6 .4 .4 0\n"), elements).unwrap())
 }
 
 #[test]
@@ -207,21 +210,21 @@ fn unusable_cells_are_found() {
     let top = 40_000_000;
     let good = square(&quad(1, 2, 3, top)).unwrap();
     assert_eq!((good.n_nodes(), good.n_cells()), (4, 1));
-    assert_eq!(square("1 1 2 0 1 1 2\n").unwrap_err(), MeshError::NoCells);
-    assert_eq!(square(&quad(1, top, 3, 2)).unwrap_err(), MeshError::AllClockwise);
+    assert_eq!(square("1 1 2 0 1 1 2\n").unwrap_err(), MeshError::NoCells { dimension: 2, n_surface: 0 });
+    assert_eq!(square(&quad(1, top, 3, 2)).unwrap_err(), MeshError::AllInverted { dimension: 2 });
     let two = "1 2 0 1 2 3\n2 2 0 1 40000000 3\n";
     match square(two).unwrap_err() {
-        MeshError::Clockwise { n: 1, first } => assert_eq!(first[0].element, 2),
+        MeshError::Inverted { n: 1, first, .. } => assert_eq!(first[0].element, 2),
         other => panic!("{other:?}"),
     }
-    assert!(matches!(square(&quad(1, 2, 6, top)), Err(MeshError::NotConvex { n: 1, .. })));
-    assert!(matches!(square("1 2 0 1 2 2\n"), Err(MeshError::ZeroArea { n: 1, .. })));
-    assert!(matches!(square("1 2 0 1 5 2\n"), Err(MeshError::ZeroArea { n: 1, .. })));
+    assert!(matches!(square(&quad(1, 2, 6, top)), Err(MeshError::Folded { n: 1, .. })));
+    assert!(matches!(square("1 2 0 1 2 2\n"), Err(MeshError::NoVolume { n: 1, .. })));
+    assert!(matches!(square("1 2 0 1 5 2\n"), Err(MeshError::NoVolume { n: 1, .. })));
     let overlap = square("1 2 0 1 2 3\n2 2 0 1 2 40000000\n").unwrap_err();
     assert!(matches!(overlap, MeshError::Overlap { n: 1, .. }), "{overlap}");
-    let tilted = Mesh::from_gmsh(&text("1 0 0 0\n2 1 0 1\n3 0 1 0\n", "1 2 0 1 2 3\n").unwrap());
+    let tilted = Mesh::<2>::from_gmsh(&text("1 0 0 0\n2 1 0 1\n3 0 1 0\n", "1 2 0 1 2 3\n").unwrap());
     assert_eq!(tilted.unwrap_err(), MeshError::NotFlat { low: 0.0, high: 1.0 });
-    let solid = Mesh::from_gmsh(&text(SQUARE, "1 4 0 1 2 3 40000000\n").unwrap());
+    let solid = Mesh::<2>::from_gmsh(&text(SQUARE, "1 4 0 1 2 3 40000000\n").unwrap());
     assert_eq!(solid.unwrap_err(), MeshError::Solid { n: 1 });
     let shared = square("1 1 1 5 1 2\n2 2 1 5 1 2 3\n").unwrap_err();
     assert_eq!(shared, MeshError::SharedName { name: "5".into(), dimensions: [1, 2] });
@@ -230,9 +233,9 @@ fn unusable_cells_are_found() {
 #[test]
 fn nodes_that_should_be_one_are_told() {
     let nodes = format!("{SQUARE}5 0 0 0\n6 1 1 1e-13\n");
-    let mesh = Mesh::from_gmsh(&text(&nodes, "1 2 0 1 2 3\n2 2 0 5 6 40000000\n").unwrap()).unwrap();
+    let mesh = Mesh::<2>::from_gmsh(&text(&nodes, "1 2 0 1 2 3\n2 2 0 5 6 40000000\n").unwrap()).unwrap();
     let [MeshWarning::Unmerged { n: 2, first }] = mesh.warnings() else { panic!("{:?}", mesh.warnings()) };
-    assert_eq!(first, &[[0.0, 0.0], [1.0, 1.0]]);
+    assert_eq!(first, &[vec![0.0, 0.0], vec![1.0, 1.0]]);
 }
 
 /// One triangle in binary, with the bytes of numbers in either order.
@@ -268,7 +271,7 @@ fn both_byte_orders_are_read() {
     for version in ["2.2", "4.1"] {
         let little = read(&binary(version, false)).unwrap();
         assert_eq!(little, read(&binary(version, true)).unwrap());
-        assert_eq!(Mesh::from_gmsh(&little).unwrap().area(0), 0.5);
+        assert_eq!(Mesh::<2>::from_gmsh(&little).unwrap().volume(0), 0.5);
     }
 }
 
@@ -285,7 +288,7 @@ fn no_part_of_a_file_is_a_file() {
 /// Reads and builds; only the absence of panics matters.
 fn survive(bytes: &[u8]) {
     if let Ok(file) = read(bytes)
-        && let Ok(mesh) = Mesh::from_gmsh(&file)
+        && let Ok(mesh) = Mesh::<2>::from_gmsh(&file)
     {
         let x = mesh.node_position(0);
         for x in [x, [f64::NAN, x[1]], [f64::INFINITY, 0.0], [1e300, -1e300]] {
@@ -314,7 +317,7 @@ proptest! {
         let nodes: String = (0..5).map(|k| format!("{k} {:e} {:e} 0\n", x[2 * k], x[2 * k + 1])).collect();
         for elements in ["1 2 0 0 1 2\n2 2 0 0 2 3\n", "1 3 0 0 1 2 3\n", "1 2 0 2 1 0\n", "1 3 0 3 2 1 0\n2 2 0 0 1 4\n"] {
             let file = text(&nodes, elements).unwrap();
-            if let Ok(mesh) = Mesh::from_gmsh(&file) {
+            if let Ok(mesh) = Mesh::<2>::from_gmsh(&file) {
                 mesh.locate(&mesh.centroid(0), None);
                 mesh.nearest_cell(&[x[8], x[9]]);
                 mesh.shape(0, &[x[8], x[9]]);

@@ -96,7 +96,7 @@ def finish(figure, axes, drawn, label, out_png):
 
 def save(figure, out_png):
     """Saves a PNG with a palette, at a lower resolution where it would be larger than 150 kB."""
-    for dpi in (160, 120, 90, 60):
+    for dpi in (160, 140, 120, 105, 90, 75, 60):
         picture, compressed = io.BytesIO(), io.BytesIO()
         figure.savefig(picture, dpi=dpi, format="png")
         image = Image.open(picture).convert("RGB").quantize(256, dither=Image.Dither.NONE)

@@ -6,6 +6,12 @@ use super::{Basis, Method, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
 use crate::points::Points;
 
+/// Number of groups that are linked as one piece of work.
+const PIECE: usize = 64;
+
+/// Number of pieces that are linked before they are put together.
+const ROUND: usize = 32;
+
 /// Marks a grid node that no point touches.
 const INACTIVE: u32 = u32::MAX;
 
@@ -63,18 +69,22 @@ impl<const D: usize> Connectivity<D> {
             .map_err(|point| SupportFailure { point, error: SupportError::OffGrid })?;
         let points = &*points;
         let n_groups = group_points.len() - 1;
-        let chunk = 64;
-        let pieces: Vec<Result<Piece<D>, SupportFailure>> = (0..n_groups.div_ceil(chunk))
-            .into_par_iter()
-            .map(|c| {
-                let groups = &group_points[c * chunk..=((c + 1) * chunk).min(n_groups)];
-                Piece::link(grid, points, methods, groups)
-            })
-            .collect();
-        let mut all = Connectivity { group_points, ..Default::default() };
-        for piece in pieces {
-            all.append(piece?);
+        let mut all = Connectivity::default();
+        // In rounds, so that no more than a few pieces exist beside the whole.
+        for round in (0..n_groups).step_by(ROUND * PIECE) {
+            let end = (round + ROUND * PIECE).min(n_groups);
+            let pieces: Vec<Result<Piece<D>, SupportFailure>> = (round..end)
+                .into_par_iter()
+                .step_by(PIECE)
+                .map(|first| {
+                    Piece::link(grid, points, methods, &group_points[first..=(first + PIECE).min(end)])
+                })
+                .collect();
+            for piece in pieces {
+                all.append(piece?);
+            }
         }
+        all.group_points = group_points;
         all.group_node_start.push(all.group_nodes.len());
         all.link_start.push(all.local.len());
         all.number_active_nodes(grid.n_nodes());
@@ -162,6 +172,35 @@ impl<const D: usize> Connectivity<D> {
         &self.active_cells
     }
 
+    /// Connected parts of the active nodes: for each node the lowest node that is coupled to it, directly or through
+    /// others. Two nodes are coupled when a point touches both.
+    pub fn parts(&self) -> Vec<usize> {
+        fn find(root: &mut [usize], mut node: usize) -> usize {
+            while root[node] != node {
+                root[node] = root[root[node]];
+                node = root[node];
+            }
+            node
+        }
+        let mut root: Vec<usize> = (0..self.n_active()).collect();
+        for group in 0..self.n_groups() {
+            let nodes = self.nodes_of(group);
+            let mut last: &[u32] = &[];
+            for p in self.points_of(group) {
+                let local = self.links(p).local;
+                if local == last {
+                    continue; // neighbours in a cell mostly touch the same nodes
+                }
+                last = local;
+                for pair in local.windows(2) {
+                    let [a, b] = [pair[0], pair[1]].map(|k| find(&mut root, nodes[k as usize] as usize));
+                    root[a.max(b)] = a.min(b);
+                }
+            }
+        }
+        (0..root.len()).map(|node| find(&mut root, node)).collect()
+    }
+
     /// Active number of a grid node, if any point touches it.
     pub fn active_number(&self, node: usize) -> Option<usize> {
         match self.active_of[node] {
@@ -199,12 +238,11 @@ impl<const D: usize> Piece<D> {
             nodes.clear();
             for p in range {
                 let basis: &dyn Basis<D> = methods[points.body[p] as usize].basis();
-                let corners = points.corners_per_point;
                 let point = PointGeometry {
                     cell: points.cell[p],
                     position: &points.converged.position[p],
                     half_lengths: &points.converged.half_lengths[p],
-                    corners: &points.converged.corners[p * corners..(p + 1) * corners],
+                    corners: points.corners(p),
                 };
                 basis
                     .support(grid, &point, &mut support)

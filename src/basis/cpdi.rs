@@ -1,17 +1,22 @@
-//! Convected particle domain interpolation on quadrilaterals (hexahedra), CPDI1 and CPDI2 (Sadeghirad et al., 2011
-//! and 2013), derived from its definition; the formulas first printed for CPDI2 were wrong (footnote 6).
+//! Convected particle domain interpolation, CPDI1 and CPDI2 (Sadeghirad et al., 2011 and 2013), derived from its
+//! definition; the formulas first printed for CPDI2 were wrong (footnote 6). Domains are quadrilaterals (hexahedra)
+//! or triangles (tetrahedra).
 //!
 //! The grid basis inside the domain of a point is replaced by the interpolation of its values at the corners of the
 //! domain, N_v(x) ≈ Σ_c N_c(x) N_v(x_c), so that
 //!
 //! S_v = Σ_c w_c N_v(x_c) with w_c = (1/V) ∫ N_c dV and ∇S_v = Σ_c g_c N_v(x_c) with g_c = (1/V) ∫ ∇N_c dV.
 //!
-//! The integrands are polynomials of degree three at most along each parametric axis; two Gauss points per axis are
-//! exact.
+//! On a quadrilateral or hexahedron the integrands N_c det J and ∂N_c/∂ξ det J J⁻¹ are polynomials. An entry of J is
+//! constant along its own parametric axis and linear along the others, so det J, a sum of products of one entry of
+//! each column, is of degree D − 1 along each axis, N_c det J of degree D, and the entries of det J J⁻¹ times ∂N_c/∂ξ
+//! of degree D − 1. Two Gauss points per axis, exact to degree three, are enough for D ≤ 3. On a simplex ∇N_c is
+//! constant and w_c = 1/(D + 1).
 
 use super::{Basis, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
-use crate::tensor::Mat3;
+use crate::grid::element::{ElementShape, box_shape, corner_side, gauss_points};
+use crate::tensor::{Mat3, padded};
 
 /// Points whose domain is given by its corners. CPDI1 and CPDI2 share this basis; they differ in how the corners
 /// follow the deformation.
@@ -31,9 +36,7 @@ impl<const D: usize> Basis<D> for Cpdi {
         let weights = CornerWeights::new(point.corners)?;
         out.clear();
         for (corner, place) in point.corners.iter().enumerate() {
-            let cell = grid
-                .locate(place, Some(point.cell))
-                .ok_or(SupportError::CornerOffGrid { corner, position: crate::tensor::padded(place) })?;
+            let cell = grid.locate(place, Some(point.cell)).ok_or_else(|| off_grid(corner, place))?;
             out.cells.push(cell);
             let basis = grid.basis_at(cell, place);
             for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
@@ -47,8 +50,12 @@ impl<const D: usize> Basis<D> for Cpdi {
     }
 }
 
-/// Whether a domain given by its corners lies in the grid and is neither inverted nor a bow-tie; `cell` is where to
-/// look first.
+fn off_grid<const D: usize>(corner: usize, place: &[f64; D]) -> SupportError {
+    SupportError::CornerOffGrid { corner, position: padded(place), dimension: D }
+}
+
+/// Whether a domain given by its corners lies in the grid and is neither inverted nor crosses itself; `cell` is where
+/// to look first.
 ///
 /// # Errors
 /// What [`Cpdi`] could not form basis functions from.
@@ -58,8 +65,7 @@ pub fn check_domain<const D: usize>(
     cell: u32,
 ) -> Result<(), SupportError> {
     for (corner, place) in corners.iter().enumerate() {
-        grid.locate(place, Some(cell))
-            .ok_or(SupportError::CornerOffGrid { corner, position: crate::tensor::padded(place) })?;
+        grid.locate(place, Some(cell)).ok_or_else(|| off_grid(corner, place))?;
     }
     CornerWeights::new(corners).map(|_| ())
 }
@@ -71,22 +77,49 @@ struct CornerWeights<const D: usize> {
 }
 
 impl<const D: usize> CornerWeights<D> {
-    /// Corners are numbered by bits: bit d says on which side along parametric axis d.
     fn new(corners: &[[f64; D]]) -> Result<Self, SupportError> {
+        match ElementShape::from_nodes::<D>(corners.len()) {
+            Some(ElementShape::Simplex) => Self::of_simplex(corners),
+            Some(ElementShape::Box) => Self::of_box(corners),
+            None => Err(SupportError::Distorted),
+        }
+    }
+
+    /// Of a triangle or tetrahedron. With the edges from the first corner as columns of J, the rows of J⁻¹ are the
+    /// gradients of the other corners; all of them add up to zero.
+    fn of_simplex(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };
-        let n = 1usize << D;
-        if corners.len() != n || n > MAX_CORNERS {
+        let jacobian = edges(corners);
+        let inverse = jacobian.try_inverse().ok_or(SupportError::Distorted)?;
+        let determinant = jacobian.determinant();
+        if determinant.is_nan() || determinant <= 0.0 {
             return Err(SupportError::Distorted);
         }
+        for corner in 0..=D {
+            weights.value[corner] = 1.0 / (D + 1) as f64;
+        }
+        for corner in 1..=D {
+            for i in 0..D {
+                weights.gradient[corner][i] = inverse[(corner - 1, i)];
+                weights.gradient[0][i] -= inverse[(corner - 1, i)];
+            }
+        }
+        Ok(weights)
+    }
+
+    /// Of a quadrilateral or hexahedron. Corners are numbered by bits: bit d says on which side along parametric axis
+    /// d.
+    fn of_box(corners: &[[f64; D]]) -> Result<Self, SupportError> {
+        let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };
+        let n = corners.len();
         let mut volume = 0.0;
-        for gauss in 0..n {
-            let xi = parametric(gauss).map(|side: f64| side / 3f64.sqrt());
+        for xi in gauss_points::<D>() {
             let jacobian = jacobian(corners, &xi);
             let determinant = jacobian.determinant();
             let Some(inverse) = jacobian.try_inverse() else { return Err(SupportError::Distorted) };
             volume += determinant;
             for corner in 0..n {
-                let (value, slope) = corner_basis(corner, &xi);
+                let (value, slope) = box_shape(corner, &xi);
                 weights.value[corner] += value * determinant;
                 for i in 0..D {
                     let gradient: f64 = (0..D).map(|j| slope[j] * inverse[(j, i)]).sum();
@@ -94,9 +127,7 @@ impl<const D: usize> CornerWeights<D> {
                 }
             }
         }
-        // One reflex corner leaves a meaningful domain; two make a bow-tie, and all an inverted one.
-        let reflex = (0..n).filter(|&c| jacobian(corners, &parametric(c)).determinant() <= 0.0).count();
-        if volume.is_nan() || volume <= 0.0 || reflex > 1 {
+        if volume.is_nan() || volume <= 0.0 || !is_meaningful(corners) {
             return Err(SupportError::Distorted);
         }
         for corner in 0..n {
@@ -107,29 +138,44 @@ impl<const D: usize> CornerWeights<D> {
     }
 }
 
-/// Parametric position of a corner, ±1 along each axis.
-fn parametric<const D: usize>(corner: usize) -> [f64; D] {
-    std::array::from_fn(|d| if corner >> d & 1 == 1 { 1.0 } else { -1.0 })
+/// Whether a quadrilateral or hexahedron of positive volume bounds a body: it may have one reflex corner, at which the
+/// map is inverted, and a hexahedron two on one edge, as an arrowhead that is drawn out has. With more, it is a bow-tie
+/// or inverted; so is a hexahedron whose reflex edge runs backwards.
+fn is_meaningful<const D: usize>(corners: &[[f64; D]]) -> bool {
+    let is_reflex = |c: &usize| jacobian(corners, &corner_side(*c)).determinant() <= 0.0;
+    let mut reflex = (0..corners.len()).filter(is_reflex);
+    let (Some(a), Some(b)) = (reflex.next(), reflex.next()) else { return true };
+    let along = a ^ b;
+    if D < 3 || reflex.next().is_some() || !along.is_power_of_two() {
+        return false;
+    }
+    // The edges along the axis of the reflex one, which begins at `a`, the lower of the two.
+    let edge =
+        |from: usize| -> [f64; D] { std::array::from_fn(|d| corners[from | along][d] - corners[from][d]) };
+    let others = (0..corners.len()).filter(|c| c & along == 0 && *c != a).map(edge);
+    let towards: f64 = others.map(|other| (0..D).map(|d| other[d] * edge(a)[d]).sum::<f64>()).sum();
+    towards > 0.0
 }
 
-/// N_c and ∂N_c/∂ξ of the multilinear interpolation of the corners.
-fn corner_basis<const D: usize>(corner: usize, xi: &[f64; D]) -> (f64, [f64; D]) {
-    let side = parametric::<D>(corner);
-    let factor = |d: usize| 0.5 * (1.0 + side[d] * xi[d]);
-    let value = (0..D).map(factor).product();
-    let slope =
-        std::array::from_fn(|d| (0..D).map(|e| if e == d { 0.5 * side[d] } else { factor(e) }).product());
-    (value, slope)
+/// The edges of a simplex from its first corner as columns, with ones on the diagonal beyond `D`.
+fn edges<const D: usize>(corners: &[[f64; D]]) -> Mat3 {
+    let mut edges = Mat3::identity();
+    for j in 0..D {
+        for i in 0..D {
+            edges[(i, j)] = corners[j + 1][i] - corners[0][i];
+        }
+    }
+    edges
 }
 
-/// ∂x/∂ξ, with ones on the diagonal beyond `D`.
+/// ∂x/∂ξ of a quadrilateral or hexahedron, with ones on the diagonal beyond `D`.
 fn jacobian<const D: usize>(corners: &[[f64; D]], xi: &[f64; D]) -> Mat3 {
     let mut jacobian = Mat3::identity();
     for d in 0..D {
         jacobian[(d, d)] = 0.0;
     }
     for (corner, x) in corners.iter().enumerate() {
-        let (_, slope) = corner_basis(corner, xi);
+        let (_, slope) = box_shape(corner, xi);
         for i in 0..D {
             for j in 0..D {
                 jacobian[(i, j)] += x[i] * slope[j];
@@ -139,104 +185,14 @@ fn jacobian<const D: usize>(corners: &[[f64; D]], xi: &[f64; D]) -> Mat3 {
     jacobian
 }
 
-/// Volume (area) of a domain given by its corners.
+/// Volume (area) of a domain given by its corners; zero for a number of corners that no domain has.
 pub fn domain_volume<const D: usize>(corners: &[[f64; D]]) -> f64 {
-    (0..1usize << D)
-        .map(|gauss| jacobian(corners, &parametric(gauss).map(|side: f64| side / 3f64.sqrt())).determinant())
-        .sum()
+    match ElementShape::from_nodes::<D>(corners.len()) {
+        Some(ElementShape::Simplex) => edges(corners).determinant() / (1..=D).product::<usize>() as f64,
+        Some(ElementShape::Box) => gauss_points::<D>().map(|xi| jacobian(corners, &xi).determinant()).sum(),
+        None => 0.0,
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    /// Corners of a distorted unit quadrilateral.
-    fn quadrilateral() -> impl Strategy<Value = [[f64; 2]; 4]> {
-        prop::array::uniform4(prop::array::uniform2(-0.3..0.3f64)).prop_map(|shift| {
-            std::array::from_fn(|c| {
-                let base: [f64; 2] = parametric(c);
-                std::array::from_fn(|d| 0.5 * base[d] + shift[c][d] * 0.9)
-            })
-        })
-    }
-
-    /// Eight Gauss points on [−1, 1].
-    const GAUSS: [(f64, f64); 8] = [
-        (-0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
-        (-0.796_666_477_413_626_7, 0.222_381_034_453_374_48),
-        (-0.525_532_409_916_329, 0.313_706_645_877_887_27),
-        (-0.183_434_642_495_649_8, 0.362_683_783_378_361_96),
-        (0.183_434_642_495_649_8, 0.362_683_783_378_361_96),
-        (0.525_532_409_916_329, 0.313_706_645_877_887_27),
-        (0.796_666_477_413_626_7, 0.222_381_034_453_374_48),
-        (0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
-    ];
-
-    proptest! {
-        #[test]
-        fn weights_are_the_integrals_over_the_quadrilateral(corners in quadrilateral()) {
-            let weights = CornerWeights::new(&corners).unwrap();
-            let (mut volume, mut value, mut gradient) = (0.0, [0.0; 4], [[0.0; 2]; 4]);
-            for (xi, a) in GAUSS {
-                for (eta, b) in GAUSS {
-                    let j = jacobian(&corners, &[xi, eta]);
-                    let inverse = j.try_inverse().unwrap();
-                    let dv = a * b * j.determinant();
-                    volume += dv;
-                    for c in 0..4 {
-                        let (n, slope) = corner_basis(c, &[xi, eta]);
-                        value[c] += n * dv;
-                        for i in 0..2 {
-                            gradient[c][i] += (slope[0] * inverse[(0, i)] + slope[1] * inverse[(1, i)]) * dv;
-                        }
-                    }
-                }
-            }
-            prop_assert!((domain_volume(&corners) - volume).abs() < 1e-13);
-            for c in 0..4 {
-                prop_assert!((weights.value[c] - value[c] / volume).abs() < 1e-13);
-                for i in 0..2 {
-                    prop_assert!((weights.gradient[c][i] - gradient[c][i] / volume).abs() < 1e-11);
-                }
-            }
-            // Closed forms: by the divergence theorem the gradients are those of the boundary polygon.
-            let ring = [0, 1, 3, 2];
-            for k in 0..4 {
-                let (before, after) = (corners[ring[(k + 3) % 4]], corners[ring[(k + 1) % 4]]);
-                let g = weights.gradient[ring[k]];
-                prop_assert!((g[0] - (after[1] - before[1]) / (2.0 * volume)).abs() < 1e-12);
-                prop_assert!((g[1] + (after[0] - before[0]) / (2.0 * volume)).abs() < 1e-12);
-            }
-        }
-    }
-
-    #[test]
-    fn inverted_and_bow_tie_domains_are_refused() {
-        let square: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
-        assert!(CornerWeights::new(&square).is_ok());
-        let inverted = [square[1], square[0], square[3], square[2]];
-        assert!(CornerWeights::new(&inverted).is_err());
-        let bow_tie = [square[0], square[1], square[3], square[2]];
-        assert!(CornerWeights::new(&bow_tie).is_err());
-        assert!(CornerWeights::new(&[[f64::NAN; 2]; 4]).is_err());
-        assert!(CornerWeights::new(&[[1.0; 2]; 4]).is_err());
-        let arrow = [square[0], square[1], square[2], [0.3, 0.3]];
-        assert!(CornerWeights::new(&arrow).is_ok());
-    }
-
-    #[test]
-    fn a_hexahedron_is_integrated_likewise() {
-        let mut corners: Vec<[f64; 3]> = (0..8).map(parametric).collect();
-        corners[7] = [1.4, 1.2, 0.9];
-        corners[1] = [1.1, -0.8, -1.2];
-        let weights = CornerWeights::new(&corners).unwrap();
-        assert!((weights.value.iter().sum::<f64>() - 1.0).abs() < 1e-14);
-        for i in 0..3 {
-            for j in 0..3 {
-                let sum: f64 = (0..8).map(|c| weights.gradient[c][i] * corners[c][j]).sum();
-                assert!((sum - f64::from(u8::from(i == j))).abs() < 1e-14);
-            }
-        }
-    }
-}
+mod tests;

@@ -1,20 +1,26 @@
 //! Gate three, feasibility: from a deck to the model and its points. What needs the mesh is checked here.
 
-use super::diagnostic::{Diagnostic, Severity, list, quote};
+mod nearest;
+
+use std::collections::HashMap;
+
+use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote};
 use super::formulas::at_points;
 use super::load::LoadedDeck;
-use super::placing;
 use super::seeding::{Filled, Filling};
+use super::size::Size;
 use super::{
-    BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve as CurveDeck, LoadDeck, MaterialDeck,
-    NodeSelector, PerAxis,
+    BoundaryConditionDeck, Deck, Expression, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
+    MaterialDeck, NodeSelector, PerAxis,
 };
+use super::{axisymmetry, placing};
 use crate::constraints::{BoundaryCondition, NodeSet};
 use crate::formula::Formula;
 use crate::grid::gmsh::{self, GmshError};
 use crate::grid::{Grid, Mesh, Structured};
 use crate::loads::{Action, Load, LoadCurve};
-use crate::material::{Hencky, Material, VonMises};
+use crate::material::{Hencky, Material, NeoHookean, VonMises};
+use crate::memory::Memory;
 use crate::model::{Body, Model, NamedMaterial, Newton, Probe};
 use crate::points::{Points, Seed};
 
@@ -32,61 +38,41 @@ pub fn build(loaded: &LoadedDeck) -> Result<(Model<2>, Points<2>), Vec<Diagnosti
     build_with_notes(loaded).map(|(model, points, _)| (model, points))
 }
 
-/// As [`build`], with the warnings and notes that are no errors.
+/// As [`build`], with the warnings and notes that are no errors. A model that does not fit into the memory of the
+/// machine is refused.
 ///
 /// # Errors
 /// As [`build`].
 pub fn build_with_notes(
     loaded: &LoadedDeck,
 ) -> Result<(Model<2>, Points<2>, Vec<Diagnostic>), Vec<Diagnostic>> {
-    let deck = &loaded.deck;
-    let mut builder = Builder { loaded, deck, found: Vec::new() };
-    let Some(grid) = builder.grid() else { return Err(builder.found) };
-    let materials: Vec<NamedMaterial> =
-        deck.materials.iter().map(|(name, m)| NamedMaterial { name: name.clone(), law: law(m) }).collect();
-    let bodies = builder.bodies();
-    let seeds = builder.seeds(grid.as_ref(), &materials, &bodies);
-    let points = Points::new(&seeds);
-    let boundary_conditions = builder.boundary_conditions(grid.as_ref());
-    let loads = builder.loads(&points);
-    let probes = builder.probes(&points);
-    if builder.found.iter().any(Diagnostic::is_error) {
-        return Err(builder.found);
-    }
-    let model = Model {
-        title: deck.title.clone().unwrap_or_default(),
-        grid,
-        formulation: deck.analysis.formulation,
-        point_volume: deck.analysis.point_volume,
-        materials,
-        bodies,
-        boundary_conditions,
-        loads,
-        n_steps: deck.steps.count as usize,
-        end_time: deck.steps.end_time,
-        newton: Newton {
-            tolerance: deck.solver.tolerance,
-            max_iterations: deck.solver.max_iterations as usize,
-        },
-        probes,
-    };
-    Ok((model, points, builder.found))
+    build_within(loaded, Memory::of_this_machine())
 }
 
+/// As [`build_with_notes`], for a machine with this memory.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_within(
+    loaded: &LoadedDeck,
+    memory: Option<Memory>,
+) -> Result<(Model<2>, Points<2>, Vec<Diagnostic>), Vec<Diagnostic>> {
+    let mut builder = Builder { loaded, deck: &loaded.deck, found: Vec::new(), body_numbers: HashMap::new() };
+    let built = builder.build(memory);
+    let mut found = builder.found;
+    assign(Gate::Feasibility, &mut found);
+    match built {
+        Some((model, points)) if !found.iter().any(Diagnostic::is_error) => Ok((model, points, found)),
+        _ => Err(found),
+    }
+}
 /// The law of a material.
 fn law(material: &MaterialDeck) -> Box<dyn Material> {
     match *material {
         MaterialDeck::Hencky { young, poisson, .. } => Box::new(Hencky::new(young, poisson)),
-        MaterialDeck::VonMises { young, poisson, deviatoric_yield_stress, .. } => {
-            Box::new(VonMises::new(young, poisson, deviatoric_yield_stress))
-        }
-    }
-}
-
-fn density(material: &MaterialDeck) -> f64 {
-    match material {
-        MaterialDeck::Hencky { density, .. } | MaterialDeck::VonMises { density, .. } => {
-            density.unwrap_or(0.0)
+        MaterialDeck::NeoHookean { young, poisson, .. } => Box::new(NeoHookean::new(young, poisson)),
+        MaterialDeck::VonMises { young, poisson, deviatoric_yield_stress, hardening_modulus, .. } => {
+            Box::new(VonMises::new(young, poisson, deviatoric_yield_stress).hardening(hardening_modulus))
         }
     }
 }
@@ -108,9 +94,64 @@ struct Builder<'a> {
     loaded: &'a LoadedDeck,
     deck: &'a Deck,
     found: Vec<Diagnostic>,
+    body_numbers: HashMap<&'a str, usize>,
 }
 
-impl Builder<'_> {
+impl<'a> Builder<'a> {
+    /// The model and its points; nothing where what is missing keeps the rest from being looked at.
+    fn build(&mut self, memory: Option<Memory>) -> Option<(Model<2>, Points<2>)> {
+        let deck = self.deck;
+        self.body_numbers = deck.bodies.iter().enumerate().map(|(k, body)| (body.name.as_str(), k)).collect();
+        let grid = self.grid()?;
+        if let Some(memory) = memory {
+            let size = Size::of(deck, grid.as_ref());
+            let found = size.judge(deck, &self.loaded.source, &memory);
+            let is_too_large = found.as_ref().is_some_and(Diagnostic::is_error);
+            self.found.extend(found);
+            if is_too_large {
+                return None;
+            }
+        }
+        let materials: Vec<NamedMaterial> = deck
+            .materials
+            .iter()
+            .map(|(name, m)| NamedMaterial { name: name.clone(), law: law(m) })
+            .collect();
+        let bodies = self.bodies();
+        let revolved = deck.analysis.idealisation == Idealisation::Axisymmetric;
+        let mut seeds = self.seeds(grid.as_ref(), &materials, &bodies);
+        if revolved {
+            axisymmetry::revolve(&mut seeds);
+        }
+        let points = Points::new(&seeds);
+        drop(seeds);
+        let boundary_conditions = self.boundary_conditions(grid.as_ref());
+        let loads = self.loads(grid.as_ref(), &points);
+        if revolved {
+            self.found.extend(axisymmetry::faults(self.loaded, grid.as_ref(), &boundary_conditions));
+        }
+        let probes = self.probes(grid.as_ref(), &points);
+        let model = Model {
+            title: deck.title.clone().unwrap_or_default(),
+            grid,
+            revolved,
+            formulation: deck.analysis.formulation,
+            point_volume: deck.analysis.point_volume,
+            materials,
+            bodies,
+            boundary_conditions,
+            loads,
+            n_steps: deck.steps.count as usize,
+            end_time: deck.steps.end_time,
+            newton: Newton {
+                tolerance: deck.solver.tolerance,
+                max_iterations: deck.solver.max_iterations as usize,
+            },
+            probes,
+        };
+        Some((model, points))
+    }
+
     fn error(&mut self, code: &'static str, pointer: &str, message: String, help: String) {
         self.found.push(Diagnostic::at(&self.loaded.source, code, pointer, message).help(help));
     }
@@ -128,7 +169,7 @@ impl Builder<'_> {
     }
 
     /// The mesh of a gmsh file; a message if it cannot be used.
-    fn mesh(&mut self, file: &str) -> Option<Mesh> {
+    fn mesh(&mut self, file: &str) -> Option<Mesh<2>> {
         let path = self.loaded.directory.join(file);
         let source = &self.loaded.source;
         let read = gmsh::read_file(&path);
@@ -163,7 +204,7 @@ impl Builder<'_> {
     }
 
     fn body_number(&self, name: &str) -> usize {
-        self.deck.bodies.iter().position(|b| b.name == name).unwrap_or(0)
+        self.body_numbers.get(name).copied().unwrap_or(0)
     }
 
     fn bodies(&self) -> Vec<Body> {
@@ -186,7 +227,7 @@ impl Builder<'_> {
                 grid,
                 body: number as u16,
                 domain: body.method.domain(),
-                density: density(&self.deck.materials[&deck.material]),
+                density: self.deck.materials[&deck.material].density().unwrap_or(0.0),
                 history: fields.iter().map(|f| f.initial).collect(),
             };
             let filled = filling.fill(deck).and_then(|filled| {
@@ -215,7 +256,7 @@ impl Builder<'_> {
 
     /// Says how far the points of a body miss the area of its region.
     fn report_area(&mut self, number: usize, deck: &super::BodyDeck, filled: &Filled) {
-        let Some(exact) = filled.exact_area else { return };
+        let Some(exact) = filled.exact_area.filter(|area| *area > 0.0) else { return };
         let area: f64 = filled.seeds.iter().map(|s| s.volume).sum();
         let part = (area - exact) / exact;
         if part.abs() > 1e-9 {
@@ -308,7 +349,17 @@ impl Builder<'_> {
                 .all(|d| pair(&region.min)[d] - slack[d] <= p[d] && p[d] <= pair(&region.max)[d] + slack[d]),
             None => x.is_none_or(|x| near(0, p[0], x)) && y.is_none_or(|y| near(1, p[1], y)),
         };
-        let nodes: Vec<u32> = (0..grid.n_nodes())
+        let bounds = match within {
+            Some(region) => [pair(&region.min), pair(&region.max)],
+            None => {
+                let all = grid.bounds();
+                [
+                    [x.unwrap_or(all[0][0]), y.unwrap_or(all[0][1])],
+                    [x.unwrap_or(all[1][0]), y.unwrap_or(all[1][1])],
+                ]
+            }
+        };
+        let nodes: Vec<u32> = placing::nodes_near(grid, bounds)
             .filter(|&node| inside(grid.node_position(node)))
             .map(|node| node as u32)
             .collect();
@@ -343,35 +394,18 @@ impl Builder<'_> {
         true
     }
 
-    /// Permanent numbers of the points of a body nearest to a place.
-    fn nearest(
-        &mut self,
-        points: &Points<2>,
-        body: &str,
-        place: &[f64],
-        count: u32,
-        pointer: &str,
-    ) -> Vec<u32> {
-        let number = self.body_number(body) as u16;
-        let (found, clear) = points.nearest(number, &pair(place), count as usize);
-        if found.len() < count as usize {
-            let message = format!("the body {} has only {} points", quote(body), found.len());
-            self.error("D030", &format!("{pointer}/count"), message, "lower `count`".to_owned());
-        } else if !clear {
-            let message = format!("more than {count} points are equally near to {place:?}");
-            let help = "change `count`, or move the place so that the choice is clear".to_owned();
-            self.error("D030", &format!("{pointer}/nearest"), message, help);
+    /// For each body whether a load acts on it.
+    fn acts_on(&self, chosen: Option<&[String]>) -> Vec<bool> {
+        let Some(chosen) = chosen else { return vec![true; self.deck.bodies.len()] };
+        let mut acts_on = vec![false; self.deck.bodies.len()];
+        for name in chosen {
+            acts_on[self.body_number(name)] = true;
         }
-        found
+        acts_on
     }
 
-    fn loads(&mut self, points: &Points<2>) -> Vec<Load<2>> {
+    fn loads(&mut self, grid: &dyn Grid<2>, points: &Points<2>) -> Vec<Load<2>> {
         let deck = self.deck;
-        let names: Vec<&str> = deck.bodies.iter().map(|b| b.name.as_str()).collect();
-        let acts_on = |bodies: &Option<Vec<String>>| match bodies {
-            Some(chosen) => names.iter().map(|n| chosen.iter().any(|c| c == n)).collect(),
-            None => vec![true; names.len()],
-        };
         let mut loads = Vec::new();
         for (number, load) in deck.loads.iter().enumerate() {
             let pointer = format!("/loads/{number}");
@@ -379,7 +413,7 @@ impl Builder<'_> {
                 LoadDeck::Gravity { name, acceleration, bodies, curve } => Load {
                     name: name.clone(),
                     action: Action::Gravity(pair(acceleration)),
-                    acts_on: acts_on(bodies),
+                    acts_on: self.acts_on(bodies.as_deref()),
                     curve: self.curve(curve),
                 },
                 LoadDeck::BodyForce { name, force, intermediate, bodies, curve } => {
@@ -387,7 +421,7 @@ impl Builder<'_> {
                         Ok(formula) => Load {
                             name: name.clone(),
                             action: Action::BodyForce(formula),
-                            acts_on: acts_on(bodies),
+                            acts_on: self.acts_on(bodies.as_deref()),
                             curve: self.curve(curve),
                         },
                         Err(faults) => {
@@ -402,12 +436,13 @@ impl Builder<'_> {
                 }
                 LoadDeck::PointForce { name, body, points: selector, total, curve } => {
                     let place = format!("{pointer}/points");
-                    let chosen = self.nearest(points, body, &selector.nearest, selector.count, &place);
+                    let chosen =
+                        self.nearest((grid, points), body, &selector.nearest, selector.count, &place);
                     let share = 1.0 / chosen.len().max(1) as f64;
                     Load {
                         name: name.clone(),
                         action: Action::PointForce { points: chosen, force: pair(total).map(|f| f * share) },
-                        acts_on: names.iter().map(|n| n == body).collect(),
+                        acts_on: self.acts_on(Some(std::slice::from_ref(body))),
                         curve: self.curve(curve),
                     }
                 }
@@ -416,12 +451,12 @@ impl Builder<'_> {
         loads
     }
 
-    fn probes(&mut self, points: &Points<2>) -> Vec<Probe> {
+    fn probes(&mut self, grid: &dyn Grid<2>, points: &Points<2>) -> Vec<Probe> {
         let deck = self.deck;
         let mut probes = Vec::new();
         for (number, probe) in deck.output.probes.iter().enumerate() {
             let pointer = format!("/output/probes/{number}");
-            let points = self.nearest(points, &probe.body, &probe.nearest, probe.count, &pointer);
+            let points = self.nearest((grid, points), &probe.body, &probe.nearest, probe.count, &pointer);
             probes.push(Probe { name: probe.name.clone(), points });
         }
         probes

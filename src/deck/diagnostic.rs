@@ -1,6 +1,10 @@
 //! Messages about a deck: what is wrong, where, and what to do about it.
 
+mod json;
+
 use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
+
+pub use json::{FORMAT_VERSION, as_json};
 
 use super::source::{Source, Span};
 
@@ -15,6 +19,42 @@ pub enum Severity {
     Note,
 }
 
+impl Severity {
+    /// The word for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+            Severity::Note => "note",
+        }
+    }
+}
+
+/// The checks that a deck passes, in their order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Gate {
+    /// The file is text, the text is YAML, and its parameters have values.
+    Text,
+    /// Every key is known, every value has its type and lies in its range: what the schema says.
+    Shape,
+    /// What the deck says makes sense as far as that can be known without the mesh.
+    Meaning,
+    /// It can be done with this mesh, on this machine.
+    Feasibility,
+}
+
+impl Gate {
+    /// The word for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Gate::Text => "text",
+            Gate::Shape => "shape",
+            Gate::Meaning => "meaning",
+            Gate::Feasibility => "feasibility",
+        }
+    }
+}
+
 /// One message about a deck.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Diagnostic {
@@ -22,8 +62,13 @@ pub struct Diagnostic {
     pub code: &'static str,
     /// How serious it is.
     pub severity: Severity,
+    /// The check that found it.
+    pub gate: Gate,
     /// What is wrong, as a fragment in lower case.
     pub message: String,
+    /// What is possible there, for programs: a kind of value, a range, words, keys or names. Texts for people have it
+    /// in the message or in the help.
+    pub expected: Option<String>,
     /// JSON pointer of the value it is about, such as `/bodies/0/shape/min`.
     pub pointer: Option<String>,
     /// Place in the text of the deck.
@@ -72,6 +117,18 @@ pub const CODES: &[(&str, &str)] = &[
     ("D032", "a mesh file that cannot be used, or looks wrong"),
     ("D033", "a body whose points do not fill its region exactly"),
     ("D034", "a method that does not go with the grid"),
+    ("D035", "a body that no boundary condition holds, or that can turn"),
+    ("D036", "an analysis that needs more memory than there is"),
+    ("D037", "something in the deck that has no effect"),
+    ("D038", "one point per cell"),
+    ("D039", "Poisson's ratio so near to 0.5 that the cells lock"),
+    ("D040", "units that look mixed"),
+    ("D041", "points far from the place that was asked for"),
+    ("D042", "boundary conditions that contradict each other"),
+    ("D043", "a formula that has no finite value somewhere"),
+    ("D044", "a domain update that does not suit the motion"),
+    ("D045", "a tolerance that is loose, or out of reach"),
+    ("D046", "a body of revolution whose axis is free or inside the grid, or whose weight is not along it"),
 ];
 
 impl Diagnostic {
@@ -81,7 +138,9 @@ impl Diagnostic {
         Diagnostic {
             code,
             severity: Severity::Error,
+            gate: Gate::Text,
             message: message.into(),
+            expected: None,
             pointer: None,
             span: None,
             label: None,
@@ -130,6 +189,13 @@ impl Diagnostic {
     #[must_use]
     pub fn label(mut self, label: impl Into<String>) -> Diagnostic {
         self.label = Some(label.into());
+        self
+    }
+
+    /// Adds what is possible there.
+    #[must_use]
+    pub fn expected(mut self, expected: impl Into<String>) -> Diagnostic {
+        self.expected = Some(expected.into());
         self
     }
 
@@ -194,6 +260,35 @@ impl Diagnostic {
         let renderer = if colour { Renderer::styled() } else { Renderer::plain() };
         renderer.render(&[group])
     }
+}
+
+/// Messages from one place on belong to a gate.
+pub(super) fn assign(gate: Gate, diagnostics: &mut [Diagnostic]) {
+    diagnostics.iter_mut().for_each(|diagnostic| diagnostic.gate = gate);
+}
+
+/// Makes every warning an error; returns whether there was one.
+pub fn deny_warnings(diagnostics: &mut [Diagnostic]) -> bool {
+    let mut any = false;
+    for diagnostic in diagnostics.iter_mut().filter(|d| d.severity == Severity::Warning) {
+        diagnostic.severity = Severity::Error;
+        diagnostic.notes.push("this is a warning that was made an error".to_owned());
+        any = true;
+    }
+    any
+}
+
+/// How many errors and warnings there are, as text; empty where there are none.
+pub fn count(diagnostics: &[Diagnostic]) -> String {
+    let counts = [(Severity::Error, "error", "errors"), (Severity::Warning, "warning", "warnings")];
+    let counts = counts.map(|(severity, one, several)| {
+        match diagnostics.iter().filter(|d| d.severity == severity).count() {
+            0 => None,
+            1 => Some(format!("1 {one}")),
+            n => Some(format!("{n} {several}")),
+        }
+    });
+    counts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 /// Most messages that are rendered; a deck with more faults has one cause for most of them.

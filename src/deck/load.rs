@@ -1,13 +1,14 @@
 //! From a file to a deck that can be used, or to all messages about why it cannot.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::fmt;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
-use super::diagnostic::{self, Diagnostic};
+use super::diagnostic::{self, Diagnostic, Gate, quote};
 use super::source::Source;
 use super::{Deck, GridDeck, Parameter, parameters, shape, validate};
+use crate::formula::closest;
 
 /// A deck that passed every check which needs no mesh.
 #[derive(Debug, Clone)]
@@ -97,10 +98,40 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedDeck, B
 /// When the file cannot be read.
 pub fn read(path: &Path) -> Result<Vec<u8>, Box<LoadFailure>> {
     read_bounded(path).map_err(|error| {
-        let diagnostic = Diagnostic::error("D001", format!("the deck cannot be read: {error}"));
         let source = Source::without_text(&path.display().to_string());
-        Box::new(LoadFailure { source, diagnostics: vec![diagnostic] })
+        Box::new(LoadFailure { source, diagnostics: vec![unreadable(path, &error)] })
     })
+}
+
+/// Why a file cannot be read, in words that do not depend on the system where they are known.
+fn unreadable(path: &Path, error: &std::io::Error) -> Diagnostic {
+    let fault = |what: &str| Diagnostic::error("D001", format!("the deck cannot be read: {what}"));
+    match error.kind() {
+        ErrorKind::NotFound => match similar_file(path) {
+            Some(name) => fault("there is no such file").help(format!("did you mean {}?", quote(&name))),
+            None => fault("there is no such file").help("give the path of a YAML file"),
+        },
+        ErrorKind::IsADirectory => fault("it is a directory").help("give the path of a YAML file"),
+        ErrorKind::PermissionDenied => {
+            fault("permission is denied").help("change the permissions of the file, or copy it")
+        }
+        _ => fault(&error.to_string()),
+    }
+}
+
+/// The deck beside a path that does not exist whose name is most like it.
+fn similar_file(path: &Path) -> Option<String> {
+    let wanted = path.file_name()?.to_str()?;
+    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    // A directory with more entries than this is no place where one looks for a deck.
+    let entries = std::fs::read_dir(directory).ok()?.take(10_000).flatten();
+    let mut names: Vec<String> = entries
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .filter(|name| name.ends_with(".yaml") || name.ends_with(".yml"))
+        .collect();
+    names.sort();
+    let best = closest(wanted, names.iter().map(String::as_str))?;
+    Some(path.with_file_name(best).display().to_string())
 }
 
 /// Names of the parameters that the text of a deck defines; `name` stands for the file in messages.
@@ -135,10 +166,20 @@ pub fn load_text(
     let mut deck = None;
     if let Some(mut value) = value {
         parameters::apply(&mut value, &mut source, overrides, &mut diagnostics);
+        let before = diagnostics.len();
         deck = shape::check(value, &source, &mut diagnostics);
+        diagnostic::assign(Gate::Shape, &mut diagnostics[before..]);
     }
     if let Some(deck) = &deck {
-        diagnostics.extend(validate::validate(deck, &source));
+        let told: HashSet<(String, &str)> =
+            diagnostics.iter().filter_map(|d| Some((d.pointer.clone()?, d.code))).collect();
+        let is_news =
+            |d: &Diagnostic| d.pointer.as_ref().is_none_or(|at| !told.contains(&(at.clone(), d.code)));
+        diagnostics.extend(validate::validate(deck, &source).into_iter().filter(is_news));
+        // What is suspicious in a deck with errors is mostly a consequence of them.
+        if !diagnostics.iter().any(Diagnostic::is_error) {
+            diagnostics.extend(validate::suspicions(deck, &source));
+        }
     }
     diagnostic::sort(&mut diagnostics);
     match deck {

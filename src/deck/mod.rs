@@ -16,8 +16,10 @@ pub use crate::domain::DomainUpdate;
 pub use crate::points::PointVolume;
 pub use crate::stress::Formulation;
 
+mod axisymmetry;
 pub mod build;
 pub mod diagnostic;
+pub mod first_step;
 pub mod formulas;
 pub mod load;
 mod parameters;
@@ -27,9 +29,28 @@ mod region;
 pub mod schema;
 mod seeding;
 mod shape;
+pub mod size;
 pub mod source;
 pub mod validate;
 mod yaml;
+
+/// Number of axes of the geometry: entries of a vector in a deck.
+const AXES: usize = 2;
+
+/// A vector as the schema describes it.
+type Vector = [f64; AXES];
+
+/// A length above zero, [length].
+#[derive(JsonSchema)]
+#[schemars(inline)]
+#[expect(dead_code, reason = "only its schema is used")]
+struct Length(#[schemars(extend("exclusiveMinimum" = 0.0))] f64);
+
+/// Points along one axis of a cell.
+#[derive(JsonSchema)]
+#[schemars(inline)]
+#[expect(dead_code, reason = "only its schema is used")]
+struct AlongAxis(#[schemars(range(min = 1, max = 1000))] u32);
 
 /// An input deck of `mpm`, version 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -40,9 +61,11 @@ pub struct Deck {
     pub version: u32,
     /// One line that says what is analysed; copied into the results.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["Elastic cantilever"]))]
     pub title: Option<String>,
     /// Named numbers or words, used as `${name}` or `${h/2}` anywhere in the deck and overridden by `--set name=value`.
     #[serde(default)]
+    #[schemars(extend("examples" = [{"h": 0.5, "method": "gimp"}]))]
     pub parameters: BTreeMap<String, Parameter>,
     /// What kind of analysis this is.
     #[serde(default)]
@@ -101,6 +124,9 @@ pub enum Idealisation {
     /// Plane strain per unit thickness: no displacement and no strain in z.
     #[default]
     PlaneStrain,
+    /// Body of revolution about the axis x = 0, without twist: x is the distance from the axis, y runs along it, and z
+    /// is the direction around it. Volumes, masses and forces are those of the full circle.
+    Axisymmetric,
 }
 
 /// The background grid.
@@ -110,16 +136,19 @@ pub enum GridDeck {
     /// A regular grid of rectangles aligned with the axes.
     Structured {
         /// Corner with the smallest coordinates, [length].
+        #[schemars(with = "Vector", extend("examples" = [[0, 0]]))]
         origin: Vec<f64>,
         /// Extent along each axis, [length]; a whole multiple of the spacing.
+        #[schemars(with = "[Length; AXES]", extend("examples" = [[11, 10]]))]
         size: Vec<f64>,
         /// Side of a cell, [length]; one number, or one per axis.
+        #[schemars(with = "PerAxis<Length>", extend("examples" = [0.5, [0.5, 0.25]]))]
         spacing: PerAxis<f64>,
     },
     /// Triangles and quadrilaterals from a mesh file of gmsh, format 2.2 or 4.1, text or binary.
     Gmsh {
         /// Path of the mesh file, relative to the deck.
-        #[schemars(length(min = 1))]
+        #[schemars(length(min = 1), extend("examples" = ["ring.msh"]))]
         file: String,
     },
 }
@@ -131,7 +160,7 @@ pub enum PerAxis<T> {
     /// The same value along every axis.
     Same(T),
     /// One value per axis.
-    Each(Vec<T>),
+    Each(#[schemars(length(min = AXES, max = AXES))] Vec<T>),
 }
 
 /// A constitutive law and its parameters.
@@ -141,32 +170,62 @@ pub enum MaterialDeck {
     /// Hencky elasticity: Kirchhoff stress linear in the logarithmic strain.
     Hencky {
         /// Young's modulus E, [stress].
-        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [12e6]))]
         young: f64,
         /// Poisson's ratio ν, [-].
-        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5))]
+        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
         poisson: f64,
         /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        #[schemars(range(min = 0.0))]
+        #[schemars(range(min = 0.0), extend("examples" = [2000]))]
         density: Option<f64>,
     },
-    /// Von Mises elastic, perfectly plastic: f = √(2 J₂) − ρ_y on the Kirchhoff stress.
+    /// Compressible neo-Hookean elasticity: W = μ/2 (tr b − 3) − μ ln J + λ/2 (ln J)², with λ and μ from E and ν.
+    NeoHookean {
+        /// Young's modulus E of small strains, [stress].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1e6]))]
+        young: f64,
+        /// Poisson's ratio ν of small strains, [-].
+        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
+        poisson: f64,
+        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(range(min = 0.0), extend("examples" = [2000]))]
+        density: Option<f64>,
+    },
+    /// Von Mises plasticity with linear isotropic hardening: f = √(2 J₂) − (ρ_y + H κ) on the Kirchhoff stress, κ the
+    /// equivalent plastic strain.
     VonMises {
         /// Young's modulus E, [stress].
-        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [12e6]))]
         young: f64,
         /// Poisson's ratio ν, [-].
-        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5))]
+        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
         poisson: f64,
         /// Deviatoric yield stress ρ_y = √(2 J₂) at yield, [stress]; √(2/3) times the uniaxial yield stress.
-        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [20e3]))]
         deviatoric_yield_stress: f64,
+        /// H, the growth of ρ_y per unit of equivalent plastic strain, [stress]; √(2/3) times the slope of the uniaxial
+        /// stress over the plastic strain. Perfect plasticity where not stated.
+        #[serde(default)]
+        #[schemars(range(min = 0.0))]
+        hardening_modulus: f64,
         /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        #[schemars(range(min = 0.0))]
+        #[schemars(range(min = 0.0), extend("examples" = [2000]))]
         density: Option<f64>,
     },
+}
+
+impl MaterialDeck {
+    /// Its density, if it states one.
+    pub fn density(&self) -> Option<f64> {
+        match self {
+            MaterialDeck::Hencky { density, .. }
+            | MaterialDeck::NeoHookean { density, .. }
+            | MaterialDeck::VonMises { density, .. } => *density,
+        }
+    }
 }
 
 /// A body: a region filled with material points of one material.
@@ -189,15 +248,17 @@ pub struct BodyDeck {
     /// Points along each axis of every filled rectangle or quadrilateral, at the centres of an even subdivision: one
     /// number or one per axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<PerAxis<AlongAxis>>", extend("examples" = [4, [2, 3]]))]
     pub points_per_cell: Option<PerAxis<u32>>,
     /// Points in every filled triangle of a gmsh grid: 1, 4, 9, 16, … at the centroids of an even subdivision, or 8, for
     /// which the triangles of the subdivision by 4 are halved.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 1, max = 10_000))]
+    #[schemars(range(min = 1, max = 10_000), extend("examples" = [4]))]
     pub points_per_triangle: Option<u32>,
     /// Instead of `points_per_cell`: distance between points, [length], for a body that does not line up with the
     /// grid; one number or one per axis; the sides of the body are whole multiples of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<PerAxis<Length>>", extend("examples" = [0.1, [0.1, 0.2]]))]
     pub point_spacing: Option<PerAxis<f64>>,
 }
 
@@ -209,33 +270,37 @@ pub enum Shape {
     /// A box aligned with the axes.
     Box {
         /// Corner with the smallest coordinates, [length].
+        #[schemars(with = "Vector", extend("examples" = [[0, 9]]))]
         min: Vec<f64>,
         /// Corner with the largest coordinates, [length].
+        #[schemars(with = "Vector", extend("examples" = [[10, 10]]))]
         max: Vec<f64>,
     },
     /// A polygon that does not cross itself, in either sense.
     Polygon {
         /// Its corners, [length], in order.
-        #[schemars(length(min = 3))]
+        #[schemars(with = "Vec<Vector>", length(min = 3), extend("examples" = [[[0, 0], [2, 0], [0, 1]]]))]
         vertices: Vec<Vec<f64>>,
     },
     /// A circle.
     Circle {
         /// Centre, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2]]))]
         center: Vec<f64>,
         /// Radius, [length].
-        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.5]))]
         radius: f64,
     },
     /// The region between two circles with the same centre.
     Annulus {
         /// Centre, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2]]))]
         center: Vec<f64>,
         /// Inner radius, [length].
-        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.75]))]
         inner: f64,
         /// Outer radius, [length].
-        #[schemars(extend("exclusiveMinimum" = 0.0))]
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.25]))]
         outer: f64,
     },
     /// Whole cells of the grid.
@@ -270,14 +335,17 @@ pub struct BoundaryConditionDeck {
     pub nodes: NodeSelector,
     /// Axes along which these nodes do not move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(extend("examples" = [["x", "y"]]))]
     pub fix: Vec<Axis>,
     /// Displacement along x at load factor 1, [length]: a number or a formula of the node's coordinates x, y, of
     /// `factor` (the load factor) and the parameters. One that depends on `factor` is the whole displacement as it
     /// stands; any other is multiplied by the load factor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [0.1, "gamma*y"]))]
     pub ux: Option<Expression>,
     /// Displacement along y at load factor 1, [length]: a number or a formula, as `ux`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
     pub uy: Option<Expression>,
     /// Load factor over time; a linear ramp from 0 to 1 where not stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -322,8 +390,10 @@ pub struct NodeSelector {
 #[serde(deny_unknown_fields)]
 pub struct BoxDeck {
     /// Corner with the smallest coordinates, [length].
+    #[schemars(with = "Vector", extend("examples" = [[0, 0]]))]
     pub min: Vec<f64>,
     /// Corner with the largest coordinates, [length].
+    #[schemars(with = "Vector", extend("examples" = [[0, 10]]))]
     pub max: Vec<f64>,
 }
 
@@ -340,6 +410,7 @@ pub enum Expression {
 /// Load factor over time as a table of [time, factor] pairs, linear in between; times increase and cover the analysis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
+#[schemars(extend("examples" = [[[0, 0], [1, 1]]]))]
 pub struct LoadCurve(#[schemars(length(min = 2))] pub Vec<[f64; 2]>);
 
 /// An external force.
@@ -351,6 +422,7 @@ pub enum LoadDeck {
         /// Name, unique among the loads.
         name: String,
         /// Acceleration at load factor 1, [length/time²], one number per axis.
+        #[schemars(with = "Vector", extend("examples" = [[0, -9.81]]))]
         acceleration: Vec<f64>,
         /// Names of the bodies it acts on; all where not stated.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -367,6 +439,7 @@ pub enum LoadDeck {
         /// position at the start of the step), X, Y (the original position), `factor` (the load factor), the
         /// parameters and the names under `where`. One that depends on `factor` is taken as it stands; any other is
         /// multiplied by the load factor.
+        #[schemars(with = "[Expression; AXES]", extend("examples" = [["gamma*y", 0]]))]
         force: Vec<Expression>,
         /// Intermediate values with a name each, in any order, for use in `force`.
         #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -386,7 +459,9 @@ pub enum LoadDeck {
         body: String,
         /// The points that carry it.
         points: PointSelector,
-        /// Sum of the forces at load factor 1, [force] (per unit thickness in plane strain), one number per axis.
+        /// Sum of the forces at load factor 1, [force] (per unit thickness in plane strain, on the full
+        /// circle in axisymmetry), one number per axis.
+        #[schemars(with = "Vector", extend("examples" = [[0, -100e3]]))]
         total: Vec<f64>,
         /// Load factor over time; a linear ramp from 0 to 1 where not stated.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -394,11 +469,23 @@ pub enum LoadDeck {
     },
 }
 
+impl LoadDeck {
+    /// Name of the load.
+    pub fn name(&self) -> &str {
+        match self {
+            LoadDeck::Gravity { name, .. }
+            | LoadDeck::BodyForce { name, .. }
+            | LoadDeck::PointForce { name, .. } => name,
+        }
+    }
+}
+
 /// Selects the points of a body that are nearest to a place at the start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PointSelector {
     /// The place, [length].
+    #[schemars(with = "Vector", extend("examples" = [[10, 9.5]]))]
     pub nearest: Vec<f64>,
     /// How many points; a choice between equally near points must not be left open.
     #[serde(default = "one")]
@@ -415,7 +502,7 @@ fn one() -> u32 {
 #[serde(deny_unknown_fields)]
 pub struct StepsDeck {
     /// Number of equal load steps.
-    #[schemars(range(min = 1, max = 10_000_000))]
+    #[schemars(range(min = 1, max = 10_000_000), extend("examples" = [50]))]
     pub count: u32,
     /// Time at the end of the analysis, [time]; it only orders the loading.
     #[serde(default = "unit_time")]
@@ -432,7 +519,7 @@ fn unit_time() -> f64 {
 #[serde(deny_unknown_fields, default)]
 pub struct SolverDeck {
     /// Largest relative out-of-balance force, eq. (40), of an equilibrated step, [-].
-    #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0))]
+    #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0, "examples" = [1e-9]))]
     pub tolerance: f64,
     /// Largest number of linear solves in a step.
     #[schemars(range(min = 1, max = 1000))]
@@ -471,6 +558,7 @@ pub struct ProbeDeck {
     /// Name of the body.
     pub body: String,
     /// The place, [length].
+    #[schemars(with = "Vector", extend("examples" = [[10, 9.5]]))]
     pub nearest: Vec<f64>,
     /// How many points.
     #[serde(default = "one")]

@@ -342,6 +342,7 @@ impl Table<'_> {
                 }
                 continue;
             }
+            self.source.use_parameter(name);
             let Some(known) = self.resolve(name) else { return Err(Fault::Told) };
             overrides.extend(known.overrides);
             match known.value {

@@ -6,7 +6,7 @@ use super::diagnostic::{list, quote};
 use super::seeding::Fault;
 use super::{BodyDeck, Shape, region};
 use crate::formula::closest;
-use crate::grid::Grid;
+use crate::grid::{Grid, Structured};
 use crate::points::{Seed, coordinates};
 
 /// Message and help for the name of a physical group that does not exist, or has no cells where it needs some.
@@ -44,6 +44,41 @@ pub(super) fn members<'a>(grid: &dyn Grid<2>, shape: &'a Shape) -> BTreeMap<&'a 
         members.insert(group, member);
     }
     members
+}
+
+/// The indices along one axis of the grid lines within a range, and some that are just outside.
+fn lines_near(grid: &Structured<2>, axis: usize, low: f64, high: f64) -> std::ops::Range<usize> {
+    let (origin, spacing) = (grid.origin()[axis], grid.spacing()[axis]);
+    let line = |x: f64| ((x - origin) / spacing).clamp(-2.0, grid.cells()[axis] as f64 + 2.0);
+    let first = (line(low).floor() - 1.0).max(0.0) as usize;
+    let last = (line(high).ceil() + 1.0).max(0.0) as usize;
+    first..(last + 1).min(grid.cells()[axis] + 1)
+}
+
+/// All nodes within bounds, ascending, and some that are outside: those just beside the bounds, or all of the grid
+/// where it has no lines.
+pub(super) fn nodes_near(
+    grid: &dyn Grid<2>,
+    [low, high]: region::Bounds,
+) -> Box<dyn Iterator<Item = usize> + '_> {
+    let Some(lines) = grid.structured() else { return Box::new(0..grid.n_nodes()) };
+    let [columns, rows] = [0, 1].map(|d| lines_near(lines, d, low[d], high[d]));
+    Box::new(rows.flat_map(move |j| columns.clone().map(move |i| lines.node([i, j]))))
+}
+
+/// All cells that may meet bounds, ascending, and some more, as [`nodes_near`].
+pub(super) fn cells_near(
+    grid: &dyn Grid<2>,
+    bounds: Option<region::Bounds>,
+) -> Box<dyn Iterator<Item = usize> + '_> {
+    let (Some(lines), Some([low, high])) = (grid.structured(), bounds) else {
+        return Box::new(0..grid.n_cells());
+    };
+    let [columns, rows] = [0, 1].map(|d| {
+        let lines_near = lines_near(lines, d, low[d], high[d]);
+        lines_near.start..lines_near.end.min(lines.cells()[d])
+    });
+    Box::new(rows.flat_map(move |j| columns.clone().map(move |i| lines.cell([i, j]))))
 }
 
 /// All points of a body, and the corners of their domains, must lie in cells.

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use serde_json::{Map, Value};
 
 use super::diagnostic::CODES;
-use super::schema::{range_in_words, shortest, strict_schema};
+use super::schema::{range_in_words, resolve, shortest, strict_schema};
 
 const INTRODUCTION: &str = "\
 # The deck
@@ -113,7 +113,7 @@ fn table(text: &mut String, section: &Value, tag: Option<&str>) {
             text,
             "| `{key}` | {}{range} | {default} | {} |",
             kind(property),
-            cell(&description(property))
+            cell(&(description(property) + &example(property)))
         );
         list_words(&mut words, key, target);
     }
@@ -134,11 +134,11 @@ fn list_words(text: &mut String, key: &str, target: &Value) {
     }
 }
 
-/// What a reference in the schema refers to.
-fn resolve(property: &Value) -> &Value {
-    let reference =
-        property.get("$ref").or_else(|| property.pointer("/allOf/0/$ref")).and_then(Value::as_str);
-    reference.and_then(|path| strict_schema().pointer(path.trim_start_matches('#'))).unwrap_or(property)
+/// The first example of a key, as a sentence; keys with a default need none.
+fn example(property: &Value) -> String {
+    let examples = property.get("examples").or_else(|| resolve(property).get("examples"));
+    let first = examples.and_then(|examples| examples.get(0)).filter(|_| property.get("default").is_none());
+    first.map_or_else(String::new, |example| format!(" Example: {}.", in_yaml(example)))
 }
 
 fn description(schema: &Value) -> String {
@@ -219,6 +219,10 @@ fn bare(value: &Value) -> String {
     match value {
         Value::String(word) => word.clone(),
         Value::Number(_) => shortest(value),
+        Value::Array(items) => {
+            let items: Vec<String> = items.iter().map(bare).collect();
+            format!("[{}]", items.join(", "))
+        }
         other => other.to_string(),
     }
 }

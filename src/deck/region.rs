@@ -3,6 +3,8 @@
 use super::Shape;
 use super::build::pair;
 
+mod area;
+
 /// A box with sides along the axes, as lowest and highest corner.
 pub type Bounds = [[f64; 2]; 2];
 
@@ -45,7 +47,7 @@ fn in_polygon(vertices: &[Vec<f64>], x: [f64; 2]) -> bool {
     inside
 }
 
-/// Area of a simple region; `None` for whole cells and for regions made of others.
+/// Area of a region, exact but for round-off; `None` where whole cells are part of it.
 pub fn area(shape: &Shape) -> Option<f64> {
     match shape {
         Shape::Box { min, max } => {
@@ -55,7 +57,8 @@ pub fn area(shape: &Shape) -> Option<f64> {
         Shape::Polygon { vertices } => Some(signed_area(vertices).abs()),
         Shape::Circle { radius, .. } => Some(std::f64::consts::PI * radius * radius),
         Shape::Annulus { inner, outer, .. } => Some(std::f64::consts::PI * (outer - inner) * (outer + inner)),
-        Shape::Cells { .. } | Shape::Union { .. } | Shape::Difference { .. } => None,
+        Shape::Cells { .. } => None,
+        Shape::Union { .. } | Shape::Difference { .. } => area::area(shape),
     }
 }
 

@@ -13,16 +13,73 @@ use super::Deck;
 /// Text that holds an expression of parameters.
 const EXPRESSION: &str = r"\$\{.+\}";
 
-/// The schema for editors, draft 07: every number and word may also be an expression of parameters, `${h/2}`.
+/// The schema for editors, draft 07: every number and word may also be an expression of parameters, `${h/2}`, and
+/// descriptions say what editors do not show, ranges and defaults.
 pub fn deck_schema() -> Value {
     let mut schema = strict_schema().clone();
-    if let Some(definitions) = schema.get_mut("definitions").and_then(Value::as_object_mut) {
-        definitions.values_mut().for_each(admit_expressions);
+    describe(&mut schema);
+    for definition in
+        schema.get_mut("definitions").and_then(Value::as_object_mut).into_iter().flat_map(Map::values_mut)
+    {
+        // What is no mapping is described by the key that has it.
+        if let Some(definition) = definition.as_object_mut()
+            && definition.get("type").is_none_or(|kind| kind != "object")
+        {
+            definition.shift_remove("description");
+        }
+        admit_expressions(definition);
     }
     if let Some(properties) = schema.get_mut("properties").and_then(Value::as_object_mut) {
         properties.values_mut().for_each(admit_expressions);
     }
     schema
+}
+
+/// Adds range and default to the description of every key, and takes those away that would stand in their place: that
+/// of the deck as a whole, and those of choices between types.
+fn describe(schema: &mut Value) {
+    match schema {
+        Value::Array(items) => items.iter_mut().for_each(describe),
+        Value::Object(object) => {
+            // A key of the same name holds a schema.
+            if object.get("title").is_some_and(Value::is_string) {
+                object.shift_remove("title");
+            }
+            for choice in object.get_mut("anyOf").and_then(Value::as_array_mut).into_iter().flatten() {
+                choice.as_object_mut().and_then(|choice| choice.shift_remove("description"));
+            }
+            for (key, property) in
+                object.get_mut("properties").and_then(Value::as_object_mut).into_iter().flatten()
+            {
+                if key != "version" {
+                    describe_key(property);
+                }
+            }
+            object.values_mut().for_each(describe);
+        }
+        _ => {}
+    }
+}
+
+fn describe_key(property: &mut Value) {
+    let range = range_in_words(property).or_else(|| range_in_words(resolve(property).pointer("/anyOf/0")?));
+    // The defaults of mappings are those of their keys.
+    let default = property.get("default").filter(|default| default.is_number() || default.is_string());
+    let default = default.map(|default| default.as_str().map_or_else(|| shortest(default), str::to_owned));
+    let Some(Value::String(description)) = property.get_mut("description") else { return };
+    if let Some(range) = range {
+        description.push_str(&format!(" Must be {range}."));
+    }
+    if let Some(default) = default {
+        description.push_str(&format!(" Default: {default}."));
+    }
+}
+
+/// What a reference in the strict schema refers to.
+pub(super) fn resolve(property: &Value) -> &Value {
+    let reference =
+        property.get("$ref").or_else(|| property.pointer("/allOf/0/$ref")).and_then(Value::as_str);
+    reference.and_then(|path| strict_schema().pointer(path.trim_start_matches('#'))).unwrap_or(property)
 }
 
 /// The schema that a deck must meet once its parameters are inserted, draft 07.
@@ -143,7 +200,7 @@ fn admit_expressions(schema: &mut Value) {
     let Some(object) = schema.as_object_mut() else { return };
     let is_number = matches!(object.get("type").and_then(Value::as_str), Some("number" | "integer"));
     if is_number || object.contains_key("enum") {
-        let keeps = |key: &str| matches!(key, "description" | "default" | "title");
+        let keeps = |key: &str| matches!(key, "description" | "default" | "title" | "examples");
         let (outer, inner): (Map<_, _>, Map<_, _>) =
             std::mem::take(object).into_iter().partition(|(k, _)| keeps(k));
         *object = outer;
@@ -164,6 +221,7 @@ fn admit_expressions(schema: &mut Value) {
         }
     }
 }
+
 /// The range that a schema allows, in words such as "above 0 and below 1".
 pub(super) fn range_in_words(schema: &Value) -> Option<String> {
     // The largest number that fits into memory is no range that means anything.

@@ -1,6 +1,6 @@
 //! Fills bodies with material points.
 
-use std::collections::BTreeMap;
+use std::collections::HashSet;
 
 use super::build::{pair, per_axis};
 use super::diagnostic::quote;
@@ -191,8 +191,9 @@ impl Filling<'_> {
         let in_group = placing::members(self.grid, &deck.shape);
         let mut seeds = Vec::new();
         let mut cell_of = Vec::new();
-        let mut full = vec![false; self.grid.n_cells()];
-        for cell in 0..self.grid.n_cells() {
+        // The cells that hold points, and whether the region fills them.
+        let mut filled: Vec<(u32, bool)> = Vec::new();
+        for cell in placing::cells_near(self.grid, region::bounds(&deck.shape)) {
             let in_cells = |group: Option<&str>| match group {
                 None => true,
                 Some(name) => in_group.get(name).is_some_and(|member| member[cell]),
@@ -213,10 +214,12 @@ impl Filling<'_> {
                 });
             }
             seeds.extend(parts.into_iter().filter(|s| region::contains(&deck.shape, s.position, &in_cells)));
-            full[cell] = seeds.len() == before + all;
-            cell_of.resize(seeds.len(), cell);
+            if seeds.len() > before {
+                cell_of.resize(seeds.len(), filled.len() as u32);
+                filled.push((cell as u32, seeds.len() == before + all));
+            }
         }
-        self.mark_outer_layer(&mut seeds, &cell_of, &full);
+        self.mark_outer_layer(&mut seeds, &cell_of, &filled);
         Ok(seeds)
     }
 
@@ -233,25 +236,28 @@ impl Filling<'_> {
         bounds
     }
 
-    /// The points of cells that are not full, or share a node with the border of the full ones.
-    fn mark_outer_layer(&self, seeds: &mut [Seed<2>], cell_of: &[usize], full: &[bool]) {
-        let mut edges: BTreeMap<[u32; 2], u32> = BTreeMap::new();
-        for cell in (0..full.len()).filter(|&c| full[c]) {
-            let corners = self.grid.corners(cell);
+    /// The points of cells that are not full, or share a node with the border of the full ones. `cell_of` gives for
+    /// each point its place in `filled`, the cells that hold points and whether the region fills them.
+    fn mark_outer_layer(&self, seeds: &mut [Seed<2>], cell_of: &[u32], filled: &[(u32, bool)]) {
+        let mut edges: Vec<[u32; 2]> = Vec::new();
+        for &(cell, _) in filled.iter().filter(|(_, is_full)| *is_full) {
+            let corners = self.grid.corners(cell as usize);
             let nodes = corners.nodes();
             for (k, &a) in nodes.iter().enumerate() {
                 let b = nodes[(k + 1) % nodes.len()];
-                *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
+                edges.push([a.min(b), a.max(b)]);
             }
         }
-        let mut border = vec![false; self.grid.n_nodes()];
-        for ([a, b], _) in edges.into_iter().filter(|(_, n)| *n == 1) {
-            border[a as usize] = true;
-            border[b as usize] = true;
-        }
+        edges.sort_unstable();
+        // An edge of one full cell only is part of the border.
+        let of_one = edges.chunk_by(|a, b| a == b).filter(|same| same.len() == 1);
+        let border: HashSet<u32> = of_one.flat_map(|edge| edge[0]).collect();
+        let is_outer = |&(cell, is_full): &(u32, bool)| {
+            !is_full || self.grid.corners(cell as usize).nodes().iter().any(|node| border.contains(node))
+        };
+        let outer: Vec<bool> = filled.iter().map(is_outer).collect();
         for (seed, &cell) in seeds.iter_mut().zip(cell_of) {
-            let corners = self.grid.corners(cell);
-            seed.outer_layer = !full[cell] || corners.nodes().iter().any(|&node| border[node as usize]);
+            seed.outer_layer = outer[cell as usize];
         }
     }
 

@@ -66,14 +66,18 @@ impl Gate<'_> {
             ValidationErrorKind::AdditionalProperties { unexpected } => {
                 return self.unknown_keys(pointer, unexpected, &allowed_keys(error));
             }
-            ValidationErrorKind::Required { property } => return self.missing_key(pointer, property),
+            ValidationErrorKind::Required { property } => return self.missing_key(pointer, error, property),
             ValidationErrorKind::AnyOf { context } => return self.no_choice(error, pointer, context),
             ValidationErrorKind::Enum { options } => return self.unknown_word(pointer, value, options),
-            ValidationErrorKind::Type { kind } => ("D008", expected(&kind_in_words(kind), value)),
-            ValidationErrorKind::Maximum { .. } if pointer == "/version" => (
-                "D009",
-                format!("version {value} of the deck format is unknown; this program reads version 1"),
-            ),
+            ValidationErrorKind::Type { kind } => ("D008", mismatch(&kind_in_words(kind), value)),
+            ValidationErrorKind::Minimum { .. } | ValidationErrorKind::Maximum { .. }
+                if pointer == "/version" =>
+            {
+                (
+                    "D009",
+                    format!("version {value} of the deck format is unknown; this program reads version 1"),
+                )
+            }
             ValidationErrorKind::ExclusiveMaximum { limit } => {
                 ("D009", format!("{} is not below {}", shortest(value), shortest(limit)))
             }
@@ -86,14 +90,16 @@ impl Gate<'_> {
             ValidationErrorKind::Minimum { limit } => {
                 ("D009", format!("{} is less than {}", shortest(value), shortest(limit)))
             }
-            ValidationErrorKind::MinItems { limit } => ("D015", count_fault(value, "at least", *limit)),
-            ValidationErrorKind::MaxItems { limit } => ("D015", count_fault(value, "at most", *limit)),
+            ValidationErrorKind::MinItems { .. } | ValidationErrorKind::MaxItems { .. } => {
+                ("D015", mismatch_of_count(&count_in_words(error), value))
+            }
             ValidationErrorKind::MinProperties { .. } => ("D015", "at least one entry is needed here".into()),
             _ => ("D008", error.to_string()),
         };
         if self.judged.insert(pointer.to_owned()) {
             let mut diagnostic = Diagnostic::at(self.source, code, pointer, message);
             diagnostic.help = range_help(error).or_else(|| number_help(value, code));
+            diagnostic.expected = expected(error);
             self.found.push(diagnostic);
         }
     }
@@ -109,6 +115,7 @@ impl Gate<'_> {
             let mut diagnostic =
                 Diagnostic::at_key(self.source, "D006", &at, format!("unknown key {}", quote(key)));
             let keys = list(allowed.iter().map(String::as_str));
+            diagnostic.expected = Some(format!("one of the keys {}", alternatives(allowed.iter())));
             diagnostic.help = Some(match closest(key, allowed.iter().map(String::as_str)) {
                 Some(best) => {
                     self.meant.insert(format!("{pointer}/{best}"));
@@ -120,21 +127,24 @@ impl Gate<'_> {
         }
     }
 
-    fn missing_key(&mut self, pointer: &str, property: &Value) {
+    fn missing_key(&mut self, pointer: &str, error: &ValidationError<'_>, property: &Value) {
         let key = property.as_str().unwrap_or_default();
         if self.meant.contains(&format!("{pointer}/{key}")) {
             return;
         }
+        // Without its tag no variant applies, and which keys are unknown is not told: only what looks like the tag is.
+        if let Some(written) = misspelt_tag(error, key) {
+            let at = format!("{pointer}/{}", escape(written));
+            let message = format!("unknown key {}", quote(written));
+            let diagnostic = Diagnostic::at_key(self.source, "D006", &at, message);
+            let help = format!("did you mean {}?", quote(key));
+            self.found.push(diagnostic.expected(format!("the key {}", quote(key))).help(help));
+            return;
+        }
         let place = if pointer.is_empty() { " at the top of the deck" } else { "" };
         let message = format!("missing key {}{place}", quote(key));
-        let diagnostic = if pointer.is_empty() {
-            let mut diagnostic = Diagnostic::error("D007", message);
-            diagnostic.pointer = Some(String::new());
-            diagnostic
-        } else {
-            Diagnostic::at_key(self.source, "D007", pointer, message)
-        };
-        self.found.push(diagnostic);
+        let diagnostic = Diagnostic::at_key(self.source, "D007", pointer, message);
+        self.found.push(diagnostic.expected(format!("the key {}", quote(key))));
     }
 
     fn unknown_word(&mut self, pointer: &str, value: &Value, options: &Value) {
@@ -145,9 +155,8 @@ impl Gate<'_> {
         let known = list(words.iter().copied());
         let Some(found) = value.as_str() else {
             let message = format!("expected a word, found {}", found(value));
-            self.found.push(
-                Diagnostic::at(self.source, "D008", pointer, message).help(format!("use one of {known}")),
-            );
+            let fault = Diagnostic::at(self.source, "D008", pointer, message);
+            self.found.push(fault.expected(alternatives(&words)).help(format!("use one of {known}")));
             return;
         };
         let help = match (closest(found, words.iter().copied()), words.len()) {
@@ -156,7 +165,8 @@ impl Gate<'_> {
             (None, _) => format!("the words here are {known}"),
         };
         let message = format!("unknown word {}", quote(found));
-        self.found.push(Diagnostic::at(self.source, "D010", pointer, message).help(help));
+        let fault = Diagnostic::at(self.source, "D010", pointer, message);
+        self.found.push(fault.expected(alternatives(&words)).help(help));
     }
 
     /// A value that is none of several things: if it is of the type of one of them, the faults of that one count.
@@ -176,8 +186,9 @@ impl Gate<'_> {
             }
         } else if self.judged.insert(pointer.to_owned()) {
             let value = error.instance().as_ref();
-            let message = expected(&choices_in_words(error), value);
-            let mut diagnostic = Diagnostic::at(self.source, "D008", pointer, message);
+            let choices = choices_in_words(error);
+            let message = mismatch(&choices, value);
+            let mut diagnostic = Diagnostic::at(self.source, "D008", pointer, message).expected(choices);
             diagnostic.help = number_help(value, "D008");
             self.found.push(diagnostic);
         }
@@ -188,6 +199,16 @@ impl Gate<'_> {
 fn subschema(error: &ValidationError<'_>) -> Option<&'static Value> {
     let path = error.schema_path().as_str();
     strict_schema().pointer(&path[..path.rfind('/')?])
+}
+
+/// The key that is probably meant to be the missing tag of a choice between variants, which none of them knows.
+fn misspelt_tag<'e>(error: &'e ValidationError<'_>, tag: &str) -> Option<&'e str> {
+    let variants = subschema(error)?.get("allOf")?.as_array()?;
+    let known = |key: &str| {
+        variants.iter().any(|variant| variant.pointer(&format!("/then/properties/{}", escape(key))).is_some())
+    };
+    let keys = error.instance().as_object()?.keys().map(String::as_str);
+    closest(tag, keys.filter(|key| !known(key)))
 }
 
 fn allowed_keys(error: &ValidationError<'_>) -> Vec<String> {
@@ -232,8 +253,29 @@ fn kind_in_words(kind: &TypeKind) -> String {
     }
 }
 
-fn expected(what: &str, value: &Value) -> String {
+fn mismatch(what: &str, value: &Value) -> String {
     format!("expected {what}, found {}", found(value))
+}
+
+/// What a keyword of the schema demands, in words.
+fn expected(error: &ValidationError<'_>) -> Option<String> {
+    match error.kind() {
+        ValidationErrorKind::Type { kind } => Some(kind_in_words(kind)),
+        ValidationErrorKind::MinItems { .. } | ValidationErrorKind::MaxItems { .. } => {
+            Some(count_in_words(error))
+        }
+        ValidationErrorKind::MinProperties { .. } => Some("at least 1 entry".into()),
+        _ => subschema(error).and_then(super::schema::range_in_words),
+    }
+}
+
+/// Words of which one is expected: `` `a`, `b` or `c` ``.
+fn alternatives<S: AsRef<str>>(words: impl IntoIterator<Item = S>) -> String {
+    let mut words: Vec<String> = words.into_iter().map(|word| quote(word.as_ref())).collect();
+    match words.pop() {
+        Some(last) if !words.is_empty() => format!("{} or {last}", words.join(", ")),
+        last => last.unwrap_or_default(),
+    }
 }
 
 fn found(value: &Value) -> String {
@@ -247,10 +289,22 @@ fn found(value: &Value) -> String {
     }
 }
 
-fn count_fault(value: &Value, bound: &str, limit: u64) -> String {
-    let count = value.as_array().map_or(0, Vec::len);
-    let entries = if limit == 1 { "entry" } else { "entries" };
-    format!("expected {bound} {limit} {entries}, found {count}")
+/// The number of entries that a schema allows, in words.
+fn count_in_words(error: &ValidationError<'_>) -> String {
+    let limit = |key: &str| subschema(error).and_then(|schema| schema.get(key)).and_then(Value::as_u64);
+    let entries = |n: u64| if n == 1 { "1 entry".to_owned() } else { format!("{n} entries") };
+    // Lists of a fixed length are vectors, but for the pairs of load curves.
+    let each =
+        if error.schema_path().as_str().contains("LoadCurve") { "[time, factor]" } else { "one per axis" };
+    match (limit("minItems"), limit("maxItems"), error.kind()) {
+        (Some(least), Some(most), _) if least == most => format!("{}, {each}", entries(least)),
+        (_, Some(most), ValidationErrorKind::MaxItems { .. }) => format!("at most {}", entries(most)),
+        (least, ..) => format!("at least {}", entries(least.unwrap_or(1))),
+    }
+}
+
+fn mismatch_of_count(what: &str, value: &Value) -> String {
+    format!("expected {what}, found {}", value.as_array().map_or(0, Vec::len))
 }
 
 /// The whole range, where only one end of it was missed.
@@ -267,7 +321,10 @@ fn range_help(error: &ValidationError<'_>) -> Option<String> {
     }
     let schema = subschema(error)?;
     let range = super::schema::range_in_words(schema)?;
-    let Some(description) = schema.get("description").and_then(Value::as_str) else {
+    // Only the description of a key says what the number means.
+    let path = error.schema_path().as_str();
+    let of_key = path.rsplit('/').nth(2) == Some("properties");
+    let Some(description) = schema.get("description").and_then(Value::as_str).filter(|_| of_key) else {
         return Some(format!("must be {range}"));
     };
     let meaning = description.split([';', ':']).next().unwrap_or(description).trim_end_matches('.');

@@ -60,6 +60,7 @@ pub struct Source {
     line_starts: Vec<usize>,
     places: HashMap<String, Place>,
     substitutions: BTreeMap<String, Substitution>,
+    used_parameters: HashSet<String>,
     poisoned: HashSet<String>,
 }
 
@@ -85,7 +86,12 @@ impl Source {
         let mut source = Source::without_text(name);
         if bytes.len() > Self::MAX_BYTES {
             let message = format!("the deck is larger than {} MiB", Self::MAX_BYTES >> 20);
-            return (source, None, vec![Diagnostic::error("D001", message)]);
+            let fault = Diagnostic::error("D001", message).help("bulky data belongs into a mesh file");
+            return (source, None, vec![fault]);
+        }
+        if is_utf16(bytes) {
+            let fault = Diagnostic::error("D001", "the text has the encoding UTF-16");
+            return (source, None, vec![fault.help("save the file with the encoding UTF-8")]);
         }
         // The mark that some editors put in front of a text is no part of it.
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
@@ -95,6 +101,12 @@ impl Source {
             return (source, None, vec![fault]);
         }
         source.set_text(bytes);
+        if let Some(offset) = bytes.iter().position(|byte| *byte == 0) {
+            let (line, _) = source.line_column(offset);
+            let fault =
+                Diagnostic::error("D001", format!("line {line} holds a zero byte: this is not a text file"));
+            return (source, None, vec![fault.help("give the path of a YAML file")]);
+        }
         let mut diagnostics = Vec::new();
         let value = yaml::read(&source.text, &mut diagnostics).map(|document| {
             source.places = document.places;
@@ -188,6 +200,17 @@ impl Source {
         self.substitutions.insert(pointer.to_owned(), substitution);
     }
 
+    /// Notes that an expression of the deck uses a parameter.
+    pub(super) fn use_parameter(&mut self, name: &str) {
+        if !self.used_parameters.contains(name) {
+            self.used_parameters.insert(name.to_owned());
+        }
+    }
+
+    pub(super) fn uses_parameter(&self, name: &str) -> bool {
+        self.used_parameters.contains(name)
+    }
+
     /// Marks a value that is already known to be wrong, so that no further fault is found in it.
     pub(super) fn poison(&mut self, pointer: &str) {
         self.poisoned.insert(pointer.to_owned());
@@ -212,6 +235,12 @@ impl Source {
         let end = start + self.text[start..end].trim_end().len();
         Excerpt { text, line: self.line_column(start).0, mark: start - line_start..end - line_start }
     }
+}
+
+/// Whether a text begins as UTF-16 does: with its mark, or with a letter of ASCII in two bytes.
+fn is_utf16(bytes: &[u8]) -> bool {
+    matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..])
+        || matches!(bytes, [a, 0, b, 0, ..] | [0, a, 0, b, ..] if *a > 0 && *b > 0)
 }
 
 fn floor_boundary(text: &str, offset: usize) -> usize {

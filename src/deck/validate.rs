@@ -6,12 +6,14 @@
 mod geometry;
 mod loading;
 mod shape;
+mod suspicions;
+mod units;
 
 use std::collections::HashMap;
 
-use super::diagnostic::{Diagnostic, Severity, list, quote};
+use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote};
 use super::source::Source;
-use super::{BodyDeck, Deck, MaterialDeck, Method};
+use super::{BodyDeck, Deck, Method};
 use crate::formula::closest;
 
 /// Checks the meaning of a deck. The source gives the places of messages and tells which values come from
@@ -23,6 +25,15 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.boundary_conditions();
     check.loads();
     check.probes();
+    assign(Gate::Meaning, &mut check.found);
+    check.found
+}
+
+/// Warnings about what is legal in a deck without errors, but probably not meant.
+pub(super) fn suspicions(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
+    let mut check = Check { deck, source, found: Vec::new() };
+    check.suspicions();
+    assign(Gate::Meaning, &mut check.found);
     check.found
 }
 
@@ -109,11 +120,18 @@ impl Check<'_> {
         let help = match (closest(name, names.iter().copied()), names.len()) {
             (_, 0) => format!("the deck has no {several}"),
             (Some(best), 1) => format!("did you mean {}?", quote(best)),
-            (Some(best), _) => format!("did you mean {}? the {several} are {}", quote(best), list(names)),
-            (None, 1) => format!("the only {one} is {}", list(names)),
-            (None, _) => format!("the {several} are {}", list(names)),
+            (Some(best), _) => {
+                format!("did you mean {}? the {several} are {}", quote(best), list(names.iter().copied()))
+            }
+            (None, 1) => format!("the only {one} is {}", list(names.iter().copied())),
+            (None, _) => format!("the {several} are {}", list(names.iter().copied())),
         };
-        self.error_with_help("D018", pointer, format!("there is no {one} {}", quote(name)), help);
+        let message = format!("there is no {one} {}", quote(name));
+        let mut diagnostic = Diagnostic::at(self.source, "D018", pointer, message).help(help);
+        if !names.is_empty() {
+            diagnostic.expected = Some(format!("one of the {several} {}", list(names)));
+        }
+        self.found.push(diagnostic);
     }
 
     fn bodies(&mut self, grid: Option<&geometry::GridBox>) {
@@ -176,12 +194,5 @@ impl Check<'_> {
             self.body(&format!("{pointer}/body"), &probe.body);
             self.vector(&format!("{pointer}/nearest"), &probe.nearest);
         }
-    }
-}
-
-/// Density of a material, if it states one.
-fn density(material: &MaterialDeck) -> Option<f64> {
-    match material {
-        MaterialDeck::Hencky { density, .. } | MaterialDeck::VonMises { density, .. } => *density,
     }
 }

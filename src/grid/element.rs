@@ -1,25 +1,35 @@
 //! Elements of unstructured meshes: linear shape functions and the map between physical and local coordinates.
 //!
-//! Corners are numbered counterclockwise. Arrays have room for the largest element; the entries beyond its number
-//! of nodes are zero.
+//! Corners stand in the order of the VTK cell: those of a triangle or quadrilateral counterclockwise; those of a
+//! tetrahedron so that the first three go round counterclockwise as seen from the fourth; those of a hexahedron round
+//! the bottom, counterclockwise as seen from the top, and then round the top. Arrays have room for the largest
+//! element; the entries beyond its number of nodes are zero.
+
+mod inverse;
+mod validity;
+
+use super::structured::vtk_corner;
+
+pub use validity::folds;
 
 /// The most nodes an element can have.
-pub const MAX_NODES: usize = 4;
+pub const MAX_NODES: usize = 8;
 
-/// Shape of an element in two dimensions.
+/// Shape of an element in `D` dimensions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ElementShape {
-    /// Three corners, at the local coordinates (0, 0), (1, 0) and (0, 1).
-    Triangle,
-    /// Four corners, at the local coordinates (−1, −1), (1, −1), (1, 1) and (−1, 1).
-    Quadrilateral,
+    /// A triangle or tetrahedron: `D` + 1 corners, at the origin of the local coordinates and at 1 on each axis.
+    Simplex,
+    /// A quadrilateral or hexahedron: 2^`D` corners, at −1 and 1 on each local axis.
+    Box,
 }
 
-/// Local coordinates of the corners of a quadrilateral.
-const SIGNS: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+pub(super) fn minus<const D: usize>(a: [f64; D], b: [f64; D]) -> [f64; D] {
+    std::array::from_fn(|d| a[d] - b[d])
+}
 
-fn minus(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
-    [a[0] - b[0], a[1] - b[1]]
+pub(super) fn dot<const D: usize>(a: [f64; D], b: [f64; D]) -> f64 {
+    (1..D).fold(a[0] * b[0], |sum, d| sum + a[d] * b[d])
 }
 
 /// The component of a × b out of the plane: twice the area of the triangle of the two vectors.
@@ -27,74 +37,162 @@ pub(super) fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
+/// a × b.
+pub(super) fn vector_product(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// Signs of the local coordinates of the corner of a box whose number has bit d for its side along axis d.
+pub fn corner_side<const D: usize>(corner: usize) -> [f64; D] {
+    std::array::from_fn(|d| if corner >> d & 1 == 1 { 1.0 } else { -1.0 })
+}
+
+/// N and ∂N/∂ξ of a corner of a box in multilinear interpolation, the corner being numbered by bits.
+pub fn box_shape<const D: usize>(corner: usize, xi: &[f64; D]) -> (f64, [f64; D]) {
+    let side = corner_side::<D>(corner);
+    let factor = |d: usize| 0.5 * (1.0 + side[d] * xi[d]);
+    let value = (0..D).map(factor).product();
+    let slope =
+        std::array::from_fn(|d| (0..D).map(|e| if e == d { 0.5 * side[d] } else { factor(e) }).product());
+    (value, slope)
+}
+
+/// Inverse and determinant of the derivatives `[i][a]` = ∂xᵢ/∂ξₐ, the inverse times the determinant as `[a][i]`.
+pub(super) fn adjugate<const D: usize>(j: &[[f64; D]; D]) -> ([[f64; D]; D], f64) {
+    let mut adjugate = [[0.0; D]; D];
+    let mut determinant = 0.0;
+    match D {
+        2 => {
+            let (a, b, c, d) = (j[0][0], j[0][1], j[1][0], j[1][1]);
+            adjugate[0][0] = d;
+            adjugate[0][1] = -b;
+            adjugate[1][0] = -c;
+            adjugate[1][1] = a;
+            determinant = a * d - b * c;
+        }
+        3 => {
+            let column = |a: usize| [j[0][a], j[1][a], j[2][a]];
+            for a in 0..3 {
+                let row = vector_product(column((a + 1) % 3), column((a + 2) % 3));
+                adjugate[a].copy_from_slice(&row);
+            }
+            determinant = dot([j[0][0], j[1][0], j[2][0]], vector_product(column(1), column(2)));
+        }
+        _ => {}
+    }
+    (adjugate, determinant)
+}
+
 impl ElementShape {
-    /// The shape with this number of nodes, if there is one.
-    pub fn from_nodes(n_nodes: usize) -> Option<Self> {
+    /// The shape with this number of nodes in `D` dimensions, if there is one.
+    pub fn from_nodes<const D: usize>(n_nodes: usize) -> Option<Self> {
         match n_nodes {
-            3 => Some(ElementShape::Triangle),
-            4 => Some(ElementShape::Quadrilateral),
+            n if n == D + 1 => Some(ElementShape::Simplex),
+            n if n == 1 << D => Some(ElementShape::Box),
             _ => None,
         }
     }
 
-    /// Number of nodes, all of them corners.
-    pub fn n_nodes(self) -> usize {
+    /// Number of nodes in `D` dimensions, all of them corners.
+    pub fn n_nodes<const D: usize>(self) -> usize {
         match self {
-            ElementShape::Triangle => 3,
-            ElementShape::Quadrilateral => 4,
+            ElementShape::Simplex => D + 1,
+            ElementShape::Box => 1 << D,
+        }
+    }
+
+    /// Plural of its name in `D` dimensions.
+    pub fn plural<const D: usize>(self) -> &'static str {
+        match (self, D) {
+            (ElementShape::Simplex, 3) => "tetrahedra",
+            (ElementShape::Simplex, _) => "triangles",
+            (ElementShape::Box, 3) => "hexahedra",
+            (ElementShape::Box, _) => "quadrilaterals",
+        }
+    }
+
+    /// The sides (edges in the plane, faces in space) as places of their corners: along an edge with the element to
+    /// the left, round a face counterclockwise as seen from outside.
+    pub fn sides<const D: usize>(self) -> &'static [&'static [usize]] {
+        match (self, D) {
+            (ElementShape::Simplex, 3) => &[&[0, 2, 1], &[0, 1, 3], &[1, 2, 3], &[2, 0, 3]],
+            (ElementShape::Simplex, _) => &[&[0, 1], &[1, 2], &[2, 0]],
+            (ElementShape::Box, 3) => {
+                &[&[0, 3, 2, 1], &[4, 5, 6, 7], &[0, 1, 5, 4], &[1, 2, 6, 5], &[2, 3, 7, 6], &[3, 0, 4, 7]]
+            }
+            (ElementShape::Box, _) => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0]],
         }
     }
 
     /// Local coordinates of the centre.
-    pub fn centre(self) -> [f64; 2] {
+    pub fn centre<const D: usize>(self) -> [f64; D] {
         match self {
-            ElementShape::Triangle => [1.0 / 3.0; 2],
-            ElementShape::Quadrilateral => [0.0; 2],
+            ElementShape::Simplex => [1.0 / (D + 1) as f64; D],
+            ElementShape::Box => [0.0; D],
         }
     }
 
-    /// Local coordinates of the nodes.
-    pub fn node_coordinates(self) -> &'static [[f64; 2]] {
+    /// Local coordinates of a node.
+    pub fn node_coordinates<const D: usize>(self, node: usize) -> [f64; D] {
         match self {
-            ElementShape::Triangle => &[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]],
-            ElementShape::Quadrilateral => &SIGNS,
+            ElementShape::Simplex => std::array::from_fn(|d| f64::from(u8::from(d + 1 == node))),
+            ElementShape::Box => corner_side(vtk_corner(node)),
         }
     }
 
     /// Shape functions N(ξ), [-].
-    pub fn values(self, [xi, eta]: [f64; 2]) -> [f64; MAX_NODES] {
+    pub fn values<const D: usize>(self, xi: [f64; D]) -> [f64; MAX_NODES] {
+        let mut values = [0.0; MAX_NODES];
         match self {
-            ElementShape::Triangle => [1.0 - xi - eta, xi, eta, 0.0],
-            ElementShape::Quadrilateral => SIGNS.map(|[s, t]| 0.25 * (1.0 + s * xi) * (1.0 + t * eta)),
+            ElementShape::Simplex => {
+                values[0] = xi.iter().fold(1.0, |rest, x| rest - x);
+                values[1..=D].copy_from_slice(&xi);
+            }
+            ElementShape::Box => {
+                for (k, value) in values.iter_mut().enumerate().take(1 << D) {
+                    *value = box_shape(vtk_corner(k), &xi).0;
+                }
+            }
         }
+        values
     }
 
     /// Derivatives dN/dξ of the shape functions with respect to the local coordinates, [-].
-    pub fn local_gradients(self, [xi, eta]: [f64; 2]) -> [[f64; 2]; MAX_NODES] {
+    pub fn local_gradients<const D: usize>(self, xi: [f64; D]) -> [[f64; D]; MAX_NODES] {
+        let mut gradients = [[0.0; D]; MAX_NODES];
         match self {
-            ElementShape::Triangle => [[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0], [0.0; 2]],
-            ElementShape::Quadrilateral => {
-                SIGNS.map(|[s, t]| [0.25 * s * (1.0 + t * eta), 0.25 * t * (1.0 + s * xi)])
+            ElementShape::Simplex => {
+                gradients[0] = [-1.0; D];
+                for d in 0..D {
+                    gradients[d + 1][d] = 1.0;
+                }
+            }
+            ElementShape::Box => {
+                for (k, gradient) in gradients.iter_mut().enumerate().take(1 << D) {
+                    *gradient = box_shape(vtk_corner(k), &xi).1;
+                }
             }
         }
+        gradients
     }
 
     /// Position x(ξ) of local coordinates, [length].
-    pub fn map(self, corners: &[[f64; 2]], xi: [f64; 2]) -> [f64; 2] {
-        let mut x = [0.0; 2];
+    pub fn map<const D: usize>(self, corners: &[[f64; D]], xi: [f64; D]) -> [f64; D] {
+        let mut x = [0.0; D];
         for (corner, value) in corners.iter().zip(self.values(xi)) {
-            x[0] += value * corner[0];
-            x[1] += value * corner[1];
+            for d in 0..D {
+                x[d] += value * corner[d];
+            }
         }
         x
     }
 
     /// Derivatives dx/dξ of the position, `[i][a]` = ∂xᵢ/∂ξₐ, [length].
-    pub fn jacobian(self, corners: &[[f64; 2]], xi: [f64; 2]) -> [[f64; 2]; 2] {
-        let mut jacobian = [[0.0; 2]; 2];
+    pub fn jacobian<const D: usize>(self, corners: &[[f64; D]], xi: [f64; D]) -> [[f64; D]; D] {
+        let mut jacobian = [[0.0; D]; D];
         for (corner, gradient) in corners.iter().zip(self.local_gradients(xi)) {
-            for i in 0..2 {
-                for a in 0..2 {
+            for i in 0..D {
+                for a in 0..D {
                     jacobian[i][a] += corner[i] * gradient[a];
                 }
             }
@@ -103,219 +201,87 @@ impl ElementShape {
     }
 
     /// Derivatives ∂N/∂x of the shape functions with respect to the position, [1/length].
-    pub fn gradients(self, corners: &[[f64; 2]], xi: [f64; 2]) -> [[f64; 2]; MAX_NODES] {
-        let [[a, b], [c, d]] = self.jacobian(corners, xi);
-        let determinant = a * d - b * c;
-        self.local_gradients(xi).map(|[u, v]| [(u * d - v * c) / determinant, (v * a - u * b) / determinant])
+    pub fn gradients<const D: usize>(self, corners: &[[f64; D]], xi: [f64; D]) -> [[f64; D]; MAX_NODES] {
+        let (adjugate, determinant) = adjugate(&self.jacobian(corners, xi));
+        self.local_gradients(xi).map(|local| {
+            std::array::from_fn(|i| {
+                (1..D).fold(local[0] * adjugate[0][i], |sum, a| sum + local[a] * adjugate[a][i]) / determinant
+            })
+        })
     }
 
     /// Local coordinates ξ of a position; the inverse of [`map`](Self::map) in and around the element.
     ///
-    /// The map of a triangle is linear and has its inverse everywhere. That of a quadrilateral folds over at some
-    /// distance from the element if opposite sides are not parallel: `None` beyond the fold.
-    pub fn inverse(self, corners: &[[f64; 2]], x: &[f64; 2]) -> Option<[f64; 2]> {
-        let [p, q, r, ..] = *corners else { return None };
-        match (self, corners) {
-            (ElementShape::Triangle, _) => {
-                let (u, v, h) = (minus(q, p), minus(r, p), minus(*x, p));
-                let determinant = cross(u, v);
-                Some([cross(h, v) / determinant, cross(u, h) / determinant])
-            }
-            (ElementShape::Quadrilateral, &[_, _, _, s]) => inverse_bilinear([p, q, r, s], *x),
-            (ElementShape::Quadrilateral, _) => None,
+    /// The map of a simplex is linear and has its inverse everywhere. That of a quadrilateral or hexahedron folds
+    /// over at some distance from the element if opposite sides are not parallel: `None` beyond the fold.
+    pub fn inverse<const D: usize>(self, corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]> {
+        match self {
+            ElementShape::Simplex => inverse::linear(corners, x),
+            ElementShape::Box => inverse::multilinear(corners, x),
         }
     }
 
-    /// Area, positive for counterclockwise corners, [length²].
-    pub fn area(self, corners: &[[f64; 2]]) -> f64 {
-        match (self, corners) {
-            (ElementShape::Triangle, [p, q, r, ..]) => 0.5 * cross(minus(*q, *p), minus(*r, *p)),
-            (ElementShape::Quadrilateral, [p, q, r, s, ..]) => 0.5 * cross(minus(*r, *p), minus(*s, *q)),
-            _ => 0.0,
+    /// Volume (area), positive for corners in the order of the VTK cell, [length^`D`].
+    pub fn volume<const D: usize>(self, corners: &[[f64; D]]) -> f64 {
+        if corners.len() < self.n_nodes::<D>() {
+            return 0.0;
+        }
+        match (self, D) {
+            (ElementShape::Box, 2) => {
+                let diagonal = |a: usize, b: usize| {
+                    minus([corners[b][0], corners[b][1]], [corners[a][0], corners[a][1]])
+                };
+                0.5 * cross(diagonal(0, 2), diagonal(1, 3))
+            }
+            (ElementShape::Box, _) => {
+                gauss_points::<D>().map(|xi| adjugate(&self.jacobian(corners, xi)).1).sum()
+            }
+            (ElementShape::Simplex, _) => {
+                let (_, determinant) = adjugate(&self.jacobian(corners, self.centre()));
+                determinant / (1..=D).product::<usize>() as f64
+            }
         }
     }
 
     /// Centre of mass, [length].
-    pub fn centroid(self, corners: &[[f64; 2]]) -> [f64; 2] {
-        match (self, corners) {
-            (ElementShape::Quadrilateral, [p, q, r, s, ..]) => {
-                // Two triangles, each with its area.
-                let a = cross(minus(*q, *p), minus(*r, *p));
-                let b = cross(minus(*r, *p), minus(*s, *p));
-                let (wa, wb) = (a / (3.0 * (a + b)), b / (3.0 * (a + b)));
-                std::array::from_fn(|d| {
-                    p[d] + wa * (q[d] + r[d] - 2.0 * p[d]) + wb * (r[d] + s[d] - 2.0 * p[d])
-                })
+    pub fn centroid<const D: usize>(self, corners: &[[f64; D]]) -> [f64; D] {
+        match self {
+            ElementShape::Simplex => self.map(corners, self.centre()),
+            ElementShape::Box => {
+                let (mut sum, mut volume) = ([0.0; D], 0.0);
+                for xi in gauss_points::<D>() {
+                    let (_, weight) = adjugate(&self.jacobian(corners, xi));
+                    volume += weight;
+                    let x = self.map(corners, xi);
+                    for d in 0..D {
+                        sum[d] += weight * x[d];
+                    }
+                }
+                sum.map(|s| s / volume)
             }
-            _ => self.map(corners, self.centre()),
         }
     }
 
-    /// Twice the area of the triangle of every corner and its two neighbours: the determinant of the map there, up
-    /// to a constant, [length²]. The element is convex and counterclockwise if and only if all are positive.
-    pub fn corner_areas(self, corners: &[[f64; 2]]) -> [f64; MAX_NODES] {
-        let n = self.n_nodes().min(corners.len());
+    /// The determinant of the map at every corner, up to a positive constant, [length^`D`]; in the plane twice the
+    /// area of the triangle of the corner and its two neighbours. A quadrilateral is convex and counterclockwise if
+    /// and only if all are positive.
+    pub fn corner_determinants<const D: usize>(self, corners: &[[f64; D]]) -> [f64; MAX_NODES] {
+        let n = self.n_nodes::<D>().min(corners.len());
+        let scale = if self == ElementShape::Box { (1u32 << D).into() } else { 1.0 };
         std::array::from_fn(|k| {
             if k >= n {
                 return 0.0;
             }
-            let (here, next, last) = (corners[k], corners[(k + 1) % n], corners[(k + n - 1) % n]);
-            cross(minus(next, here), minus(last, here))
+            scale * adjugate(&self.jacobian(corners, self.node_coordinates(k))).1
         })
     }
 }
 
-/// The local coordinates of a position in a quadrilateral.
-///
-/// With x = p + (1+ξ)/2 b + (1+η)/2 c + (1+ξ)(1+η)/4 d, elimination of ξ leaves a quadratic equation for η. Its
-/// derivative at a root is the determinant of the map, so that the root of the element is the one with positive
-/// square root: no iteration can go astray. A Newton step removes the round-off of the formula.
-fn inverse_bilinear(corners: [[f64; 2]; 4], x: [f64; 2]) -> Option<[f64; 2]> {
-    let [p, q, r, s] = corners;
-    let (b, c, h) = (minus(q, p), minus(s, p), minus(x, p));
-    let d = minus(minus(r, s), b);
-    let quadratic = -cross(c, d);
-    let linear = cross(h, d) + cross(b, c);
-    let constant = cross(h, b);
-    let square = linear * linear - 4.0 * quadratic * constant;
-    if square.is_nan() || square <= 0.0 {
-        return None;
-    }
-    let root = square.sqrt();
-    let v =
-        if linear >= 0.0 { -2.0 * constant / (linear + root) } else { (root - linear) / (2.0 * quadratic) };
-    let along = [b[0] + v * d[0], b[1] + v * d[1]];
-    let rest = [h[0] - v * c[0], h[1] - v * c[1]];
-    let u = (rest[0] * along[0] + rest[1] * along[1]) / (along[0] * along[0] + along[1] * along[1]);
-
-    let shape = ElementShape::Quadrilateral;
-    let mut xi = [2.0 * u - 1.0, 2.0 * v - 1.0];
-    let [[j00, j01], [j10, j11]] = shape.jacobian(&corners, xi);
-    let error = minus(x, shape.map(&corners, xi));
-    let determinant = j00 * j11 - j01 * j10;
-    xi[0] += (j11 * error[0] - j01 * error[1]) / determinant;
-    xi[1] += (j00 * error[1] - j10 * error[0]) / determinant;
-    xi.iter().all(|v| v.is_finite()).then_some(xi)
+/// The points of two-point Gauss quadrature along each axis of a box, all of weight one. They integrate polynomials of
+/// degree three along each axis exactly.
+pub(crate) fn gauss_points<const D: usize>() -> impl Iterator<Item = [f64; D]> {
+    (0..1usize << D).map(|k| corner_side(k).map(|side: f64| side / 3f64.sqrt()))
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    const SHAPES: [ElementShape; 2] = [ElementShape::Triangle, ElementShape::Quadrilateral];
-
-    /// The reference quadrilateral with its corners moved, rotated: always convex.
-    fn quadrilateral() -> impl Strategy<Value = Vec<[f64; 2]>> {
-        let moves = prop::array::uniform4(prop::array::uniform2(-0.45..0.45f64));
-        (moves, 0.0..6.3f64, 0.01..100.0f64).prop_map(|(moves, angle, size)| {
-            let corner = |k: usize| [SIGNS[k][0] + moves[k][0], SIGNS[k][1] + moves[k][1]];
-            let (s, c) = angle.sin_cos();
-            (0..4)
-                .map(|k| {
-                    [
-                        size * (c * corner(k)[0] - s * corner(k)[1]),
-                        size * (s * corner(k)[0] + c * corner(k)[1]),
-                    ]
-                })
-                .collect()
-        })
-    }
-
-    #[test]
-    fn every_shape_function_is_one_at_its_node_and_zero_at_the_others() {
-        for shape in SHAPES {
-            for (k, xi) in shape.node_coordinates().iter().enumerate() {
-                let value = shape.values(*xi);
-                assert!((0..MAX_NODES).all(|j| value[j] == f64::from(u8::from(j == k))));
-            }
-        }
-    }
-
-    #[test]
-    fn areas_and_corners_tell_bad_elements() {
-        let (square, triangle) = (SIGNS, [[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]]);
-        assert_eq!(ElementShape::Quadrilateral.area(&square), 4.0);
-        assert_eq!(ElementShape::Triangle.area(&triangle), 1.0);
-        assert_eq!(ElementShape::Quadrilateral.corner_areas(&square), [4.0; 4]);
-        let dart = [[0.0, 0.0], [4.0, 0.0], [1.0, 1.0], [0.0, 4.0]];
-        assert!(ElementShape::Quadrilateral.area(&dart) > 0.0);
-        assert!(ElementShape::Quadrilateral.corner_areas(&dart)[2] < 0.0);
-    }
-
-    #[test]
-    fn beyond_its_fold_a_quadrilateral_has_no_local_coordinates() {
-        let corners = [[0.0, 0.0], [4.0, 0.0], [3.0, 1.0], [1.0, 2.0]];
-        assert_eq!(ElementShape::Quadrilateral.inverse(&corners, &[12.0, 2.0]), None);
-        assert_eq!(ElementShape::Quadrilateral.inverse(&corners, &[f64::NAN, 0.0]), None);
-    }
-
-    proptest! {
-        #[test]
-        fn shape_functions_reproduce_linear_fields(corners in quadrilateral(), xi in prop::array::uniform2(-1.2..1.2f64)) {
-            for shape in SHAPES {
-                let corners = &corners[..shape.n_nodes()];
-                let size = shape.area(corners).sqrt();
-                let (value, gradient) = (shape.values(xi), shape.gradients(corners, xi));
-                prop_assert!((value.iter().sum::<f64>() - 1.0).abs() < 1e-14);
-                for d in 0..2 {
-                    prop_assert!(gradient.iter().map(|g| g[d]).sum::<f64>().abs() * size < 1e-12);
-                    for e in 0..2 {
-                        let slope: f64 = corners.iter().zip(gradient).map(|(x, g)| x[e] * g[d]).sum();
-                        prop_assert!((slope - f64::from(u8::from(d == e))).abs() < 1e-12);
-                    }
-                }
-            }
-        }
-
-        #[test]
-        fn the_inverse_map_goes_back(corners in quadrilateral(), xi in prop::array::uniform2(-1.1..1.1f64)) {
-            for shape in SHAPES {
-                let corners = &corners[..shape.n_nodes()];
-                let [[a, b], [c, d]] = shape.jacobian(corners, xi);
-                // Outside the element, the map may already have folded over.
-                prop_assume!(a * d - b * c > 1e-3 * shape.area(corners));
-                let back = shape.inverse(corners, &shape.map(corners, xi)).unwrap();
-                prop_assert!((back[0] - xi[0]).abs() < 1e-11 && (back[1] - xi[1]).abs() < 1e-11, "{back:?} {xi:?}");
-            }
-        }
-
-        #[test]
-        fn gradients_are_derivatives(corners in quadrilateral(), xi in prop::array::uniform2(0.05..0.45f64)) {
-            for shape in SHAPES {
-                let corners = &corners[..shape.n_nodes()];
-                let size = shape.area(corners).sqrt();
-                let x = shape.map(corners, xi);
-                let gradient = shape.gradients(corners, xi);
-                for d in 0..2 {
-                    let at = |h: f64| {
-                        let mut x = x;
-                        x[d] += h * size;
-                        shape.values(shape.inverse(corners, &x).unwrap())
-                    };
-                    let (plus, minus) = (at(1e-5), at(-1e-5));
-                    for k in 0..shape.n_nodes() {
-                        let numeric = (plus[k] - minus[k]) / 2e-5;
-                        prop_assert!((numeric - gradient[k][d] * size).abs() < 1e-7);
-                    }
-                }
-            }
-        }
-
-        #[test]
-        fn the_centroid_balances(corners in quadrilateral()) {
-            let shape = ElementShape::Quadrilateral;
-            let (n, mut sum, mut area) = (60, [0.0; 2], 0.0);
-            for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
-                let xi = [i, j].map(|k| 2.0 * (f64::from(k) + 0.5) / f64::from(n) - 1.0);
-                let ([[a, b], [c, d]], x) = (shape.jacobian(&corners, xi), shape.map(&corners, xi));
-                let weight = (a * d - b * c) * 4.0 / f64::from(n * n);
-                area += weight;
-                sum = [sum[0] + weight * x[0], sum[1] + weight * x[1]];
-            }
-            let (size, centroid) = (area.sqrt(), shape.centroid(&corners));
-            prop_assert!((area / shape.area(&corners) - 1.0).abs() < 1e-12);
-            prop_assert!((0..2).all(|d| (sum[d] / area - centroid[d]).abs() < 1e-3 * size));
-        }
-    }
-}
+mod tests;

@@ -1,104 +1,45 @@
-//! Unstructured meshes of triangles and quadrilaterals in the plane.
+//! Unstructured meshes: triangles and quadrilaterals in the plane, tetrahedra and hexahedra in space.
 
 mod build;
+mod cell;
 mod error;
+mod sides;
 
 use std::collections::BTreeMap;
 
 use super::bins::{Bins, Bounds};
-use super::element::{ElementShape, MAX_NODES, cross};
+use super::element::{ElementShape, MAX_NODES};
 use super::{CellBasis, Grid};
 
+use cell::Cell;
 pub use error::{CellReport, MeshError, MeshWarning};
+pub use sides::{BoundarySide, Side};
 
-/// A position closer than this to an edge, relative to the size of the cell, counts as lying in the cell.
+/// A position closer than this to the border of a cell, relative to the size of the cell, counts as lying in the cell.
 ///
-/// Positions that lie on an edge in exact arithmetic must all be given to the same cell, whatever their round-off.
+/// Positions that lie on a border in exact arithmetic must all be given to the same cell, whatever their round-off.
 pub const ON_EDGE: f64 = 1e-9;
 
-/// An unstructured mesh in the plane. Cells are counterclockwise and convex; triangles come first, then
-/// quadrilaterals, both in the order of the file.
+/// An unstructured mesh. Cells have positive volume, quadrilaterals are convex and hexahedra do not fold; triangles
+/// (tetrahedra) come first, then quadrilaterals (hexahedra), both in the order of the file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Mesh {
-    positions: Vec<[f64; 2]>,
-    n_triangles: usize,
+pub struct Mesh<const D: usize> {
+    positions: Vec<[f64; D]>,
+    n_simplices: usize,
     cell_nodes: Vec<u32>,
-    area: Vec<f64>,
+    volume: Vec<f64>,
     largest_size: f64,
-    bounds: Bounds,
-    bins: Bins,
-    boundary: Vec<BoundaryEdge>,
+    bounds: Bounds<D>,
+    bins: Bins<D>,
+    boundary: Vec<BoundarySide>,
     node_sets: BTreeMap<String, Vec<u32>>,
-    edge_sets: BTreeMap<String, Vec<[u32; 2]>>,
+    side_sets: BTreeMap<String, Vec<Side>>,
     cell_sets: BTreeMap<String, Vec<u32>>,
     warnings: Vec<MeshWarning>,
 }
 
-/// An edge that belongs to one cell only.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct BoundaryEdge {
-    /// Nodes in the order of the cell: the cell lies to the left.
-    pub nodes: [u32; 2],
-    /// The cell.
-    pub cell: u32,
-}
-
-/// Positions of the corners of a cell.
-#[derive(Debug, Clone, Copy)]
-struct Corners {
-    x: [[f64; 2]; MAX_NODES],
-    shape: ElementShape,
-}
-
-impl std::ops::Deref for Corners {
-    type Target = [[f64; 2]];
-
-    fn deref(&self) -> &[[f64; 2]] {
-        &self.x[..self.shape.n_nodes()]
-    }
-}
-
-impl Corners {
-    /// The edges as pairs of corners.
-    fn edges(&self) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
-        self.iter().copied().zip(self[1..].iter().chain(&self[..1]).copied())
-    }
-
-    /// Whether a position is to the left of the lines through all edges, at a distance of `margin` or more.
-    fn contains(&self, x: &[f64; 2], margin: f64) -> bool {
-        self.edges().all(|(a, b)| {
-            let edge = [b[0] - a[0], b[1] - a[1]];
-            let distance = cross(edge, [x[0] - a[0], x[1] - a[1]]);
-            distance >= margin * (edge[0] * edge[0] + edge[1] * edge[1]).sqrt()
-        })
-    }
-
-    /// Whether a position is inside or no farther away than `tolerance`.
-    fn touches(&self, x: &[f64; 2], tolerance: f64) -> bool {
-        // The lines of a sharp corner come close to positions far beyond the corner, hence the third test.
-        self.contains(x, -tolerance)
-            && (self.contains(x, 0.0) || self.distance_squared(x) <= tolerance * tolerance)
-    }
-
-    /// Square of the distance of a position, zero inside.
-    fn distance_squared(&self, x: &[f64; 2]) -> f64 {
-        if self.contains(x, 0.0) {
-            return 0.0;
-        }
-        self.edges().map(|(a, b)| distance_squared(x, a, b)).fold(f64::INFINITY, f64::min)
-    }
-}
-
-/// Square of the distance of a position from a segment.
-fn distance_squared(x: &[f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
-    let (edge, to) = ([b[0] - a[0], b[1] - a[1]], [x[0] - a[0], x[1] - a[1]]);
-    let along = (to[0] * edge[0] + to[1] * edge[1]) / (edge[0] * edge[0] + edge[1] * edge[1]);
-    let t = along.clamp(0.0, 1.0);
-    (to[0] - t * edge[0]).powi(2) + (to[1] - t * edge[1]).powi(2)
-}
-
 /// Numbers of nodes and cells that do not exist are a mistake of the caller: all methods panic on them.
-impl Mesh {
+impl<const D: usize> Mesh<D> {
     /// Number of nodes.
     pub fn n_nodes(&self) -> usize {
         self.positions.len()
@@ -106,64 +47,65 @@ impl Mesh {
 
     /// Number of cells.
     pub fn n_cells(&self) -> usize {
-        self.area.len()
+        self.volume.len()
     }
 
     /// Position of a node, [length].
-    pub fn node_position(&self, node: usize) -> [f64; 2] {
+    pub fn node_position(&self, node: usize) -> [f64; D] {
         self.positions[node]
     }
 
     /// Shape of a cell.
     pub fn cell_shape(&self, cell: u32) -> ElementShape {
-        if (cell as usize) < self.n_triangles { ElementShape::Triangle } else { ElementShape::Quadrilateral }
+        if (cell as usize) < self.n_simplices { ElementShape::Simplex } else { ElementShape::Box }
     }
 
-    /// Nodes of a cell, counterclockwise.
+    /// Nodes of a cell, in the order of the VTK cell.
     pub fn cell_nodes(&self, cell: u32) -> &[u32] {
         let cell = cell as usize;
-        match cell.checked_sub(self.n_triangles) {
-            None => &self.cell_nodes[3 * cell..3 * cell + 3],
-            Some(k) => &self.cell_nodes[3 * self.n_triangles + 4 * k..][..4],
+        let (small, large) = (D + 1, 1 << D);
+        match cell.checked_sub(self.n_simplices) {
+            None => &self.cell_nodes[small * cell..][..small],
+            Some(k) => &self.cell_nodes[small * self.n_simplices + large * k..][..large],
         }
     }
 
-    /// Positions of the nodes of a cell, counterclockwise, [length].
-    pub fn cell_corners(&self, cell: u32) -> impl std::ops::Deref<Target = [[f64; 2]]> + use<> {
-        self.corners(cell)
+    /// Positions of the nodes of a cell, in the order of the VTK cell, [length].
+    pub fn cell_corners(&self, cell: u32) -> impl std::ops::Deref<Target = [[f64; D]]> + use<D> {
+        self.cell(cell)
     }
 
-    fn corners(&self, cell: u32) -> Corners {
-        let mut x = [[0.0; 2]; MAX_NODES];
+    fn cell(&self, cell: u32) -> Cell<D> {
+        let mut x = [[0.0; D]; MAX_NODES];
         for (x, node) in x.iter_mut().zip(self.cell_nodes(cell)) {
             *x = self.positions[*node as usize];
         }
-        Corners { x, shape: self.cell_shape(cell) }
+        Cell { x, shape: self.cell_shape(cell) }
     }
 
-    /// Area of a cell, [length²].
-    pub fn area(&self, cell: u32) -> f64 {
-        self.area[cell as usize]
+    /// Volume (area) of a cell, [length^`D`].
+    pub fn volume(&self, cell: u32) -> f64 {
+        self.volume[cell as usize]
     }
 
-    /// Size of a cell: the square root of its area, [length].
+    /// Size of a cell: the side of a square (cube) of its volume, [length].
     pub fn size(&self, cell: u32) -> f64 {
-        self.area(cell).sqrt()
+        Cell::<D>::size_of(self.volume(cell))
     }
 
     /// Centre of mass of a cell, [length].
-    pub fn centroid(&self, cell: u32) -> [f64; 2] {
-        let corners = self.corners(cell);
+    pub fn centroid(&self, cell: u32) -> [f64; D] {
+        let corners = self.cell(cell);
         corners.shape.centroid(&corners)
     }
 
     /// Lower and upper corner of the box around the mesh, [length].
-    pub fn bounds(&self) -> [[f64; 2]; 2] {
+    pub fn bounds(&self) -> [[f64; D]; 2] {
         self.bounds
     }
 
-    /// Edges that belong to one cell only, ascending by their nodes.
-    pub fn boundary_edges(&self) -> &[BoundaryEdge] {
+    /// Edges (faces) that belong to one cell only, ascending by their nodes.
+    pub fn boundary(&self) -> &[BoundarySide] {
         &self.boundary
     }
 
@@ -172,12 +114,13 @@ impl Mesh {
         &self.node_sets
     }
 
-    /// Edges of each physical group of curves, as pairs of nodes in the direction of the file; ascending.
-    pub fn edge_sets(&self) -> &BTreeMap<String, Vec<[u32; 2]>> {
-        &self.edge_sets
+    /// Edges of each physical group of curves in the plane, faces of each group of surfaces in space, with their nodes
+    /// in the order of the file; ascending.
+    pub fn side_sets(&self) -> &BTreeMap<String, Vec<Side>> {
+        &self.side_sets
     }
 
-    /// Cells of each physical group of surfaces, ascending.
+    /// Cells of each physical group of surfaces in the plane, of volumes in space; ascending.
     pub fn cell_sets(&self) -> &BTreeMap<String, Vec<u32>> {
         &self.cell_sets
     }
@@ -191,20 +134,20 @@ impl Mesh {
     ///
     /// A position within [`ON_EDGE`] of several cells belongs to the one with the lowest number. The `hint`, a cell
     /// that may hold the position, makes no difference to the answer, only to the time it takes.
-    pub fn locate(&self, x: &[f64; 2], hint: Option<u32>) -> Option<u32> {
+    pub fn locate(&self, x: &[f64; D], hint: Option<u32>) -> Option<u32> {
         if let Some(cell) = hint.filter(|cell| (*cell as usize) < self.n_cells()) {
-            // Too far from the edges for any neighbour, however large, to claim the position.
-            if self.corners(cell).contains(x, 2.0 * ON_EDGE * self.largest_size) {
+            // Too far from the border for any neighbour, however large, to claim the position.
+            if self.cell(cell).holds(x, 2.0 * ON_EDGE * self.largest_size) {
                 return Some(cell);
             }
         }
         let mut candidates = self.bins.at(x).iter().copied();
-        candidates.find(|&cell| self.corners(cell).touches(x, ON_EDGE * self.size(cell)))
+        candidates.find(|&cell| self.cell(cell).touches(x, ON_EDGE * self.size(cell)))
     }
 
     /// The cell nearest to a position, inside or outside the mesh; of several as near within [`ON_EDGE`], the one
     /// with the lowest number.
-    pub fn nearest_cell(&self, x: &[f64; 2]) -> u32 {
+    pub fn nearest_cell(&self, x: &[f64; D]) -> u32 {
         if let Some(cell) = self.locate(x, None) {
             return cell;
         }
@@ -212,7 +155,7 @@ impl Mesh {
         let mut near = Vec::new();
         self.bins.outwards(x, |cells, bound| {
             for &cell in cells {
-                let distance = self.corners(cell).distance_squared(x).sqrt();
+                let distance = self.cell(cell).distance_squared(x).sqrt();
                 least = least.min(distance);
                 near.push((cell, distance));
             }
@@ -224,12 +167,12 @@ impl Mesh {
 
     /// The basis of a cell at a position inside it, or outside by continuation.
     ///
-    /// So far outside a quadrilateral that its map has no inverse, the linear basis of its nearer half stands in:
-    /// it still reproduces linear fields.
-    pub fn shape(&self, cell: u32, x: &[f64; 2]) -> CellBasis<2> {
-        let corners = self.corners(cell);
+    /// So far outside a quadrilateral or hexahedron that its map has no inverse, the linear basis of a part of it
+    /// stands in: it still reproduces linear fields.
+    pub fn shape(&self, cell: u32, x: &[f64; D]) -> CellBasis<D> {
+        let corners = self.cell(cell);
         let shape = corners.shape;
-        let basis = |value: [f64; MAX_NODES], gradient: [[f64; 2]; MAX_NODES]| {
+        let basis = |value: [f64; MAX_NODES], gradient: [[f64; D]; MAX_NODES]| {
             let mut basis = CellBasis::default();
             for (k, &node) in self.cell_nodes(cell).iter().enumerate() {
                 basis.push(node, value[k], gradient[k]);
@@ -239,16 +182,13 @@ impl Mesh {
         if let Some(xi) = shape.inverse(&corners, x) {
             return basis(shape.values(xi), shape.gradients(&corners, xi));
         }
-        let [p, q, r, s] = corners.x;
-        let near = |a, b| distance_squared(x, a, b);
-        let half =
-            if near(p, q).min(near(q, r)) <= near(r, s).min(near(s, p)) { [0, 1, 2] } else { [0, 2, 3] };
-        let part = half.map(|k| corners.x[k]);
-        let (mut values, mut gradients) = ([0.0; MAX_NODES], [[0.0; 2]; MAX_NODES]);
-        let triangle = ElementShape::Triangle;
-        let xi = triangle.inverse(&part, x).unwrap_or(triangle.centre());
-        let (value, gradient) = (triangle.values(xi), triangle.gradients(&part, xi));
-        for (k, corner) in half.into_iter().enumerate() {
+        let places = corners.linear_part(x);
+        let part = places.map(|k| corners.x[k]);
+        let simplex = ElementShape::Simplex;
+        let xi = simplex.inverse(&part[..=D], x).unwrap_or(simplex.centre());
+        let (value, gradient) = (simplex.values(xi), simplex.gradients(&part[..=D], xi));
+        let (mut values, mut gradients) = ([0.0; MAX_NODES], [[0.0; D]; MAX_NODES]);
+        for (k, corner) in places.into_iter().enumerate().take(D + 1) {
             values[corner] = value[k];
             gradients[corner] = gradient[k];
         }
@@ -256,7 +196,7 @@ impl Mesh {
     }
 }
 
-impl Grid<2> for Mesh {
+impl<const D: usize> Grid<D> for Mesh<D> {
     fn n_nodes(&self) -> usize {
         self.n_nodes()
     }
@@ -265,15 +205,15 @@ impl Grid<2> for Mesh {
         self.n_cells()
     }
 
-    fn node_position(&self, node: usize) -> [f64; 2] {
+    fn node_position(&self, node: usize) -> [f64; D] {
         self.node_position(node)
     }
 
-    fn bounds(&self) -> [[f64; 2]; 2] {
+    fn bounds(&self) -> [[f64; D]; 2] {
         self.bounds()
     }
 
-    fn lattice(&self, node: usize) -> [u32; 2] {
+    fn lattice(&self, node: usize) -> [u32; D] {
         let x = self.node_position(node);
         let low = self.bounds()[0];
         std::array::from_fn(|d| ((x[d] - low[d]) / self.largest_size) as u32)
@@ -288,18 +228,18 @@ impl Grid<2> for Mesh {
     }
 
     fn volume(&self, cell: usize) -> f64 {
-        self.area(cell as u32)
+        self.volume(cell as u32)
     }
 
-    fn locate(&self, position: &[f64; 2], hint: Option<u32>) -> Option<u32> {
+    fn locate(&self, position: &[f64; D], hint: Option<u32>) -> Option<u32> {
         self.locate(position, hint)
     }
 
-    fn nearest_cell(&self, position: &[f64; 2]) -> u32 {
+    fn nearest_cell(&self, position: &[f64; D]) -> u32 {
         self.nearest_cell(position)
     }
 
-    fn basis_at(&self, cell: u32, position: &[f64; 2]) -> CellBasis<2> {
+    fn basis_at(&self, cell: u32, position: &[f64; D]) -> CellBasis<D> {
         self.shape(cell, position)
     }
 
@@ -317,4 +257,4 @@ impl Grid<2> for Mesh {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

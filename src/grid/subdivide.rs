@@ -1,6 +1,18 @@
 //! Division of an element into parts of which each becomes a material point.
 
-use super::element::ElementShape;
+use super::element::{ElementShape, box_shape};
+use super::structured::vtk_corner;
+
+/// A part of an element.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part<const D: usize> {
+    /// Where its point stands, [length].
+    pub position: [f64; D],
+    /// Volume (area), [length^`D`].
+    pub volume: f64,
+    /// Its corners, as a domain given by corners has them ([`crate::points::Seed::corners`]), [length].
+    pub corners: Vec<[f64; D]>,
+}
 
 /// Places of `n` points in a triangle: barycentric coordinates and the part of the area that each stands for.
 ///
@@ -13,56 +25,156 @@ use super::element::ElementShape;
 /// All points stand for the same area, and their mean is the centroid. `None` for any other `n`.
 pub fn subdivide_triangle(n: usize) -> Option<Vec<([f64; 3], f64)>> {
     let points = if n == 8 { halved() } else { squared(n)? };
-    Some(points.into_iter().map(|[a, b]| ([1.0 - a - b, a, b], 1.0 / n as f64)).collect())
+    Some(points.into_iter().map(|([a, b], _)| ([1.0 - a - b, a, b], 1.0 / n as f64)).collect())
 }
 
-/// Centroids of k² congruent triangles: coordinates along the two sides from the first node.
-fn squared(n: usize) -> Option<Vec<[f64; 2]>> {
+/// The corners, counterclockwise, of the parts of a triangle of which [`subdivide_triangle`] gives the centroids, in
+/// the same order: coordinates along the two sides from the first node.
+pub fn triangle_parts(n: usize) -> Option<Vec<[[f64; 2]; 3]>> {
+    let points = if n == 8 { halved() } else { squared(n)? };
+    Some(points.into_iter().map(|(_, corners)| corners).collect())
+}
+
+/// k² congruent triangles: centroid and corners as coordinates along the two sides from the first node.
+fn squared(n: usize) -> Option<Vec<([f64; 2], [[f64; 2]; 3])>> {
     let k = n.isqrt();
     if n == 0 || k * k != n {
         return None;
     }
     let place = |i: usize, shift: f64| (i as f64 + shift) / k as f64;
+    let at = |i: usize, j: usize| [place(i, 0.0), place(j, 0.0)];
     let mut points = Vec::new();
     for j in 0..k {
         for i in 0..k - j {
-            points.push([place(i, 1.0 / 3.0), place(j, 1.0 / 3.0)]);
+            let centroid = [place(i, 1.0 / 3.0), place(j, 1.0 / 3.0)];
+            points.push((centroid, [at(i, j), at(i + 1, j), at(i, j + 1)]));
             if i + j + 2 <= k {
-                points.push([place(i, 2.0 / 3.0), place(j, 2.0 / 3.0)]);
+                let centroid = [place(i, 2.0 / 3.0), place(j, 2.0 / 3.0)];
+                points.push((centroid, [at(i + 1, j + 1), at(i, j + 1), at(i + 1, j)]));
             }
         }
     }
     Some(points)
 }
 
-/// Centroids of the halves of four congruent triangles.
-fn halved() -> Vec<[f64; 2]> {
+/// The halves of four congruent triangles.
+fn halved() -> Vec<([f64; 2], [[f64; 2]; 3])> {
     // First corner and the size, negative for the inverted triangle.
     let quarters = [([0.0, 0.0], 0.5), ([0.5, 0.0], 0.5), ([0.0, 0.5], 0.5), ([0.5, 0.5], -0.5)];
-    let half = [[0.5, 1.0 / 6.0], [1.0 / 6.0, 0.5]]; // centroids of the halves of the whole triangle
+    // The halves of the whole triangle with their centroids.
+    let half = [
+        ([0.5, 1.0 / 6.0], [[0.0, 0.0], [1.0, 0.0], [0.5, 0.5]]),
+        ([1.0 / 6.0, 0.5], [[0.0, 0.0], [0.5, 0.5], [0.0, 1.0]]),
+    ];
     let place = |corner: [f64; 2], size: f64, x: [f64; 2]| [corner[0] + size * x[0], corner[1] + size * x[1]];
-    quarters.iter().flat_map(|(corner, size)| half.map(|x| place(*corner, *size, x))).collect()
+    let of_quarter = |(corner, size): ([f64; 2], f64)| {
+        half.map(|(centroid, corners)| {
+            (place(corner, size, centroid), corners.map(|x| place(corner, size, x)))
+        })
+    };
+    quarters.into_iter().flat_map(of_quarter).collect()
 }
 
-/// Positions of `nx` × `ny` points in a quadrilateral, [length], and the part of the area that each stands for.
+/// Divides a tetrahedron into `n` parts of equal volume, of which the points are the centroids.
 ///
-/// Lines of constant local coordinates divide the element into `nx` parts along the side from the first to the
-/// second node and `ny` along the next one. The parts are quadrilaterals with straight sides; the points are their
-/// centroids and the weights their exact areas, so linear fields are integrated exactly. Points go along the first
-/// side first.
-pub fn subdivide_quadrilateral(corners: &[[f64; 2]; 4], nx: usize, ny: usize) -> Vec<([f64; 2], f64)> {
-    let shape = ElementShape::Quadrilateral;
-    let area = shape.area(corners);
-    let line = |i: usize, n: usize| 2.0 * (i as f64 / n as f64) - 1.0;
-    let mut points = Vec::new();
-    for j in 0..ny {
-        for i in 0..nx {
-            let part = [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]]
-                .map(|[i, j]| shape.map(corners, [line(i, nx), line(j, ny)]));
-            points.push((shape.centroid(&part), shape.area(&part) / area));
+/// - `n` = k³: the edges are divided into k parts. With the corners at (0, 0, 0), (k, 0, 0), (k, k, 0) and (k, k, k)
+///   the tetrahedron is the set k ≥ x ≥ y ≥ z ≥ 0; the planes of whole x, y, z, x − y, y − z and x − z cut it into
+///   k³ tetrahedra, of up to three shapes.
+/// - `n` = 4: the four faces are joined to the centroid.
+///
+/// All points stand for the same volume, and their mean is the centroid. `None` for any other `n`.
+pub fn subdivide_tetrahedron(corners: &[[f64; 3]; 4], n: usize) -> Option<Vec<Part<3>>> {
+    let shape = ElementShape::Simplex;
+    let volume = shape.volume(corners) / n as f64;
+    let part = |local: [[f64; 3]; 4]| {
+        let part = local.map(|xi| shape.map(corners, xi));
+        Part { position: shape.centroid(&part), volume, corners: part.to_vec() }
+    };
+    Some(if n == 4 { joined_to_the_centroid() } else { cubed(n)? }.into_iter().map(part).collect())
+}
+
+/// The four tetrahedra between the faces and the centroid of a tetrahedron, in local coordinates.
+fn joined_to_the_centroid() -> Vec<[[f64; 3]; 4]> {
+    let shape = ElementShape::Simplex;
+    let join = |corner: usize| {
+        std::array::from_fn(|k| if k == corner { shape.centre() } else { shape.node_coordinates(k) })
+    };
+    (0..4).map(join).collect()
+}
+
+/// k³ tetrahedra of equal volume and positive orientation in a tetrahedron, in local coordinates.
+fn cubed(n: usize) -> Option<Vec<[[f64; 3]; 4]>> {
+    let k = (1..=n).take_while(|k| k.checked_pow(3).is_some_and(|cube| cube <= n)).last()?;
+    if k.pow(3) != n {
+        return None;
+    }
+    // Every cube of the lattice is cut into six along its diagonal: from its lowest corner, a step along each axis.
+    const STEPS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]];
+    let mut parts = Vec::with_capacity(n);
+    for (z, y, x) in (0..k).flat_map(|z| (z..k).flat_map(move |y| (y..k).map(move |x| (z, y, x)))) {
+        for (number, steps) in STEPS.iter().enumerate() {
+            let mut place = [x, y, z];
+            let mut corners = [place; 4];
+            for (corner, axis) in corners[1..].iter_mut().zip(steps) {
+                place[*axis] += 1;
+                *corner = place;
+            }
+            if corners.iter().any(|[x, y, z]| y > x || z > y) {
+                continue; // outside the tetrahedron
+            }
+            // Steps in the order of an odd permutation turn the other way.
+            if number >= 3 {
+                corners.swap(1, 2);
+            }
+            // From x, y, z to local coordinates: the corners are at (1, 0, 0), (1, 1, 0) and (1, 1, 1).
+            let part = |n: usize| n as f64 / k as f64;
+            parts.push(corners.map(|[x, y, z]| [part(x - y), part(y - z), part(z)]));
         }
     }
-    points
+    Some(parts)
+}
+
+/// Divides a quadrilateral or hexahedron by lines (planes) of constant local coordinates into `n` parts along each
+/// local axis: from the first to the second corner, from the second to the third and, in space, from the bottom to the
+/// top. The parts are quadrilaterals (hexahedra) again, whose volumes add up to that of the element exactly; points are
+/// the images of the middles of the parts in local coordinates. They follow along the first axis first.
+///
+/// `corners` stand in the order of the VTK cell. `None` for another number of corners.
+pub fn subdivide_box<const D: usize>(corners: &[[f64; D]], n: [usize; D]) -> Option<Vec<Part<D>>> {
+    let shape = ElementShape::Box;
+    if corners.len() != shape.n_nodes::<D>() {
+        return None;
+    }
+    let place = |at: [f64; D]| {
+        let mut x = [0.0; D];
+        for (k, corner) in corners.iter().enumerate() {
+            let (value, _) = box_shape(vtk_corner(k), &at);
+            for d in 0..D {
+                x[d] += value * corner[d];
+            }
+        }
+        x
+    };
+    let line = |d: usize, i: f64| 2.0 * i / n[d] as f64 - 1.0;
+    let mut parts = Vec::with_capacity(n.iter().product());
+    for number in 0..n.iter().product() {
+        let mut rest: usize = number;
+        let index = n.map(|n| {
+            let i = rest % n;
+            rest /= n;
+            i
+        });
+        let part: Vec<[f64; D]> = (0..1usize << D)
+            .map(|c| place(std::array::from_fn(|d| line(d, (index[d] + (c >> d & 1)) as f64))))
+            .collect();
+        let around: Vec<[f64; D]> = (0..part.len()).map(|k| part[vtk_corner(k)]).collect();
+        parts.push(Part {
+            position: place(std::array::from_fn(|d| line(d, index[d] as f64 + 0.5))),
+            volume: shape.volume(&around),
+            corners: part,
+        });
+    }
+    Some(parts)
 }
 
 #[cfg(test)]
@@ -81,6 +193,13 @@ mod tests {
                 assert!((mean - 1.0 / 3.0).abs() < 1e-14, "{n}: {mean}");
             }
             assert!(points.iter().all(|(b, _)| b.iter().all(|v| *v > 0.0)));
+            let parts = triangle_parts(n).unwrap();
+            assert_eq!(parts.len(), n);
+            for ([_, a, b], part) in points.iter().map(|(b, _)| b).zip(&parts) {
+                let centroid = ElementShape::Simplex.centroid(part);
+                assert!((centroid[0] - a).abs() < 1e-15 && (centroid[1] - b).abs() < 1e-15);
+                assert!((ElementShape::Simplex.volume(part) - 0.5 / n as f64).abs() < 1e-15);
+            }
         }
         assert!([0, 2, 3, 5, 15, 17, usize::MAX].iter().all(|n| subdivide_triangle(*n).is_none()));
     }
@@ -97,27 +216,98 @@ mod tests {
         }
     }
 
+    const TETRAHEDRON: [[f64; 3]; 4] = [[0.1, 0.0, 0.2], [2.0, 0.1, 0.0], [0.3, 1.5, 0.1], [0.2, 0.4, 1.1]];
+
+    /// Barycentric coordinates in [`TETRAHEDRON`].
+    fn barycentric(x: &[f64; 3]) -> [f64; 4] {
+        let xi = ElementShape::Simplex.inverse(&TETRAHEDRON, x).unwrap();
+        [1.0 - xi[0] - xi[1] - xi[2], xi[0], xi[1], xi[2]]
+    }
+
     #[test]
-    fn linear_fields_are_exact_on_quadrilaterals() {
-        let corners = [[0.0, 0.0], [3.0, 0.5], [2.5, 2.0], [-0.5, 1.0]];
-        let centroid = ElementShape::Quadrilateral.centroid(&corners);
-        for (nx, ny) in [(1, 1), (2, 2), (3, 5)] {
-            let points = subdivide_quadrilateral(&corners, nx, ny);
-            assert_eq!(points.len(), nx * ny);
-            assert!((points.iter().map(|(_, w)| w).sum::<f64>() - 1.0).abs() < 1e-14);
-            for d in 0..2 {
-                let mean: f64 = points.iter().map(|(x, w)| w * x[d]).sum();
-                assert!((mean - centroid[d]).abs() < 1e-14);
+    fn tetrahedra_are_divided_evenly() {
+        let whole = ElementShape::Simplex.volume(&TETRAHEDRON);
+        for n in [1, 4, 8, 27, 64, 125] {
+            let parts = subdivide_tetrahedron(&TETRAHEDRON, n).unwrap();
+            assert_eq!(parts.len(), n);
+            let mut mean = [0.0; 3];
+            for part in &parts {
+                let volume = ElementShape::Simplex.volume(&part.corners);
+                assert!((volume - whole / n as f64).abs() < 1e-14 && volume > 0.0, "{n}: {volume}");
+                assert!((part.volume - volume).abs() < 1e-14);
+                assert!(part.corners.iter().all(|x| barycentric(x).iter().all(|b| *b > -1e-12)));
+                (0..3).for_each(|d| mean[d] += part.position[d] / n as f64);
+            }
+            let centroid = ElementShape::Simplex.centroid(&TETRAHEDRON);
+            assert!((0..3).all(|d| (mean[d] - centroid[d]).abs() < 1e-14));
+        }
+        let refused = [0, 2, 3, 5, 9, 26, usize::MAX];
+        assert!(refused.iter().all(|n| subdivide_tetrahedron(&TETRAHEDRON, *n).is_none()));
+    }
+
+    /// Equal volumes that add up to the whole, and no centroid of one part in another: the parts fill the tetrahedron.
+    #[test]
+    fn parts_of_a_tetrahedron_do_not_overlap() {
+        for n in [4, 8, 27] {
+            let parts = subdivide_tetrahedron(&TETRAHEDRON, n).unwrap();
+            for (a, one) in parts.iter().enumerate() {
+                for (b, other) in parts.iter().enumerate() {
+                    let xi = ElementShape::Simplex.inverse(&other.corners, &one.position).unwrap();
+                    let inside = xi.iter().all(|x| *x > 0.0) && xi.iter().sum::<f64>() < 1.0;
+                    assert_eq!(inside, a == b, "{n}: {a} {b}");
+                }
             }
         }
     }
 
-    #[test]
-    fn a_rectangle_is_divided_into_equal_rectangles() {
-        let points = subdivide_quadrilateral(&[[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]], 2, 2);
-        let expected = [[0.5, 0.25], [1.5, 0.25], [0.5, 0.75], [1.5, 0.75]];
-        for ((x, w), e) in points.iter().zip(expected) {
-            assert!((x[0] - e[0]).abs() < 1e-15 && (x[1] - e[1]).abs() < 1e-15 && (w - 0.25).abs() < 1e-15);
+    fn check_box<const D: usize>(corners: &[[f64; D]], n: [usize; D]) {
+        let parts = subdivide_box(corners, n).unwrap();
+        assert_eq!(parts.len(), n.iter().product::<usize>());
+        let whole = ElementShape::Box.volume(corners);
+        assert!((parts.iter().map(|p| p.volume).sum::<f64>() - whole).abs() < 1e-14 * whole);
+        // Centres of mass of the parts balance to that of the whole.
+        let centroid = ElementShape::Box.centroid(corners);
+        for d in 0..D {
+            let moment = |p: &Part<D>| {
+                let around: Vec<[f64; D]> = (0..1 << D).map(|k| p.corners[vtk_corner(k)]).collect();
+                p.volume * ElementShape::Box.centroid(&around)[d]
+            };
+            assert!((parts.iter().map(moment).sum::<f64>() / whole - centroid[d]).abs() < 1e-14);
         }
+    }
+
+    #[test]
+    fn parts_of_quadrilaterals_and_hexahedra_fill_them() {
+        let base = [[0.0, 0.0], [3.0, 0.5], [2.5, 2.0], [-0.5, 1.0]];
+        let solid: Vec<[f64; 3]> = (0..8)
+            .map(|k| {
+                let [x, y] = base[k % 4];
+                if k < 4 { [x, y, 0.1 * x] } else { [0.8 * x, 1.1 * y + 0.2, 1.5 - 0.1 * y] }
+            })
+            .collect();
+        for (nx, ny, nz) in [(1, 1, 1), (2, 2, 2), (3, 5, 2)] {
+            check_box(&base, [nx, ny]);
+            check_box(&solid, [nx, ny, nz]);
+        }
+        assert!(subdivide_box(&base[..3], [1, 1]).is_none());
+    }
+
+    #[test]
+    fn a_rectangle_and_a_brick_are_divided_into_equal_parts() {
+        let parts = subdivide_box(&[[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]], [2, 2]).unwrap();
+        let expected = [[0.5, 0.25], [1.5, 0.25], [0.5, 0.75], [1.5, 0.75]];
+        for (part, e) in parts.iter().zip(expected) {
+            let x = part.position;
+            assert!((x[0] - e[0]).abs() < 1e-15 && (x[1] - e[1]).abs() < 1e-15);
+            assert!((part.volume - 0.5).abs() < 1e-15);
+        }
+        let brick: Vec<[f64; 3]> = (0..8)
+            .map(|k| ElementShape::Box.node_coordinates::<3>(k))
+            .map(|[x, y, z]| [x, 2.0 * y, 3.0 * z])
+            .collect();
+        let parts = subdivide_box(&brick, [1, 2, 3]).unwrap();
+        assert!(parts.iter().all(|part| (part.volume - 8.0).abs() < 1e-14));
+        assert_eq!(parts[1].position, [0.0, 1.0, -2.0]);
+        assert_eq!(parts[1].corners[5], [1.0, 0.0, -1.0]);
     }
 }

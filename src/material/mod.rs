@@ -1,15 +1,18 @@
-//! Constitutive laws between the elastic logarithmic strain and the Kirchhoff stress.
+//! Constitutive laws between the elastic strain and the Kirchhoff stress.
 //!
-//! A law is written once, in small-strain form and in three dimensions: the multiplicative decomposition with
-//! logarithmic strains lets the return mapping of small strains serve finite ones. Laws know no grid, dimension or
-//! load step, and their result depends on nothing but their arguments.
+//! A law is written once and in three dimensions, in one of two strains ([`StrainMeasure`]). Laws of the logarithmic
+//! strain have small-strain form: the multiplicative decomposition lets the return mapping of small strains serve
+//! finite ones. Laws of b^e are evaluated without its eigenvalues. Laws know no grid, dimension or load step, and their
+//! result depends on nothing but their arguments.
 
 mod hencky;
+mod neo_hookean;
 mod von_mises;
 
 use crate::tensor::{Sym3, Tangent, dyad};
 
 pub use hencky::Hencky;
+pub use neo_hookean::NeoHookean;
 pub use von_mises::VonMises;
 
 /// A history variable of a law.
@@ -23,14 +26,41 @@ pub struct StateField {
     pub initial: f64,
 }
 
-/// What a law answers to a trial elastic strain.
+/// The elastic strain in which a law is written. All measures vanish with the strain and agree when it is small.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StrainMeasure {
+    /// ε^e = ½ ln b^e.
+    Logarithmic,
+    /// ½ (b^e − I), for laws that are given in b^e.
+    LeftCauchyGreen,
+}
+
+impl StrainMeasure {
+    /// b^e of a strain, by its eigenvalues where they are needed.
+    pub fn left_cauchy_green(self, strain: &Sym3) -> Sym3 {
+        match self {
+            StrainMeasure::Logarithmic => strain.map_eigenvalues(|e| (2.0 * e).exp()),
+            StrainMeasure::LeftCauchyGreen => Sym3::IDENTITY + *strain * 2.0,
+        }
+    }
+
+    /// ε^e = ½ ln b^e of a strain.
+    pub fn logarithmic(self, strain: &Sym3) -> Sym3 {
+        match self {
+            StrainMeasure::Logarithmic => *strain,
+            StrainMeasure::LeftCauchyGreen => self.left_cauchy_green(strain).map_eigenvalues(f64::ln) * 0.5,
+        }
+    }
+}
+
+/// What a law answers to a trial elastic strain, all strains in the measure of the law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Response {
     /// Kirchhoff stress τ, [stress].
     pub tau: Sym3,
-    /// Elastic logarithmic strain after the return mapping, [-].
+    /// Elastic strain after the return mapping, [-].
     pub elastic_strain: Sym3,
-    /// Algorithmic tangent D^alg = ∂τ/∂ε^e_trial, [stress].
+    /// Algorithmic tangent D^alg, the derivative of τ with respect to the trial strain, [stress].
     pub tangent: Tangent,
 }
 
@@ -42,10 +72,15 @@ pub enum MaterialError {
     NotFinite,
 }
 
-/// An isotropic law between elastic logarithmic strain and Kirchhoff stress, in small-strain form.
+/// An isotropic law between elastic strain and Kirchhoff stress.
 pub trait Material: Send + Sync + std::fmt::Debug {
     /// Names, units and initial values of the history variables; the order is the layout of `old` and `new`.
     fn state_fields(&self) -> &'static [StateField];
+
+    /// The strain in which the law is written.
+    fn strain_measure(&self) -> StrainMeasure {
+        StrainMeasure::Logarithmic
+    }
 
     /// Return mapping from the trial elastic strain; `old` are the converged history variables, `new` receives the
     /// trial ones. Depends on nothing but its arguments.
@@ -57,7 +92,7 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// Stored elastic energy per initial volume, [energy/volume].
     fn energy(&self, elastic_strain: &Sym3) -> f64;
 
-    /// Whether D^alg always has major symmetry.
+    /// Whether Ã always has major symmetry: whether D^alg has, taken with respect to the logarithmic strain.
     fn tangent_is_symmetric(&self) -> bool {
         true
     }
@@ -101,14 +136,35 @@ impl Elasticity {
 #[cfg(test)]
 mod conformance {
     use super::*;
+    use crate::tensor::exp_derivative;
     use proptest::prelude::*;
 
     fn laws() -> Vec<Box<dyn Material>> {
-        vec![Box::new(Hencky::new(12e6, 0.2)), Box::new(VonMises::new(1e6, 0.3, 20e3))]
+        vec![
+            Box::new(Hencky::new(12e6, 0.2)),
+            Box::new(NeoHookean::new(12e6, 0.2)),
+            Box::new(NeoHookean::new(1e3, -0.4)),
+            Box::new(VonMises::new(1e6, 0.3, 20e3)),
+            Box::new(VonMises::new(1e6, 0.3, 20e3).hardening(0.4e6)),
+        ]
     }
 
-    fn check(law: &dyn Material, trial: Sym3) {
+    /// A strain in the measure of a law from a logarithmic one.
+    fn in_measure(law: &dyn Material, logarithmic: &Sym3) -> Sym3 {
+        match law.strain_measure() {
+            StrainMeasure::Logarithmic => *logarithmic,
+            StrainMeasure::LeftCauchyGreen => {
+                (logarithmic.map_eigenvalues(|e| (2.0 * e).exp()) - Sym3::IDENTITY) * 0.5
+            }
+        }
+    }
+
+    fn check(law: &dyn Material, logarithmic: Sym3) {
         let old: Vec<f64> = law.state_fields().iter().map(|f| f.initial).collect();
+        let trial = in_measure(law, &logarithmic);
+        let back = law.strain_measure().logarithmic(&trial);
+        assert!((back - logarithmic).norm() < 1e-15 + 1e-14 * logarithmic.norm());
+
         let mut new = old.clone();
         let response = law.update(&trial, &old, &mut new).unwrap();
         let mut again = old.clone();
@@ -126,15 +182,24 @@ mod conformance {
         let scale = response.tangent.norm();
         assert!((numeric - response.tangent).norm() < 1e-6 * scale, "{numeric}{}", response.tangent);
         if law.tangent_is_symmetric() {
-            assert!((response.tangent - response.tangent.transpose()).norm() < 1e-15 * scale);
+            let (tangent, tolerance) = match law.strain_measure() {
+                StrainMeasure::Logarithmic => (response.tangent, 1e-15),
+                StrainMeasure::LeftCauchyGreen => {
+                    (response.tangent * exp_derivative(&(logarithmic * 2.0)), 1e-14)
+                }
+            };
+            assert!((tangent - tangent.transpose()).norm() < tolerance * tangent.norm());
         }
         // The returned strain is admissible: applied anew it gives the same stress and no further flow.
         let settled = law.update(&response.elastic_strain, &new, &mut again).unwrap();
         assert!((settled.tau - response.tau).norm() <= 1e-12 * response.tau.norm());
         // The energy is the potential of the stress in the elastic range.
-        let e = response.elastic_strain * 0.5;
-        let slope = (law.energy(&(e + trial * 1e-6)) - law.energy(&(e - trial * 1e-6))) / 2e-6;
-        assert!((slope - tau(&e).dot(&trial)).abs() <= 1e-7 * scale * trial.dot(&trial));
+        let elastic = law.strain_measure().logarithmic(&response.elastic_strain) * 0.5;
+        let energy = |by: f64| law.energy(&in_measure(law, &(elastic + logarithmic * by)));
+        let slope = (energy(1e-6) - energy(-1e-6)) / 2e-6;
+        let tau = law.update(&in_measure(law, &elastic), &new, &mut again).unwrap().tau;
+        let work = tau.dot(&logarithmic);
+        assert!((slope - work).abs() <= 1e-7 * scale * logarithmic.dot(&logarithmic), "{slope} {work}");
     }
 
     proptest! {
@@ -145,5 +210,71 @@ mod conformance {
                 check(law.as_ref(), Sym3(e) * 1e-2);
             }
         }
+    }
+
+    #[test]
+    fn small_strains_have_the_stiffness_of_linear_elasticity() {
+        let linear = Elasticity::from_young_poisson(12e6, 0.2);
+        for law in laws().iter().take(2) {
+            let at_rest = law.update(&Sym3::ZERO, &[], &mut []).unwrap();
+            assert_eq!(at_rest.tau, Sym3::ZERO);
+            assert!((at_rest.tangent - linear.tangent()).norm() < 1e-15 * linear.tangent().norm());
+        }
+    }
+
+    #[test]
+    fn a_strain_that_is_no_number_is_an_error() {
+        for law in laws() {
+            let old: Vec<f64> = law.state_fields().iter().map(|f| f.initial).collect();
+            let bad = Sym3([f64::NAN, 0.0, 0.0, 0.0, 0.0, 0.0]);
+            assert_eq!(law.update(&bad, &old, &mut old.clone()), Err(MaterialError::NotFinite));
+        }
+        let inside_out = Sym3([-0.6, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let law = NeoHookean::new(1.0, 0.3);
+        assert_eq!(law.update(&inside_out, &[], &mut []), Err(MaterialError::NotFinite));
+    }
+
+    /// Uniaxial stress: Kirchhoff stress σ along x and plastic logarithmic strain κ there, by bisection in the transverse
+    /// strain. Beyond yield σ rises by √(3/2) H per unit of κ.
+    #[test]
+    fn hardening_is_linear_in_uniaxial_tension() {
+        let (young, poisson, radius, modulus) = (1e6, 0.3, 20e3, 0.4e6);
+        let law = VonMises::new(young, poisson, radius).hardening(modulus);
+        for axial in [0.03, 0.05, 0.2, 0.5] {
+            let at = |across: f64| {
+                let mut kappa = [0.0];
+                let trial = Sym3([axial, across, across, 0.0, 0.0, 0.0]);
+                let response = law.update(&trial, &[0.0], &mut kappa).unwrap();
+                (response.tau, kappa[0])
+            };
+            let (mut low, mut high) = (-axial, 0.0);
+            for _ in 0..200 {
+                let middle = 0.5 * (low + high);
+                *if at(middle).0.0[1] > 0.0 { &mut high } else { &mut low } = middle;
+            }
+            let (tau, kappa) = at(low);
+            let expected = 1.5f64.sqrt() * (radius + modulus * kappa);
+            assert!(kappa > 0.0 && (tau.0[0] / expected - 1.0).abs() < 1e-10, "{tau:?} {kappa}");
+            assert!(
+                (axial - kappa - tau.0[0] / young).abs() < 1e-10,
+                "elastic and plastic strain make up the whole"
+            );
+        }
+    }
+
+    /// A large step gives what many small ones do, as the direction stays: the return mapping is exact for it.
+    #[test]
+    fn proportional_flow_does_not_depend_on_the_steps() {
+        let law = VonMises::new(1e6, 0.3, 20e3).hardening(0.4e6);
+        let direction = Sym3([0.1, -0.03, -0.07, 0.02, 0.01, -0.04]);
+        let mut whole = [0.0];
+        let one = law.update(&direction, &[0.0], &mut whole).unwrap();
+        let (mut elastic, mut old) = (Sym3::ZERO, [0.0]);
+        for _ in 0..10 {
+            let mut new = [0.0];
+            elastic = law.update(&(elastic + direction * 0.1), &old, &mut new).unwrap().elastic_strain;
+            old = new;
+        }
+        assert!((old[0] - whole[0]).abs() < 1e-14 && (elastic - one.elastic_strain).norm() < 1e-15);
     }
 }

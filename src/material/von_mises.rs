@@ -1,38 +1,56 @@
-//! Von Mises perfect plasticity.
+//! Von Mises plasticity.
 
 use super::{Elasticity, Material, MaterialError, Response, StateField};
 use crate::tensor::{Sym3, Tangent, dyad};
 
-/// A stress this little beyond the yield surface, relative to ρ_y, is still elastic.
+/// A stress this little beyond the yield surface, relative to its radius, is still elastic.
 ///
 /// A point that has yielded starts the next step on the surface up to round-off; without this margin round-off would
 /// decide between its elastic and its plastic tangent, and with it how Newton's iterations run.
 const ON_SURFACE: f64 = 1e-10;
 
-/// Von Mises elastic, perfectly plastic: f = ρ − ρ_y with ρ = √(2 J₂) of the Kirchhoff stress, eq. (43).
+/// Von Mises plasticity with linear isotropic hardening: f = ρ − (ρ_y + H κ) with ρ = √(2 J₂) of the Kirchhoff stress,
+/// eq. (43), and κ the equivalent plastic strain.
 #[derive(Debug, Clone)]
 pub struct VonMises {
     elasticity: Elasticity,
-    /// Deviatoric yield stress ρ_y, [stress].
+    /// Deviatoric yield stress ρ_y at the start, [stress].
     yield_radius: f64,
+    /// H, [stress].
+    hardening: f64,
     elastic_tangent: Tangent,
 }
 
 impl VonMises {
-    /// From Young's modulus, [stress], Poisson's ratio, [-], and the deviatoric yield stress ρ_y, [stress].
+    /// Perfect plasticity, from Young's modulus, [stress], Poisson's ratio, [-], and the deviatoric yield stress ρ_y,
+    /// [stress].
     pub fn new(young: f64, poisson: f64, deviatoric_yield_stress: f64) -> Self {
         let elasticity = Elasticity::from_young_poisson(young, poisson);
-        VonMises { elasticity, yield_radius: deviatoric_yield_stress, elastic_tangent: elasticity.tangent() }
+        VonMises {
+            elasticity,
+            yield_radius: deviatoric_yield_stress,
+            hardening: 0.0,
+            elastic_tangent: elasticity.tangent(),
+        }
+    }
+
+    /// The same with hardening: the deviatoric yield stress grows by H, [stress], per unit of equivalent plastic strain.
+    pub fn hardening(self, modulus: f64) -> Self {
+        VonMises { hardening: modulus, ..self }
     }
 }
+
+/// √(2/3): growth of the equivalent plastic strain per norm of the plastic strain.
+const EQUIVALENT: f64 = 0.816_496_580_927_726;
 
 impl Material for VonMises {
     fn state_fields(&self) -> &'static [StateField] {
         &[StateField { name: "equivalent_plastic_strain", unit: "-", initial: 0.0 }]
     }
 
-    /// Radial return: the trial deviator s = 2 G dev(ε) is scaled back to ρ_y along n = s/|s|, and
-    /// D^alg = K I⊗I + 2 G (ρ_y/|s|) (𝟙_dev − n⊗n).
+    /// Radial return: the trial deviator s = 2 G dev(ε) is scaled back along n = s/|s| by the flow |Δε^p|, with
+    /// |s| − 2 G |Δε^p| = ρ_y + H κ =: ρ and h = √(2/3) H the growth of ρ per |Δε^p|;
+    /// D^alg = K I⊗I + 2 G (ρ/|s|) (𝟙_dev − n⊗n) + (2 G h/(2 G + h)) n⊗n.
     fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
         let Elasticity { bulk, shear } = self.elasticity;
         let s = trial.deviator() * (2.0 * shear);
@@ -41,18 +59,21 @@ impl Material for VonMises {
             return Err(MaterialError::NotFinite);
         }
         new.copy_from_slice(old);
-        if rho <= self.yield_radius * (1.0 + ON_SURFACE) {
+        let reached = self.yield_radius + self.hardening * old[0];
+        if rho <= reached * (1.0 + ON_SURFACE) {
             let tau = self.elasticity.stress(trial);
             return Ok(Response { tau, elastic_strain: *trial, tangent: self.elastic_tangent });
         }
-        let flow = (rho - self.yield_radius) / (2.0 * shear); // |Δε^p|
+        let growth = EQUIVALENT * self.hardening;
+        let flow = (rho - reached) / (2.0 * shear + growth); // |Δε^p|
+        let radius = reached + growth * flow;
         let n = s * (1.0 / rho);
-        new[0] = old[0] + (2.0f64 / 3.0).sqrt() * flow;
-        let shrink = self.yield_radius / rho;
-        let shear_now = shear * shrink;
-        let tangent = Elasticity { bulk, shear: shear_now }.tangent() - dyad(&n, &n) * (2.0 * shear_now);
+        new[0] = old[0] + EQUIVALENT * flow;
+        let shear_now = shear * (radius / rho);
+        let along = 2.0 * shear_now - 2.0 * shear * growth / (2.0 * shear + growth);
+        let tangent = Elasticity { bulk, shear: shear_now }.tangent() - dyad(&n, &n) * along;
         Ok(Response {
-            tau: Sym3::IDENTITY * (bulk * trial.trace()) + n * self.yield_radius,
+            tau: Sym3::IDENTITY * (bulk * trial.trace()) + n * radius,
             elastic_strain: *trial - n * flow,
             tangent,
         })

@@ -76,10 +76,30 @@ fn paraview(t: &Sym3) -> [f64; 6] {
 }
 
 /// Logarithmic plastic strain −½ ln(F⁻¹ b^e F⁻ᵀ) in the original configuration.
-fn plastic_strain(f: &Mat3, elastic_strain: &Sym3) -> Sym3 {
+fn plastic_strain(f: &Mat3, b: &Sym3) -> Sym3 {
     let inverse = f.try_inverse().unwrap_or_else(Mat3::identity);
-    let b = elastic_strain.map_eigenvalues(|e| (2.0 * e).exp()).to_matrix();
+    let b = b.to_matrix();
     Sym3::symmetric_part(&(inverse * b * inverse.transpose())).map_eigenvalues(f64::ln) * -0.5
+}
+
+/// Displacement of a point in its converged state, [length].
+pub fn displacement<const D: usize>(points: &Points<D>, p: usize) -> [f64; D] {
+    std::array::from_fn(|d| points.converged.position[p][d] - points.original_position[p][d])
+}
+
+/// Cauchy stress σ = τ/J of a point in its converged state, [stress].
+pub fn cauchy_stress<const D: usize>(points: &Points<D>, p: usize) -> Sym3 {
+    points.converged.kirchhoff_stress[p] * (1.0 / points.converged.deformation_gradient[p].determinant())
+}
+
+/// √(3/2) |dev σ|, [stress].
+pub fn von_mises_stress(sigma: &Sym3) -> f64 {
+    (1.5f64).sqrt() * sigma.deviator().norm()
+}
+
+/// −tr σ/3, [stress].
+pub fn pressure(sigma: &Sym3) -> f64 {
+    -sigma.trace() / 3.0
 }
 
 fn point_values<const D: usize>(
@@ -91,18 +111,18 @@ fn point_values<const D: usize>(
     let state = &points.converged;
     let f = &state.deformation_gradient[p];
     let volume_ratio = f.determinant();
-    let sigma = state.kirchhoff_stress[p] * (1.0 / volume_ratio);
-    let plastic = if yielded { plastic_strain(f, &state.elastic_strain[p]) } else { Sym3::ZERO };
-    let u: [f64; D] = std::array::from_fn(|d| state.position[p][d] - points.original_position[p][d]);
+    let sigma = cauchy_stress(points, p);
+    let (measure, elastic) = (model.law(points, p).strain_measure(), &state.elastic_strain[p]);
+    let plastic = if yielded { plastic_strain(f, &measure.left_cauchy_green(elastic)) } else { Sym3::ZERO };
     PointValues {
-        displacement: padded(&u),
+        displacement: padded(&displacement(points, p)),
         deformation_gradient: std::array::from_fn(|c| f[(c / 3, c % 3)]),
         volume_ratio,
         cauchy_stress: paraview(&sigma),
-        elastic_strain: paraview(&state.elastic_strain[p]),
+        elastic_strain: paraview(&measure.logarithmic(elastic)),
         plastic_strain: paraview(&plastic),
-        von_mises: (1.5f64).sqrt() * sigma.deviator().norm(),
-        pressure: -sigma.trace() / 3.0,
+        von_mises: von_mises_stress(&sigma),
+        pressure: pressure(&sigma),
         volume: model.volume(points, p),
     }
 }
@@ -174,8 +194,18 @@ fn other_history<const D: usize>(model: &Model<D>) -> Vec<&'static str> {
     names
 }
 
-/// The cells that points overlap, as corners among the active nodes in the order of a VTK quadrilateral or
-/// hexahedron; the nodes; and their fields.
+/// The shape of a cell or domain with this many corners.
+fn cell_kind<const D: usize>(corners: usize) -> CellKind {
+    match (D, corners) {
+        (_, 3) => CellKind::Triangle,
+        (3, 4) => CellKind::Tetrahedron,
+        (_, 4) => CellKind::Quad,
+        _ => CellKind::Hexahedron,
+    }
+}
+
+/// The cells that points overlap, as corners among the active nodes in the order of the VTK cell of their kind; the
+/// nodes; and their fields.
 pub struct GridMesh {
     /// Positions of the active nodes.
     pub nodes: Vec<[f64; 3]>,
@@ -195,12 +225,7 @@ pub fn grid_mesh<const D: usize>(model: &Model<D>, grid: &GridFields<D>) -> Grid
         let nodes = model.grid.corners(cell as usize);
         let number = |&node: &u32| links.active_number(node as usize).map_or(0, |active| active as i64);
         corners.extend(nodes.nodes().iter().map(number));
-        kinds.push(match (D, nodes.nodes().len()) {
-            (_, 3) => CellKind::Triangle,
-            (3, 4) => CellKind::Tetrahedron,
-            (_, 4) => CellKind::Quad,
-            _ => CellKind::Hexahedron,
-        });
+        kinds.push(cell_kind::<D>(nodes.nodes().len()));
     }
     let position = |&node: &u32| padded(&model.grid.node_position(node as usize));
     GridMesh {
@@ -218,7 +243,7 @@ pub fn grid_mesh<const D: usize>(model: &Model<D>, grid: &GridFields<D>) -> Grid
     }
 }
 
-/// Corners of the domain of a point, bit d of a corner's number being its side along axis d.
+/// Corners of the domain of a point; of 2^D corners, bit d of a corner's number is its side along axis d.
 pub fn corners_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize) -> Vec<[f64; D]> {
     match model.bodies[points.body[p] as usize].method.domain() {
         DomainKind::None => Vec::new(),
@@ -232,15 +257,23 @@ pub fn corners_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize
     }
 }
 
-/// Corners of the domains of the points in `order`, in the order of a VTK quadrilateral or hexahedron.
-pub fn domain_corners<const D: usize>(
-    model: &Model<D>,
-    points: &Points<D>,
-    order: &[usize],
-) -> Vec<[f64; 3]> {
-    let of_point = |&p: &usize| {
+/// The domains of points as cells, each with corners of its own.
+pub struct DomainMesh {
+    /// Corners of the domains, in the order of the VTK cell of their kind.
+    pub corners: Vec<[f64; 3]>,
+    /// Kinds of the domains.
+    pub kinds: Vec<CellKind>,
+}
+
+/// The domains of the points in `order`, which must have one.
+pub fn domain_mesh<const D: usize>(model: &Model<D>, points: &Points<D>, order: &[usize]) -> DomainMesh {
+    let mut mesh = DomainMesh { corners: Vec::new(), kinds: Vec::new() };
+    for &p in order {
         let corners = corners_of(model, points, p);
-        (0..corners.len()).map(|k| padded(&corners[vtk_corner(k)])).collect::<Vec<_>>()
-    };
-    order.iter().flat_map(of_point).collect()
+        let is_box = corners.len() == 1 << D;
+        let place = |k: usize| padded(&corners[if is_box { vtk_corner(k) } else { k }]);
+        mesh.corners.extend((0..corners.len()).map(place));
+        mesh.kinds.push(cell_kind::<D>(corners.len()));
+    }
+    mesh
 }

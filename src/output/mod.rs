@@ -1,15 +1,18 @@
 //! Files that a run leaves behind: VTK XML meshes, their time series, and comma-separated tables.
 //!
 //! The building blocks (`vtu`, `series`, `table`) know nothing of material points: they take arrays and names;
-//! `results` puts a run into them. A reader of the files never
+//! `results` puts a run into them, `findings` sums it up, `status` says how far it is. A reader of the files never
 //! meets a half-written one, because a file is written under a temporary name and then renamed, and a table is
 //! extended by whole rows; a killed run therefore stays readable up to its last step.
 
 mod fields;
+pub mod findings;
+mod lock;
 pub(crate) mod replace;
 pub mod results;
 pub mod series;
 mod start;
+pub mod status;
 pub mod summary;
 pub mod table;
 pub mod vtu;

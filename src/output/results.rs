@@ -9,8 +9,11 @@ use crate::points::Points;
 use crate::solver::{GridFields, Observer, SolveError, Step, StepReport, Summary};
 use crate::tensor::padded;
 
-use super::fields::{OwnedField, domain_corners, grid_mesh, point_fields};
+use super::fields::{OwnedField, domain_mesh, grid_mesh, point_fields};
+use super::findings::{Extremes, Findings};
+use super::lock::Lock;
 use super::series::Series;
+use super::status;
 use super::summary::{Account, Outcome};
 use super::table::{Entry, Table};
 use super::vtu::{self, CellKind, Field, Kinds, Mesh};
@@ -30,7 +33,11 @@ pub struct Results {
     /// The first failure of a table that could not be reported at once.
     failure: Option<io::Error>,
     account: Account,
+    findings: Findings,
+    all_have_domains: bool,
     last: Step,
+    /// Kept until the end of the run.
+    _lock: Lock,
 }
 
 impl Results {
@@ -38,7 +45,7 @@ impl Results {
     /// VTU files are written every `every` steps and for the last one; 0 writes none.
     ///
     /// # Errors
-    /// When the directory cannot be created or written.
+    /// When the directory cannot be created or written; `ResourceBusy` when another run writes there.
     pub fn create<const D: usize>(
         directory: &Path,
         every: usize,
@@ -46,7 +53,8 @@ impl Results {
         account: Account,
     ) -> io::Result<Results> {
         std::fs::create_dir_all(directory)?;
-        remove_earlier_series(directory)?;
+        let lock = Lock::take(directory)?;
+        remove_earlier_results(directory)?;
         let axes = &["x", "y", "z"][..D];
         let mut columns: Vec<String> = ["step", "time", "iterations", "residual"].map(String::from).to_vec();
         for condition in &model.boundary_conditions {
@@ -68,13 +76,31 @@ impl Results {
             written: None,
             failure: None,
             account,
+            findings: Findings::default(),
+            all_have_domains: model.bodies.iter().all(|b| b.method.domain() != DomainKind::None),
             last: Step { index: 0, start: 0.0, end: 0.0 },
+            _lock: lock,
         })
     }
 
     /// The directory.
     pub fn directory(&self) -> &Path {
         &self.directory
+    }
+
+    /// What the run has found so far; the largest values of the fields are there once it has ended.
+    pub fn findings(&self) -> &Findings {
+        &self.findings
+    }
+
+    /// The last file that shows the points, by their domains if all have one; `None` where none was written.
+    pub fn last_picture(&self) -> Option<Picture> {
+        let step = self.written?;
+        let series = SERIES[usize::from(self.all_have_domains)];
+        Some(Picture {
+            series: self.directory.join(format!("{series}.pvd")),
+            file: self.directory.join(file_name(series, step)),
+        })
     }
 
     fn write_series(
@@ -85,7 +111,7 @@ impl Results {
         point_data: &[OwnedField],
         cell_data: &[OwnedField],
     ) -> io::Result<()> {
-        let name = format!("{}_{:04}.vtu", SERIES[which], step.index);
+        let name = file_name(SERIES[which], step.index);
         let point_data: Vec<Field> = point_data.iter().map(OwnedField::as_field).collect();
         let cell_data: Vec<Field> = cell_data.iter().map(OwnedField::as_field).collect();
         let path = self.directory.join(&name);
@@ -110,11 +136,14 @@ impl Results {
             |p: &usize| model.bodies[points.body[*p] as usize].method.domain() != DomainKind::None;
         let with_domain: Vec<usize> = order.into_iter().filter(has_domain).collect();
         if !with_domain.is_empty() {
-            let corners = domain_corners(model, points, &with_domain);
-            let connectivity: Vec<i64> = (0..corners.len() as i64).collect();
+            let domains = domain_mesh(model, points, &with_domain);
+            let connectivity: Vec<i64> = (0..domains.corners.len() as i64).collect();
             let fields = point_fields(model, points, &with_domain);
-            let mesh =
-                Mesh { points: &corners, kinds: Kinds::All(box_kind::<D>()), connectivity: &connectivity };
+            let mesh = Mesh {
+                points: &domains.corners,
+                kinds: Kinds::Each(&domains.kinds),
+                connectivity: &connectivity,
+            };
             self.write_series(1, step, &mesh, &[], &fields)?;
         }
         self.written = Some(step.index);
@@ -168,12 +197,22 @@ impl Results {
     }
 }
 
-fn box_kind<const D: usize>() -> CellKind {
-    if D == 2 { CellKind::Quad } else { CellKind::Hexahedron }
+/// A time series, and its last file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Picture {
+    /// The series, for ParaView.
+    pub series: PathBuf,
+    /// The mesh at the last step that was written.
+    pub file: PathBuf,
 }
 
-/// Removes the series that an earlier run left in the directory, so that none of its files are mistaken for ours.
-fn remove_earlier_series(directory: &Path) -> io::Result<()> {
+fn file_name(series: &str, step: usize) -> String {
+    format!("{series}_{step:04}.vtu")
+}
+
+/// Removes the series, summary and status that an earlier run left in the directory, so that none of its files are
+/// mistaken for ours.
+fn remove_earlier_results(directory: &Path) -> io::Result<()> {
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
@@ -182,7 +221,7 @@ fn remove_earlier_series(directory: &Path) -> io::Result<()> {
             let number = rest.strip_prefix('_').and_then(|r| r.strip_suffix(".vtu"));
             rest == ".pvd" || number.is_some_and(|n| n.len() >= 4 && n.bytes().all(|b| b.is_ascii_digit()))
         });
-        if ours || ["summary.json", "run.json"].contains(&name) {
+        if ours || ["summary.json", "run.json", status::NAME].contains(&name) {
             std::fs::remove_file(&path)?;
         }
     }
@@ -220,6 +259,7 @@ impl<const D: usize> Observer<D> for Results {
         summary: &Summary,
     ) -> io::Result<()> {
         self.last = report.step;
+        self.findings.accept(model, report);
         if let Some(error) = self.failure.take() {
             return Err(error);
         }
@@ -244,8 +284,10 @@ impl<const D: usize> Observer<D> for Results {
         let outcome = match error {
             None => Outcome::Completed,
             Some(SolveError::Interrupted { .. }) => Outcome::Interrupted,
-            Some(error) => Outcome::Failed(error.to_string()),
+            Some(error) => Outcome::Failed { code: error.code(), reason: error.to_string() },
         };
-        self.account.write(&self.directory.join("summary.json"), model, points, summary, &outcome)
+        self.findings.extremes = Extremes::new(model, points);
+        let path = self.directory.join("summary.json");
+        self.account.write(&path, model, points, summary, &self.findings, &outcome)
     }
 }

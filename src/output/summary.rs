@@ -19,6 +19,7 @@ use crate::timing::{Phase, Spent, Timings};
 pub(crate) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 use super::fields::corners_of;
+use super::findings::{Extreme, Extremes, Findings, ForceBalance};
 
 /// How a run ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -27,8 +28,13 @@ pub enum Outcome {
     Completed,
     /// The user stopped it.
     Interrupted,
-    /// It could not go on, with the reason.
-    Failed(String),
+    /// It could not go on.
+    Failed {
+        /// Code of the failure, [`crate::solver::CODES`].
+        code: Option<&'static str>,
+        /// Why.
+        reason: String,
+    },
 }
 
 /// Where the account of a run begins.
@@ -86,14 +92,15 @@ impl Account {
         model: &Model<D>,
         points: &Points<D>,
         summary: &Summary,
+        findings: &Findings,
         outcome: &Outcome,
     ) -> io::Result<()> {
         let mut timings = self.set_up.clone();
         timings.add(&summary.timings);
-        let (word, reason) = match outcome {
-            Outcome::Completed => ("completed", Value::Null),
-            Outcome::Interrupted => ("interrupted", Value::Null),
-            Outcome::Failed(reason) => ("failed", json!(reason)),
+        let (word, code, reason) = match outcome {
+            Outcome::Completed => ("completed", None, Value::Null),
+            Outcome::Interrupted => ("interrupted", None, Value::Null),
+            Outcome::Failed { code, reason } => ("failed", *code, json!(reason)),
         };
         let seconds = |total: f64, of: &dyn Fn(Phase) -> f64| {
             let mut map = Map::new();
@@ -109,6 +116,7 @@ impl Account {
         let visits = (points.len() * summary.evaluations) as f64;
         let document = json!({
             "outcome": word,
+            "code": code,
             "reason": reason,
             "version": VERSION,
             "deck_hash": self.deck_hash,
@@ -131,7 +139,11 @@ impl Account {
                 "all": if visits > 0.0 { json!(1e6 * cpu / visits) } else { Value::Null },
                 "without_output": if visits > 0.0 { json!(1e6 * solved / visits) } else { Value::Null },
             },
-            "peak_memory_bytes": peak_memory(),
+            "peak_memory_bytes": crate::memory::peak(),
+            "iterations": findings.iterations.map(|[min, max]| json!({"min": min, "max": max})),
+            "worst_residual": findings.worst_residual.map(|(value, step)| json!({"value": value, "step": step})),
+            "forces": findings.balance.as_ref().map(forces),
+            "largest": findings.extremes.as_ref().map(largest),
             "quality": quality(model, &summary.quality),
             "warnings": summary.warnings,
             "bodies": bodies(model, points),
@@ -153,7 +165,8 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
         for p in (0..points.len()).filter(|&p| points.body[p] as usize == number) {
             count += 1;
             let x = points.converged.position[p];
-            let side = 0.5 * model.volume(points, p).powf(1.0 / D as f64);
+            let size = model.volume(points, p) / model.depth(&x);
+            let side = 0.5 * size.powf(1.0 / D as f64);
             let mut corners = corners_of(model, points, p);
             if corners.is_empty() {
                 corners = vec![x.map(|x| x - side), x.map(|x| x + side)];
@@ -175,6 +188,33 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
         map.insert(body.name.clone(), value);
     }
     Value::Object(map)
+}
+
+/// Loads and reactions at the end.
+fn forces(balance: &ForceBalance) -> Value {
+    let reactions: Map<String, Value> =
+        balance.reactions.iter().map(|(name, force)| (name.clone(), json!(force))).collect();
+    json!({
+        "applied": balance.applied,
+        "reactions": reactions,
+        "difference": balance.difference(),
+        "relative_difference": balance.relative_difference(),
+    })
+}
+
+/// The largest values of the fields at the end.
+fn largest(extremes: &Extremes) -> Value {
+    let Extremes { displacement, von_mises_stress, lowest_pressure, highest_pressure } = extremes;
+    let place = |extreme: &Extreme| {
+        let Extreme { value, body, point, position } = extreme;
+        json!({"value": value, "body": body, "point": point, "position": position})
+    };
+    json!({
+        "displacement": place(displacement),
+        "von_mises_stress": place(von_mises_stress),
+        "lowest_pressure": place(lowest_pressure),
+        "highest_pressure": place(highest_pressure),
+    })
 }
 
 /// How well the run went; null for what no step has shown.
@@ -209,11 +249,4 @@ fn quality<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
         "rotation": worst(quality.rotation),
         "shear": worst(quality.shear),
     })
-}
-
-/// Largest resident memory of the process since the start of the account, where the system tells.
-fn peak_memory() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kib| kib * 1024)
 }

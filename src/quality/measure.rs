@@ -175,20 +175,32 @@ impl Measures {
                     (l.iter().map(|l| 2.0 * l).product(), share_of_box_outside(model.grid.as_ref(), x, l))
                 }
                 DomainKind::Corners => {
-                    let n = points.corners_per_point;
-                    let corners = &points.trial.corners[p * n..(p + 1) * n];
+                    let corners = &points.trial.corners[points.corner_range(p)];
                     let share = share_of_corners_outside(model.grid.as_ref(), corners, points.cell[p]);
                     (domain_volume(corners), share)
                 }
             };
-            body.domain_volume += volume;
+            body.domain_volume += volume * model.depth(&points.trial.position[p]);
             keep(&mut body.outside, outside);
         }
         if let Some(first) = links.points_of(group).next() {
             let cell = points.cell[first];
-            self.fill(Some((filled / model.grid.volume(cell as usize), cell)));
+            self.fill(Some((filled / volume_of_cell(model, cell as usize), cell)));
         }
     }
+}
+
+/// Volume of the material that a cell can hold, [volume].
+fn volume_of_cell<const D: usize>(model: &Model<D>, cell: usize) -> f64 {
+    let corners = model.grid.corners(cell);
+    let mut middle = [0.0; D];
+    for &node in corners.nodes() {
+        let place = model.grid.node_position(node as usize);
+        for d in 0..D {
+            middle[d] += place[d] / corners.nodes().len() as f64;
+        }
+    }
+    model.grid.volume(cell) * model.depth(&middle)
 }
 
 /// Share of the volume of a box outside the grid; on unstructured grids, of its corners.

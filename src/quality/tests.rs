@@ -18,6 +18,7 @@ fn model(bodies: &[(Method, DomainUpdate)]) -> Model<2> {
     Model {
         title: String::new(),
         grid: Box::new(Structured::<2>::new([0.0; 2], [1.0, 0.5], [2, 2])),
+        revolved: false,
         formulation: Formulation::PreviouslyConverged,
         point_volume: PointVolume::Deformation,
         materials: Vec::new(),

@@ -141,6 +141,21 @@ pub enum SolveError {
     Output(#[source] std::io::Error),
 }
 
+/// Codes of all errors with a title each.
+pub const CODES: &[(&str, &str)] = &[
+    ("S001", "a step that does not reach equilibrium"),
+    ("S002", "a point that cannot follow the deformation"),
+    ("S003", "a point outside the grid"),
+    ("S004", "a domain that cannot be used"),
+    ("S005", "a domain that collapses"),
+    ("S006", "a singular stiffness"),
+    ("S007", "a part that nothing holds"),
+    ("S008", "not enough memory"),
+    ("S009", "boundary conditions that cannot be applied"),
+    ("S010", "a load without a value"),
+    ("S011", "results that cannot be written"),
+];
+
 fn worst_node(worst: &Option<(Vec<f64>, Vec<f64>)>) -> String {
     match worst {
         Some((place, force)) => format!("node {}: {}", coordinates(place), exponents(force)),
@@ -167,6 +182,24 @@ fn at_node(node: &Option<(Vec<f64>, usize)>) -> String {
 }
 
 impl SolveError {
+    /// Stable code, listed in [`CODES`]; none for a run that the user stopped.
+    pub fn code(&self) -> Option<&'static str> {
+        Some(match self {
+            SolveError::NotConverged { .. } => "S001",
+            SolveError::Point { .. } => "S002",
+            SolveError::OffGrid { .. } => "S003",
+            SolveError::Domain { .. } => "S004",
+            SolveError::Collapsed { .. } => "S005",
+            SolveError::Singular { .. } => "S006",
+            SolveError::Unheld { .. } => "S007",
+            SolveError::OutOfMemory { .. } => "S008",
+            SolveError::Constraint { .. } => "S009",
+            SolveError::Load { .. } => "S010",
+            SolveError::Output(_) => "S011",
+            SolveError::Interrupted { .. } => return None,
+        })
+    }
+
     /// What to do about it.
     pub fn help(&self) -> Option<&'static str> {
         match self {

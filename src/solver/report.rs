@@ -94,6 +94,8 @@ pub struct StepReport<const D: usize> {
     pub factorisations: Vec<Factorisation>,
     /// Reaction of each boundary condition, [force].
     pub reactions: Vec<[f64; D]>,
+    /// Sum of all loads on the points, [force].
+    pub applied: [f64; D],
     /// Work and energy.
     pub energy: Energy,
     /// Number of free degrees of freedom.
@@ -185,8 +187,8 @@ pub(super) fn balance_of_energy<const D: usize>(
     }
     let mut strain_energy = 0.0;
     for p in 0..points.len() {
-        let law = &model.materials[model.bodies[points.body[p] as usize].material].law;
-        strain_energy += law.energy(&points.trial.elastic_strain[p]) * points.original_volume[p];
+        let energy = model.law(points, p).energy(&points.trial.elastic_strain[p]);
+        strain_energy += energy * points.original_volume[p];
     }
     Energy { external_work, strain_energy }
 }

@@ -4,10 +4,10 @@
 use rayon::prelude::*;
 
 use super::{SolveError, Step};
-use crate::assembly::deformation_increment;
 use crate::basis::{Connectivity, DomainKind, Method, check_domain};
 use crate::domain::Motion;
 use crate::grid::interpolate;
+use crate::kinematics::Increment;
 use crate::model::Model;
 use crate::points::Points;
 use crate::stress::Mechanics;
@@ -53,8 +53,9 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
             points.trial.position[p] = moved.position;
             points.trial.deformation_gradient[p] = moved.deformation_gradient;
             points.trial.half_lengths[p] = moved.half_lengths;
-            let n = points.corners_per_point;
-            points.trial.corners[p * n..(p + 1) * n].copy_from_slice(&moved.corners[..n]);
+            let corners = points.corner_range(p);
+            let n = corners.len();
+            points.trial.corners[corners].copy_from_slice(&moved.corners[..n]);
             p += 1;
         }
     }
@@ -83,7 +84,8 @@ fn move_point<const D: usize, M: Mechanics<D>>(
     if model.grid.locate(&position, Some(points.cell[p])).is_none() {
         return Err(SolveError::off_grid(model, points, p, position, step));
     }
-    let dF = M::embed(&deformation_increment(nodes, &of_point, delta_d));
+    let start = &points.converged.position[p];
+    let dF = M::embed(&Increment::new::<M>(nodes, &of_point, delta_d, start));
     let F = dF * points.converged.deformation_gradient[p];
     let body = &model.bodies[points.body[p] as usize];
     let mut moved = Moved {
@@ -96,8 +98,8 @@ fn move_point<const D: usize, M: Mechanics<D>>(
         DomainKind::None => {}
         DomainKind::Box => {
             let motion = Motion {
-                F: &F,
-                dF: &dF,
+                F: &along_axes::<D>(F),
+                dF: &along_axes::<D>(dF),
                 original: &points.original_half_lengths[p],
                 previous: &points.converged.half_lengths[p],
                 position: &points.converged.position[p],
@@ -111,14 +113,24 @@ fn move_point<const D: usize, M: Mechanics<D>>(
         DomainKind::Corners => {
             move_corners(body.method, points, p, displacement, &mut moved);
             // Otherwise the next step, if there is one, would be the first to notice.
-            check_domain(model.grid.as_ref(), &moved.corners[..points.corners_per_point], points.cell[p])
+            let corners = &moved.corners[..points.corner_range(p).len()];
+            check_domain(model.grid.as_ref(), corners, points.cell[p])
                 .map_err(|error| SolveError::domain(model, points, p, position, step, error))?;
         }
     }
     Ok(moved)
 }
 
-/// CPDI2 moves the corners with the grid; CPDI1 keeps a parallelogram that follows F of the point.
+/// A deformation gradient without what happens beyond the `D` axes, which is no matter of the domain: the stretch
+/// around the axis of a body of revolution.
+fn along_axes<const D: usize>(mut F: Mat3) -> Mat3 {
+    for d in D..3 {
+        F[(d, d)] = 1.0;
+    }
+    F
+}
+
+/// CPDI2 moves the corners with the grid; CPDI1 keeps a parallelogram (parallelepiped) that follows F of the point.
 fn move_corners<const D: usize>(
     method: Method,
     points: &Points<D>,
@@ -126,14 +138,14 @@ fn move_corners<const D: usize>(
     displacement: &dyn Fn(&[f64; D]) -> [f64; D],
     moved: &mut Moved<D>,
 ) {
-    let n = points.corners_per_point;
+    let first = points.corner_range(p).start;
     for (k, corner) in points.corners(p).iter().enumerate() {
         let place = &mut moved.corners[k];
         if method == Method::Cpdi2 {
             let u = displacement(corner);
             *place = std::array::from_fn(|d| corner[d] + u[d]);
         } else {
-            let arm = |d: usize| points.original_corners[p * n + k][d] - points.original_position[p][d];
+            let arm = |d: usize| points.original_corners[first + k][d] - points.original_position[p][d];
             let F = &moved.deformation_gradient;
             *place =
                 std::array::from_fn(|i| moved.position[i] + (0..D).map(|j| F[(i, j)] * arm(j)).sum::<f64>());

@@ -1,20 +1,29 @@
-//! The finite-strain kernel around a small-strain law: from the displacement-gradient increment of one material
-//! point to the stress and tangent that enter equilibrium, eqs. (14)-(18), (A.1)-(A.6).
+//! The finite-strain kernel around a law: from the deformation increment of one material point to the force and
+//! stiffness that enter equilibrium, eqs. (14)-(18), (A.1)-(A.6).
 //!
-//! [`solid`] is the literal transcription in three dimensions; [`plane_strain`] is the same in closed form for
-//! motions that keep z a principal direction. A test holds them together.
+//! [`plane_strain`] is in closed form for motions that keep z a principal direction, [`solid`] is the general kernel in
+//! three dimensions and [`axisymmetric`] the same for bodies of revolution. Each also has the updated Lagrangian
+//! formulation, which in three dimensions is transcribed equation by equation. Tests hold all of them together, and to
+//! a transcription of eqs. (18) and (A.3)-(A.6).
 #![allow(non_snake_case)]
 
+mod axisymmetric;
+mod contribution;
 mod plane_strain;
 mod solid;
+#[cfg(test)]
+mod tests;
 
 use serde::{Deserialize, Serialize};
 
-use crate::material::{Material, MaterialError};
-use crate::tensor::{Mat3, Sym3, Tensor4};
+use crate::kinematics::Increment;
+use crate::material::{Material, MaterialError, StrainMeasure};
+use crate::tensor::{Mat3, Sym3};
 
+pub use axisymmetric::{Axisymmetric, Revolved};
+pub use contribution::Contribution;
 pub use plane_strain::PlaneStrain;
-pub use solid::Solid;
+pub use solid::{Solid, Spatial};
 
 /// Configuration in which equilibrium is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
@@ -30,7 +39,7 @@ pub enum Formulation {
 /// What the equilibrium of one load step needs to know of a material point, fixed at the start of the step.
 #[derive(Debug, Clone, Copy)]
 pub struct StartOfStep {
-    /// Elastic left Cauchy-Green strain b^e_n = exp(2 ε^e_n), [-].
+    /// Elastic left Cauchy-Green strain b^e_n, [-].
     pub b_n: Sym3,
     /// Volume ratio J_n, [-].
     pub J_n: f64,
@@ -38,22 +47,36 @@ pub struct StartOfStep {
     pub volume_n: f64,
 }
 
-/// The contribution of one material point to internal force and stiffness.
-///
-/// With the previously converged formulation `stress` is P̃, `tangent` is Ã and `volume` is V_n; with the updated
-/// Lagrangian one they are σ, a and V, and gradients must be mapped to the current configuration by eq. (8).
+/// The answer of a point to a deformation increment.
 #[derive(Debug, Clone, Copy)]
-pub struct Contribution<const D: usize> {
-    /// Stress that works with the gradient of the basis, `[i][j]`, j the direction of the gradient.
-    pub stress: [[f64; D]; D],
-    /// Its derivative, `[i][j][k][l]`.
-    pub tangent: Tensor4<D>,
-    /// Volume that the point represents in this configuration.
-    pub volume: f64,
+pub struct PointResponse<W> {
+    /// Its part in internal force and stiffness.
+    pub weak: W,
     /// Kirchhoff stress τ.
     pub tau: Sym3,
-    /// Elastic strain after the return mapping.
+    /// Elastic strain after the return mapping, in the measure of the law.
     pub elastic_strain: Sym3,
+}
+
+/// The part of one point in internal force and stiffness: V P̃·∇S_a on node a and V ∇S_a·Ã·∇S_b between nodes a and b,
+/// eqs. (21) and (23), in whatever form is the cheapest to evaluate.
+pub trait WeakForm<const D: usize>: Copy {
+    /// What is needed of the basis function of a node.
+    type Gradient: Copy;
+    /// What node b contributes to its pairs, V Ã·∇S_b.
+    type Column;
+
+    /// ΔF⁻¹ where gradients must be given in the current configuration, eq. (8): ∂S/∂x = ∂S/∂X̃ ΔF⁻¹.
+    fn inverse(&self) -> Option<&[[f64; D]; D]>;
+
+    /// From the gradient of a basis function, mapped if need be, and its value.
+    fn gradient(&self, gradient: &[f64; D], value: f64) -> Self::Gradient;
+
+    /// The column of a node; adds the force on it.
+    fn column(&self, gradient: &Self::Gradient, force: &mut [f64; D]) -> Self::Column;
+
+    /// Adds to the block of a pair, `[i][k]`, the part of the node of `gradient` (row) with that of a column.
+    fn add_block(column: &Self::Column, gradient: &Self::Gradient, block: &mut [[f64; D]; D]);
 }
 
 /// A point could not follow the displacement increment.
@@ -72,109 +95,43 @@ pub enum PointError {
 
 /// How a `D`-dimensional displacement increment deforms the three-dimensional material: the idealisation.
 pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
-    /// Evaluates one point at the deformation gradient increment `dF`, whose in-plane block is given.
+    /// Whether the body is one of revolution about the axis where the first coordinate vanishes.
+    const REVOLVED: bool = false;
+
+    /// A point in the previously converged formulation.
+    type Previous: WeakForm<D>;
+    /// A point in the updated Lagrangian formulation.
+    type Updated: WeakForm<D>;
+
+    /// Evaluates one point in the previously converged formulation.
     ///
     /// # Errors
     /// [`PointError`] when det(ΔF) is not positive or the law fails.
     fn respond(
-        formulation: Formulation,
         start: &StartOfStep,
-        dF: &[[f64; D]; D],
+        increment: &Increment<D>,
         material: &dyn Material,
         old: &[f64],
         new: &mut [f64],
-    ) -> Result<Contribution<D>, PointError>;
+    ) -> Result<PointResponse<Self::Previous>, PointError>;
+
+    /// Evaluates one point in the updated Lagrangian formulation.
+    ///
+    /// # Errors
+    /// As [`Mechanics::respond`].
+    fn respond_updated(
+        start: &StartOfStep,
+        increment: &Increment<D>,
+        material: &dyn Material,
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PointResponse<Self::Updated>, PointError>;
 
     /// The increment as a three-dimensional tensor.
-    fn embed(dF: &[[f64; D]; D]) -> Mat3;
+    fn embed(increment: &Increment<D>) -> Mat3;
 
-    /// b^e = exp(2 ε^e).
-    fn elastic_left_cauchy_green(elastic_strain: &Sym3) -> Sym3;
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::material::{Hencky, VonMises};
-    use proptest::prelude::*;
-
-    fn laws() -> [Box<dyn Material>; 2] {
-        [Box::new(Hencky::new(12e6, 0.2)), Box::new(VonMises::new(1e6, 0.3, 20e3))]
-    }
-
-    /// A random start-of-step state and increment, in plane strain.
-    fn states() -> impl Strategy<Value = (StartOfStep, [[f64; 2]; 2])> {
-        let strain = (-0.3..0.3f64, -0.3..0.3f64, -0.3..0.3f64, -0.3..0.3f64);
-        let increment = prop::array::uniform2(prop::array::uniform2(-0.6..0.6f64));
-        (strain, 0.5..2.0f64, increment).prop_filter_map("inverted", |((xx, yy, zz, xy), J_n, h)| {
-            let dF = [[1.0 + h[0][0], h[0][1]], [h[1][0], 1.0 + h[1][1]]];
-            let b_n = PlaneStrain::elastic_left_cauchy_green(&Sym3([xx, yy, zz, 0.0, 0.0, xy]));
-            (dF[0][0] * dF[1][1] - dF[0][1] * dF[1][0] > 0.1)
-                .then_some((StartOfStep { b_n, J_n, volume_n: 0.7 }, dF))
-        })
-    }
-
-    fn embed(dF: &[[f64; 2]; 2]) -> [[f64; 3]; 3] {
-        [[dF[0][0], dF[0][1], 0.0], [dF[1][0], dF[1][1], 0.0], [0.0, 0.0, 1.0]]
-    }
-
-    fn history(law: &dyn Material) -> Vec<f64> {
-        law.state_fields().iter().map(|f| f.initial).collect()
-    }
-
-    proptest! {
-        #[test]
-        fn closed_form_plane_strain_equals_the_general_kernel((start, dF) in states()) {
-            for law in laws() {
-                let old = history(law.as_ref());
-                for formulation in [Formulation::PreviouslyConverged, Formulation::UpdatedLagrangian] {
-                    let p = PlaneStrain::respond(formulation, &start, &dF, law.as_ref(), &old, &mut old.clone()).unwrap();
-                    let s = Solid::respond(formulation, &start, &embed(&dF), law.as_ref(), &old, &mut old.clone()).unwrap();
-                    prop_assert!((p.tau - s.tau).norm() <= 1e-12 * s.tau.norm().max(1e3));
-                    prop_assert!((p.elastic_strain - s.elastic_strain).norm() < 1e-13);
-                    prop_assert!((p.volume - s.volume).abs() < 1e-14);
-                    for i in 0..2 {
-                        for j in 0..2 {
-                            prop_assert!((p.stress[i][j] - s.stress[i][j]).abs() <= 1e-9 * 12e6 * 1e-3);
-                            for k in 0..2 {
-                                for l in 0..2 {
-                                    let (a, b) = (p.tangent[i][j][k][l], s.tangent[i][j][k][l]);
-                                    prop_assert!((a - b).abs() <= 1e-12 * 1e8, "{a} {b}");
-                                }
-                            }
-                        }
-                    }
-                }
-            }
-        }
-
-        #[test]
-        fn previously_converged_tangent_is_the_derivative_and_symmetric((start, dF) in states()) {
-            for law in laws() {
-                let old = history(law.as_ref());
-                let at = |dF: &[[f64; 2]; 2]| {
-                    PlaneStrain::respond(Formulation::PreviouslyConverged, &start, dF, law.as_ref(), &old, &mut old.clone()).unwrap()
-                };
-                let here = at(&dF);
-                let scale = here.tangent.iter().flatten().flatten().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
-                for k in 0..2 {
-                    for l in 0..2 {
-                        let h = 1e-6;
-                        let (mut plus, mut minus) = (dF, dF);
-                        plus[k][l] += h;
-                        minus[k][l] -= h;
-                        let (plus, minus) = (at(&plus), at(&minus));
-                        for i in 0..2 {
-                            for j in 0..2 {
-                                let numeric = (plus.stress[i][j] - minus.stress[i][j]) / (2.0 * h);
-                                prop_assert!((numeric - here.tangent[i][j][k][l]).abs() < 1e-6 * scale);
-                                let transposed = here.tangent[k][l][i][j];
-                                prop_assert!((here.tangent[i][j][k][l] - transposed).abs() < 1e-13 * scale);
-                            }
-                        }
-                    }
-                }
-            }
-        }
+    /// b^e of an elastic strain in the measure of its law.
+    fn elastic_left_cauchy_green(measure: StrainMeasure, elastic_strain: &Sym3) -> Sym3 {
+        measure.left_cauchy_green(elastic_strain)
     }
 }

@@ -5,77 +5,136 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
-use super::{Contribution, Formulation, Mechanics, PointError, StartOfStep};
-use crate::material::Material;
+use super::{Contribution, Mechanics, PointError, PointResponse, StartOfStep};
+use crate::kinematics::Increment;
+use crate::material::{Material, Response, StrainMeasure};
 use crate::tensor::{Mat3, Sym3, Tangent, Tensor4, plane};
 
 /// Plane strain in x, y.
 #[derive(Debug, Clone, Copy)]
 pub struct PlaneStrain;
 
+/// The trial state and what the law answers to it.
+struct Answer {
+    dJ: f64,
+    /// ΔF b_n.
+    A: [[f64; 2]; 2],
+    b: Sym3,
+    law: Response,
+    /// Derivative of τ with respect to b on the in-plane components.
+    C: [[f64; 3]; 3],
+    tau: [[f64; 2]; 2],
+}
+
+#[inline]
+fn answer(
+    start: &StartOfStep,
+    dF: &[[f64; 2]; 2],
+    material: &dyn Material,
+    old: &[f64],
+    new: &mut [f64],
+) -> Result<Answer, PointError> {
+    let dJ = dF[0][0] * dF[1][1] - dF[0][1] * dF[1][0];
+    if dJ.is_nan() || dJ <= 0.0 {
+        return Err(PointError::Inverted { determinant: dJ });
+    }
+    // A = ΔF b_n and the trial b = A ΔFᵀ.
+    let b_n = &start.b_n.0;
+    let xy = b_n[5] * FRAC_1_SQRT_2;
+    let A: [[f64; 2]; 2] =
+        std::array::from_fn(|i| [dF[i][0] * b_n[0] + dF[i][1] * xy, dF[i][0] * xy + dF[i][1] * b_n[1]]);
+    let b = Sym3([
+        A[0][0] * dF[0][0] + A[0][1] * dF[0][1],
+        A[1][0] * dF[1][0] + A[1][1] * dF[1][1],
+        b_n[2],
+        0.0,
+        0.0,
+        (A[0][0] * dF[1][0] + A[0][1] * dF[1][1]) * SQRT_2,
+    ]);
+    let (law, C) = match material.strain_measure() {
+        StrainMeasure::Logarithmic => {
+            let (log_b, L) = plane::log_with_derivative(&b);
+            let law = material.update(&(log_b * 0.5), old, new)?;
+            let C = half_product(&law.tangent, &L);
+            (law, C)
+        }
+        StrainMeasure::LeftCauchyGreen => {
+            let law = material.update(&((b - Sym3::IDENTITY) * 0.5), old, new)?;
+            let C = IN_PLANE.map(|r| IN_PLANE.map(|c| 0.5 * law.tangent[(r, c)]));
+            (law, C)
+        }
+    };
+    let tau_xy = law.tau.0[5] * FRAC_1_SQRT_2;
+    let tau = [[law.tau.0[0], tau_xy], [tau_xy, law.tau.0[1]]];
+    Ok(Answer { dJ, A, b, law, C, tau })
+}
+
 impl Mechanics<2> for PlaneStrain {
+    type Previous = Contribution<2, 2>;
+    type Updated = Contribution<2, 2>;
+
     #[inline]
     fn respond(
-        formulation: Formulation,
         start: &StartOfStep,
-        dF: &[[f64; 2]; 2],
+        increment: &Increment<2>,
         material: &dyn Material,
         old: &[f64],
         new: &mut [f64],
-    ) -> Result<Contribution<2>, PointError> {
-        let dJ = dF[0][0] * dF[1][1] - dF[0][1] * dF[1][0];
-        if dJ.is_nan() || dJ <= 0.0 {
-            return Err(PointError::Inverted { determinant: dJ });
-        }
-        // A = ΔF b_n and the trial b = A ΔFᵀ.
-        let b_n = &start.b_n.0;
-        let xy = b_n[5] * FRAC_1_SQRT_2;
-        let A: [[f64; 2]; 2] =
-            std::array::from_fn(|i| [dF[i][0] * b_n[0] + dF[i][1] * xy, dF[i][0] * xy + dF[i][1] * b_n[1]]);
-        let b = Sym3([
-            A[0][0] * dF[0][0] + A[0][1] * dF[0][1],
-            A[1][0] * dF[1][0] + A[1][1] * dF[1][1],
-            b_n[2],
-            0.0,
-            0.0,
-            (A[0][0] * dF[1][0] + A[0][1] * dF[1][1]) * SQRT_2,
-        ]);
-        let (log_b, L) = plane::log_with_derivative(&b);
-        let law = material.update(&(log_b * 0.5), old, new)?;
-        let C = half_product(&law.tangent, &L);
-        let tau_xy = law.tau.0[5] * FRAC_1_SQRT_2;
-        let tau = [[law.tau.0[0], tau_xy], [tau_xy, law.tau.0[1]]];
-        let (stress, tangent, volume) = match formulation {
-            Formulation::PreviouslyConverged => {
-                let (stress, tangent) = previous(&C, &tau, dF, dJ, &A, start.J_n);
-                (stress, tangent, start.volume_n)
-            }
-            Formulation::UpdatedLagrangian => {
-                let in_plane = [[b.0[0], b.0[5] * FRAC_1_SQRT_2], [b.0[5] * FRAC_1_SQRT_2, b.0[1]]];
-                let (stress, tangent) = updated(&C, &tau, &in_plane, dJ * start.J_n);
-                (stress, tangent, dJ * start.volume_n)
-            }
+    ) -> Result<PointResponse<Contribution<2, 2>>, PointError> {
+        let dF = &increment.dF;
+        let Answer { dJ, A, law, C, tau, .. } = answer(start, dF, material, old, new)?;
+        let (stress, tangent) = previous(&C, &tau, dF, dJ, &A, start.J_n);
+        let weak = Contribution { stress, tangent, volume: start.volume_n, inverse: None, per_radius: 0.0 };
+        Ok(PointResponse { weak, tau: law.tau, elastic_strain: law.elastic_strain })
+    }
+
+    fn respond_updated(
+        start: &StartOfStep,
+        increment: &Increment<2>,
+        material: &dyn Material,
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PointResponse<Contribution<2, 2>>, PointError> {
+        let dF = &increment.dF;
+        let Answer { dJ, b, law, C, tau, .. } = answer(start, dF, material, old, new)?;
+        let in_plane = [[b.0[0], b.0[5] * FRAC_1_SQRT_2], [b.0[5] * FRAC_1_SQRT_2, b.0[1]]];
+        let (stress, tangent) = updated(&C, &tau, &in_plane, dJ * start.J_n);
+        let weak = Contribution {
+            stress,
+            tangent,
+            volume: dJ * start.volume_n,
+            inverse: Some(invert(dF, dJ)),
+            per_radius: 0.0,
         };
-        Ok(Contribution { stress, tangent, volume, tau: law.tau, elastic_strain: law.elastic_strain })
+        Ok(PointResponse { weak, tau: law.tau, elastic_strain: law.elastic_strain })
     }
 
-    fn embed(dF: &[[f64; 2]; 2]) -> Mat3 {
-        Mat3::new(dF[0][0], dF[0][1], 0.0, dF[1][0], dF[1][1], 0.0, 0.0, 0.0, 1.0)
+    fn embed(increment: &Increment<2>) -> Mat3 {
+        let [[xx, xy], [yx, yy]] = increment.dF;
+        Mat3::new(xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, 1.0)
     }
 
-    fn elastic_left_cauchy_green(elastic_strain: &Sym3) -> Sym3 {
-        plane::exp(&(*elastic_strain * 2.0))
+    fn elastic_left_cauchy_green(measure: StrainMeasure, elastic_strain: &Sym3) -> Sym3 {
+        match measure {
+            StrainMeasure::Logarithmic => plane::exp(&(*elastic_strain * 2.0)),
+            StrainMeasure::LeftCauchyGreen => measure.left_cauchy_green(elastic_strain),
+        }
     }
+}
+
+/// Rows of the in-plane components in the Mandel layout.
+const IN_PLANE: [usize; 3] = [0, 1, 5];
+
+#[inline]
+fn invert(dF: &[[f64; 2]; 2], dJ: f64) -> [[f64; 2]; 2] {
+    [[dF[1][1] / dJ, -dF[0][1] / dJ], [-dF[1][0] / dJ, dF[0][0] / dJ]]
 }
 
 /// C = ½ D^alg L on the in-plane components `xx, yy, √2 xy`: the derivative of τ with respect to b.
 #[inline]
 fn half_product(D: &Tangent, L: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
-    let rows = [0, 1, 5];
-    std::array::from_fn(|r| {
-        std::array::from_fn(|c| {
-            0.5 * (D[(rows[r], 0)] * L[0][c] + D[(rows[r], 1)] * L[1][c] + D[(rows[r], 5)] * L[2][c])
-        })
+    IN_PLANE.map(|r| {
+        std::array::from_fn(|c| 0.5 * (D[(r, 0)] * L[0][c] + D[(r, 1)] * L[1][c] + D[(r, 5)] * L[2][c]))
     })
 }
 
@@ -103,7 +162,7 @@ fn previous(
     A: &[[f64; 2]; 2],
     J_n: f64,
 ) -> ([[f64; 2]; 2], Tensor4<2>) {
-    let inverse = [[dF[1][1] / dJ, -dF[0][1] / dJ], [-dF[1][0] / dJ, dF[0][0] / dJ]];
+    let inverse = invert(dF, dJ);
     let per_J = 1.0 / J_n;
     let P: [[f64; 2]; 2] = std::array::from_fn(|i| {
         std::array::from_fn(|j| per_J * (tau[i][0] * inverse[j][0] + tau[i][1] * inverse[j][1]))

@@ -1,54 +1,213 @@
-//! The kernel in three dimensions, transcribed equation by equation.
+//! The kernel in three dimensions.
 
-use super::{Contribution, Formulation, Mechanics, PointError, StartOfStep};
-use crate::material::Material;
-use crate::tensor::{Mat3, Sym3, Tangent, Tensor4, log_derivative, mandel_entry};
+use super::{Contribution, Mechanics, PointError, PointResponse, StartOfStep, WeakForm};
+use crate::kinematics::Increment;
+use crate::material::{Material, Response, StrainMeasure};
+use crate::tensor::{Mat3, Sym3, Tangent, Tensor4, log_with_derivative, mandel_entry};
+use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 /// Three-dimensional solid: nothing is idealised.
 #[derive(Debug, Clone, Copy)]
 pub struct Solid;
 
+/// Row of the Mandel layout in which component (i, j) of a symmetric tensor stands.
+pub(super) const PLACE: [[usize; 3]; 3] = [[0, 5, 4], [5, 1, 3], [4, 3, 2]];
+
+/// A point of the previously converged formulation with gradients in the current configuration.
+///
+/// In V_n ∇S_a·Ã·∇S_b every index of the start of the step stands with a ΔF⁻¹: moving these to the gradients,
+/// g = ∂S/∂X̃ ΔF⁻¹, leaves V_n/J_n g_a·(∂τ/∂ΔF : ΔFᵀ − τ ⊗̄ 1)·g_b, with b in place of ΔF b_n ΔFᵀ. Nothing of fourth order
+/// is ever mapped, which is most of the work of eqs. (A.3)-(A.6).
+#[derive(Debug, Clone, Copy)]
+pub struct Spatial {
+    /// ΔF⁻¹.
+    pub(super) inverse: [[f64; 3]; 3],
+    /// Trial b.
+    pub(super) b: [[f64; 3]; 3],
+    /// V_n τ/J_n.
+    pub(super) stress: [[f64; 3]; 3],
+    /// V_n/J_n times the change of each component of τ (second index) per change b_kq = α_q (k ≠ q) or 2α_k of the
+    /// component of b that the first index is the place of.
+    pub(super) moduli: [[f64; 6]; 6],
+}
+
+impl WeakForm<3> for Spatial {
+    type Gradient = [f64; 3];
+    type Column = [[[f64; 3]; 3]; 3];
+
+    #[inline(always)]
+    fn inverse(&self) -> Option<&[[f64; 3]; 3]> {
+        Some(&self.inverse)
+    }
+
+    #[inline(always)]
+    fn gradient(&self, gradient: &[f64; 3], _value: f64) -> [f64; 3] {
+        *gradient
+    }
+
+    /// V_n Ã·∇S_b with both gradients mapped, as `[m][i][k]`: the change of τ when node b moves along k, less
+    /// (τ g_b)_i where m is k, which is the change of ΔF⁻¹.
+    #[inline(always)]
+    fn column(&self, gradient: &[f64; 3], force: &mut [f64; 3]) -> [[[f64; 3]; 3]; 3] {
+        let traction = times(&self.stress, gradient);
+        for (f, t) in force.iter_mut().zip(traction) {
+            *f += t;
+        }
+        let alpha = times(&self.b, gradient);
+        let change: [[f64; 6]; 3] = std::array::from_fn(|k| {
+            let of = |q: usize| &self.moduli[PLACE[k][q]];
+            std::array::from_fn(|r| of(0)[r] * alpha[0] + of(1)[r] * alpha[1] + of(2)[r] * alpha[2])
+        });
+        let mut column = [[[0.0; 3]; 3]; 3];
+        for m in 0..3 {
+            for i in 0..3 {
+                for k in 0..3 {
+                    column[m][i][k] = change[k][PLACE[i][m]];
+                }
+                column[m][i][m] -= traction[i];
+            }
+        }
+        column
+    }
+
+    #[inline(always)]
+    fn add_block(column: &[[[f64; 3]; 3]; 3], gradient: &[f64; 3], block: &mut [[f64; 3]; 3]) {
+        let [x, y, z] = column;
+        let (x, y, z) = (x.as_flattened(), y.as_flattened(), z.as_flattened());
+        for (e, entry) in block.as_flattened_mut().iter_mut().enumerate() {
+            *entry += gradient[0] * x[e] + gradient[1] * y[e] + gradient[2] * z[e];
+        }
+    }
+}
+
+#[inline(always)]
+pub(super) fn times(a: &[[f64; 3]; 3], x: &[f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| a[i][0] * x[0] + a[i][1] * x[1] + a[i][2] * x[2])
+}
+
+/// A symmetric tensor as a full matrix of rows, times a factor.
+#[inline(always)]
+fn full(t: &Sym3, factor: f64) -> [[f64; 3]; 3] {
+    let [xx, yy, zz] = [t.0[0] * factor, t.0[1] * factor, t.0[2] * factor];
+    let shear = FRAC_1_SQRT_2 * factor;
+    let [yz, xz, xy] = [t.0[3] * shear, t.0[4] * shear, t.0[5] * shear];
+    [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+}
+
+/// det(ΔF) and ΔF⁻¹.
+#[inline(always)]
+fn invert(dF: &[[f64; 3]; 3]) -> Result<(f64, [[f64; 3]; 3]), PointError> {
+    let minor = |i: usize, j: usize| {
+        let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
+        dF[a][c] * dF[b][d] - dF[a][d] * dF[b][c]
+    };
+    let cofactors: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| minor(i, j)));
+    let dJ = dF[0][0] * cofactors[0][0] + dF[0][1] * cofactors[0][1] + dF[0][2] * cofactors[0][2];
+    if dJ.is_nan() || dJ <= 0.0 {
+        return Err(PointError::Inverted { determinant: dJ });
+    }
+    let per_dJ = 1.0 / dJ;
+    Ok((dJ, std::array::from_fn(|i| std::array::from_fn(|j| cofactors[j][i] * per_dJ))))
+}
+
+/// The trial state b = ΔF b_n ΔFᵀ.
+#[inline(always)]
+fn trial(dF: &[[f64; 3]; 3], b_n: &Sym3) -> Sym3 {
+    let b_n = full(b_n, 1.0);
+    let A: [[f64; 3]; 3] = std::array::from_fn(|i| times(&b_n, &dF[i]));
+    let entry = |i: usize, j: usize| A[i][0] * dF[j][0] + A[i][1] * dF[j][1] + A[i][2] * dF[j][2];
+    Sym3([
+        entry(0, 0),
+        entry(1, 1),
+        entry(2, 2),
+        SQRT_2 * entry(1, 2),
+        SQRT_2 * entry(0, 2),
+        SQRT_2 * entry(0, 1),
+    ])
+}
+
+/// The answer of a law at b, with twice the derivative of τ with respect to b by columns.
+#[inline(always)]
+fn answer(
+    material: &dyn Material,
+    b: &Sym3,
+    old: &[f64],
+    new: &mut [f64],
+) -> Result<(Response, [[f64; 6]; 6]), PointError> {
+    match material.strain_measure() {
+        StrainMeasure::Logarithmic => {
+            let (log_b, L) = log_with_derivative(b);
+            let law = material.update(&(log_b * 0.5), old, new)?;
+            let (D, L) = (&law.tangent.data.0, &L.data.0);
+            let mut product = [[0.0; 6]; 6]; // D^alg : L, (A.4)
+            for (column, factors) in product.iter_mut().zip(L) {
+                for (of_D, factor) in D.iter().zip(factors) {
+                    for (sum, entry) in column.iter_mut().zip(of_D) {
+                        *sum += entry * factor;
+                    }
+                }
+            }
+            Ok((law, product))
+        }
+        StrainMeasure::LeftCauchyGreen => {
+            let law = material.update(&((*b - Sym3::IDENTITY) * 0.5), old, new)?;
+            Ok((law, law.tangent.data.0))
+        }
+    }
+}
+
 impl Mechanics<3> for Solid {
+    type Previous = Spatial;
+    type Updated = Contribution<3, 3>;
+
+    #[inline]
     fn respond(
-        formulation: Formulation,
         start: &StartOfStep,
-        dF: &[[f64; 3]; 3],
+        increment: &Increment<3>,
         material: &dyn Material,
         old: &[f64],
         new: &mut [f64],
-    ) -> Result<Contribution<3>, PointError> {
-        let dF = Self::embed(dF);
-        let dJ = dF.determinant();
-        let inverse = match dF.try_inverse() {
-            Some(inverse) if dJ > 0.0 => inverse,
-            _ => return Err(PointError::Inverted { determinant: dJ }),
-        };
-        let b_n = start.b_n.to_matrix();
-        let b = Sym3::symmetric_part(&(dF * b_n * dF.transpose()));
-        let trial = b.map_eigenvalues(f64::ln) * 0.5;
-        let law = material.update(&trial, old, new)?;
-        // ½ D^alg : L, the derivative of τ with respect to b.
-        let C = law.tangent * log_derivative(&b) * 0.5;
-        let tau = law.tau.to_matrix();
-        let (stress, tangent, volume) = match formulation {
-            Formulation::PreviouslyConverged => {
-                let (stress, tangent) = previous(&C, &tau, &dF, &inverse, &b_n, start.J_n);
-                (stress, tangent, start.volume_n)
+    ) -> Result<PointResponse<Spatial>, PointError> {
+        let (_, inverse) = invert(&increment.dF)?;
+        let b = trial(&increment.dF, &start.b_n);
+        let (law, derivative) = answer(material, &b, old, new)?;
+        let weight = start.volume_n / start.J_n;
+        // From the Mandel layout and twice the derivative to the tensor components of τ per α.
+        let mut moduli = derivative;
+        for (s, column) in moduli.iter_mut().enumerate() {
+            let scale = if s < 3 { weight } else { weight * FRAC_1_SQRT_2 };
+            for (r, entry) in column.iter_mut().enumerate() {
+                *entry *= if r < 3 { scale } else { scale * FRAC_1_SQRT_2 };
             }
-            Formulation::UpdatedLagrangian => {
-                let (stress, tangent) = updated(&C, &tau, &b.to_matrix(), dJ * start.J_n);
-                (stress, tangent, dJ * start.volume_n)
-            }
-        };
-        Ok(Contribution { stress, tangent, volume, tau: law.tau, elastic_strain: law.elastic_strain })
+        }
+        let weak = Spatial { inverse, b: full(&b, 1.0), stress: full(&law.tau, weight), moduli };
+        Ok(PointResponse { weak, tau: law.tau, elastic_strain: law.elastic_strain })
     }
 
-    fn embed(dF: &[[f64; 3]; 3]) -> Mat3 {
-        Mat3::from_fn(|i, j| dF[i][j])
+    fn respond_updated(
+        start: &StartOfStep,
+        increment: &Increment<3>,
+        material: &dyn Material,
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PointResponse<Contribution<3, 3>>, PointError> {
+        let (dJ, inverse) = invert(&increment.dF)?;
+        let b = trial(&increment.dF, &start.b_n);
+        let (law, derivative) = answer(material, &b, old, new)?;
+        let C = Tangent::from_fn(|r, c| 0.5 * derivative[c][r]);
+        let (sigma, a) = updated(&C, &law.tau.to_matrix(), &b.to_matrix(), dJ * start.J_n);
+        let weak = Contribution {
+            stress: sigma,
+            tangent: a,
+            volume: dJ * start.volume_n,
+            inverse: Some(inverse),
+            per_radius: 0.0,
+        };
+        Ok(PointResponse { weak, tau: law.tau, elastic_strain: law.elastic_strain })
     }
 
-    fn elastic_left_cauchy_green(elastic_strain: &Sym3) -> Sym3 {
-        elastic_strain.map_eigenvalues(|e| (2.0 * e).exp())
+    fn embed(increment: &Increment<3>) -> Mat3 {
+        Mat3::from_fn(|i, j| increment.dF[i][j])
     }
 }
 
@@ -67,36 +226,11 @@ fn delta(i: usize, j: usize) -> f64 {
     f64::from(u8::from(i == j))
 }
 
-/// C_ijpq B_pqkl with minor symmetries in both.
-fn contract(C: &Tangent, B: &Tensor4<3>) -> Tensor4<3> {
-    tensor4(|i, j, k, l| sum(|p| sum(|q| mandel_entry(C, i, j, p, q) * B[p][q][k][l])))
-}
-
-/// P̃ of eq. (18) and its derivative Ã of eqs. (A.3)-(A.6).
-fn previous(
-    C: &Tangent,
-    tau: &Mat3,
-    dF: &Mat3,
-    inverse: &Mat3,
-    b_n: &Mat3,
-    J_n: f64,
-) -> ([[f64; 3]; 3], Tensor4<3>) {
-    let P = tau * inverse.transpose() / J_n;
-    let A = dF * b_n;
-    let B = tensor4(|i, j, k, l| delta(i, k) * A[(j, l)] + A[(i, l)] * delta(j, k)); // (A.5)
-    let dtau = contract(C, &B); // (A.4)
-    let tangent = tensor4(|i, j, k, l| {
-        // (A.3) with (A.6): τ_im ∂ΔF⁻¹_jm/∂ΔF_kl = −τ_im ΔF⁻¹_lm ΔF⁻¹_jk.
-        sum(|m| dtau[i][m][k][l] * inverse[(j, m)]) / J_n - P[(i, l)] * inverse[(j, k)]
-    });
-    (std::array::from_fn(|i| std::array::from_fn(|j| P[(i, j)])), tangent)
-}
-
-/// σ and the spatial modulus a of eqs. (A.1)-(A.2), with S_ijkl = σ_il δ_jk.
+/// σ and the spatial modulus a of eqs. (A.1)-(A.2), with S_ijkl = σ_il δ_jk, equation by equation.
 fn updated(C: &Tangent, tau: &Mat3, b: &Mat3, J: f64) -> ([[f64; 3]; 3], Tensor4<3>) {
     let sigma = tau / J;
     let B = tensor4(|p, q, k, l| delta(p, k) * b[(q, l)] + delta(q, k) * b[(p, l)]); // (A.2)
-    let CB = contract(C, &B);
+    let CB = tensor4(|i, j, k, l| sum(|p| sum(|q| mandel_entry(C, i, j, p, q) * B[p][q][k][l])));
     let a = tensor4(|i, j, k, l| CB[i][j][k][l] / J - sigma[(i, l)] * delta(j, k)); // (A.1)
     (std::array::from_fn(|i| std::array::from_fn(|j| sigma[(i, j)])), a)
 }

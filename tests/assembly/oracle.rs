@@ -1,14 +1,17 @@
-//! A slow, obvious second implementation: plain loops over points and nodes into dense arrays, the basis as integrals
-//! of hat functions, the kernel in three dimensions; no groups, batches, patterns or closed forms.
+//! A slow, obvious second implementation: plain loops over points and degrees of freedom into dense arrays, the basis
+//! as integrals of hat functions, the transcribed updated Lagrangian kernel in three dimensions with the motion of each
+//! degree of freedom as a 3×3 displacement gradient; no groups, batches, patterns or closed forms.
 
 use mpm::assembly::System;
 use mpm::basis::{DomainKind, Method};
-use mpm::grid::Grid;
-use mpm::stress::{Formulation, Mechanics, PlaneStrain, Solid, StartOfStep};
+use mpm::kinematics::Increment;
+use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid, StartOfStep};
 use mpm::tensor::Mat3;
 use nalgebra::{DMatrix, DVector};
 
-use crate::states::{CASES, FORMULATIONS, Law, State, large_random_state, random_state};
+use crate::states::{
+    FORMULATIONS, Law, State, cases, cases_without_corners, large_random_state, random_state,
+};
 
 /// The hat function of a node at 0 with cells of length h, and its slope.
 fn hat(h: f64, x: f64) -> (f64, f64) {
@@ -38,11 +41,11 @@ fn basis(method: Method, h: f64, x: f64, l: f64) -> (f64, f64) {
 
 /// ∇S of a node for a quadrilateral domain: by the divergence theorem (1/V) ∫ ∇N_c dV is half the normal of the
 /// diagonal between the neighbours of corner c.
-fn corner_gradient(corners: &[[f64; 2]], node: [f64; 2], h: [f64; 2]) -> [f64; 2] {
+fn corner_gradient<const D: usize>(corners: &[[f64; D]], node: [f64; D], h: [f64; D]) -> [f64; D] {
     let ring = [corners[0], corners[1], corners[3], corners[2]];
-    let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
+    let cross = |a: [f64; D], b: [f64; D]| a[0] * b[1] - a[1] * b[0];
     let area: f64 = (0..4).map(|k| 0.5 * cross(ring[k], ring[(k + 1) % 4])).sum();
-    let mut gradient = [0.0; 2];
+    let mut gradient = [0.0; D];
     for k in 0..4 {
         let (before, after) = (ring[(k + 3) % 4], ring[(k + 1) % 4]);
         let value = hat(h[0], ring[k][0] - node[0]).0 * hat(h[1], ring[k][1] - node[1]).0;
@@ -52,71 +55,72 @@ fn corner_gradient(corners: &[[f64; 2]], node: [f64; 2], h: [f64; 2]) -> [f64; 2
     gradient
 }
 
-/// f_int and K on all nodes of the grid, eqs. (19)-(23) or (2)-(6).
-fn dense(state: &State) -> (DVector<f64>, DMatrix<f64>) {
-    let State { model, points, links, delta_d } = state;
+/// S and ∇S of every node of the grid at a point; for domains given by corners only ∇S.
+fn basis_of_point<const D: usize>(state: &State<D>, p: usize) -> Vec<(f64, [f64; D])> {
+    let State { model, points, .. } = state;
     let grid = model.grid.structured().unwrap();
-    let n = grid.n_nodes();
-    let (mut f, mut k) = (DVector::zeros(2 * n), DMatrix::zeros(2 * n, 2 * n));
+    let method = model.bodies[points.body[p] as usize].method;
+    let at_node = |node: usize| {
+        let place = model.grid.node_position(node);
+        if method.domain() == DomainKind::Corners {
+            return (0.0, corner_gradient(points.corners(p), place, grid.spacing()));
+        }
+        let along: [(f64, f64); D] = std::array::from_fn(|d| {
+            let x = points.converged.position[p][d] - place[d];
+            basis(method, grid.spacing()[d], x, points.converged.half_lengths[p][d])
+        });
+        let product = |of: usize| (0..D).map(|d| if d == of { along[d].1 } else { along[d].0 }).product();
+        (product(D), std::array::from_fn(product))
+    };
+    (0..model.grid.n_nodes()).map(at_node).collect()
+}
+
+/// f_int and K on all nodes of the grid, eqs. (2)-(6).
+fn dense<const D: usize, M: Mechanics<D>>(state: &State<D>) -> (DVector<f64>, DMatrix<f64>) {
+    let State { model, points, links, delta_d } = state;
+    let n = model.grid.n_nodes();
+    let (mut f, mut k) = (DVector::zeros(D * n), DMatrix::zeros(D * n, D * n));
     for p in 0..points.len() {
-        let body = &model.bodies[points.body[p] as usize];
-        let gradients: Vec<[f64; 2]> = (0..n)
-            .map(|node| {
-                let place = grid.node_position(node);
-                if body.method.domain() == DomainKind::Corners {
-                    return corner_gradient(points.corners(p), place, grid.spacing());
+        let mut motions: Vec<(usize, Mat3)> = Vec::new();
+        let mut increment = Mat3::identity(); // (7)
+        for (node, (value, gradient)) in basis_of_point(state, p).into_iter().enumerate() {
+            if gradient == [0.0; D] && value == 0.0 {
+                continue;
+            }
+            for i in 0..D {
+                let mut motion = Mat3::zeros();
+                for j in 0..D {
+                    motion[(i, j)] = gradient[j];
                 }
-                let along = |d: usize| {
-                    let x = points.converged.position[p][d] - place[d];
-                    basis(body.method, grid.spacing()[d], x, points.converged.half_lengths[p][d])
-                };
-                let ((sx, dx), (sy, dy)) = (along(0), along(1));
-                [dx * sy, sx * dy]
-            })
-            .collect();
-        let mut increment = Mat3::identity();
-        for (node, g) in gradients.iter().enumerate() {
-            let du = links.active_number(node).map_or([0.0; 2], |a| delta_d[a]);
-            for i in 0..2 {
-                for j in 0..2 {
-                    increment[(i, j)] += du[i] * g[j]; // (7)
+                if M::REVOLVED && i == 0 {
+                    motion[(2, 2)] = value / points.converged.position[p][0];
                 }
+                increment += motion * links.active_number(node).map_or(0.0, |a| delta_d[a][i]);
+                motions.push((D * node + i, motion));
             }
         }
         let f_n = points.converged.deformation_gradient[p];
+        let law = model.law(points, p);
         let start = StartOfStep {
-            b_n: points.converged.elastic_strain[p].map_eigenvalues(|e| (2.0 * e).exp()),
+            b_n: law.strain_measure().left_cauchy_green(&points.converged.elastic_strain[p]),
             J_n: f_n.determinant(),
             volume_n: f_n.determinant() * points.original_volume[p],
         };
         let rows: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| increment[(i, j)]));
-        let law = model.materials[body.material].law.as_ref();
         let old = &points.converged.history[p * points.history_len..][..law.state_fields().len()];
-        let c = Solid::respond(model.formulation, &start, &rows, law, old, &mut old.to_vec()).unwrap();
-        let gradients: Vec<[f64; 2]> = match model.formulation {
-            Formulation::PreviouslyConverged => gradients,
-            Formulation::UpdatedLagrangian => {
-                let inverse = increment.try_inverse().unwrap(); // (8)
-                let map = |g: &[f64; 2]| [0, 1].map(|j| g[0] * inverse[(0, j)] + g[1] * inverse[(1, j)]);
-                gradients.iter().map(map).collect()
-            }
-        };
-        for (a, ga) in gradients.iter().enumerate().filter(|(_, g)| **g != [0.0; 2]) {
-            for i in 0..2 {
-                for j in 0..2 {
-                    f[2 * a + i] += c.volume * c.stress[i][j] * ga[j];
-                }
-            }
-            for (b, gb) in gradients.iter().enumerate().filter(|(_, g)| **g != [0.0; 2]) {
-                for i in 0..2 {
-                    for m in 0..2 {
-                        for j in 0..2 {
-                            for l in 0..2 {
-                                k[(2 * a + i, 2 * b + m)] += c.volume * ga[j] * c.tangent[i][j][m][l] * gb[l];
-                            }
-                        }
-                    }
-                }
+        let c =
+            Solid::respond_updated(&start, &Increment::of(rows), law, old, &mut old.to_vec()).unwrap().weak;
+        let inverse = increment.try_inverse().unwrap();
+        for (_, motion) in &mut motions {
+            *motion *= inverse; // (8)
+        }
+        for (b, of_b) in &motions {
+            let change = Mat3::from_fn(|i, j| {
+                (0..9).map(|e| c.tangent[i][j][e / 3][e % 3] * of_b[(e / 3, e % 3)]).sum::<f64>()
+            });
+            f[*b] += c.volume * Mat3::from_fn(|i, j| c.stress[i][j]).dot(of_b);
+            for (a, of_a) in &motions {
+                k[(*a, *b)] += c.volume * of_a.dot(&change);
             }
         }
     }
@@ -124,17 +128,17 @@ fn dense(state: &State) -> (DVector<f64>, DMatrix<f64>) {
 }
 
 /// f_int and K of the program, spread over all nodes of the grid.
-fn assembled(state: &mut State) -> (DVector<f64>, DMatrix<f64>) {
+fn assembled<const D: usize, M: Mechanics<D>>(state: &mut State<D>) -> (DVector<f64>, DMatrix<f64>) {
     let State { model, points, links, delta_d } = state;
-    let mut system = System::new::<PlaneStrain>(model, points, links);
-    system.assemble::<PlaneStrain>(model, points, links, delta_d).unwrap();
+    let mut system = System::new::<M>(model, points, links);
+    system.assemble::<M>(model, points, links, delta_d).unwrap();
     let n = model.grid.n_nodes();
-    let place = |active: usize, axis: usize| 2 * links.active_nodes()[active] as usize + axis;
-    let (mut f, mut k) = (DVector::zeros(2 * n), DMatrix::zeros(2 * n, 2 * n));
-    let mut unit = vec![[0.0; 2]; links.n_active()];
+    let place = |active: usize, axis: usize| D * links.active_nodes()[active] as usize + axis;
+    let (mut f, mut k) = (DVector::zeros(D * n), DMatrix::zeros(D * n, D * n));
+    let mut unit = vec![[0.0; D]; links.n_active()];
     let mut column = unit.clone();
     for b in 0..links.n_active() {
-        for m in 0..2 {
+        for m in 0..D {
             f[place(b, m)] = system.internal_force()[b][m];
             unit[b][m] = 1.0;
             system.multiply(&unit, &mut column);
@@ -149,31 +153,46 @@ fn assembled(state: &mut State) -> (DVector<f64>, DMatrix<f64>) {
     (f, k)
 }
 
-fn check(state: &mut State, case: &str) {
-    let (f, k) = assembled(state);
-    let (f_plain, k_plain) = dense(state);
+fn check<const D: usize, M: Mechanics<D>>(state: &mut State<D>, case: &str) {
+    let (f, k) = assembled::<D, M>(state);
+    let (f_plain, k_plain) = dense::<D, M>(state);
     let error_f = (f - &f_plain).amax() / f_plain.amax();
     let error_k = (k - &k_plain).amax() / k_plain.amax();
     assert!(error_f < 1e-12 && error_k < 1e-12, "{case}: {error_f:e} {error_k:e}");
 }
 
-#[test]
-fn internal_force_and_stiffness_equal_those_of_plain_loops() {
-    for (method, law) in CASES {
+fn check_all<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
+    for (method, law) in cases {
         for formulation in FORMULATIONS {
             for (seed, n_points) in [(1, 7), (2, 60), (3, 300)] {
-                let mut state = random_state(method, law, n_points, seed);
+                let mut state = random_state::<D, M>(method, law, n_points, seed);
                 state.model.formulation = formulation;
-                check(&mut state, &format!("{method:?} {law:?} {formulation:?} {n_points}"));
+                check::<D, M>(&mut state, &format!("{method:?} {law:?} {formulation:?} {n_points}"));
             }
         }
     }
+}
+
+#[test]
+fn internal_force_and_stiffness_equal_those_of_plain_loops() {
+    check_all::<2, PlaneStrain>(cases());
+}
+
+#[test]
+fn internal_force_and_stiffness_of_a_body_of_revolution_equal_those_of_plain_loops() {
+    check_all::<2, Axisymmetric>(cases_without_corners());
+}
+
+#[test]
+fn internal_force_and_stiffness_in_three_dimensions_equal_those_of_plain_loops() {
+    check_all::<3, Solid>(cases_without_corners());
 }
 
 /// A grid with enough groups for several batches.
 #[test]
 fn batches_are_merged_without_loss() {
     for law in [Law::Both, Law::Skewed] {
-        check(&mut large_random_state(Method::Gimp, law, 3000, 4), &format!("{law:?}"));
+        let mut state = large_random_state::<PlaneStrain>(Method::Gimp, law, 3000, 4);
+        check::<2, PlaneStrain>(&mut state, &format!("{law:?}"));
     }
 }

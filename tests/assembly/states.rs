@@ -3,10 +3,12 @@
 use mpm::basis::{Connectivity, DomainKind, Method};
 use mpm::domain::DomainUpdate;
 use mpm::grid::Structured;
-use mpm::material::{Elasticity, Hencky, Material, MaterialError, Response, StateField, VonMises};
+use mpm::material::{
+    Elasticity, Hencky, Material, MaterialError, NeoHookean, Response, StateField, StrainMeasure, VonMises,
+};
 use mpm::model::{Body, Model, NamedMaterial, Newton};
 use mpm::points::{PointVolume, Points, Seed};
-use mpm::stress::Formulation;
+use mpm::stress::{Formulation, Mechanics};
 use mpm::tensor::{Mat3, Sym3, Tangent};
 
 /// Pseudo-random numbers (splitmix64), so that every run of a test sees the same ones.
@@ -27,6 +29,7 @@ impl Random {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Law {
     Hencky,
+    NeoHookean,
     /// Strong enough for some of the points of a state to stay elastic.
     VonMises,
     /// Two bodies, one of each law, points of both in the same cells.
@@ -68,65 +71,83 @@ impl Material for Skewed {
     }
 }
 
-/// Everything the tests run over.
-pub const CASES: [(Method, Law); 10] = [
-    (Method::Mpm, Law::Hencky),
-    (Method::Mpm, Law::VonMises),
-    (Method::Mpm, Law::Both),
-    (Method::Mpm, Law::Skewed),
-    (Method::Gimp, Law::Hencky),
-    (Method::Gimp, Law::VonMises),
-    (Method::Gimp, Law::Both),
-    (Method::Gimp, Law::Skewed),
-    (Method::Cpdi2, Law::Hencky),
-    (Method::Cpdi2, Law::VonMises),
-];
+const LAWS: [Law; 5] = [Law::Hencky, Law::NeoHookean, Law::VonMises, Law::Both, Law::Skewed];
+
+/// Everything the tests in the plane run over.
+pub fn cases() -> Vec<(Method, Law)> {
+    let mut cases = cases_without_corners();
+    cases.extend([(Method::Cpdi2, Law::Hencky), (Method::Cpdi2, Law::VonMises)]);
+    cases
+}
+
+/// The same without domains given by corners.
+pub fn cases_without_corners() -> Vec<(Method, Law)> {
+    [Method::Mpm, Method::Gimp].into_iter().flat_map(|method| LAWS.map(|law| (method, law))).collect()
+}
 
 pub const FORMULATIONS: [Formulation; 2] = [Formulation::PreviouslyConverged, Formulation::UpdatedLagrangian];
 
 /// A model, a converged state of its points, their links, and a displacement increment.
-pub struct State {
-    pub model: Model<2>,
-    pub points: Points<2>,
-    pub links: Connectivity<2>,
-    pub delta_d: Vec<[f64; 2]>,
+pub struct State<const D: usize> {
+    pub model: Model<D>,
+    pub points: Points<D>,
+    pub links: Connectivity<D>,
+    pub delta_d: Vec<[f64; D]>,
 }
 
 /// Points at random places of a grid of oblong cells, some with domains that reach outside it; elastic strains of up
 /// to ±0.2, F with det(F) from 0.6 to 1.7; an increment that stretches, shears and turns, plus noise at the nodes.
-pub fn random_state(method: Method, law: Law, n_points: usize, seed: u64) -> State {
-    state_on([6, 5], 0.1, method, law, n_points, seed)
+pub fn random_state<const D: usize, M: Mechanics<D>>(
+    method: Method,
+    law: Law,
+    n_points: usize,
+    seed: u64,
+) -> State<D> {
+    let cells = if D == 2 { [6, 5, 1] } else { [3, 3, 2] };
+    state_on::<D, M>(std::array::from_fn(|d| cells[d]), 0.1, method, law, n_points, seed)
 }
 
 /// The same on a grid large enough for several batches, with domains that stay inside it.
 #[allow(dead_code, reason = "not every test program uses it")]
-pub fn large_random_state(method: Method, law: Law, n_points: usize, seed: u64) -> State {
-    state_on([24, 20], 0.4, method, law, n_points, seed)
+pub fn large_random_state<M: Mechanics<2>>(method: Method, law: Law, n_points: usize, seed: u64) -> State<2> {
+    state_on::<2, M>([24, 20], 0.4, method, law, n_points, seed)
 }
 
-fn state_on(cells: [usize; 2], margin: f64, method: Method, law: Law, n_points: usize, seed: u64) -> State {
+const SPACING: [f64; 3] = [0.5, 0.4, 0.6];
+
+fn state_on<const D: usize, M: Mechanics<D>>(
+    cells: [usize; D],
+    margin: f64,
+    method: Method,
+    law: Law,
+    n_points: usize,
+    seed: u64,
+) -> State<D> {
     let random = &mut Random(seed);
-    let grid = Structured::<2>::new([-0.3, 0.2], [0.5, 0.4], cells);
-    let (low, high) = (grid.origin(), grid.upper());
+    let low = std::array::from_fn(|d| [1.6, 0.2, -0.4][d]); // well to the right of the axis x = 0
+    let grid = Structured::<D>::new(low, std::array::from_fn(|d| SPACING[d]), cells);
+    let high = grid.upper();
     let hencky = || Box::new(Hencky::new(2e6, 0.25)) as Box<dyn Material>;
-    let von_mises = || Box::new(VonMises::new(1e6, 0.3, 0.25e6)) as Box<dyn Material>;
+    let von_mises = || Box::new(VonMises::new(1e6, 0.3, 0.25e6).hardening(0.2e6)) as Box<dyn Material>;
     let laws = match law {
         Law::Hencky => vec![hencky()],
+        Law::NeoHookean => vec![Box::new(NeoHookean::new(2e6, 0.25)) as Box<dyn Material>],
         Law::VonMises => vec![von_mises()],
         Law::Both => vec![hencky(), von_mises()],
         Law::Skewed => vec![Box::new(Skewed::new()) as Box<dyn Material>],
     };
-    let seeds: Vec<Seed<2>> = (0..n_points)
+    let seeds: Vec<Seed<D>> = (0..n_points)
         .map(|p| {
             let body = p % laws.len();
             let domain = method.domain() != DomainKind::None;
-            let half_lengths = [0.5, 0.4].map(|h| if domain { h * random.within(0.05, 0.7) } else { 0.0 });
+            let half_lengths: [f64; D] =
+                std::array::from_fn(|d| if domain { SPACING[d] * random.within(0.05, 0.7) } else { 0.0 });
             // Corners of a distorted quadrilateral must stay inside the grid.
             let given_by_corners = method.domain() == DomainKind::Corners;
             let margin = if given_by_corners { 0.6 } else { margin };
-            let position: [f64; 2] =
+            let position: [f64; D] =
                 std::array::from_fn(|d| random.within(low[d] + margin, high[d] - margin));
-            let corners = (0..if given_by_corners { 4 } else { 0 }).map(|c: usize| {
+            let corners = (0..if given_by_corners { 1 << D } else { 0 }).map(|c: usize| {
                 std::array::from_fn(|d| {
                     let side = if c >> d & 1 == 1 { 1.0 } else { -1.0 };
                     position[d] + half_lengths[d] * (side + random.within(-0.4, 0.4))
@@ -155,6 +176,7 @@ fn state_on(cells: [usize; 2], margin: f64, method: Method, law: Law, n_points: 
     let model = Model {
         title: String::new(),
         grid: Box::new(grid),
+        revolved: M::REVOLVED,
         formulation: Formulation::PreviouslyConverged,
         point_volume: PointVolume::Deformation,
         materials: laws.into_iter().map(|law| NamedMaterial { name: "law".into(), law }).collect(),
@@ -168,22 +190,47 @@ fn state_on(cells: [usize; 2], margin: f64, method: Method, law: Law, n_points: 
     };
     let mut points = Points::new(&seeds);
     for p in 0..points.len() {
-        let mut noise = |size: f64| random.within(-size, size);
-        points.converged.elastic_strain[p] = Sym3([noise(0.2), noise(0.2), noise(0.2), 0.0, 0.0, noise(0.2)]);
-        let (a, b, c, d) = (1.0 + noise(0.3), noise(0.3), noise(0.3), 1.0 + noise(0.3));
-        points.converged.deformation_gradient[p] = Mat3::new(a, b, 0.0, c, d, 0.0, 0.0, 0.0, 1.0);
+        let (strain, f) = deformed::<D, M>(random);
+        points.converged.elastic_strain[p] = match model.law(&points, p).strain_measure() {
+            StrainMeasure::Logarithmic => strain,
+            StrainMeasure::LeftCauchyGreen => {
+                (strain.map_eigenvalues(|e| (2.0 * e).exp()) - Sym3::IDENTITY) * 0.5
+            }
+        };
+        points.converged.deformation_gradient[p] = f;
     }
     let methods = vec![method; model.bodies.len()];
     let links = Connectivity::new(model.grid.as_ref(), &mut points, &methods).unwrap();
+    // Slopes of the increment.
+    let slope = if D == 2 {
+        [[0.25, 0.45, 0.0], [-0.3, -0.1, 0.0], [0.0; 3]]
+    } else {
+        [[0.25, 0.35, -0.2], [-0.3, -0.1, 0.15], [0.2, -0.25, 0.1]]
+    };
     let delta_d = links
         .active_nodes()
         .iter()
         .map(|&node| {
             let place = model.grid.node_position(node as usize);
-            let [x, y] = std::array::from_fn(|d| place[d] - 0.5 * (low[d] + high[d]));
-            let noise = [random.within(-0.06, 0.06), random.within(-0.06, 0.06)];
-            [0.25 * x + 0.45 * y + noise[0], -0.3 * x - 0.1 * y + noise[1]]
+            let from_middle = |d: usize| place[d] - 0.5 * (low[d] + high[d]);
+            std::array::from_fn(|i| {
+                let linear: f64 = (0..D).map(|j| slope[i][j] * from_middle(j)).sum();
+                linear + random.within(-0.06, 0.06)
+            })
         })
         .collect();
     State { model, points, links, delta_d }
+}
+
+/// A logarithmic elastic strain and a deformation gradient, with z a principal direction in two dimensions.
+fn deformed<const D: usize, M: Mechanics<D>>(random: &mut Random) -> (Sym3, Mat3) {
+    let mut noise = |size: f64| random.within(-size, size);
+    if D == 3 {
+        let strain = Sym3(std::array::from_fn(|_| noise(0.15)));
+        return (strain, Mat3::identity() + Mat3::from_fn(|_, _| noise(0.2)));
+    }
+    let strain = Sym3([noise(0.2), noise(0.2), noise(0.2), 0.0, 0.0, noise(0.2)]);
+    let (a, b, c, d) = (1.0 + noise(0.3), noise(0.3), noise(0.3), 1.0 + noise(0.3));
+    let around = if M::REVOLVED { 1.0 + noise(0.3) } else { 1.0 };
+    (strain, Mat3::new(a, b, 0.0, c, d, 0.0, 0.0, 0.0, around))
 }

@@ -1,14 +1,20 @@
 //! K is the derivative of the internal force, symmetric, and the same in both formulations.
 
 use mpm::assembly::System;
-use mpm::stress::{Mechanics, PlaneStrain, StartOfStep};
+use mpm::basis::Method;
+use mpm::kinematics::Increment;
+use mpm::stress::{Axisymmetric, Contribution, Formulation, Mechanics, PlaneStrain, Solid, StartOfStep};
 
-use crate::states::{CASES, FORMULATIONS, Law, Random, State, random_state};
+use crate::states::{FORMULATIONS, Law, Random, State, cases, cases_without_corners, random_state};
 
 /// Internal force at an increment, and which points flow.
-fn evaluate(system: &mut System<2>, state: &mut State, delta_d: &[[f64; 2]]) -> (Vec<[f64; 2]>, Vec<bool>) {
+fn evaluate<const D: usize, M: Mechanics<D>>(
+    system: &mut System<D>,
+    state: &mut State<D>,
+    delta_d: &[[f64; D]],
+) -> (Vec<[f64; D]>, Vec<bool>) {
     let State { model, points, links, .. } = state;
-    system.assemble::<PlaneStrain>(model, points, links, delta_d).unwrap();
+    system.assemble::<M>(model, points, links, delta_d).unwrap();
     let flow = points.trial.history.iter().zip(&points.converged.history).map(|(new, old)| new > old);
     (system.internal_force().to_vec(), flow.collect())
 }
@@ -21,28 +27,27 @@ fn check_mixture(law: Law, flowing: &[bool]) {
     assert!(!flows || both, "{n} of {} points flow", flowing.len());
 }
 
-fn largest(values: &[[f64; 2]]) -> f64 {
+fn largest<const D: usize>(values: &[[f64; D]]) -> f64 {
     values.iter().flatten().fold(0.0, |m, x| m.max(x.abs()))
 }
 
-#[test]
-fn stiffness_is_the_derivative_of_the_internal_force() {
+fn check_derivative<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>, n_points: usize) {
     const STEP: f64 = 1e-6; // of nodal displacements; cells are 0.5 by 0.4
     let (mut worst, mut strain) = (0.0f64, 0.0f64);
-    for (method, law) in CASES {
+    for (method, law) in cases {
         for formulation in FORMULATIONS {
-            let mut state = random_state(method, law, 80, 11);
+            let mut state = random_state::<D, M>(method, law, n_points, 11);
             state.model.formulation = formulation;
-            let mut system = System::new::<PlaneStrain>(&state.model, &state.points, &state.links);
+            let mut system = System::new::<M>(&state.model, &state.points, &state.links);
             let base = state.delta_d.clone();
-            let (_, flowing) = evaluate(&mut system, &mut state, &base);
+            let (_, flowing) = evaluate::<D, M>(&mut system, &mut state, &base);
             check_mixture(law, &flowing);
             let n = base.len();
             // All columns of K, before the system is assembled elsewhere.
             let mut columns = Vec::new();
-            for b in 0..2 * n {
-                let mut unit = vec![[0.0; 2]; n];
-                unit[b / 2][b % 2] = 1.0;
+            for b in 0..D * n {
+                let mut unit = vec![[0.0; D]; n];
+                unit[b / D][b % D] = 1.0;
                 let mut column = unit.clone();
                 system.multiply(&unit, &mut column);
                 columns.push(column);
@@ -51,8 +56,8 @@ fn stiffness_is_the_derivative_of_the_internal_force() {
             for (b, column) in columns.iter().enumerate() {
                 let mut shifted = |by: f64| {
                     let mut delta_d = base.clone();
-                    delta_d[b / 2][b % 2] += by;
-                    let (force, flow) = evaluate(&mut system, &mut state, &delta_d);
+                    delta_d[b / D][b % D] += by;
+                    let (force, flow) = evaluate::<D, M>(&mut system, &mut state, &delta_d);
                     assert!(
                         flow == flowing,
                         "a point switches between elastic and plastic within the difference"
@@ -61,7 +66,7 @@ fn stiffness_is_the_derivative_of_the_internal_force() {
                 };
                 let (plus, minus) = (shifted(STEP), shifted(-STEP));
                 for a in 0..n {
-                    for i in 0..2 {
+                    for i in 0..D {
                         let numeric = (plus[a][i] - minus[a][i]) / (2.0 * STEP);
                         worst = worst.max((numeric - column[a][i]).abs() / scale);
                     }
@@ -79,24 +84,39 @@ fn stiffness_is_the_derivative_of_the_internal_force() {
 }
 
 #[test]
-fn both_formulations_give_the_same_force_and_stiffness() {
+fn stiffness_is_the_derivative_of_the_internal_force() {
+    check_derivative::<2, PlaneStrain>(cases(), 80);
+}
+
+#[test]
+fn stiffness_of_a_body_of_revolution_is_the_derivative_of_the_internal_force() {
+    check_derivative::<2, Axisymmetric>(cases(), 80);
+}
+
+#[test]
+fn stiffness_in_three_dimensions_is_the_derivative_of_the_internal_force() {
+    check_derivative::<3, Solid>(cases_without_corners(), 60);
+}
+
+fn check_formulations<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
     let (mut worst_f, mut worst_k) = (0.0f64, 0.0f64);
-    for (method, law) in CASES {
+    for (method, law) in cases {
         for seed in 0..5 {
             let [(f, kx), (g, ky)] = FORMULATIONS.map(|formulation| {
-                let mut state = random_state(method, law, 150, 100 + seed);
+                let mut state = random_state::<D, M>(method, law, 150, 100 + seed);
                 state.model.formulation = formulation;
-                let mut system = System::new::<PlaneStrain>(&state.model, &state.points, &state.links);
+                let mut system = System::new::<M>(&state.model, &state.points, &state.links);
                 let base = state.delta_d.clone();
-                let (f, _) = evaluate(&mut system, &mut state, &base);
+                let (f, _) = evaluate::<D, M>(&mut system, &mut state, &base);
                 let mut random = Random(seed);
-                let x: Vec<[f64; 2]> = f.iter().map(|_| [0; 2].map(|_| random.within(-1.0, 1.0))).collect();
+                let x: Vec<[f64; D]> = f.iter().map(|_| [0; D].map(|_| random.within(-1.0, 1.0))).collect();
                 let mut kx = x.clone();
                 system.multiply(&x, &mut kx);
                 (f, kx)
             });
-            let difference = |a: &[[f64; 2]], b: &[[f64; 2]]| {
-                let d: Vec<_> = a.iter().zip(b).map(|(a, b)| [a[0] - b[0], a[1] - b[1]]).collect();
+            let difference = |a: &[[f64; D]], b: &[[f64; D]]| {
+                let d: Vec<[f64; D]> =
+                    a.iter().zip(b).map(|(a, b)| std::array::from_fn(|i| a[i] - b[i])).collect();
                 largest(&d) / largest(a)
             };
             worst_f = worst_f.max(difference(&f, &g));
@@ -106,29 +126,26 @@ fn both_formulations_give_the_same_force_and_stiffness() {
     }
 }
 
+#[test]
+fn both_formulations_give_the_same_force_and_stiffness() {
+    check_formulations::<2, PlaneStrain>(cases());
+    check_formulations::<2, Axisymmetric>(cases());
+    check_formulations::<3, Solid>(cases_without_corners());
+}
+
 /// The system stores one triangle only, which would hide an unsymmetric tangent: the tangent of every point must have
 /// major symmetry, Ã of eqs. (A.3)-(A.6) and a of eqs. (A.1)-(A.2) alike.
 #[test]
 fn point_tangents_and_stiffness_are_symmetric() {
     let mut worst = 0.0f64;
-    for (method, law) in CASES.into_iter().filter(|(_, law)| *law != Law::Skewed) {
+    for (method, law) in cases().into_iter().filter(|(_, law)| *law != Law::Skewed) {
         for formulation in FORMULATIONS {
-            let State { model, points, links, delta_d } = random_state(method, law, 200, 42);
+            let State { model, points, links, delta_d } =
+                random_state::<2, PlaneStrain>(method, law, 200, 42);
             for group in 0..links.n_groups() {
                 for p in links.points_of(group) {
-                    let nodes = links.nodes_of(group);
-                    let df = mpm::assembly::deformation_increment(nodes, &links.links(p), &delta_d);
-                    let f_n = points.converged.deformation_gradient[p];
-                    let start = StartOfStep {
-                        b_n: PlaneStrain::elastic_left_cauchy_green(&points.converged.elastic_strain[p]),
-                        J_n: f_n.determinant(),
-                        volume_n: f_n.determinant() * points.original_volume[p],
-                    };
-                    let law = model.materials[model.bodies[points.body[p] as usize].material].law.as_ref();
-                    let old = &points.converged.history[p * points.history_len..][..law.state_fields().len()];
-                    let c =
-                        PlaneStrain::respond(formulation, &start, &df, law, old, &mut old.to_vec()).unwrap();
-                    let t = &c.tangent;
+                    let Contribution { tangent: t, .. } =
+                        contribution(&model, &points, &links, &delta_d, formulation, group, p);
                     let scale = t.as_flattened().as_flattened().as_flattened();
                     let scale = scale.iter().fold(0.0f64, |m, x| m.max(x.abs()));
                     let index = |n: usize| [n >> 3 & 1, n >> 2 & 1, n >> 1 & 1, n & 1];
@@ -140,4 +157,32 @@ fn point_tangents_and_stiffness_are_symmetric() {
             assert!(worst < 1e-13, "{method:?} {law:?} {formulation:?}: {worst:e}");
         }
     }
+}
+
+/// The answer of a point in plane strain.
+fn contribution(
+    model: &mpm::model::Model<2>,
+    points: &mpm::points::Points<2>,
+    links: &mpm::basis::Connectivity<2>,
+    delta_d: &[[f64; 2]],
+    formulation: Formulation,
+    group: usize,
+    p: usize,
+) -> Contribution<2, 2> {
+    let place = &points.converged.position[p];
+    let increment = Increment::new::<PlaneStrain>(links.nodes_of(group), &links.links(p), delta_d, place);
+    let f_n = points.converged.deformation_gradient[p];
+    let law = model.law(points, p);
+    let strain = &points.converged.elastic_strain[p];
+    let start = StartOfStep {
+        b_n: PlaneStrain::elastic_left_cauchy_green(law.strain_measure(), strain),
+        J_n: f_n.determinant(),
+        volume_n: f_n.determinant() * points.original_volume[p],
+    };
+    let old = &points.converged.history[p * points.history_len..][..law.state_fields().len()];
+    let respond = match formulation {
+        Formulation::PreviouslyConverged => PlaneStrain::respond,
+        Formulation::UpdatedLagrangian => PlaneStrain::respond_updated,
+    };
+    respond(&start, &increment, law, old, &mut old.to_vec()).unwrap().weak
 }

@@ -11,6 +11,7 @@ A block of a page is run as it stands, in a folder of the page's own. A comment 
     <!-- not run: REASON -->        what cannot be run in a test
 """
 
+import json
 import os
 import re
 import shutil
@@ -83,6 +84,8 @@ class Reader:
             self.run([sys.executable, "-c", text])
             if kind == "picture":
                 assert (self.folder / value).stat().st_size > 1000 and f"images/{value})" in self.page.read_text()
+        elif language == "json":
+            json.loads(text)
         else:
             assert language == "text" and not note, f"a block of {self.page.name} is not run: {note!r}\n{text}"
 

@@ -6,7 +6,6 @@ use mpm::deck::{build::build, load::load};
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
-use mpm::stress::PlaneStrain;
 
 /// One equilibrated step.
 #[derive(Debug, Clone)]
@@ -93,7 +92,7 @@ pub fn run(deck: &str, set: &[(&str, &str)]) -> Analysis {
 
 fn finish(model: Model<2>, mut points: Points<2>) -> Analysis {
     let mut recorder = Recorder::default();
-    let summary = solver::run::<2, PlaneStrain>(&model, &mut points, &mut recorder);
+    let summary = solver::run_in_plane(&model, &mut points, &mut recorder);
     Analysis { model, points, steps: recorder.steps, summary }
 }
 
@@ -119,7 +118,7 @@ pub fn watch(
     points: &mut Points<2>,
     look: impl FnMut(&Points<2>, &StepReport<2>),
 ) -> Result<Summary, SolveError> {
-    solver::run::<2, PlaneStrain>(model, points, &mut Watcher(look))
+    solver::run_in_plane(model, points, &mut Watcher(look))
 }
 
 impl Analysis {

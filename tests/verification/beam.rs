@@ -97,6 +97,32 @@ fn gimp_points_follow_ample_except_where_it_did_not_converge() {
     assert!(analysis.evaluations().abs_diff(248) <= 2);
 }
 
+/// Fig. 13: more points per cell smooth the curves, and the displacement converges with their number. Roughness is the
+/// root mean square of the third difference of u_x over the steps, from step 10 on.
+#[test]
+fn more_points_smooth_the_response() {
+    for h in ["0.5", "0.25"] {
+        let tips = ["3", "6", "12"].map(|n| {
+            let analysis = run("beam.yaml", &[("h", h), ("n", n), ("method", "mpm")]).completed();
+            analysis.steps.iter().map(|step| step.probes[0]).collect::<Vec<_>>()
+        });
+        let roughness = tips.each_ref().map(|tips| {
+            let third = tips[9..].windows(4).map(|u| u[3][0] - 3.0 * u[2][0] + 3.0 * u[1][0] - u[0][0]);
+            (third.map(|d| d * d).sum::<f64>() / (tips.len() - 12) as f64).sqrt()
+        });
+        let last = tips.each_ref().map(|tips| tips[49]);
+        println!("h = {h} m: roughness {roughness:.4?} m, at the end {last:.5?} m");
+        assert!(roughness[1] < 0.6 * roughness[0] && roughness[2] < 0.25 * roughness[0], "{roughness:?}");
+        assert!((last[2][0] - last[1][0]).abs() < 0.3 * (last[1][0] - last[0][0]).abs(), "{last:?}");
+        for tips in &tips {
+            assert!(
+                tips[19][1] < 0.8 * tips[49][1],
+                "most of the vertical displacement comes in the first 20 steps"
+            );
+        }
+    }
+}
+
 /// The shape that eq. (37) gives to the domain at the free corner hangs on nodes of nearly empty cells; two correct
 /// programs drift apart by a few micrometres there, so the update `corners` is held to 5e-6 m on the coarser grids.
 #[test]

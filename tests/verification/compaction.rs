@@ -165,6 +165,45 @@ fn a_soft_column_is_compressed_to_less_than_half() {
     }
 }
 
+/// Fig. 8: original height and wrong part of the vertical stress relative to that at the base, from the base upwards.
+fn stress_differences(a: &Analysis) -> Vec<(f64, f64)> {
+    let points = &a.points;
+    let mut differences: Vec<(f64, f64)> = (0..points.len())
+        .map(|p| {
+            let j = points.converged.deformation_gradient[p].determinant();
+            let height = points.original_position[p][1];
+            let sigma = points.converged.kirchhoff_stress[p].0[1] / j;
+            (height, sigma / (WEIGHT * HEIGHT) + 1.0 - height / HEIGHT)
+        })
+        .collect();
+    differences.sort_by(|a, b| a.0.total_cmp(&b.0));
+    differences
+}
+
+/// Fig. 8: domains that reach below the base make the stress oscillate there; the lowest points carry too little, the
+/// next too much. With volumes from the domains, "no update" is the over-stiff response that the paper shows.
+#[test]
+fn stress_oscillates_at_the_base_where_domains_leave_the_column() {
+    let set = |update| [("young", "10e3"), ("update", update), ("h", "1.5625"), ("n", "2"), ("nx", "1")];
+    for update in ["diagonal", "stretch", "corners"] {
+        let differences = stress_differences(&run("compaction.yaml", &set(update)).completed());
+        let largest = differences.iter().fold(0.0f64, |m, d| m.max(d.1.abs()));
+        println!("{update}: at most {largest:.3}");
+        assert!(largest < 0.02, "{update}: {largest}");
+    }
+    for (update, low, high) in [("none", 0.25, -0.1), ("determinant", 0.15, -0.05)] {
+        let differences = stress_differences(&run("compaction.yaml", &set(update)).completed());
+        println!("{update}: {:?}", &differences[..3]);
+        assert!(differences[0].1 > low && differences[1].1 < high, "{update}: {:?}", &differences[..3]);
+        let middle = &differences[differences.len() / 4..differences.len() / 2];
+        assert!(middle.iter().all(|d| d.1.abs() < 0.05), "{update}: {middle:?}");
+    }
+    let stiff = run_with_domain_volume("compaction.yaml", &set("none")).completed();
+    println!("volumes from domains: top at {:.3} m, exact {:.3} m", top(&stiff), exact_top(10e3));
+    assert!(top(&stiff) > exact_top(10e3) + 4.0);
+    assert!(stress_differences(&stiff)[1].1 > 0.4);
+}
+
 /// The standard method, Fig. 6: all rows of the table.
 #[test]
 fn standard_method_errors_equal_the_reference() {

@@ -1,6 +1,8 @@
-//! The same problem on a structured grid and on the same grid imported from gmsh.
+//! The same problem on a structured grid, on the same grid imported from gmsh, and on triangles.
 
-use crate::analysis::{Analysis, run_text};
+use mpm::points::Points;
+
+use crate::analysis::{Analysis, run, run_text};
 
 fn beam(grid: &str, method: &str) -> Analysis {
     let deck = std::fs::read_to_string(format!("{}/inputs/beam.yaml", env!("CARGO_MANIFEST_DIR"))).unwrap();
@@ -32,4 +34,110 @@ fn imported_quadrilaterals_give_the_structured_answer() {
         assert!(apart.iter().all(|d| *d < 1e-7), "{method}: {apart:?}");
         assert_eq!(imported.evaluations(), structured.evaluations());
     }
+}
+
+/// The cantilever under its own weight, 4 m x 1 m: E = 1 MPa, ν = 0, ρ = 100 kg/m³, g = 8 m/s².
+mod cantilever {
+    use super::*;
+
+    pub const SIZES: [&str; 4] = ["0.5", "0.25", "0.125", "0.0625"];
+    pub const WEIGHT: f64 = 3200.0;
+
+    pub fn imported(cells: &str, h: &str) -> Analysis {
+        run("cantilever.yaml", &[("cells", cells), ("h", h)]).completed()
+    }
+
+    pub fn structured(h: &str) -> Analysis {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/inputs/cantilever.yaml");
+        let mut text = std::fs::read_to_string(path).unwrap();
+        for (imported, structured) in [
+            (
+                "{type: gmsh, file: \"cantilever/${cells}_${h}.msh\"}",
+                "{type: structured, origin: [0, -1], size: [4.5, 2], spacing: \"${h}\"}",
+            ),
+            ("{type: cells, group: bar}", "{type: box, min: [0, 0], max: [4, 1]}"),
+            (", points_per_triangle: \"${n^2}\"", ""),
+            ("cells: triangles, ", ""),
+        ] {
+            assert!(text.contains(imported), "{imported}");
+            text = text.replace(imported, structured);
+        }
+        run_text(&text, &[("h", h)]).completed()
+    }
+
+    /// How far the centre of mass has come down, m: a measure with a limit, unlike the displacement under a point load.
+    pub fn drop(points: &Points<2>) -> f64 {
+        let mass: f64 = points.mass.iter().sum();
+        let moved = |p: usize| points.original_position[p][1] - points.converged.position[p][1];
+        (0..points.mass.len()).map(|p| points.mass[p] * moved(p)).sum::<f64>() / mass
+    }
+}
+
+/// Largest distance between the points of two analyses that start at the same places, m.
+fn farthest(a: &Points<2>, b: &Points<2>) -> f64 {
+    let sorted = |points: &Points<2>| {
+        let mut all: Vec<([f64; 2], [f64; 2])> = (0..points.id.len())
+            .map(|p| (points.original_position[p], points.converged.position[p]))
+            .collect();
+        // Round-off may differ between the two; the points of one row are much farther apart than 1e-6.
+        let key = |x: &[f64; 2]| ((x[1] * 1e6).round() as i64, (x[0] * 1e6).round() as i64);
+        all.sort_by_key(|(original, _)| key(original));
+        all
+    };
+    let (a, b) = (sorted(a), sorted(b));
+    assert_eq!(a.len(), b.len());
+    let apart = |x: [f64; 2], y: [f64; 2]| (x[0] - y[0]).hypot(x[1] - y[1]);
+    a.iter().zip(&b).map(|(a, b)| apart(a.0, b.0).max(apart(a.1, b.1))).fold(0.0, f64::max)
+}
+
+#[test]
+fn every_point_of_a_bar_moves_alike_on_the_imported_squares() {
+    for h in ["0.5", "0.25", "0.125"] {
+        let (structured, imported) = (cantilever::structured(h), cantilever::imported("quadrilaterals", h));
+        let apart = farthest(&structured.points, &imported.points);
+        println!("h = {h} m, {} points: at most {apart:.1e} m apart", structured.points.id.len());
+        assert!(apart < 1e-12, "h = {h} m: {apart:e} m");
+        assert_eq!(structured.evaluations(), imported.evaluations());
+    }
+}
+
+/// Both sequences converge with order 2, the order of linear and of bilinear elements, to one limit: their difference
+/// falls with the same order, and the limit is that of beam theory.
+#[test]
+fn triangles_converge_to_the_answer_of_squares() {
+    let drops =
+        |cells: &str| cantilever::SIZES.map(|h| cantilever::drop(&cantilever::imported(cells, h).points));
+    let (squares, triangles) = (drops("quadrilaterals"), drops("triangles"));
+    let apart: [f64; 4] = std::array::from_fn(|k| squares[k] - triangles[k]);
+    for (k, h) in cantilever::SIZES.iter().enumerate() {
+        println!("h = {h} m: {:.6} m, {:.6} m, difference {:.2e} m", squares[k], triangles[k], apart[k]);
+    }
+    for (name, drops) in [("squares", squares), ("triangles", triangles)] {
+        let changes: [f64; 3] = std::array::from_fn(|k| drops[k + 1] - drops[k]);
+        let orders = [0, 1].map(|k| (changes[k] / changes[k + 1]).log2());
+        println!("{name}: orders of the changes {orders:.2?}");
+        assert!(changes.iter().all(|change| *change > 0.0), "{name}: {changes:?}");
+        assert!(orders.iter().all(|order| (1.6..2.4).contains(order)), "{name}: {orders:?}");
+    }
+    let orders = [0, 1, 2].map(|k| (apart[k] / apart[k + 1]).log2());
+    let fitted = fitted_order(&apart);
+    println!("difference: orders {orders:.2?}, fitted {fitted:.2}");
+    assert!(orders.iter().all(|order| *order > 1.6), "{orders:?}");
+    assert!((fitted - 2.0).abs() < 0.2, "{fitted}");
+    // Timoshenko: q L⁴/(20 E I) + q L²/(3 κ G A), κ = 5/6; the deflection itself shortens the lever a little.
+    let load = cantilever::WEIGHT / 4.0 / 1e6;
+    let beam_theory = load * (256.0 * 12.0 / 20.0 + 16.0 / 3.0 * 2.0 * 1.2);
+    let limits = [squares, triangles].map(|d| d[3] + (d[3] - d[2]) / 3.0);
+    println!("limits {limits:.5?} m, beam theory {beam_theory:.5} m");
+    assert!(limits.iter().all(|limit| (limit / beam_theory - 1.0).abs() < 0.01), "{limits:?}");
+    assert!((limits[0] / limits[1] - 1.0).abs() < 2e-3, "{limits:?}");
+}
+
+/// Slope of the logarithm of values over that of a size that is halved each time.
+fn fitted_order(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let middle = (n - 1.0) / 2.0;
+    let logs = values.iter().map(|v| v.abs().log2());
+    let slope: f64 = logs.enumerate().map(|(k, y)| (k as f64 - middle) * y).sum();
+    -slope / (n * (n * n - 1.0) / 12.0)
 }

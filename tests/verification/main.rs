@@ -6,8 +6,12 @@
 mod analysis;
 mod annulus;
 mod beam;
+mod beam_methods;
 mod collapse;
 mod compaction;
+mod domains;
 mod formulations;
 mod imported;
+mod radial;
+mod revolution;
 mod shear;

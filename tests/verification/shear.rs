@@ -3,8 +3,9 @@
 
 use std::f64::consts::SQRT_2;
 
+use mpm::kinematics::Increment;
 use mpm::material::{Material, VonMises};
-use mpm::stress::{Formulation, Mechanics, PlaneStrain, StartOfStep};
+use mpm::stress::{Mechanics, PlaneStrain, StartOfStep};
 use mpm::tensor::{Mat3, Sym3};
 
 use crate::analysis::{build_deck, watch};
@@ -139,11 +140,12 @@ fn acoustic(law: &VonMises, gamma: f64, steps: usize) -> Vec<f64> {
     let mut strain = Sym3::ZERO;
     let mut smallest = Vec::new();
     for _ in 0..steps {
-        let start =
-            StartOfStep { b_n: PlaneStrain::elastic_left_cauchy_green(&strain), J_n: 1.0, volume_n: 1.0 };
-        let formulation = Formulation::UpdatedLagrangian;
-        let c = PlaneStrain::respond(formulation, &start, &df, law, &[0.0], &mut [0.0]).unwrap();
-        strain = c.elastic_strain;
+        let b_n = PlaneStrain::elastic_left_cauchy_green(law.strain_measure(), &strain);
+        let start = StartOfStep { b_n, J_n: 1.0, volume_n: 1.0 };
+        let increment = Increment::of(df);
+        let point = PlaneStrain::respond_updated(&start, &increment, law, &[0.0], &mut [0.0]).unwrap();
+        strain = point.elastic_strain;
+        let c = point.weak;
         let of_direction = |degrees: i32| {
             let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
             let n = [cos, sin];

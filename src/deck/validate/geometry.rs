@@ -295,10 +295,18 @@ impl Check<'_> {
 
     /// Bodies must not share a region; boxes that touch are fine.
     pub(super) fn overlaps(&mut self, mut boxes: Vec<(usize, Extent)>) {
-        // In the order of their left sides a box can only overlap those that start before its right side.
-        boxes.sort_by(|(_, a), (_, b)| a.min[0].total_cmp(&b.min[0]));
+        // In the order of their lower sides a box can only overlap those that start before its upper side; along the
+        // axis on which they are spread out most these are few.
+        let spread = |axis: usize| {
+            let low = boxes.iter().map(|(_, b)| b.min[axis]).fold(f64::INFINITY, f64::min);
+            let high = boxes.iter().map(|(_, b)| b.max[axis]).fold(f64::NEG_INFINITY, f64::max);
+            let sides: f64 = boxes.iter().map(|(_, b)| b.max[axis] - b.min[axis]).sum();
+            (high - low) / sides
+        };
+        let axis = usize::from(spread(1) > spread(0));
+        boxes.sort_by(|(_, a), (_, b)| a.min[axis].total_cmp(&b.min[axis]));
         for (position, (first, a)) in boxes.iter().enumerate() {
-            for (second, b) in boxes[position + 1..].iter().take_while(|(_, b)| b.min[0] < a.max[0]) {
+            for (second, b) in boxes[position + 1..].iter().take_while(|(_, b)| b.min[axis] < a.max[axis]) {
                 let overlap = |axis: usize| {
                     a.max[axis].min(b.max[axis]) - a.min[axis].max(b.min[axis]) > slack(a, b, axis)
                 };

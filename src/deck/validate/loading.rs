@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Check, density};
+use super::Check;
 use crate::deck::diagnostic::{Diagnostic, Severity, quote};
 use crate::deck::formulas::at_points;
 use crate::deck::{
@@ -141,12 +141,7 @@ impl Check<'_> {
 
     pub(super) fn loads(&mut self) {
         let loads = &self.deck.loads;
-        let names = loads.iter().map(|load| match load {
-            LoadDeck::Gravity { name, .. }
-            | LoadDeck::BodyForce { name, .. }
-            | LoadDeck::PointForce { name, .. } => name.as_str(),
-        });
-        self.unique_names("/loads", names);
+        self.unique_names("/loads", loads.iter().map(LoadDeck::name));
         for (index, load) in loads.iter().enumerate() {
             self.load(&format!("/loads/{index}"), load);
         }
@@ -205,7 +200,7 @@ impl Check<'_> {
             };
             let at = format!("/bodies/{index}/material");
             let (load, body, material_name) = (quote(load), quote(&body.name), quote(&body.material));
-            match density(material) {
+            match material.density() {
                 None => {
                     let message = format!(
                         "the load {load} needs the density of the body {body}, but its material {material_name} has none"

@@ -81,7 +81,11 @@ impl Check<'_> {
     fn polygon(&mut self, pointer: &str, vertices: &[Vec<f64>]) {
         let at = |k: usize| format!("{pointer}/vertices/{k}");
         let known: Vec<_> = vertices.iter().enumerate().map(|(k, v)| self.vector(&at(k), v)).collect();
-        if known.iter().any(Option::is_none) {
+        if vertices.len() < 3 {
+            let message = format!("expected at least 3 entries, found {}", vertices.len());
+            self.error("D015", &format!("{pointer}/vertices"), message);
+        }
+        if vertices.len() < 3 || known.iter().any(Option::is_none) {
             return;
         }
         let x: Vec<[f64; 2]> = vertices.iter().map(|v| pair(v)).collect();

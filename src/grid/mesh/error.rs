@@ -1,21 +1,28 @@
 //! What can be wrong with a mesh.
 
+use crate::grid::element::ElementShape;
+
 /// A cell in a report.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct CellReport {
     /// Number of the element in the file.
     pub element: u64,
     /// Mean position of its nodes, [length].
-    pub position: [f64; 2],
+    pub position: Vec<f64>,
 }
 
-/// Why a mesh file is not a mesh for an analysis in the plane. Lists of cells hold the first few only.
+/// Why a mesh file is not a mesh for an analysis in the plane or in space. Lists of cells hold the first few only.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeshError {
-    /// The file has no elements of two dimensions.
-    #[error("the mesh has no triangles or quadrilaterals")]
-    NoCells,
-    /// The file has elements of three dimensions.
+    /// The file has no elements of the dimension of the analysis.
+    #[error("{}", no_cells(*.dimension, *.n_surface))]
+    NoCells {
+        /// Dimension of the analysis.
+        dimension: usize,
+        /// Number of surface elements that a mesh without volume elements has, if it ought to have those.
+        n_surface: usize,
+    },
+    /// The file has elements of three dimensions, and the analysis is in the plane.
     #[error(
         "the mesh has {n} solid elements; an analysis in the plane needs triangles or quadrilaterals only"
     )]
@@ -31,39 +38,60 @@ pub enum MeshError {
         /// Greatest z of a cell, [length].
         high: f64,
     },
-    /// Cells whose area is next to nothing compared with the length of their sides.
-    #[error("{n} cells have no area: {}", list(.first))]
-    ZeroArea {
+    /// Cells whose volume is next to nothing compared with the length of their sides.
+    #[error("{n} cells have no {}: {}", if *.dimension == 3 { "volume" } else { "area" }, list(.first))]
+    NoVolume {
+        /// Dimension of the analysis.
+        dimension: usize,
         /// Number of such cells.
         n: usize,
         /// The first of them.
         first: Vec<CellReport>,
     },
-    /// Some cells are clockwise.
-    #[error("{n} cells have their nodes in clockwise order: {}", list(.first))]
-    Clockwise {
+    /// Some cells have negative volume.
+    #[error("{n} cells {}: {}", inverted(*.dimension), list(.first))]
+    Inverted {
+        /// Dimension of the analysis.
+        dimension: usize,
         /// Number of such cells.
         n: usize,
         /// The first of them.
         first: Vec<CellReport>,
     },
-    /// All cells are clockwise.
-    #[error("all cells have their nodes in clockwise order; reverse the surfaces of the mesh")]
-    AllClockwise,
-    /// Quadrilaterals that are not convex.
-    #[error("{n} quadrilaterals are not convex: {}", list(.first))]
-    NotConvex {
+    /// All cells have negative volume.
+    #[error("all cells {}; reverse the {} of the mesh", inverted(*.dimension), whole(*.dimension))]
+    AllInverted {
+        /// Dimension of the analysis.
+        dimension: usize,
+    },
+    /// Quadrilaterals that are not convex, or hexahedra whose map turns inside out somewhere.
+    #[error("{n} {}: {}", folded(*.dimension), list(.first))]
+    Folded {
+        /// Dimension of the analysis.
+        dimension: usize,
         /// Number of such cells.
         n: usize,
         /// The first of them.
         first: Vec<CellReport>,
     },
-    /// Two cells lie on the same side of an edge.
+    /// Two cells lie on the same side of an edge or face.
     #[error("{n} pairs of cells overlap, for example {} and {}", show(&.first[0]), show(&.first[1]))]
     Overlap {
-        /// Number of edges with two cells on one side.
+        /// Number of edges or faces with two cells on one side.
         n: usize,
         /// The cells at the first of them.
+        first: [CellReport; 2],
+    },
+    /// Tetrahedra share half a face with hexahedra, where their basis functions do not agree.
+    #[error(
+        "{n} tetrahedra share three nodes of a face of a hexahedron, for example {} and {}; such meshes are not \
+         continuous: use one kind of element, or keep the two kinds apart",
+        show(&.first[0]), show(&.first[1])
+    )]
+    Nonconforming {
+        /// Number of such tetrahedra.
+        n: usize,
+        /// The first tetrahedron and its hexahedron.
         first: [CellReport; 2],
     },
     /// Groups of different dimensions have the same name, so that the set of nodes would be ambiguous.
@@ -81,17 +109,47 @@ pub enum MeshError {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeshWarning {
     /// Nodes of different cells at the same position, so that the cells are not connected there.
-    #[error("{n} pairs of nodes coincide without being one, the first at ({}, {})", .first[0][0], .first[0][1])]
+    #[error("{n} pairs of nodes coincide without being one, the first at ({})", numbers(&.first[0]))]
     Unmerged {
         /// Number of such pairs.
         n: usize,
         /// Positions of the first of them, [length].
-        first: Vec<[f64; 2]>,
+        first: Vec<Vec<f64>>,
     },
 }
 
+fn numbers(position: &[f64]) -> String {
+    position.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
+}
+
+fn no_cells(dimension: usize, n_surface: usize) -> String {
+    match (dimension, n_surface) {
+        (3, 0) => "the mesh has no tetrahedra or hexahedra".to_owned(),
+        (3, n) => format!(
+            "the mesh has no tetrahedra or hexahedra, only {n} surface elements; an analysis in space needs the volume \
+             meshed (in gmsh, `Mesh 3`; if there are physical groups, one of the volume, too)"
+        ),
+        _ => "the mesh has no triangles or quadrilaterals".to_owned(),
+    }
+}
+
+fn inverted(dimension: usize) -> &'static str {
+    if dimension == 3 { "are inside out" } else { "have their nodes in clockwise order" }
+}
+
+fn whole(dimension: usize) -> &'static str {
+    if dimension == 3 { "order of the nodes" } else { "surfaces" }
+}
+
+fn folded(dimension: usize) -> String {
+    let cells =
+        if dimension == 3 { ElementShape::Box.plural::<3>() } else { ElementShape::Box.plural::<2>() };
+    let fault = if dimension == 3 { "are so distorted that they turn inside out" } else { "are not convex" };
+    format!("{cells} {fault}")
+}
+
 fn show(cell: &CellReport) -> String {
-    format!("element {} at ({}, {})", cell.element, cell.position[0], cell.position[1])
+    format!("element {} at ({})", cell.element, numbers(&cell.position))
 }
 
 fn list(cells: &[CellReport]) -> String {

@@ -1,0 +1,76 @@
+"""Runs decks through the command line, reads their results and prints tables."""
+
+import csv
+import json
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[3]
+DOMAIN_VOLUME = ("idealisation: plane-strain", "idealisation: plane-strain, point_volume: domain")
+
+
+class Runs:
+    """Runs decks through the command line and keeps their results."""
+
+    def __init__(self, program, directory):
+        self.program, self.directory = Path(program).resolve(), Path(directory).resolve()
+
+    def __call__(self, deck, change=None, **parameters):
+        """The results directory of a deck with these parameters; `change` replaces a text of the deck by another.
+
+        A run that fails leaves the steps before the failure. Raises RuntimeError if the deck cannot be run at all.
+        """
+        if parameters.get("method") == "mpm":
+            parameters.pop("update", None)
+        marks = [re.sub(r"[^\w.-]+", "-", change[1])] if change else []
+        name = "_".join([deck, *marks, *(f"{key}-{value}" for key, value in parameters.items())])
+        out = self.directory / name
+        if not (out / "summary.json").exists():
+            file = ROOT / "inputs" / f"{deck}.yaml"
+            if change:
+                text = file.read_text()
+                assert change[0] in text
+                out.mkdir(parents=True, exist_ok=True)
+                file = out / "deck.yaml"
+                file.write_text(text.replace(*change))
+            settings = [word for key, value in parameters.items() for word in ("--set", f"{key}={value}")]
+            command = [self.program, "run", file, *settings, "--out", out]
+            process = subprocess.run(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+            if process.returncode not in (0, 1):
+                (out / "summary.json").unlink(missing_ok=True)
+                raise RuntimeError(process.stderr)
+        return out
+
+
+def summary(out):
+    return json.loads((out / "summary.json").read_text())
+
+
+def table(out, name):
+    """A table of results as a mapping of columns."""
+    with open(out / f"{name}.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {key: np.array([float(row[key]) for row in rows]) for key in rows[0]}
+
+
+def row(*cells):
+    print("| " + " | ".join(str(cell) for cell in cells) + " |")
+
+
+def heading(*cells):
+    print()
+    row(*cells)
+    row(*["---"] * len(cells))
+
+
+def table_of_residuals(out, paper):
+    """Residuals side by side with the paper's table: the paper's value / ours."""
+    rows = table(out, "convergence")
+    heading("iteration", *(f"step {step}" for step in paper))
+    ours = {step: rows["residual"][rows["step"] == step] for step in paper}
+    for iteration in range(max(len(values) for values in [*paper.values(), *ours.values()])):
+        cell = lambda values: f"{values[iteration]:.3e}" if iteration < len(values) else "–"
+        row(iteration, *(f"{cell(paper[step])} / {cell(ours[step])}" for step in paper))

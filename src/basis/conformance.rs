@@ -1,0 +1,175 @@
+//! One checker run over every method on every grid: a new method adds one line to the list.
+
+use std::sync::LazyLock;
+
+use super::*;
+use crate::grid::element::{ElementShape, corner_side};
+use crate::grid::mesh::tests::{hexahedra, mixed, tetrahedra};
+use crate::grid::{Mesh, Structured};
+use proptest::prelude::*;
+
+const METHODS: [Method; 4] = [Method::Mpm, Method::Gimp, Method::Cpdi1, Method::Cpdi2];
+
+/// Domains given by corners: parallelograms (parallelepipeds) and triangles (tetrahedra).
+const SHAPES: [ElementShape; 2] = [ElementShape::Box, ElementShape::Simplex];
+
+/// Corners of a sheared domain about the point, which is its centroid.
+fn corners<const D: usize>(shape: ElementShape, x: &[f64; D], l: &[f64; D]) -> Vec<[f64; D]> {
+    let corner = |side: [f64; D]| -> [f64; D] {
+        std::array::from_fn(|d| {
+            let next = (d + 1) % D;
+            x[d] + side[d] * l[d] + if d % 2 == 0 { 0.15 } else { -0.2 } * side[next] * l[next]
+        })
+    };
+    match shape {
+        ElementShape::Box => (0..1 << D).map(|c| corner(corner_side(c))).collect(),
+        ElementShape::Simplex => (0..=D)
+            .map(|c| {
+                // Barycentric coordinates less their mean: the corners balance.
+                let mean = 1.0 / (D + 1) as f64;
+                corner(std::array::from_fn(|d| if d + 1 == c { 1.0 - mean } else { -mean }))
+            })
+            .collect(),
+    }
+}
+
+fn support<const D: usize>(
+    (method, shape): (Method, ElementShape),
+    grid: &dyn Grid<D>,
+    x: [f64; D],
+    l: [f64; D],
+) -> Support<D> {
+    let mut out = Support::default();
+    let corners = corners(shape, &x, &l);
+    let cell = grid.locate(&x, None).unwrap();
+    let point = PointGeometry { cell, position: &x, half_lengths: &l, corners: &corners };
+    method.basis::<D>().support(grid, &point, &mut out).unwrap();
+    out
+}
+
+/// Methods with the shapes of their domains.
+fn variants(grid_is_structured: bool) -> Vec<(Method, ElementShape)> {
+    let fits = |method: &Method| *method != Method::Gimp || grid_is_structured;
+    let shapes = |method: Method| {
+        let n = if method.domain() == DomainKind::Corners { 2 } else { 1 };
+        SHAPES.into_iter().take(n).map(move |shape| (method, shape))
+    };
+    METHODS.into_iter().filter(fits).flat_map(shapes).collect()
+}
+
+/// Partition of unity and its gradient, linear reproduction and its gradient, no negative values.
+fn conforms<const D: usize>(grid: &dyn Grid<D>, variant: (Method, ElementShape), x: [f64; D], l: [f64; D]) {
+    let s = support(variant, grid, x, l);
+    let n = s.nodes.len();
+    let position = |k: usize| grid.node_position(s.nodes[k] as usize);
+    let sum: f64 = s.value.iter().sum();
+    assert!((sum - 1.0).abs() < 1e-13, "{variant:?} {sum}");
+    assert!(s.nodes.is_sorted());
+    // A position this close to a border may be given to the cell on the other side of it.
+    let least = if grid.structured().is_some() { 0.0 } else { -1e-8 };
+    assert!(s.value.iter().all(|v| *v >= least));
+    let size = grid.size(grid.locate(&x, None).unwrap() as usize);
+    for d in 0..D {
+        let gradient_sum: f64 = s.gradient.iter().map(|g| g[d]).sum();
+        assert!(gradient_sum.abs() < 1e-12 / size, "{variant:?} {gradient_sum}");
+        let linear: f64 = (0..n).map(|k| s.value[k] * position(k)[d]).sum();
+        assert!((linear - x[d]).abs() < 1e-13, "{variant:?}");
+        for e in 0..D {
+            let slope: f64 = (0..n).map(|k| s.gradient[k][e] * position(k)[d]).sum();
+            assert!((slope - f64::from(u8::from(d == e))).abs() < 1e-11, "{variant:?} {slope}");
+        }
+    }
+}
+
+/// The gradient is the derivative of the value with respect to the position. (For CPDI the gradient is that of the
+/// interpolation inside the domain, which is another function.)
+fn gradient_is_derivative<const D: usize>(
+    grid: &Structured<D>,
+    variant: (Method, ElementShape),
+    x: [f64; D],
+    l: [f64; D],
+) {
+    let s = support(variant, grid, x, l);
+    let h = 1e-6;
+    let near_line = |d: usize| {
+        let xi = |y: f64| (y - grid.origin()[d]) / grid.spacing()[d];
+        [x[d] - l[d], x[d] + l[d]].iter().any(|&y| (xi(y) - xi(y).round()).abs() < 1e-4)
+    };
+    for d in (0..D).filter(|&d| !near_line(d)) {
+        let (mut p, mut m) = (x, x);
+        p[d] += h;
+        m[d] -= h;
+        let (p, m) = (support(variant, grid, p, l), support(variant, grid, m, l));
+        for k in 0..s.nodes.len() {
+            let numeric = (p.value[k] - m.value[k]) / (2.0 * h);
+            assert!((numeric - s.gradient[k][d]).abs() < 1e-7, "{numeric} {}", s.gradient[k][d]);
+        }
+    }
+}
+
+fn check_structured<const D: usize>(grid: &Structured<D>, x: [f64; D], l: [f64; D]) {
+    for variant in variants(true) {
+        let l = if variant.0.domain() == DomainKind::None { [0.0; D] } else { l };
+        conforms(grid, variant, x, l);
+        if variant.0.domain() != DomainKind::Corners {
+            gradient_is_derivative(grid, variant, x, l);
+        }
+    }
+}
+
+static MESHES: LazyLock<(Mesh<2>, Mesh<3>, Mesh<3>)> =
+    LazyLock::new(|| (mixed(), hexahedra(4), tetrahedra(4)));
+
+fn check_mesh<const D: usize>(grid: &dyn Grid<D>, x: [f64; D], l: [f64; D]) {
+    for variant in variants(false) {
+        conforms(grid, variant, x, l);
+    }
+}
+
+proptest! {
+    #[test]
+    fn every_basis_conforms_in_the_plane(
+        x in prop::array::uniform2(0.3..0.7f64), l in prop::array::uniform2(1e-3..0.25f64)
+    ) {
+        check_structured(&Structured::<2>::new([0.0, -0.5], [0.1, 0.2], [10, 10]), x, l);
+        check_mesh(&MESHES.0, x, l);
+    }
+
+    #[test]
+    fn every_basis_conforms_in_space(
+        x in prop::array::uniform3(0.3..0.7f64), l in prop::array::uniform3(1e-3..0.25f64)
+    ) {
+        check_structured(&Structured::<3>::new([0.0, -0.5, -0.1], [0.1, 0.2, 0.15], [10, 10, 9]), x, l);
+        check_mesh(&MESHES.1, x, l);
+        check_mesh(&MESHES.2, x, l);
+    }
+}
+
+/// GIMP against a plain mean of the linear basis over many places of the domain.
+fn averages<const D: usize>(grid: &Structured<D>, x: [f64; D], l: [f64; D], n: usize) {
+    let s = support((Method::Gimp, ElementShape::Box), grid, x, l);
+    let mut mean = vec![0.0; grid.n_nodes()];
+    let count = n.pow(D as u32);
+    for k in 0..count {
+        let q: [f64; D] = std::array::from_fn(|d| {
+            let i = k / n.pow(d as u32) % n;
+            x[d] - l[d] + 2.0 * l[d] * (i as f64 + 0.5) / n as f64
+        });
+        let basis = grid.basis_at(grid.locate(&q, None).unwrap(), &q);
+        for (&node, value) in basis.nodes().iter().zip(basis.value()) {
+            mean[node as usize] += value / count as f64;
+        }
+    }
+    for (k, &node) in s.nodes.iter().enumerate() {
+        assert!((s.value[k] - mean[node as usize]).abs() < 3.0 / (n * n) as f64);
+        mean[node as usize] = 0.0;
+    }
+    assert!(mean.iter().all(|m| *m == 0.0), "a node of the domain is missing");
+}
+
+#[test]
+fn a_gimp_point_averages_the_linear_basis_over_its_domain() {
+    averages(&Structured::<2>::new([0.0; 2], [0.1, 0.2], [10, 10]), [0.47, 0.93], [0.055, 0.13], 2000);
+    let grid = Structured::<3>::new([0.0; 3], [0.1, 0.2, 0.3], [10, 10, 4]);
+    averages(&grid, [0.47, 0.93, 0.55], [0.055, 0.13, 0.2], 120);
+}

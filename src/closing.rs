@@ -1,0 +1,236 @@
+//! The table that a run ends with: what was solved, how well, what came out, and where it is.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use mpm::model::Model;
+use mpm::output::findings::{Extreme, Findings, ForceBalance};
+use mpm::output::results::{Picture, Results};
+use mpm::points::Points;
+use mpm::solver::{SolveError, Summary};
+
+use crate::quantities::{duration, significant};
+
+/// Width that lines are kept to, where names and paths allow it.
+const WIDTH: usize = 80;
+/// Width of the first column.
+const LABEL: usize = 18;
+/// Boundary conditions beyond these are summed up.
+const MOST_CONDITIONS: usize = 8;
+
+/// What there is to say at the end of a run.
+#[derive(Debug)]
+pub struct Closing {
+    title: String,
+    outcome: String,
+    points: usize,
+    cells: usize,
+    bodies: usize,
+    unknowns: usize,
+    evaluations: usize,
+    tolerance: f64,
+    newton_order: Option<f64>,
+    quality: String,
+    warnings: usize,
+    findings: Findings,
+    directory: PathBuf,
+    picture: Option<Picture>,
+}
+
+impl Closing {
+    /// Of a run that has ended; `None` where no step is in equilibrium.
+    pub fn new<const D: usize>(
+        model: &Model<D>,
+        points: &Points<D>,
+        summary: &Summary,
+        results: &Results,
+        error: Option<&SolveError>,
+    ) -> Option<Closing> {
+        let (steps, asked) = (summary.steps, model.n_steps);
+        let outcome = match error {
+            None => format!("completed: {steps} steps in equilibrium"),
+            Some(SolveError::Interrupted { .. }) => {
+                format!("interrupted: {steps} of {asked} steps in equilibrium")
+            }
+            Some(_) => format!("failed: {steps} of {asked} steps in equilibrium"),
+        };
+        (steps > 0).then(|| Closing {
+            title: model.title.clone(),
+            outcome,
+            points: points.len(),
+            cells: model.grid.n_cells(),
+            bodies: model.bodies.len(),
+            unknowns: summary.unknowns,
+            evaluations: summary.evaluations,
+            tolerance: model.newton.tolerance,
+            newton_order: summary.quality.median_newton_order(),
+            quality: summary.quality.to_string(),
+            warnings: summary.warnings.len(),
+            findings: results.findings().clone(),
+            directory: results.directory().to_owned(),
+            picture: results.last_picture(),
+        })
+    }
+
+    /// The table, with a line break at the end; `seconds` is what the run took.
+    pub fn table(&self, seconds: f64) -> String {
+        let mut table = Table::default();
+        table.row("", &self.title);
+        table.row("outcome", &format!("{}, {}", self.outcome, duration(seconds)));
+        table.row(
+            "model",
+            &format!(
+                "{}, {} cells, {}, {} unknowns",
+                counted(self.points, "point", "points"),
+                self.cells,
+                counted(self.bodies, "body", "bodies"),
+                self.unknowns
+            ),
+        );
+        self.convergence(&mut table);
+        self.extremes(&mut table);
+        if let Some(balance) = &self.findings.balance {
+            table.forces(balance);
+        }
+        table.row("quality", &self.quality);
+        if self.warnings > 0 {
+            table.row("warnings", &format!("{}, see above and in summary.json", self.warnings));
+        }
+        self.files(&mut table);
+        table.text
+    }
+
+    fn convergence(&self, table: &mut Table) {
+        if let Some([low, high]) = self.findings.iterations {
+            let range = if low == high { low.to_string() } else { format!("{low} to {high}") };
+            let order = self.newton_order.map(|order| format!(", of order {order:.2}")).unwrap_or_default();
+            table.row(
+                "iterations",
+                &format!("{range} in a step{order}; {} evaluations in all", self.evaluations),
+            );
+        }
+        if let Some((residual, step)) = self.findings.worst_residual {
+            let tolerance = self.tolerance;
+            table.row("residual", &format!("at most {residual:.1e} (step {step}), tolerance {tolerance:e}"));
+        }
+    }
+
+    fn extremes(&self, table: &mut Table) {
+        let Some(extremes) = &self.findings.extremes else { return };
+        let several = self.bodies > 1;
+        let place = |extreme: &Extreme| {
+            let position: Vec<String> = extreme.position.iter().map(|x| significant(*x, 4)).collect();
+            let body = if several { format!(" of `{}`", extreme.body) } else { String::new() };
+            format!("{}{body} at ({})", significant(extreme.value, 5), position.join(", "))
+        };
+        table.row("displacement", &format!("at most {}", place(&extremes.displacement)));
+        table.row("von Mises stress", &format!("at most {}", place(&extremes.von_mises_stress)));
+        let (low, high) = (&extremes.lowest_pressure, &extremes.highest_pressure);
+        table.row("pressure", &format!("from {}\nto {}", place(low), place(high)));
+    }
+
+    fn files(&self, table: &mut Table) {
+        table.entry("results", &self.directory.display().to_string());
+        match &self.picture {
+            Some(Picture { series, file }) => {
+                table.entry("in ParaView", &format!("paraview {}", series.display()));
+                table.entry("in Python", "");
+                let file = format!("{:?}", file.display().to_string());
+                table.line(&format!("import pyvista; pyvista.read({file}).plot(cpos=\"xy\")"));
+            }
+            None => table.row("", "no VTU files, as the deck says `output: {every: 0}`"),
+        }
+    }
+}
+
+fn counted(number: usize, one: &str, many: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { many })
+}
+
+/// Rows of a label and a text.
+#[derive(Default)]
+struct Table {
+    text: String,
+}
+
+impl Table {
+    fn line(&mut self, line: &str) {
+        // Writing into a string cannot fail.
+        let _ = writeln!(self.text, "  {}", line.trim_end());
+    }
+
+    /// A row that is not wrapped: a path or a command.
+    fn entry(&mut self, label: &str, text: &str) {
+        self.line(&format!("{label:<LABEL$}{text}"));
+    }
+
+    /// A row; the text is wrapped and may have several lines. A row without label starts at the margin.
+    fn row(&mut self, label: &str, text: &str) {
+        let indent = if label.is_empty() { 0 } else { LABEL };
+        let mut label = label;
+        for line in text.lines().flat_map(|line| wrapped(line, WIDTH - 2 - indent)) {
+            self.line(&format!("{label:<indent$}{line}"));
+            label = "";
+        }
+    }
+
+    /// Loads, reactions and what is between them, by axis.
+    fn forces(&mut self, balance: &ForceBalance) {
+        let axes = ["x", "y", "z"].iter().take(balance.applied.len());
+        self.line(&format!("{:<LABEL$}{}", "forces", columns(axes.map(|axis| (*axis).to_owned()))));
+        let mut row = |label: &str, force: &[Option<f64>], after: &str| {
+            let label: String = if label.chars().count() < LABEL {
+                format!("{label:<LABEL$}")
+            } else {
+                format!("{}… ", label.chars().take(LABEL - 2).collect::<String>())
+            };
+            self.line(&format!("{label}{}{after}", columns(force.iter().map(number))));
+        };
+        row("  loads", &all(&balance.applied), "");
+        // All of them, or all but those that have to share a line.
+        let shown =
+            if balance.reactions.len() > MOST_CONDITIONS { MOST_CONDITIONS - 1 } else { MOST_CONDITIONS };
+        for (name, reaction) in balance.reactions.iter().take(shown) {
+            row(&format!("  {name}"), &all(reaction), "");
+        }
+        let rest = balance.reactions.get(shown..).unwrap_or_default();
+        if !rest.is_empty() {
+            let sum = |axis: usize| Some(rest.iter().map(|(_, r)| r[axis]).sum());
+            let sums: Vec<_> = (0..balance.applied.len()).map(sum).collect();
+            row(&format!("  {} more", rest.len()), &sums, "");
+        }
+        let relative = balance.relative_difference();
+        let after = relative.map(|share| format!("   {share:.1e} of all forces")).unwrap_or_default();
+        let difference = balance.difference();
+        row("  difference", &difference, &after);
+    }
+}
+
+fn all(force: &[f64]) -> Vec<Option<f64>> {
+    force.iter().copied().map(Some).collect()
+}
+
+fn number(force: &Option<f64>) -> String {
+    force.map_or_else(|| "–".to_owned(), |force| significant(force, 5))
+}
+
+fn columns(entries: impl Iterator<Item = String>) -> String {
+    entries.map(|entry| format!("{entry:>13}")).collect()
+}
+
+/// A line broken at spaces into lines of at most so many characters; a longer word stands alone.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        let Some(last) = lines.last_mut() else { break };
+        if !last.is_empty() && last.chars().count() + 1 + word.chars().count() > width {
+            lines.push(word.to_owned());
+        } else {
+            if !last.is_empty() {
+                last.push(' ');
+            }
+            last.push_str(word);
+        }
+    }
+    lines
+}

@@ -1,0 +1,87 @@
+//! Every code of a message, with the page that explains it.
+//!
+//! The pages are files of the documentation, one per code: what the message means, an example, how to mend it. Tests
+//! see to it that the examples of a page give its code, and that the mended ones do not.
+
+/// A code with its page.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Page {
+    /// The code, such as `D014`.
+    pub code: &'static str,
+    /// The page, in Markdown; its heading is the code and its title.
+    pub text: &'static str,
+}
+
+impl Page {
+    /// What the code stands for, in a few words.
+    pub fn title(&self) -> &'static str {
+        let heading = self.text.lines().next().unwrap_or_default();
+        heading.split_once(": ").map_or(heading, |(_, title)| title)
+    }
+}
+
+macro_rules! pages {
+    ($($code:ident)*) => {
+        &[$(Page {
+            code: stringify!($code),
+            text: include_str!(concat!("../docs/errors/", stringify!($code), ".md")),
+        }),*]
+    };
+}
+
+/// All pages, in the order of their codes: D for decks, S for solutions.
+pub const PAGES: &[Page] = pages! {
+    D001 D002 D003 D004 D005 D006 D007 D008 D009 D010 D011 D012 D013 D014 D015 D016 D017 D018 D019 D020
+    D021 D022 D023 D024 D025 D026 D027 D028 D029 D030 D031 D032 D033 D034 D035 D036 D037 D038 D039 D040
+    D041 D042 D043 D044 D045 D046
+    S001 S002 S003 S004 S005 S006 S007 S008 S009 S010 S011
+};
+
+/// The page of a code, in capitals or not.
+pub fn page(code: &str) -> Option<&'static Page> {
+    PAGES.iter().find(|page| page.code.eq_ignore_ascii_case(code))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deck::diagnostic;
+    use crate::solver;
+
+    #[test]
+    fn every_code_has_a_page_with_its_title_and_every_page_a_code() {
+        let titles: Vec<_> = PAGES.iter().map(|page| (page.code, page.title())).collect();
+        assert_eq!(titles, [diagnostic::CODES, solver::CODES].concat());
+        for Page { code, text } in PAGES {
+            assert!(text.starts_with(&format!("# {code}: ")), "{code}");
+            assert!(text.lines().all(|line| line.chars().count() <= 120), "{code}");
+        }
+    }
+
+    /// Codes that no list knows would be missing here, too.
+    #[test]
+    fn every_code_in_the_sources_has_a_page() {
+        let mut folders = vec![std::path::PathBuf::from("src")];
+        let mut found = std::collections::BTreeSet::new();
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() {
+                    folders.push(path);
+                } else {
+                    let text = std::fs::read_to_string(path).unwrap();
+                    let quoted = text.split('"').filter(|word| is_code(word));
+                    found.extend(quoted.map(str::to_owned));
+                }
+            }
+        }
+        let known: std::collections::BTreeSet<_> = PAGES.iter().map(|page| page.code.to_owned()).collect();
+        assert_eq!(found, known);
+    }
+
+    fn is_code(word: &str) -> bool {
+        word.len() == 4
+            && word.starts_with(|c: char| c.is_ascii_uppercase())
+            && word[1..].bytes().all(|b| b.is_ascii_digit())
+    }
+}

@@ -1,0 +1,58 @@
+//! The points of a body nearest to a place, for point forces and probes.
+
+use super::{Builder, pair};
+use crate::deck::diagnostic::{Diagnostic, Severity, quote};
+use crate::grid::Grid;
+use crate::points::{Points, coordinates};
+
+impl Builder<'_> {
+    /// Permanent numbers of the points of a body nearest to a place.
+    pub(super) fn nearest(
+        &mut self,
+        (grid, points): (&dyn Grid<2>, &Points<2>),
+        body: &str,
+        place: &[f64],
+        count: u32,
+        pointer: &str,
+    ) -> Vec<u32> {
+        let number = self.body_number(body) as u16;
+        let (found, clear) = points.nearest(number, &pair(place), count as usize);
+        if found.len() < count as usize {
+            let message = format!("the body {} has only {} points", quote(body), found.len());
+            self.error("D030", &format!("{pointer}/count"), message, "lower `count`".to_owned());
+        } else if !clear {
+            let message = format!("more than {count} points are equally near to {place:?}");
+            let help = "change `count`, or move the place so that the choice is clear".to_owned();
+            self.error("D030", &format!("{pointer}/nearest"), message, help);
+        } else if let Some(&first) = found.first() {
+            self.distance(grid, body, &pair(place), &points.original_position[first as usize], pointer);
+        }
+        found
+    }
+
+    /// Warns of a point that is far from the place where one was asked for. Points are in the order of their permanent
+    /// numbers.
+    fn distance(
+        &mut self,
+        grid: &dyn Grid<2>,
+        body: &str,
+        place: &[f64; 2],
+        found: &[f64; 2],
+        pointer: &str,
+    ) {
+        let distance = (found[0] - place[0]).hypot(found[1] - place[1]);
+        let cell = grid.structured().map_or_else(
+            || grid.size(grid.nearest_cell(found) as usize),
+            |grid| grid.spacing()[0].hypot(grid.spacing()[1]),
+        );
+        if distance > cell {
+            let message = format!(
+                "the point of the body {} nearest to this place is at {}, {distance:.3} away and more than a cell",
+                quote(body),
+                coordinates(found)
+            );
+            let found = Diagnostic::at(&self.loaded.source, "D041", &format!("{pointer}/nearest"), message);
+            self.found.push(found.severity(Severity::Warning).help("give a place in the body at the start"));
+        }
+    }
+}

@@ -1,0 +1,272 @@
+//! What is legal but probably not meant.
+
+use std::collections::BTreeSet;
+
+use super::Check;
+use crate::basis::DomainKind;
+use crate::deck::build::per_axis;
+use crate::deck::diagnostic::{Diagnostic, Severity, quote};
+use crate::deck::source::escape;
+use crate::deck::{
+    BodyDeck, BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, region,
+};
+use crate::formula::{Formula, names};
+use crate::quality::Objection;
+use crate::tensor::Mat3;
+
+/// Poisson's ratio from which on cells of low order lock.
+const NEARLY_INCOMPRESSIBLE: f64 = 0.49;
+/// Tolerance above which a step is hardly in equilibrium.
+const LOOSE: f64 = 1e-4;
+/// Tolerance below which round-off keeps a step from it.
+const OUT_OF_REACH: f64 = 1e-14;
+impl Check<'_> {
+    /// Warnings about a deck without errors.
+    pub(super) fn suspicions(&mut self) {
+        self.unused();
+        self.loads_without_effect();
+        self.incompressible();
+        self.one_point_per_cell();
+        self.units();
+        self.prescribed_motion();
+        self.tolerance();
+    }
+
+    pub(super) fn warn(&mut self, code: &'static str, pointer: &str, message: String, help: &str) {
+        let found = Diagnostic::at(self.source, code, pointer, message).severity(Severity::Warning);
+        self.found.push(if help.is_empty() { found } else { found.help(help) });
+    }
+
+    fn warn_at_key(&mut self, code: &'static str, pointer: &str, message: String, help: &str) {
+        let found = Diagnostic::at_key(self.source, code, pointer, message).severity(Severity::Warning);
+        self.found.push(found.help(help));
+    }
+
+    /// Materials and parameters that nothing refers to.
+    fn unused(&mut self) {
+        let deck = self.deck;
+        let used: BTreeSet<&str> = deck.bodies.iter().map(|body| body.material.as_str()).collect();
+        for name in deck.materials.keys().filter(|name| !used.contains(name.as_str())) {
+            let message = format!("no body is made of the material {}", quote(name));
+            self.warn_at_key("D037", &format!("/materials/{}", escape(name)), message, "remove it");
+        }
+        let mut in_formulas: BTreeSet<&str> = BTreeSet::new();
+        for expression in expressions(deck) {
+            if let Expression::Formula(text) = expression {
+                in_formulas.extend(names(text).into_iter().map(|(_, name)| name));
+            }
+        }
+        for name in deck.parameters.keys() {
+            if !in_formulas.contains(name.as_str()) && !self.source.uses_parameter(name) {
+                let message = format!("the parameter {} is not used", quote(name));
+                let help = "write it as `${...}` where it should stand, or remove it";
+                self.warn_at_key("D037", &format!("/parameters/{}", escape(name)), message, help);
+            }
+        }
+    }
+
+    /// Loads that are zero, curves that are, and decks in which nothing loads the bodies.
+    fn loads_without_effect(&mut self) {
+        let deck = self.deck;
+        let mut any = false;
+        for (index, load) in deck.loads.iter().enumerate() {
+            let (key, is_zero, curve) = match load {
+                LoadDeck::Gravity { acceleration, curve, .. } => {
+                    ("acceleration", acceleration.iter().all(|a| *a == 0.0), curve)
+                }
+                LoadDeck::BodyForce { force, curve, .. } => ("force", force.iter().all(is_zero), curve),
+                LoadDeck::PointForce { total, curve, .. } => {
+                    ("total", total.iter().all(|f| *f == 0.0), curve)
+                }
+            };
+            let name = quote(load.name());
+            if is_zero {
+                let at = format!("/loads/{index}/{key}");
+                self.warn("D037", &at, format!("the load {name} is zero"), "");
+            } else if self.stays_zero(curve.as_ref()) {
+                let message = format!("the factor of the load {name} is zero all the time");
+                self.warn("D037", &format!("/loads/{index}/curve"), message, "");
+            } else {
+                any = true;
+            }
+        }
+        for (index, condition) in deck.boundary_conditions.iter().enumerate() {
+            let moves = [&condition.ux, &condition.uy].into_iter().flatten().any(|u| !is_zero(u));
+            if moves && self.stays_zero(condition.curve.as_ref()) {
+                let name = quote(&condition.name);
+                let message = format!("the factor of the boundary condition {name} is zero all the time");
+                self.warn("D037", &format!("/boundary_conditions/{index}/curve"), message, "");
+            }
+            any |= moves;
+        }
+        // Something that is zero has been told of already.
+        if !any && deck.loads.is_empty() {
+            let message =
+                "nothing loads the bodies: there are no loads, and no prescribed displacement but zero";
+            let help = "add `loads`, or give `ux` or `uy` in a boundary condition";
+            self.warn_at_key("D037", "/boundary_conditions", message.to_owned(), help);
+        }
+    }
+
+    /// Whether a load curve is zero throughout the analysis.
+    fn stays_zero(&self, curve: Option<&LoadCurve>) -> bool {
+        curve.is_some_and(|LoadCurve(pairs)| {
+            let end = self.deck.steps.end_time;
+            // The pair after the end has an influence unless one lies at the end itself.
+            let after = pairs.iter().position(|pair| pair[0] >= end).map_or(pairs.len(), |last| last + 1);
+            pairs[..after].iter().all(|pair| pair[1] == 0.0)
+        })
+    }
+
+    fn incompressible(&mut self) {
+        for (name, material) in &self.deck.materials {
+            let (MaterialDeck::Hencky { poisson, .. }
+            | MaterialDeck::NeoHookean { poisson, .. }
+            | MaterialDeck::VonMises { poisson, .. }) = material;
+            if *poisson >= NEARLY_INCOMPRESSIBLE {
+                let message = format!(
+                    "with Poisson's ratio {poisson} the material {} hardly changes its volume, and cells of low order \
+                     lock: they come out too stiff, with stresses that jump from point to point",
+                    quote(name)
+                );
+                let help = "stay below 0.49, or compare several grids and look at mean stresses over cells";
+                self.warn("D039", &format!("/materials/{}/poisson", escape(name)), message, help);
+            }
+        }
+    }
+
+    /// A single point in the middle of a cell does not feel the hourglass motions of its corners.
+    fn one_point_per_cell(&mut self) {
+        for (index, body) in self.deck.bodies.iter().enumerate() {
+            let (key, single) = match (&self.deck.grid, &body.points_per_cell, &body.point_spacing) {
+                (GridDeck::Gmsh { .. }, Some(counts), _) if body.points_per_triangle.is_none() => {
+                    ("points_per_cell", per_axis(counts) == [1, 1])
+                }
+                (GridDeck::Structured { .. }, Some(counts), _) => {
+                    ("points_per_cell", per_axis(counts) == [1, 1])
+                }
+                (GridDeck::Structured { spacing: cell, .. }, None, Some(spacing)) => {
+                    let (points, cell) = (per_axis(spacing), per_axis(cell));
+                    ("point_spacing", (0..2).all(|d| points[d] > 0.99 * cell[d]))
+                }
+                _ => continue,
+            };
+            if single {
+                let message = format!(
+                    "the body {} has one point per cell: nothing resists the hourglass motions of the cells",
+                    quote(&body.name)
+                );
+                let help = "use at least two points along each axis of a cell";
+                self.warn("D038", &format!("/bodies/{index}/{key}"), message, help);
+            }
+        }
+    }
+
+    /// Bodies whose whole outer layer follows a prescribed motion that their domain update does not stand. Other
+    /// motions are known only when the run shows them; its quality report then warns.
+    fn prescribed_motion(&mut self) {
+        for condition in &self.deck.boundary_conditions {
+            let Some(name) = &condition.nodes.outer_layer else { continue };
+            let Some(index) = self.deck.bodies.iter().position(|body| body.name == *name) else { continue };
+            let body = &self.deck.bodies[index];
+            let update = body.domain_update.unwrap_or_default();
+            let is_box = body.method.domain() == DomainKind::Box;
+            let Some(objection) = Objection::to(update).filter(|_| is_box) else { continue };
+            let Some(motion) = self.mean_motion(condition, body) else { continue };
+            let measure = objection.measure(&motion);
+            if measure.is_finite() && measure > objection.limit {
+                let message = format!(
+                    "the domain update `{}` does not suit the motion: where the boundary condition {} takes it, the \
+                     body {} has on average {}",
+                    update.name(),
+                    quote(&condition.name),
+                    quote(name),
+                    (objection.describe)(measure)
+                );
+                // Where it is not written down it has a default, and the body is to blame.
+                let help = "use `domain_update: corners`, which stands every motion";
+                self.warn("D044", &format!("/bodies/{index}/domain_update"), message, help);
+            }
+        }
+    }
+
+    /// Mean deformation gradient of a body when the displacement prescribed on its border is largest, from the means
+    /// over the sides of the box around it.
+    fn mean_motion(&self, condition: &BoundaryConditionDeck, body: &BodyDeck) -> Option<Mat3> {
+        let [low, high] = region::bounds(&body.shape)?;
+        let displacement: Vec<Formula> = [&condition.ux, &condition.uy]
+            .into_iter()
+            .map(|u| u.as_ref()?.at_nodes(&self.deck.parameters).ok())
+            .collect::<Option<_>>()?;
+        let factor = self.largest_factor(condition.curve.as_ref());
+        let u = |axis: usize, x: [f64; 2]| {
+            let formula = &displacement[axis];
+            let value = formula.evaluate(&[x[0], x[1], factor]);
+            if formula.depends_on(2) { value } else { value * factor }
+        };
+        const SAMPLES: usize = 16;
+        let mean = |axis: usize, side: usize, at: f64| {
+            let other = 1 - side;
+            let along = |k: usize| {
+                let mut x = [at; 2];
+                x[other] = low[other] + (high[other] - low[other]) * (k as f64 + 0.5) / SAMPLES as f64;
+                u(axis, x)
+            };
+            (0..SAMPLES).map(along).sum::<f64>() / SAMPLES as f64
+        };
+        let mut motion = Mat3::identity();
+        for axis in 0..2 {
+            for side in 0..2 {
+                let difference = mean(axis, side, high[side]) - mean(axis, side, low[side]);
+                motion[(axis, side)] += difference / (high[side] - low[side]);
+            }
+        }
+        motion.iter().all(|f| f.is_finite()).then_some(motion)
+    }
+
+    /// The load factor of largest magnitude that an analysis reaches.
+    fn largest_factor(&self, curve: Option<&LoadCurve>) -> f64 {
+        let Some(LoadCurve(pairs)) = curve else { return 1.0 };
+        let end = self.deck.steps.end_time;
+        let reached = pairs.iter().filter(|pair| pair[0] <= end).map(|pair| pair[1]);
+        reached.fold(0.0, |largest: f64, f| if f.abs() > largest.abs() { f } else { largest })
+    }
+
+    fn tolerance(&mut self) {
+        let tolerance = self.deck.solver.tolerance;
+        if tolerance > LOOSE {
+            let message = format!(
+                "with the tolerance {tolerance} a step counts as in equilibrium while {} % of its load is missing",
+                100.0 * tolerance
+            );
+            let help = "use 1e-6 or less: one more iteration, as they converge quadratically";
+            self.warn("D045", "/solver/tolerance", message, help);
+        } else if tolerance < OUT_OF_REACH {
+            let message =
+                format!("the tolerance {tolerance:e} is below round-off: hardly any step can meet it");
+            self.warn("D045", "/solver/tolerance", message, "use 1e-12 or more");
+        }
+    }
+}
+
+/// Whether an expression is zero everywhere.
+fn is_zero(expression: &Expression) -> bool {
+    match expression {
+        Expression::Number(value) => *value == 0.0,
+        Expression::Formula(text) => {
+            Formula::parse(text, &[]).ok().and_then(|f| f.as_constant()) == Some(0.0)
+        }
+    }
+}
+
+/// All expressions of a deck that may be formulas.
+fn expressions(deck: &Deck) -> impl Iterator<Item = &Expression> {
+    let displacements = deck.boundary_conditions.iter().flat_map(|c| c.ux.iter().chain(&c.uy));
+    let forces = deck.loads.iter().flat_map(|load| match load {
+        LoadDeck::BodyForce { force, intermediate, .. } => {
+            force.iter().chain(intermediate.values()).collect::<Vec<_>>()
+        }
+        _ => Vec::new(),
+    });
+    displacements.chain(forces)
+}

@@ -1,0 +1,63 @@
+//! Whether the map of a hexahedron keeps its orientation everywhere.
+
+use super::{ElementShape, MAX_NODES, adjugate};
+
+/// How often a hexahedron is divided into eight before it counts as folding.
+const MOST_DIVISIONS: usize = 5;
+
+/// The nodes of the quadratic interpolation along an axis.
+const LATTICE: usize = 3;
+
+/// Whether the determinant of the map of a hexahedron is not larger than `least` somewhere inside, [length³].
+///
+/// The determinant is a polynomial of degree two along each local axis. Where all its Bernstein coefficients are above
+/// the limit, so is the polynomial; where one of its values is not, the answer is known as well. In between, the
+/// hexahedron is divided into eight; one that is undecided to the last counts as folding.
+pub fn folds(corners: &[[f64; 3]], least: f64) -> bool {
+    if corners.len() < MAX_NODES {
+        return true;
+    }
+    let determinant = |xi: [f64; 3]| adjugate(&ElementShape::Box.jacobian(corners, xi)).1;
+    falls_below(&determinant, [0.0; 3], 1.0, least, MOST_DIVISIONS)
+}
+
+/// Whether a polynomial of degree two along each axis is not above `least` somewhere in a cube of half side `half`.
+fn falls_below(
+    polynomial: &dyn Fn([f64; 3]) -> f64,
+    centre: [f64; 3],
+    half: f64,
+    least: f64,
+    divisions: usize,
+) -> bool {
+    let number = |i: usize, j: usize, k: usize| i + LATTICE * (j + LATTICE * k);
+    let mut values = [0.0; LATTICE * LATTICE * LATTICE];
+    for k in 0..LATTICE {
+        for j in 0..LATTICE {
+            for i in 0..LATTICE {
+                let place = [i, j, k].map(|n| n as f64 - 1.0);
+                values[number(i, j, k)] = polynomial(std::array::from_fn(|d| centre[d] + half * place[d]));
+            }
+        }
+    }
+    let above = |v: &f64| *v > least;
+    if !values.iter().all(above) {
+        return true;
+    }
+    // Bernstein coefficients of a quadratic from its values at −1, 0 and 1: those at the ends are the values.
+    for axis in 0..3 {
+        let stride = LATTICE.pow(axis);
+        for first in (0..values.len()).filter(|n| n / stride % LATTICE == 0) {
+            let (low, high) = (values[first], values[first + 2 * stride]);
+            values[first + stride] = 2.0 * values[first + stride] - 0.5 * (low + high);
+        }
+    }
+    if values.iter().all(above) {
+        return false;
+    }
+    divisions == 0
+        || (0..MAX_NODES).any(|part| {
+            let side: [f64; 3] = super::corner_side(part);
+            let middle = std::array::from_fn(|d| centre[d] + 0.5 * half * side[d]);
+            falls_below(polynomial, middle, 0.5 * half, least, divisions - 1)
+        })
+}

@@ -1,0 +1,39 @@
+//! The log of a run: everything that happened, as it happened.
+
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::Context;
+
+/// A log file, each line with the seconds since the program began. Every line is in the file once it is written.
+#[derive(Debug, Clone)]
+pub struct LogFile {
+    file: Arc<File>,
+    began: Instant,
+}
+
+impl LogFile {
+    /// Starts a log afresh.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn create(path: &Path, began: Instant) -> anyhow::Result<LogFile> {
+        let file =
+            File::create(path).with_context(|| format!("the log `{}` cannot be written", path.display()))?;
+        Ok(LogFile { file: Arc::new(file), began })
+    }
+
+    /// Writes a text of one or more lines.
+    ///
+    /// # Errors
+    /// Those of the file system.
+    pub fn line(&self, text: &str) -> io::Result<()> {
+        let time = self.began.elapsed().as_secs_f64();
+        let lines: String = text.lines().map(|line| format!("{time:10.3}  {line}\n")).collect();
+        // One unbuffered write: whoever follows the file, or kills the run, meets whole lines.
+        (&*self.file).write_all(lines.as_bytes())
+    }
+}

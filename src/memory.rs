@@ -1,0 +1,199 @@
+//! The memory that this program may use, as far as the system tells.
+
+use std::path::{Path, PathBuf};
+
+/// What limits the memory of this program.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bound {
+    /// What is built into the machine.
+    Machine,
+    /// The control group that the program runs in: a container, a job of a queue.
+    ControlGroup,
+    /// The largest address space of a process, `ulimit -v`.
+    AddressSpace,
+}
+
+/// The memory that this program may use, [byte].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Memory {
+    /// All of it.
+    pub limit: u64,
+    /// What of it is not in use now.
+    pub available: u64,
+    /// What sets the limit.
+    pub bound: Bound,
+}
+
+impl Memory {
+    /// That of this machine; `None` where the system does not tell (it does on Linux).
+    pub fn of_this_machine() -> Option<Memory> {
+        Memory::read(Path::new("/"))
+    }
+
+    /// As the files of a Linux system below `root` tell: `/proc/meminfo`, the limits of the process and those of its
+    /// control groups, of either version.
+    fn read(root: &Path) -> Option<Memory> {
+        let meminfo = std::fs::read_to_string(root.join("proc/meminfo")).ok()?;
+        let limit = kibibytes(&meminfo, "MemTotal:")?;
+        let available = kibibytes(&meminfo, "MemAvailable:").unwrap_or(limit);
+        let mut memory = Memory { limit, available, bound: Bound::Machine };
+        for group in control_groups(root) {
+            if let Some(limit) = number(&group.limit) {
+                let used = number(&group.usage).unwrap_or(0);
+                memory.lower(limit, limit.saturating_sub(used), Bound::ControlGroup);
+            }
+        }
+        let limits = std::fs::read_to_string(root.join("proc/self/limits")).unwrap_or_default();
+        let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"));
+        if let Some(limit) = line.and_then(|line| line.split_whitespace().next()?.parse().ok()) {
+            memory.lower(limit, limit, Bound::AddressSpace);
+        }
+        Some(memory)
+    }
+
+    fn lower(&mut self, limit: u64, available: u64, bound: Bound) {
+        if limit < self.limit {
+            self.limit = limit;
+            self.bound = bound;
+        }
+        self.available = self.available.min(available).min(self.limit);
+    }
+}
+
+/// Resident memory of this process now, [byte]; `None` where the system does not tell.
+pub fn resident() -> Option<u64> {
+    kibibytes(&std::fs::read_to_string("/proc/self/status").ok()?, "VmRSS:")
+}
+
+/// Largest resident memory of this process so far, or since it was last counted afresh, [byte]; `None` where the
+/// system does not tell.
+pub fn peak() -> Option<u64> {
+    kibibytes(&std::fs::read_to_string("/proc/self/status").ok()?, "VmHWM:")
+}
+
+/// A line of `/proc/meminfo`, or another file of its form, [byte].
+fn kibibytes(meminfo: &str, name: &str) -> Option<u64> {
+    let line = meminfo.lines().find_map(|line| line.strip_prefix(name))?;
+    line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib.saturating_mul(1024))
+}
+
+/// The file that limits the memory of a control group, and the one that tells how much of it is used.
+struct ControlGroup {
+    limit: PathBuf,
+    usage: PathBuf,
+}
+
+/// The control groups of the process, its own and all above it.
+fn control_groups(root: &Path) -> Vec<ControlGroup> {
+    let own = std::fs::read_to_string(root.join("proc/self/cgroup")).unwrap_or_default();
+    let mut groups = Vec::new();
+    for line in own.lines() {
+        let mut parts = line.splitn(3, ':').skip(1);
+        let (Some(controllers), Some(path)) = (parts.next(), parts.next()) else { continue };
+        let (mount, limit, usage) = if controllers.is_empty() {
+            ("sys/fs/cgroup", "memory.max", "memory.current")
+        } else if controllers.split(',').any(|name| name == "memory") {
+            ("sys/fs/cgroup/memory", "memory.limit_in_bytes", "memory.usage_in_bytes")
+        } else {
+            continue;
+        };
+        for ancestor in Path::new(path.trim_start_matches('/')).ancestors() {
+            let directory = root.join(mount).join(ancestor);
+            groups.push(ControlGroup { limit: directory.join(limit), usage: directory.join(usage) });
+        }
+    }
+    groups
+}
+
+/// The number in a file; `None` where there is no limit or no file.
+fn number(path: &Path) -> Option<u64> {
+    std::fs::read_to_string(path).ok()?.trim().parse().ok()
+}
+
+/// A size in the unit that a person would choose, such as `37 GiB`.
+pub fn in_words(bytes: f64) -> String {
+    const UNITS: [&str; 4] = ["KiB", "MiB", "GiB", "TiB"];
+    let mut size = bytes / 1024.0;
+    let mut unit = 0;
+    while size >= 1000.0 && unit + 1 < UNITS.len() {
+        size /= 1024.0;
+        unit += 1;
+    }
+    let name = UNITS[unit];
+    if size < 9.95 { format!("{size:.1} {name}") } else { format!("{size:.0} {name}") }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    const GIB: u64 = 1 << 30;
+
+    /// What is read where only these files exist.
+    fn memory(files: &[(&str, &str)]) -> Option<Memory> {
+        let root = tempfile::tempdir().unwrap();
+        for (path, text) in files {
+            let path = root.path().join(path);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        }
+        Memory::read(root.path())
+    }
+
+    const MEMINFO: (&str, &str) =
+        ("proc/meminfo", "MemTotal:       16777216 kB\nMemFree: 1 kB\nMemAvailable:    8388608 kB\n");
+
+    #[test]
+    fn the_smallest_limit_counts() {
+        assert_eq!(memory(&[]), None);
+        let machine = Memory { limit: 16 * GIB, available: 8 * GIB, bound: Bound::Machine };
+        assert_eq!(memory(&[MEMINFO]), Some(machine));
+        let unlimited = [
+            MEMINFO,
+            ("proc/self/cgroup", "0::/a/b\n"),
+            ("sys/fs/cgroup/a/memory.max", "max\n"),
+            (
+                "proc/self/limits",
+                "Limit  Soft Limit  Hard Limit  Units\nMax address space  unlimited  unlimited  bytes\n",
+            ),
+        ];
+        assert_eq!(memory(&unlimited), Some(machine));
+        let container = [
+            MEMINFO,
+            ("proc/self/cgroup", "0::/a/b\n"),
+            ("sys/fs/cgroup/a/memory.max", "4294967296\n"),
+            ("sys/fs/cgroup/a/memory.current", "1073741824\n"),
+            ("sys/fs/cgroup/a/b/memory.max", "8589934592\n"),
+        ];
+        let of_group = Memory { limit: 4 * GIB, available: 3 * GIB, bound: Bound::ControlGroup };
+        assert_eq!(memory(&container), Some(of_group));
+        let older = [
+            MEMINFO,
+            ("proc/self/cgroup", "3:cpu:/x\n2:hugetlb,memory:/x\n"),
+            ("sys/fs/cgroup/memory/x/memory.limit_in_bytes", "4294967296\n"),
+        ];
+        assert_eq!(memory(&older).unwrap().limit, 4 * GIB);
+        let ulimit = [MEMINFO, ("proc/self/limits", "Max address space  2147483648  unlimited  bytes\n")];
+        let of_process = Memory { limit: 2 * GIB, available: 2 * GIB, bound: Bound::AddressSpace };
+        assert_eq!(memory(&ulimit), Some(of_process));
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn this_machine_has_memory() {
+        let memory = Memory::of_this_machine().unwrap();
+        assert!(memory.available <= memory.limit && memory.limit > 1 << 24, "{memory:?}");
+        let (resident, peak) = (resident().unwrap(), peak().unwrap());
+        assert!(1 << 20 < resident && resident <= peak && peak < memory.limit, "{resident} {peak}");
+    }
+
+    #[test]
+    fn sizes_as_a_person_would_say_them() {
+        let size = |gib: f64| in_words(gib * GIB as f64);
+        assert_eq!(size(37.2), "37 GiB");
+        assert_eq!(size(1.55), "1.6 GiB");
+        assert_eq!(size(0.5), "512 MiB");
+        assert_eq!(size(4000.0), "3.9 TiB");
+    }
+}

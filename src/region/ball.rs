@@ -1,0 +1,93 @@
+//! Circles and spheres, full and hollow.
+
+use std::f64::consts::PI;
+
+use super::line::not_positive;
+use super::vector::{dot, minus, norm};
+use super::{Intervals, Line, Primitive, ShapeError, finite, positive};
+
+/// A ball: the inside of a circle (D = 2) or a sphere (D = 3).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ball<const D: usize> {
+    center: [f64; D],
+    radius: f64,
+}
+
+impl<const D: usize> Ball<D> {
+    /// From centre and radius, [length].
+    ///
+    /// # Errors
+    /// [`ShapeError::NotFinite`], [`ShapeError::NotPositive`].
+    pub fn new(center: [f64; D], radius: f64) -> Result<Self, ShapeError> {
+        Ok(Ball { center: finite("the centre", center)?, radius: positive("the radius", radius)? })
+    }
+}
+
+impl<const D: usize> Primitive<D> for Ball<D> {
+    fn contains(&self, x: &[f64; D]) -> bool {
+        let r = minus(x, &self.center);
+        dot(&r, &r) <= self.radius * self.radius
+    }
+
+    fn extent(&self, direction: &[f64; D]) -> [f64; 2] {
+        let (middle, reach) = (dot(&self.center, direction), self.radius * norm(direction));
+        [middle - reach, middle + reach]
+    }
+
+    fn volume(&self) -> f64 {
+        let r = self.radius;
+        // π r², 4/3 π r³; of a line 2 r.
+        match D {
+            1 => 2.0 * r,
+            2 => PI * r * r,
+            _ => 4.0 / 3.0 * PI * r * r * r,
+        }
+    }
+
+    fn intervals(&self, line: &Line<D>) -> Intervals {
+        let r = minus(&line.origin, &self.center);
+        let a = dot(&line.direction, &line.direction);
+        not_positive(a, dot(&r, &line.direction), dot(&r, &r) - self.radius * self.radius)
+    }
+
+    fn is_convex(&self) -> bool {
+        true
+    }
+}
+
+/// What lies between two balls with one centre: an annulus (D = 2) or a hollow sphere (D = 3).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HollowBall<const D: usize> {
+    outer: Ball<D>,
+    inner: Ball<D>,
+}
+
+impl<const D: usize> HollowBall<D> {
+    /// From centre, inner and outer radius, [length].
+    ///
+    /// # Errors
+    /// [`ShapeError::NotFinite`], [`ShapeError::NotPositive`] for the inner radius and the thickness.
+    pub fn new(center: [f64; D], inner: f64, outer: f64) -> Result<Self, ShapeError> {
+        positive("the thickness", outer - inner)?;
+        Ok(HollowBall { outer: Ball::new(center, outer)?, inner: Ball::new(center, inner)? })
+    }
+}
+
+impl<const D: usize> Primitive<D> for HollowBall<D> {
+    fn contains(&self, x: &[f64; D]) -> bool {
+        let r = minus(x, &self.inner.center);
+        self.outer.contains(x) && dot(&r, &r) >= self.inner.radius * self.inner.radius
+    }
+
+    fn extent(&self, direction: &[f64; D]) -> [f64; 2] {
+        self.outer.extent(direction)
+    }
+
+    fn volume(&self) -> f64 {
+        self.outer.volume() - self.inner.volume()
+    }
+
+    fn intervals(&self, line: &Line<D>) -> Intervals {
+        self.outer.intervals(line).minus(&self.inner.intervals(line))
+    }
+}

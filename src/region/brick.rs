@@ -1,0 +1,57 @@
+//! Boxes with sides along the axes.
+
+use super::{Bounds, Intervals, Line, Primitive, ShapeError, corners, finite, positive};
+
+/// A box (in the plane a rectangle) with sides along the axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Brick<const D: usize> {
+    bounds: Bounds<D>,
+}
+
+impl<const D: usize> Brick<D> {
+    /// From the lowest and the highest corner, [length].
+    ///
+    /// # Errors
+    /// [`ShapeError::NotFinite`], [`ShapeError::NotPositive`] when a side is.
+    pub fn new(min: [f64; D], max: [f64; D]) -> Result<Self, ShapeError> {
+        finite("the lowest corner", min)?;
+        finite("the highest corner", max)?;
+        for d in 0..D {
+            positive("the side of the box", max[d] - min[d])?;
+        }
+        Ok(Brick { bounds: [min, max] })
+    }
+}
+
+impl<const D: usize> Primitive<D> for Brick<D> {
+    fn contains(&self, x: &[f64; D]) -> bool {
+        (0..D).all(|d| self.bounds[0][d] <= x[d] && x[d] <= self.bounds[1][d])
+    }
+
+    fn extent(&self, direction: &[f64; D]) -> [f64; 2] {
+        let mut extent = [0.0; 2];
+        for d in 0..D {
+            let (a, b) = (direction[d] * self.bounds[0][d], direction[d] * self.bounds[1][d]);
+            extent[0] += a.min(b);
+            extent[1] += a.max(b);
+        }
+        extent
+    }
+
+    fn volume(&self) -> f64 {
+        (0..D).map(|d| self.bounds[1][d] - self.bounds[0][d]).product()
+    }
+
+    fn intervals(&self, line: &Line<D>) -> Intervals {
+        let slab = |d: usize| line.slab(d, self.bounds[0][d], self.bounds[1][d]);
+        (1..D).fold(slab(0), |inside, d| inside.intersection(&slab(d)))
+    }
+
+    fn is_convex(&self) -> bool {
+        true
+    }
+
+    fn corners(&self) -> Vec<[f64; D]> {
+        corners(&self.bounds).collect()
+    }
+}

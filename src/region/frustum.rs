@@ -1,0 +1,89 @@
+//! Cylinders and cones.
+
+use std::f64::consts::PI;
+
+use super::line::{between, not_positive};
+use super::vector::{along, dot, minus, norm};
+use super::{Intervals, Line, Primitive, ShapeError, finite, positive};
+
+/// A right circular cylinder, cone or truncated cone between two centres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frustum {
+    start: [f64; 3],
+    axis: [f64; 3], // unit vector
+    height: f64,
+    radii: [f64; 2],
+}
+
+impl Frustum {
+    /// From the centres of the two ends and the radii there, [length]; one radius may be zero, which makes a cone.
+    ///
+    /// # Errors
+    /// [`ShapeError::NotFinite`]; [`ShapeError::NotPositive`] for the height, a negative radius or both radii zero.
+    pub fn new(start: [f64; 3], end: [f64; 3], radii: [f64; 2]) -> Result<Self, ShapeError> {
+        finite("the centre of an end", start)?;
+        finite("the centre of an end", end)?;
+        finite("the radius", radii)?;
+        let axis = minus(&end, &start);
+        let height = positive("the height", norm(&axis))?;
+        positive("the radius", radii[0].max(radii[1]))?;
+        if let Some(&value) = radii.iter().find(|r| **r < 0.0) {
+            return Err(ShapeError::NotPositive { what: "the radius", value });
+        }
+        Ok(Frustum { start, axis: axis.map(|x| x / height), height, radii })
+    }
+
+    /// A cylinder from the centres of its ends and its radius, [length].
+    ///
+    /// # Errors
+    /// As [`Frustum::new`].
+    pub fn cylinder(start: [f64; 3], end: [f64; 3], radius: f64) -> Result<Self, ShapeError> {
+        Self::new(start, end, [radius; 2])
+    }
+
+    /// Change of the radius along the axis, [-].
+    fn slope(&self) -> f64 {
+        (self.radii[1] - self.radii[0]) / self.height
+    }
+
+    /// A vector from the start: its part along the axis and its part across.
+    fn split(&self, x: &[f64; 3]) -> (f64, [f64; 3]) {
+        let h = dot(x, &self.axis);
+        (h, along(x, -h, &self.axis))
+    }
+}
+
+impl Primitive<3> for Frustum {
+    fn contains(&self, x: &[f64; 3]) -> bool {
+        let (h, across) = self.split(&minus(x, &self.start));
+        let radius = self.radii[0] + self.slope() * h;
+        0.0 <= h && h <= self.height && dot(&across, &across) <= radius * radius
+    }
+
+    fn extent(&self, direction: &[f64; 3]) -> [f64; 2] {
+        let (along_axis, across) = self.split(direction);
+        let (foot, reach) = (dot(&self.start, direction), norm(&across));
+        let top = foot + self.height * along_axis;
+        let [a, b] = self.radii.map(|r| r * reach);
+        [(foot - a).min(top - b), (foot + a).max(top + b)]
+    }
+
+    fn volume(&self) -> f64 {
+        let [a, b] = self.radii;
+        PI * self.height / 3.0 * (a * a + a * b + b * b)
+    }
+
+    fn intervals(&self, line: &Line<3>) -> Intervals {
+        let (h, w) = self.split(&minus(&line.origin, &self.start));
+        let (dh, dw) = self.split(&line.direction);
+        let slope = self.slope();
+        let (r, dr) = (self.radii[0] + slope * h, slope * dh);
+        let inside = not_positive(dot(&dw, &dw) - dr * dr, dot(&w, &dw) - r * dr, dot(&w, &w) - r * r);
+        // The slab leaves one of the two nappes of the cone.
+        inside.intersection(&between(h, dh, 0.0, self.height))
+    }
+
+    fn is_convex(&self) -> bool {
+        true
+    }
+}

@@ -1,0 +1,158 @@
+//! Polygons in the plane.
+
+use robust::{Coord, orient2d};
+
+use super::vector::{dot, minus};
+use super::{Intervals, Line, Primitive, ShapeError, finite, positive};
+
+/// Above this number, corners of the border are too many to be of use as places where integrals have kinks.
+const MOST_CORNERS: usize = 64;
+
+/// A simple polygon.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Polygon {
+    corners: Vec<[f64; 2]>,
+}
+
+impl Polygon {
+    /// From its corners in order around it, either way, [length]. It closes by itself.
+    ///
+    /// # Errors
+    /// [`ShapeError::Corners`], [`ShapeError::NotFinite`], [`ShapeError::SelfCrossing`]; [`ShapeError::NotPositive`]
+    /// when it has no area.
+    pub fn new(corners: Vec<[f64; 2]>) -> Result<Self, ShapeError> {
+        if corners.len() < 3 {
+            return Err(ShapeError::Corners { corners: corners.len() });
+        }
+        for &corner in &corners {
+            finite("a corner", corner)?;
+        }
+        if let Some(sides) = crossing_sides(&corners) {
+            return Err(ShapeError::SelfCrossing { sides });
+        }
+        let polygon = Polygon { corners };
+        positive("the area", polygon.volume())?;
+        Ok(polygon)
+    }
+
+    /// The corners, [length].
+    pub fn vertices(&self) -> &[[f64; 2]] {
+        &self.corners
+    }
+
+    fn sides(&self) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
+        let next = self.corners.iter().cycle().skip(1);
+        self.corners.iter().zip(next).map(|(a, b)| (*a, *b))
+    }
+}
+
+impl Primitive<2> for Polygon {
+    fn contains(&self, x: &[f64; 2]) -> bool {
+        self.sides().filter(|(a, b)| passes_right_of(a, b, x)).count() % 2 == 1
+    }
+
+    fn extent(&self, direction: &[f64; 2]) -> [f64; 2] {
+        extent_of(&self.corners, direction)
+    }
+
+    fn volume(&self) -> f64 {
+        let about = self.corners[0];
+        let twice = |(a, b): ([f64; 2], [f64; 2])| {
+            let (a, b) = (minus(&a, &about), minus(&b, &about));
+            a[0] * b[1] - a[1] * b[0]
+        };
+        0.5 * self.sides().map(twice).sum::<f64>().abs()
+    }
+
+    fn intervals(&self, line: &Line<2>) -> Intervals {
+        let Line { origin, direction } = line;
+        let squared = dot(direction, direction);
+        if squared == 0.0 {
+            return if self.contains(origin) { Intervals::whole() } else { Intervals::default() };
+        }
+        // Place across and along the line. Every corner is on one side or the other, so the crossings come in pairs.
+        let place = |x: [f64; 2]| {
+            let r = minus(&x, origin);
+            (direction[0] * r[1] - direction[1] * r[0], dot(direction, &r) / squared)
+        };
+        let crossing = |(a, b): ([f64; 2], [f64; 2])| {
+            let ((u, s), (v, t)) = (place(a), place(b));
+            ((u > 0.0) != (v > 0.0)).then(|| s + (t - s) * (u / (u - v)))
+        };
+        Intervals::from_crossings(self.sides().filter_map(crossing).collect())
+    }
+
+    fn corners(&self) -> Vec<[f64; 2]> {
+        if self.corners.len() <= MOST_CORNERS { self.corners.clone() } else { Vec::new() }
+    }
+}
+
+/// Least and greatest x · direction of some positions.
+pub(super) fn extent_of<const D: usize>(positions: &[[f64; D]], direction: &[f64; D]) -> [f64; 2] {
+    positions
+        .iter()
+        .map(|x| dot(x, direction))
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+}
+
+/// Whether the side from `a` to `b` crosses the ray from `x` along the first axis.
+///
+/// A ray through a corner counts as passing just above it and one from a side as starting just to the right of it;
+/// decided exactly and the same way for both directions of the side, so that a position is in exactly one of the
+/// parts of a divided polygon.
+pub(super) fn passes_right_of(a: &[f64; 2], b: &[f64; 2], x: &[f64; 2]) -> bool {
+    if (a[1] > x[1]) == (b[1] > x[1]) {
+        return false;
+    }
+    let (low, high) = if a[1] < b[1] { (a, b) } else { (b, a) };
+    turn(low, high, x) > 0.0
+}
+
+/// Above zero when a, b, c go round against the clock; exact in sign.
+pub(super) fn turn(a: &[f64; 2], b: &[f64; 2], c: &[f64; 2]) -> f64 {
+    let at = |x: &[f64; 2]| Coord { x: x[0], y: x[1] };
+    orient2d(at(a), at(b), at(c))
+}
+
+/// Two sides of a closed polygon that have a position in common which they should not have, by the numbers of their
+/// first corners; neighbours have only their corner. Exact.
+pub fn crossing_sides(x: &[[f64; 2]]) -> Option<[usize; 2]> {
+    let n = x.len();
+    let end = |k: usize| (k + 1) % n;
+    let left = |k: usize| x[k][0].min(x[end(k)][0]);
+    let right = |k: usize| x[k][0].max(x[end(k)][0]);
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|&a, &b| left(a).total_cmp(&left(b)));
+    for (place, &a) in order.iter().enumerate() {
+        for &b in order[place + 1..].iter().take_while(|&&b| left(b) <= right(a)) {
+            let meet = if end(a) == b {
+                folds(&x[a], &x[b], &x[end(b)])
+            } else if end(b) == a {
+                folds(&x[b], &x[a], &x[end(a)])
+            } else {
+                segments_meet([&x[a], &x[end(a)]], [&x[b], &x[end(b)]])
+            };
+            if meet {
+                return Some([a.min(b), a.max(b)]);
+            }
+        }
+    }
+    None
+}
+
+/// Whether the side from b to c goes back over the one from a to b, or one of them has no length.
+fn folds(a: &[f64; 2], b: &[f64; 2], c: &[f64; 2]) -> bool {
+    a == b || b == c || (turn(a, b, c) == 0.0 && dot(&minus(b, a), &minus(c, b)) <= 0.0)
+}
+
+/// Whether two segments have a position in common; exact.
+pub(super) fn segments_meet([a, b]: [&[f64; 2]; 2], [c, d]: [&[f64; 2]; 2]) -> bool {
+    let apart = |i: usize| a[i].max(b[i]) < c[i].min(d[i]) || c[i].max(d[i]) < a[i].min(b[i]);
+    let sides = |p, q, r, s| opposite(turn(p, q, r), turn(p, q, s));
+    !apart(0) && !apart(1) && sides(a, b, c, d) && sides(c, d, a, b)
+}
+
+/// Whether two numbers are not of the same sign; their product may vanish by underflow.
+pub(super) fn opposite(a: f64, b: f64) -> bool {
+    !(a > 0.0 && b > 0.0 || a < 0.0 && b < 0.0)
+}

@@ -1,0 +1,335 @@
+//! Reader of STL files, text and binary.
+//!
+//! A file is binary when its size is that which its count of facets demands, whatever its first word is: many binary
+//! files begin with `solid`. Coordinates of texts are read in double precision, and units are as given. Normals and
+//! attributes are ignored: the order of the corners says what is outside. All solids of a file make one surface.
+
+use std::path::Path;
+
+use super::surface::Triangle;
+
+/// The largest file that is read: some 20 million facets.
+const MAX_BYTES: u64 = 1 << 30;
+
+/// Bytes of a binary file before the count of facets, with the count, and of one facet.
+const HEADER: usize = 80;
+const BEFORE_FACETS: usize = HEADER + 4;
+const FACET: usize = 50;
+
+/// Why an STL file cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum StlError {
+    /// The file cannot be opened or read.
+    #[error("{0}")]
+    Io(#[from] std::io::Error),
+    /// A directory or a device.
+    #[error("it is not a file")]
+    NotAFile,
+    /// The file is larger than any surface that can be used.
+    #[error("the file has {bytes} bytes; at most {MAX_BYTES} are possible")]
+    TooLarge {
+        /// Size of the file.
+        bytes: u64,
+    },
+    /// The file is something else.
+    #[error("not an STL file: it does not begin with `solid` and is too short for a binary one")]
+    NotStl,
+    /// A binary file is shorter or longer than its count of facets demands.
+    #[error("the header announces {announced} facets, which take {needed} bytes, but the file has {bytes}")]
+    Size {
+        /// Number of facets by the header.
+        announced: u32,
+        /// Bytes that those facets need.
+        needed: u64,
+        /// Bytes of the file.
+        bytes: usize,
+    },
+    /// Something else stands where the format demands a certain word.
+    #[error("line {line}: expected {expected}, found {found}")]
+    Expected {
+        /// Line, from 1.
+        line: usize,
+        /// What the format demands.
+        expected: &'static str,
+        /// What stands there, shortened.
+        found: String,
+    },
+    /// A text ends too early.
+    #[error("the file ends in line {line}, where {expected} is missing")]
+    Truncated {
+        /// Last line, from 1.
+        line: usize,
+        /// What is missing.
+        expected: &'static str,
+    },
+    /// A coordinate is infinite or not a number.
+    #[error("facet {facet}: a coordinate of corner {corner} is not finite")]
+    NotFinite {
+        /// Number of the facet, from 1.
+        facet: usize,
+        /// Number of its corner, 1 to 3.
+        corner: usize,
+    },
+    /// The file has no facets.
+    #[error("the file has no facets")]
+    NoFacets,
+}
+
+/// Reads an STL file from the disk.
+///
+/// # Errors
+/// [`StlError::Io`] when the file cannot be read, [`StlError::NotAFile`], [`StlError::TooLarge`], otherwise as [`read`].
+pub fn read_file(path: &Path) -> Result<Vec<Triangle>, StlError> {
+    // A device or a pipe may never end.
+    let about = std::fs::metadata(path)?;
+    if !about.is_file() {
+        return Err(StlError::NotAFile);
+    }
+    if about.len() > MAX_BYTES {
+        return Err(StlError::TooLarge { bytes: about.len() });
+    }
+    read(&std::fs::read(path)?)
+}
+
+/// The facets of an STL file in its order, with finite coordinates, [length]. Takes memory in proportion to the file.
+///
+/// # Errors
+/// [`StlError`], but for those of [`read_file`].
+pub fn read(bytes: &[u8]) -> Result<Vec<Triangle>, StlError> {
+    let facets = match (announced(bytes), is_text(bytes)) {
+        (Some(n), _) if bytes.len() as u64 == size(n) => binary(bytes),
+        (_, true) => text(bytes)?,
+        (Some(n), false) => {
+            return Err(StlError::Size { announced: n, needed: size(n), bytes: bytes.len() });
+        }
+        (None, false) => return Err(StlError::NotStl),
+    };
+    if facets.is_empty() {
+        return Err(StlError::NoFacets);
+    }
+    for (k, facet) in facets.iter().enumerate() {
+        if let Some(corner) = facet.iter().position(|x| !x.iter().all(|x| x.is_finite())) {
+            return Err(StlError::NotFinite { facet: k + 1, corner: corner + 1 });
+        }
+    }
+    Ok(facets)
+}
+
+/// The count of facets at the head of a binary file.
+fn announced(bytes: &[u8]) -> Option<u32> {
+    bytes.get(HEADER..)?.first_chunk().map(|count| u32::from_le_bytes(*count))
+}
+
+/// Size of a binary file.
+fn size(facets: u32) -> u64 {
+    BEFORE_FACETS as u64 + FACET as u64 * u64::from(facets)
+}
+
+/// Whether a file that is no whole binary one begins like a text: with `solid`, and no byte of its first part is one
+/// that texts do not have.
+fn is_text(bytes: &[u8]) -> bool {
+    let start = without_mark(bytes).trim_ascii_start();
+    let begins = start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
+    begins && !bytes.iter().take(10 * BEFORE_FACETS).any(|byte| *byte == 0)
+}
+
+/// The bytes after the byte order mark, which some editors set.
+fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
+}
+
+fn binary(bytes: &[u8]) -> Vec<Triangle> {
+    let number = |bytes: &[u8; 4]| f64::from(f32::from_le_bytes(*bytes));
+    let (facets, _) = bytes[BEFORE_FACETS..].as_chunks::<FACET>();
+    let corners = |facet: &[u8; FACET]| -> Triangle {
+        // The normal comes first, the attribute last.
+        let (numbers, _) = facet[12..48].as_chunks::<4>();
+        std::array::from_fn(|corner| std::array::from_fn(|d| number(&numbers[3 * corner + d])))
+    };
+    facets.iter().map(corners).collect()
+}
+
+/// The words of a text.
+struct Words<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    line: usize,
+}
+
+impl<'a> Words<'a> {
+    /// The next word, if there is one.
+    fn next(&mut self) -> Option<&'a [u8]> {
+        while let Some(byte) = self.bytes.get(self.at).filter(|byte| byte.is_ascii_whitespace()) {
+            self.line += usize::from(*byte == b'\n');
+            self.at += 1;
+        }
+        let rest = &self.bytes[self.at..];
+        let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
+        self.at += length;
+        (length > 0).then(|| &rest[..length])
+    }
+
+    /// Goes to the end of the line.
+    fn skip_line(&mut self) {
+        let rest = &self.bytes[self.at..];
+        self.at += rest.iter().position(|byte| *byte == b'\n').unwrap_or(rest.len());
+    }
+
+    fn required(&mut self, expected: &'static str) -> Result<&'a [u8], StlError> {
+        self.next().ok_or(StlError::Truncated { line: self.line, expected })
+    }
+
+    fn not(&self, expected: &'static str, found: &[u8]) -> StlError {
+        let found = format!("`{}`", found[..found.len().min(30)].escape_ascii());
+        StlError::Expected { line: self.line, expected, found }
+    }
+
+    fn keyword(&mut self, expected: &'static str) -> Result<(), StlError> {
+        let word = self.required(expected)?;
+        if word.eq_ignore_ascii_case(expected.as_bytes()) { Ok(()) } else { Err(self.not(expected, word)) }
+    }
+
+    fn number(&mut self) -> Result<f64, StlError> {
+        let word = self.required("a number")?;
+        let number = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
+        number.ok_or_else(|| self.not("a number", word))
+    }
+}
+
+fn text(bytes: &[u8]) -> Result<Vec<Triangle>, StlError> {
+    let mut words = Words { bytes: without_mark(bytes), at: 0, line: 1 };
+    let mut facets = Vec::new();
+    words.keyword("solid")?;
+    loop {
+        // The name of the solid is the rest of the line.
+        words.skip_line();
+        loop {
+            let word = words.required("facet or endsolid")?;
+            if word.eq_ignore_ascii_case(b"facet") {
+                facets.push(facet(&mut words)?);
+            } else if word.eq_ignore_ascii_case(b"endsolid") {
+                break;
+            } else {
+                return Err(words.not("facet or endsolid", word));
+            }
+        }
+        words.skip_line();
+        match words.next() {
+            None => return Ok(facets),
+            Some(word) if word.eq_ignore_ascii_case(b"solid") => {}
+            Some(word) => return Err(words.not("solid or the end of the file", word)),
+        }
+    }
+}
+
+/// A facet after its first word.
+fn facet(words: &mut Words<'_>) -> Result<Triangle, StlError> {
+    words.keyword("normal")?;
+    for _ in 0..3 {
+        // Whatever it is: programs write `nan` where they cannot form a normal.
+        words.required("the normal of a facet")?;
+    }
+    words.keyword("outer")?;
+    words.keyword("loop")?;
+    let mut triangle = [[0.0; 3]; 3];
+    for corner in &mut triangle {
+        words.keyword("vertex")?;
+        for x in corner {
+            *x = words.number()?;
+        }
+    }
+    words.keyword("endloop")?;
+    words.keyword("endfacet")?;
+    Ok(triangle)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "solid two words\n  facet normal nan 0 0\n    outer loop\n      vertex 0 0 0.1\n      \
+        vertex 1e0 0 0\n      vertex 0 1.5E-3 0\n    endloop\n  endfacet\nendsolid two words\n";
+
+    fn binary_file(header: &[u8], count: u32, facets: &[[f32; 9]]) -> Vec<u8> {
+        let mut bytes = header.to_vec();
+        bytes.resize(HEADER, b' ');
+        bytes.extend(count.to_le_bytes());
+        for facet in facets {
+            bytes.extend([0; 12]);
+            bytes.extend(facet.iter().flat_map(|x| x.to_le_bytes()));
+            bytes.extend([7, 0]);
+        }
+        bytes
+    }
+
+    fn message(bytes: &[u8]) -> String {
+        read(bytes).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn texts_are_read_in_double_precision_and_any_layout() {
+        let facet = [[0.0, 0.0, 0.1], [1.0, 0.0, 0.0], [0.0, 1.5e-3, 0.0]];
+        assert_eq!(read(TEXT.as_bytes()).unwrap(), [facet]);
+        let layouts = [
+            format!("\u{feff}{TEXT}"),
+            TEXT.replace('\n', "\r\n"),
+            TEXT.to_uppercase().replace("NAN", "-nan(ind)"),
+            TEXT.replace(" two words", ""),
+        ];
+        for layout in layouts {
+            assert_eq!(read(layout.as_bytes()).unwrap(), [facet], "{layout}");
+        }
+        assert_eq!(read(TEXT.repeat(2).as_bytes()).unwrap(), [facet; 2]);
+    }
+
+    #[test]
+    fn a_binary_file_may_begin_like_a_text() {
+        let corners = [0.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0, 1.5, 0.0];
+        for header in ["solid facet", "", "COLOR="] {
+            let facets = read(&binary_file(header.as_bytes(), 1, &[corners])).unwrap();
+            assert_eq!(facets, [[[0.0, 0.0, 0.5], [1.0, 0.0, 0.0], [0.0, 1.5, 0.0]]]);
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_file_has_a_place() {
+        let corners = [0.0; 9];
+        let lying = binary_file(b"", u32::MAX, &[corners]);
+        assert_eq!(
+            message(&lying),
+            "the header announces 4294967295 facets, which take 214748364834 bytes, but the file has 134"
+        );
+        assert!(message(&binary_file(b"solid", 2, &[corners])).contains("announces 2 facets"));
+        let mut longer = binary_file(b"", 1, &[corners]);
+        longer.push(0);
+        assert!(message(&longer).contains("announces 1 facets"));
+        assert_eq!(message(&binary_file(b"", 0, &[])), "the file has no facets");
+        let mut strange = corners;
+        strange[5] = f32::NAN;
+        assert_eq!(
+            message(&binary_file(b"", 2, &[corners, strange])),
+            "facet 2: a coordinate of corner 2 is not finite"
+        );
+        assert!(message(b"").contains("not an STL file") && message(b"ply\n").contains("not an STL file"));
+        assert_eq!(message(b"solid\nendsolid"), "the file has no facets");
+        assert_eq!(
+            message(TEXT.replace("0 0 0.1", "0 0 0,1").as_bytes()),
+            "line 4: expected a number, found `0,1`"
+        );
+        assert_eq!(
+            message(TEXT.replace("endloop", "vertex").as_bytes()),
+            "line 7: expected endloop, found `vertex`"
+        );
+        assert_eq!(
+            message(TEXT.replace("1e0", "inf").as_bytes()),
+            "facet 1: a coordinate of corner 2 is not finite"
+        );
+        assert_eq!(
+            message(TEXT.split("endfacet").next().unwrap().as_bytes()),
+            "the file ends in line 8, where endfacet is missing"
+        );
+        assert!(message(format!("{TEXT}rubbish").as_bytes()).contains("line 10: expected solid or the end"));
+        assert!(matches!(read_file(Path::new("/")), Err(StlError::NotAFile)));
+        assert!(matches!(read_file(Path::new("/no such file")), Err(StlError::Io(_))));
+    }
+}

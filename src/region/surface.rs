@@ -1,0 +1,194 @@
+//! Closed surfaces of triangles.
+//!
+//! All decisions on which side something lies are exact ([`robust`]): whether facets cross, whether a position is
+//! inside. Lengths and volumes have round-off only.
+
+mod box_tree;
+mod closed;
+mod crossing;
+mod error;
+mod inside;
+mod weld;
+
+use std::fmt;
+
+use robust::{Coord3D, orient3d};
+
+use super::vector::{cross, dot, minus};
+use super::{Intervals, Line, Primitive};
+use box_tree::BoxTree;
+
+pub use error::{EdgeReport, FacetReport, SurfaceError};
+
+/// Corners of a triangle, against the clock seen from outside, [length].
+pub type Triangle = [[f64; 3]; 3];
+
+/// Coordinates beyond this could overflow in exact predicates.
+const LARGEST: f64 = 1e60;
+
+/// A closed surface of triangles that does not cross itself, and what it encloses. It may have several shells, side
+/// by side or one in a cavity of another.
+#[derive(Clone)]
+pub struct Surface {
+    /// The facets, in the order of the tree.
+    triangles: Vec<Triangle>,
+    tree: BoxTree,
+    volume: f64,
+    shells: usize,
+    welded: usize,
+}
+
+impl Surface {
+    /// From triangles in any order, with corners against the clock seen from outside, [length].
+    ///
+    /// Corners are the same where their coordinates are equal. Where edges stay open, corners at them are merged when
+    /// they are within 10⁻⁶ of the size of the surface; see [`Surface::welded`]. A surface that is inside out is
+    /// refused, not turned: it cannot be told from the cavity of a body that is missing.
+    ///
+    /// # Errors
+    /// All of [`SurfaceError`].
+    pub fn new(triangles: &[Triangle]) -> Result<Self, SurfaceError> {
+        check_numbers(triangles)?;
+        let mut facets = weld::by_equality(triangles);
+        check_areas(triangles, &facets)?;
+        let mut welded = 0;
+        if closed::has_open_edges(&facets.corners) {
+            welded = weld::by_distance(&mut facets);
+            check_areas(triangles, &facets)?;
+        }
+        let shells = closed::shells(&facets)?;
+        let in_order_of_file = facets.triangles();
+        let tree = BoxTree::new(&in_order_of_file);
+        crossing::check(&facets, &tree)?;
+        let ordered = tree.ordered(&in_order_of_file);
+        let shell_of = tree.ordered(&shells.of_facet);
+        inside::check_orientation(&facets, &shells, &ordered, &tree, &shell_of)?;
+        let volume = volume(&ordered);
+        Ok(Surface { triangles: ordered, tree, volume, shells: shells.number, welded })
+    }
+
+    /// Number of facets.
+    pub fn facets(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Number of shells: parts of the surface that are not connected by edges.
+    pub fn shells(&self) -> usize {
+        self.shells
+    }
+
+    /// Number of corners that were merged with others nearby because edges were open.
+    pub fn welded(&self) -> usize {
+        self.welded
+    }
+}
+
+impl fmt::Debug for Surface {
+    /// Without the facets, of which there may be many.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut surface = f.debug_struct("Surface");
+        surface
+            .field("facets", &self.facets())
+            .field("bounds", &self.tree.bounds())
+            .field("volume", &self.volume);
+        surface.finish_non_exhaustive()
+    }
+}
+
+impl Primitive<3> for Surface {
+    /// Exact; a position on the surface may count as inside or outside.
+    fn contains(&self, x: &[f64; 3]) -> bool {
+        inside::winding(&self.triangles, &self.tree, x) != 0
+    }
+
+    fn extent(&self, direction: &[f64; 3]) -> [f64; 2] {
+        super::polygon::extent_of(self.triangles.as_flattened(), direction)
+    }
+
+    fn volume(&self) -> f64 {
+        self.volume
+    }
+
+    fn intervals(&self, line: &Line<3>) -> Intervals {
+        inside::intervals(&self.triangles, &self.tree, line)
+    }
+
+    fn corners(&self) -> Vec<[f64; 3]> {
+        // A corner stands in some six facets.
+        if self.triangles.len() <= 64 { self.triangles.as_flattened().to_vec() } else { Vec::new() }
+    }
+}
+
+/// Triangles by the numbers of their corners.
+struct Facets {
+    positions: Vec<[f64; 3]>,
+    corners: Vec<[u32; 3]>,
+}
+
+impl Facets {
+    fn triangle(&self, facet: usize) -> Triangle {
+        self.corners[facet].map(|corner| self.positions[corner as usize])
+    }
+
+    fn triangles(&self) -> Vec<Triangle> {
+        (0..self.corners.len()).map(|facet| self.triangle(facet)).collect()
+    }
+
+    fn report(&self, facet: usize) -> FacetReport {
+        FacetReport { facet: facet + 1, corners: self.triangle(facet) }
+    }
+}
+
+fn check_numbers(triangles: &[Triangle]) -> Result<(), SurfaceError> {
+    let strange = |t: &Triangle| t.as_flattened().iter().any(|x| !x.is_finite() || x.abs() > LARGEST);
+    if triangles.len() < 4 {
+        return Err(SurfaceError::TooFewFacets { facets: triangles.len() });
+    }
+    if u32::try_from(triangles.len() * 3).is_err() {
+        return Err(SurfaceError::TooManyFacets { facets: triangles.len() });
+    }
+    match triangles.iter().position(strange) {
+        Some(facet) => {
+            Err(SurfaceError::NotANumber { at: FacetReport { facet: facet + 1, corners: triangles[facet] } })
+        }
+        None => Ok(()),
+    }
+}
+
+/// Refuses facets whose corners are on a line; `triangles` are for the report.
+fn check_areas(triangles: &[Triangle], facets: &Facets) -> Result<(), SurfaceError> {
+    let flat: Vec<usize> = (0..triangles.len())
+        .filter(|&facet| crossing::plane_axis(&facets.triangle(facet)).is_none())
+        .collect();
+    let report = |&facet: &usize| FacetReport { facet: facet + 1, corners: triangles[facet] };
+    match flat.len() {
+        0 => Ok(()),
+        n => Err(SurfaceError::Degenerate { n, first: flat.iter().take(error::SHOWN).map(report).collect() }),
+    }
+}
+
+/// Enclosed volume by the divergence theorem: the sum of signed tetrahedra over the facets.
+fn volume(triangles: &[Triangle]) -> f64 {
+    // About a corner of the surface: far from the origin the tetrahedra would be large and cancel.
+    let about = triangles[0][0];
+    let six_times = |t: &Triangle| {
+        let [a, b, c] = t.map(|x| minus(&x, &about));
+        dot(&a, &cross(&b, &c))
+    };
+    triangles.iter().map(six_times).sum::<f64>() / 6.0
+}
+
+/// Above zero when x lies on the inner side of a facet, zero in its plane; exact in sign.
+fn depth(t: &Triangle, x: &[f64; 3]) -> f64 {
+    // The exact decision is slow where all is in a plane; across an axis it is plain.
+    if (0..3).any(|d| t.iter().all(|corner| corner[d] == x[d])) {
+        return 0.0;
+    }
+    let at = |x: &[f64; 3]| Coord3D { x: x[0], y: x[1], z: x[2] };
+    orient3d(at(&t[0]), at(&t[1]), at(&t[2]), at(x))
+}
+
+#[cfg(test)]
+mod damage;
+#[cfg(test)]
+pub(super) mod tests;

@@ -1,0 +1,121 @@
+//! Whether facets of a surface cross or touch each other beyond the corners and edges that join them; exact.
+
+use rayon::prelude::*;
+
+use super::box_tree::{BoxTree, bounds};
+use super::{Facets, SurfaceError, Triangle, depth};
+use crate::region::Bounds;
+use crate::region::polygon::{opposite, segments_meet, turn};
+
+/// Refuses a surface of which two facets cross or touch.
+pub(super) fn check(facets: &Facets, tree: &BoxTree) -> Result<(), SurfaceError> {
+    let crossed_by = |facet: usize| {
+        let triangle = facets.triangle(facet);
+        let around = bounds(&triangle);
+        let mut first: Option<usize> = None;
+        tree.visit(
+            |other| overlap(other, &around),
+            |place| {
+                let other = tree.order[place] as usize;
+                if other > facet && first.is_none_or(|first| other < first) {
+                    let pair = [facets.corners[facet], facets.corners[other]];
+                    let there = facets.triangle(other);
+                    if overlap(&bounds(&there), &around) && meet(pair, [&triangle, &there]) {
+                        first = Some(other);
+                    }
+                }
+            },
+        );
+        first.map(|other| [facet, other])
+    };
+    match (0..facets.corners.len()).into_par_iter().find_map_first(crossed_by) {
+        None => Ok(()),
+        Some(pair) => {
+            let [a, b] = pair.map(|facet| bounds(&facets.triangle(facet)));
+            let near = std::array::from_fn(|d| 0.5 * (a[0][d].max(b[0][d]) + a[1][d].min(b[1][d])));
+            Err(SurfaceError::Crossing { near, facets: Box::new(pair.map(|facet| facets.report(facet))) })
+        }
+    }
+}
+
+fn overlap(a: &Bounds<3>, b: &Bounds<3>) -> bool {
+    (0..3).all(|d| a[0][d] <= b[1][d] && b[0][d] <= a[1][d])
+}
+
+/// Whether two facets have more in common than their common corners and the edge between those.
+fn meet([a, b]: [[u32; 3]; 2], [s, t]: [&Triangle; 2]) -> bool {
+    let own = |corners: [u32; 3], other: [u32; 3]| (0..3).filter(move |&k| !other.contains(&corners[k]));
+    let (mut own_a, mut own_b) = (own(a, b), own(b, a));
+    match (own_a.clone().count(), own_b.clone().count()) {
+        (3, 3) => {
+            // One of the edges of one goes through the other.
+            let edge = |t: &Triangle, k: usize| [t[k], t[(k + 1) % 3]];
+            (0..3).any(|k| segment_meets(&edge(s, k), t) || segment_meets(&edge(t, k), s))
+        }
+        (2, 2) => {
+            // Rays from the common corner leave a facet through the edge opposite to it.
+            let edge = |t: &Triangle, k: [Option<usize>; 2]| k.map(|k| t[k.unwrap_or(0)]);
+            let far_a = edge(s, [own_a.next(), own_a.next()]);
+            let far_b = edge(t, [own_b.next(), own_b.next()]);
+            segment_meets(&far_a, t) || segment_meets(&far_b, s)
+        }
+        (1, 1) => match (own_a.next(), own_b.next()) {
+            (Some(i), Some(j)) => folded(s, i, &t[j]),
+            _ => false,
+        },
+        // The same corners twice.
+        _ => true,
+    }
+}
+
+/// Whether a facet on the edge opposite to the corner `k`, with its other corner at x, lies upon this one.
+fn folded(s: &Triangle, k: usize, x: &[f64; 3]) -> bool {
+    if depth(s, x) != 0.0 {
+        return false;
+    }
+    let Some(axis) = plane_axis(s) else { return true };
+    let flat = |x: &[f64; 3]| across(x, axis);
+    let (a, b) = (flat(&s[(k + 1) % 3]), flat(&s[(k + 2) % 3]));
+    !opposite(turn(&a, &b, &flat(&s[k])), turn(&a, &b, &flat(x)))
+}
+
+/// Whether a segment and a triangle have a position in common.
+fn segment_meets(segment: &[[f64; 3]; 2], t: &Triangle) -> bool {
+    let [p, q] = segment;
+    let (above, below) = (depth(t, p), depth(t, q));
+    if !opposite(above, below) {
+        return false;
+    }
+    if above == 0.0 && below == 0.0 {
+        return segment_meets_in_plane(segment, t);
+    }
+    // The line goes through where it passes all edges on the same side.
+    let side = |k: usize| depth(&[*p, *q, t[k]], &t[(k + 1) % 3]);
+    let sides = [side(0), side(1), side(2)];
+    !(sides.iter().any(|x| *x > 0.0) && sides.iter().any(|x| *x < 0.0))
+}
+
+fn segment_meets_in_plane([p, q]: &[[f64; 3]; 2], t: &Triangle) -> bool {
+    let Some(axis) = plane_axis(t) else { return true };
+    let corner = t.map(|x| across(&x, axis));
+    let (p, q) = (across(p, axis), across(q, axis));
+    let edge = |k: usize| [&corner[k], &corner[(k + 1) % 3]];
+    let inside = |x: &[f64; 2]| {
+        let turns = [0, 1, 2].map(|k| turn(edge(k)[0], edge(k)[1], x));
+        !(turns.iter().any(|x| *x > 0.0) && turns.iter().any(|x| *x < 0.0))
+    };
+    inside(&p) || (0..3).any(|k| segments_meet([&p, &q], edge(k)))
+}
+
+/// The axis along which a triangle can be seen with an area; `None` when its corners are on a line.
+pub(super) fn plane_axis(t: &Triangle) -> Option<usize> {
+    (0..3).find(|&axis| {
+        let [a, b, c] = t.map(|x| across(&x, axis));
+        turn(&a, &b, &c) != 0.0
+    })
+}
+
+/// The coordinates of a position other than that along an axis.
+fn across(x: &[f64; 3], axis: usize) -> [f64; 2] {
+    [x[(axis + 1) % 3], x[(axis + 2) % 3]]
+}

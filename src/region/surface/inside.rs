@@ -1,0 +1,148 @@
+//! What lies inside of a closed surface.
+
+use super::box_tree::BoxTree;
+use super::closed::Shells;
+use super::{Facets, SurfaceError, Triangle, depth, volume};
+use crate::region::polygon::{passes_right_of, turn};
+use crate::region::vector::{along, cross, dot, minus, norm, unit};
+use crate::region::{Intervals, Line};
+
+/// Visits the facets above a position: its place in the order of the tree, and +1 or −1 as the upward ray leaves or
+/// enters through it. A ray through an edge meets one of the facets there. A facet that holds the position is above.
+fn each_above(triangles: &[Triangle], tree: &BoxTree, x: &[f64; 3], mut visit: impl FnMut(usize, i32)) {
+    let flat = |x: &[f64; 3]| [x[0], x[1]];
+    tree.visit(
+        |[low, high]| {
+            low[0] <= x[0] && x[0] <= high[0] && low[1] <= x[1] && x[1] <= high[1] && x[2] <= high[2]
+        },
+        |place| {
+            let t = &triangles[place];
+            let [a, b, c] = t.each_ref().map(flat);
+            let passes = |a: &[f64; 2], b: &[f64; 2]| passes_right_of(a, b, &flat(x));
+            if passes(&a, &b) ^ passes(&b, &c) ^ passes(&c, &a) {
+                let upward = if turn(&a, &b, &c) > 0.0 { 1 } else { -1 };
+                if depth(t, x) * f64::from(upward) >= 0.0 {
+                    visit(place, upward);
+                }
+            }
+        },
+    );
+}
+
+/// How often the surface goes around a position.
+pub(super) fn winding(triangles: &[Triangle], tree: &BoxTree, x: &[f64; 3]) -> i32 {
+    let mut sum = 0;
+    each_above(triangles, tree, x, |_, upward| sum += upward);
+    sum
+}
+
+/// Refuses a shell that is inside out: one within an even number of others must enclose a positive volume, one within
+/// an odd number a cavity. `shell_of` is by the order of the tree.
+pub(super) fn check_orientation(
+    facets: &Facets,
+    shells: &Shells,
+    triangles: &[Triangle],
+    tree: &BoxTree,
+    shell_of: &[u32],
+) -> Result<(), SurfaceError> {
+    let mut members: Vec<Vec<Triangle>> = vec![Vec::new(); shells.number];
+    let mut first = vec![usize::MAX; shells.number];
+    for (facet, &shell) in shells.of_facet.iter().enumerate() {
+        members[shell as usize].push(facets.triangle(facet));
+        first[shell as usize] = first[shell as usize].min(facet);
+    }
+    for (shell, own) in members.iter().enumerate() {
+        // Shells may touch in a corner; the middle of a facet is on no other shell.
+        let around = middle(&own[0]);
+        let mut windings = vec![];
+        each_above(triangles, tree, &around, |place, upward| windings.push((shell_of[place], upward)));
+        windings.retain(|(other, _)| *other as usize != shell);
+        windings.sort_unstable();
+        let around_it =
+            windings.chunk_by(|a, b| a.0 == b.0).filter(|of| of.iter().map(|(_, up)| up).sum::<i32>() != 0);
+        let cavity = around_it.count() % 2 == 1;
+        if (volume(own) > 0.0) == cavity {
+            return Err(SurfaceError::InsideOut { cavity, at: facets.report(first[shell]) });
+        }
+    }
+    Ok(())
+}
+
+fn middle(t: &Triangle) -> [f64; 3] {
+    std::array::from_fn(|d| (t[0][d] + t[1][d] + t[2][d]) / 3.0)
+}
+
+/// Relative widening of boxes for the round-off of lines that are not along an axis.
+const WIDER: f64 = 1e-12;
+
+/// The parts of a line inside of the surface.
+///
+/// Corners are projected on a plane across the line. Their places there have round-off, but every corner has one place
+/// for all of its facets, and the line is inside an exact number of the projected facets: the crossings always come
+/// in pairs.
+pub(super) fn intervals(triangles: &[Triangle], tree: &BoxTree, line: &Line<3>) -> Intervals {
+    let [e, f] = frame(&line.direction);
+    let squared = dot(&line.direction, &line.direction);
+    let [low, high] = tree.bounds();
+    let size = (0..3).fold(0.0f64, |m, d| m.max(low[d].abs()).max(high[d].abs()).max(line.origin[d].abs()));
+    let mut crossings = Vec::new();
+    tree.visit(
+        |bounds| passes(line, bounds, WIDER * size),
+        |place| {
+            let corners = triangles[place].map(|x| {
+                let r = minus(&x, &line.origin);
+                ([dot(&e, &r), dot(&f, &r)], dot(&line.direction, &r) / squared)
+            });
+            let [(a, _), (b, _), (c, _)] = &corners;
+            let right = |a: &[f64; 2], b: &[f64; 2]| passes_right_of(a, b, &[0.0; 2]);
+            if right(a, b) ^ right(b, c) ^ right(c, a) {
+                crossings.push(place_along(&corners));
+            }
+        },
+    );
+    Intervals::from_crossings(crossings)
+}
+
+/// The parameter at which a line that is projected on the origin goes through a facet.
+fn place_along(corners: &[([f64; 2], f64); 3]) -> f64 {
+    let area = |k: usize| {
+        let ((a, _), (b, _)) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
+        a[0] * b[1] - a[1] * b[0]
+    };
+    let weights = [area(0), area(1), area(2)];
+    let [s, t, u] = corners.map(|(_, t)| t);
+    let mean = (weights[0] * s + weights[1] * t + weights[2] * u) / weights.iter().sum::<f64>();
+    let (low, high) = (s.min(t).min(u), s.max(t).max(u));
+    // Of a facet that is seen edge-on nothing but round-off is left.
+    if mean.is_finite() { mean.clamp(low, high) } else { 0.5 * (low + high) }
+}
+
+/// Whether a line passes a box that is made wider on all sides.
+fn passes(line: &Line<3>, [low, high]: &[[f64; 3]; 2], wider: f64) -> bool {
+    let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+    for d in 0..3 {
+        let (from, to) = (low[d] - wider - line.origin[d], high[d] + wider - line.origin[d]);
+        let step = line.direction[d];
+        if step == 0.0 {
+            if from > 0.0 || to < 0.0 {
+                return false;
+            }
+        } else {
+            let (s, t) = (from / step, to / step);
+            enter = enter.max(s.min(t));
+            leave = leave.min(s.max(t));
+        }
+    }
+    enter <= leave
+}
+
+/// Two directions across a direction and each other; along axes where it is.
+fn frame(direction: &[f64; 3]) -> [[f64; 3]; 2] {
+    let length = norm(direction);
+    let n = direction.map(|x| x / length);
+    let least = (0..3).min_by(|&a, &b| n[a].abs().total_cmp(&n[b].abs())).unwrap_or(0);
+    let e = along(&unit(least), -n[least], &n);
+    let length = norm(&e);
+    let e = e.map(|x| x / length);
+    [e, cross(&n, &e)]
+}

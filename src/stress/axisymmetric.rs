@@ -1,0 +1,161 @@
+//! The kernel for bodies of revolution.
+//!
+//! x is the distance r from the axis, y runs along it, and the third direction of every tensor is the one around it, θ.
+//! That direction stays principal. A node carries the ring through it: moving it outwards by u_r stretches the ring,
+//! ΔF_θθ = 1 + Σ S_vp Δu_r/r̃. Forces, masses and volumes are those of the full circle.
+
+use super::solid::PLACE;
+use super::{Contribution, Mechanics, PointError, PointResponse, Solid, Spatial, StartOfStep, WeakForm};
+use crate::kinematics::Increment;
+use crate::material::Material;
+use crate::tensor::Mat3;
+
+/// Axisymmetry about x = 0, without twist.
+#[derive(Debug, Clone, Copy)]
+pub struct Axisymmetric;
+
+/// A point of a body of revolution in the previously converged formulation: the general one, in which the motion of a
+/// node also stretches its ring.
+#[derive(Debug, Clone, Copy)]
+pub struct Revolved {
+    point: Spatial,
+    inverse: [[f64; 2]; 2],
+    /// 1/r in the current configuration, r = r̃ ΔF_θθ.
+    per_radius: f64,
+}
+
+/// The direction around the axis.
+const AROUND: usize = 2;
+
+impl WeakForm<2> for Revolved {
+    /// ∂S/∂r, ∂S/∂z, S/r in the current configuration.
+    type Gradient = [f64; 3];
+    /// `[m][i][k]`: m the component of the gradient.
+    type Column = [[[f64; 2]; 2]; 3];
+
+    #[inline(always)]
+    fn inverse(&self) -> Option<&[[f64; 2]; 2]> {
+        Some(&self.inverse)
+    }
+
+    #[inline(always)]
+    fn gradient(&self, gradient: &[f64; 2], value: f64) -> [f64; 3] {
+        [gradient[0], gradient[1], value * self.per_radius]
+    }
+
+    #[inline(always)]
+    fn column(&self, gradient: &[f64; 3], force: &mut [f64; 2]) -> [[[f64; 2]; 2]; 3] {
+        let Spatial { b, stress, moduli, .. } = &self.point;
+        let [r, z, hoop] = *gradient;
+        let traction: [f64; 2] = std::array::from_fn(|i| stress[i][0] * r + stress[i][1] * z);
+        let around = stress[AROUND][AROUND] * hoop;
+        force[0] += traction[0] + around;
+        force[1] += traction[1];
+        let alpha: [f64; 2] = std::array::from_fn(|i| b[i][0] * r + b[i][1] * z);
+        let stretch = b[AROUND][AROUND] * hoop;
+        let change = |place: usize, k: usize| {
+            let of = |q: usize| moduli[PLACE[k][q]][place];
+            let in_plane = of(0) * alpha[0] + of(1) * alpha[1];
+            if k == 0 { in_plane + moduli[AROUND][place] * stretch } else { in_plane }
+        };
+        let mut column = [[[0.0; 2]; 2]; 3];
+        for k in 0..2 {
+            for i in 0..2 {
+                for m in 0..2 {
+                    column[m][i][k] = change(PLACE[i][m], k);
+                }
+                column[k][i][k] -= traction[i];
+            }
+            // The ring works with the motion outwards only.
+            column[AROUND][0][k] = change(AROUND, k);
+        }
+        column[AROUND][0][0] -= around;
+        column
+    }
+
+    #[inline(always)]
+    fn add_block(column: &[[[f64; 2]; 2]; 3], gradient: &[f64; 3], block: &mut [[f64; 2]; 2]) {
+        for (i, row) in block.iter_mut().enumerate() {
+            for (k, entry) in row.iter_mut().enumerate() {
+                *entry += gradient[0] * column[0][i][k]
+                    + gradient[1] * column[1][i][k]
+                    + gradient[2] * column[2][i][k];
+            }
+        }
+    }
+}
+
+/// The increment as one of the solid.
+#[inline]
+fn solid(increment: &Increment<2>) -> Result<Increment<3>, PointError> {
+    let [[rr, rz], [zr, zz]] = increment.dF;
+    if increment.hoop.is_nan() || increment.hoop <= 0.0 {
+        // Through the axis: det(ΔF) may be positive all the same.
+        let determinant = (rr * zz - rz * zr).abs() * increment.hoop;
+        return Err(PointError::Inverted { determinant });
+    }
+    Ok(Increment::of([[rr, rz, 0.0], [zr, zz, 0.0], [0.0, 0.0, increment.hoop]]))
+}
+
+fn in_plane<T: Copy>(full: &[[T; 3]; 3]) -> [[T; 2]; 2] {
+    [[full[0][0], full[0][1]], [full[1][0], full[1][1]]]
+}
+
+impl Mechanics<2> for Axisymmetric {
+    const REVOLVED: bool = true;
+    type Previous = Revolved;
+    type Updated = Contribution<2, 3>;
+
+    #[inline]
+    fn respond(
+        start: &StartOfStep,
+        increment: &Increment<2>,
+        material: &dyn Material,
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PointResponse<Revolved>, PointError> {
+        let PointResponse { weak: point, tau, elastic_strain } =
+            Solid::respond(start, &solid(increment)?, material, old, new)?;
+        let inverse = in_plane(&point.inverse);
+        let weak = Revolved { point, inverse, per_radius: 1.0 / (increment.radius * increment.hoop) };
+        Ok(PointResponse { weak, tau, elastic_strain })
+    }
+
+    fn respond_updated(
+        start: &StartOfStep,
+        increment: &Increment<2>,
+        material: &dyn Material,
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PointResponse<Contribution<2, 3>>, PointError> {
+        let PointResponse { weak: full, tau, elastic_strain } =
+            Solid::respond_updated(start, &solid(increment)?, material, old, new)?;
+        // Component (i, j) of the stress of the solid; (1, 2) would be the ring and the motion along the axis.
+        let place = |i: usize, j: usize| match (i, j) {
+            (1, AROUND) => None,
+            (_, AROUND) => Some((AROUND, AROUND)),
+            pair => Some(pair),
+        };
+        let index = std::array::from_fn::<usize, 2, _>(|i| i);
+        let components = std::array::from_fn::<usize, 3, _>(|j| j);
+        let stress = index.map(|i| components.map(|j| place(i, j).map_or(0.0, |(i, j)| full.stress[i][j])));
+        let entry = |i, j, k, l| match (place(i, j), place(k, l)) {
+            (Some((i, j)), Some((k, l))) => full.tangent[i][j][k][l],
+            _ => 0.0,
+        };
+        let tangent = index.map(|i| components.map(|j| index.map(|k| components.map(|l| entry(i, j, k, l)))));
+        let weak = Contribution {
+            stress,
+            tangent,
+            volume: full.volume,
+            inverse: full.inverse.as_ref().map(in_plane),
+            per_radius: 1.0 / (increment.radius * increment.hoop),
+        };
+        Ok(PointResponse { weak, tau, elastic_strain })
+    }
+
+    fn embed(increment: &Increment<2>) -> Mat3 {
+        let [[rr, rz], [zr, zz]] = increment.dF;
+        Mat3::new(rr, rz, 0.0, zr, zz, 0.0, 0.0, 0.0, increment.hoop)
+    }
+}

@@ -1,0 +1,63 @@
+//! The weak form of a point as a stress and a full tangent.
+
+use super::WeakForm;
+
+/// A point given by its stress and the derivative of it, with `E` components of the gradient of a basis function: those
+/// along the `D` axes and, for a body of revolution, S/r, which works with the first component of the displacement.
+///
+/// With the previously converged formulation `stress` is P̃, `tangent` is Ã and `volume` is V_n; with the updated
+/// Lagrangian one they are σ, a and V, and gradients are those of the current configuration.
+#[derive(Debug, Clone, Copy)]
+pub struct Contribution<const D: usize, const E: usize> {
+    /// Stress that works with the gradient of the basis, `[i][j]`, j the component of the gradient.
+    pub stress: [[f64; E]; D],
+    /// Its derivative, `[i][j][k][l]`.
+    pub tangent: [[[[f64; E]; D]; E]; D],
+    /// Volume that the point represents in this configuration.
+    pub volume: f64,
+    /// ΔF⁻¹ if this is the current configuration.
+    pub inverse: Option<[[f64; D]; D]>,
+    /// 1/r in this configuration; without effect unless `E` exceeds `D`.
+    pub per_radius: f64,
+}
+
+impl<const D: usize, const E: usize> WeakForm<D> for Contribution<D, E> {
+    type Gradient = [f64; E];
+    type Column = [[[f64; D]; E]; D];
+
+    #[inline(always)]
+    fn inverse(&self) -> Option<&[[f64; D]; D]> {
+        self.inverse.as_ref()
+    }
+
+    #[inline(always)]
+    fn gradient(&self, gradient: &[f64; D], value: f64) -> [f64; E] {
+        std::array::from_fn(|j| if j < D { gradient[j] } else { value * self.per_radius })
+    }
+
+    /// V g_b·Ã as `[i][j][k]`.
+    #[inline(always)]
+    fn column(&self, gradient: &[f64; E], force: &mut [f64; D]) -> [[[f64; D]; E]; D] {
+        for (f, row) in force.iter_mut().zip(&self.stress) {
+            let traction: f64 = row.iter().zip(gradient).map(|(stress, g)| stress * g).sum();
+            *f += self.volume * traction;
+        }
+        let weighted = gradient.map(|x| x * self.volume);
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                std::array::from_fn(|k| self.tangent[i][j][k].iter().zip(&weighted).map(|(a, g)| a * g).sum())
+            })
+        })
+    }
+
+    #[inline(always)]
+    fn add_block(column: &[[[f64; D]; E]; D], gradient: &[f64; E], block: &mut [[f64; D]; D]) {
+        for i in 0..D {
+            for j in 0..E {
+                for k in 0..D {
+                    block[i][k] += gradient[j] * column[i][j][k];
+                }
+            }
+        }
+    }
+}

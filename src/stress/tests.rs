@@ -1,0 +1,295 @@
+use super::*;
+use crate::material::{Hencky, NeoHookean, VonMises};
+use crate::tensor::{Tensor4, log_derivative, mandel_entry};
+use proptest::prelude::*;
+
+fn laws() -> [Box<dyn Material>; 4] {
+    [
+        Box::new(Hencky::new(12e6, 0.2)),
+        Box::new(NeoHookean::new(12e6, 0.2)),
+        Box::new(VonMises::new(1e6, 0.3, 20e3)),
+        Box::new(VonMises::new(1e6, 0.3, 20e3).hardening(0.3e6)),
+    ]
+}
+
+/// Largest entry of a tangent of these laws over all states of the tests, about.
+const STIFF: f64 = 1e8;
+
+fn history(law: &dyn Material) -> Vec<f64> {
+    law.state_fields().iter().map(|f| f.initial).collect()
+}
+
+fn determinant(dF: &[[f64; 3]; 3]) -> f64 {
+    Mat3::from_fn(|i, j| dF[i][j]).determinant()
+}
+
+type Rows = [[f64; 3]; 3];
+
+/// Random start-of-step states and increments: in three dimensions; with z a principal direction that the increment
+/// stretches; in plane strain.
+fn states(free: fn(Rows) -> Rows, out_of_plane: f64) -> impl Strategy<Value = (StartOfStep, Rows)> {
+    let increment = prop::array::uniform3(prop::array::uniform3(-0.5..0.5f64));
+    let strain = prop::array::uniform6(-0.3..0.3f64);
+    (strain, 0.5..2.0f64, increment).prop_filter_map("inverted", move |(mut strain, J_n, h)| {
+        let h = free(h);
+        let dF = std::array::from_fn(|i| std::array::from_fn(|j| h[i][j] + f64::from(u8::from(i == j))));
+        strain[3] *= out_of_plane;
+        strain[4] *= out_of_plane;
+        let b_n = Sym3(strain).map_eigenvalues(|e| (2.0 * e).exp());
+        (determinant(&dF) > 0.15).then_some((StartOfStep { b_n, J_n, volume_n: 0.7 }, dF))
+    })
+}
+
+fn spatial_states() -> impl Strategy<Value = (StartOfStep, Rows)> {
+    states(|h| h, 1.0)
+}
+
+fn revolved_states() -> impl Strategy<Value = (StartOfStep, Rows)> {
+    states(|h| [[h[0][0], h[0][1], 0.0], [h[1][0], h[1][1], 0.0], [0.0, 0.0, h[2][2]]], 0.0)
+}
+
+fn plane_states() -> impl Strategy<Value = (StartOfStep, Rows)> {
+    states(|h| [[h[0][0], h[0][1], 0.0], [h[1][0], h[1][1], 0.0], [0.0; 3]], 0.0)
+}
+
+fn plane_increment(dF: &Rows) -> Increment<2> {
+    Increment::of([[dF[0][0], dF[0][1]], [dF[1][0], dF[1][1]]])
+}
+
+/// V P̃ and V Ã of a point, by the gradients along the axes at the start of the step and the values of basis functions.
+fn moduli<const D: usize, W: WeakForm<D>>(
+    weak: &W,
+    nodes: &[([f64; D], f64)],
+) -> (Vec<[f64; D]>, Vec<Vec<[[f64; D]; D]>>) {
+    let gradient = |(g, value): &([f64; D], f64)| {
+        let mapped = match weak.inverse() {
+            None => *g,
+            Some(inverse) => std::array::from_fn(|j| (0..D).map(|i| g[i] * inverse[i][j]).sum()),
+        };
+        weak.gradient(&mapped, *value)
+    };
+    let mut forces = Vec::new();
+    let mut blocks = vec![Vec::new(); nodes.len()];
+    for b in nodes {
+        let mut force = [0.0; D];
+        let column = weak.column(&gradient(b), &mut force);
+        forces.push(force);
+        for (a, row) in nodes.iter().zip(&mut blocks) {
+            let mut block = [[0.0; D]; D];
+            W::add_block(&column, &gradient(a), &mut block);
+            row.push(block);
+        }
+    }
+    (forces, blocks)
+}
+
+fn axes<const D: usize>() -> Vec<([f64; D], f64)> {
+    (0..D).map(|d| (std::array::from_fn(|e| f64::from(u8::from(d == e))), 0.0)).collect()
+}
+
+/// V P̃_ij and V Ã_ijkl, `[i][j]` and `[i][j][k][l]`.
+fn tensors<W: WeakForm<3>>(weak: &W) -> (Rows, Tensor4<3>) {
+    let (forces, blocks) = moduli(weak, &axes());
+    (tensor2(|i, j| forces[j][i]), tensor4(|i, j, k, l| blocks[j][l][i][k]))
+}
+
+fn tensor2(entry: impl Fn(usize, usize) -> f64) -> Rows {
+    [0, 1, 2].map(|i| [0, 1, 2].map(|j| entry(i, j)))
+}
+
+fn tensor4(entry: impl Fn(usize, usize, usize, usize) -> f64) -> Tensor4<3> {
+    [0, 1, 2].map(|i| [0, 1, 2].map(|j| [0, 1, 2].map(|k| [0, 1, 2].map(|l| entry(i, j, k, l)))))
+}
+
+fn flat(t: &Tensor4<3>) -> &[f64] {
+    t.as_flattened().as_flattened().as_flattened()
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
+}
+
+fn difference(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).fold(0.0, |m, (a, b)| m.max((a - b).abs()))
+}
+
+fn delta(i: usize, j: usize) -> f64 {
+    f64::from(u8::from(i == j))
+}
+
+/// Eqs. (18) and (A.3)-(A.6) times the volume, letter by letter.
+fn transcription(start: &StartOfStep, dF: &Rows, law: &dyn Material, old: &[f64]) -> (Rows, Tensor4<3>) {
+    let dF = Mat3::from_fn(|i, j| dF[i][j]);
+    let b_n = start.b_n.to_matrix();
+    let b = Sym3::symmetric_part(&(dF * b_n * dF.transpose()));
+    let (trial, L) = match law.strain_measure() {
+        StrainMeasure::Logarithmic => (b.map_eigenvalues(f64::ln) * 0.5, log_derivative(&b)),
+        StrainMeasure::LeftCauchyGreen => ((b - Sym3::IDENTITY) * 0.5, crate::tensor::Tangent::identity()),
+    };
+    let answer = law.update(&trial, old, &mut old.to_vec()).unwrap();
+    let C = answer.tangent * L * 0.5;
+    let G = dF.try_inverse().unwrap();
+    let P = answer.tau.to_matrix() * G.transpose() / start.J_n; // (18)
+    let A = dF * b_n;
+    let sum = |term: &dyn Fn(usize) -> f64| term(0) + term(1) + term(2);
+    let B = tensor4(|i, j, k, l| delta(i, k) * A[(j, l)] + A[(i, l)] * delta(j, k)); // (A.5)
+    let dtau = tensor4(|i, j, k, l| sum(&|p| sum(&|q| mandel_entry(&C, i, j, p, q) * B[p][q][k][l]))); // (A.4)
+    let tangent = tensor4(|i, j, k, l| {
+        // (A.3) with (A.6): τ_im ∂ΔF⁻¹_jm/∂ΔF_kl = −τ_im ΔF⁻¹_lm ΔF⁻¹_jk.
+        sum(&|m| dtau[i][m][k][l] * G[(j, m)]) / start.J_n - P[(i, l)] * G[(j, k)]
+    });
+    let volume = start.volume_n;
+    (tensor2(|i, j| volume * P[(i, j)]), tensor4(|i, j, k, l| volume * tangent[i][j][k][l]))
+}
+
+proptest! {
+    #[test]
+    fn the_solid_equals_the_transcription_of_the_paper((start, dF) in spatial_states()) {
+        for law in laws() {
+            let old = history(law.as_ref());
+            let (stress, tangent) = transcription(&start, &dF, law.as_ref(), &old);
+            let scale = largest(flat(&tangent));
+            let point = Solid::respond(&start, &Increment::of(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
+            let (P, A) = tensors(&point.weak);
+            prop_assert!(difference(P.as_flattened(), stress.as_flattened()) < 1e-13 * scale);
+            prop_assert!(difference(flat(&A), flat(&tangent)) < 1e-12 * scale, "{law:?}");
+            // Both formulations give one force and stiffness.
+            let updated = Solid::respond_updated(&start, &Increment::of(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
+            let (P, A) = tensors(&updated.weak);
+            prop_assert!(difference(P.as_flattened(), stress.as_flattened()) < 1e-13 * scale);
+            prop_assert!(difference(flat(&A), flat(&tangent)) < 1e-12 * scale);
+            prop_assert!(updated.tau == point.tau && updated.elastic_strain == point.elastic_strain);
+        }
+    }
+
+    #[test]
+    fn the_tangent_of_the_solid_is_the_derivative_of_its_stress_and_symmetric((start, dF) in spatial_states()) {
+        for law in laws() {
+            let old = history(law.as_ref());
+            let at = |dF: Rows| {
+                let point = Solid::respond(&start, &Increment::of(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
+                tensors(&point.weak)
+            };
+            let (_, tangent) = at(dF);
+            let scale = largest(flat(&tangent));
+            for k in 0..3 {
+                for l in 0..3 {
+                    let h = 1e-6;
+                    let (mut plus, mut minus) = (dF, dF);
+                    plus[k][l] += h;
+                    minus[k][l] -= h;
+                    let (plus, minus) = (at(plus).0, at(minus).0);
+                    for i in 0..3 {
+                        for j in 0..3 {
+                            let numeric = (plus[i][j] - minus[i][j]) / (2.0 * h);
+                            prop_assert!((numeric - tangent[i][j][k][l]).abs() < 1e-6 * scale, "{law:?}");
+                            prop_assert!((tangent[i][j][k][l] - tangent[k][l][i][j]).abs() < 1e-13 * scale);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn closed_form_plane_strain_equals_the_solid((start, dF) in plane_states()) {
+        for law in laws() {
+            let old = history(law.as_ref());
+            let increment = plane_increment(&dF);
+            let s = Solid::respond(&start, &Increment::of(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
+            let (P, A) = tensors(&s.weak);
+            let check = |p: PointResponse<Contribution<2, 2>>| -> Result<(), TestCaseError> {
+                prop_assert!((p.tau - s.tau).norm() <= 1e-12 * s.tau.norm().max(1e3));
+                prop_assert!((p.elastic_strain - s.elastic_strain).norm() < 1e-13 * (1.0 + s.elastic_strain.norm()));
+                let (force, blocks) = moduli(&p.weak, &axes());
+                for j in 0..2 {
+                    for i in 0..2 {
+                        prop_assert!((force[j][i] - P[i][j]).abs() <= 1e-9 * 12e6 * 1e-3);
+                        for l in 0..2 {
+                            for k in 0..2 {
+                                let (a, b) = (blocks[j][l][i][k], A[i][j][k][l]);
+                                prop_assert!((a - b).abs() <= 1e-12 * STIFF, "{a} {b}");
+                            }
+                        }
+                    }
+                }
+                Ok(())
+            };
+            check(PlaneStrain::respond(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap())?;
+            check(PlaneStrain::respond_updated(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap())?;
+        }
+    }
+
+    /// A node of a ring moves the point in the plane and stretches it around the axis: its part in force and stiffness is
+    /// that of the solid with the gradient (g_r, g_z, 0) for the motion and S/r̃ on θθ for the motion outwards.
+    #[test]
+    fn the_ring_works_as_the_solid_with_its_stretch((start, dF) in revolved_states(), radius in 0.1..3.0f64,
+                                                     g in prop::array::uniform2(prop::array::uniform3(-1.0..1.0f64))) {
+        let nodes = g.map(|[x, y, value]| ([x, y], value));
+        // The motion of each node along each axis as a displacement gradient.
+        let motion = |n: usize, i: usize| {
+            let ([x, y], value) = nodes[n];
+            let mut m = [[0.0; 3]; 3];
+            m[i] = [x, y, 0.0];
+            m[2][2] = if i == 0 { value / radius } else { 0.0 };
+            m
+        };
+        for law in laws() {
+            let old = history(law.as_ref());
+            let (stress, tangent) = transcription(&start, &dF, law.as_ref(), &old);
+            let increment = Increment { hoop: dF[2][2], radius, ..plane_increment(&dF) };
+            let expect = |n: usize, i: usize, m: usize, k: usize| {
+                let (a, b) = (motion(n, i), motion(m, k));
+                let mut sum = 0.0;
+                for p in 0..3 {
+                    for q in 0..3 {
+                        for r in 0..3 {
+                            for s in 0..3 {
+                                sum += a[p][q] * tangent[p][q][r][s] * b[r][s];
+                            }
+                        }
+                    }
+                }
+                sum
+            };
+            let scale = largest(flat(&tangent)) * (1.0 + radius.powi(-2));
+            let check = |forces: Vec<[f64; 2]>, blocks: Vec<Vec<[[f64; 2]; 2]>>| -> Result<(), TestCaseError> {
+                for n in 0..2 {
+                    for i in 0..2 {
+                        let work: f64 = (0..9).map(|e| motion(n, i)[e / 3][e % 3] * stress[e / 3][e % 3]).sum();
+                        prop_assert!((forces[n][i] - work).abs() < 1e-12 * scale);
+                        for m in 0..2 {
+                            for k in 0..2 {
+                                let (here, there) = (blocks[n][m][i][k], expect(n, i, m, k));
+                                prop_assert!((here - there).abs() < 1e-12 * scale, "{law:?} {here} {there}");
+                            }
+                        }
+                    }
+                }
+                Ok(())
+            };
+            let point = Axisymmetric::respond(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap();
+            let (forces, blocks) = moduli(&point.weak, &nodes);
+            check(forces, blocks)?;
+            prop_assert!(point.elastic_strain.is_plane() && point.tau.is_plane());
+            let point = Axisymmetric::respond_updated(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap();
+            let (forces, blocks) = moduli(&point.weak, &nodes);
+            check(forces, blocks)?;
+        }
+    }
+}
+
+#[test]
+fn a_point_turned_inside_out_is_an_error() {
+    let start = StartOfStep { b_n: Sym3::IDENTITY, J_n: 1.0, volume_n: 1.0 };
+    let law = Hencky::new(1.0, 0.3);
+    let inverted = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]];
+    let solid = Solid::respond(&start, &Increment::of(inverted), &law, &[], &mut []);
+    assert!(matches!(solid, Err(PointError::Inverted { determinant: -1.0 })));
+    let plane = PlaneStrain::respond(&start, &plane_increment(&inverted), &law, &[], &mut []);
+    assert!(matches!(plane, Err(PointError::Inverted { determinant: -1.0 })));
+    // Through the axis and inverted in the plane: the determinant alone would not tell.
+    let ring = Increment { hoop: -0.5, radius: 1.0, ..plane_increment(&inverted) };
+    let ring = Axisymmetric::respond(&start, &ring, &law, &[], &mut []);
+    assert!(matches!(ring, Err(PointError::Inverted { determinant }) if determinant == -0.5));
+}

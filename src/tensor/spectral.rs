@@ -1,0 +1,255 @@
+//! Eigenvalues and eigenvectors of a symmetric tensor, and the logarithm, the exponential and their derivatives by them.
+//!
+//! Two or three eigenvalues may be equal or nearly so, as they are in every unloaded point: eigenvectors are
+//! orthonormal to round-off whatever the gaps, and divided differences are formed without cancellation.
+#![allow(non_snake_case)]
+
+use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
+
+use super::{Sym3, Tangent};
+
+/// The pairs of eigenvalues, in the order of the shear components of the Mandel layout.
+const PAIRS: [(usize, usize); 3] = [(1, 2), (0, 2), (0, 1)];
+
+/// Eigenvalues and eigenvectors of a symmetric tensor, in no particular order.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spectrum {
+    /// Eigenvalues.
+    pub values: [f64; 3],
+    /// Orthonormal eigenvectors: `vectors[a]` belongs to `values[a]`.
+    pub vectors: [[f64; 3]; 3],
+}
+
+impl Spectrum {
+    /// Decomposes a tensor. Errors are of the order of round-off in its largest entry; NaN gives NaN.
+    ///
+    /// The deviator is scaled to B with eigenvalues 2cos θ, 2cos(θ ± 2π/3), its sign chosen such that the largest is the
+    /// best separated (Eberly, *A Robust Eigensolver for 3×3 Symmetric Matrices*). That eigenvalue is well
+    /// conditioned, and so is its eigenvector v; in the plane normal to v one rotation does the rest, exactly for any gap.
+    #[inline]
+    pub fn new(t: &Sym3) -> Spectrum {
+        let [xx, yy, zz, ..] = t.0;
+        let mean = (xx + yy + zz) / 3.0;
+        let d = [xx - mean, yy - mean, zz - mean];
+        let o = [t.0[3] * FRAC_1_SQRT_2, t.0[4] * FRAC_1_SQRT_2, t.0[5] * FRAC_1_SQRT_2];
+        let size = d[0].abs() + d[1].abs() + d[2].abs() + o[0].abs() + o[1].abs() + o[2].abs();
+        if size < f64::MIN_POSITIVE {
+            return Spectrum {
+                values: [xx, yy, zz],
+                vectors: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            };
+        }
+        let (d, o) = (scaled(&d, 1.0 / size), scaled(&o, 1.0 / size));
+        let squares = dot(&d, &d) + 2.0 * dot(&o, &o);
+        let radius = (squares / 6.0).sqrt();
+        let det = d[0] * (d[1] * d[2] - o[0] * o[0]) - o[2] * (o[2] * d[2] - o[0] * o[1])
+            + o[1] * (o[2] * o[0] - d[1] * o[1]);
+        let radius = radius.copysign(det);
+        let half_det = (det / (2.0 * radius * radius * radius)).min(1.0);
+        let (d, o) = (scaled(&d, 1.0 / radius), scaled(&o, 1.0 / radius));
+        let B = [[d[0], o[2], o[1]], [o[2], d[1], o[0]], [o[1], o[0], d[2]]];
+        let (values, vectors) = deflated(&B, largest_root(half_det));
+        let scale = radius * size;
+        Spectrum { values: std::array::from_fn(|a| mean + scale * values[a]), vectors }
+    }
+
+    /// Σ f_a n_a ⊗ n_a: the tensor with these eigenvectors and the eigenvalues `f`.
+    #[inline]
+    pub fn compose(&self, f: [f64; 3]) -> Sym3 {
+        let mut sum = Sym3::ZERO;
+        for (f, n) in f.iter().zip(&self.vectors) {
+            sum = sum + square(n) * *f;
+        }
+        sum
+    }
+
+    /// The derivative of an isotropic function from its derivative at each eigenvalue, `slope`, and its divided
+    /// difference between the eigenvalues of the pairs (1, 2), (0, 2) and (0, 1), `across`.
+    ///
+    /// In the eigenbasis it is diagonal: `slope` on n_a ⊗ n_a and `across` on the symmetric part of √2 n_a ⊗ n_b.
+    #[inline]
+    pub fn derivative(&self, slope: [f64; 3], across: [f64; 3]) -> Tangent {
+        let mut sum = Tangent::zeros();
+        for (n, slope) in self.vectors.iter().zip(slope) {
+            add_dyad(&mut sum, &square(n), slope);
+        }
+        for ((a, b), across) in PAIRS.into_iter().zip(across) {
+            add_dyad(&mut sum, &product(&self.vectors[a], &self.vectors[b]), across);
+        }
+        sum
+    }
+
+    /// The values of a function of two eigenvalues on the pairs, in the order of [`Spectrum::derivative`].
+    #[inline]
+    fn on_pairs(&self, f: impl Fn(f64, f64) -> f64) -> [f64; 3] {
+        std::array::from_fn(|pair| {
+            let (a, b) = PAIRS[pair];
+            f(self.values[a], self.values[b])
+        })
+    }
+}
+
+/// The largest root of β³ − 3β − 2h = 0 for h from 0 to 1, that is 2 cos(arccos(h)/3).
+///
+/// The root is simple, from √3 to 2. A polynomial finds it to 10⁻⁵, two steps of Newton to round-off.
+#[inline]
+fn largest_root(h: f64) -> f64 {
+    let mut root = 1.732_060_9 + h * (0.332_823_4 + h * (-0.091_843_9 + h * (0.035_024_4 - h * 0.008_070_8)));
+    for _ in 0..2 {
+        let square = root * root;
+        root -= (root * (square - 3.0) - 2.0 * h) / (3.0 * square - 3.0);
+    }
+    root
+}
+
+/// Spectrum of a traceless matrix of which `root` is a simple eigenvalue, far from the others.
+#[inline]
+fn deflated(B: &[[f64; 3]; 3], root: f64) -> ([f64; 3], [[f64; 3]; 3]) {
+    // The rows of B − root I span the plane normal to the eigenvector; two of them do so safely.
+    let row =
+        |i: usize| -> [f64; 3] { std::array::from_fn(|j| if i == j { B[i][j] - root } else { B[i][j] }) };
+    let rows = [row(0), row(1), row(2)];
+    let mut v = cross(&rows[0], &rows[1]);
+    let mut length = dot(&v, &v);
+    for (i, j) in [(0, 2), (1, 2)] {
+        let other = cross(&rows[i], &rows[j]);
+        let other_length = dot(&other, &other);
+        if other_length > length {
+            (v, length) = (other, other_length);
+        }
+    }
+    let scale = 1.0 / length.sqrt();
+    let v = scaled(&v, scale);
+    let u = if v[0].abs() > v[1].abs() {
+        let scale = 1.0 / (v[0] * v[0] + v[2] * v[2]).sqrt();
+        [-v[2] * scale, 0.0, v[0] * scale]
+    } else {
+        let scale = 1.0 / (v[1] * v[1] + v[2] * v[2]).sqrt();
+        [0.0, v[2] * scale, -v[1] * scale]
+    };
+    let w = cross(&v, &u);
+    let times = |x: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|i| dot(&B[i], x)) };
+    let (Bu, Bw) = (times(&u), times(&w));
+    let (uu, uw, ww) = (dot(&u, &Bu), dot(&w, &Bu), dot(&w, &Bw));
+    // The rotation by the smaller angle that makes uw vanish.
+    let difference = ww - uu;
+    let spread = (difference * difference + 4.0 * uw * uw).sqrt();
+    let tan = if spread > 0.0 { 2.0 * uw / (difference + spread.copysign(difference)) } else { 0.0 };
+    let cos = 1.0 / (1.0 + tan * tan).sqrt();
+    let sin = tan * cos;
+    let first = std::array::from_fn(|i| cos * u[i] - sin * w[i]);
+    let second = std::array::from_fn(|i| sin * u[i] + cos * w[i]);
+    ([dot(&v, &times(&v)), uu - tan * uw, ww + tan * uw], [v, first, second])
+}
+
+/// n ⊗ n.
+#[inline]
+fn square(n: &[f64; 3]) -> Sym3 {
+    let [x, y, z] = *n;
+    Sym3([x * x, y * y, z * z, SQRT_2 * y * z, SQRT_2 * x * z, SQRT_2 * x * y])
+}
+
+/// The symmetric part of √2 a ⊗ b, of norm 1 for orthonormal a and b.
+#[inline]
+fn product(a: &[f64; 3], b: &[f64; 3]) -> Sym3 {
+    let shear = |i: usize, j: usize| a[i] * b[j] + a[j] * b[i];
+    Sym3([
+        SQRT_2 * a[0] * b[0],
+        SQRT_2 * a[1] * b[1],
+        SQRT_2 * a[2] * b[2],
+        shear(1, 2),
+        shear(0, 2),
+        shear(0, 1),
+    ])
+}
+
+/// Adds `factor` e ⊗ e.
+#[inline]
+fn add_dyad(sum: &mut Tangent, e: &Sym3, factor: f64) {
+    for (mut column, entry) in sum.column_iter_mut().zip(e.0) {
+        let scaled = factor * entry;
+        for (entry, x) in column.iter_mut().zip(e.0) {
+            *entry += scaled * x;
+        }
+    }
+}
+
+// The closures of `array::map` are not always inlined; `from_fn` is.
+
+#[inline(always)]
+fn scaled(a: &[f64; 3], factor: f64) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] * factor)
+}
+
+#[inline(always)]
+fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline]
+fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// ln(b) and L = ∂ ln(b)/∂b of eq. (A.2) for a positive definite b; NaN for others.
+#[inline]
+pub fn log_with_derivative(b: &Sym3) -> (Sym3, Tangent) {
+    let spectrum = b.spectrum();
+    let [x, y, z] = spectrum.values;
+    let L = spectrum.derivative([1.0 / x, 1.0 / y, 1.0 / z], spectrum.on_pairs(log_divided_difference));
+    (spectrum.compose([x.ln(), y.ln(), z.ln()]), L)
+}
+
+/// L = ∂ ln(b)/∂b of eq. (A.2) for a positive definite b.
+pub fn log_derivative(b: &Sym3) -> Tangent {
+    log_with_derivative(b).1
+}
+
+/// ∂ exp(e)/∂e.
+pub fn exp_derivative(e: &Sym3) -> Tangent {
+    let spectrum = e.spectrum();
+    spectrum.derivative(spectrum.values.map(f64::exp), spectrum.on_pairs(exp_divided_difference))
+}
+
+/// The divided difference (ln a − ln b)/(a − b) of the logarithm for a, b > 0, exact to round-off for any gap.
+///
+/// With m the mean of a and b and x = (a − b)/(a + b) it equals artanh(x)/(x m), for which there is a series where
+/// the quotient would lose digits.
+#[inline]
+pub fn log_divided_difference(a: f64, b: f64) -> f64 {
+    let m = 0.5 * (a + b);
+    let x = 0.5 * (a - b) / m;
+    if x * x < SERIES { artanh_over_x(x) / m } else { (a / b).ln() / (a - b) }
+}
+
+/// The divided difference (eᵃ − eᵇ)/(a − b) of the exponential, exact to round-off for any gap.
+#[inline]
+fn exp_divided_difference(a: f64, b: f64) -> f64 {
+    (0.5 * (a + b)).exp() * sinh_over_x(0.5 * (a - b))
+}
+
+/// Below this x² the series of artanh(x)/x is used.
+const SERIES: f64 = 2.5e-3;
+
+/// artanh(x)/x for |x| < 1.
+#[inline]
+pub(super) fn artanh_over_x(x: f64) -> f64 {
+    let y = x * x;
+    if y < SERIES {
+        // 1 + y/3 + y²/5 + …; the first neglected term is below 3e-20.
+        1.0 + y * (1.0 / 3.0 + y * (0.2 + y * (1.0 / 7.0 + y * (1.0 / 9.0 + y * (1.0 / 11.0 + y / 13.0)))))
+    } else {
+        let x = y.sqrt();
+        x.atanh() / x
+    }
+}
+
+/// sinh(x)/x.
+#[inline]
+pub(super) fn sinh_over_x(x: f64) -> f64 {
+    let y = x * x;
+    if y < 1e-6 { 1.0 + y / 6.0 * (1.0 + y / 20.0 * (1.0 + y / 42.0)) } else { x.sinh() / x }
+}
+
+#[cfg(test)]
+mod tests;
