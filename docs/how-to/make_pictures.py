@@ -24,15 +24,15 @@ BLOCK = re.compile(r"<!-- picture: (\S+) -->\n```python\n(.*?)```", re.S)
 def main():
     program = Path(sys.argv[1]).resolve()
     with tempfile.TemporaryDirectory() as folder:
-        results = Path(folder) / "results" / "beam"
-        subprocess.run([program, "run", "inputs/beam.yaml", "--out", results], check=True, cwd=ROOT)
+        (Path(folder) / "inputs").symlink_to(ROOT / "inputs")
+        subprocess.run([program, "run", "inputs/beam.yaml"], check=True, cwd=folder)
         environment = dict(os.environ, PYVISTA_OFF_SCREEN="true", MPLBACKEND="Agg")
         for name, code in BLOCK.findall((HERE / "paraview.md").read_text()):
             subprocess.run([sys.executable, "-c", code], cwd=folder, env=environment, check=True)
             (IMAGES / name).write_bytes((Path(folder) / name).read_bytes())
             print(IMAGES / name)
-        subprocess.run([program, "report", results, "--units", "m,N,s"], check=True)
-        picture_of_report(results / "report.html")
+        subprocess.run([program, "report", "results/beam", "--units", "m,N,s"], check=True, cwd=folder)
+        picture_of_report(Path(folder) / "results" / "beam" / "report.html")
 
 
 def picture_of_report(page):

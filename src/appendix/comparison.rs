@@ -41,11 +41,7 @@ pub(super) fn page(runs: &[Run], options: &Options) -> Result<String, ReportErro
         runs.len(),
         escape(&title)
     );
-    let sources: Vec<String> = runs
-        .iter()
-        .map(|run| format!("<code>{}</code>", escape(&run.directory.display().to_string())))
-        .collect();
-    Ok(page.finish(&format!("Comparison: {title}"), &head, &foot(&sources.join(", "), &naming)))
+    Ok(page.finish(&format!("Comparison: {title}"), &head, &foot(runs, &naming)))
 }
 
 /// A table with a row per run; `cells` are those behind its name.

@@ -183,7 +183,7 @@ pub(super) fn energies(run: &Run) -> Chart {
 pub(super) fn residuals(run: &Run) -> Option<(Chart, usize, usize)> {
     let steps = run.residuals();
     let failed = match run.state {
-        State::Failed(_) => steps.last().map(|(step, _)| *step).filter(|step| *step > run.steps()),
+        State::Failed(..) => steps.last().map(|(step, _)| *step).filter(|step| *step > run.steps()),
         _ => None,
     };
     let (first, last) = (steps.first()?.0, steps.last()?.0);

@@ -80,12 +80,17 @@ impl Scene {
         let points = read_mesh(&snapshot.path)?;
         let positions = points.positions().map_err(ReportError::from_reader)?;
         let volumes = values(&points, Section::PointData, "volume")?;
+        // The square of a ring is its section.
+        let round = |x: f64| {
+            if run.is_revolved() { std::f64::consts::TAU * x.abs().max(f64::MIN_POSITIVE) } else { 1.0 }
+        };
+        let areas = volumes.iter().zip(&positions).map(|(volume, x)| volume.abs() / round(x[0]));
         let mut scene = Scene {
             title,
             values: field.values(&points)?,
             positions: positions.iter().copied().map(plane).collect(),
             // As the squares of a standard point's volume, a little apart.
-            radii: volumes.iter().map(|volume| 0.45 * volume.abs().sqrt()).collect(),
+            radii: areas.map(|area| 0.45 * area.sqrt()).collect(),
             domains: Vec::new(),
             sides: Vec::new(),
         };

@@ -9,6 +9,7 @@ use serde_json::Value;
 use crate::deck::load::load_text;
 use crate::deck::{Deck, LoadDeck, Parameter};
 use crate::output::series::{self, DataSet};
+use crate::output::status;
 use crate::output::table::Columns;
 use crate::output::vtu::read::{MeshFile, Section};
 
@@ -19,12 +20,16 @@ use super::ReportError;
 pub(super) enum State {
     /// All steps are in equilibrium.
     Completed,
-    /// It could not go on, with the reason.
-    Failed(String),
+    /// It could not go on, with the code of the message and the reason.
+    Failed(Option<String>, String),
     /// The user stopped it.
     Interrupted,
-    /// It goes on, or was killed.
-    Unfinished,
+    /// It goes on.
+    Running,
+    /// Its process ended without a word.
+    Died,
+    /// There is no summary, and nobody knows why.
+    Unknown,
 }
 
 /// A file of a series that belongs to a load step.
@@ -92,7 +97,7 @@ impl Run {
                 return Err(ReportError::Damaged { path: directory.join(file), what });
             }
         }
-        let state = state_of(&summary, &directory.join("summary.json"))?;
+        let state = state_of(&summary, directory)?;
         let mut run = Run {
             name: directory.display().to_string(),
             directory: directory.to_owned(),
@@ -209,7 +214,12 @@ impl Run {
 
     /// Whether the problem is in two dimensions.
     pub fn is_plane(&self) -> bool {
-        self.number("/dimensions").is_none_or(|dimensions| dimensions < 3.0)
+        self.text("/idealisation") != Some("solid")
+    }
+
+    /// Whether the bodies are of revolution.
+    pub fn is_revolved(&self) -> bool {
+        self.text("/idealisation") == Some("axisymmetric")
     }
 }
 
@@ -224,17 +234,22 @@ pub enum NoResults {
     Other,
 }
 
-fn state_of(summary: &Value, path: &Path) -> Result<State, ReportError> {
+fn state_of(summary: &Value, directory: &Path) -> Result<State, ReportError> {
     Ok(match summary["outcome"].as_str() {
         Some("completed") => State::Completed,
         Some("interrupted") => State::Interrupted,
+        None if summary.is_null() => match status::read(directory).map(|status| status.state) {
+            Ok(status::State::Running) => State::Running,
+            Ok(status::State::Died) => State::Died,
+            _ => State::Unknown,
+        },
         Some("failed") => {
-            State::Failed(summary["reason"].as_str().unwrap_or("no reason is recorded").to_owned())
+            let text = |key: &str| summary[key].as_str().map(str::to_owned);
+            State::Failed(text("code"), text("reason").unwrap_or_else(|| "no reason is recorded".to_owned()))
         }
-        None if summary.is_null() => State::Unfinished,
         _ => {
-            let what = "there is no known `outcome`".to_owned();
-            return Err(ReportError::Damaged { path: path.to_owned(), what });
+            let (path, what) = (directory.join("summary.json"), "there is no known `outcome`".to_owned());
+            return Err(ReportError::Damaged { path, what });
         }
     })
 }

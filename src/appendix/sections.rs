@@ -12,16 +12,19 @@ use super::units::{Naming, Quantity};
 
 /// How the units of some runs are named.
 pub(super) fn naming(runs: &[Run], options: &Options) -> Naming {
-    Naming { units: options.units.clone(), per_thickness: runs.iter().all(Run::is_plane) }
+    let per_thickness = runs.iter().all(|run| run.is_plane() && !run.is_revolved());
+    Naming { units: options.units.clone(), per_thickness }
 }
 
 /// One or two words for how a run stands.
 pub(super) fn state_in_words(state: &State) -> &'static str {
     match state {
         State::Completed => "completed",
-        State::Failed(_) => "failed",
+        State::Failed(..) => "failed",
         State::Interrupted => "interrupted",
-        State::Unfinished => "not ended",
+        State::Running => "running",
+        State::Died => "died",
+        State::Unknown => "unknown",
     }
 }
 
@@ -34,25 +37,35 @@ pub(super) fn steps_in_words(run: &Run) -> String {
     }
 }
 
-/// A box that says how a run stands, for all that is not plain success in so many words.
+/// A box that says how a run stands.
 pub(super) fn banner(page: &mut Page, run: &Run, name: Option<&str>) {
     let of = name.map_or_else(String::new, |name| format!("<code>{}</code>: ", escape(name)));
-    let (steps, class) = (steps_in_words(run), state_in_words(&run.state).replace(' ', "-"));
+    let (steps, class) = (steps_in_words(run), state_in_words(&run.state));
     let only = "Everything on this page shows the steps in equilibrium only.";
     let text = match &run.state {
         State::Completed => {
             format!("<strong>{of}Completed.</strong> All {} load steps are in equilibrium.", run.steps())
         }
-        State::Failed(reason) => format!(
-            "<strong>{of}The analysis failed</strong> after {steps} load steps: {}. {only}",
-            escape(reason)
-        ),
+        State::Failed(code, reason) => {
+            let code = code.as_ref().map_or_else(String::new, |code| format!(" with {}", escape(code)));
+            let reason = escape(reason);
+            format!(
+                "<strong>{of}The analysis failed{code}</strong> after {steps} load steps: {reason}. {only}"
+            )
+        }
         State::Interrupted => {
             format!("<strong>{of}The analysis was interrupted</strong> after {steps} load steps. {only}")
         }
-        State::Unfinished => format!(
-            "<strong>{of}The analysis has not ended:</strong> there is no summary, so it is still going on, or it was \
-             killed. {steps} load steps are in equilibrium. {only}"
+        State::Running => format!(
+            "<strong>{of}The analysis is still going on.</strong> {steps} load steps are in equilibrium so far. {only}"
+        ),
+        State::Died => format!(
+            "<strong>{of}The analysis was killed:</strong> its process ended without a word after {steps} load \
+             steps. {only}"
+        ),
+        State::Unknown => format!(
+            "<strong>{of}How the analysis ended is not known:</strong> there is no summary. {steps} load steps are in \
+             equilibrium. {only}"
         ),
     };
     page.push(&format!("<p class=\"outcome {class}\" role=\"status\">{text}</p>\n"));
@@ -122,16 +135,24 @@ pub(super) fn wall_time(run: &Run) -> Option<String> {
 }
 
 /// The foot of a page.
-pub(super) fn foot(sources: &str, naming: &Naming) -> String {
+pub(super) fn foot(runs: &[Run], naming: &Naming) -> String {
+    let sources: Vec<String> = runs
+        .iter()
+        .map(|run| format!("<code>{}</code>", escape(&run.directory.display().to_string())))
+        .collect();
+    let sources = sources.join(", ");
     let now = date(&jiff::Timestamp::now().to_string());
     let units = match &naming.units {
         Some(_) => String::new(),
         None => " Units are those of the deck; words in brackets say of what kind.".to_owned(),
     };
-    let thickness = if naming.per_thickness {
-        " Plane strain: forces, energies, volumes and masses are per unit thickness."
-    } else {
-        ""
+    let thickness = match (naming.per_thickness, runs.iter().any(Run::is_revolved)) {
+        (true, _) => " Plane strain: forces, energies, volumes and masses are per unit thickness.",
+        (_, true) => {
+            " Bodies of revolution: x is the distance from the axis; forces, energies, volumes and masses are those of \
+             the full circle."
+        }
+        _ => "",
     };
     format!(
         "<p>Written by mpm\u{a0}{VERSION} on {now} from the results in {sources}.{units}{thickness}</p>\n"

@@ -6,7 +6,7 @@ use crate::deck::Parameter;
 use crate::timing::Phase;
 
 use super::curves::{self, AXES, Progress};
-use super::field::{FieldChoice, StepChoice};
+use super::field::StepChoice;
 use super::number::{duration, html, memory};
 use super::page::{Cell, Page, Table, escape};
 use super::picture::{Gallery, Scene};
@@ -22,7 +22,7 @@ use super::{Options, ReportError};
 pub(super) fn page(run: &Run, options: &Options) -> Result<String, ReportError> {
     let naming = naming(std::slice::from_ref(run), options);
     let mut page = Page::default();
-    outcome(&mut page, run, &naming)?;
+    outcome(&mut page, run, &naming);
     model(&mut page, run);
     load_and_displacement(&mut page, run, &naming);
     deformed_points(&mut page, run, options, &naming)?;
@@ -44,11 +44,10 @@ pub(super) fn page(run: &Run, options: &Options) -> Result<String, ReportError> 
             ("Machine", machine(run)),
         ])
     );
-    let sources = format!("<code>{}</code>", escape(&run.directory.display().to_string()));
-    Ok(page.finish(title, &head, &foot(&sources, &naming)))
+    Ok(page.finish(title, &head, &foot(std::slice::from_ref(run), &naming)))
 }
 
-fn outcome(page: &mut Page, run: &Run, naming: &Naming) -> Result<(), ReportError> {
+fn outcome(page: &mut Page, run: &Run, naming: &Naming) {
     page.section("Outcome");
     banner(page, run, None);
     warnings(page, run);
@@ -62,10 +61,8 @@ fn outcome(page: &mut Page, run: &Run, naming: &Naming) -> Result<(), ReportErro
     let tolerance = run.deck.as_ref().map(|deck| format!("tolerance {}", html(deck.solver.tolerance, 3)));
     let residual = largest_residual(run).map(|residual| html(residual, 3));
     row("Largest residual of a step", residual, tolerance.unwrap_or_default());
-    for (field, name) in
-        [("displacement", "Largest displacement"), ("von_mises_stress", "Largest von Mises stress")]
-    {
-        if let Some((value, remark)) = extreme(run, field, naming)? {
+    for (key, name, quantity) in EXTREMES {
+        if let Some((value, remark)) = extreme(run, key, quantity, naming) {
             row(name, Some(value), remark);
         }
     }
@@ -81,60 +78,88 @@ fn outcome(page: &mut Page, run: &Run, naming: &Naming) -> Result<(), ReportErro
     let remark = indefinite.map(|n| format!("{} with a matrix that was not positive definite", html(n, 9)));
     row("Linear solves", count("/linear_solves"), remark.unwrap_or_default());
     page.table("Key numbers.", &table);
-    last_values(page, run, naming);
-    Ok(())
+    end_of_run(page, run, naming);
 }
 
-/// The largest value of a field in the last step written, and where it is.
-fn extreme(run: &Run, field: &str, naming: &Naming) -> Result<Option<(String, String)>, ReportError> {
-    let (Some(last), Ok(field)) = (run.points.last(), field.parse::<FieldChoice>()) else { return Ok(None) };
-    let mesh = super::run::read_mesh(&last.path)?;
-    let (values, positions) = (field.values(&mesh)?, mesh.positions().map_err(ReportError::from_reader)?);
-    let largest = values.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
-    Ok(largest.zip(positions.get(largest.map_or(0, |(p, _)| p))).map(|((point, value), x)| {
-        let place: Vec<String> =
-            x.iter().take(if run.is_plane() { 2 } else { 3 }).map(|x| html(*x, 4)).collect();
-        let remark = format!("step {}, point {point} at ({})", last.step, place.join(", "));
-        (with_unit(*value, field.quantity(), naming), remark)
-    }))
+/// Largest values at the end of the last step: key in the summary, name, kind of quantity.
+const EXTREMES: [(&str, &str, Quantity); 4] = [
+    ("displacement", "Largest displacement", Quantity::Length),
+    ("von_mises_stress", "Largest von Mises stress", Quantity::Stress),
+    ("lowest_pressure", "Lowest pressure", Quantity::Stress),
+    ("highest_pressure", "Highest pressure", Quantity::Stress),
+];
+
+/// One of them, and where it is.
+fn extreme(run: &Run, key: &str, quantity: Quantity, naming: &Naming) -> Option<(String, String)> {
+    let found = &run.summary["largest"][key];
+    let place: Vec<String> =
+        found["position"].as_array()?.iter().filter_map(Value::as_f64).map(|x| html(x, 4)).collect();
+    let (body, point) = (escape(found["body"].as_str()?), found["point"].as_u64()?);
+    let remark = format!("<code>{body}</code>, point {point} at ({})", place.join(", "));
+    Some((with_unit(found["value"].as_f64()?, quantity, naming), remark))
 }
 
-/// Reactions and probes at the end of the last step.
-fn last_values(page: &mut Page, run: &Run, naming: &Naming) {
-    let step = run.column("step").last().map_or_else(String::new, |step| html(*step, 9));
+/// Names in a table and a number for each axis, which may be missing.
+type Rows = Vec<(Cell, Vec<Option<f64>>)>;
+
+/// The last values of columns of the history, `r` of reactions or `u` of probes.
+fn last_values(run: &Run, letter: char, axes: &[&str]) -> Rows {
+    let last = |name: &str, axis: &&str| run.column(&format!("{name}_{letter}{axis}")).last().copied();
+    let names = run.names_before(&format!("_{letter}x")).into_iter();
+    let rows = names.map(|name| (Cell::name(name), axes.iter().map(|axis| last(name, axis)).collect()));
+    rows.filter(|(_, values): &(Cell, Vec<Option<f64>>)| values.iter().any(Option::is_some)).collect()
+}
+
+/// A table of numbers for each axis, with a last row apart from the others.
+fn table_by_axis(
+    head: &str,
+    axes: &[&str],
+    quantity: Quantity,
+    rows: Rows,
+    last: Rows,
+    naming: &Naming,
+) -> Table {
+    let heads = axes.iter().map(|axis| format!("#{}", escape(&naming.label(axis, quantity, 0))));
+    let mut table = Table::new(std::iter::once(head.to_owned()).chain(heads));
+    let known = rows.iter().flat_map(|(_, values)| values).flatten();
+    let largest = known.fold(0.0, |largest: f64, value| largest.max(value.abs()));
+    let cells = |(name, values): (Cell, Vec<Option<f64>>)| {
+        let numbers: Vec<Cell> = values.into_iter().map(|value| Cell::beside(value, largest, 6)).collect();
+        std::iter::once(name).chain(numbers)
+    };
+    rows.into_iter().for_each(|row| table.row(cells(row)));
+    last.into_iter().for_each(|row| table.total(cells(row)));
+    table
+}
+
+/// Forces and probes at the end of the last step.
+fn end_of_run(page: &mut Page, run: &Run, naming: &Naming) {
+    let Some(step) = run.column("step").last().map(|step| html(*step, 9)) else { return };
     let axes: Vec<&str> =
         AXES.into_iter().filter(|axis| !run.names_before(&format!("_r{axis}")).is_empty()).collect();
-    for (letter, what, quantity) in
-        [('r', "Boundary condition", Quantity::Force), ('u', "Probe", Quantity::Length)]
-    {
-        let heads = axes.iter().map(|axis| format!("#{}", escape(&naming.label(axis, quantity, 0))));
-        let mut table = Table::new(std::iter::once(what.to_owned()).chain(heads));
-        let last = |column: String| run.column(&column).last().copied();
-        let names = run.names_before(&format!("_{letter}x"));
-        let values: Vec<Vec<Option<f64>>> = names
-            .iter()
-            .map(|name| axes.iter().map(|axis| last(format!("{name}_{letter}{axis}"))).collect())
-            .filter(|values: &Vec<Option<f64>>| values.iter().any(Option::is_some))
-            .collect();
-        let known = values.iter().flatten().flatten();
-        let largest = known.fold(0.0, |largest: f64, value| largest.max(value.abs()));
-        let cell = |value: Option<f64>| Cell::beside(value, largest, 6);
-        for (name, values) in names.iter().zip(&values) {
-            table.row(std::iter::once(Cell::name(name)).chain(values.iter().copied().map(cell)));
-        }
-        if letter == 'r' && values.len() > 1 {
-            let sum = |axis: usize| values.iter().filter_map(|values| values[axis]).sum();
-            let sums = (0..axes.len()).map(|axis| cell(Some(sum(axis))));
-            table.total(std::iter::once(Cell::text("Sum")).chain(sums));
-        }
-        let caption = match letter {
-            'r' => format!(
-                "Reactions at the end of step {step}: forces of the boundary conditions on the bodies."
-            ),
-            _ => format!("Displacements of the probes at the end of step {step}."),
-        };
-        page.table(&caption, &table);
+    let forces = &run.summary["forces"];
+    let along = |key: &str| -> Option<Vec<Option<f64>>> {
+        Some(forces[key].as_array()?.iter().map(Value::as_f64).collect())
+    };
+    let mut rows = last_values(run, 'r', &axes);
+    let applied = along("applied");
+    let mut caption =
+        format!("Forces on the bodies at the end of step {step}: reactions of the boundary conditions.");
+    if applied.is_some() {
+        caption = format!(
+            "Forces on the bodies at the end of step {step}: loads, and reactions of the boundary conditions"
+        );
+        let relative = forces["relative_difference"].as_f64();
+        let share = relative.map(|share| format!("; their sum is {} of all forces", html(share, 2)));
+        caption.push_str(&format!("{}.", share.unwrap_or_default()));
     }
+    let sum = along("difference").map(|sum| (Cell::text("Sum"), sum));
+    rows.splice(0..0, applied.map(|applied| (Cell::text("Loads"), applied)));
+    let sum = sum.into_iter().collect();
+    page.table(&caption, &table_by_axis("Forces", &axes, Quantity::Force, rows, sum, naming));
+    let caption = format!("Displacements of the probes at the end of step {step}.");
+    let probes = last_values(run, 'u', &axes);
+    page.table(&caption, &table_by_axis("Probe", &axes, Quantity::Length, probes, Vec::new(), naming));
 }
 
 fn model(page: &mut Page, run: &Run) {

@@ -29,7 +29,11 @@ impl Account {
             "deck": {"file": self.deck_file, "text": self.deck_text},
             "deck_hash": self.deck_hash,
             "parameters": self.parameters,
-            "dimensions": D,
+            "idealisation": match (D, model.revolved) {
+                (2, true) => "axisymmetric",
+                (2, false) => "plane-strain",
+                _ => "solid",
+            },
             "points": points.len(),
             "cells": model.grid.n_cells(),
             "steps_requested": model.n_steps,

@@ -5,6 +5,8 @@ import io
 import json
 import re
 import shutil
+import subprocess
+import time
 from html.parser import HTMLParser
 
 import html5lib
@@ -126,6 +128,10 @@ def test_a_page_says_what_the_files_say(page, beam):
     assert summary["title"] in text and summary["deck_hash"] in text
     assert f"tip {history['tip_ux'][-1]:.5f} {history['tip_uy'][-1]:.5f}".replace(" ", "") in text.replace(" ", "")
     assert f"{history['pin_ry'][-1]:.1f}" in text
+    balance = text.split("Forces on the bodies")[1].split("Displacements of the probes")[0].replace(" ", "")
+    assert "Loads0.0-100000.0" in balance and "Sum" in balance
+    largest = summary["largest"]["displacement"]
+    assert f"Largest displacement{largest['value']:.4f} m" in text and f"point {largest['point']} at" in text
     for phase, seconds in summary["wall_seconds"].items():
         assert f"{phase}{seconds:.3f}" in text.replace(" ", ""), phase
     order = summary["quality"]["newton_order"]["median"]
@@ -205,18 +211,35 @@ def test_standard_points_are_drawn_as_discs(page_of, collapse):
 
 def test_a_failed_run_says_so(page_of, failed):
     text = text_of(page_of(failed).read_text())
-    reason = json.loads((failed / "summary.json").read_text())["reason"]
-    assert re.sub(r"\s+", " ", f"The analysis failed after 1 of 2 load steps: {reason}").replace("\u2212", "-") in text
+    summary = json.loads((failed / "summary.json").read_text())
+    said = f"The analysis failed with {summary['code']} after 1 of 2 load steps: {summary['reason']}"
+    assert re.sub(r"\s+", " ", said).replace("\u2212", "-") in text
     assert "Everything on this page shows the steps in equilibrium only." in text
     assert "step 2, failed" in text
 
 
-def test_a_run_without_summary_has_not_ended(page_of, beam, tmp_path):
-    directory = tmp_path / "going on"
+def test_a_run_that_goes_on_or_was_killed_says_so(page_of, program, beam, tmp_path):
+    out = tmp_path / "out"
+    command = [program, "run", ROOT / "inputs" / "collapse.yaml", "--out", out, *settings(n=9, steps=2000)]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    while not (out / "points_0002.vtu").exists():
+        assert process.poll() is None
+        time.sleep(0.01)
+    # Files of the next step may appear while the report is written; each is complete.
+    assert "The analysis is still going on." in text_of(page_of(out).read_text())
+    process.kill()
+    process.wait(timeout=60)
+    text = text_of(page_of(out).read_text())
+    assert re.search(r"The analysis was killed: its process ended without a word after \d+ of 2000 load steps", text)
+
+
+def test_a_run_without_summary_and_status(page_of, beam, tmp_path):
+    directory = tmp_path / "copy"
     shutil.copytree(beam.directory, directory)
     (directory / "summary.json").unlink()
+    (directory / "status.json").unlink()
     text = text_of(page_of(directory).read_text())
-    assert "The analysis has not ended" in text and "20 of 20 load steps are in equilibrium" in text
+    assert "How the analysis ended is not known" in text and "20 of 20 load steps are in equilibrium" in text
     # Before the first step is in equilibrium there is next to nothing to show.
     header = (directory / "history.csv").read_text().splitlines()[0]
     (directory / "history.csv").write_text(header + "\n")
@@ -243,7 +266,7 @@ def test_a_comparison_tells_the_runs_apart(comparison, beam):
     text = text_of(html)
     names = [re.escape(name) for name in re.findall(r'<polyline [^>]*data-name="([^"]+)"', html)]
     assert len(set(names)) >= 2
-    assert "The analysis failed after 1 of 2 load steps" in text
+    assert "The analysis failed with S002 after 1 of 2 load steps" in text
     assert "Parameters that differ." in text and "gimp" in text and "cpdi2" in text
     assert "- title: Elastic cantilever" in text and "+ title: Elasto-plastic collapse" in text
     tips = [y for name, x, y in curves(html) if np.allclose(y[-1], beam.history["tip_uy"][-1], rtol=1e-5)]
