@@ -18,13 +18,13 @@ fn file(name: &str) -> GmshFile {
     read_file(&path(name)).unwrap()
 }
 
-fn mesh(name: &str) -> Mesh<2> {
-    Mesh::<2>::from_gmsh(&file(name)).unwrap()
+fn mesh<const D: usize>(name: &str) -> Mesh<D> {
+    Mesh::from_gmsh(&file(name)).unwrap()
 }
 
 fn all_files() -> Vec<Vec<u8>> {
     let mut names: Vec<String> =
-        ["mixed", "disk"].iter().flat_map(|n| FORMATS.map(|f| format!("{n}_{f}"))).collect();
+        ["mixed", "disk", "solid"].iter().flat_map(|n| FORMATS.map(|f| format!("{n}_{f}"))).collect();
     names.extend(["clockwise", "second_order", "partitioned"].map(String::from));
     names.iter().map(|name| std::fs::read(path(name)).unwrap()).collect()
 }
@@ -46,10 +46,14 @@ fn assert_same<const D: usize>(a: &Mesh<D>, b: &Mesh<D>) {
 #[test]
 fn all_formats_give_the_same_mesh() {
     for name in ["mixed", "disk"] {
-        let meshes = FORMATS.map(|format| mesh(&format!("{name}_{format}")));
+        let meshes = FORMATS.map(|format| mesh::<2>(&format!("{name}_{format}")));
         for other in &meshes[1..] {
             assert_same(&meshes[0], other);
         }
+    }
+    let meshes = FORMATS.map(|format| mesh::<3>(&format!("solid_{format}")));
+    for other in &meshes[1..] {
+        assert_same(&meshes[0], other);
     }
 }
 
@@ -76,7 +80,7 @@ fn groups_have_names_with_spaces_or_their_tags() {
 
 #[test]
 fn groups_become_sets() {
-    let mesh = mesh("mixed_4.1_binary");
+    let mesh = mesh::<2>("mixed_4.1_binary");
     let names = |n: &[&str]| n.iter().map(ToString::to_string).collect::<Vec<_>>();
     assert_eq!(
         mesh.cell_sets().keys().cloned().collect::<Vec<_>>(),
@@ -100,8 +104,59 @@ fn groups_become_sets() {
 }
 
 #[test]
+fn groups_of_solids_become_sets() {
+    let mesh = mesh::<3>("solid_2.2_binary");
+    let names: Vec<&str> = mesh.node_sets().keys().map(String::as_str).collect();
+    assert_eq!(names, ["all of it", "floor", "long edge", "origin", "rock", "soil body"]);
+    assert_eq!(
+        mesh.cell_sets().keys().map(String::as_str).collect::<Vec<_>>(),
+        ["all of it", "rock", "soil body"]
+    );
+    assert_eq!(mesh.side_sets().keys().collect::<Vec<_>>(), ["floor"]);
+    let volume = |set: &str| mesh.cell_sets()[set].iter().map(|c| mesh.volume(*c)).sum::<f64>();
+    assert!((volume("soil body") - 2.0).abs() < 1e-14);
+    assert!((volume("rock") - 0.7).abs() < 1e-9, "{}", volume("rock"));
+    assert_eq!(mesh.cell_sets()["all of it"].len(), mesh.n_cells());
+    // Tetrahedra first, then the two hexahedra of the soil.
+    assert_eq!(mesh.cell_sets()["soil body"], [mesh.n_cells() as u32 - 2, mesh.n_cells() as u32 - 1]);
+    assert!(mesh.cell_sets()["rock"].iter().all(|c| mesh.cell_nodes(*c).len() == 4));
+    let origin = &mesh.node_sets()["origin"];
+    assert!(origin.len() == 1 && mesh.node_position(origin[0] as usize) == [0.0; 3]);
+    let edge = mesh.node_sets()["long edge"].iter().map(|n| mesh.node_position(*n as usize));
+    assert_eq!(edge.clone().count(), 3);
+    assert!(edge.into_iter().all(|x| x[1] == 0.0 && x[2] == 0.0));
+    let floor = &mesh.node_sets()["floor"];
+    assert!(floor.iter().all(|n| mesh.node_position(*n as usize)[2] == 0.0));
+    let quadrilaterals = mesh.side_sets()["floor"].iter().filter(|side| side.nodes().len() == 4).count();
+    assert!(quadrilaterals == 2 && mesh.side_sets()["floor"].len() > 4);
+    assert!(mesh.warnings().is_empty());
+    // Every face of a group is one of the boundary.
+    let sorted = |nodes: &[u32]| {
+        let mut nodes = nodes.to_vec();
+        nodes.sort_unstable();
+        nodes
+    };
+    let boundary: Vec<Vec<u32>> = mesh.boundary().iter().map(|b| sorted(b.side.nodes())).collect();
+    assert!(mesh.side_sets()["floor"].iter().all(|side| boundary.contains(&sorted(side.nodes()))));
+}
+
+#[test]
+fn the_blocks_of_the_patch_tests_are_complete() {
+    for name in ["block_hexahedra", "block_tetrahedra"] {
+        let mesh = mesh::<3>(name);
+        let volume = |cells: &[u32]| cells.iter().map(|c| mesh.volume(*c)).sum::<f64>();
+        let sets = mesh.cell_sets();
+        assert!((volume(&sets["block"]) + volume(&sets["around"]) - 512.0).abs() < 1e-9);
+        assert!((volume(&sets["block"]) - 64.0).abs() < if name == "block_hexahedra" { 1.0 } else { 1e-9 });
+        assert_eq!(mesh.bounds(), [[0.0; 3], [8.0; 3]]);
+        assert!(mesh.node_sets()["bottom"].iter().all(|n| mesh.node_position(*n as usize)[2] == 0.0));
+        assert!(mesh.warnings().is_empty());
+    }
+}
+
+#[test]
 fn the_grid_of_the_beam_is_complete() {
-    let mesh = mesh("rectangle_quad_h0.5");
+    let mesh = mesh::<2>("rectangle_quad_h0.5");
     assert_eq!((mesh.n_cells(), mesh.n_nodes()), (440, 483));
     assert_eq!(mesh.bounds(), [[0.0, 0.0], [11.0, 10.0]]);
     assert_eq!(mesh.node_sets()["left"].len(), 21);
@@ -137,6 +192,21 @@ fn second_order_elements_are_refused_by_name_and_number() {
         }
         other => panic!("{other:?}"),
     }
+    let error = read_file(&path("solid_second_order")).unwrap_err().to_string();
+    let expected =
+        ["only linear elements", "`Tetrahedron 10`", "2 × `Hexahedron 27`", "save it with order 1"];
+    assert!(expected.iter().all(|words| error.contains(words)), "{error}");
+}
+
+#[test]
+fn prisms_and_pyramids_are_refused() {
+    let nodes = "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 1 0 1\n6 0 1 1\n";
+    let error = text(nodes, "1 6 2 1 1 1 2 3 4 5 6\n2 7 2 1 1 1 2 3 4 5\n").unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "prisms and pyramids are not supported, the file has 1 × `Prism 6`, 1 × `Pyramid 5`; use tetrahedra or \
+         hexahedra"
+    );
 }
 
 #[test]
@@ -230,6 +300,69 @@ fn unusable_cells_are_found() {
     assert_eq!(shared, MeshError::SharedName { name: "5".into(), dimensions: [1, 2] });
 }
 
+/// Corners of two cubes, one on top of the other, and of a third beside them that has a face in common with none.
+const CUBES: &str = "1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 0 0 1\n6 1 0 1\n7 1 1 1\n8 0 1 1\n\
+                     9 0 0 2\n10 1 0 2\n11 1 1 2\n12 0 1 2\n13 .1 .1 .1\n";
+
+fn cubes(elements: &str) -> Result<Mesh<3>, MeshError> {
+    Mesh::from_gmsh(&text(CUBES, elements).unwrap())
+}
+
+#[test]
+fn unusable_solids_are_found() {
+    let low = "1 5 0 1 2 3 4 5 6 7 8\n";
+    let high = "2 5 0 5 6 7 8 9 10 11 12\n";
+    let both = cubes(&format!("{low}{high}")).unwrap();
+    assert_eq!((both.n_nodes(), both.n_cells(), both.boundary().len()), (12, 2, 10));
+    let message = |elements: &str| cubes(elements).unwrap_err().to_string();
+
+    // A surface where a solid ought to be, and the other way round.
+    assert_eq!(cubes("1 1 0 1 2\n").unwrap_err(), MeshError::NoCells { dimension: 3, n_surface: 0 });
+    let surface = message("1 2 0 1 2 3\n2 3 0 1 2 3 4\n");
+    assert!(surface.contains("only 2 surface elements; an analysis in space needs the volume"), "{surface}");
+    let solid = Mesh::<2>::from_gmsh(&text(CUBES, &format!("{low}7 3 0 1 2 3 4\n")).unwrap()).unwrap_err();
+    assert_eq!(solid, MeshError::Solid { n: 1 });
+
+    // Volumes.
+    assert!(matches!(cubes("1 4 0 1 2 3 4\n"), Err(MeshError::NoVolume { dimension: 3, n: 1, .. })));
+    assert_eq!(message("1 4 0 1 2 3 4\n"), "1 cells have no volume: element 1 at (0.5, 0.5, 0)");
+    assert!(matches!(cubes("1 5 0 1 2 3 4 1 2 3 4\n"), Err(MeshError::NoVolume { n: 1, .. })));
+    assert_eq!(cubes("1 4 0 1 3 2 5\n").unwrap_err(), MeshError::AllInverted { dimension: 3 });
+    assert!(message("1 4 0 1 3 2 5\n").starts_with("all cells are inside out"));
+    match cubes(&format!("{low}2 4 0 5 7 6 10\n")).unwrap_err() {
+        MeshError::Inverted { dimension: 3, n: 1, first } => assert_eq!(first[0].element, 2),
+        other => panic!("{other:?}"),
+    }
+    // A corner pushed through the cube; a top that is turned by a half folds in the middle of the height only.
+    assert!(matches!(cubes("1 5 0 1 2 3 4 5 6 13 8\n"), Err(MeshError::Folded { dimension: 3, n: 1, .. })));
+    assert!(matches!(cubes("1 5 0 1 2 3 4 7 8 5 6\n"), Err(MeshError::Folded { n: 1, .. })));
+    assert!(
+        message("1 5 0 1 2 3 4 5 6 13 8\n").contains("hexahedra are so distorted that they turn inside out")
+    );
+
+    // Cells in each other's place, and cells that do not fit together.
+    let twice = cubes(&format!("{low}3 5 0 5 6 7 8 9 10 11 12\n4 4 0 5 6 7 10\n")).unwrap_err();
+    assert!(matches!(twice, MeshError::Nonconforming { n: 1, .. } | MeshError::Overlap { .. }), "{twice}");
+    let overlap = cubes("1 4 0 1 2 4 5\n2 4 0 1 2 4 9\n").unwrap_err();
+    assert!(matches!(overlap, MeshError::Overlap { n: 1, .. }), "{overlap}");
+    match cubes(&format!("{low}2 4 0 5 6 7 9\n3 4 0 5 7 8 9\n")).unwrap_err() {
+        MeshError::Nonconforming { n: 2, first } => assert_eq!(first.map(|c| c.element), [2, 1]),
+        other => panic!("{other:?}"),
+    }
+    let shared = cubes(&format!("9 3 1 5 1 2 3 4\n{}", low.replace("5 0", "5 1 5"))).unwrap_err();
+    assert_eq!(shared, MeshError::SharedName { name: "5".into(), dimensions: [2, 3] });
+}
+
+#[test]
+fn nodes_of_solids_that_should_be_one_are_told() {
+    let nodes = format!("{CUBES}14 0 0 1\n15 1 0 1.0000000000001\n");
+    let elements = "1 5 0 1 2 3 4 5 6 7 8\n2 5 0 14 15 7 8 9 10 11 12\n";
+    let mesh = Mesh::<3>::from_gmsh(&text(&nodes, elements).unwrap()).unwrap();
+    let [MeshWarning::Unmerged { n: 2, first }] = mesh.warnings() else { panic!("{:?}", mesh.warnings()) };
+    assert_eq!(first, &[vec![0.0, 0.0, 1.0], vec![1.0, 0.0, 1.0]]);
+    assert!(mesh.warnings()[0].to_string().ends_with("the first at (0, 0, 1)"));
+}
+
 #[test]
 fn nodes_that_should_be_one_are_told() {
     let nodes = format!("{SQUARE}5 0 0 0\n6 1 1 1e-13\n");
@@ -287,14 +420,21 @@ fn no_part_of_a_file_is_a_file() {
 
 /// Reads and builds; only the absence of panics matters.
 fn survive(bytes: &[u8]) {
-    if let Ok(file) = read(bytes)
-        && let Ok(mesh) = Mesh::<2>::from_gmsh(&file)
-    {
-        let x = mesh.node_position(0);
-        for x in [x, [f64::NAN, x[1]], [f64::INFINITY, 0.0], [1e300, -1e300]] {
-            let cell = mesh.nearest_cell(&x);
-            mesh.shape(cell, &x);
-        }
+    if let Ok(file) = read(bytes) {
+        use_mesh(Mesh::<2>::from_gmsh(&file));
+        use_mesh(Mesh::<3>::from_gmsh(&file));
+    }
+}
+
+fn use_mesh<const D: usize>(mesh: Result<Mesh<D>, MeshError>) {
+    let Ok(mesh) = mesh else { return };
+    let x = mesh.node_position(0);
+    let mut places = [x, [f64::INFINITY; D], [1e300; D], mesh.centroid(0)];
+    places[1][0] = f64::NAN;
+    for x in places {
+        mesh.locate(&x, None);
+        mesh.shape(mesh.nearest_cell(&x), &x);
+        mesh.shape(0, &x);
     }
 }
 
@@ -302,7 +442,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     #[test]
-    fn damaged_files_cause_no_panic(which in 0..11usize, damage in prop::collection::vec((any::<usize>(), any::<u8>()), 1..6)) {
+    fn damaged_files_cause_no_panic(which in 0..15usize, damage in prop::collection::vec((any::<usize>(), any::<u8>()), 1..6)) {
         let mut bytes = all_files().swap_remove(which);
         let n = bytes.len();
         for (at, value) in damage {
@@ -316,12 +456,17 @@ proptest! {
         let x: Vec<f64> = x.into_iter().map(|x| if x.is_finite() { x } else { 0.0 }).collect();
         let nodes: String = (0..5).map(|k| format!("{k} {:e} {:e} 0\n", x[2 * k], x[2 * k + 1])).collect();
         for elements in ["1 2 0 0 1 2\n2 2 0 0 2 3\n", "1 3 0 0 1 2 3\n", "1 2 0 2 1 0\n", "1 3 0 3 2 1 0\n2 2 0 0 1 4\n"] {
-            let file = text(&nodes, elements).unwrap();
-            if let Ok(mesh) = Mesh::<2>::from_gmsh(&file) {
-                mesh.locate(&mesh.centroid(0), None);
-                mesh.nearest_cell(&[x[8], x[9]]);
-                mesh.shape(0, &[x[8], x[9]]);
-            }
+            use_mesh(Mesh::<2>::from_gmsh(&text(&nodes, elements).unwrap()));
+        }
+    }
+
+    #[test]
+    fn odd_coordinates_of_solids_cause_no_panic(x in prop::collection::vec(prop_oneof![any::<f64>(), -1e3..1e3f64, Just(0.0)], 27)) {
+        let x: Vec<f64> = x.into_iter().map(|x| if x.is_finite() { x } else { 0.0 }).collect();
+        let node = |k: usize| format!("{k} {:e} {:e} {:e}\n", x[3 * k], x[3 * k + 1], x[3 * k + 2]);
+        let nodes: String = (0..9).map(node).collect();
+        for elements in ["1 4 0 0 1 2 3\n2 4 0 1 2 3 4\n", "1 5 0 0 1 2 3 4 5 6 7\n", "1 4 0 0 2 1 3\n"] {
+            use_mesh(Mesh::<3>::from_gmsh(&text(&nodes, elements).unwrap()));
         }
     }
 }

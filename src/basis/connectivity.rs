@@ -167,7 +167,8 @@ impl<const D: usize> Connectivity<D> {
         &self.active_nodes
     }
 
-    /// The grid cells that points or their domains meet, ascending.
+    /// The grid cells that points or their domains meet, ascending; of domains given by corners, the cells of the point
+    /// and of the corners.
     pub fn active_cells(&self) -> &[u32] {
         &self.active_cells
     }

@@ -35,6 +35,7 @@ impl<const D: usize> Basis<D> for Cpdi {
     ) -> Result<(), SupportError> {
         let weights = CornerWeights::new(point.corners)?;
         out.clear();
+        out.cells.push(point.cell);
         for (corner, place) in point.corners.iter().enumerate() {
             let cell = grid.locate(place, Some(point.cell)).ok_or_else(|| off_grid(corner, place))?;
             out.cells.push(cell);

@@ -157,8 +157,8 @@ pub enum GmshError {
         /// The total at the head of the section.
         declared: usize,
     },
-    /// Element types that are not linear, or not known to this program.
-    #[error("only linear elements are supported, the file has {}; save it with order 1", list(.kinds))]
+    /// Element types that are not linear, or linear but not known to this program.
+    #[error("{}", unsupported(.kinds))]
     Unsupported {
         /// Gmsh's name and number of elements of every such type.
         kinds: Vec<(&'static str, usize)>,
@@ -207,6 +207,15 @@ pub enum GmshError {
         /// Number of its groups.
         count: usize,
     },
+}
+
+fn unsupported(kinds: &[(&'static str, usize)]) -> String {
+    let found = list(kinds);
+    if kinds.iter().all(|(name, _)| ["Prism 6", "Pyramid 5"].contains(name)) {
+        format!("prisms and pyramids are not supported, the file has {found}; use tetrahedra or hexahedra")
+    } else {
+        format!("only linear elements are supported, the file has {found}; save it with order 1")
+    }
 }
 
 fn list(kinds: &[(&'static str, usize)]) -> String {

@@ -165,7 +165,9 @@ impl<const D: usize> Mesh<D> {
         near.iter().map(|(cell, _)| *cell).min().unwrap_or(0)
     }
 
-    /// The basis of a cell at a position inside it, or outside by continuation.
+    /// The basis of a cell at a position inside it, or outside by continuation. A position within [`ON_EDGE`] of the
+    /// border of the cell, relative to its size, counts as lying on it: nodes off that border have no part in it, and
+    /// round-off lets no point or corner touch nodes that it gives no stiffness to speak of.
     ///
     /// So far outside a quadrilateral or hexahedron that its map has no inverse, the linear basis of a part of it
     /// stands in: it still reproduces linear fields.
@@ -180,7 +182,8 @@ impl<const D: usize> Mesh<D> {
             basis
         };
         if let Some(xi) = shape.inverse(&corners, x) {
-            return basis(shape.values(xi), shape.gradients(&corners, xi));
+            let (xi, values) = on_border(shape, xi);
+            return basis(values, shape.gradients(&corners, xi));
         }
         let places = corners.linear_part(x);
         let part = places.map(|k| corners.x[k]);
@@ -194,6 +197,25 @@ impl<const D: usize> Mesh<D> {
         }
         basis(values, gradients)
     }
+}
+
+/// Local coordinates and shape functions with those that are round-off from the border of the cell put there.
+fn on_border<const D: usize>(shape: ElementShape, mut xi: [f64; D]) -> ([f64; D], [f64; MAX_NODES]) {
+    if shape == ElementShape::Box {
+        for x in xi.iter_mut().filter(|x| (x.abs() - 1.0).abs() < 2.0 * ON_EDGE) {
+            *x = x.signum();
+        }
+        return (xi, shape.values(xi));
+    }
+    let mut values = shape.values(xi);
+    let largest = (1..=D).fold(0, |largest, k| if values[k] > values[largest] { k } else { largest });
+    for k in (0..=D).filter(|k| *k != largest) {
+        if values[k].abs() < ON_EDGE {
+            values[largest] += values[k];
+            values[k] = 0.0;
+        }
+    }
+    (xi, values)
 }
 
 impl<const D: usize> Grid<D> for Mesh<D> {

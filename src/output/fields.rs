@@ -204,8 +204,8 @@ fn cell_kind<const D: usize>(corners: usize) -> CellKind {
     }
 }
 
-/// The cells that points overlap, as corners among the active nodes in the order of the VTK cell of their kind; the
-/// nodes; and their fields.
+/// The cells that points or their domains meet, without those that they only touch from outside, of which not all nodes
+/// are active: as corners among the active nodes in the order of the VTK cell of their kind; the nodes; and their fields.
 pub struct GridMesh {
     /// Positions of the active nodes.
     pub nodes: Vec<[f64; 3]>,
@@ -223,9 +223,11 @@ pub fn grid_mesh<const D: usize>(model: &Model<D>, grid: &GridFields<D>) -> Grid
     let (mut corners, mut kinds) = (Vec::new(), Vec::new());
     for &cell in links.active_cells() {
         let nodes = model.grid.corners(cell as usize);
-        let number = |&node: &u32| links.active_number(node as usize).map_or(0, |active| active as i64);
-        corners.extend(nodes.nodes().iter().map(number));
-        kinds.push(cell_kind::<D>(nodes.nodes().len()));
+        let number = |&node: &u32| links.active_number(node as usize).map(|active| active as i64);
+        if let Some(numbers) = nodes.nodes().iter().map(number).collect::<Option<Vec<i64>>>() {
+            kinds.push(cell_kind::<D>(numbers.len()));
+            corners.extend(numbers);
+        }
     }
     let position = |&node: &u32| padded(&model.grid.node_position(node as usize));
     GridMesh {

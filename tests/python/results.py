@@ -85,7 +85,7 @@ def assert_readers_agree(path):
     np.testing.assert_array_equal(
         with_vtk.cell_connectivity.reshape(with_vtk.n_cells, -1), with_meshio.cells[0].data
     )
-    assert {"vertex": 1, "quad": 9}[with_meshio.cells[0].type] == with_vtk.celltypes[0]
+    assert {"vertex": 1, "triangle": 5, "quad": 9, "tetra": 10, "hexahedron": 12}[with_meshio.cells[0].type] == with_vtk.celltypes[0]
     point_data, cell_data = with_meshio.point_data, {name: v[0] for name, v in with_meshio.cell_data.items()}
     for ours, theirs in [(with_vtk.point_data, point_data), (with_vtk.cell_data, cell_data)]:
         assert set(ours.keys()) == set(theirs)

@@ -134,6 +134,38 @@ fn check_outside<const D: usize>(mesh: &Mesh<D>) {
     assert!(at(0.0).is_some());
 }
 
+/// A position on the border of cells, up to round-off, touches the nodes of that part of the border only.
+fn check_border_values<const D: usize>(mesh: &Mesh<D>) {
+    for cell in 0..mesh.n_cells() as u32 {
+        let corners = mesh.cell(cell);
+        for (k, side) in corners.shape.sides::<D>().iter().enumerate() {
+            let n = side.len();
+            let noise = 1e-14 * (k as f64 - 1.5);
+            let x: [f64; D] = std::array::from_fn(|d| {
+                noise + side.iter().map(|k| corners.x[*k][d]).sum::<f64>() / n as f64
+            });
+            let basis = mesh.shape(mesh.locate(&x, None).unwrap_or(cell), &x);
+            let touched = || basis.nodes().iter().zip(basis.value()).filter(|(_, v)| **v != 0.0);
+            assert!(touched().count() <= n && touched().all(|(_, v)| *v > 0.0));
+            assert!(touched().all(|(node, _)| side.iter().any(|k| mesh.cell_nodes(cell)[*k] == *node)));
+            // And so do positions at nodes.
+            let node = mesh.cell_nodes(cell)[side[0]];
+            let x = corners.x[side[0]].map(|x| x + noise);
+            let basis = mesh.shape(mesh.locate(&x, None).unwrap_or(cell), &x);
+            let touched: Vec<_> =
+                basis.nodes().iter().zip(basis.value()).filter(|(_, v)| **v != 0.0).collect();
+            assert!(touched.len() == 1 && *touched[0].0 == node, "{touched:?}");
+        }
+    }
+}
+
+#[test]
+fn a_position_on_a_border_touches_no_other_nodes() {
+    check_border_values(&mixed());
+    check_border_values(&hexahedra(4));
+    check_border_values(&tetrahedra(3));
+}
+
 #[test]
 fn positions_outside_have_no_cell_but_a_nearest_one() {
     check_outside(&mixed());
