@@ -129,10 +129,10 @@ impl Chart {
         self.draw_axes(&mut svg, naming, &x, &y, right, bottom);
         for (value, name) in &self.levels {
             let place = y.place(*value);
-            let _ = write!(
+            let _ = writeln!(
                 svg,
                 "<line class=\"level\" x1=\"{LEFT}\" x2=\"{right:.1}\" y1=\"{place:.1}\" y2=\"{place:.1}\"/>\
-                 <text class=\"level\" x=\"{:.1}\" y=\"{:.1}\">{}</text>\n",
+                 <text class=\"level\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
                 LEFT + 6.0,
                 place - 4.0,
                 escape(name)

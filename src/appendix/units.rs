@@ -53,7 +53,7 @@ impl FromStr for Units {
         let parts: Vec<&str> = text.split(',').map(str::trim).collect();
         let is_unit = |part: &&str| !part.is_empty() && part.chars().count() <= 8;
         match parts[..] {
-            [length, force, time] if parts.iter().all(|part| is_unit(part)) => {
+            [length, force, time] if parts.iter().all(is_unit) => {
                 Ok(Units { length: length.to_owned(), force: force.to_owned(), time: time.to_owned() })
             }
             _ => Err("expected the units of length, force and time, for example m,kN,s".to_owned()),

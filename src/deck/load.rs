@@ -167,7 +167,7 @@ pub fn load_text(
     if let Some(mut value) = value {
         parameters::apply(&mut value, &mut source, overrides, &mut diagnostics);
         let before = diagnostics.len();
-        deck = shape::check(value, &source, &mut diagnostics);
+        deck = shape::check(value, &mut source, &mut diagnostics);
         diagnostic::assign(Gate::Shape, &mut diagnostics[before..]);
     }
     if let Some(deck) = &deck {

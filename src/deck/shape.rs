@@ -16,20 +16,35 @@ use super::schema::{shortest, strict_schema};
 use super::source::{Source, escape};
 use crate::formula::closest;
 
+/// Times that a deck is looked at when keys are misspelt.
+const PASSES: usize = 3;
+/// Most unknown keys that are mended each time; a deck with more has one cause for most of them.
+const MOST_MENDED: usize = 100;
+
 /// Checks the shape of a deck whose parameters are inserted; adds a message for every fault. The deck is returned if
-/// it can be read at all, even where a number is out of range, so that more can be said about it.
-pub(super) fn check(value: Value, source: &Source, diagnostics: &mut Vec<Diagnostic>) -> Option<Deck> {
-    let mut gate = Gate { source, found: Vec::new(), judged: HashSet::new(), meant: HashSet::new() };
-    if let Some(validator) = validator() {
-        let mut errors: Vec<_> = validator.iter_errors(&value).collect();
-        // Unknown keys come first, as a misspelt key explains a missing one.
-        errors.sort_by_key(|error| !matches!(error.kind(), ValidationErrorKind::AdditionalProperties { .. }));
-        for error in &errors {
-            gate.report(error);
+/// it can be read at all, even where a number is out of range or a key misspelt, so that more can be said about it.
+pub(super) fn check(
+    mut value: Value,
+    source: &mut Source,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<Deck> {
+    let before = diagnostics.len();
+    let (mut judged, mut meant) = (HashSet::new(), HashSet::new());
+    // What stands below a misspelt key is looked at once the key has its name.
+    for _ in 0..PASSES {
+        let mut gate = Gate { source, found: Vec::new(), judged, meant, unknown: Vec::new() };
+        gate.validate(&value);
+        let Gate { found, unknown, .. } = gate;
+        (judged, meant) = (gate.judged, gate.meant);
+        diagnostics.extend(found);
+        if unknown.is_empty() {
+            break;
+        }
+        for unknown in unknown.into_iter().take(MOST_MENDED) {
+            unknown.mend(&mut value, source);
         }
     }
-    let is_well_formed = gate.found.is_empty() && !source.has_poison();
-    diagnostics.append(&mut gate.found);
+    let is_well_formed = diagnostics.len() == before && !source.has_poison();
     match serde_json::from_value(value) {
         Ok(deck) if !source.has_poison() => Some(deck),
         Err(error) if is_well_formed => {
@@ -53,9 +68,44 @@ struct Gate<'a> {
     judged: HashSet<String>,
     /// Keys that a misspelt key was probably meant to be.
     meant: HashSet<String>,
+    /// Keys that are unknown.
+    unknown: Vec<UnknownKey>,
+}
+
+/// An unknown key and what it was probably meant to be.
+struct UnknownKey {
+    /// Pointer to the mapping that has it.
+    parent: String,
+    key: String,
+    meant: Option<String>,
+}
+
+impl UnknownKey {
+    /// Takes the key for what it was meant to be, or away.
+    fn mend(self, deck: &mut Value, source: &mut Source) {
+        let UnknownKey { parent, key, meant } = self;
+        let Some(Value::Object(entries)) = deck.pointer_mut(&parent) else { return };
+        let value = entries.shift_remove(&key);
+        if let (Some(value), Some(meant)) = (value, meant)
+            && !entries.contains_key(&meant)
+        {
+            source.rename(&format!("{parent}/{}", escape(&key)), &format!("{parent}/{}", escape(&meant)));
+            entries.insert(meant, value);
+        }
+    }
 }
 
 impl Gate<'_> {
+    fn validate(&mut self, value: &Value) {
+        let Some(validator) = validator() else { return };
+        let mut errors: Vec<_> = validator.iter_errors(value).collect();
+        // Unknown keys come first, as a misspelt key explains a missing one.
+        errors.sort_by_key(|error| !matches!(error.kind(), ValidationErrorKind::AdditionalProperties { .. }));
+        for error in &errors {
+            self.report(error);
+        }
+    }
+
     fn report(&mut self, error: &ValidationError<'_>) {
         let pointer = error.instance_path().as_str();
         if self.is_poisoned(pointer) {
@@ -116,7 +166,10 @@ impl Gate<'_> {
                 Diagnostic::at_key(self.source, "D006", &at, format!("unknown key {}", quote(key)));
             let keys = list(allowed.iter().map(String::as_str));
             diagnostic.expected = Some(format!("one of the keys {}", alternatives(allowed.iter())));
-            diagnostic.help = Some(match closest(key, allowed.iter().map(String::as_str)) {
+            let best = closest(key, allowed.iter().map(String::as_str));
+            let meant = best.map(str::to_owned);
+            self.unknown.push(UnknownKey { parent: pointer.to_owned(), key: key.clone(), meant });
+            diagnostic.help = Some(match best {
                 Some(best) => {
                     self.meant.insert(format!("{pointer}/{best}"));
                     format!("did you mean {}? the keys here are {keys}", quote(best))
@@ -138,6 +191,11 @@ impl Gate<'_> {
             let message = format!("unknown key {}", quote(written));
             let diagnostic = Diagnostic::at_key(self.source, "D006", &at, message);
             let help = format!("did you mean {}?", quote(key));
+            self.unknown.push(UnknownKey {
+                parent: pointer.to_owned(),
+                key: written.to_owned(),
+                meant: Some(key.to_owned()),
+            });
             self.found.push(diagnostic.expected(format!("the key {}", quote(key))).help(help));
             return;
         }

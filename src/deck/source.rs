@@ -211,6 +211,23 @@ impl Source {
         self.used_parameters.contains(name)
     }
 
+    /// Gives a value and all below it another place in the deck, where it keeps its place in the text.
+    pub(super) fn rename(&mut self, from: &str, to: &str) {
+        let moved = |pointer: &str| match pointer.strip_prefix(from) {
+            Some(rest) if rest.is_empty() || rest.starts_with('/') => Some(format!("{to}{rest}")),
+            _ => None,
+        };
+        let places: Vec<_> =
+            self.places.iter().filter_map(|(at, place)| Some((moved(at)?, *place))).collect();
+        self.places.extend(places);
+        let values = &self.substitutions;
+        let values: Vec<_> =
+            values.iter().filter_map(|(at, value)| Some((moved(at)?, value.clone()))).collect();
+        self.substitutions.extend(values);
+        let poisoned: Vec<_> = self.poisoned.iter().filter_map(|at| moved(at)).collect();
+        self.poisoned.extend(poisoned);
+    }
+
     /// Marks a value that is already known to be wrong, so that no further fault is found in it.
     pub(super) fn poison(&mut self, pointer: &str) {
         self.poisoned.insert(pointer.to_owned());

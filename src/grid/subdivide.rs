@@ -35,8 +35,11 @@ pub fn triangle_parts(n: usize) -> Option<Vec<[[f64; 2]; 3]>> {
     Some(points.into_iter().map(|(_, corners)| corners).collect())
 }
 
+/// The centroid and the corners of a part of a triangle.
+type TrianglePart = ([f64; 2], [[f64; 2]; 3]);
+
 /// k² congruent triangles: centroid and corners as coordinates along the two sides from the first node.
-fn squared(n: usize) -> Option<Vec<([f64; 2], [[f64; 2]; 3])>> {
+fn squared(n: usize) -> Option<Vec<TrianglePart>> {
     let k = n.isqrt();
     if n == 0 || k * k != n {
         return None;
@@ -58,7 +61,7 @@ fn squared(n: usize) -> Option<Vec<([f64; 2], [[f64; 2]; 3])>> {
 }
 
 /// The halves of four congruent triangles.
-fn halved() -> Vec<([f64; 2], [[f64; 2]; 3])> {
+fn halved() -> Vec<TrianglePart> {
     // First corner and the size, negative for the inverted triangle.
     let quarters = [([0.0, 0.0], 0.5), ([0.5, 0.0], 0.5), ([0.0, 0.5], 0.5), ([0.5, 0.5], -0.5)];
     // The halves of the whole triangle with their centroids.

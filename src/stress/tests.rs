@@ -56,11 +56,11 @@ fn plane_increment(dF: &Rows) -> Increment<2> {
     Increment::of([[dF[0][0], dF[0][1]], [dF[1][0], dF[1][1]]])
 }
 
+/// V Ã by pairs of nodes.
+type Blocks<const D: usize> = Vec<Vec<[[f64; D]; D]>>;
+
 /// V P̃ and V Ã of a point, by the gradients along the axes at the start of the step and the values of basis functions.
-fn moduli<const D: usize, W: WeakForm<D>>(
-    weak: &W,
-    nodes: &[([f64; D], f64)],
-) -> (Vec<[f64; D]>, Vec<Vec<[[f64; D]; D]>>) {
+fn moduli<const D: usize, W: WeakForm<D>>(weak: &W, nodes: &[([f64; D], f64)]) -> (Vec<[f64; D]>, Blocks<D>) {
     let gradient = |(g, value): &([f64; D], f64)| {
         let mapped = match weak.inverse() {
             None => *g,

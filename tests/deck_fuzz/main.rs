@@ -1,6 +1,6 @@
 //! Random decks, made from the schema and from the decks of the gallery, through everything that a deck goes through:
-//! reading, the three gates, and for small ones the first load step. None may cause a panic, take longer than ten
-//! seconds or far more memory than was predicted, and every refusal must have an error with a place.
+//! reading, the three gates, and for small ones the first load step. None may cause a panic, take more than ten seconds
+//! of processor time or far more memory than was predicted, and every refusal must have an error with a place.
 //!
 //! The usual tests run a few hundred cases. `FUZZ_SECONDS=600 cargo test --test deck_fuzz -- --ignored --nocapture`
 //! goes on for that much processor time; `FUZZ_SEED` chooses where it begins (a number; the default depends on the
@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, SystemTime};
 
 use cap::Cap;
 use cpu_time::ProcessTime;
@@ -218,7 +218,7 @@ fn fuzz(first: u64, most: u64, time: Duration) {
             }
             let before = ALLOCATOR.allocated();
             ALLOCATOR.set_limit(before + MOST_MEMORY).unwrap();
-            let began = Instant::now();
+            let began = ProcessTime::now();
             let outcome = catch_unwind(AssertUnwindSafe(|| bench.run(&text)));
             let took = began.elapsed();
             ALLOCATOR.set_limit(usize::MAX).unwrap();
@@ -240,7 +240,15 @@ fn fuzz(first: u64, most: u64, time: Duration) {
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     let (mut total, mut longest, mut faults) = (0, (Duration::ZERO, 0), Vec::new());
     while let Ok(seed) = told.recv() {
-        match receive.recv_timeout(MOST_TIME) {
+        // Processor time: the machine may have other things to do.
+        let began = ProcessTime::now();
+        let report = loop {
+            match receive.recv_timeout(Duration::from_millis(500)) {
+                Err(RecvTimeoutError::Timeout) if began.elapsed() < MOST_TIME => {}
+                report => break report,
+            }
+        };
+        match report {
             Ok(Ok((seed, outcome, took, _))) => {
                 total += 1;
                 *counts.entry(outcome).or_default() += 1;

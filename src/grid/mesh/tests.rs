@@ -285,7 +285,6 @@ proptest! {
 
 #[test]
 #[ignore = "a measurement"]
-#[expect(clippy::print_stdout, reason = "a measurement for the reader")]
 fn point_location_takes_the_same_time_in_small_and_large_meshes() {
     for n in [22, 71, 224, 707] {
         measure("triangles", &|| distorted(n, |_, _| true));
