@@ -5,6 +5,7 @@
 //! `UPDATE_EXPECTED=1` rewrites.
 
 #![allow(clippy::unwrap_used)]
+#![allow(clippy::print_stdout, reason = "the counts belong to the test")]
 
 mod deck_text;
 

@@ -1,6 +1,7 @@
 //! The committed schema and reference are those of the deck types, and the schema accepts what the program accepts.
 
 #![allow(clippy::unwrap_used)]
+#![allow(clippy::print_stdout, reason = "what was compared belongs to the test")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -7,6 +7,7 @@
 //! time). The case in hand stands in `target/tmp/fuzz/`, for one that ends the program.
 
 #![allow(clippy::unwrap_used)]
+#![allow(clippy::print_stdout, reason = "the counts belong to the test")]
 
 mod generate;
 mod mutate;

@@ -73,12 +73,10 @@ impl DeckText {
         let (before, after) = (&self.text[..start], &self.text[value.end..]);
         let rest = after.trim_start();
         let open = before.trim_end();
-        if rest.starts_with(',') {
+        if let Some(rest) = rest.strip_prefix(',') {
             // The comment or line break in front of the comma goes, too.
-            format!("{before}{}", &rest[1..])
-        } else if rest.starts_with(['}', ']']) && open.ends_with(',') {
-            format!("{}{after}", &open[..open.len() - 1])
-        } else if is_entry && open.ends_with('-') {
+            format!("{before}{rest}")
+        } else if rest.starts_with(['}', ']']) && open.ends_with(',') || is_entry && open.ends_with('-') {
             format!("{}{after}", &open[..open.len() - 1])
         } else {
             format!("{before}{after}")

@@ -187,7 +187,7 @@ impl Spelling<'_> {
     fn token(&mut self, token: &str, text: &mut String) {
         if let Spelling::Loose(random) = self {
             while random.chance(1.0 / 4.0) {
-                text.push_str(random.pick(&[" ", "  ", "\t", "\n", "\u{a0}", "\u{3000}"]));
+                text.push_str(random.pick::<&str>(&[" ", "  ", "\t", "\n", "\u{a0}", "\u{3000}"]));
             }
         }
         text.push_str(token);

@@ -104,6 +104,7 @@ pub fn model(
         grid: Box::new(grid),
         formulation: Formulation::PreviouslyConverged,
         point_volume: PointVolume::Deformation,
+        revolved: false,
         materials: vec![NamedMaterial { name: "law".into(), law: Box::new(law) }],
         bodies: vec![Body { name: "body".into(), material: 0, method, domain_update }],
         boundary_conditions: Vec::new(),

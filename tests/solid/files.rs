@@ -47,6 +47,8 @@ fn results(
     let account = Account {
         start: Start::now(),
         deck_hash: String::new(),
+        deck_file: String::new(),
+        deck_text: String::new(),
         parameters: BTreeMap::new(),
         set_up: Timings::default(),
         threads: 1,

@@ -84,12 +84,12 @@ pub enum MeshError {
     },
     /// Tetrahedra share half a face with hexahedra, where their basis functions do not agree.
     #[error(
-        "{n} tetrahedra share three nodes of a face of a hexahedron, for example {} and {}; such meshes are not \
-         continuous: use one kind of element, or keep the two kinds apart",
+        "{n} faces of tetrahedra share three nodes with a face of a hexahedron, for example of {} and {}; such \
+         meshes are not continuous: use one kind of element, or keep the two kinds apart",
         show(&.first[0]), show(&.first[1])
     )]
     Nonconforming {
-        /// Number of such tetrahedra.
+        /// Number of such faces.
         n: usize,
         /// The first tetrahedron and its hexahedron.
         first: [CellReport; 2],
