@@ -57,12 +57,14 @@ steps: {{count: {steps}}}
     )
     process = mpm("run", deck, "--out", tmp_path / "out")
     assert process.returncode == 1, process.stderr
-    errors = [line for line in process.stderr.splitlines() if line.startswith("error: ")]
-    assert len(errors) == 1 and errors[0].startswith(f"error: {expected}"), process.stderr
+    errors = [line for line in process.stderr.splitlines() if line.startswith("error")]
+    code, reason = errors[0].split(": ", 1)
+    assert len(errors) == 1 and code.startswith("error[S0"), process.stderr
+    assert reason.startswith(expected), process.stderr
     assert "  help: " in process.stderr and "panicked" not in process.stderr
 
     results = Results(tmp_path / "out")
     assert results.summary["outcome"] == "failed"
-    assert results.summary["reason"] == errors[0].removeprefix("error: ")
+    assert results.summary["reason"] == reason
     # Only steps in equilibrium are on record: the one that failed is not among them.
     assert results.summary["steps"] == int(expected.split()[1].strip(":,")) - 1

@@ -127,9 +127,10 @@ def test_a_page_says_what_the_files_say(page, beam):
     assert "Completed. All 20 load steps are in equilibrium." in text
     assert summary["title"] in text and summary["deck_hash"] in text
     assert f"tip {history['tip_ux'][-1]:.5f} {history['tip_uy'][-1]:.5f}".replace(" ", "") in text.replace(" ", "")
-    assert f"{history['pin_ry'][-1]:.1f}" in text
     balance = text.split("Forces on the bodies")[1].split("Displacements of the probes")[0].replace(" ", "")
-    assert "Loads0.0-100000.0" in balance and "Sum" in balance
+    assert re.search(r"Loads0(\.0+)?-100000(\.0+)?root", balance)
+    pin = re.search(r"pin0(?:\.0+)?([1-9][\d.]*)Sum", balance)
+    assert float(pin[1]) == pytest.approx(history["pin_ry"][-1], rel=1e-5)
     largest = summary["largest"]["displacement"]
     assert f"Largest displacement{largest['value']:.4f} m" in text and f"point {largest['point']} at" in text
     for phase, seconds in summary["wall_seconds"].items():
