@@ -7,9 +7,15 @@ use crate::formula::{Formula, FormulaError, names};
 use crate::loads::{MOST_INTERMEDIATE, VectorFormula};
 
 /// Names of the variables of a formula for grid nodes, in the order of their values.
-const AT_NODES: [&str; 3] = ["x", "y", "factor"];
+fn names_at_nodes(dimensions: usize) -> Vec<&'static str> {
+    [&["x", "y", "z"][..dimensions.min(3)], &["factor"]].concat()
+}
+
 /// Names of the variables of a formula for points, in the order of their values.
-const AT_POINTS: [&str; 5] = ["x", "y", "X", "Y", "factor"];
+fn names_at_points(dimensions: usize) -> Vec<&'static str> {
+    let n = dimensions.min(3);
+    [&["x", "y", "z"][..n], &["X", "Y", "Z"][..n], &["factor"]].concat()
+}
 
 /// Names that stand for variables in some formula, so that no parameter may have them.
 pub const VARIABLES: [&str; 7] = ["x", "y", "z", "X", "Y", "Z", "factor"];
@@ -64,12 +70,17 @@ fn text_of(expression: &Expression) -> String {
 }
 
 impl Expression {
-    /// The formula of x, y and factor at grid nodes that this stands for; numeric parameters are known in it.
+    /// The formula of x, y, in three dimensions z, and factor at grid nodes that this stands for; numeric parameters
+    /// are known in it.
     ///
     /// # Errors
     /// The first fault of the text. A deck that passed its checks has none.
-    pub fn at_nodes(&self, parameters: &BTreeMap<String, Parameter>) -> Result<Formula, FormulaError> {
-        parse(self, &AT_NODES, parameters)
+    pub fn at_nodes(
+        &self,
+        parameters: &BTreeMap<String, Parameter>,
+        dimensions: usize,
+    ) -> Result<Formula, FormulaError> {
+        parse(self, &names_at_nodes(dimensions), parameters)
     }
 }
 
@@ -77,13 +88,13 @@ impl Expression {
 ///
 /// # Errors
 /// The first fault of each text, names with a meaning already, and values that depend on themselves.
-pub fn at_points(
+pub fn at_points<const D: usize>(
     components: &[Expression],
     intermediate: &BTreeMap<String, Expression>,
     parameters: &BTreeMap<String, Parameter>,
-) -> Result<VectorFormula<2>, Vec<Fault>> {
+) -> Result<VectorFormula<D>, Vec<Fault>> {
     let mut faults = Vec::new();
-    let mut variables: Vec<&str> = AT_POINTS.to_vec();
+    let mut variables: Vec<&str> = names_at_points(D);
     let mut formulas = Vec::new();
     let ordered = in_order(intermediate, parameters, &mut faults);
     if !faults.is_empty() {
@@ -100,8 +111,8 @@ pub fn at_points(
         }
         variables.push(name);
     }
-    let mut vector = [Formula::constant(0.0), Formula::constant(0.0)];
-    for (index, expression) in components.iter().enumerate().take(2) {
+    let mut vector = std::array::from_fn(|_| Formula::constant(0.0));
+    for (index, expression) in components.iter().enumerate().take(D) {
         match parse(expression, &variables, parameters) {
             Ok(formula) => vector[index] = formula,
             Err(error) => {
@@ -208,7 +219,7 @@ mod tests {
     #[test]
     fn faults_are_told_with_their_place() {
         let faults = |values: &[(&str, &str)], force: &str| -> Vec<(String, String)> {
-            match at_points(&[text(force), text("0")], &formulas(values), &BTreeMap::new()) {
+            match at_points::<2>(&[text(force), text("0")], &formulas(values), &BTreeMap::new()) {
                 Ok(_) => vec![],
                 Err(faults) => faults.into_iter().map(|f| (f.key, f.error.message)).collect(),
             }
@@ -218,5 +229,16 @@ mod tests {
         assert_eq!(faults(&[("a", "1 +")], "1")[0].0, "where/a");
         assert_eq!(faults(&[], "unknown")[0].0, "force/0");
         assert!(faults(&[("a", "1")], "a").is_empty());
+        assert_eq!(faults(&[], "z")[0].0, "force/0");
+    }
+
+    #[test]
+    fn space_has_a_third_coordinate() {
+        let force = [text("x + 10*y + 100*z"), text("Z"), text("factor*X")];
+        let force = at_points::<3>(&force, &BTreeMap::new(), &BTreeMap::new()).ok().unwrap();
+        assert_eq!(force.evaluate(&[1.0, 2.0, 3.0], &[4.0, 5.0, 6.0], 2.0), [642.0, 12.0, 8.0]);
+        let moved = text("z*factor").at_nodes(&BTreeMap::new(), 3).unwrap();
+        assert_eq!(moved.evaluate(&[1.0, 2.0, 3.0, 0.5]), 1.5);
+        assert!(text("z").at_nodes(&BTreeMap::new(), 2).is_err());
     }
 }
