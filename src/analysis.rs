@@ -6,17 +6,14 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, bail};
-use mpm::deck::build::build_with_notes;
 use mpm::deck::diagnostic::{self, Diagnostic, as_json, render_all};
-use mpm::deck::first_step::{FirstStep, first_step};
 use mpm::deck::load::{LoadFailure, LoadedDeck, load};
-use mpm::deck::size::predicted_memory;
+use mpm::deck::ready::{self, Analysis, Extent, ready};
 use mpm::deck::source::Source;
-use mpm::model::Model;
+use mpm::memory::Memory;
 use mpm::output::results::Results;
 use mpm::output::summary::{Account, Start};
-use mpm::points::Points;
-use mpm::solver::{self, SolveError, Summary};
+use mpm::solver::{SolveError, Summary};
 use mpm::timing::Timings;
 use serde_json::{Value, json};
 
@@ -24,23 +21,14 @@ use crate::closing::Closing;
 use crate::progress::{View, Watch};
 use crate::{DeckArgs, Format, print_json};
 
-/// A deck and the model built from it.
+/// A deck and the analysis built from it.
 pub struct Ready {
     /// The deck.
     pub loaded: LoadedDeck,
-    /// The model.
-    pub model: Model<2>,
-    /// Its points.
-    pub points: Points<2>,
-    /// The size of its first load step.
-    pub first: FirstStep,
-}
-
-impl Ready {
-    /// The memory that the analysis will need at most, estimated, [byte].
-    pub fn memory(&self) -> f64 {
-        predicted_memory(&self.loaded.deck, self.model.grid.as_ref())
-    }
+    /// The model and its points.
+    analysis: Analysis,
+    /// The size of the analysis.
+    pub extent: Extent,
 }
 
 /// Builds the model of a deck that was read, as far as the first load step. With `deny_warnings` a warning about the
@@ -50,23 +38,12 @@ pub fn prepare(
     deny_warnings: bool,
 ) -> Result<Ready, Box<LoadFailure>> {
     let mut loaded = loaded?;
-    let built = build_with_notes(&loaded).and_then(|(model, mut points, mut notes)| {
-        match first_step(&loaded, &model, &mut points) {
-            Ok((first, more)) => {
-                notes.extend(more);
-                Ok((model, points, first, notes))
-            }
-            Err(found) => {
-                notes.extend(found);
-                Err(notes)
-            }
-        }
-    });
+    let built = ready(&loaded, Memory::of_this_machine());
     let mut diagnostics = std::mem::take(&mut loaded.notes);
-    let ready = match built {
-        Ok((model, points, first, notes)) => {
+    let built = match built {
+        Ok(ready::Ready { analysis, extent, notes }) => {
             diagnostics.extend(notes);
-            Some((model, points, first))
+            Some((analysis, extent))
         }
         Err(found) => {
             diagnostics.extend(found);
@@ -75,10 +52,10 @@ pub fn prepare(
     };
     diagnostic::sort(&mut diagnostics);
     let denied = deny_warnings && diagnostic::deny_warnings(&mut diagnostics);
-    match ready {
-        Some((model, points, first)) if !denied => {
+    match built {
+        Some((analysis, extent)) if !denied => {
             loaded.notes = diagnostics;
-            Ok(Ready { loaded, model, points, first })
+            Ok(Ready { loaded, analysis, extent })
         }
         _ => Err(Box::new(LoadFailure { source: loaded.source, diagnostics })),
     }
@@ -130,15 +107,15 @@ pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>, colour: bool) -> Str
 fn as_document(prepared: &Result<Ready, Box<LoadFailure>>) -> Value {
     let (source, diagnostics) = findings(prepared);
     let mut report = as_json(source, diagnostics);
-    report["size"] = prepared.as_ref().map_or(Value::Null, |ready| {
+    report["size"] = prepared.as_ref().map_or(Value::Null, |Ready { extent, .. }| {
         json!({
-            "bodies": ready.model.bodies.len(),
-            "points": ready.points.len(),
-            "cells": ready.model.grid.n_cells(),
-            "active_nodes": ready.first.active_nodes,
-            "unknowns": ready.first.unknowns,
-            "steps": ready.model.n_steps,
-            "memory_bytes": ready.memory().round(),
+            "bodies": extent.bodies,
+            "points": extent.points,
+            "cells": extent.cells,
+            "active_nodes": extent.first.active_nodes,
+            "unknowns": extent.first.unknowns,
+            "steps": extent.steps,
+            "memory_bytes": extent.memory.round(),
         })
     });
     report
@@ -164,7 +141,7 @@ pub fn run_into(
     view: View,
     stop: &Arc<AtomicBool>,
 ) -> anyhow::Result<Ended> {
-    let Ready { loaded, model, mut points, .. } = ready;
+    let Ready { loaded, mut analysis, .. } = ready;
     let every = loaded.deck.output.every as usize;
     let account = Account {
         start,
@@ -175,10 +152,18 @@ pub fn run_into(
         set_up,
         threads: rayon::current_num_threads(),
     };
-    let results = Results::create(directory, every, &model, account)
+    let results = match &analysis {
+        Analysis::Plane(parts) => Results::create(directory, every, &parts.0, account),
+        Analysis::Solid(parts) => Results::create(directory, every, &parts.0, account),
+    };
+    let results = results
         .with_context(|| format!("the results directory `{}` cannot be written", directory.display()))?;
-    let mut watch = Watch::new(results, &model, &points, start, view, Arc::clone(stop));
-    let outcome = solver::run_in_plane(&model, &mut points, &mut watch);
+    let stop = Arc::clone(stop);
+    let mut watch = match &analysis {
+        Analysis::Plane(parts) => Watch::new(results, &parts.0, &parts.1, start, view, stop),
+        Analysis::Solid(parts) => Watch::new(results, &parts.0, &parts.1, start, view, stop),
+    };
+    let outcome = analysis.run(&mut watch);
     Ok(Ended { outcome, closing: watch.end() })
 }
 

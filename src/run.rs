@@ -138,16 +138,17 @@ pub fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
     if args.format == Format::Json {
         return Ok(ExitCode::SUCCESS);
     }
+    let extent = ready.extent;
     print(&format!(
         "{}: ready\n  {} points in {} bodies, {} cells, {} active nodes, {} unknowns in the first of {} steps, \
          about {} of memory\n",
         ready.loaded.source.name(),
-        ready.points.len(),
-        ready.model.bodies.len(),
-        ready.model.grid.n_cells(),
-        ready.first.active_nodes,
-        ready.first.unknowns,
-        ready.model.n_steps,
-        in_words(ready.memory()),
+        extent.points,
+        extent.bodies,
+        extent.cells,
+        extent.first.active_nodes,
+        extent.first.unknowns,
+        extent.steps,
+        in_words(extent.memory),
     ))
 }

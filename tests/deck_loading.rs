@@ -63,7 +63,7 @@ fn formulas_know_the_parameters() {
     let loaded = good(RICH, &[]);
     let side = loaded.deck.boundary_conditions[1].ux.clone().unwrap();
     assert_eq!(side, Expression::Formula("(-0.5)*y^2 + if(x < h, 1, 0)".into()));
-    let formula = side.at_nodes(&loaded.parameters).unwrap();
+    let formula = side.at_nodes(&loaded.parameters, 2).unwrap();
     assert_eq!(formula.evaluate(&[0.0, 2.0, 1.0]), -1.0);
     assert_eq!(formula.evaluate(&[0.2, 2.0, 1.0]), -2.0);
 }

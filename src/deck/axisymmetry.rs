@@ -12,7 +12,7 @@ use crate::points::Seed;
 const ON_AXIS: f64 = 1e-6;
 
 /// Turns points that stand for areas into points that stand for the rings they describe, the full circle.
-pub(super) fn revolve(seeds: &mut [Seed<2>]) {
+pub(super) fn revolve<const D: usize>(seeds: &mut [Seed<D>]) {
     for seed in seeds {
         let circumference = std::f64::consts::TAU * seed.position[0];
         seed.volume *= circumference;
@@ -21,10 +21,10 @@ pub(super) fn revolve(seeds: &mut [Seed<2>]) {
 }
 
 /// What is wrong with the grid, the boundary conditions and the loads of a body of revolution.
-pub(super) fn faults(
+pub(super) fn faults<const D: usize>(
     loaded: &LoadedDeck,
-    grid: &dyn Grid<2>,
-    conditions: &[BoundaryCondition<2>],
+    grid: &dyn Grid<D>,
+    conditions: &[BoundaryCondition<D>],
 ) -> Vec<Diagnostic> {
     let error = |pointer: &str, message: String| Diagnostic::at(&loaded.source, "D046", pointer, message);
     let mut found = Vec::new();
@@ -41,10 +41,10 @@ pub(super) fn faults(
     let on_axis: Vec<u32> =
         (0..grid.n_nodes() as u32).filter(|&n| grid.node_position(n as usize)[0] <= slack).collect();
     let held = |node: &u32| {
-        let [x, y] = grid.node_position(*node as usize);
+        let values = [&grid.node_position(*node as usize)[..], &[1.0]].concat();
         conditions.iter().any(|condition| match (&condition.nodes, &condition.displacement[0]) {
             (NodeSet::Fixed(nodes), Some(u)) => {
-                nodes.binary_search(node).is_ok() && u.evaluate(&[x, y, 1.0]) == 0.0
+                nodes.binary_search(node).is_ok() && u.evaluate(&values) == 0.0
             }
             _ => false,
         })

@@ -5,12 +5,13 @@ mod nearest;
 use std::collections::HashMap;
 
 use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote};
-use super::formulas::at_points;
+use super::formulas::{self, at_nodes, at_points};
 use super::load::LoadedDeck;
+use super::region::{FromFiles, Groups, OfDeck, Refusal, region};
 use super::seeding::{Filled, Filling};
 use super::size::Size;
 use super::{
-    BoundaryConditionDeck, Deck, Expression, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
+    AXES, BoundaryConditionDeck, Deck, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
     MaterialDeck, NodeSelector, PerAxis,
 };
 use super::{axisymmetry, placing};
@@ -23,6 +24,7 @@ use crate::material::{Hencky, Material, NeoHookean, VonMises};
 use crate::memory::Memory;
 use crate::model::{Body, Model, NamedMaterial, Newton, Probe};
 use crate::points::{Points, Seed};
+use crate::region::Region;
 
 /// Relative distance to a grid line within which a selected coordinate counts as lying on it.
 const ON_LINE: f64 = 1e-6;
@@ -30,42 +32,51 @@ const ON_LINE: f64 = 1e-6;
 /// Part of the area of a region that is probably not missed on purpose.
 const MUCH: f64 = 0.05;
 
-/// Builds the two-dimensional model of a deck that passed the earlier gates, and its points.
+/// Builds the model of a deck that passed the earlier gates, and its points; `D` must be the number of dimensions of
+/// the deck.
 ///
 /// # Errors
 /// Everything that cannot be done with this mesh, each with its place in the deck.
-pub fn build(loaded: &LoadedDeck) -> Result<(Model<2>, Points<2>), Vec<Diagnostic>> {
-    build_with_notes(loaded).map(|(model, points, _)| (model, points))
+#[expect(private_bounds, reason = "there are two numbers of dimensions, and no other can be added")]
+pub fn build<const D: usize>(loaded: &LoadedDeck) -> Result<(Model<D>, Points<D>), Vec<Diagnostic>>
+where
+    Region<D>: OfDeck<D>,
+{
+    built(loaded, Memory::of_this_machine()).map(|built| (built.model, built.points))
 }
 
-/// As [`build`], with the warnings and notes that are no errors. A model that does not fit into the memory of the
-/// machine is refused.
-///
-/// # Errors
-/// As [`build`].
-pub fn build_with_notes(
-    loaded: &LoadedDeck,
-) -> Result<(Model<2>, Points<2>, Vec<Diagnostic>), Vec<Diagnostic>> {
-    build_within(loaded, Memory::of_this_machine())
+/// What a deck is built into.
+pub(super) struct Built<const D: usize> {
+    pub(super) model: Model<D>,
+    pub(super) points: Points<D>,
+    /// Warnings and notes that are no errors.
+    pub(super) notes: Vec<Diagnostic>,
+    /// The memory that the analysis will need at most, estimated, [byte].
+    pub(super) memory: f64,
 }
 
-/// As [`build_with_notes`], for a machine with this memory.
-///
-/// # Errors
-/// As [`build`].
-pub fn build_within(
+/// As [`build`], for a machine with this memory: a model that does not fit into it is refused.
+pub(super) fn built<const D: usize>(
     loaded: &LoadedDeck,
     memory: Option<Memory>,
-) -> Result<(Model<2>, Points<2>, Vec<Diagnostic>), Vec<Diagnostic>> {
-    let mut builder = Builder { loaded, deck: &loaded.deck, found: Vec::new(), body_numbers: HashMap::new() };
+) -> Result<Built<D>, Vec<Diagnostic>>
+where
+    Region<D>: OfDeck<D>,
+{
+    let deck = &loaded.deck;
+    let mut builder =
+        Builder { loaded, deck, found: Vec::new(), body_numbers: HashMap::new(), memory_needed: 0.0 };
     let built = builder.build(memory);
-    let mut found = builder.found;
+    let Builder { mut found, memory_needed, .. } = builder;
     assign(Gate::Feasibility, &mut found);
     match built {
-        Some((model, points)) if !found.iter().any(Diagnostic::is_error) => Ok((model, points, found)),
+        Some((model, points)) if !found.iter().any(Diagnostic::is_error) => {
+            Ok(Built { model, points, notes: found, memory: memory_needed })
+        }
         _ => Err(found),
     }
 }
+
 /// The law of a material.
 fn law(material: &MaterialDeck) -> Box<dyn Material> {
     match *material {
@@ -77,34 +88,46 @@ fn law(material: &MaterialDeck) -> Box<dyn Material> {
     }
 }
 
-pub(super) fn pair(values: &[f64]) -> [f64; 2] {
-    [values.first().copied().unwrap_or(0.0), values.get(1).copied().unwrap_or(0.0)]
+/// The entries of a list; those that are missing are zero.
+pub(super) fn array<const D: usize>(values: &[f64]) -> [f64; D] {
+    std::array::from_fn(|d| values.get(d).copied().unwrap_or(0.0))
 }
 
-pub(super) fn per_axis<T: Copy + Default>(value: &PerAxis<T>) -> [T; 2] {
+/// One value for each axis.
+pub(super) fn per_axis<T: Copy + Default, const D: usize>(value: &PerAxis<T>) -> [T; D] {
     match value {
-        PerAxis::Same(value) => [*value; 2],
-        PerAxis::Each(values) => {
-            [values.first().copied().unwrap_or_default(), values.get(1).copied().unwrap_or_default()]
-        }
+        PerAxis::Same(value) => [*value; D],
+        PerAxis::Each(values) => std::array::from_fn(|d| values.get(d).copied().unwrap_or_default()),
     }
 }
 
-struct Builder<'a> {
+struct Builder<'a, const D: usize> {
     loaded: &'a LoadedDeck,
     deck: &'a Deck,
     found: Vec<Diagnostic>,
     body_numbers: HashMap<&'a str, usize>,
+    memory_needed: f64,
 }
 
-impl<'a> Builder<'a> {
+impl<'a, const D: usize> Builder<'a, D>
+where
+    Region<D>: OfDeck<D>,
+{
     /// The model and its points; nothing where what is missing keeps the rest from being looked at.
-    fn build(&mut self, memory: Option<Memory>) -> Option<(Model<2>, Points<2>)> {
+    fn build(&mut self, memory: Option<Memory>) -> Option<(Model<D>, Points<D>)> {
         let deck = self.deck;
+        if deck.dimensions() != D {
+            let message = format!("the deck has {} dimensions, and {D} are needed here", deck.dimensions());
+            let help = "change the idealisation".to_owned();
+            self.error("D048", "/analysis/idealisation", message, help);
+            return None;
+        }
         self.body_numbers = deck.bodies.iter().enumerate().map(|(k, body)| (body.name.as_str(), k)).collect();
         let grid = self.grid()?;
+        let (regions, groups) = self.regions(grid.as_ref())?;
+        let size = Size::of(deck, grid.as_ref(), &regions);
+        self.memory_needed = size.memory();
         if let Some(memory) = memory {
-            let size = Size::of(deck, grid.as_ref());
             let found = size.judge(deck, &self.loaded.source, &memory);
             let is_too_large = found.as_ref().is_some_and(Diagnostic::is_error);
             self.found.extend(found);
@@ -119,7 +142,7 @@ impl<'a> Builder<'a> {
             .collect();
         let bodies = self.bodies();
         let revolved = deck.analysis.idealisation == Idealisation::Axisymmetric;
-        let mut seeds = self.seeds(grid.as_ref(), &materials, &bodies);
+        let mut seeds = self.seeds(grid.as_ref(), &materials, &bodies, (&regions, &groups));
         if revolved {
             axisymmetry::revolve(&mut seeds);
         }
@@ -156,20 +179,21 @@ impl<'a> Builder<'a> {
         self.found.push(Diagnostic::at(&self.loaded.source, code, pointer, message).help(help));
     }
 
-    fn grid(&mut self) -> Option<Box<dyn Grid<2>>> {
+    fn grid(&mut self) -> Option<Box<dyn Grid<D>>> {
         match &self.deck.grid {
             GridDeck::Structured { origin, size, spacing } => {
-                let (size, spacing) = (pair(size), per_axis(spacing));
-                let cells = std::array::from_fn(|d| ((size[d] / spacing[d]).round() as usize).max(1));
+                let (size, spacing): ([f64; D], [f64; D]) = (array(size), per_axis(spacing));
+                let cells: [usize; D] =
+                    std::array::from_fn(|d| ((size[d] / spacing[d]).round() as usize).max(1));
                 let spacing = std::array::from_fn(|d| size[d] / cells[d] as f64);
-                Some(Box::new(Structured::new(pair(origin), spacing, cells)))
+                Some(Box::new(Structured::<D>::new(array(origin), spacing, cells)))
             }
-            GridDeck::Gmsh { file } => self.mesh(file).map(|mesh| Box::new(mesh) as Box<dyn Grid<2>>),
+            GridDeck::Gmsh { file } => self.mesh(file).map(|mesh| Box::new(mesh) as Box<dyn Grid<D>>),
         }
     }
 
     /// The mesh of a gmsh file; a message if it cannot be used.
-    fn mesh(&mut self, file: &str) -> Option<Mesh<2>> {
+    fn mesh(&mut self, file: &str) -> Option<Mesh<D>> {
         let path = self.loaded.directory.join(file);
         let source = &self.loaded.source;
         let read = gmsh::read_file(&path);
@@ -207,6 +231,26 @@ impl<'a> Builder<'a> {
         self.body_numbers.get(name).copied().unwrap_or(0)
     }
 
+    /// The regions of all bodies, and the groups of cells that they are made from; nothing where one is not known.
+    fn regions(&mut self, grid: &dyn Grid<D>) -> Option<(Vec<Region<D>>, Groups)> {
+        let (directory, source) = (self.loaded.directory.as_path(), &self.loaded.source);
+        let mut given = FromFiles { grid, directory, source, groups: Groups::default(), found: Vec::new() };
+        let mut regions = Vec::new();
+        for (number, body) in self.deck.bodies.iter().enumerate() {
+            let place = format!("/bodies/{number}/shape");
+            match region(&body.shape, &place, &mut given) {
+                Ok(region) => regions.push(region),
+                Err(Refusal::Numbers(place, error)) => {
+                    given.found.push(Diagnostic::at(source, "D016", &place, error.to_string()));
+                }
+                Err(Refusal::Unknown) => {}
+            }
+        }
+        let FromFiles { groups, found, .. } = given;
+        self.found.extend(found);
+        (regions.len() == self.deck.bodies.len()).then_some((regions, groups))
+    }
+
     fn bodies(&self) -> Vec<Body> {
         let body = |b: &super::BodyDeck| Body {
             name: b.name.clone(),
@@ -218,15 +262,23 @@ impl<'a> Builder<'a> {
     }
 
     /// Fills every body with points.
-    fn seeds(&mut self, grid: &dyn Grid<2>, materials: &[NamedMaterial], bodies: &[Body]) -> Vec<Seed<2>> {
+    fn seeds(
+        &mut self,
+        grid: &dyn Grid<D>,
+        materials: &[NamedMaterial],
+        bodies: &[Body],
+        (regions, groups): (&[Region<D>], &Groups),
+    ) -> Vec<Seed<D>> {
         let mut seeds = Vec::new();
         for (number, deck) in self.deck.bodies.iter().enumerate() {
             let body = &bodies[number];
             let fields = materials[body.material].law.state_fields();
             let filling = Filling {
                 grid,
+                region: &regions[number],
+                groups,
                 body: number as u16,
-                domain: body.method.domain(),
+                method: body.method,
                 density: self.deck.materials[&deck.material].density().unwrap_or(0.0),
                 history: fields.iter().map(|f| f.initial).collect(),
             };
@@ -236,8 +288,12 @@ impl<'a> Builder<'a> {
             });
             match filled {
                 Ok(filled) => {
-                    self.report_area(number, deck, &filled);
-                    seeds.extend(filled.seeds);
+                    self.report_volume(number, deck, &filled);
+                    if seeds.is_empty() {
+                        seeds = filled.seeds;
+                    } else {
+                        seeds.extend(filled.seeds);
+                    }
                 }
                 Err(fault) => {
                     let pointer = format!("/bodies/{number}{}", fault.key);
@@ -245,7 +301,7 @@ impl<'a> Builder<'a> {
                 }
             }
         }
-        for (number, message) in placing::overlaps(grid, &self.deck.bodies, &seeds) {
+        for (number, message) in placing::overlaps(grid, &self.deck.bodies, (regions, groups), &seeds) {
             let found =
                 Diagnostic::at(&self.loaded.source, "D025", &format!("/bodies/{number}/shape"), message);
             let help = "take the one from the other by a `difference`, if this is not meant";
@@ -254,15 +310,16 @@ impl<'a> Builder<'a> {
         seeds
     }
 
-    /// Says how far the points of a body miss the area of its region.
-    fn report_area(&mut self, number: usize, deck: &super::BodyDeck, filled: &Filled) {
-        let Some(exact) = filled.exact_area.filter(|area| *area > 0.0) else { return };
-        let area: f64 = filled.seeds.iter().map(|s| s.volume).sum();
-        let part = (area - exact) / exact;
-        if part.abs() > 1e-9 {
+    /// Says how far the points of a body miss the area (volume) of its region.
+    fn report_volume(&mut self, number: usize, deck: &super::BodyDeck, filled: &Filled<D>) {
+        let Some(exact) = filled.exact.filter(|exact| exact.value > 0.0) else { return };
+        let volume: f64 = filled.seeds.iter().map(|s| s.volume).sum();
+        let part = (volume - exact.value) / exact.value;
+        if part.abs() > 1e-9 + exact.error / exact.value {
+            let what = if D > 2 { "a volume" } else { "an area" };
             let word = if part > 0.0 { "more" } else { "less" };
             let message = format!(
-                "the points of the body {} stand for an area of {area:.6}, {:.3} % {word} than its region",
+                "the points of the body {} stand for {what} of {volume:.6}, {:.3} % {word} than its region",
                 quote(&deck.name),
                 100.0 * part.abs()
             );
@@ -284,29 +341,29 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn formula(&mut self, expression: &Expression, pointer: &str) -> Formula {
-        expression.at_nodes(&self.loaded.parameters).unwrap_or_else(|error| {
-            let message = format!("the formula cannot be understood: {}", error.message);
-            self.error("D021", pointer, message, "see the reference of formulas".to_owned());
-            Formula::constant(0.0)
-        })
+    fn faulty_formulas(&mut self, pointer: &str, faults: Vec<formulas::Fault>) {
+        for fault in faults {
+            let help = "see the reference of formulas".to_owned();
+            self.error("D021", &format!("{pointer}/{}", fault.key), fault.error.message, help);
+        }
     }
 
-    fn boundary_conditions(&mut self, grid: &dyn Grid<2>) -> Vec<BoundaryCondition<2>> {
+    fn boundary_conditions(&mut self, grid: &dyn Grid<D>) -> Vec<BoundaryCondition<D>> {
         let deck = self.deck;
         let mut conditions = Vec::new();
         for (number, condition) in deck.boundary_conditions.iter().enumerate() {
             let pointer = format!("/boundary_conditions/{number}");
             let nodes = self.nodes(grid, condition, &pointer);
-            let mut displacement = [None, None];
-            for (axis, (key, given)) in [("ux", &condition.ux), ("uy", &condition.uy)].into_iter().enumerate()
-            {
-                if let Some(expression) = given {
-                    displacement[axis] = Some(self.formula(expression, &format!("{pointer}/{key}")));
+            let mut prescribed = match at_nodes(condition, &self.loaded.parameters, D) {
+                Ok(formulas) => formulas,
+                Err(faults) => {
+                    self.faulty_formulas(&pointer, faults);
+                    continue;
                 }
-            }
-            for axis in &condition.fix {
-                displacement[*axis as usize] = Some(Formula::constant(0.0));
+            };
+            let mut displacement: [Option<Formula>; D] = std::array::from_fn(|axis| prescribed[axis].take());
+            for axis in condition.fix.iter().map(|axis| *axis as usize).filter(|axis| *axis < D) {
+                displacement[axis] = Some(Formula::constant(0.0));
             }
             conditions.push(BoundaryCondition {
                 name: condition.name.clone(),
@@ -318,8 +375,9 @@ impl<'a> Builder<'a> {
         conditions
     }
 
-    fn nodes(&mut self, grid: &dyn Grid<2>, condition: &BoundaryConditionDeck, pointer: &str) -> NodeSet {
-        let NodeSelector { x, y, within, group, outer_layer } = &condition.nodes;
+    fn nodes(&mut self, grid: &dyn Grid<D>, condition: &BoundaryConditionDeck, pointer: &str) -> NodeSet {
+        let NodeSelector { within, group, outer_layer, .. } = &condition.nodes;
+        let coordinates = condition.nodes.coordinates();
         if let Some(body) = outer_layer {
             return NodeSet::OuterLayer(self.body_number(body) as u16);
         }
@@ -335,31 +393,26 @@ impl<'a> Builder<'a> {
             });
         }
         let mut off_line = false;
-        let slack = grid.structured().map_or([0.0; 2], |g| g.spacing());
-        for (axis, (key, coordinate)) in [("x", x), ("y", y)].into_iter().enumerate() {
+        for (axis, coordinate) in coordinates.iter().enumerate().take(D) {
             if let (Some(c), Some(grid)) = (coordinate, grid.structured()) {
-                off_line |= self.check_line(grid, axis, *c, &format!("{pointer}/nodes/{key}"));
+                off_line |= self.check_line(grid, axis, *c, &format!("{pointer}/nodes/{}", AXES[axis]));
             }
         }
         // On an imported grid the size of the first cell says what counts as near.
-        let slack = slack.map(|h| ON_LINE * if h > 0.0 { h } else { grid.size(0) });
-        let near = |axis: usize, a: f64, b: f64| (a - b).abs() <= slack[axis];
-        let inside = |p: [f64; 2]| match within {
-            Some(region) => (0..2)
-                .all(|d| pair(&region.min)[d] - slack[d] <= p[d] && p[d] <= pair(&region.max)[d] + slack[d]),
-            None => x.is_none_or(|x| near(0, p[0], x)) && y.is_none_or(|y| near(1, p[1], y)),
+        let spacing = grid.structured().map_or_else(|| [grid.size(0); D], |g| g.spacing());
+        let slack = spacing.map(|h| ON_LINE * h);
+        let all = grid.bounds();
+        let bounds: [[f64; D]; 2] = match within {
+            Some(region) => [array(&region.min), array(&region.max)],
+            None => [0, 1].map(|side| std::array::from_fn(|d| coordinates[d].unwrap_or(all[side][d]))),
         };
-        let bounds = match within {
-            Some(region) => [pair(&region.min), pair(&region.max)],
-            None => {
-                let all = grid.bounds();
-                [
-                    [x.unwrap_or(all[0][0]), y.unwrap_or(all[0][1])],
-                    [x.unwrap_or(all[1][0]), y.unwrap_or(all[1][1])],
-                ]
-            }
+        // What no coordinate restricts is not left out for its round-off.
+        let restricts = |d: usize| within.is_some() || coordinates[d].is_some();
+        let inside = |x: [f64; D]| {
+            let between = |d: usize| bounds[0][d] - slack[d] <= x[d] && x[d] <= bounds[1][d] + slack[d];
+            (0..D).all(|d| !restricts(d) || between(d))
         };
-        let nodes: Vec<u32> = placing::nodes_near(grid, bounds)
+        let nodes: Vec<u32> = placing::nodes_near(grid, &bounds)
             .filter(|&node| inside(grid.node_position(node)))
             .map(|node| node as u32)
             .collect();
@@ -371,8 +424,13 @@ impl<'a> Builder<'a> {
                     format!("name a physical group of the mesh by `group`; there are {}", list(names))
                 },
                 |grid| {
-                    let ([x, y], [hx, hy]) = (grid.origin(), grid.spacing());
-                    format!("grid nodes lie at {x} + i {hx} in x and {y} + j {hy} in y")
+                    let along = |d: usize| {
+                        let (origin, spacing) = (grid.origin()[d], grid.spacing()[d]);
+                        format!("{origin} + {} {spacing} in {}", ["i", "j", "k"][d], AXES[d])
+                    };
+                    let along: Vec<String> = (0..D).map(along).collect();
+                    let (last, first) = along.split_last().unwrap_or((&along[0], &[]));
+                    format!("grid nodes lie at {} and {last}", first.join(", "))
                 },
             );
             self.error("D029", &format!("{pointer}/nodes"), message, help);
@@ -381,14 +439,14 @@ impl<'a> Builder<'a> {
     }
 
     /// Reports a coordinate that is on no grid line; returns whether it did.
-    fn check_line(&mut self, grid: &Structured<2>, axis: usize, c: f64, pointer: &str) -> bool {
+    fn check_line(&mut self, grid: &Structured<D>, axis: usize, c: f64, pointer: &str) -> bool {
         let (origin, spacing) = (grid.origin()[axis], grid.spacing()[axis]);
         let line = ((c - origin) / spacing).round().clamp(0.0, grid.cells()[axis] as f64);
         let nearest = origin + line * spacing;
         if (c - nearest).abs() <= ON_LINE * spacing {
             return false;
         }
-        let name = ["x", "y"][axis];
+        let name = AXES[axis];
         let message = format!("no grid line lies at {name} = {c}");
         self.error("D029", pointer, message, format!("the nearest one is {name} = {nearest}"));
         true
@@ -404,7 +462,7 @@ impl<'a> Builder<'a> {
         acts_on
     }
 
-    fn loads(&mut self, grid: &dyn Grid<2>, points: &Points<2>) -> Vec<Load<2>> {
+    fn loads(&mut self, grid: &dyn Grid<D>, points: &Points<D>) -> Vec<Load<D>> {
         let deck = self.deck;
         let mut loads = Vec::new();
         for (number, load) in deck.loads.iter().enumerate() {
@@ -412,12 +470,12 @@ impl<'a> Builder<'a> {
             loads.push(match load {
                 LoadDeck::Gravity { name, acceleration, bodies, curve } => Load {
                     name: name.clone(),
-                    action: Action::Gravity(pair(acceleration)),
+                    action: Action::Gravity(array(acceleration)),
                     acts_on: self.acts_on(bodies.as_deref()),
                     curve: self.curve(curve),
                 },
                 LoadDeck::BodyForce { name, force, intermediate, bodies, curve } => {
-                    match at_points(force, intermediate, &self.loaded.parameters) {
+                    match at_points::<D>(force, intermediate, &self.loaded.parameters) {
                         Ok(formula) => Load {
                             name: name.clone(),
                             action: Action::BodyForce(formula),
@@ -425,11 +483,7 @@ impl<'a> Builder<'a> {
                             curve: self.curve(curve),
                         },
                         Err(faults) => {
-                            for fault in faults {
-                                let help = "see the reference of formulas".to_owned();
-                                let place = format!("{pointer}/{}", fault.key);
-                                self.error("D021", &place, fault.error.message, help);
-                            }
+                            self.faulty_formulas(&pointer, faults);
                             continue;
                         }
                     }
@@ -441,7 +495,10 @@ impl<'a> Builder<'a> {
                     let share = 1.0 / chosen.len().max(1) as f64;
                     Load {
                         name: name.clone(),
-                        action: Action::PointForce { points: chosen, force: pair(total).map(|f| f * share) },
+                        action: Action::PointForce {
+                            points: chosen,
+                            force: array::<D>(total).map(|f| f * share),
+                        },
                         acts_on: self.acts_on(Some(std::slice::from_ref(body))),
                         curve: self.curve(curve),
                     }
@@ -451,7 +508,7 @@ impl<'a> Builder<'a> {
         loads
     }
 
-    fn probes(&mut self, grid: &dyn Grid<2>, points: &Points<2>) -> Vec<Probe> {
+    fn probes(&mut self, grid: &dyn Grid<D>, points: &Points<D>) -> Vec<Probe> {
         let deck = self.deck;
         let mut probes = Vec::new();
         for (number, probe) in deck.output.probes.iter().enumerate() {

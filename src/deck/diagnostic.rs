@@ -129,6 +129,8 @@ pub const CODES: &[(&str, &str)] = &[
     ("D044", "a domain update that does not suit the motion"),
     ("D045", "a tolerance that is loose, or out of reach"),
     ("D046", "a body of revolution whose axis is free or inside the grid, or whose weight is not along it"),
+    ("D047", "a surface file that cannot be used, or looks wrong"),
+    ("D048", "something that exists in the plane or in space only"),
 ];
 
 impl Diagnostic {

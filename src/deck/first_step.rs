@@ -6,7 +6,7 @@
 use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote, sort};
 use super::load::LoadedDeck;
 use super::source::escape;
-use super::{Expression, LoadDeck, Parameter};
+use super::{AXES, Expression, LoadDeck, Parameter};
 use crate::basis::{Connectivity, Method, SupportFailure};
 use crate::constraints::{ConstraintError, DofMap, NodeSet};
 use crate::loads::{LoadNotFinite, external_force};
@@ -30,10 +30,10 @@ pub struct FirstStep {
 ///
 /// # Errors
 /// Everything that keeps the step from being solved, with warnings and notes.
-pub fn first_step(
+pub fn first_step<const D: usize>(
     loaded: &LoadedDeck,
-    model: &Model<2>,
-    points: &mut Points<2>,
+    model: &Model<D>,
+    points: &mut Points<D>,
 ) -> Result<(FirstStep, Vec<Diagnostic>), Vec<Diagnostic>> {
     let mut check = Check { loaded, found: Vec::new() };
     let size = check.run(model, points);
@@ -51,7 +51,7 @@ struct Check<'a> {
 }
 
 impl Check<'_> {
-    fn run(&mut self, model: &Model<2>, points: &mut Points<2>) -> Option<FirstStep> {
+    fn run<const D: usize>(&mut self, model: &Model<D>, points: &mut Points<D>) -> Option<FirstStep> {
         let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
         let links = match Connectivity::new(model.grid.as_ref(), points, &methods) {
             Ok(links) => links,
@@ -88,7 +88,7 @@ impl Check<'_> {
         Diagnostic::at(&self.loaded.source, code, pointer, message)
     }
 
-    fn unsupported(&mut self, model: &Model<2>, points: &Points<2>, failure: SupportFailure) {
+    fn unsupported<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>, failure: SupportFailure) {
         let (p, body) = (failure.point, points.body[failure.point] as usize);
         let message = format!(
             "point {} of the body {} at {}: {}",
@@ -146,7 +146,7 @@ impl Check<'_> {
         self.found.push(found.severity(Severity::Note));
     }
 
-    fn free_part(&mut self, model: &Model<2>, part: &FreePart<2>) {
+    fn free_part<const D: usize>(&mut self, model: &Model<D>, part: &FreePart<D>) {
         let names = part.bodies.iter().map(|&body| model.bodies[body as usize].name.as_str());
         let bodies = match (part.bodies.len(), part.whole) {
             (1, true) => format!("the body {}", list(names)),
@@ -159,15 +159,20 @@ impl Check<'_> {
         let place = coordinates(&part.node);
         let found = if part.axes.is_empty() {
             let about = match &part.centre {
-                Some(centre) => format!("about {}", coordinates(centre)),
-                None => "about a point".to_owned(),
+                Some(centre) => format!(" about {}", coordinates(centre)),
+                None if D > 2 => String::new(),
+                None => " about a point".to_owned(),
             };
             let message =
-                format!("no boundary condition keeps {bodies} at the node {place} from turning {about}");
-            let help = "hold it along one axis at two nodes that are apart along the other";
+                format!("no boundary condition keeps {bodies} at the node {place} from turning{about}");
+            let help = if D > 2 {
+                "hold it at three nodes that are on no line, along more than one axis"
+            } else {
+                "hold it along one axis at two nodes that are apart along the other"
+            };
             self.at("D035", &pointer, message).severity(Severity::Warning).help(help)
         } else {
-            let axes: Vec<&str> = part.axes.iter().map(|&axis| ["x", "y", "z"][axis % 3]).collect();
+            let axes: Vec<&str> = part.axes.iter().map(|&axis| AXES[axis % 3]).collect();
             let turning = if part.rotations > 0 { ", or from turning" } else { "" };
             let axes = axes.join(" and ");
             let message =

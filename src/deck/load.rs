@@ -26,7 +26,7 @@ pub struct LoadedDeck {
 }
 
 impl LoadedDeck {
-    /// A hash of the text of the deck, of the final values of its parameters and of its mesh file: decks with the same
+    /// A hash of the text of the deck, of the final values of its parameters and of the files it names: decks with the same
     /// hash describe the same analysis. It does not change from one build of the program to another.
     pub fn hash(&self) -> String {
         // Writing numbers and words as JSON into a string cannot fail.
@@ -34,10 +34,12 @@ impl LoadedDeck {
         let mut bytes = self.source.text().as_bytes().to_vec();
         bytes.push(0);
         bytes.extend(parameters.as_bytes());
-        if let Some(mesh) = self.mesh_path().filter(|path| path.is_file()) {
+        let surfaces = self.deck.bodies.iter().flat_map(|body| body.shape.files());
+        let surfaces = surfaces.map(|file| self.directory.join(file));
+        for file in self.mesh_path().into_iter().chain(surfaces).filter(|path| path.is_file()) {
             bytes.push(0);
             // A file that cannot be read has no analysis that could be mistaken for another.
-            bytes.extend(std::fs::read(mesh).unwrap_or_default());
+            bytes.extend(std::fs::read(file).unwrap_or_default());
         }
         format!("{:032x}", fnv1a(&bytes))
     }

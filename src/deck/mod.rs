@@ -15,6 +15,7 @@ pub use crate::basis::Method;
 pub use crate::domain::DomainUpdate;
 pub use crate::points::PointVolume;
 pub use crate::stress::Formulation;
+pub use region::{Direction, Shape};
 
 mod axisymmetry;
 pub mod build;
@@ -24,6 +25,7 @@ pub mod formulas;
 pub mod load;
 mod parameters;
 mod placing;
+pub mod ready;
 pub mod reference;
 mod region;
 pub mod schema;
@@ -34,11 +36,26 @@ pub mod source;
 pub mod validate;
 mod yaml;
 
-/// Number of axes of the geometry: entries of a vector in a deck.
-const AXES: usize = 2;
+/// A vector as the schema describes it: two entries in the plane, three in space.
+#[derive(JsonSchema)]
+#[schemars(inline)]
+#[expect(dead_code, reason = "only its schema is used")]
+struct Vector(#[schemars(length(min = 2, max = 3))] Vec<f64>);
 
-/// A vector as the schema describes it.
-type Vector = [f64; AXES];
+/// A position in the plane.
+type Pair = [f64; 2];
+
+/// A vector of lengths above zero, [length].
+#[derive(JsonSchema)]
+#[schemars(inline)]
+#[expect(dead_code, reason = "only its schema is used")]
+struct Lengths(#[schemars(length(min = 2, max = 3))] Vec<Length>);
+
+/// A vector of numbers or formulas.
+#[derive(JsonSchema)]
+#[schemars(inline)]
+#[expect(dead_code, reason = "only its schema is used")]
+struct Expressions(#[schemars(length(min = 2, max = 3))] Vec<Expression>);
 
 /// A length above zero, [length].
 #[derive(JsonSchema)]
@@ -109,7 +126,8 @@ pub enum Parameter {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Analysis {
-    /// How two-dimensional geometry represents the three-dimensional body.
+    /// How the geometry represents the three-dimensional body, and with it the number of axes: one entry of every
+    /// vector of the deck for each.
     pub idealisation: Idealisation,
     /// Configuration in which equilibrium is written; both give the same answers.
     pub formulation: Formulation,
@@ -127,25 +145,57 @@ pub enum Idealisation {
     /// Body of revolution about the axis x = 0, without twist: x is the distance from the axis, y runs along it, and z
     /// is the direction around it. Volumes, masses and forces are those of the full circle.
     Axisymmetric,
+    /// The body as it is: three axes, and three entries in every vector of the deck.
+    Solid,
+}
+
+impl Idealisation {
+    /// Number of axes of the geometry.
+    pub fn dimensions(self) -> usize {
+        match self {
+            Idealisation::PlaneStrain | Idealisation::Axisymmetric => 2,
+            Idealisation::Solid => 3,
+        }
+    }
+
+    /// Name in decks.
+    pub fn name(self) -> &'static str {
+        match self {
+            Idealisation::PlaneStrain => "plane-strain",
+            Idealisation::Axisymmetric => "axisymmetric",
+            Idealisation::Solid => "solid",
+        }
+    }
+}
+
+/// Names of the axes.
+pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
+
+impl Deck {
+    /// Number of axes of the geometry.
+    pub fn dimensions(&self) -> usize {
+        self.analysis.idealisation.dimensions()
+    }
 }
 
 /// The background grid.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum GridDeck {
-    /// A regular grid of rectangles aligned with the axes.
+    /// A regular grid of rectangles (of bricks in space) aligned with the axes.
     Structured {
         /// Corner with the smallest coordinates, [length].
         #[schemars(with = "Vector", extend("examples" = [[0, 0]]))]
         origin: Vec<f64>,
         /// Extent along each axis, [length]; a whole multiple of the spacing.
-        #[schemars(with = "[Length; AXES]", extend("examples" = [[11, 10]]))]
+        #[schemars(with = "Lengths", extend("examples" = [[11, 10]]))]
         size: Vec<f64>,
         /// Side of a cell, [length]; one number, or one per axis.
         #[schemars(with = "PerAxis<Length>", extend("examples" = [0.5, [0.5, 0.25]]))]
         spacing: PerAxis<f64>,
     },
-    /// Triangles and quadrilaterals from a mesh file of gmsh, format 2.2 or 4.1, text or binary.
+    /// Triangles and quadrilaterals (tetrahedra and hexahedra in space) from a mesh file of gmsh, format 2.2 or 4.1,
+    /// text or binary.
     Gmsh {
         /// Path of the mesh file, relative to the deck.
         #[schemars(length(min = 1), extend("examples" = ["ring.msh"]))]
@@ -160,7 +210,7 @@ pub enum PerAxis<T> {
     /// The same value along every axis.
     Same(T),
     /// One value per axis.
-    Each(#[schemars(length(min = AXES, max = AXES))] Vec<T>),
+    Each(#[schemars(length(min = 2, max = 3))] Vec<T>),
 }
 
 /// A constitutive law and its parameters.
@@ -245,8 +295,8 @@ pub struct BodyDeck {
     /// method have no domain.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain_update: Option<DomainUpdate>,
-    /// Points along each axis of every filled rectangle or quadrilateral, at the centres of an even subdivision: one
-    /// number or one per axis.
+    /// Points along each axis of every filled rectangle, quadrilateral, brick or hexahedron, at the centres of an even
+    /// subdivision: one number or one per axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<PerAxis<AlongAxis>>", extend("examples" = [4, [2, 3]]))]
     pub points_per_cell: Option<PerAxis<u32>>,
@@ -255,74 +305,16 @@ pub struct BodyDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 10_000), extend("examples" = [4]))]
     pub points_per_triangle: Option<u32>,
+    /// Points in every filled tetrahedron of a gmsh grid: 1, 8, 27, 64, … at the centroids of an even subdivision, or 4,
+    /// for which the faces are joined to the centroid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 10_000), extend("examples" = [8]))]
+    pub points_per_tetrahedron: Option<u32>,
     /// Instead of `points_per_cell`: distance between points, [length], for a body that does not line up with the
     /// grid; one number or one per axis; the sides of the body are whole multiples of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<PerAxis<Length>>", extend("examples" = [0.1, [0.1, 0.2]]))]
     pub point_spacing: Option<PerAxis<f64>>,
-}
-
-/// A region. A box whose sides lie on grid lines of a structured grid is filled exactly; any other region gets the
-/// points of the cells whose centres fall inside it, and the area gained or lost is reported.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum Shape {
-    /// A box aligned with the axes.
-    Box {
-        /// Corner with the smallest coordinates, [length].
-        #[schemars(with = "Vector", extend("examples" = [[0, 9]]))]
-        min: Vec<f64>,
-        /// Corner with the largest coordinates, [length].
-        #[schemars(with = "Vector", extend("examples" = [[10, 10]]))]
-        max: Vec<f64>,
-    },
-    /// A polygon that does not cross itself, in either sense.
-    Polygon {
-        /// Its corners, [length], in order.
-        #[schemars(with = "Vec<Vector>", length(min = 3), extend("examples" = [[[0, 0], [2, 0], [0, 1]]]))]
-        vertices: Vec<Vec<f64>>,
-    },
-    /// A circle.
-    Circle {
-        /// Centre, [length].
-        #[schemars(with = "Vector", extend("examples" = [[2, 2]]))]
-        center: Vec<f64>,
-        /// Radius, [length].
-        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.5]))]
-        radius: f64,
-    },
-    /// The region between two circles with the same centre.
-    Annulus {
-        /// Centre, [length].
-        #[schemars(with = "Vector", extend("examples" = [[2, 2]]))]
-        center: Vec<f64>,
-        /// Inner radius, [length].
-        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.75]))]
-        inner: f64,
-        /// Outer radius, [length].
-        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.25]))]
-        outer: f64,
-    },
-    /// Whole cells of the grid.
-    Cells {
-        /// Name of a physical group of a gmsh grid; all cells where not stated.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        group: Option<String>,
-    },
-    /// What lies in any of some regions.
-    Union {
-        /// The regions.
-        #[schemars(length(min = 1))]
-        of: Vec<Shape>,
-    },
-    /// What lies in one region but in none of some others.
-    Difference {
-        /// The region to start from.
-        from: Box<Shape>,
-        /// The regions taken away.
-        #[schemars(length(min = 1))]
-        minus: Vec<Shape>,
-    },
 }
 
 /// A named set of prescribed nodal displacements; its reaction is reported under its name.
@@ -337,8 +329,8 @@ pub struct BoundaryConditionDeck {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("examples" = [["x", "y"]]))]
     pub fix: Vec<Axis>,
-    /// Displacement along x at load factor 1, [length]: a number or a formula of the node's coordinates x, y, of
-    /// `factor` (the load factor) and the parameters. One that depends on `factor` is the whole displacement as it
+    /// Displacement along x at load factor 1, [length]: a number or a formula of the node's coordinates x, y (in
+    /// space also z), of `factor` (the load factor) and the parameters. One that depends on `factor` is the whole displacement as it
     /// stands; any other is multiplied by the load factor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0.1, "gamma*y"]))]
@@ -347,9 +339,23 @@ pub struct BoundaryConditionDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
     pub uy: Option<Expression>,
+    /// Displacement along z at load factor 1, [length]: a number or a formula, as `ux`; in space only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
+    pub uz: Option<Expression>,
+    /// Intermediate values with a name each, in any order, for use in the displacements.
+    #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub intermediate: BTreeMap<String, Expression>,
     /// Load factor over time; a linear ramp from 0 to 1 where not stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<LoadCurve>,
+}
+
+impl BoundaryConditionDeck {
+    /// The prescribed displacements: key and expression along each axis.
+    pub fn displacements(&self) -> [(&'static str, &Option<Expression>); 3] {
+        [("ux", &self.ux), ("uy", &self.uy), ("uz", &self.uz)]
+    }
 }
 
 /// A coordinate axis.
@@ -360,10 +366,13 @@ pub enum Axis {
     X,
     /// The second axis.
     Y,
+    /// The third axis, in space.
+    Z,
 }
 
-/// Selects grid nodes: by coordinates (`{x: 0}` a line, `{x: 0, y: 9.5}` a point), by a box, by a physical group of a
-/// gmsh grid, or the nodes of all cells touched by the outer layer of a body's points. Exactly one of these kinds.
+/// Selects grid nodes: by coordinates (`{x: 0}` a line, in space a plane, `{x: 0, y: 9.5}` a point, in space a line), by
+/// a box, by a physical group of a gmsh grid, or the nodes of all cells touched by the outer layer of a body's points.
+/// Exactly one of these kinds.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NodeSelector {
@@ -373,6 +382,9 @@ pub struct NodeSelector {
     /// Nodes with this y coordinate, [length].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub y: Option<f64>,
+    /// Nodes with this z coordinate, [length]; in space only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub z: Option<f64>,
     /// Nodes inside this box, its boundary included.
     #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
     pub within: Option<BoxDeck>,
@@ -383,6 +395,13 @@ pub struct NodeSelector {
     /// outer layer of the body at the start; found afresh at each load step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outer_layer: Option<String>,
+}
+
+impl NodeSelector {
+    /// The stated coordinates.
+    pub fn coordinates(&self) -> [Option<f64>; 3] {
+        [self.x, self.y, self.z]
+    }
 }
 
 /// A box aligned with the axes.
@@ -436,10 +455,10 @@ pub enum LoadDeck {
         /// Name, unique among the loads.
         name: String,
         /// Force per volume at load factor 1, [force/volume], one number or formula per axis. A formula knows x, y (the
-        /// position at the start of the step), X, Y (the original position), `factor` (the load factor), the
-        /// parameters and the names under `where`. One that depends on `factor` is taken as it stands; any other is
+        /// position at the start of the step), X, Y (the original position), in space also z and Z, `factor` (the
+        /// load factor), the parameters and the names under `where`. One that depends on `factor` is taken as it stands; any other is
         /// multiplied by the load factor.
-        #[schemars(with = "[Expression; AXES]", extend("examples" = [["gamma*y", 0]]))]
+        #[schemars(with = "Expressions", extend("examples" = [["gamma*y", 0]]))]
         force: Vec<Expression>,
         /// Intermediate values with a name each, in any order, for use in `force`.
         #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -553,7 +572,8 @@ impl Default for OutputDeck {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProbeDeck {
-    /// Name, unique among the probes; the columns of `history.csv` are `name_ux`, `name_uy`.
+    /// Name, unique among the probes; the columns of `history.csv` are `name_ux`, `name_uy`, in space
+    /// also `name_uz`.
     pub name: String,
     /// Name of the body.
     pub body: String,

@@ -1,154 +1,382 @@
-//! Regions of the plane that bodies fill: what lies inside, their bounds and area.
+//! Regions that bodies fill: as decks describe them, and what they are as regions of the plane or of space.
 
-use super::Shape;
-use super::build::pair;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-mod area;
+use super::{Axis, Pair, Vector};
+use crate::region::{
+    Ball, Brick, Frustum, Group, HollowBall, Motion, Polygon, Prism, Region, ShapeError, Surface,
+};
 
-/// A box with sides along the axes, as lowest and highest corner.
-pub type Bounds = [[f64; 2]; 2];
+mod files;
 
-/// Whether a position lies in a region. Whole cells ([`Shape::Cells`]) are decided by `in_cells`, which gets the name
-/// of the group.
-pub fn contains(shape: &Shape, x: [f64; 2], in_cells: &dyn Fn(Option<&str>) -> bool) -> bool {
-    match shape {
-        Shape::Box { min, max } => {
-            let (min, max) = (pair(min), pair(max));
-            (0..2).all(|d| min[d] <= x[d] && x[d] <= max[d])
+pub(super) use files::{FromFiles, Groups, volume};
+
+/// A region. A box whose sides lie on grid lines of a structured grid is filled exactly; any other region gets the
+/// points of the cells whose centres fall inside it, and the area (volume) gained or lost is reported.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Shape {
+    /// A box aligned with the axes.
+    Box {
+        /// Corner with the smallest coordinates, [length].
+        #[schemars(with = "Vector", extend("examples" = [[0, 9]]))]
+        min: Vec<f64>,
+        /// Corner with the largest coordinates, [length].
+        #[schemars(with = "Vector", extend("examples" = [[10, 10]]))]
+        max: Vec<f64>,
+    },
+    /// A polygon in the plane that does not cross itself, in either sense.
+    Polygon {
+        /// Its corners, [length], in order.
+        #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 0], [2, 0], [0, 1]]]))]
+        vertices: Vec<Vec<f64>>,
+    },
+    /// A circle in the plane.
+    Circle {
+        /// Centre, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2]]))]
+        center: Vec<f64>,
+        /// Radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.5]))]
+        radius: f64,
+    },
+    /// The region between two circles in the plane with the same centre.
+    Annulus {
+        /// Centre, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2]]))]
+        center: Vec<f64>,
+        /// Inner radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.75]))]
+        inner: f64,
+        /// Outer radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.25]))]
+        outer: f64,
+    },
+    /// A right circular cylinder in space.
+    Cylinder {
+        /// Centre of one end, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 0]]))]
+        start: Vec<f64>,
+        /// Centre of the other end, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 3]]))]
+        end: Vec<f64>,
+        /// Radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.5]))]
+        radius: f64,
+    },
+    /// A right circular cone in space, whole or truncated.
+    Cone {
+        /// Centre of one end, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 0]]))]
+        start: Vec<f64>,
+        /// Centre of the other end, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 3]]))]
+        end: Vec<f64>,
+        /// Radii at the start and at the end, [length]; one of them may be 0.
+        #[schemars(with = "Pair", extend("examples" = [[1.5, 0]]))]
+        radii: Vec<f64>,
+    },
+    /// A sphere in space.
+    Sphere {
+        /// Centre, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 2]]))]
+        center: Vec<f64>,
+        /// Radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.5]))]
+        radius: f64,
+    },
+    /// A polygon drawn out along an axis of space.
+    Extrusion {
+        /// Corners of the polygon in the other two coordinates, those of the alphabetically first axis first, [length],
+        /// in order; it does not cross itself.
+        #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 0], [2, 0], [0, 1]]]))]
+        polygon: Vec<Vec<f64>>,
+        /// The axis along which it is drawn out.
+        #[schemars(extend("examples" = ["z"]))]
+        axis: Axis,
+        /// Lower end along the axis, [length].
+        #[schemars(extend("examples" = [0]))]
+        from: f64,
+        /// Upper end along the axis, [length].
+        #[schemars(extend("examples" = [3]))]
+        to: f64,
+    },
+    /// What a closed surface of triangles encloses, in space.
+    Stl {
+        /// Path of an STL file, text or binary, relative to the deck. Its surface must be closed and must not cross
+        /// itself.
+        #[schemars(length(min = 1), extend("examples" = ["rock.stl"]))]
+        file: String,
+    },
+    /// Whole cells of the grid.
+    Cells {
+        /// Name of a physical group of a gmsh grid; all cells where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        group: Option<String>,
+    },
+    /// What lies in any of some regions.
+    Union {
+        /// The regions.
+        #[schemars(length(min = 1))]
+        of: Vec<Shape>,
+    },
+    /// What lies in all of some regions.
+    Intersection {
+        /// The regions.
+        #[schemars(length(min = 1))]
+        of: Vec<Shape>,
+    },
+    /// What lies in one region but in none of some others.
+    Difference {
+        /// The region to start from.
+        from: Box<Shape>,
+        /// The regions taken away.
+        #[schemars(length(min = 1))]
+        minus: Vec<Shape>,
+    },
+    /// A region that is shifted.
+    Translate {
+        /// The shift, [length].
+        #[schemars(with = "Vector", extend("examples" = [[1, 0]]))]
+        by: Vec<f64>,
+        /// The region before the shift.
+        shape: Box<Shape>,
+    },
+    /// A region that is turned.
+    Rotate {
+        /// The angle, [degree]: counter-clockwise in the plane, by the right-hand rule about the axis in space.
+        #[schemars(extend("examples" = [30]))]
+        angle: f64,
+        /// A place that stays where it is, [length].
+        #[schemars(with = "Vector", extend("examples" = [[0, 0]]))]
+        center: Vec<f64>,
+        /// Direction of the axis, of any length, [-], or the name of a coordinate axis; in space only.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("examples" = ["z", [1, 1, 0]]))]
+        axis: Option<Direction>,
+        /// The region before the turn.
+        shape: Box<Shape>,
+    },
+}
+
+/// A direction in space.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Direction {
+    /// That of a coordinate axis.
+    Along(Axis),
+    /// That of a vector.
+    Vector(#[schemars(length(min = 2, max = 3))] Vec<f64>),
+}
+
+impl Shape {
+    /// The word that stands for its type in decks.
+    pub(super) fn word(&self) -> &'static str {
+        match self {
+            Shape::Box { .. } => "box",
+            Shape::Polygon { .. } => "polygon",
+            Shape::Circle { .. } => "circle",
+            Shape::Annulus { .. } => "annulus",
+            Shape::Cylinder { .. } => "cylinder",
+            Shape::Cone { .. } => "cone",
+            Shape::Sphere { .. } => "sphere",
+            Shape::Extrusion { .. } => "extrusion",
+            Shape::Stl { .. } => "stl",
+            Shape::Cells { .. } => "cells",
+            Shape::Union { .. } => "union",
+            Shape::Intersection { .. } => "intersection",
+            Shape::Difference { .. } => "difference",
+            Shape::Translate { .. } => "translate",
+            Shape::Rotate { .. } => "rotate",
         }
-        Shape::Polygon { vertices } => in_polygon(vertices, x),
-        Shape::Circle { center, radius } => distance(center, x) <= *radius,
-        Shape::Annulus { center, inner, outer } => {
-            let r = distance(center, x);
-            *inner <= r && r <= *outer
+    }
+
+    /// The number of dimensions it needs; `None` where there is one of it in each.
+    pub(super) fn dimensions(&self) -> Option<usize> {
+        match self {
+            Shape::Polygon { .. } | Shape::Circle { .. } | Shape::Annulus { .. } => Some(2),
+            Shape::Cylinder { .. }
+            | Shape::Cone { .. }
+            | Shape::Sphere { .. }
+            | Shape::Extrusion { .. }
+            | Shape::Stl { .. } => Some(3),
+            _ => None,
         }
-        Shape::Cells { group } => in_cells(group.as_deref()),
-        Shape::Union { of } => of.iter().any(|part| contains(part, x, in_cells)),
-        Shape::Difference { from, minus } => {
-            contains(from, x, in_cells) && !minus.iter().any(|part| contains(part, x, in_cells))
+    }
+
+    /// The regions it is made from, each with its key.
+    pub(super) fn parts(&self) -> Vec<(String, &Shape)> {
+        let all = |key: &str, parts: &'_ [Shape]| -> Vec<String> {
+            (0..parts.len()).map(|k| format!("{key}/{k}")).collect()
+        };
+        match self {
+            Shape::Union { of } | Shape::Intersection { of } => all("of", of).into_iter().zip(of).collect(),
+            Shape::Difference { from, minus } => {
+                let first = ("from".to_owned(), from.as_ref());
+                std::iter::once(first).chain(all("minus", minus).into_iter().zip(minus)).collect()
+            }
+            Shape::Translate { shape, .. } | Shape::Rotate { shape, .. } => {
+                vec![("shape".to_owned(), shape.as_ref())]
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// Whether some region of it, or itself, is such.
+    pub(super) fn any(&self, is_such: &dyn Fn(&Shape) -> bool) -> bool {
+        is_such(self) || self.parts().into_iter().any(|(_, part)| part.any(is_such))
+    }
+
+    /// Paths of all surfaces that it is made from.
+    pub(super) fn files(&self) -> Vec<&str> {
+        match self {
+            Shape::Stl { file } => vec![file],
+            _ => self.parts().into_iter().flat_map(|(_, part)| part.files()).collect(),
         }
     }
 }
 
-fn distance(center: &[f64], x: [f64; 2]) -> f64 {
-    let c = pair(center);
-    (x[0] - c[0]).hypot(x[1] - c[1])
+/// Why a deck does not describe a region.
+pub(super) enum Refusal {
+    /// Numbers at this place are no region.
+    Numbers(String, ShapeError),
+    /// What it is made from is not known, or a message about it has been given.
+    Unknown,
 }
 
-/// By the number of edges that a ray from the position crosses.
-fn in_polygon(vertices: &[Vec<f64>], x: [f64; 2]) -> bool {
-    let mut inside = false;
-    for (k, a) in vertices.iter().enumerate() {
-        let (a, b) = (pair(a), pair(&vertices[(k + 1) % vertices.len()]));
-        if (a[1] > x[1]) != (b[1] > x[1]) && x[0] < a[0] + (x[1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0]) {
-            inside = !inside;
-        }
+/// What regions are made from that a deck only names; `place` is where in the deck.
+pub(super) trait Given<const D: usize> {
+    /// A group of cells, or all of them.
+    fn cells(&mut self, place: &str, group: Option<&str>) -> Option<Group<D>>;
+    /// The surface of a file.
+    fn surface(&mut self, place: &str, file: &str) -> Option<Surface>;
+}
+
+/// A region of a deck as one of the plane or of space; what has a form in one of them only is told apart here.
+pub(super) trait OfDeck<const D: usize>: Sized {
+    /// A region that only this number of dimensions has; `None` for others.
+    fn own(shape: &Shape, place: &str, given: &mut dyn Given<D>) -> Result<Option<Self>, Refusal>;
+
+    /// A turn about a place.
+    fn turn(angle: f64, center: [f64; D], axis: Option<&Direction>) -> Result<Motion<D>, ShapeError>;
+}
+
+/// The region that a deck describes at a place.
+///
+/// # Errors
+/// The first fault.
+pub(super) fn region<const D: usize>(
+    shape: &Shape,
+    place: &str,
+    given: &mut dyn Given<D>,
+) -> Result<Region<D>, Refusal>
+where
+    Region<D>: OfDeck<D>,
+{
+    let refuse = |error| Refusal::Numbers(place.to_owned(), error);
+    let mut parts = Vec::new();
+    for (key, part) in shape.parts() {
+        parts.push(region(part, &format!("{place}/{key}"), given)?);
     }
-    inside
-}
-
-/// Area of a region, exact but for round-off; `None` where whole cells are part of it.
-pub fn area(shape: &Shape) -> Option<f64> {
     match shape {
-        Shape::Box { min, max } => {
-            let (min, max) = (pair(min), pair(max));
-            Some((max[0] - min[0]) * (max[1] - min[1]))
-        }
-        Shape::Polygon { vertices } => Some(signed_area(vertices).abs()),
-        Shape::Circle { radius, .. } => Some(std::f64::consts::PI * radius * radius),
-        Shape::Annulus { inner, outer, .. } => Some(std::f64::consts::PI * (outer - inner) * (outer + inner)),
-        Shape::Cells { .. } => None,
-        Shape::Union { .. } | Shape::Difference { .. } => area::area(shape),
-    }
-}
-
-/// Area of a polygon, positive when its corners go round against the clock.
-pub fn signed_area(vertices: &[Vec<f64>]) -> f64 {
-    let cross = |k: usize| {
-        let (a, b) = (pair(&vertices[k]), pair(&vertices[(k + 1) % vertices.len()]));
-        a[0] * b[1] - a[1] * b[0]
-    };
-    0.5 * (0..vertices.len()).map(cross).sum::<f64>()
-}
-
-/// Bounds of a region; `None` where whole cells are part of it.
-pub fn bounds(shape: &Shape) -> Option<Bounds> {
-    let round = |center: &[f64], radius: f64| {
-        let c = pair(center);
-        [[c[0] - radius, c[1] - radius], [c[0] + radius, c[1] + radius]]
-    };
-    match shape {
-        Shape::Box { min, max } => Some([pair(min), pair(max)]),
-        Shape::Polygon { vertices } => vertices.iter().map(|v| [pair(v), pair(v)]).reduce(hull),
-        Shape::Circle { center, radius } => Some(round(center, *radius)),
-        Shape::Annulus { center, outer, .. } => Some(round(center, *outer)),
-        Shape::Cells { .. } => None,
-        Shape::Union { of } => {
-            let parts: Option<Vec<Bounds>> = of.iter().map(bounds).collect();
-            parts?.into_iter().reduce(hull)
-        }
-        Shape::Difference { from, .. } => bounds(from),
-    }
-}
-
-/// Whether a cell with these bounds may have a part in a region; `in_cells` as for [`contains`].
-pub fn may_meet(shape: &Shape, cell: Bounds, in_cells: &dyn Fn(Option<&str>) -> bool) -> bool {
-    match shape {
-        Shape::Cells { group } => in_cells(group.as_deref()),
-        Shape::Union { of } => of.iter().any(|part| may_meet(part, cell, in_cells)),
-        Shape::Difference { from, .. } => may_meet(from, cell, in_cells),
-        _ => bounds(shape)
-            .is_none_or(|[low, high]| (0..2).all(|d| cell[0][d] <= high[d] && low[d] <= cell[1][d])),
-    }
-}
-
-fn hull(a: Bounds, b: Bounds) -> Bounds {
-    [[a[0][0].min(b[0][0]), a[0][1].min(b[0][1])], [a[1][0].max(b[1][0]), a[1][1].max(b[1][1])]]
-}
-
-/// All groups of cells that a region names, each with its place in the deck; `place` is that of the region.
-pub fn groups<'a>(shape: &'a Shape, place: &str) -> Vec<(String, &'a str)> {
-    let of_all = |parts: &'a [Shape], key: &str| -> Vec<(String, &'a str)> {
-        let parts = parts.iter().enumerate();
-        parts.flat_map(|(k, part)| groups(part, &format!("{place}/{key}/{k}"))).collect()
-    };
-    match shape {
+        Shape::Box { min, max } => Ok(Brick::new(vector(min)?, vector(max)?).map_err(refuse)?.into()),
         Shape::Cells { group } => {
-            group.iter().map(|name| (format!("{place}/group"), name.as_str())).collect()
+            let cells = given.cells(place, group.as_deref());
+            cells.map(Region::group).ok_or(Refusal::Unknown)
         }
-        Shape::Union { of } => of_all(of, "of"),
-        Shape::Difference { from, minus } => {
-            let mut all = groups(from, &format!("{place}/from"));
-            all.extend(of_all(minus, "minus"));
-            all
+        Shape::Union { .. } => Region::union(parts).map_err(refuse),
+        Shape::Intersection { .. } => Region::intersection(parts).map_err(refuse),
+        Shape::Difference { .. } => {
+            let mut parts = parts.into_iter();
+            let from = parts.next().ok_or(Refusal::Unknown)?;
+            Ok(Region::difference(from, parts.collect()))
         }
-        _ => Vec::new(),
+        Shape::Translate { by, .. } => moved(parts, &Motion::translation(vector(by)?).map_err(refuse)?),
+        Shape::Rotate { angle, center, axis, .. } => {
+            let turn = Region::turn(angle.to_radians(), vector(center)?, axis.as_ref());
+            moved(parts, &turn.map_err(refuse)?)
+        }
+        _ => Region::own(shape, place, given)?.ok_or(Refusal::Unknown),
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+fn moved<const D: usize>(mut parts: Vec<Region<D>>, motion: &Motion<D>) -> Result<Region<D>, Refusal> {
+    parts.pop().map(|part| part.moved(motion)).ok_or(Refusal::Unknown)
+}
 
-    fn inside(shape: &Shape, x: [f64; 2]) -> bool {
-        contains(shape, x, &|_| false)
+/// A list of the right length; one of another is told of elsewhere.
+fn vector<const D: usize>(values: &[f64]) -> Result<[f64; D], Refusal> {
+    values.try_into().map_err(|_| Refusal::Unknown)
+}
+
+fn polygon(corners: &[Vec<f64>], place: &str) -> Result<Polygon, Refusal> {
+    let corners = corners.iter().map(|x| vector(x)).collect::<Result<_, _>>()?;
+    Polygon::new(corners).map_err(|error| Refusal::Numbers(place.to_owned(), error))
+}
+
+impl OfDeck<2> for Region<2> {
+    fn own(shape: &Shape, place: &str, _: &mut dyn Given<2>) -> Result<Option<Self>, Refusal> {
+        let refuse = |error| Refusal::Numbers(place.to_owned(), error);
+        Ok(Some(match shape {
+            Shape::Polygon { vertices } => polygon(vertices, place)?.into(),
+            Shape::Circle { center, radius } => Ball::new(vector(center)?, *radius).map_err(refuse)?.into(),
+            Shape::Annulus { center, inner, outer } => {
+                HollowBall::new(vector(center)?, *inner, *outer).map_err(refuse)?.into()
+            }
+            _ => return Ok(None),
+        }))
     }
 
-    #[test]
-    fn regions_contain_what_they_should() {
-        let square = Shape::Box { min: vec![0.0, 0.0], max: vec![2.0, 2.0] };
-        let hole = Shape::Circle { center: vec![1.0, 1.0], radius: 0.5 };
-        let plate = Shape::Difference { from: Box::new(square.clone()), minus: vec![hole.clone()] };
-        assert!(inside(&plate, [0.1, 0.1]) && !inside(&plate, [1.0, 1.2]) && !inside(&plate, [3.0, 1.0]));
-        let both = Shape::Union { of: vec![plate, hole] };
-        assert!(inside(&both, [1.0, 1.2]));
-        let ring = Shape::Annulus { center: vec![0.0, 0.0], inner: 1.0, outer: 2.0 };
-        assert!(inside(&ring, [1.5, 0.0]) && !inside(&ring, [0.5, 0.0]) && !inside(&ring, [2.0, 0.5]));
-        let vertices = vec![vec![0.0, 0.0], vec![2.0, 0.0], vec![2.0, 2.0], vec![1.0, 0.5], vec![0.0, 2.0]];
-        let notched = Shape::Polygon { vertices: vertices.clone() };
-        assert!(inside(&notched, [0.2, 1.0]) && !inside(&notched, [1.0, 1.0]));
-        assert_eq!(area(&notched), Some(2.5));
-        assert_eq!(signed_area(&vertices), 2.5);
-        assert_eq!(bounds(&both), Some([[0.0, 0.0], [2.0, 2.0]]));
+    fn turn(angle: f64, center: [f64; 2], _: Option<&Direction>) -> Result<Motion<2>, ShapeError> {
+        Motion::<2>::rotation(angle, center)
+    }
+}
+
+impl OfDeck<3> for Region<3> {
+    fn own(shape: &Shape, place: &str, given: &mut dyn Given<3>) -> Result<Option<Self>, Refusal> {
+        let refuse = |error| Refusal::Numbers(place.to_owned(), error);
+        Ok(Some(match shape {
+            Shape::Cylinder { start, end, radius } => {
+                Frustum::cylinder(vector(start)?, vector(end)?, *radius).map_err(refuse)?.into()
+            }
+            Shape::Cone { start, end, radii } => {
+                Frustum::new(vector(start)?, vector(end)?, vector(radii)?).map_err(refuse)?.into()
+            }
+            Shape::Sphere { center, radius } => Ball::new(vector(center)?, *radius).map_err(refuse)?.into(),
+            Shape::Extrusion { polygon: corners, axis, from, to } => {
+                let base = polygon(corners, place)?;
+                Prism::new(base, *axis as usize, [*from, *to]).map_err(refuse)?.into()
+            }
+            Shape::Stl { file } => given.surface(place, file).ok_or(Refusal::Unknown)?.into(),
+            _ => return Ok(None),
+        }))
+    }
+
+    fn turn(angle: f64, center: [f64; 3], axis: Option<&Direction>) -> Result<Motion<3>, ShapeError> {
+        let direction = match axis {
+            Some(Direction::Along(axis)) => std::array::from_fn(|d| f64::from(u8::from(d == *axis as usize))),
+            Some(Direction::Vector(vector)) => std::array::from_fn(|d| vector.get(d).copied().unwrap_or(0.0)),
+            None => [0.0; 3],
+        };
+        Motion::<3>::rotation(direction, angle, center)
+    }
+}
+
+/// What is known without any file: that a structured grid is a box.
+pub(super) struct WithoutFiles<const D: usize> {
+    /// Lowest and highest corner of a structured grid, [length].
+    pub(super) grid: Option<[[f64; D]; 2]>,
+}
+
+impl<const D: usize> Given<D> for WithoutFiles<D> {
+    fn cells(&mut self, _: &str, group: Option<&str>) -> Option<Group<D>> {
+        let bounds = self.grid.filter(|_| group.is_none())?;
+        let volume = (0..D).map(|d| bounds[1][d] - bounds[0][d]).product();
+        Some(Group { key: 0, bounds, volume })
+    }
+
+    fn surface(&mut self, _: &str, _: &str) -> Option<Surface> {
+        None
     }
 }

@@ -1,14 +1,20 @@
 //! Fills bodies with material points.
 
 use std::collections::HashSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::build::{pair, per_axis};
+use rayon::prelude::*;
+
+use super::build::{array, per_axis};
 use super::diagnostic::quote;
-use super::{BodyDeck, PerAxis, Shape, placing, region};
-use crate::basis::DomainKind;
-use crate::grid::subdivide::subdivide_triangle;
+use super::region::Groups;
+use super::{BodyDeck, PerAxis, Shape};
+use crate::basis::{DomainKind, Method};
+use crate::grid::element::ElementShape;
+use crate::grid::subdivide::{Part, subdivide_box, subdivide_simplex};
 use crate::grid::{Grid, Structured};
 use crate::points::Seed;
+use crate::region::{Accuracy, FilledCell, Region, Volume, brick_parts, fill};
 
 /// Relative distance to a grid line within which a side of a box counts as lying on it.
 const ON_LINE: f64 = 1e-6;
@@ -25,30 +31,26 @@ pub(super) struct Fault {
 }
 
 /// The points of a body.
-pub(super) struct Filled {
-    pub(super) seeds: Vec<Seed<2>>,
-    /// Area of the region, where it is known.
-    pub(super) exact_area: Option<f64>,
+pub(super) struct Filled<const D: usize> {
+    pub(super) seeds: Vec<Seed<D>>,
+    /// Volume (area) of the region, where it is known.
+    pub(super) exact: Option<Volume>,
 }
 
 /// What all points of a body share.
-pub(super) struct Filling<'a> {
-    pub(super) grid: &'a dyn Grid<2>,
+pub(super) struct Filling<'a, const D: usize> {
+    pub(super) grid: &'a dyn Grid<D>,
+    pub(super) region: &'a Region<D>,
+    pub(super) groups: &'a Groups,
     pub(super) body: u16,
-    pub(super) domain: DomainKind,
+    pub(super) method: Method,
     pub(super) density: f64,
     pub(super) history: Vec<f64>,
 }
 
-impl Filling<'_> {
+impl<const D: usize> Filling<'_, D> {
     /// The points of a body, as its deck says.
-    pub(super) fn fill(&self, deck: &BodyDeck) -> Result<Filled, Fault> {
-        for (place, group) in region::groups(&deck.shape, "/shape") {
-            if self.grid.cell_set(group).is_none() {
-                let (message, help) = placing::unknown_group(self.grid, group, true);
-                return Err(Fault { code: "D031", key: place, message, help });
-            }
-        }
+    pub(super) fn fill(&self, deck: &BodyDeck) -> Result<Filled<D>, Fault> {
         let box_on_lines = match (&deck.shape, self.grid.structured(), &deck.points_per_cell) {
             (Shape::Box { min, max }, Some(grid), Some(counts)) => self.box_on_lines(grid, min, max, counts),
             _ => None,
@@ -67,14 +69,18 @@ impl Filling<'_> {
                     .to_owned(),
             });
         }
-        Ok(Filled { seeds, exact_area: region::area(&deck.shape) })
+        Ok(Filled { seeds, exact: self.region.volume(Accuracy::default()) })
     }
 
-    fn seed(&self, position: [f64; 2], volume: f64) -> Seed<2> {
+    fn domain(&self) -> DomainKind {
+        self.method.domain()
+    }
+
+    fn seed(&self, position: [f64; D], volume: f64) -> Seed<D> {
         Seed {
             body: self.body,
             position,
-            half_lengths: [0.0; 2],
+            half_lengths: [0.0; D],
             corners: Vec::new(),
             volume,
             mass: self.density * volume,
@@ -83,15 +89,15 @@ impl Filling<'_> {
         }
     }
 
-    /// The point of a rectangle given by its lowest and highest corner.
-    fn rectangle(&self, low: [f64; 2], high: [f64; 2], spacing: [f64; 2]) -> Seed<2> {
-        let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
-        let mut seed = self.seed(middle, spacing[0] * spacing[1]);
-        if self.domain != DomainKind::None {
-            seed.half_lengths = spacing.map(|s| 0.5 * s);
+    /// The point of a box with sides along the axes, given by its lowest and highest corner.
+    fn brick(&self, position: [f64; D], [low, high]: [[f64; D]; 2], sides: [f64; D]) -> Seed<D> {
+        let mut seed = self.seed(position, sides.iter().product());
+        if self.domain() != DomainKind::None {
+            seed.half_lengths = sides.map(|s| 0.5 * s);
         }
-        if self.domain == DomainKind::Corners {
-            seed.corners = vec![low, [high[0], low[1]], [low[0], high[1]], high];
+        if self.domain() == DomainKind::Corners {
+            let corner = |c: usize| std::array::from_fn(|d| if c >> d & 1 == 1 { high[d] } else { low[d] });
+            seed.corners = (0..1usize << D).map(corner).collect();
         }
         seed
     }
@@ -99,242 +105,216 @@ impl Filling<'_> {
     /// A box whose sides lie on grid lines, filled as a whole; `None` when they do not.
     fn box_on_lines(
         &self,
-        grid: &Structured<2>,
+        grid: &Structured<D>,
         min: &[f64],
         max: &[f64],
         counts: &PerAxis<u32>,
-    ) -> Option<Vec<Seed<2>>> {
-        let (min, max) = (pair(min), pair(max));
+    ) -> Option<Vec<Seed<D>>> {
+        let (min, max): ([f64; D], [f64; D]) = (array(min), array(max));
         let h = grid.spacing();
         let on_line = |d: usize, x: f64| {
             let xi = (x - grid.origin()[d]) / h[d];
             (xi - xi.round()).abs() <= ON_LINE
         };
-        if !(0..2).all(|d| on_line(d, min[d]) && on_line(d, max[d])) {
+        if !(0..D).all(|d| on_line(d, min[d]) && on_line(d, max[d])) {
             return None;
         }
-        let per_cell = per_axis(counts);
+        let per_cell: [u32; D] = per_axis(counts);
         let n = std::array::from_fn(|d| ((max[d] - min[d]) / h[d]).round() as usize * per_cell[d] as usize);
-        Some(self.rows(min, max, n, &|_| true))
+        Some(self.rows([min, max], n, |_| true))
     }
 
     /// A lattice of `n` points along the sides of a box, of which those inside the region stay.
     fn rows(
         &self,
-        min: [f64; 2],
-        max: [f64; 2],
-        n: [usize; 2],
-        inside: &dyn Fn([f64; 2]) -> bool,
-    ) -> Vec<Seed<2>> {
-        let spacing: [f64; 2] = std::array::from_fn(|d| (max[d] - min[d]) / n[d] as f64);
-        let at = |d: usize, k: f64| min[d] + k * spacing[d];
-        let mut seeds = Vec::new();
-        let mut kept = vec![false; n[0] * n[1]];
-        for j in 0..n[1] {
-            for i in 0..n[0] {
-                let (x, y) = (i as f64, j as f64);
-                let mut seed =
-                    self.rectangle([at(0, x), at(1, y)], [at(0, x + 1.0), at(1, y + 1.0)], spacing);
-                seed.position = [at(0, x + 0.5), at(1, y + 0.5)];
-                if inside(seed.position) {
-                    kept[j * n[0] + i] = true;
-                    seeds.push(seed);
-                }
-            }
-        }
-        let full = |i: usize, j: usize| i < n[0] && j < n[1] && kept[j * n[0] + i];
-        let mut next = seeds.iter_mut();
-        for j in 0..n[1] {
-            for i in (0..n[0]).filter(|&i| full(i, j)) {
-                // Subtraction below zero wraps round to a number that is beyond the lattice.
-                let around = [i.wrapping_sub(1), i, i + 1];
-                let inner = [j.wrapping_sub(1), j, j + 1].iter().all(|&l| around.iter().all(|&k| full(k, l)));
-                if let Some(seed) = next.next() {
-                    seed.outer_layer = !inner;
-                }
-            }
-        }
-        seeds
+        [min, max]: [[f64; D]; 2],
+        n: [usize; D],
+        inside: impl Fn(&[f64; D]) -> bool + Sync,
+    ) -> Vec<Seed<D>> {
+        let spacing: [f64; D] = std::array::from_fn(|d| (max[d] - min[d]) / n[d] as f64);
+        let lattice = Structured::<D>::new(min, spacing, n);
+        // From the ends of the box, not from its cells: both sides of a row get the same round-off.
+        let at = |index: &[usize; D], shift: f64| -> [f64; D] {
+            std::array::from_fn(|d| min[d] + (index[d] as f64 + shift) * spacing[d])
+        };
+        let kept: Vec<bool> = (0..lattice.n_cells())
+            .into_par_iter()
+            .map(|place| inside(&at(&lattice.cell_index(place), 0.5)))
+            .collect();
+        let is_outer = |index: &[usize; D]| {
+            // Subtraction below zero wraps round to a number that is beyond the lattice.
+            let neighbour = |k: usize| -> [usize; D] {
+                std::array::from_fn(|d| (index[d] + k / 3usize.pow(d as u32) % 3).wrapping_sub(1))
+            };
+            let is_full = |at: [usize; D]| (0..D).all(|d| at[d] < n[d]) && kept[lattice.cell(at)];
+            !(0..3usize.pow(D as u32)).all(|k| is_full(neighbour(k)))
+        };
+        let one = |place: usize| {
+            let index = lattice.cell_index(place);
+            let mut seed = self.brick(at(&index, 0.5), [at(&index, 0.0), at(&index, 1.0)], spacing);
+            seed.outer_layer = is_outer(&index);
+            seed
+        };
+        (0..kept.len()).into_par_iter().filter(|&place| kept[place]).map(one).collect()
     }
 
     /// Points at a stated spacing, whatever the grid.
-    fn lattice(&self, deck: &BodyDeck, spacing: [f64; 2]) -> Result<Vec<Seed<2>>, Fault> {
-        let shape = &deck.shape;
-        let Some([min, max]) = region::bounds(shape) else {
+    fn lattice(&self, deck: &BodyDeck, spacing: [f64; D]) -> Result<Vec<Seed<D>>, Fault> {
+        if deck.shape.any(&|part| matches!(part, Shape::Cells { .. })) {
             return Err(Fault {
                 code: "D023",
                 key: "/point_spacing".to_owned(),
                 message: "a region of whole cells cannot be filled at a spacing".to_owned(),
-                help: "give `points_per_cell` or `points_per_triangle`".to_owned(),
+                help: format!("give {}", placed_in_cells(D)),
             });
-        };
-        let along = |d: usize| (max[d] - min[d]) / spacing[d] - ON_LINE;
-        if along(0) * along(1) > MOST_POINTS {
+        }
+        let [min, max] = self.region.bounds();
+        let along = |d: usize| ((max[d] - min[d]) / spacing[d] - ON_LINE).max(0.0);
+        let count: f64 = (0..D).map(along).product();
+        if count > MOST_POINTS {
             return Err(Fault {
                 code: "D028",
                 key: "/point_spacing".to_owned(),
                 message: format!(
-                    "the body {} would be cut from {:.1e} points; at most {MOST_POINTS:.0e} are possible",
+                    "the body {} would be cut from {count:.1e} points; at most {MOST_POINTS:.0e} are possible",
                     quote(&deck.name),
-                    along(0) * along(1)
                 ),
                 help: "give a larger spacing".to_owned(),
             });
         }
-        let n: [usize; 2] = std::array::from_fn(|d| (along(d).ceil() as usize).max(1));
+        if !(0..D).all(|d| min[d] < max[d]) {
+            return Ok(Vec::new()); // an intersection of what lies apart
+        }
+        let n: [usize; D] = std::array::from_fn(|d| (along(d).ceil() as usize).max(1));
         let high = std::array::from_fn(|d| min[d] + n[d] as f64 * spacing[d]);
-        Ok(self.rows(min, high, n, &|x| region::contains(shape, x, &|_| false)))
+        Ok(self.rows([min, high], n, |x| self.region.contains(x)))
     }
 
     /// The parts of every cell whose centres lie in the region.
-    fn cell_by_cell(&self, deck: &BodyDeck) -> Result<Vec<Seed<2>>, Fault> {
-        let in_group = placing::members(self.grid, &deck.shape);
-        let mut seeds = Vec::new();
-        let mut cell_of = Vec::new();
-        // The cells that hold points, and whether the region fills them.
-        let mut filled: Vec<(u32, bool)> = Vec::new();
-        for cell in placing::cells_near(self.grid, region::bounds(&deck.shape)) {
-            let in_cells = |group: Option<&str>| match group {
-                None => true,
-                Some(name) => in_group.get(name).is_some_and(|member| member[cell]),
-            };
-            // What the deck says must suit those kinds of cells that the body may fill, not all of the grid.
-            if !region::may_meet(&deck.shape, self.bounds(cell), &in_cells) {
-                continue;
-            }
+    fn cell_by_cell(&self, deck: &BodyDeck) -> Result<Vec<Seed<D>>, Fault> {
+        let cut = AtomicUsize::new(0);
+        let divide = |cell: usize| {
             let parts = self.parts(cell, deck)?;
-            let all = parts.len();
-            let before = seeds.len();
-            if seeds.len() as f64 > MOST_POINTS {
+            if cut.fetch_add(parts.len(), Ordering::Relaxed) as f64 > MOST_POINTS {
                 return Err(Fault {
                     code: "D028",
                     key: String::new(),
-                    message: format!("the body {} has more than {MOST_POINTS:.0e} points", quote(&deck.name)),
+                    message: format!(
+                        "the body {} would be cut from more than {MOST_POINTS:.0e} points",
+                        quote(&deck.name)
+                    ),
                     help: "use fewer points per cell".to_owned(),
                 });
             }
-            seeds.extend(parts.into_iter().filter(|s| region::contains(&deck.shape, s.position, &in_cells)));
-            if seeds.len() > before {
-                cell_of.resize(seeds.len(), filled.len() as u32);
-                filled.push((cell as u32, seeds.len() == before + all));
-            }
-        }
-        self.mark_outer_layer(&mut seeds, &cell_of, &filled);
+            Ok(parts)
+        };
+        let in_group = |key: usize, cell: usize| self.groups.holds(key, cell);
+        let filled = fill(self.region, self.grid, in_group, divide, |seed| seed.position)?;
+        let mut seeds = filled.parts;
+        self.mark_outer_layer(&mut seeds, &filled.cells);
         Ok(seeds)
     }
 
-    /// Lowest and highest coordinates of a cell.
-    fn bounds(&self, cell: usize) -> region::Bounds {
-        let mut bounds = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-        for &node in self.grid.corners(cell).nodes() {
-            let x = self.grid.node_position(node as usize);
-            for d in 0..2 {
-                bounds[0][d] = bounds[0][d].min(x[d]);
-                bounds[1][d] = bounds[1][d].max(x[d]);
-            }
-        }
-        bounds
-    }
-
-    /// The points of cells that are not full, or share a node with the border of the full ones. `cell_of` gives for
-    /// each point its place in `filled`, the cells that hold points and whether the region fills them.
-    fn mark_outer_layer(&self, seeds: &mut [Seed<2>], cell_of: &[u32], filled: &[(u32, bool)]) {
-        let mut edges: Vec<[u32; 2]> = Vec::new();
-        for &(cell, _) in filled.iter().filter(|(_, is_full)| *is_full) {
-            let corners = self.grid.corners(cell as usize);
+    /// The points of cells that are not full, or share a node with the border of the full ones.
+    fn mark_outer_layer(&self, seeds: &mut [Seed<D>], filled: &[FilledCell]) {
+        let mut sides: Vec<[u32; 4]> = Vec::new();
+        for filled in filled.iter().filter(|filled| filled.full) {
+            let corners = self.grid.corners(filled.cell as usize);
             let nodes = corners.nodes();
-            for (k, &a) in nodes.iter().enumerate() {
-                let b = nodes[(k + 1) % nodes.len()];
-                edges.push([a.min(b), a.max(b)]);
+            let shape = ElementShape::from_nodes::<D>(nodes.len());
+            for places in shape.map(|shape| shape.sides::<D>()).unwrap_or_default() {
+                let mut side = [u32::MAX; 4];
+                side.iter_mut().zip(*places).for_each(|(node, &k)| *node = nodes[k]);
+                side.sort_unstable();
+                sides.push(side);
             }
         }
-        edges.sort_unstable();
-        // An edge of one full cell only is part of the border.
-        let of_one = edges.chunk_by(|a, b| a == b).filter(|same| same.len() == 1);
-        let border: HashSet<u32> = of_one.flat_map(|edge| edge[0]).collect();
-        let is_outer = |&(cell, is_full): &(u32, bool)| {
-            !is_full || self.grid.corners(cell as usize).nodes().iter().any(|node| border.contains(node))
-        };
-        let outer: Vec<bool> = filled.iter().map(is_outer).collect();
-        for (seed, &cell) in seeds.iter_mut().zip(cell_of) {
-            seed.outer_layer = outer[cell as usize];
+        sides.sort_unstable();
+        // A side of one full cell only is part of the border.
+        let of_one = sides.chunk_by(|a, b| a == b).filter(|same| same.len() == 1);
+        let border: HashSet<u32> = of_one.flat_map(|side| side[0]).collect();
+        for FilledCell { cell, parts, full } in filled {
+            let corners = self.grid.corners(*cell as usize);
+            let is_outer = !full || corners.nodes().iter().any(|node| border.contains(node));
+            seeds[parts.clone()].iter_mut().for_each(|seed| seed.outer_layer = is_outer);
         }
     }
 
     /// The points of the even subdivision of a cell.
-    fn parts(&self, cell: usize, deck: &BodyDeck) -> Result<Vec<Seed<2>>, Fault> {
+    fn parts(&self, cell: usize, deck: &BodyDeck) -> Result<Vec<Seed<D>>, Fault> {
         let corners = self.grid.corners(cell);
-        let x: Vec<[f64; 2]> = corners.nodes().iter().map(|&n| self.grid.node_position(n as usize)).collect();
-        let missing = |key: &str, kind: &str| Fault {
+        let shape = ElementShape::from_nodes::<D>(corners.nodes().len()).unwrap_or(ElementShape::Box);
+        let (key, of_simplex) = match D {
+            3 => ("points_per_tetrahedron", deck.points_per_tetrahedron),
+            _ => ("points_per_triangle", deck.points_per_triangle),
+        };
+        let missing = |key: &str| Fault {
             code: "D023",
             key: String::new(),
-            message: format!("the grid has {kind}, and the body does not say how many points they get"),
+            message: format!(
+                "the grid has {}, and the body does not say how many points they get",
+                shape.plural::<D>()
+            ),
             help: format!("give `{key}`"),
         };
-        match x.as_slice() {
-            [a, b, c] => {
-                let n =
-                    deck.points_per_triangle.ok_or_else(|| missing("points_per_triangle", "triangles"))?;
-                self.triangle([*a, *b, *c], n)
-            }
-            [a, b, c, d] => {
-                let n = deck
-                    .points_per_cell
-                    .as_ref()
-                    .ok_or_else(|| missing("points_per_cell", "quadrilaterals"))?;
-                Ok(self.quadrilateral([*a, *b, *c, *d], per_axis(n)))
-            }
-            _ => Ok(Vec::new()),
+        let x: Vec<[f64; D]> = corners.nodes().iter().map(|&n| self.grid.node_position(n as usize)).collect();
+        if shape == ElementShape::Simplex {
+            let n = of_simplex.ok_or_else(|| missing(key))?;
+            return self.simplex(&x, key, n);
         }
+        let counts = deck.points_per_cell.as_ref().ok_or_else(|| missing("points_per_cell"))?;
+        let n = per_axis::<u32, D>(counts).map(|n| n as usize);
+        if let Some(grid) = self.grid.structured() {
+            let sides = std::array::from_fn(|d| grid.spacing()[d] / n[d] as f64);
+            let point = |x: [f64; D]| {
+                let end = |sign: f64| std::array::from_fn(|d| x[d] + sign * 0.5 * sides[d]);
+                self.brick(x, [end(-1.0), end(1.0)], sides)
+            };
+            return Ok(brick_parts(grid, n, cell).map(|part| point(part.position)).collect());
+        }
+        let parts = subdivide_box(&x, n).unwrap_or_default();
+        Ok(parts.into_iter().map(|part| self.point(part)).collect())
     }
 
-    fn triangle(&self, x: [[f64; 2]; 3], n: u32) -> Result<Vec<Seed<2>>, Fault> {
-        if self.domain != DomainKind::None {
+    fn simplex(&self, x: &[[f64; D]], key: &str, n: u32) -> Result<Vec<Seed<D>>, Fault> {
+        let plural = ElementShape::Simplex.plural::<D>();
+        if !matches!(self.method, Method::Mpm | Method::Cpdi2) {
             return Err(Fault {
                 code: "D034",
                 key: "/method".to_owned(),
-                message: "this method needs quadrilateral cells, and the grid has triangles".to_owned(),
-                help: "use method `mpm` on triangles".to_owned(),
+                message: format!("method `{}` does not go with {plural}", self.method.name()),
+                help: format!("use method `mpm` or `cpdi2` on {plural}"),
             });
         }
-        let parts = subdivide_triangle(n as usize).ok_or_else(|| Fault {
+        let parts = subdivide_simplex(x, n as usize).ok_or_else(|| Fault {
             code: "D009",
-            key: "/points_per_triangle".to_owned(),
-            message: format!("a triangle cannot be divided evenly for {n} points"),
-            help: "use 1, 4, 9, 16, … or 8".to_owned(),
+            key: format!("/{key}"),
+            message: match D {
+                3 => format!("a tetrahedron cannot be divided evenly for {n} points"),
+                _ => format!("a triangle cannot be divided evenly for {n} points"),
+            },
+            help: match D {
+                3 => "use 1, 8, 27, … or 4".to_owned(),
+                _ => "use 1, 4, 9, 16, … or 8".to_owned(),
+            },
         })?;
-        let area =
-            0.5 * ((x[1][0] - x[0][0]) * (x[2][1] - x[0][1]) - (x[2][0] - x[0][0]) * (x[1][1] - x[0][1]));
-        let place = |l: [f64; 3]| [0, 1].map(|d| l[0] * x[0][d] + l[1] * x[1][d] + l[2] * x[2][d]);
-        Ok(parts.into_iter().map(|(l, weight)| self.seed(place(l), weight * area)).collect())
+        Ok(parts.into_iter().map(|part| self.point(part)).collect())
     }
 
-    /// Lines of constant local coordinates divide the cell; the points are the images of the middles of the parts.
-    fn quadrilateral(&self, x: [[f64; 2]; 4], n: [u32; 2]) -> Vec<Seed<2>> {
-        let place = |s: f64, t: f64| {
-            let weights = [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t];
-            [0, 1].map(|d| (0..4).map(|k| weights[k] * x[k][d]).sum::<f64>())
-        };
-        let line = |k: u32, n: u32| f64::from(k) / f64::from(n);
-        let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
-        let mut seeds = Vec::new();
-        for j in 0..n[1] {
-            for i in 0..n[0] {
-                let (s0, s1, t0, t1) = (line(i, n[0]), line(i + 1, n[0]), line(j, n[1]), line(j + 1, n[1]));
-                let part = [place(s0, t0), place(s1, t0), place(s0, t1), place(s1, t1)];
-                let diagonal = |a: usize, b: usize| [part[b][0] - part[a][0], part[b][1] - part[a][1]];
-                let area = 0.5 * cross(diagonal(0, 3), diagonal(1, 2));
-                let mut seed = self.seed(place(0.5 * (s0 + s1), 0.5 * (t0 + t1)), area);
-                if self.domain != DomainKind::None {
-                    seed.half_lengths =
-                        [0, 1].map(|d| 0.25 * (diagonal(0, 3)[d].abs() + diagonal(1, 2)[d].abs()));
-                }
-                if self.domain == DomainKind::Corners {
-                    seed.corners = part.to_vec();
-                }
-                seeds.push(seed);
-            }
+    /// The point of a part of a cell of any form.
+    fn point(&self, part: Part<D>) -> Seed<D> {
+        let mut seed = self.seed(part.position, part.volume);
+        if self.domain() == DomainKind::Corners {
+            seed.corners = part.corners;
         }
-        seeds
+        seed
+    }
+}
+
+/// The keys that place points in cells.
+pub(super) fn placed_in_cells(dimensions: usize) -> &'static str {
+    match dimensions {
+        3 => "`points_per_cell` or `points_per_tetrahedron`",
+        _ => "`points_per_cell` or `points_per_triangle`",
     }
 }

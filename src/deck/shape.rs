@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use super::Deck;
 use super::diagnostic::{Diagnostic, list, quote};
-use super::schema::{shortest, strict_schema};
+use super::schema::{resolve, shortest, strict_schema};
 use super::source::{Source, escape};
 use crate::formula::closest;
 
@@ -285,6 +285,10 @@ fn choices_in_words(error: &ValidationError<'_>) -> String {
         .into_iter()
         .flatten()
         .filter_map(|choice| {
+            let choice = resolve(choice);
+            if choice.get("enum").is_some() {
+                return Some("a word");
+            }
             Some(match choice.get("type")?.as_str()? {
                 "number" => "a number",
                 "integer" => "a whole number",
@@ -355,6 +359,7 @@ fn count_in_words(error: &ValidationError<'_>) -> String {
     let each =
         if error.schema_path().as_str().contains("LoadCurve") { "[time, factor]" } else { "one per axis" };
     match (limit("minItems"), limit("maxItems"), error.kind()) {
+        (Some(2), Some(3), _) => format!("2 or 3 entries, {each}"),
         (Some(least), Some(most), _) if least == most => format!("{}, {each}", entries(least)),
         (_, Some(most), ValidationErrorKind::MaxItems { .. }) => format!("at most {}", entries(most)),
         (least, ..) => format!("at least {}", entries(least.unwrap_or(1))),

@@ -2,29 +2,34 @@
 
 use super::build::per_axis;
 use super::diagnostic::{Diagnostic, Severity};
+use super::region::volume;
 use super::source::Source;
-use super::{BodyDeck, Deck, GridDeck, Shape, region};
+use super::{BodyDeck, Deck, GridDeck};
 use crate::basis::{DomainKind, Method};
 use crate::grid::Grid;
 use crate::memory::{Bound, Memory, in_words};
+use crate::region::{Accuracy, Region};
 
 /// Memory of the program itself, [byte].
 const PROGRAM: f64 = 10e6;
 /// Memory per grid node, [byte].
 const PER_NODE: f64 = 10.0;
-/// Places at which a region without a formula for its area is tried, along each axis.
-const SAMPLES: usize = 200;
+/// How well the volume of a region is to be known.
+const ROUGHLY: Accuracy = Accuracy { relative: 1e-2, lines: 20_000 };
 /// Part of the memory from which on there is a warning.
 const MUCH: f64 = 0.8;
 
-/// The memory that an analysis on a grid will need at most, estimated from its deck, [byte].
-pub fn predicted_memory(deck: &Deck, grid: &dyn Grid<2>) -> f64 {
-    Size::of(deck, grid).memory()
-}
-
 /// Memory per point without output files and what writing them adds, and memory of the stiffness and its factor
-/// relative to N log₂ N with N unknowns, [byte]. Measured, see `docs/performance.md`.
-fn costs(method: Method) -> (f64, f64, f64) {
+/// relative to N log₂ N with N unknowns in the plane, to N^(4/3) in space, [byte]. Measured, see
+/// `docs/performance.md`.
+fn costs<const D: usize>(method: Method) -> (f64, f64, f64) {
+    if D > 2 {
+        return match method {
+            Method::Mpm => (1200.0, 1000.0, 200.0),
+            Method::Gimp => (1600.0, 1500.0, 300.0),
+            Method::Cpdi1 | Method::Cpdi2 => (2400.0, 2000.0, 300.0),
+        };
+    }
     match method {
         Method::Mpm => (950.0, 750.0, 120.0),
         Method::Gimp => (950.0, 1000.0, 290.0),
@@ -46,37 +51,39 @@ pub(super) struct Size {
 }
 
 impl Size {
-    /// Of a deck on a grid, which may be described but must not be filled yet.
-    pub(super) fn of(deck: &Deck, grid: &dyn Grid<2>) -> Size {
+    /// Of a deck with the regions of its bodies on a grid, which may be described but must not be filled yet.
+    pub(super) fn of<const D: usize>(deck: &Deck, grid: &dyn Grid<D>, regions: &[Region<D>]) -> Size {
         let nodes = grid.n_nodes() as f64;
-        let [low, high] = grid.bounds();
-        let area_of_cell = (high[0] - low[0]) * (high[1] - low[1]) / grid.n_cells().max(1) as f64;
+        let whole = volume(grid);
+        let of_cell = whole / grid.n_cells().max(1) as f64;
         let (mut points, mut memory_of_points, mut cells, mut factor) = (0.0, 0.0, 0.0, 0.0_f64);
         let mut largest = (0.0, 0);
-        for (number, body) in deck.bodies.iter().enumerate() {
-            let area = area_within(&body.shape, grid);
-            let n = area * density(body, deck, area_of_cell);
+        for (number, (body, region)) in deck.bodies.iter().zip(regions).enumerate() {
+            let volume = volume_of(region).min(whole);
+            let n = volume * density::<D>(body, deck, of_cell);
             if n > largest.0 {
                 largest = (n, number);
             }
-            let (per_point, of_output, per_unknown) = costs(body.method);
+            let (per_point, of_output, per_unknown) = costs::<D>(body.method);
             points += n;
             memory_of_points += n * (per_point + if deck.output.every > 0 { of_output } else { 0.0 });
-            cells += area / area_of_cell;
+            cells += volume / of_cell;
             factor = factor.max(per_unknown);
         }
         // Domains reach into the cells around a body; a body thinner than a cell still touches its nodes.
         let border =
             if deck.bodies.iter().any(|b| b.method.domain() != DomainKind::None) { 3.0 } else { 1.0 };
-        let active = (cells.sqrt() + border).powi(2).min(nodes);
-        let unknowns = 2.0 * active;
+        let active = (cells.powf(1.0 / D as f64) + border).powi(D as i32).min(nodes);
+        let unknowns = D as f64 * active;
+        // Fill of a nested dissection: the separators of a square, the faces of a cube.
+        let fill = if D > 2 { unknowns.powf(4.0 / 3.0) } else { unknowns * unknowns.max(2.0).log2() };
         Size {
             points,
             nodes,
             unknowns,
             memory_of_grid: PER_NODE * nodes,
             memory_of_points,
-            memory_of_stiffness: factor * unknowns * unknowns.max(2.0).log2(),
+            memory_of_stiffness: factor * fill,
             largest_body: largest.1,
         }
     }
@@ -138,6 +145,8 @@ impl Size {
             "point_spacing"
         } else if body.points_per_cell.is_some() {
             "points_per_cell"
+        } else if deck.dimensions() > 2 {
+            "points_per_tetrahedron"
         } else {
             "points_per_triangle"
         };
@@ -150,49 +159,29 @@ fn count(n: f64) -> String {
     if n < 1e4 { format!("{n:.0}") } else { format!("{n:.1e}") }
 }
 
-/// Points of a body per area.
-fn density(body: &BodyDeck, deck: &Deck, area_of_cell: f64) -> f64 {
+/// Points of a body per volume (area).
+fn density<const D: usize>(body: &BodyDeck, deck: &Deck, of_cell: f64) -> f64 {
     if let Some(spacing) = &body.point_spacing {
-        let [x, y] = per_axis(spacing);
-        return 1.0 / (x * y);
+        return 1.0 / per_axis::<f64, D>(spacing).iter().product::<f64>();
     }
-    let in_quadrilateral = body.points_per_cell.as_ref().map_or(0.0, |counts| {
-        let [x, y] = per_axis(counts);
-        f64::from(x) * f64::from(y)
-    });
+    let in_box = body
+        .points_per_cell
+        .as_ref()
+        .map_or(0.0, |counts| per_axis::<u32, D>(counts).iter().map(|n| f64::from(*n)).product());
     // Of a mesh with both kinds of cells it is not known which of them the body fills.
-    let in_triangle = match deck.grid {
-        GridDeck::Gmsh { .. } => f64::from(body.points_per_triangle.unwrap_or(0)),
-        GridDeck::Structured { .. } => 0.0,
+    let in_simplex = match deck.grid {
+        GridDeck::Gmsh { .. } if D > 2 => body.points_per_tetrahedron,
+        GridDeck::Gmsh { .. } => body.points_per_triangle,
+        GridDeck::Structured { .. } => None,
     };
-    in_quadrilateral.max(in_triangle) / area_of_cell
+    f64::max(in_box, f64::from(in_simplex.unwrap_or(0))) / of_cell
 }
 
-/// Area of a region, as far as it can lie in a grid. What is cut out of a region of whole cells is not counted.
-fn area_within(shape: &Shape, grid: &dyn Grid<2>) -> f64 {
-    let [low, high] = grid.bounds();
-    let whole = (high[0] - low[0]) * (high[1] - low[1]);
-    let area = match (region::area(shape), region::bounds(shape), shape) {
-        (Some(area), ..) => area,
-        (None, Some(bounds), _) => sampled(shape, bounds),
-        (.., Shape::Cells { group: Some(name) }) => {
-            let cells = grid.cell_set(name).unwrap_or_default();
-            cells.iter().map(|&cell| grid.volume(cell as usize)).sum()
-        }
-        (.., Shape::Union { of }) => of.iter().map(|part| area_within(part, grid)).sum(),
-        (.., Shape::Difference { from, .. }) => area_within(from, grid),
-        _ => whole,
-    };
-    area.min(whole)
-}
-
-/// Area of a region inside bounds, by trying.
-fn sampled(shape: &Shape, [low, high]: region::Bounds) -> f64 {
-    let at = |d: usize, k: usize| low[d] + (high[d] - low[d]) * (k as f64 + 0.5) / SAMPLES as f64;
-    let inside = (0..SAMPLES * SAMPLES)
-        .filter(|k| region::contains(shape, [at(0, k % SAMPLES), at(1, k / SAMPLES)], &|_| true))
-        .count();
-    (high[0] - low[0]) * (high[1] - low[1]) * inside as f64 / (SAMPLES * SAMPLES) as f64
+/// Volume (area) of a region, roughly; that of its bounds where groups of cells meet other regions.
+fn volume_of<const D: usize>(region: &Region<D>) -> f64 {
+    let [low, high] = region.bounds();
+    let around = (0..D).map(|d| (high[d] - low[d]).max(0.0)).product();
+    region.volume(ROUGHLY).map_or(around, |volume| volume.value)
 }
 
 #[cfg(test)]
@@ -200,6 +189,7 @@ fn sampled(shape: &Shape, [low, high]: region::Bounds) -> f64 {
 mod tests {
     use super::*;
     use crate::deck::load::load_text;
+    use crate::deck::region::{WithoutFiles, region};
     use crate::grid::Structured;
 
     const DECK: &str = "
@@ -213,7 +203,14 @@ steps: {count: 1}
     fn size(shape: &str, method: &str) -> Size {
         let text = DECK.replace("SHAPE", shape).replace("METHOD", method);
         let loaded = load_text("deck", text.as_bytes(), &[]).unwrap_or_else(|failure| panic!("{failure}"));
-        Size::of(&loaded.deck, &Structured::new([0.0; 2], [0.5; 2], [40, 20]))
+        size_of(&loaded.deck)
+    }
+
+    fn size_of(deck: &Deck) -> Size {
+        let grid = Structured::<2>::new([0.0; 2], [0.5; 2], [40, 20]);
+        let mut given = WithoutFiles { grid: Some(grid.bounds()) };
+        let region = region(&deck.bodies[0].shape, "", &mut given).ok().unwrap();
+        Size::of(deck, &grid, &[region])
     }
 
     #[test]
@@ -234,7 +231,7 @@ steps: {count: 1}
             .replace("SHAPE", "{type: box, min: [0, 0], max: [10, 10]}")
             .replace("METHOD", "points_per_cell: 350");
         let loaded = load_text("deck", text.as_bytes(), &[]).unwrap();
-        let size = Size::of(&loaded.deck, &Structured::new([0.0; 2], [0.5; 2], [40, 20]));
+        let size = size_of(&loaded.deck);
         assert_eq!(size.points, 49e6);
         let needed = size.memory();
         assert!((8e10..2e11).contains(&needed), "{needed:e}");

@@ -77,6 +77,40 @@ impl<const D: usize> Structured<D> {
         }
         Some(index)
     }
+
+    /// Indices along one axis of the grid lines within a range, and some that are just outside.
+    fn lines_near(&self, axis: usize, low: f64, high: f64) -> std::ops::Range<usize> {
+        let n = self.cells[axis];
+        let line = |x: f64| ((x - self.origin[axis]) / self.spacing[axis]).clamp(-2.0, n as f64 + 2.0);
+        let first = (line(low).floor() - 1.0).max(0.0) as usize;
+        let last = (line(high).ceil() + 1.0).max(0.0) as usize;
+        first.min(n + 1)..(last + 1).min(n + 1)
+    }
+
+    /// All nodes within bounds, [length], ascending, and some that are just outside.
+    pub fn nodes_near(&self, [low, high]: &[[f64; D]; 2]) -> impl Iterator<Item = usize> + use<'_, D> {
+        let ranges = std::array::from_fn(|d| self.lines_near(d, low[d], high[d]));
+        indices(ranges).map(|index| self.node(index))
+    }
+
+    /// All cells that may meet bounds, [length], ascending, and some more beside them.
+    pub fn cells_near(&self, [low, high]: &[[f64; D]; 2]) -> impl Iterator<Item = usize> + use<'_, D> {
+        let ranges = std::array::from_fn(|d| {
+            let lines = self.lines_near(d, low[d], high[d]);
+            lines.start..lines.end.min(self.cells[d])
+        });
+        indices(ranges).map(|index| self.cell(index))
+    }
+}
+
+/// All places with indices in these ranges, first axis fastest.
+fn indices<const D: usize>(ranges: [std::ops::Range<usize>; D]) -> impl Iterator<Item = [usize; D]> {
+    let lengths = ranges.clone().map(|range| range.len());
+    let first = ranges.map(|range| range.start);
+    (0..lengths.iter().product()).map(move |number| {
+        let index = split(number, lengths);
+        std::array::from_fn(|d| first[d] + index[d])
+    })
 }
 
 impl<const D: usize> Grid<D> for Structured<D> {

@@ -96,6 +96,37 @@ pub fn subdivide_tetrahedron(corners: &[[f64; 3]; 4], n: usize) -> Option<Vec<Pa
     Some(if n == 4 { joined_to_the_centroid() } else { cubed(n)? }.into_iter().map(part).collect())
 }
 
+/// Divides a triangle as [`subdivide_triangle`] or a tetrahedron as [`subdivide_tetrahedron`].
+///
+/// `corners` are those of the element, at least `D` + 1. `None` for any other `n` than these know.
+pub fn subdivide_simplex<const D: usize>(corners: &[[f64; D]], n: usize) -> Option<Vec<Part<D>>> {
+    let shape = ElementShape::Simplex;
+    let local = |x: &[f64]| std::array::from_fn::<f64, D, _>(|d| x[d]);
+    match D {
+        2 => {
+            let area = shape.volume(&corners[..3]);
+            let parts = subdivide_triangle(n)?.into_iter().zip(triangle_parts(n)?);
+            let part = |(([_, a, b], share), part): (([f64; 3], f64), [[f64; 2]; 3])| Part {
+                position: shape.map(corners, local(&[a, b])),
+                volume: share * area,
+                corners: part.iter().map(|x| shape.map(corners, local(x))).collect(),
+            };
+            Some(parts.map(part).collect())
+        }
+        3 => {
+            let padded = std::array::from_fn(|k| std::array::from_fn(|d| corners[k][d]));
+            let parts = subdivide_tetrahedron(&padded, n)?.into_iter();
+            let part = |part: Part<3>| Part {
+                position: local(&part.position),
+                volume: part.volume,
+                corners: part.corners.iter().map(|x| local(x)).collect(),
+            };
+            Some(parts.map(part).collect())
+        }
+        _ => None,
+    }
+}
+
 /// The four tetrahedra between the faces and the centroid of a tetrahedron, in local coordinates.
 fn joined_to_the_centroid() -> Vec<[[f64; 3]; 4]> {
     let shape = ElementShape::Simplex;

@@ -1,9 +1,14 @@
 //! Parts of grid cells whose centres lie in a region.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
-use super::{Accuracy, Bounds, Region, Volume};
+use super::{Bounds, Region};
 use crate::grid::{Grid, Structured};
+
+/// Cells that are divided together.
+const CELLS_AT_A_TIME: usize = 4096;
 
 /// A part of a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,32 +19,30 @@ pub struct Part<const D: usize> {
     pub volume: f64,
 }
 
+/// A cell with parts in a region.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FilledCell {
+    /// Number of the cell.
+    pub cell: u32,
+    /// Which parts are its own.
+    pub parts: Range<usize>,
+    /// Whether all of its parts are inside.
+    pub full: bool,
+}
+
 /// What of a grid lies in a region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Filled<P> {
     /// The parts whose centres are inside, in the order of the cells.
     pub parts: Vec<P>,
-    /// The cell of each part.
-    pub cells: Vec<u32>,
-    /// For each cell of the grid, whether all of its parts are inside.
-    pub full: Vec<bool>,
-    /// Volume of the parts, [volume].
-    pub volume: f64,
-    /// Volume of the region, [volume]; `None` where it is not known.
-    pub exact: Option<Volume>,
-}
-
-impl<P> Filled<P> {
-    /// Volume that the parts have beyond that of the region, relative to it, [-]; negative where they have less.
-    pub fn excess(&self) -> Option<f64> {
-        self.exact.filter(|exact| exact.value > 0.0).map(|exact| self.volume / exact.value - 1.0)
-    }
+    /// The cells that have such parts, ascending.
+    pub cells: Vec<FilledCell>,
 }
 
 /// The parts of the cells of a grid whose centres lie in a region.
 ///
-/// - `divide` gives the parts of a cell, `place` the centre and volume of a part.
-/// - `groups[key][cell]` says whether a cell belongs to the group `key` of the region.
+/// - `divide` gives the parts of a cell, `place` the centre of a part.
+/// - `in_group(key, cell)` says whether a cell belongs to the group `key` of the region.
 ///
 /// Parallel over cells; the result does not depend on the number of threads.
 ///
@@ -48,52 +51,57 @@ impl<P> Filled<P> {
 pub fn fill<const D: usize, P: Send, E: Send>(
     region: &Region<D>,
     grid: &dyn Grid<D>,
-    groups: &[Vec<bool>],
+    in_group: impl Fn(usize, usize) -> bool + Sync,
     divide: impl Fn(usize) -> Result<Vec<P>, E> + Sync,
-    place: impl Fn(&P) -> ([f64; D], f64) + Sync,
+    place: impl Fn(&P) -> [f64; D] + Sync,
 ) -> Result<Filled<P>, E> {
-    let member =
-        |key: usize, cell: usize| groups.get(key).is_some_and(|group| group.get(cell) == Some(&true));
     let one_cell = |cell: usize| -> Result<(Vec<P>, bool), E> {
         if !region.may_meet(&bounds_of_cell(grid, cell)) {
             return Ok((Vec::new(), false));
         }
         let mut parts = divide(cell)?;
         let all = parts.len();
-        parts.retain(|part| {
-            let (x, _) = place(part);
-            region.contains_with(&x, &|key, y| {
-                // A part belongs to its cell even where it lies on the border; only moved groups need a search.
-                if *y == x {
-                    member(key, cell)
-                } else {
-                    grid.locate(y, None).is_some_and(|c| member(key, c as usize))
-                }
-            })
-        });
+        let holds = |x: &[f64; D]| contains_in_cell(region, grid, x, cell, &in_group);
+        parts.retain(|part| holds(&place(part)));
         let full = parts.len() == all;
         Ok((parts, full))
     };
-    let by_cell: Vec<(Vec<P>, bool)> = (0..grid.n_cells())
-        .into_par_iter()
-        .map(one_cell)
-        .collect::<Vec<_>>()
-        .into_iter()
-        .collect::<Result<_, E>>()?;
-    let mut filled = Filled {
-        parts: Vec::new(),
-        cells: Vec::new(),
-        full: Vec::with_capacity(by_cell.len()),
-        volume: 0.0,
-        exact: region.volume(Accuracy::default()),
+    let candidates: Vec<usize> = match grid.structured() {
+        Some(lines) => lines.cells_near(&region.bounds()).collect(),
+        None => (0..grid.n_cells()).collect(),
     };
-    for (cell, (parts, full)) in by_cell.into_iter().enumerate() {
-        filled.volume += parts.iter().map(|part| place(part).1).sum::<f64>();
-        filled.parts.extend(parts);
-        filled.cells.resize(filled.parts.len(), cell as u32);
-        filled.full.push(full);
+    let mut filled = Filled { parts: Vec::new(), cells: Vec::new() };
+    // Some cells at a time, so that the parts are never held twice.
+    for chunk in candidates.chunks(CELLS_AT_A_TIME) {
+        let by_cell: Vec<_> = chunk.par_iter().map(|&cell| one_cell(cell)).collect();
+        for (&cell, parts) in chunk.iter().zip(by_cell) {
+            let (parts, full) = parts?;
+            let start = filled.parts.len();
+            filled.parts.extend(parts);
+            if filled.parts.len() > start {
+                filled.cells.push(FilledCell { cell: cell as u32, parts: start..filled.parts.len(), full });
+            }
+        }
     }
     Ok(filled)
+}
+
+/// Whether a position in a cell lies in a region; `in_group` as in [`fill`].
+pub fn contains_in_cell<const D: usize>(
+    region: &Region<D>,
+    grid: &dyn Grid<D>,
+    x: &[f64; D],
+    cell: usize,
+    in_group: impl Fn(usize, usize) -> bool,
+) -> bool {
+    region.contains_with(x, &|key, y| {
+        // A position belongs to its cell even where it lies on the border; only moved groups need a search.
+        if y == x {
+            in_group(key, cell)
+        } else {
+            grid.locate(y, None).is_some_and(|c| in_group(key, c as usize))
+        }
+    })
 }
 
 /// Lowest and highest coordinates of a cell.

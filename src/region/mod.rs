@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 pub use ball::{Ball, HollowBall};
 pub use brick::Brick;
-pub use fill::{Filled, Part, brick_parts, fill};
+pub use fill::{Filled, FilledCell, Part, brick_parts, contains_in_cell, fill};
 pub use frustum::Frustum;
 pub use line::{Intervals, Line};
 pub use motion::Motion;

@@ -1,22 +1,27 @@
 //! The points of a body nearest to a place, for point forces and probes.
 
-use super::{Builder, pair};
+use super::{Builder, array};
 use crate::deck::diagnostic::{Diagnostic, Severity, quote};
+use crate::deck::region::OfDeck;
 use crate::grid::Grid;
 use crate::points::{Points, coordinates};
+use crate::region::Region;
 
-impl Builder<'_> {
+impl<const D: usize> Builder<'_, D>
+where
+    Region<D>: OfDeck<D>,
+{
     /// Permanent numbers of the points of a body nearest to a place.
     pub(super) fn nearest(
         &mut self,
-        (grid, points): (&dyn Grid<2>, &Points<2>),
+        (grid, points): (&dyn Grid<D>, &Points<D>),
         body: &str,
         place: &[f64],
         count: u32,
         pointer: &str,
     ) -> Vec<u32> {
         let number = self.body_number(body) as u16;
-        let (found, clear) = points.nearest(number, &pair(place), count as usize);
+        let (found, clear) = points.nearest(number, &array(place), count as usize);
         if found.len() < count as usize {
             let message = format!("the body {} has only {} points", quote(body), found.len());
             self.error("D030", &format!("{pointer}/count"), message, "lower `count`".to_owned());
@@ -25,7 +30,7 @@ impl Builder<'_> {
             let help = "change `count`, or move the place so that the choice is clear".to_owned();
             self.error("D030", &format!("{pointer}/nearest"), message, help);
         } else if let Some(&first) = found.first() {
-            self.distance(grid, body, &pair(place), &points.original_position[first as usize], pointer);
+            self.distance(grid, body, &array(place), &points.original_position[first as usize], pointer);
         }
         found
     }
@@ -34,17 +39,16 @@ impl Builder<'_> {
     /// numbers.
     fn distance(
         &mut self,
-        grid: &dyn Grid<2>,
+        grid: &dyn Grid<D>,
         body: &str,
-        place: &[f64; 2],
-        found: &[f64; 2],
+        place: &[f64; D],
+        found: &[f64; D],
         pointer: &str,
     ) {
-        let distance = (found[0] - place[0]).hypot(found[1] - place[1]);
-        let cell = grid.structured().map_or_else(
-            || grid.size(grid.nearest_cell(found) as usize),
-            |grid| grid.spacing()[0].hypot(grid.spacing()[1]),
-        );
+        let distance = length::<D>(std::array::from_fn(|d| found[d] - place[d]));
+        let cell = grid
+            .structured()
+            .map_or_else(|| grid.size(grid.nearest_cell(found) as usize), |grid| length(grid.spacing()));
         if distance > cell {
             let message = format!(
                 "the point of the body {} nearest to this place is at {}, {distance:.3} away and more than a cell",
@@ -55,4 +59,8 @@ impl Builder<'_> {
             self.found.push(found.severity(Severity::Warning).help("give a place in the body at the start"));
         }
     }
+}
+
+fn length<const D: usize>(vector: [f64; D]) -> f64 {
+    vector.iter().fold(0.0, |length: f64, x| length.hypot(*x))
 }

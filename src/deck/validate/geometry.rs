@@ -2,11 +2,9 @@
 
 use super::Check;
 use crate::deck::diagnostic::{Diagnostic, quote};
-use crate::deck::{BodyDeck, GridDeck, Method, PerAxis};
+use crate::deck::seeding::placed_in_cells;
+use crate::deck::{AXES, BodyDeck, GridDeck, Method, PerAxis};
 
-/// Axes of the geometry.
-const DIMENSIONS: usize = 2;
-const AXES: [&str; DIMENSIONS] = ["x", "y"];
 /// Most cells of a grid, and most points of a body: far beyond what can be computed.
 const MOST: f64 = 1e8;
 /// Most points along an axis of a cell.
@@ -15,49 +13,73 @@ const MOST_PER_CELL: u32 = 1000;
 const WHOLE: f64 = 1e-6;
 
 /// A box with extent along every axis.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Extent {
-    pub(super) min: [f64; DIMENSIONS],
-    pub(super) max: [f64; DIMENSIONS],
+    pub(super) min: Vec<f64>,
+    pub(super) max: Vec<f64>,
+}
+
+impl Extent {
+    pub(super) fn side(&self, axis: usize) -> f64 {
+        self.max[axis] - self.min[axis]
+    }
 }
 
 /// The region of a grid and the sides of its cells.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct GridBox {
     pub(super) extent: Extent,
-    pub(super) spacing: [f64; DIMENSIONS],
+    pub(super) spacing: Vec<f64>,
 }
 
 impl Check<'_> {
+    /// Number of axes.
+    pub(super) fn dimensions(&self) -> usize {
+        self.deck.dimensions()
+    }
+
     /// A list with one number per axis.
-    pub(super) fn vector(&mut self, pointer: &str, values: &[f64]) -> Option<[f64; DIMENSIONS]> {
-        let vector = values.try_into().ok();
-        if vector.is_none() {
+    pub(super) fn vector(&mut self, pointer: &str, values: &[f64]) -> Option<Vec<f64>> {
+        if values.len() != self.dimensions() {
             self.wrong_count(pointer, values.len());
+            return None;
         }
-        vector
+        Some(values.to_vec())
     }
 
     pub(super) fn wrong_count(&mut self, pointer: &str, count: usize) {
-        let message = format!("expected {DIMENSIONS} entries, one per axis, found {count}");
+        let axes = self.dimensions();
+        let message = format!("expected {axes} entries, one per axis, found {count}");
         self.error("D015", pointer, message);
     }
 
-    fn per_axis<T: Copy>(&mut self, pointer: &str, values: &PerAxis<T>) -> Option<[(String, T); DIMENSIONS]> {
+    /// What needs another number of dimensions than the deck has.
+    pub(super) fn of_other_dimension(&mut self, pointer: &str, what: &str, needed: usize) {
+        let idealisation = self.deck.analysis.idealisation.name();
+        let (place, help) = match needed {
+            3 => ("space", "`idealisation: solid`"),
+            _ => ("the plane", "`idealisation: plane-strain` or `axisymmetric`"),
+        };
+        let message = format!("{what} exists in {place} only, and the idealisation here is `{idealisation}`");
+        self.error_with_help("D048", pointer, message, format!("{what} needs {help}"));
+    }
+
+    fn per_axis<T: Copy>(&mut self, pointer: &str, values: &PerAxis<T>) -> Option<Vec<(String, T)>> {
         match values {
-            PerAxis::Same(value) => Some([0, 1].map(|_| (pointer.to_owned(), *value))),
-            PerAxis::Each(values) => match values.as_slice() {
-                [x, y] => Some([(format!("{pointer}/0"), *x), (format!("{pointer}/1"), *y)]),
-                _ => {
-                    self.wrong_count(pointer, values.len());
-                    None
-                }
-            },
+            PerAxis::Same(value) => Some(vec![(pointer.to_owned(), *value); self.dimensions()]),
+            PerAxis::Each(values) if values.len() == self.dimensions() => {
+                let at = |(axis, value): (usize, &T)| (format!("{pointer}/{axis}"), *value);
+                Some(values.iter().enumerate().map(at).collect())
+            }
+            PerAxis::Each(values) => {
+                self.wrong_count(pointer, values.len());
+                None
+            }
         }
     }
 
     /// A positive length per axis.
-    fn lengths(&mut self, pointer: &str, values: &PerAxis<f64>) -> Option<[f64; DIMENSIONS]> {
+    fn lengths(&mut self, pointer: &str, values: &PerAxis<f64>) -> Option<Vec<f64>> {
         let values = self.per_axis(pointer, values)?;
         for (at, value) in &values {
             if *value <= 0.0 {
@@ -67,7 +89,8 @@ impl Check<'_> {
                 }
             }
         }
-        values.iter().all(|(_, value)| *value > 0.0).then(|| [values[0].1, values[1].1])
+        let lengths: Vec<f64> = values.into_iter().map(|(_, value)| value).collect();
+        lengths.iter().all(|value| *value > 0.0).then_some(lengths)
     }
 
     pub(super) fn grid(&mut self) -> Option<GridBox> {
@@ -77,7 +100,7 @@ impl Check<'_> {
         let spacing = self.lengths("/grid/spacing", spacing);
         let (origin, sides, spacing) = (origin?, sides?, spacing?);
         let mut cells = 1.0;
-        for axis in 0..DIMENSIONS {
+        for axis in 0..self.dimensions() {
             let count = sides[axis] / spacing[axis];
             cells *= count;
             if !is_whole(count) {
@@ -94,7 +117,7 @@ impl Check<'_> {
             self.error("D027", "/grid/spacing", message);
             return None;
         }
-        let max = [origin[0] + sides[0], origin[1] + sides[1]];
+        let max = origin.iter().zip(&sides).map(|(low, side)| low + side).collect();
         Some(GridBox { extent: Extent { min: origin, max }, spacing })
     }
 
@@ -104,7 +127,7 @@ impl Check<'_> {
         let high = self.vector(&format!("{pointer}/max"), max);
         let (min, max) = (low?, high?);
         let mut fits = true;
-        for axis in 0..DIMENSIONS {
+        for axis in 0..min.len() {
             if min[axis] >= max[axis] {
                 fits = false;
                 let message = format!(
@@ -119,7 +142,9 @@ impl Check<'_> {
 
     /// Points are placed in cells or at a spacing, not both.
     pub(super) fn points_given_once(&mut self, pointer: &str, body: &BodyDeck) -> bool {
-        let in_cells = body.points_per_cell.is_some() || body.points_per_triangle.is_some();
+        let in_cells = body.points_per_cell.is_some()
+            || body.points_per_triangle.is_some()
+            || body.points_per_tetrahedron.is_some();
         if in_cells == body.point_spacing.is_none() {
             return true;
         }
@@ -130,7 +155,10 @@ impl Check<'_> {
             self.found.push(found.help("remove one of them"));
         } else {
             let message = format!("the body {} does not say how its points are placed", quote(&body.name));
-            let help = "give `points_per_cell`, `points_per_triangle` or `point_spacing`";
+            let help = format!(
+                "give {}",
+                placed_in_cells(self.dimensions()).replace(" or ", ", ") + " or `point_spacing`"
+            );
             self.found.push(Diagnostic::at_key(self.source, "D023", pointer, message).help(help));
         }
         false
@@ -138,17 +166,28 @@ impl Check<'_> {
 
     /// Points of a body, whatever its region.
     fn placing(&mut self, pointer: &str, body: &BodyDeck) -> bool {
-        if self.points_given_once(pointer, body)
-            && let (GridDeck::Structured { .. }, Some(_)) = (&self.deck.grid, body.points_per_triangle)
-        {
-            let at = format!("{pointer}/points_per_triangle");
-            let message = "a structured grid has no triangles";
-            self.error_with_help("D023", &at, message, "give `points_per_cell` instead");
+        let of_simplices = [
+            ("points_per_triangle", body.points_per_triangle, 2, "triangles"),
+            ("points_per_tetrahedron", body.points_per_tetrahedron, 3, "tetrahedra"),
+        ];
+        let mut fits = self.points_given_once(pointer, body);
+        for (key, given, dimensions, plural) in of_simplices {
+            let at = format!("{pointer}/{key}");
+            if given.is_some() && dimensions != self.dimensions() {
+                self.of_other_dimension(&at, &format!("`{key}`"), dimensions);
+                fits = false;
+            } else if given.is_some() && fits && matches!(self.deck.grid, GridDeck::Structured { .. }) {
+                let message = format!("a structured grid has no {plural}");
+                self.error_with_help("D023", &at, message, "give `points_per_cell` instead");
+                fits = false;
+            }
+        }
+        if !fits {
             return false;
         }
         if matches!(self.deck.grid, GridDeck::Gmsh { .. }) && body.method == Method::Gimp {
             let message = "method `gimp` needs a structured grid";
-            let help = "use method `mpm`, or `cpdi2` on quadrilaterals";
+            let help = "use method `mpm` or `cpdi2`";
             self.error_with_help("D034", &format!("{pointer}/method"), message, help);
         }
         true
@@ -172,19 +211,19 @@ impl Check<'_> {
             _ => None,
         };
         if let Some(counts) = counts
-            && counts[0] * counts[1] > MOST
+            && counts.iter().product::<f64>() > MOST
         {
             let message = format!(
                 "the body {} would have {:.1e} points; at most {MOST:.0e} are possible",
                 quote(&body.name),
-                counts[0] * counts[1]
+                counts.iter().product::<f64>()
             );
             self.error("D028", pointer, message);
         }
     }
 
     /// A number of points along each axis of a cell.
-    fn counts(&mut self, pointer: &str, per_cell: &PerAxis<u32>) -> Option<[u32; DIMENSIONS]> {
+    fn counts(&mut self, pointer: &str, per_cell: &PerAxis<u32>) -> Option<Vec<u32>> {
         let values = self.per_axis(pointer, per_cell)?;
         for (at, value) in &values {
             if !(1..=MOST_PER_CELL).contains(value) {
@@ -194,7 +233,7 @@ impl Check<'_> {
                 return None;
             }
         }
-        Some(values.map(|(_, value)| value))
+        Some(values.into_iter().map(|(_, value)| value).collect())
     }
 
     /// The points of a body that is no simple box.
@@ -216,18 +255,16 @@ impl Check<'_> {
         per_cell: &PerAxis<u32>,
         extent: &Extent,
         grid: Option<&GridBox>,
-    ) -> Option<[f64; DIMENSIONS]> {
+    ) -> Option<Vec<f64>> {
         let values = self.counts(pointer, per_cell)?;
         let grid = grid?;
-        let along = |axis: usize| {
-            (extent.max[axis] - extent.min[axis]) / grid.spacing[axis] * f64::from(values[axis])
-        };
-        Some([along(0), along(1)])
+        let along = |axis: usize| extent.side(axis) / grid.spacing[axis] * f64::from(values[axis]);
+        Some((0..values.len()).map(along).collect())
     }
 
     /// Points per cell need a body whose sides lie on grid lines.
     fn aligned(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: &GridBox) {
-        for (axis, name) in AXES.iter().enumerate() {
+        for (axis, name) in AXES.iter().enumerate().take(self.dimensions()) {
             for (corner, edge) in [("min", extent.min[axis]), ("max", extent.max[axis])] {
                 let (origin, spacing) = (grid.extent.min[axis], grid.spacing[axis]);
                 let line = origin + ((edge - origin) / spacing).round() * spacing;
@@ -249,19 +286,14 @@ impl Check<'_> {
         }
     }
 
-    fn point_spacing(
-        &mut self,
-        pointer: &str,
-        spacing: &PerAxis<f64>,
-        extent: &Extent,
-    ) -> Option<[f64; DIMENSIONS]> {
+    fn point_spacing(&mut self, pointer: &str, spacing: &PerAxis<f64>, extent: &Extent) -> Option<Vec<f64>> {
         let spacing = self.lengths(pointer, spacing)?;
-        let counts = [0, 1].map(|axis| (extent.max[axis] - extent.min[axis]) / spacing[axis]);
-        for axis in 0..DIMENSIONS {
+        let counts: Vec<f64> = (0..spacing.len()).map(|axis| extent.side(axis) / spacing[axis]).collect();
+        for axis in 0..counts.len() {
             if !is_whole(counts[axis]) {
                 let message = format!(
                     "the side {} of the body along {} is not a whole multiple of the point spacing {}",
-                    extent.max[axis] - extent.min[axis],
+                    extent.side(axis),
                     AXES[axis],
                     spacing[axis]
                 );
@@ -272,8 +304,8 @@ impl Check<'_> {
     }
 
     fn inside_grid(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: &GridBox) {
-        let (low, high) = (grid.extent.min, grid.extent.max);
-        for axis in 0..DIMENSIONS {
+        let (low, high) = (&grid.extent.min, &grid.extent.max);
+        for axis in 0..low.len() {
             let slack = WHOLE * grid.spacing[axis];
             let corner = if extent.min[axis] < low[axis] - slack {
                 "min"
@@ -300,17 +332,18 @@ impl Check<'_> {
         let spread = |axis: usize| {
             let low = boxes.iter().map(|(_, b)| b.min[axis]).fold(f64::INFINITY, f64::min);
             let high = boxes.iter().map(|(_, b)| b.max[axis]).fold(f64::NEG_INFINITY, f64::max);
-            let sides: f64 = boxes.iter().map(|(_, b)| b.max[axis] - b.min[axis]).sum();
+            let sides: f64 = boxes.iter().map(|(_, b)| b.side(axis)).sum();
             (high - low) / sides
         };
-        let axis = usize::from(spread(1) > spread(0));
+        let axes = 0..self.dimensions();
+        let axis = axes.clone().fold(0, |most, axis| if spread(axis) > spread(most) { axis } else { most });
         boxes.sort_by(|(_, a), (_, b)| a.min[axis].total_cmp(&b.min[axis]));
         for (position, (first, a)) in boxes.iter().enumerate() {
             for (second, b) in boxes[position + 1..].iter().take_while(|(_, b)| b.min[axis] < a.max[axis]) {
                 let overlap = |axis: usize| {
                     a.max[axis].min(b.max[axis]) - a.min[axis].max(b.min[axis]) > slack(a, b, axis)
                 };
-                if !(0..DIMENSIONS).all(overlap) {
+                if !axes.clone().all(overlap) {
                     continue;
                 }
                 let (earlier, later) = (first.min(second), first.max(second));
@@ -326,7 +359,7 @@ impl Check<'_> {
 
 /// Overlap below which two boxes only touch.
 fn slack(a: &Extent, b: &Extent, axis: usize) -> f64 {
-    1e-9 * (a.max[axis] - a.min[axis]).min(b.max[axis] - b.min[axis])
+    1e-9 * a.side(axis).min(b.side(axis))
 }
 
 fn is_whole(count: f64) -> bool {

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use super::Check;
 use crate::deck::diagnostic::{Diagnostic, Severity, quote};
-use crate::deck::formulas::at_points;
+use crate::deck::formulas::{Fault, at_nodes, at_points};
 use crate::deck::{
-    Axis, BoundaryConditionDeck, Expression, LoadCurve, LoadDeck, NodeSelector, PointSelector,
+    AXES, BoundaryConditionDeck, Expression, LoadCurve, LoadDeck, NodeSelector, PointSelector,
 };
 
 impl Check<'_> {
@@ -23,7 +23,7 @@ impl Check<'_> {
     }
 
     fn nodes(&mut self, pointer: &str, nodes: &NodeSelector) {
-        let by_place = nodes.x.is_some() || nodes.y.is_some();
+        let by_place = nodes.coordinates().iter().any(Option::is_some);
         let kinds = [by_place, nodes.within.is_some(), nodes.group.is_some(), nodes.outer_layer.is_some()];
         let given = kinds.iter().filter(|given| **given).count();
         if given != 1 {
@@ -32,8 +32,12 @@ impl Check<'_> {
             } else {
                 "nodes are selected in more than one way here"
             };
-            let help = "give exactly one of: coordinates (`x`, `y` or both), `box`, `group`, `outer_layer`";
+            let help =
+                "give exactly one of: coordinates (`x`, `y`, in space `z`), `box`, `group`, `outer_layer`";
             self.error_with_help("D019", pointer, message, help);
+        }
+        if nodes.z.is_some() && self.dimensions() < 3 {
+            self.of_other_dimension(&format!("{pointer}/z"), "the coordinate z", 3);
         }
         if let Some(within) = &nodes.within {
             // A flat box is a fine selection of nodes, one turned inside out is not.
@@ -57,45 +61,36 @@ impl Check<'_> {
     }
 
     fn prescribed(&mut self, pointer: &str, condition: &BoundaryConditionDeck) {
-        if condition.fix.is_empty() && condition.ux.is_none() && condition.uy.is_none() {
+        let displacements = condition.displacements();
+        if condition.fix.is_empty() && displacements.iter().all(|(_, given)| given.is_none()) {
             let message = format!("the boundary condition {} prescribes nothing", quote(&condition.name));
-            let help = "give at least one of `fix`, `ux` and `uy`";
+            let keys = displacements.map(|(key, _)| quote(key));
+            let keys = keys[..self.dimensions() - 1].join(", ") + " and " + &keys[self.dimensions() - 1];
+            let help = format!("give at least one of `fix`, {keys}");
             self.found.push(Diagnostic::at_key(self.source, "D020", pointer, message).help(help));
         }
         for (index, axis) in condition.fix.iter().enumerate() {
             let at = format!("{pointer}/fix/{index}");
-            let (axis_name, key, moved) = match axis {
-                Axis::X => ("x", "ux", condition.ux.is_some()),
-                Axis::Y => ("y", "uy", condition.uy.is_some()),
-            };
-            if condition.fix[..index].contains(axis) {
-                self.error("D020", &at, format!("the axis `{axis_name}` is fixed twice"));
-            } else if moved {
-                let message = format!("the axis `{axis_name}` is fixed and also moved by `{key}`");
-                self.error_with_help(
-                    "D020",
-                    &at,
-                    message,
-                    format!("remove it from `fix`, or remove `{key}`"),
-                );
+            let name = AXES[*axis as usize];
+            let (key, given) = displacements[*axis as usize];
+            if *axis as usize >= self.dimensions() {
+                self.of_other_dimension(&at, &format!("the axis `{name}`"), 3);
+            } else if condition.fix[..index].contains(axis) {
+                self.error("D020", &at, format!("the axis `{name}` is fixed twice"));
+            } else if given.is_some() {
+                let message = format!("the axis `{name}` is fixed and also moved by `{key}`");
+                let help = format!("remove it from `fix`, or remove `{key}`");
+                self.error_with_help("D020", &at, message, help);
             }
         }
-        for (key, expression) in [("ux", &condition.ux), ("uy", &condition.uy)] {
-            if let Some(expression) = expression {
-                self.expression(&format!("{pointer}/{key}"), expression);
+        for (axis, (key, expression)) in displacements.into_iter().enumerate() {
+            if expression.is_some() && axis >= self.dimensions() {
+                let at = format!("{pointer}/{key}");
+                self.of_other_dimension(&at, &format!("the displacement `{key}`"), 3);
             }
         }
-    }
-
-    /// A formula at grid nodes.
-    fn expression(&mut self, pointer: &str, expression: &Expression) {
-        let Expression::Formula(text) = expression else { return };
-        if let Err(error) = expression.at_nodes(&self.deck.parameters) {
-            let place = (text.as_str(), error.offset, error.length);
-            let mut diagnostic = Diagnostic::inside(self.source, "D021", pointer, place, error.message);
-            diagnostic.help = error.help;
-            self.found.push(diagnostic);
-        }
+        let faults = at_nodes(condition, &self.deck.parameters, self.dimensions()).err();
+        self.formulas(pointer, faults.unwrap_or_default());
     }
 
     /// The formulas of a body force and their intermediate values.
@@ -105,7 +100,16 @@ impl Check<'_> {
         force: &[Expression],
         intermediate: &BTreeMap<String, Expression>,
     ) {
-        for fault in at_points(force, intermediate, &self.deck.parameters).err().unwrap_or_default() {
+        let parameters = &self.deck.parameters;
+        let faults = match self.dimensions() {
+            3 => at_points::<3>(force, intermediate, parameters).err(),
+            _ => at_points::<2>(force, intermediate, parameters).err(),
+        };
+        self.formulas(pointer, faults.unwrap_or_default());
+    }
+
+    fn formulas(&mut self, pointer: &str, faults: Vec<Fault>) {
+        for fault in faults {
             let at = format!("{pointer}/{}", fault.key);
             let place = (fault.text.as_str(), fault.error.offset, fault.error.length);
             let mut diagnostic = Diagnostic::inside(self.source, "D021", &at, place, fault.error.message);
@@ -159,7 +163,7 @@ impl Check<'_> {
             }
             LoadDeck::BodyForce { name, force, intermediate, bodies, curve } => {
                 self.column_name(&at("name"), name);
-                if force.len() != 2 {
+                if force.len() != self.dimensions() {
                     self.wrong_count(&at("force"), force.len());
                 }
                 self.body_force(pointer, force, intermediate);

@@ -3,12 +3,14 @@
 use std::collections::BTreeSet;
 
 use super::Check;
+use super::geometry::Extent;
 use crate::basis::DomainKind;
 use crate::deck::build::per_axis;
 use crate::deck::diagnostic::{Diagnostic, Severity, quote};
+use crate::deck::formulas::at_nodes;
 use crate::deck::source::escape;
 use crate::deck::{
-    BodyDeck, BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, region,
+    BodyDeck, BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, PerAxis,
 };
 use crate::formula::{Formula, names};
 use crate::quality::Objection;
@@ -20,6 +22,9 @@ const NEARLY_INCOMPRESSIBLE: f64 = 0.49;
 const LOOSE: f64 = 1e-4;
 /// Tolerance below which round-off keeps a step from it.
 const OUT_OF_REACH: f64 = 1e-14;
+/// Places along each axis of a side of a box where a prescribed displacement is looked at.
+const SAMPLES: usize = 16;
+
 impl Check<'_> {
     /// Warnings about a deck without errors.
     pub(super) fn suspicions(&mut self) {
@@ -91,7 +96,8 @@ impl Check<'_> {
             }
         }
         for (index, condition) in deck.boundary_conditions.iter().enumerate() {
-            let moves = [&condition.ux, &condition.uy].into_iter().flatten().any(|u| !is_zero(u));
+            let moves =
+                condition.displacements().into_iter().filter_map(|(_, u)| u.as_ref()).any(|u| !is_zero(u));
             if moves && self.stays_zero(condition.curve.as_ref()) {
                 let name = quote(&condition.name);
                 let message = format!("the factor of the boundary condition {name} is zero all the time");
@@ -103,7 +109,7 @@ impl Check<'_> {
         if !any && deck.loads.is_empty() {
             let message =
                 "nothing loads the bodies: there are no loads, and no prescribed displacement but zero";
-            let help = "add `loads`, or give `ux` or `uy` in a boundary condition";
+            let help = "add `loads`, or give `ux` or another displacement in a boundary condition";
             self.warn_at_key("D037", "/boundary_conditions", message.to_owned(), help);
         }
     }
@@ -137,17 +143,20 @@ impl Check<'_> {
 
     /// A single point in the middle of a cell does not feel the hourglass motions of its corners.
     fn one_point_per_cell(&mut self) {
+        let single_of = |counts: &PerAxis<u32>| {
+            per_axis::<u32, 3>(counts).iter().take(self.deck.dimensions()).all(|n| *n == 1)
+        };
         for (index, body) in self.deck.bodies.iter().enumerate() {
+            let of_simplices = body.points_per_triangle.or(body.points_per_tetrahedron);
             let (key, single) = match (&self.deck.grid, &body.points_per_cell, &body.point_spacing) {
-                (GridDeck::Gmsh { .. }, Some(counts), _) if body.points_per_triangle.is_none() => {
-                    ("points_per_cell", per_axis(counts) == [1, 1])
+                (GridDeck::Gmsh { .. }, Some(counts), _) if of_simplices.is_none() => {
+                    ("points_per_cell", single_of(counts))
                 }
-                (GridDeck::Structured { .. }, Some(counts), _) => {
-                    ("points_per_cell", per_axis(counts) == [1, 1])
-                }
+                (GridDeck::Structured { .. }, Some(counts), _) => ("points_per_cell", single_of(counts)),
                 (GridDeck::Structured { spacing: cell, .. }, None, Some(spacing)) => {
-                    let (points, cell) = (per_axis(spacing), per_axis(cell));
-                    ("point_spacing", (0..2).all(|d| points[d] > 0.99 * cell[d]))
+                    let (points, cell) = (per_axis::<f64, 3>(spacing), per_axis::<f64, 3>(cell));
+                    let is_coarse = |d: usize| points[d] > 0.99 * cell[d];
+                    ("point_spacing", (0..self.deck.dimensions()).all(is_coarse))
                 }
                 _ => continue,
             };
@@ -193,30 +202,37 @@ impl Check<'_> {
     /// Mean deformation gradient of a body when the displacement prescribed on its border is largest, from the means
     /// over the sides of the box around it.
     fn mean_motion(&self, condition: &BoundaryConditionDeck, body: &BodyDeck) -> Option<Mat3> {
-        let [low, high] = region::bounds(&body.shape)?;
-        let displacement: Vec<Formula> = [&condition.ux, &condition.uy]
-            .into_iter()
-            .map(|u| u.as_ref()?.at_nodes(&self.deck.parameters).ok())
-            .collect::<Option<_>>()?;
+        let Extent { min: low, max: high } = self.bounds("", &body.shape).ok()?;
+        let n = self.dimensions();
+        let displacement = at_nodes(condition, &self.deck.parameters, n).ok()?;
+        let displacement: Vec<Formula> = displacement.into_iter().take(n).collect::<Option<_>>()?;
         let factor = self.largest_factor(condition.curve.as_ref());
-        let u = |axis: usize, x: [f64; 2]| {
+        let u = |axis: usize, mut x: Vec<f64>| {
             let formula = &displacement[axis];
-            let value = formula.evaluate(&[x[0], x[1], factor]);
-            if formula.depends_on(2) { value } else { value * factor }
+            x.push(factor);
+            let value = formula.evaluate(&x);
+            if formula.depends_on(n) { value } else { value * factor }
         };
-        const SAMPLES: usize = 16;
+        // Places spread evenly over a side, by the digits of a number.
+        let places = SAMPLES.pow(n as u32 - 1);
         let mean = |axis: usize, side: usize, at: f64| {
-            let other = 1 - side;
-            let along = |k: usize| {
-                let mut x = [at; 2];
-                x[other] = low[other] + (high[other] - low[other]) * (k as f64 + 0.5) / SAMPLES as f64;
-                u(axis, x)
+            let along = |place: usize| {
+                let mut rest = place;
+                let coordinate = |d: usize| {
+                    if d == side {
+                        return at;
+                    }
+                    let k = rest % SAMPLES;
+                    rest /= SAMPLES;
+                    low[d] + (high[d] - low[d]) * (k as f64 + 0.5) / SAMPLES as f64
+                };
+                u(axis, (0..n).map(coordinate).collect())
             };
-            (0..SAMPLES).map(along).sum::<f64>() / SAMPLES as f64
+            (0..places).map(along).sum::<f64>() / places as f64
         };
         let mut motion = Mat3::identity();
-        for axis in 0..2 {
-            for side in 0..2 {
+        for axis in 0..n {
+            for side in 0..n {
                 let difference = mean(axis, side, high[side]) - mean(axis, side, low[side]);
                 motion[(axis, side)] += difference / (high[side] - low[side]);
             }
@@ -261,12 +277,14 @@ fn is_zero(expression: &Expression) -> bool {
 
 /// All expressions of a deck that may be formulas.
 fn expressions(deck: &Deck) -> impl Iterator<Item = &Expression> {
-    let displacements = deck.boundary_conditions.iter().flat_map(|c| c.ux.iter().chain(&c.uy));
+    let displacements = deck.boundary_conditions.iter().flat_map(BoundaryConditionDeck::displacements);
+    let displacements = displacements.filter_map(|(_, u)| u.as_ref());
+    let given = deck.boundary_conditions.iter().flat_map(|condition| condition.intermediate.values());
     let forces = deck.loads.iter().flat_map(|load| match load {
         LoadDeck::BodyForce { force, intermediate, .. } => {
             force.iter().chain(intermediate.values()).collect::<Vec<_>>()
         }
         _ => Vec::new(),
     });
-    displacements.chain(forces)
+    displacements.chain(given).chain(forces)
 }

@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 
 use super::Check;
-use crate::deck::build::pair;
+use super::geometry::Extent;
 use crate::deck::diagnostic::quote;
 use crate::deck::source::escape;
-use crate::deck::{BodyDeck, GridDeck, LoadDeck, MaterialDeck, region};
+use crate::deck::{BodyDeck, GridDeck, LoadDeck, MaterialDeck};
 
 /// Acceleration of gravity in metres and seconds, and the same rounded.
 const GRAVITY_IN_METRES: std::ops::RangeInclusive<f64> = 9.5..=10.5;
@@ -52,14 +52,17 @@ impl Check<'_> {
 
     /// Extent of a body, at most that of the grid; [length].
     fn height(&self, body: &BodyDeck) -> f64 {
-        let bounds = region::bounds(&body.shape).or(match &self.deck.grid {
+        let extent = self.bounds("", &body.shape).ok().or(match &self.deck.grid {
             GridDeck::Structured { origin, size, .. } => {
-                let ([x, y], [w, h]) = (pair(origin), pair(size));
-                Some([[x, y], [x + w, y + h]])
+                let max = origin.iter().zip(size).map(|(low, side)| low + side).collect();
+                Some(Extent { min: origin.clone(), max })
             }
             GridDeck::Gmsh { .. } => None,
         });
-        bounds.map_or(1.0, |[low, high]| (high[0] - low[0]).max(high[1] - low[1]))
+        let largest = |extent: Extent| {
+            (0..extent.min.len()).map(|d| extent.side(d)).filter(|side| side.is_finite()).fold(0.0, f64::max)
+        };
+        extent.map_or(1.0, largest)
     }
 
     fn units_of(&mut self, name: &str, young: f64, density: f64, gravity: f64, height: f64) {
