@@ -4,6 +4,7 @@
 
 mod bodies;
 mod compaction;
+mod decks;
 mod files;
 mod patch;
 mod shear;
