@@ -35,6 +35,8 @@ pub struct Closing {
     findings: Findings,
     directory: PathBuf,
     picture: Option<Picture>,
+    /// From where to look at it.
+    view: &'static str,
 }
 
 impl Closing {
@@ -69,6 +71,7 @@ impl Closing {
             findings: results.findings().clone(),
             directory: results.directory().to_owned(),
             picture: results.last_picture(),
+            view: if D == 2 { "cpos=\"xy\"" } else { "" },
         })
     }
 
@@ -136,7 +139,7 @@ impl Closing {
                 table.entry("in ParaView", &format!("paraview {}", series.display()));
                 table.entry("in Python", "");
                 let file = format!("{:?}", file.display().to_string());
-                table.line(&format!("import pyvista; pyvista.read({file}).plot(cpos=\"xy\")"));
+                table.line(&format!("import pyvista; pyvista.read({file}).plot({})", self.view));
             }
             None => table.row("", "no VTU files, as the deck says `output: {every: 0}`"),
         }

@@ -8,10 +8,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use mpm::deck::build::build_within;
 use mpm::deck::diagnostic::{Diagnostic, render_all, sort};
-use mpm::deck::first_step::first_step;
 use mpm::deck::load::load_text;
+use mpm::deck::ready::ready;
 use mpm::memory::{Bound, Memory};
 
 /// Folders of decks, relative to the root of the sources, where tests are run: so are the paths in messages.
@@ -61,10 +60,7 @@ fn messages_of_model(path: &Path) -> (String, bool) {
     let name = path.file_name().unwrap().to_string_lossy();
     let mut loaded = load_text(&name, &text, &overrides(&text)).unwrap_or_else(|failure| panic!("{failure}"));
     loaded.directory = path.parent().unwrap().to_owned();
-    let built = build_within(&loaded, Some(MEMORY)).and_then(|(model, mut points, mut notes)| {
-        notes.extend(first_step(&loaded, &model, &mut points)?.1);
-        Ok(notes)
-    });
+    let built = ready(&loaded, Some(MEMORY)).map(|ready| ready.notes);
     let refused = built.is_err();
     let mut found = built.unwrap_or_else(|found| found);
     assert_eq!(found.iter().any(Diagnostic::is_error), refused, "{name}");

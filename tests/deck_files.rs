@@ -13,9 +13,8 @@ use std::time::Instant;
 
 use cap::Cap;
 use cpu_time::ProcessTime;
-use mpm::deck::build::{build_with_notes, build_within};
-use mpm::deck::first_step::first_step;
 use mpm::deck::load::{LoadFailure, load, load_text};
+use mpm::deck::ready::ready;
 use mpm::memory::{Bound, Memory};
 use serde_json::Value;
 
@@ -102,7 +101,7 @@ fn a_deck_too_large_for_memory_is_refused_before_any_of_it_is_taken() {
     // The other tests of this program may run at the same time and take a little.
     ALLOCATOR.set_limit(before + (1 << 30)).unwrap();
     let began = Instant::now();
-    let found = build_within(&loaded, Some(memory)).unwrap_err();
+    let found = ready(&loaded, Some(memory)).unwrap_err();
     println!("refused in {:.6} s", began.elapsed().as_secs_f64());
     ALLOCATOR.set_limit(usize::MAX).unwrap();
     assert_eq!(found.len(), 1);
@@ -213,24 +212,38 @@ fn the_predicted_memory_is_what_a_run_takes() {
         ("cpdi2", 0.125, 3, 1),
     ] {
         fs::write(&deck, block(method, cell, points, every)).unwrap();
-        let deck = deck.to_str().unwrap();
-        let report = json(&mpm(&["check", deck, "--format", "json"]));
-        let predicted = report["size"]["memory_bytes"].as_f64().unwrap();
-        let run = mpm(&["run", deck, "--threads", "2", "--out", out.to_str().unwrap()]);
-        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-        let summary: Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
-        let taken = summary["peak_memory_bytes"].as_f64().unwrap();
-        println!(
-            "{method}, cells of {cell}, {points} points along an axis, files every {every} steps: {:.0} MB predicted, \
-             {:.0} MB taken",
-            predicted / 1e6,
-            taken / 1e6
-        );
-        assert!(
-            (0.8..1.5).contains(&(predicted / taken)),
-            "{method} {cell} {points}: {predicted:e} {taken:e}"
-        );
+        check_prediction(&deck, &out, &[]);
     }
+    let in_space = Path::new("inputs/block/block.yaml");
+    for set in [
+        ["method=mpm", "h=1", "n=16", "every=1", "steps=2"],
+        ["method=mpm", "h=0.25", "n=2", "every=0", "steps=2"],
+        ["method=gimp", "h=0.25", "n=2", "every=0", "steps=2"],
+    ] {
+        check_prediction(in_space, &out, &set);
+    }
+}
+
+/// Compares the memory that is predicted for a deck with what its run takes.
+#[cfg(target_os = "linux")]
+fn check_prediction(deck: &Path, out: &Path, set: &[&str]) {
+    let deck = deck.to_str().unwrap();
+    let set: Vec<&str> = set.iter().flat_map(|value| ["--set", value]).collect();
+    let report = json(&mpm(&[&["check", deck, "--format", "json"][..], &set].concat()));
+    let predicted = report["size"]["memory_bytes"].as_f64().unwrap();
+    let run = mpm(&[&["run", deck, "--threads", "2", "--out", out.to_str().unwrap()][..], &set].concat());
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let summary: Value = serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+    let taken = summary["peak_memory_bytes"].as_f64().unwrap();
+    let size = &report["size"];
+    println!(
+        "{} points, {} unknowns, {set:?}: {:.0} MB predicted, {:.0} MB taken",
+        size["points"],
+        size["unknowns"],
+        predicted / 1e6,
+        taken / 1e6
+    );
+    assert!((0.8..1.5).contains(&(predicted / taken)), "{deck} {set:?}: {predicted:e} {taken:e}");
 }
 
 #[test]
@@ -361,12 +374,9 @@ fn decks_of_ten_thousand_lines_are_checked() {
             let (mut built, mut found) = (read, 0);
             match loaded {
                 Ok(loaded) => {
-                    let (model, mut points, notes) = build_with_notes(&loaded).unwrap_or_else(|found| {
-                        panic!("{name}: {}", found[0].render(&loaded.source, false));
-                    });
+                    let ready = ready(&loaded, Memory::of_this_machine());
                     built = start.elapsed();
-                    let first = first_step(&loaded, &model, &mut points);
-                    found += notes.len() + first.map_or_else(|found| found.len(), |(_, notes)| notes.len());
+                    found += ready.map_or_else(|found| found.len(), |ready| ready.notes.len());
                 }
                 Err(failure) => {
                     assert!(!failure.render(false).is_empty());

@@ -15,9 +15,10 @@ use serde_json::Value;
 
 use deck_text::{DeckText, last, misspelt, place, root};
 
-/// Two decks that together have every key.
-fn decks() -> [DeckText; 2] {
-    ["tests/decks/every_key.good.yaml", "tests/decks/every_key_of_a_mesh.good.yaml"].map(DeckText::read)
+/// Decks that together have every key.
+fn decks() -> [DeckText; 3] {
+    ["every_key", "every_key_of_a_mesh", "every_key_in_space"]
+        .map(|name| DeckText::read(&format!("tests/decks/{name}.good.yaml")))
 }
 
 /// A key of the schema in a deck.
@@ -116,7 +117,7 @@ fn declared() -> BTreeSet<String> {
 }
 
 /// Every key of the schema, where one of the decks has it first, in the order of the decks.
-fn keys(decks: &[DeckText; 2]) -> Vec<Key<'_>> {
+fn keys(decks: &[DeckText; 3]) -> Vec<Key<'_>> {
     let mut seen = BTreeSet::new();
     let mut keys = Vec::new();
     for deck in decks {

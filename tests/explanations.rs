@@ -9,11 +9,11 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use mpm::codes::{PAGES, Page};
-use mpm::deck::build::build_with_notes;
 use mpm::deck::diagnostic::Diagnostic;
-use mpm::deck::first_step::first_step;
 use mpm::deck::load::load_text;
-use mpm::solver::{self, Silent};
+use mpm::deck::ready::ready;
+use mpm::memory::Memory;
+use mpm::solver::Silent;
 
 /// What cannot be shown by a deck on every machine: no memory, no room on the disk.
 const WITHOUT_EXAMPLE: [&str; 3] = ["D036", "S008", "S011"];
@@ -79,21 +79,11 @@ fn codes(deck: &str, set: &[(String, String)]) -> Codes {
     };
     take(&loaded.notes);
     loaded.directory = PathBuf::from("inputs/new");
-    let (model, mut points) = match build_with_notes(&loaded) {
-        Err(found) => {
-            take(&found);
-            return codes;
-        }
-        Ok((model, points, notes)) => {
-            take(&notes);
-            (model, points)
-        }
-    };
-    match first_step(&loaded, &model, &mut points) {
+    match ready(&loaded, Memory::of_this_machine()) {
         Err(found) => take(&found),
-        Ok((_, notes)) => {
-            take(&notes);
-            if let Err(error) = solver::run_in_plane(&model, &mut points, &mut Silent) {
+        Ok(mut ready) => {
+            take(&ready.notes);
+            if let Err(error) = ready.analysis.run(&mut Silent) {
                 codes[0].insert(error.code().unwrap());
             }
         }

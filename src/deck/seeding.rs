@@ -277,15 +277,6 @@ impl<const D: usize> Filling<'_, D> {
     }
 
     fn simplex(&self, x: &[[f64; D]], key: &str, n: u32) -> Result<Vec<Seed<D>>, Fault> {
-        let plural = ElementShape::Simplex.plural::<D>();
-        if !matches!(self.method, Method::Mpm | Method::Cpdi2) {
-            return Err(Fault {
-                code: "D034",
-                key: "/method".to_owned(),
-                message: format!("method `{}` does not go with {plural}", self.method.name()),
-                help: format!("use method `mpm` or `cpdi2` on {plural}"),
-            });
-        }
         let parts = subdivide_simplex(x, n as usize).ok_or_else(|| Fault {
             code: "D009",
             key: format!("/{key}"),

@@ -25,9 +25,9 @@ const MUCH: f64 = 0.8;
 fn costs<const D: usize>(method: Method) -> (f64, f64, f64) {
     if D > 2 {
         return match method {
-            Method::Mpm => (1200.0, 1000.0, 200.0),
-            Method::Gimp => (1600.0, 1500.0, 300.0),
-            Method::Cpdi1 | Method::Cpdi2 => (2400.0, 2000.0, 300.0),
+            Method::Mpm => (1400.0, 400.0, 290.0),
+            Method::Gimp => (1400.0, 1000.0, 720.0),
+            Method::Cpdi1 | Method::Cpdi2 => (2000.0, 1100.0, 720.0),
         };
     }
     match method {

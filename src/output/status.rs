@@ -287,7 +287,7 @@ bodies: [{name: b, material: m, shape: {type: box, min: [0, 0], max: [1, 1]}, po
 boundary_conditions: [{name: base, nodes: {y: 0}, fix: [x, y]}]
 loads: [{name: push, type: body-force, force: [0, -1], curve: [[0, 0], [0.5, 3], [1, 1]]}]
 steps: {count: 4}";
-        let (model, points) = build(&load_text("deck", deck.as_bytes(), &[]).unwrap()).unwrap();
+        let (model, points) = build::<2>(&load_text("deck", deck.as_bytes(), &[]).unwrap()).unwrap();
         Progress::new(&model, &points, Start::now())
     }
 

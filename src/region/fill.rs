@@ -56,7 +56,7 @@ pub fn fill<const D: usize, P: Send, E: Send>(
     place: impl Fn(&P) -> [f64; D] + Sync,
 ) -> Result<Filled<P>, E> {
     let one_cell = |cell: usize| -> Result<(Vec<P>, bool), E> {
-        if !region.may_meet(&bounds_of_cell(grid, cell)) {
+        if !region.may_meet_cell(&bounds_of_cell(grid, cell), &|key| in_group(key, cell)) {
             return Ok((Vec::new(), false));
         }
         let mut parts = divide(cell)?;

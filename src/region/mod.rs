@@ -228,12 +228,19 @@ impl<const D: usize> Region<D> {
 
     /// Whether the region may have a position in common with a box; `false` is certain.
     pub fn may_meet(&self, cell: &Bounds<D>) -> bool {
+        self.may_meet_cell(cell, &|_| true)
+    }
+
+    /// As [`Region::may_meet`] for a cell of a grid in this box, of which `in_group` tells to which groups it belongs.
+    pub fn may_meet_cell(&self, cell: &Bounds<D>, in_group: &dyn Fn(usize) -> bool) -> bool {
         let near = (0..D).all(|d| cell[0][d] <= self.bounds[1][d] && self.bounds[0][d] <= cell[1][d]);
         near && match &self.node {
-            Node::Primitive(..) | Node::Group(..) => true,
-            Node::Union(parts) => parts.iter().any(|part| part.may_meet(cell)),
-            Node::Intersection(parts) => parts.iter().all(|part| part.may_meet(cell)),
-            Node::Difference(from, _) => from.may_meet(cell),
+            Node::Primitive(..) => true,
+            // Where a group is moved to, its cells are not those of the grid.
+            Node::Group(group, motion) => *motion != Motion::identity() || in_group(group.key),
+            Node::Union(parts) => parts.iter().any(|part| part.may_meet_cell(cell, in_group)),
+            Node::Intersection(parts) => parts.iter().all(|part| part.may_meet_cell(cell, in_group)),
+            Node::Difference(from, _) => from.may_meet_cell(cell, in_group),
         }
     }
 

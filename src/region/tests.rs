@@ -420,7 +420,7 @@ fn filled<const D: usize>(
     fill(region, grid, |key, cell| groups[key][cell], divide, |part| part.position).unwrap()
 }
 
-fn volume<const D: usize>(filled: &Filled<Part<D>>) -> f64 {
+fn sum_of_parts<const D: usize>(filled: &Filled<Part<D>>) -> f64 {
     filled.parts.iter().map(|part| part.volume).sum()
 }
 
@@ -429,7 +429,7 @@ fn a_box_on_grid_lines_is_filled_exactly() {
     let grid = Structured::new([0.0; 3], [0.25; 3], [8, 6, 4]);
     let block = filled(&brick([0.0, 0.0, 0.0], [1.0, 1.5, 0.5]), &grid, [3, 2, 1], &[]);
     assert_eq!(block.parts.len(), 4 * 6 * 2 * 6);
-    assert!(near(volume(&block), 0.75, 1e-14));
+    assert!(near(sum_of_parts(&block), 0.75, 1e-14));
     assert_eq!(block.cells.iter().filter(|filled| filled.full).count(), 4 * 6 * 2);
     for FilledCell { cell, parts, .. } in &block.cells {
         let located = |part: &Part<3>| grid.locate(&part.position, None);
@@ -454,7 +454,7 @@ fn the_volume_of_points_tends_to_that_of_the_region() {
         let filled = filled(&can, &grid, [2; 3], &[]);
         let exact = can.volume(Accuracy::default()).unwrap();
         assert!(near(exact.value, PI * (0.36 * 1.2 - 0.16 * 0.8), 1e-5 + exact.error));
-        let excess = volume(&filled) / exact.value - 1.0;
+        let excess = sum_of_parts(&filled) / exact.value - 1.0;
         assert!(excess.abs() < bound, "{n}: {excess}");
         assert!(filled.parts.iter().all(|part| can.contains(&part.position)));
     }
@@ -466,7 +466,7 @@ fn groups_of_cells_are_parts_of_regions() {
     let left: Vec<bool> = (0..8).map(|cell| cell % 4 < 2).collect();
     let group = Region::group(Group { key: 0, bounds: [[0.0; 2], [2.0; 2]], volume: 4.0 });
     let whole = filled(&group, &grid, [2, 2], std::slice::from_ref(&left));
-    assert_eq!((whole.parts.len(), volume(&whole)), (16, 4.0));
+    assert_eq!((whole.parts.len(), sum_of_parts(&whole)), (16, 4.0));
     let moved = group.clone().moved(&Motion::translation([2.0, 0.0]).unwrap());
     let right = filled(&moved, &grid, [2, 2], std::slice::from_ref(&left));
     assert!(right.parts.len() == 16 && right.parts.iter().all(|part| part.position[0] > 2.0));

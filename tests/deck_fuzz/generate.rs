@@ -6,8 +6,9 @@ use super::random::Random;
 
 /// Names, so few that references often meet.
 const NAMES: [&str; 8] = ["a", "b", "beam", "block", "root", "tip", "soil body", "left edge"];
-const FORMULAS: [&str; 12] = [
+const FORMULAS: [&str; 13] = [
     "x",
+    "z*factor + Z",
     "2*y*factor",
     "if(x < 1, y, -y)",
     "sin(X)/cos(Y)",
@@ -20,8 +21,14 @@ const FORMULAS: [&str; 12] = [
     "factor",
     "min(x, y) -",
 ];
-const FILES: [&str; 4] =
-    ["../../data/mesh/mixed_4.1_text.msh", "../../data/mesh/disk_2.2_text.msh", "nowhere.msh", ""];
+const FILES: [&str; 6] = [
+    "../../data/mesh/mixed_4.1_text.msh",
+    "../../data/mesh/disk_2.2_text.msh",
+    "../../data/mesh/solid_4.1_text.msh",
+    "../../data/pyramid.stl",
+    "nowhere.msh",
+    "",
+];
 const NUMBERS: [f64; 24] = [
     0.0, 1.0, 2.0, 3.0, 0.5, 0.25, 0.1, 0.3, 4.0, 10.0, -1.0, -0.5, 1e3, 1e6, 1e-3, 1e-9, 0.49, 0.4999, 7.0,
     100.0, 1e300, -1e300, 5e-324, 1e17,
@@ -115,7 +122,10 @@ impl Generator {
                 let holds = condition
                     .is_some_and(|tags| tags.iter().all(|(tag, word)| entries.get(tag) == word.get("const")));
                 // A region within regions must come to an end.
-                if holds && (depth < 14 || branch.pointer("/then/properties/of").is_none()) {
+                let nested = ["of", "from/$ref", "from/allOf", "shape"]
+                    .iter()
+                    .any(|key| branch.pointer(&format!("/then/properties/{key}")).is_some());
+                if holds && (depth < 14 || !nested) {
                     let then = format!("{home}/allOf/{index}/then");
                     let node = self.schema.pointer(&then).unwrap();
                     self.properties(&then, node, depth, &mut entries, random);
@@ -195,7 +205,7 @@ impl Generator {
 fn text(key: &str, random: &mut Random) -> String {
     match key {
         "file" => (*random.pick(&FILES)).to_owned(),
-        "ux" | "uy" | "force" | "where" | "p" | "q" => (*random.pick(&FORMULAS)).to_owned(),
+        "ux" | "uy" | "uz" | "force" | "where" | "p" | "q" => (*random.pick(&FORMULAS)).to_owned(),
         _ if random.chance(0.05) => (*random.pick(&FORMULAS)).to_owned(),
         _ if random.chance(0.03) => "\u{1F980} \t'\"\\ \u{202e}\n:".to_owned(),
         _ => (*random.pick(&NAMES)).to_owned(),

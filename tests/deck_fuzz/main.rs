@@ -24,17 +24,15 @@ use std::time::{Duration, SystemTime};
 use cap::Cap;
 use cpu_time::ProcessTime;
 use jsonschema::{Draft, Validator};
-use mpm::deck::build::build_within;
 use mpm::deck::diagnostic::{CODES, Diagnostic, Gate, as_json};
-use mpm::deck::first_step::first_step;
 use mpm::deck::load::load_text;
+use mpm::deck::ready::{Analysis, ready};
 use mpm::deck::schema::{deck_schema, strict_schema};
 use mpm::deck::source::Source;
 use mpm::memory::{Bound, Memory};
 use mpm::model::Model;
 use mpm::points::Points;
-use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
-use mpm::stress::PlaneStrain;
+use mpm::solver::{Observer, SolveError, StepReport, Summary};
 use serde_json::Value;
 
 use generate::Generator;
@@ -58,12 +56,12 @@ struct OneStep {
     done: bool,
 }
 
-impl Observer<2> for OneStep {
+impl<const D: usize> Observer<D> for OneStep {
     fn converged(
         &mut self,
-        _: &Model<2>,
-        _: &Points<2>,
-        _: &StepReport<2>,
+        _: &Model<D>,
+        _: &Points<D>,
+        _: &StepReport<D>,
         _: &Summary,
     ) -> std::io::Result<()> {
         self.done = true;
@@ -85,7 +83,7 @@ struct Bench {
 impl Bench {
     fn new() -> Bench {
         let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
-        let mut paths: Vec<PathBuf> = ["inputs", "tests/decks", "tests/decks/build"]
+        let mut paths: Vec<PathBuf> = ["inputs", "inputs/block", "tests/decks", "tests/decks/build"]
             .iter()
             .flat_map(|folder| std::fs::read_dir(root.join(folder)).unwrap())
             .map(|entry| entry.unwrap().path())
@@ -146,29 +144,23 @@ impl Bench {
                 return format!("1 refused: {}", gate.unwrap().name());
             }
         };
-        let (mut model, mut points, notes) = match build_within(&loaded, Some(MEMORY)) {
-            Ok(built) => built,
+        let mut ready = match ready(&loaded, Some(MEMORY)) {
+            Ok(ready) => ready,
             Err(found) => {
                 self.examine(&loaded.source, &found, true);
                 return "1 refused: feasibility".into();
             }
         };
-        self.examine(&loaded.source, &notes, false);
-        let first = match first_step(&loaded, &model, &mut points) {
-            Ok((first, notes)) => {
-                self.examine(&loaded.source, &notes, false);
-                first
-            }
-            Err(found) => {
-                self.examine(&loaded.source, &found, true);
-                return "1 refused: first step".into();
-            }
-        };
-        if points.len() > MOST_POINTS || first.unknowns > MOST_UNKNOWNS {
+        self.examine(&loaded.source, &ready.notes, false);
+        if ready.extent.points > MOST_POINTS || ready.extent.first.unknowns > MOST_UNKNOWNS {
             return "2 accepted, too large to solve here".into();
         }
-        model.newton.max_iterations = model.newton.max_iterations.min(8);
-        match solver::run::<2, PlaneStrain>(&model, &mut points, &mut OneStep { done: false }) {
+        let newton = match &mut ready.analysis {
+            Analysis::Plane(parts) => &mut parts.0.newton,
+            Analysis::Solid(parts) => &mut parts.0.newton,
+        };
+        newton.max_iterations = newton.max_iterations.min(8);
+        match ready.analysis.run(&mut OneStep { done: false }) {
             Ok(_) | Err(SolveError::Interrupted { .. }) => "3 accepted, first step solved".into(),
             Err(error) => {
                 assert!(!error.to_string().is_empty());

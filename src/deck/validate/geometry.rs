@@ -50,7 +50,13 @@ impl Check<'_> {
     pub(super) fn wrong_count(&mut self, pointer: &str, count: usize) {
         let axes = self.dimensions();
         let message = format!("expected {axes} entries, one per axis, found {count}");
-        self.error("D015", pointer, message);
+        match (axes, count) {
+            (2, 3) => {
+                let help = "three axes need `analysis: {idealisation: solid}`";
+                self.error_with_help("D015", pointer, message, help);
+            }
+            _ => self.error("D015", pointer, message),
+        }
     }
 
     /// What needs another number of dimensions than the deck has.

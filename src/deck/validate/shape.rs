@@ -75,7 +75,10 @@ impl Check<'_> {
     }
 
     fn no_region(&mut self, pointer: &str, error: &ShapeError) {
-        self.error("D016", pointer, format!("this is no region: {error}"));
+        // Ranges of single numbers and empty lists are matters of the schema.
+        if !matches!(error, ShapeError::NotPositive { .. } | ShapeError::NoParts) {
+            self.error("D016", pointer, format!("this is no region: {error}"));
+        }
     }
 
     /// The numbers of a region, but for those of its parts.
