@@ -24,7 +24,7 @@ pub enum PointVolume {
 }
 
 /// The fields of the points that change from step to step; one entry per point.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct State<const D: usize> {
     /// Position x_p, [length].
     pub position: Vec<[f64; D]>,

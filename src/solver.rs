@@ -136,10 +136,10 @@ impl Solver {
             .measure(Phase::Basis, || Connectivity::new(model.grid.as_ref(), points, &methods))
             .map_err(|failure| SolveError::unsupported(model, points, failure, step))?;
         let set_up = timings.measure(Phase::SetUp, || StepSystem::new::<M>(model, points, &links, step));
-        let StepSystem { dofs, mut system, entries, f_ext, f_ext_start, applied } = set_up?;
+        let StepSystem { dofs, mut system, mut entries, f_ext, f_ext_start, applied } = set_up?;
         let analysed = timings.measure(Phase::Analyse, || {
             let order = || elimination_order(model, &links, &system, &dofs);
-            self.linear.analyse(&entries.pattern, &order)
+            self.linear.analyse(std::mem::take(&mut entries.pattern), &order)
         });
         analysed.map_err(|e| SolveError::linear(e, model, &links, &dofs, step))?;
 
@@ -214,14 +214,15 @@ impl Solver {
         self.summary.linear_solves += 1;
         timings.measure(Phase::Solve, || {
             let delta = &mut unknowns.iterative;
-            // The motion of the prescribed degrees of freedom loads the free ones through K.
-            for (node, du) in delta.iter_mut().enumerate() {
-                for (axis, u) in du.iter_mut().enumerate() {
-                    let prescribed = dofs.prescribed(node, axis).map_or(0.0, |(increment, _)| increment);
-                    *u = if iteration == 0 { prescribed } else { 0.0 };
-                }
+            delta.fill([0.0; D]);
+            unknowns.k_delta.fill([0.0; D]);
+            if iteration == 0 {
+                // The motion of the prescribed degrees of freedom loads the free ones through K.
+                for_each_dof(dofs, |node, axis, _| {
+                    delta[node][axis] = dofs.prescribed(node, axis).map_or(0.0, |(increment, _)| increment);
+                });
+                system.multiply(delta, &mut unknowns.k_delta, |_| true);
             }
-            system.multiply(delta, &mut unknowns.k_delta);
             let rhs = &mut unknowns.rhs;
             rhs.clear();
             for_each_dof(dofs, |node, axis, free| {
@@ -239,7 +240,7 @@ impl Solver {
             if let Some(unknown) = rhs.iter().position(|u| u.abs() > unknowns.far) {
                 return Err(crate::linear::LinearError::Singular { unknown: Some(unknown) });
             }
-            system.multiply(delta, &mut unknowns.k_delta);
+            system.multiply(delta, &mut unknowns.k_delta, |node| dofs.is_held(node));
             for_each_dof(dofs, |node, axis, free| {
                 unknowns.delta_d[node][axis] += delta[node][axis]; // (30)
                 if free.is_none() {

@@ -71,6 +71,7 @@ fn answer(
 
 impl Mechanics<2> for PlaneStrain {
     type Previous = Contribution<2, 2>;
+    type Isotropic = Contribution<2, 2>;
     type Updated = Contribution<2, 2>;
 
     #[inline]

@@ -1,6 +1,9 @@
 //! The kernel in three dimensions.
 
-use super::{Contribution, Mechanics, PointError, PointResponse, StartOfStep, WeakForm};
+use super::{
+    Contribution, Isotropic, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep, WeakForm,
+    lane::transposed,
+};
 use crate::kinematics::Increment;
 use crate::material::{Material, Response, StrainMeasure};
 use crate::tensor::{Mat3, Sym3, Tangent, Tensor4, log_with_derivative, mandel_entry};
@@ -32,7 +35,7 @@ pub struct Spatial {
 }
 
 impl WeakForm<3> for Spatial {
-    type Gradient = [f64; 3];
+    type Gradient<T: Lane> = [T; 3];
     type Column = [[[f64; 3]; 3]; 3];
 
     #[inline(always)]
@@ -43,6 +46,11 @@ impl WeakForm<3> for Spatial {
     #[inline(always)]
     fn gradient(&self, gradient: &[f64; 3], _value: f64) -> [f64; 3] {
         *gradient
+    }
+
+    #[inline(always)]
+    fn side_by_side(nodes: &[[f64; 3]]) -> [Lanes; 3] {
+        transposed(nodes)
     }
 
     /// V_n Ã·∇S_b with both gradients mapped, as `[m][i][k]`: the change of τ when node b moves along k, less
@@ -71,7 +79,7 @@ impl WeakForm<3> for Spatial {
     }
 
     #[inline(always)]
-    fn add_block(column: &[[[f64; 3]; 3]; 3], gradient: &[f64; 3], block: &mut [[f64; 3]; 3]) {
+    fn add_block<T: Lane>(column: &[[[f64; 3]; 3]; 3], gradient: &[T; 3], block: &mut [[T; 3]; 3]) {
         let [x, y, z] = column;
         let (x, y, z) = (x.as_flattened(), y.as_flattened(), z.as_flattened());
         for (e, entry) in block.as_flattened_mut().iter_mut().enumerate() {
@@ -87,7 +95,7 @@ pub(super) fn times(a: &[[f64; 3]; 3], x: &[f64; 3]) -> [f64; 3] {
 
 /// A symmetric tensor as a full matrix of rows, times a factor.
 #[inline(always)]
-fn full(t: &Sym3, factor: f64) -> [[f64; 3]; 3] {
+pub(super) fn full(t: &Sym3, factor: f64) -> [[f64; 3]; 3] {
     let [xx, yy, zz] = [t.0[0] * factor, t.0[1] * factor, t.0[2] * factor];
     let shear = FRAC_1_SQRT_2 * factor;
     let [yz, xz, xy] = [t.0[3] * shear, t.0[4] * shear, t.0[5] * shear];
@@ -158,6 +166,7 @@ fn answer(
 
 impl Mechanics<3> for Solid {
     type Previous = Spatial;
+    type Isotropic = Isotropic;
     type Updated = Contribution<3, 3>;
 
     #[inline]
@@ -182,6 +191,23 @@ impl Mechanics<3> for Solid {
         }
         let weak = Spatial { inverse, b: full(&b, 1.0), stress: full(&law.tau, weight), moduli };
         Ok(PointResponse { weak, tau: law.tau, elastic_strain: law.elastic_strain })
+    }
+
+    #[inline(always)]
+    fn respond_isotropic(
+        start: &StartOfStep,
+        increment: &Increment<3>,
+        material: &dyn Material,
+    ) -> Option<Result<PointResponse<Isotropic>, PointError>> {
+        let law = material.isotropic_moduli()?;
+        let respond = || {
+            let (_, inverse) = invert(&increment.dF)?;
+            let b = trial(&increment.dF, &start.b_n);
+            let answer = law.update(&b)?;
+            let weak = Isotropic::new(inverse, &answer, start.volume_n / start.J_n);
+            Ok(PointResponse { weak, tau: answer.tau, elastic_strain: answer.elastic_strain })
+        };
+        Some(respond())
     }
 
     fn respond_updated(
