@@ -13,7 +13,7 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::basis::Connectivity;
+use crate::basis::{Connectivity, Links};
 use crate::constraints::DofMap;
 use crate::kinematics::Increment;
 use crate::material::Material;
@@ -400,14 +400,14 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
         let task = self.task;
+        let nodes = task.links.nodes_of(self.group);
         for p in task.links.points_of(self.group) {
             let links = task.links.links(p);
-            let nodes = task.links.nodes_of(self.group);
             let increment = Increment::new::<M>(nodes, &links, task.delta_d, &task.position[p]);
             let (start, law) = (&task.start[p], task.law(p));
-            let failed = |error| PointFailure { point: p, error };
-            if !UPDATED && let Some(response) = M::respond_isotropic(start, &increment, law) {
-                self.add(p, response.map_err(failed)?);
+            let isotropic = if UPDATED { None } else { M::respond_isotropic(start, &increment, law) };
+            if let Some(response) = &isotropic {
+                self.keep(p, &links, response)?;
                 continue;
             }
             let (n, here) = (task.history_len, p - self.trial.first);
@@ -415,11 +415,11 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
             let old = &task.old_history[p * n..][..kept];
             let new = &mut self.trial.history[here * n..][..kept];
             if UPDATED {
-                let response = M::respond_updated(start, &increment, law, old, new).map_err(failed)?;
-                self.add(p, response);
+                let response = M::respond_updated(start, &increment, law, old, new);
+                self.keep(p, &links, &response)?;
             } else {
-                let response = M::respond(start, &increment, law, old, new).map_err(failed)?;
-                self.add(p, response);
+                let response = M::respond(start, &increment, law, old, new);
+                self.keep(p, &links, &response)?;
             }
         }
         Ok(())
@@ -429,17 +429,25 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
 impl<const D: usize, M, K: Dense<D>, const UPDATED: bool> Vectorised<'_, '_, '_, D, M, K, UPDATED> {
     /// Keeps the response of a point and adds its part.
     #[inline(always)]
-    fn add<W: WeakForm<D>>(&mut self, p: usize, response: PointResponse<W>) {
-        let here = p - self.trial.first;
-        self.trial.elastic_strain[here] = response.elastic_strain;
-        self.trial.kirchhoff_stress[here] = response.tau;
-        let links = self.task.links.links(p);
-        let weak = &response.weak;
+    fn keep<W: WeakForm<D>>(
+        &mut self,
+        point: usize,
+        links: &Links<D>,
+        response: &Result<PointResponse<W>, PointError>,
+    ) -> Result<(), PointFailure> {
+        let PointResponse { weak, tau, elastic_strain } = match response {
+            Ok(response) => response,
+            Err(error) => return Err(PointFailure { point, error: *error }),
+        };
+        let here = point - self.trial.first;
+        self.trial.elastic_strain[here] = *elastic_strain;
+        self.trial.kirchhoff_stress[here] = *tau;
         let gradients = match weak.inverse() {
             None => links.gradient,
             Some(inverse) => map_gradients(inverse, links.gradient, self.trial.mapped),
         };
-        self.dense.add(weak, &links, gradients, self.force);
+        self.dense.add(weak, links, gradients, self.force);
+        Ok(())
     }
 }
 
@@ -452,7 +460,13 @@ fn map_gradients<'a, const D: usize>(
 ) -> &'a [[f64; D]] {
     let out = &mut room[..gradient.len()];
     for (mapped, g) in out.iter_mut().zip(gradient) {
-        *mapped = std::array::from_fn(|j| (0..D).map(|i| g[i] * inverse[i][j]).sum());
+        let mut sum = [0.0; D];
+        for i in 0..D {
+            for j in 0..D {
+                sum[j] += g[i] * inverse[i][j];
+            }
+        }
+        *mapped = sum;
     }
     out
 }

@@ -7,9 +7,9 @@ use crate::grid::Grid;
 use crate::points::Points;
 
 /// Number of groups that are linked as one piece of work.
-const PIECE: usize = 64;
+const PIECE: usize = 16;
 
-/// Number of pieces that are linked before they are put together.
+/// Number of pieces that are linked before they are put together, while they are still in the cache.
 const ROUND: usize = 32;
 
 /// Marks a grid node that no point touches.
@@ -66,12 +66,26 @@ impl<const D: usize> Connectivity<D> {
         points: &mut Points<D>,
         methods: &[Method],
     ) -> Result<Self, SupportFailure> {
+        Connectivity::default().renew(grid, points, methods)
+    }
+
+    /// The same in the memory of links that are no longer needed, as those of the step before.
+    ///
+    /// # Errors
+    /// As [`Connectivity::new`].
+    pub fn renew(
+        mut self,
+        grid: &dyn Grid<D>,
+        points: &mut Points<D>,
+        methods: &[Method],
+    ) -> Result<Self, SupportFailure> {
+        self.clear();
         let group_points = points
             .group_by_cell(grid)
             .map_err(|point| SupportFailure { point, error: SupportError::OffGrid })?;
         let points = &*points;
         let n_groups = group_points.len() - 1;
-        let mut all = Connectivity::default();
+        let mut all = self;
         // In rounds, so that no more than a few pieces exist beside the whole.
         for round in (0..n_groups).step_by(ROUND * PIECE) {
             let end = (round + ROUND * PIECE).min(n_groups);
@@ -95,6 +109,20 @@ impl<const D: usize> Connectivity<D> {
         Ok(all)
     }
 
+    /// Forgets all links but keeps the memory.
+    fn clear(&mut self) {
+        self.group_node_start.clear();
+        self.group_nodes.clear();
+        self.link_start.clear();
+        self.local_start.clear();
+        self.local.clear();
+        self.value.clear();
+        self.gradient.clear();
+        self.active_nodes.clear();
+        self.active_of.clear();
+        self.active_cells.clear();
+    }
+
     fn append(&mut self, piece: Piece<D>) {
         let (nodes, links, places) = (self.group_nodes.len(), self.value.len(), self.local.len());
         self.group_node_start.extend(piece.group_node_start.iter().map(|s| s + nodes));
@@ -109,7 +137,7 @@ impl<const D: usize> Connectivity<D> {
 
     /// Numbers the touched nodes in grid order and turns the node lists of the groups into these numbers.
     fn number_active_nodes(&mut self, n_nodes: usize) {
-        self.active_of = vec![INACTIVE; n_nodes];
+        self.active_of.resize(n_nodes, INACTIVE);
         for &node in &self.group_nodes {
             self.active_of[node as usize] = 0;
         }

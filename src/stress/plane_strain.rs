@@ -26,7 +26,7 @@ struct Answer {
     tau: [[f64; 2]; 2],
 }
 
-#[inline]
+#[inline(always)]
 fn answer(
     start: &StartOfStep,
     dF: &[[f64; 2]; 2],
@@ -74,7 +74,7 @@ impl Mechanics<2> for PlaneStrain {
     type Isotropic = Contribution<2, 2>;
     type Updated = Contribution<2, 2>;
 
-    #[inline]
+    #[inline(always)]
     fn respond(
         start: &StartOfStep,
         increment: &Increment<2>,
@@ -126,13 +126,13 @@ impl Mechanics<2> for PlaneStrain {
 /// Rows of the in-plane components in the Mandel layout.
 const IN_PLANE: [usize; 3] = [0, 1, 5];
 
-#[inline]
+#[inline(always)]
 fn invert(dF: &[[f64; 2]; 2], dJ: f64) -> [[f64; 2]; 2] {
     [[dF[1][1] / dJ, -dF[0][1] / dJ], [-dF[1][0] / dJ, dF[0][0] / dJ]]
 }
 
 /// C = ½ D^alg L on the in-plane components `xx, yy, √2 xy`: the derivative of τ with respect to b.
-#[inline]
+#[inline(always)]
 fn half_product(D: &Tangent, L: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     IN_PLANE.map(|r| {
         std::array::from_fn(|c| 0.5 * (D[(r, 0)] * L[0][c] + D[(r, 1)] * L[1][c] + D[(r, 5)] * L[2][c]))
@@ -141,7 +141,7 @@ fn half_product(D: &Tangent, L: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
 
 /// C : B as `[component][k][l]`, with B_ijkl = δ_ik A_jl + A_il δ_jk the derivative of b, eqs. (A.2) and (A.5);
 /// components xx, yy, xy of the result.
-#[inline]
+#[inline(always)]
 fn contract(C: &[[f64; 3]; 3], A: &[[f64; 2]; 2]) -> [[[f64; 2]; 2]; 3] {
     std::array::from_fn(|r| {
         let scale = if r == 2 { FRAC_1_SQRT_2 } else { 1.0 };
@@ -154,7 +154,7 @@ fn contract(C: &[[f64; 3]; 3], A: &[[f64; 2]; 2]) -> [[[f64; 2]; 2]; 3] {
 }
 
 /// P̃ of eq. (18) and its derivative Ã of eqs. (A.3)-(A.6).
-#[inline]
+#[inline(always)]
 fn previous(
     C: &[[f64; 3]; 3],
     tau: &[[f64; 2]; 2],

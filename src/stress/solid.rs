@@ -169,7 +169,7 @@ impl Mechanics<3> for Solid {
     type Isotropic = Isotropic;
     type Updated = Contribution<3, 3>;
 
-    #[inline]
+    #[inline(always)]
     fn respond(
         start: &StartOfStep,
         increment: &Increment<3>,
@@ -200,14 +200,17 @@ impl Mechanics<3> for Solid {
         material: &dyn Material,
     ) -> Option<Result<PointResponse<Isotropic>, PointError>> {
         let law = material.isotropic_moduli()?;
-        let respond = || {
-            let (_, inverse) = invert(&increment.dF)?;
-            let b = trial(&increment.dF, &start.b_n);
-            let answer = law.update(&b)?;
-            let weak = Isotropic::new(inverse, &answer, start.volume_n / start.J_n);
-            Ok(PointResponse { weak, tau: answer.tau, elastic_strain: answer.elastic_strain })
+        let (_, inverse) = match invert(&increment.dF) {
+            Ok(inverted) => inverted,
+            Err(error) => return Some(Err(error)),
         };
-        Some(respond())
+        let b = trial(&increment.dF, &start.b_n);
+        let answer = match law.update(&b) {
+            Ok(answer) => answer,
+            Err(error) => return Some(Err(error.into())),
+        };
+        let weak = Isotropic::new(inverse, &answer, start.volume_n / start.J_n);
+        Some(Ok(PointResponse { weak, tau: answer.tau, elastic_strain: answer.elastic_strain }))
     }
 
     fn respond_updated(

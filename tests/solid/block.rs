@@ -4,7 +4,7 @@ use mpm::basis::Method;
 use mpm::domain::DomainUpdate;
 use mpm::grid::Structured;
 use mpm::loads::{Action, Load, LoadCurve};
-use mpm::material::{Material, NeoHookean};
+use mpm::material::NeoHookean;
 use mpm::memory;
 use mpm::model::Model;
 use mpm::points::Points;
@@ -80,5 +80,13 @@ fn settlement(points: &Points<3>) -> f64 {
 #[ignore = "seconds, and the numbers mean something only where nothing else runs"]
 fn the_block_of_quarter_metres() {
     let (points, _) = measure(0.25, 3, 1);
+    println!("largest settlement {:.9} m", settlement(&points));
+}
+
+/// 10⁶ points, 8 in each of 50³ cells.
+#[test]
+#[ignore = "minutes and gigabytes"]
+fn the_block_of_a_million_points() {
+    let (points, _) = measure(SIDE / 50.0, 2, 2);
     println!("largest settlement {:.9} m", settlement(&points));
 }
