@@ -84,7 +84,7 @@ pub trait IsotropicModuli {
     ///
     /// # Errors
     /// [`MaterialError`] when the strain is not finite.
-    fn update(&self, b: &Sym3) -> Result<IsotropicResponse, MaterialError>;
+    fn respond(&self, b: &Sym3) -> Result<IsotropicResponse, MaterialError>;
 }
 
 /// A law could not be evaluated.
@@ -220,7 +220,7 @@ mod conformance {
         }
         if let Some(moduli) = law.isotropic_moduli() {
             let b = law.strain_measure().left_cauchy_green(&trial);
-            let spatial = moduli.update(&b).unwrap();
+            let spatial = moduli.respond(&b).unwrap();
             assert!((spatial.tau - response.tau).norm() <= 1e-14 * scale);
             assert!((spatial.elastic_strain - response.elastic_strain).norm() <= 1e-15);
             // ḃ = l b + b lᵀ and the Oldroyd rate of τ, τ̇ − l τ − τ lᵀ, at any velocity gradient l.

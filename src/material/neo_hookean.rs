@@ -98,7 +98,7 @@ impl Material for NeoHookean {
 impl IsotropicModuli for NeoHookean {
     /// λ̂ = λ and μ̂ = μ − λ ln J.
     #[inline]
-    fn update(&self, b: &Sym3) -> Result<IsotropicResponse, MaterialError> {
+    fn respond(&self, b: &Sym3) -> Result<IsotropicResponse, MaterialError> {
         let elastic_strain = (*b - Sym3::IDENTITY) * 0.5;
         let log_j = log_volume_ratio(&elastic_strain);
         if !log_j.is_finite() {

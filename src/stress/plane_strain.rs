@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 use super::{Contribution, Mechanics, PointError, PointResponse, StartOfStep};
 use crate::kinematics::Increment;
-use crate::material::{Material, Response, StrainMeasure};
+use crate::material::{Material, StrainMeasure};
 use crate::tensor::{Mat3, Sym3, Tangent, Tensor4, plane};
 
 /// Plane strain in x, y.
@@ -20,7 +20,8 @@ struct Answer {
     /// ΔF b_n.
     A: [[f64; 2]; 2],
     b: Sym3,
-    law: Response,
+    /// τ and the elastic strain of the law.
+    law: (Sym3, Sym3),
     /// Derivative of τ with respect to b on the in-plane components.
     C: [[f64; 3]; 3],
     tau: [[f64; 2]; 2],
@@ -51,21 +52,27 @@ fn answer(
         0.0,
         (A[0][0] * dF[1][0] + A[0][1] * dF[1][1]) * SQRT_2,
     ]);
-    let (law, C) = match material.strain_measure() {
+    let measure = material.strain_measure();
+    let (trial, L) = match measure {
         StrainMeasure::Logarithmic => {
             let (log_b, L) = plane::log_with_derivative(&b);
-            let law = material.update(&(log_b * 0.5), old, new)?;
-            let C = half_product(&law.tangent, &L);
-            (law, C)
+            (log_b * 0.5, L)
         }
-        StrainMeasure::LeftCauchyGreen => {
-            let law = material.update(&((b - Sym3::IDENTITY) * 0.5), old, new)?;
-            let C = IN_PLANE.map(|r| IN_PLANE.map(|c| 0.5 * law.tangent[(r, c)]));
-            (law, C)
-        }
+        StrainMeasure::LeftCauchyGreen => ((b - Sym3::IDENTITY) * 0.5, [[0.0; 3]; 3]),
+    };
+    // By reference: the tangent of six by six entries is better not moved about.
+    let answer = material.update(&trial, old, new);
+    let law = match &answer {
+        Ok(law) => law,
+        Err(error) => return Err((*error).into()),
+    };
+    let C = match measure {
+        StrainMeasure::Logarithmic => half_product(&law.tangent, &L),
+        StrainMeasure::LeftCauchyGreen => IN_PLANE.map(|r| IN_PLANE.map(|c| 0.5 * law.tangent[(r, c)])),
     };
     let tau_xy = law.tau.0[5] * FRAC_1_SQRT_2;
     let tau = [[law.tau.0[0], tau_xy], [tau_xy, law.tau.0[1]]];
+    let law = (law.tau, law.elastic_strain);
     Ok(Answer { dJ, A, b, law, C, tau })
 }
 
@@ -86,7 +93,7 @@ impl Mechanics<2> for PlaneStrain {
         let Answer { dJ, A, law, C, tau, .. } = answer(start, dF, material, old, new)?;
         let (stress, tangent) = previous(&C, &tau, dF, dJ, &A, start.J_n);
         let weak = Contribution { stress, tangent, volume: start.volume_n, inverse: None, per_radius: 0.0 };
-        Ok(PointResponse { weak, tau: law.tau, elastic_strain: law.elastic_strain })
+        Ok(PointResponse { weak, tau: law.0, elastic_strain: law.1 })
     }
 
     fn respond_updated(
@@ -107,7 +114,7 @@ impl Mechanics<2> for PlaneStrain {
             inverse: Some(invert(dF, dJ)),
             per_radius: 0.0,
         };
-        Ok(PointResponse { weak, tau: law.tau, elastic_strain: law.elastic_strain })
+        Ok(PointResponse { weak, tau: law.0, elastic_strain: law.1 })
     }
 
     fn embed(increment: &Increment<2>) -> Mat3 {

@@ -5,7 +5,7 @@ use super::{
     lane::transposed,
 };
 use crate::kinematics::Increment;
-use crate::material::{Material, Response, StrainMeasure};
+use crate::material::{Material, StrainMeasure};
 use crate::tensor::{Mat3, Sym3, Tangent, Tensor4, log_with_derivative, mandel_entry};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
@@ -134,18 +134,22 @@ fn trial(dF: &[[f64; 3]; 3], b_n: &Sym3) -> Sym3 {
     ])
 }
 
-/// The answer of a law at b, with twice the derivative of τ with respect to b by columns.
+/// τ and the elastic strain of a law at b, and twice the derivative of τ with respect to b by columns.
 #[inline(always)]
 fn answer(
     material: &dyn Material,
     b: &Sym3,
     old: &[f64],
     new: &mut [f64],
-) -> Result<(Response, [[f64; 6]; 6]), PointError> {
+) -> Result<(Sym3, Sym3, [[f64; 6]; 6]), PointError> {
     match material.strain_measure() {
         StrainMeasure::Logarithmic => {
             let (log_b, L) = log_with_derivative(b);
-            let law = material.update(&(log_b * 0.5), old, new)?;
+            let answer = material.update(&(log_b * 0.5), old, new);
+            let law = match &answer {
+                Ok(law) => law,
+                Err(error) => return Err((*error).into()),
+            };
             let (D, L) = (&law.tangent.data.0, &L.data.0);
             let mut product = [[0.0; 6]; 6]; // D^alg : L, (A.4)
             for (column, factors) in product.iter_mut().zip(L) {
@@ -155,11 +159,11 @@ fn answer(
                     }
                 }
             }
-            Ok((law, product))
+            Ok((law.tau, law.elastic_strain, product))
         }
         StrainMeasure::LeftCauchyGreen => {
             let law = material.update(&((*b - Sym3::IDENTITY) * 0.5), old, new)?;
-            Ok((law, law.tangent.data.0))
+            Ok((law.tau, law.elastic_strain, law.tangent.data.0))
         }
     }
 }
@@ -179,7 +183,7 @@ impl Mechanics<3> for Solid {
     ) -> Result<PointResponse<Spatial>, PointError> {
         let (_, inverse) = invert(&increment.dF)?;
         let b = trial(&increment.dF, &start.b_n);
-        let (law, derivative) = answer(material, &b, old, new)?;
+        let (tau, elastic_strain, derivative) = answer(material, &b, old, new)?;
         let weight = start.volume_n / start.J_n;
         // From the Mandel layout and twice the derivative to the tensor components of τ per α.
         let mut moduli = derivative;
@@ -189,8 +193,8 @@ impl Mechanics<3> for Solid {
                 *entry *= if r < 3 { scale } else { scale * FRAC_1_SQRT_2 };
             }
         }
-        let weak = Spatial { inverse, b: full(&b, 1.0), stress: full(&law.tau, weight), moduli };
-        Ok(PointResponse { weak, tau: law.tau, elastic_strain: law.elastic_strain })
+        let weak = Spatial { inverse, b: full(&b, 1.0), stress: full(&tau, weight), moduli };
+        Ok(PointResponse { weak, tau, elastic_strain })
     }
 
     #[inline(always)]
@@ -205,7 +209,7 @@ impl Mechanics<3> for Solid {
             Err(error) => return Some(Err(error)),
         };
         let b = trial(&increment.dF, &start.b_n);
-        let answer = match law.update(&b) {
+        let answer = match law.respond(&b) {
             Ok(answer) => answer,
             Err(error) => return Some(Err(error.into())),
         };
@@ -222,9 +226,9 @@ impl Mechanics<3> for Solid {
     ) -> Result<PointResponse<Contribution<3, 3>>, PointError> {
         let (dJ, inverse) = invert(&increment.dF)?;
         let b = trial(&increment.dF, &start.b_n);
-        let (law, derivative) = answer(material, &b, old, new)?;
+        let (tau, elastic_strain, derivative) = answer(material, &b, old, new)?;
         let C = Tangent::from_fn(|r, c| 0.5 * derivative[c][r]);
-        let (sigma, a) = updated(&C, &law.tau.to_matrix(), &b.to_matrix(), dJ * start.J_n);
+        let (sigma, a) = updated(&C, &tau.to_matrix(), &b.to_matrix(), dJ * start.J_n);
         let weak = Contribution {
             stress: sigma,
             tangent: a,
@@ -232,7 +236,7 @@ impl Mechanics<3> for Solid {
             inverse: Some(inverse),
             per_radius: 0.0,
         };
-        Ok(PointResponse { weak, tau: law.tau, elastic_strain: law.elastic_strain })
+        Ok(PointResponse { weak, tau, elastic_strain })
     }
 
     fn embed(increment: &Increment<3>) -> Mat3 {
