@@ -2,6 +2,7 @@
 #![allow(clippy::print_stdout, reason = "the measured numbers are part of the verification")]
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
+mod block;
 mod bodies;
 mod compaction;
 mod cone;
