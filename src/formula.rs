@@ -216,16 +216,20 @@ fn maximum(a: f64, b: f64) -> f64 {
 }
 
 fn power(base: f64, exponent: f64) -> f64 {
-    // Whole exponents are multiplied out, so that squares are exact and the same on every platform.
-    if exponent.abs() <= 16.0 && exponent.fract() == 0.0 {
+    // Whole exponents are multiplied out, so that squares are exact and the same on every platform. Of what is undefined
+    // no power is 1, not even the power 0.
+    if base.is_nan() || exponent.is_nan() {
+        f64::NAN
+    } else if exponent.abs() <= 16.0 && exponent.fract() == 0.0 {
         base.powi(exponent as i32)
     } else {
         base.powf(exponent)
     }
 }
 
-fn truth(condition: bool) -> f64 {
-    f64::from(u8::from(condition))
+/// 1 or 0 for a comparison of two numbers; what is undefined stays so.
+fn truth(condition: bool, a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() { f64::NAN } else { f64::from(u8::from(condition)) }
 }
 
 /// The candidate most like a misspelt name, if any is like it.
@@ -313,6 +317,21 @@ mod tests {
         }
         assert_eq!(fault("2*gama").help.as_deref(), Some("did you mean `gamma`?"));
         assert_eq!(fault("sqr(2)").help.as_deref(), Some("did you mean `sqrt`?"));
+    }
+
+    #[test]
+    fn what_is_undefined_stays_so() {
+        for text in [
+            "if(sqrt(-x) > 0, 1, 2)",
+            "sqrt(-x) != 1",
+            "sqrt(-x)^0",
+            "1^sqrt(-x)",
+            "min(1, sqrt(-x))",
+            "max(sqrt(-x), 1)",
+            "sign(sqrt(-x))",
+        ] {
+            assert!(value(text).is_nan(), "{text} = {}", value(text));
+        }
     }
 
     #[test]

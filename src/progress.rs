@@ -204,7 +204,12 @@ impl<const D: usize> Observer<D> for Watch {
         self.show_line(report);
         if let View::Run { log: Some(_) } = self.view {
             let status = self.progress.status();
-            self.log(&format!("{}{}", in_equilibrium(report, model.n_steps), in_the_log(&status)));
+            let loss = summary.quality.latest.partition_of_unity_loss;
+            self.log(&format!(
+                "{}{}, loss of partition of unity {loss:.1e}",
+                in_equilibrium(report, model.n_steps),
+                in_the_log(&status)
+            ));
         }
         let indent = if let View::Member(_) = self.view { "  " } else { "" };
         for warning in &summary.warnings[self.warned..] {

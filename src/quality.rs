@@ -2,10 +2,11 @@
 //! bodies and the grid, how full the cells are, and how the iterations converge.
 //!
 //! [`Measures`] are taken once per equilibrated step; [`Quality`] keeps the worst of all steps and says when a measure
-//! is out of bounds for the first time.
+//! is out of bounds for the first time. How much domains overlap costs more, and is found at the end of the run.
 
 mod measure;
 mod motion;
+mod overlap;
 #[cfg(test)]
 mod tests;
 
@@ -13,6 +14,7 @@ use std::fmt;
 
 pub use measure::{AtPoint, Measures, OfBody, newton_order};
 pub use motion::Objection;
+use overlap::domain_overlap;
 
 use crate::basis::DomainKind;
 use crate::domain::DomainUpdate;
@@ -64,6 +66,52 @@ impl Balance {
     }
 }
 
+/// What a step shows, over all bodies.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct OfStep {
+    /// Largest 1 − Σ S_vp, [-].
+    pub partition_of_unity_loss: f64,
+    /// Largest share of a domain outside the grid, [-]; 0 without domains.
+    pub domain_outside_grid: f64,
+    /// Volume of the domains relative to that of their points, minus 1, [-]; 0 without domains.
+    pub domain_volume_excess: f64,
+    /// Smallest filling of a cell that holds points, [-].
+    pub smallest_cell_filling: f64,
+    /// Smallest and largest det F, [-].
+    pub det_f: [f64; 2],
+    /// Total mass, [mass].
+    pub mass: f64,
+    /// Total volume, [volume].
+    pub volume: f64,
+}
+
+impl OfStep {
+    fn new<const D: usize>(model: &Model<D>, measures: &Measures) -> OfStep {
+        let bodies = &measures.bodies;
+        let largest = |of: fn(&OfBody) -> Option<AtPoint>| {
+            bodies.iter().filter_map(of).map(|found| found.value).fold(0.0, f64::max)
+        };
+        let (mut domains, mut points) = (0.0, 0.0);
+        for (body, measured) in model.bodies.iter().zip(bodies) {
+            if body.method.domain() != DomainKind::None {
+                domains += measured.domain_volume;
+                points += measured.volume;
+            }
+        }
+        OfStep {
+            partition_of_unity_loss: largest(|body| body.partition_of_unity_loss),
+            domain_outside_grid: largest(|body| body.outside),
+            domain_volume_excess: if points > 0.0 { domains / points - 1.0 } else { 0.0 },
+            smallest_cell_filling: measures.smallest_filling.map_or(0.0, |(value, _)| value),
+            det_f: bodies.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], body| {
+                [low.min(body.det_f[0]), high.max(body.det_f[1])]
+            }),
+            mass: bodies.iter().map(|body| body.mass).sum(),
+            volume: bodies.iter().map(|body| body.volume).sum(),
+        }
+    }
+}
+
 /// Which warnings a body has had.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Raised {
@@ -88,7 +136,11 @@ pub struct Quality {
     /// Total volume Σ J V_p0, [volume].
     pub volume: Balance,
     /// Volume of the domains of a body relative to that of its points, minus 1; the largest in magnitude, [-].
-    pub domain_overlap: Option<Worst>,
+    pub domain_volume_excess: Option<Worst>,
+    /// Volume that domains share with each other at the end of the run, relative to the volume of all, [-].
+    pub domain_overlap: Option<f64>,
+    /// What the last step has shown, over all bodies.
+    pub latest: OfStep,
     /// Observed order of the Newton iterations of every step where it can be told, with the step.
     pub newton_orders: Vec<(usize, f64)>,
     /// Largest magnitude of the rotation in the plane, [degrees].
@@ -135,7 +187,7 @@ impl Quality {
             }
             if model.bodies[number].method.domain() != DomainKind::None && body.volume > 0.0 {
                 let value = body.domain_volume / body.volume - 1.0;
-                keep_worst(&mut self.domain_overlap, Worst { value, step, body: number, point: None });
+                keep_worst(&mut self.domain_volume_excess, Worst { value, step, body: number, point: None });
             }
             let [low, high] = self.det_f.unwrap_or(body.det_f);
             self.det_f = Some([low.min(body.det_f[0]), high.max(body.det_f[1])]);
@@ -146,10 +198,16 @@ impl Quality {
         {
             self.smallest_cell_filling = Some(Filling { value, step, cell });
         }
-        self.mass.now = measures.bodies.iter().map(|body| body.mass).sum();
-        self.volume.now = measures.bodies.iter().map(|body| body.volume).sum();
+        self.latest = OfStep::new(model, measures);
+        self.mass.now = self.latest.mass;
+        self.volume.now = self.latest.volume;
         self.newton_orders.extend(newton_order(residuals).map(|order| (step, order)));
         warnings
+    }
+
+    /// Takes in the state that the run ends with, if it has made a step.
+    pub fn conclude<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) {
+        self.domain_overlap = self.det_f.and_then(|_| domain_overlap(model, points));
     }
 
     /// Median of the observed orders of the Newton iterations.
@@ -178,7 +236,7 @@ impl fmt::Display for Quality {
             parts.push(format!("{:.2} % of a domain outside the grid", 100.0 * outside.value));
         }
         if let Some(overlap) = self.domain_overlap {
-            parts.push(format!("overlap of domains {:.2} %", 100.0 * overlap.value));
+            parts.push(format!("overlap of domains {:.2} %", 100.0 * overlap));
         }
         if let Some(filling) = self.smallest_cell_filling {
             parts.push(format!("cells filled to {:.1} % or more", 100.0 * filling.value));

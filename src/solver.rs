@@ -56,6 +56,8 @@ pub fn run<const D: usize, M: Mechanics<D>>(
         let step = Step { index, start: time(index - 1), end: time(index) };
         outcome = solver.advance::<D, M>(model, points, step, observer);
     }
+    let Summary { timings, quality, .. } = &mut solver.summary;
+    timings.measure(Phase::Update, || quality.conclude(model, points));
     let finished = solver.summary;
     let told = observer.finished(model, points, &finished, outcome.as_ref().err());
     outcome.and(told.map_err(SolveError::Output)).map(|()| finished)

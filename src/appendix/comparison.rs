@@ -288,7 +288,7 @@ fn quality(page: &mut Page, runs: &[Run]) {
             of("/partition_of_unity_loss/value", 1.0),
             of("/domain_outside_grid/value", 100.0),
             of("/smallest_cell_filling/value", 100.0),
-            of("/domain_overlap/value", 100.0),
+            of("/domain_overlap", 100.0),
             of("/det_f/min", 1.0),
             of("/det_f/max", 1.0),
             of("/newton_order/median", 1.0),

@@ -35,7 +35,10 @@ impl Decimal {
 
     /// A number with so many decimals, zeros included.
     pub fn fixed(value: f64, decimals: usize) -> Decimal {
-        let text = format!("{value:.decimals$}").replace('-', "\u{2212}");
+        let text = format!("{value:.decimals$}");
+        // What is rounded to zero has no sign.
+        let has_digits = text.bytes().any(|b| (b'1'..=b'9').contains(&b));
+        let text = text.replace('-', if has_digits { "\u{2212}" } else { "" });
         let (whole, digits) = text.split_once('.').unwrap_or((&text, ""));
         let fraction = if digits.is_empty() { String::new() } else { format!(".{digits}") };
         Decimal { whole: grouped(whole), fraction, exponent: 0 }

@@ -333,7 +333,7 @@ fn quality(page: &mut Page, run: &Run, naming: &Naming) {
     };
     for (key, name, scale, meaning) in MEASURES {
         let of = &quality[key];
-        if let Some(value) = of["value"].as_f64() {
+        if let Some(value) = of["value"].as_f64().or(of.as_f64()) {
             table.row([Cell::text(name), Cell::rounded(value * scale, 3), place(of), Cell::text(meaning)]);
         }
     }
@@ -364,7 +364,7 @@ fn quality(page: &mut Page, run: &Run, naming: &Naming) {
 }
 
 /// Measures with one value each: key, name, factor, meaning.
-const MEASURES: [(&str, &str, f64, &str); 6] = [
+const MEASURES: [(&str, &str, f64, &str); 7] = [
     (
         "partition_of_unity_loss",
         "Loss of the partition of unity",
@@ -378,7 +378,13 @@ const MEASURES: [(&str, &str, f64, &str); 6] = [
         100.0,
         "volume of the points in a cell by its own",
     ),
-    ("domain_overlap", "Overlap of domains [%]", 100.0, "positive: they overlap; negative: they leave gaps"),
+    (
+        "domain_volume_excess",
+        "Excess of domain volume [%]",
+        100.0,
+        "domains against points; negative: they leave gaps",
+    ),
+    ("domain_overlap", "Overlap of domains [%]", 100.0, "volume that domains share, at the end of the run"),
     ("rotation", "Largest rotation [°]", 1.0, "of R in F = R U, in the plane"),
     ("shear", "Largest shear", 1.0, "tangent of the loss of a right angle"),
 ];

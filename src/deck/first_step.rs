@@ -5,7 +5,8 @@
 
 use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote, sort};
 use super::load::LoadedDeck;
-use super::{AXES, Parameter};
+use super::source::escape;
+use super::{AXES, Expression, LoadDeck, Parameter};
 use crate::basis::{Connectivity, Method, SupportFailure};
 use crate::constraints::{ConstraintError, DofMap, NodeSet};
 use crate::loads::{LoadNotFinite, external_force};
@@ -101,8 +102,10 @@ impl Check<'_> {
     }
 
     fn load_without_value(&mut self, error: &LoadNotFinite) {
-        let number = self.loaded.deck.loads.iter().position(|load| load.name() == error.load);
-        let found = self.at("D043", &format!("/loads/{}", number.unwrap_or(0)), error.to_string());
+        let loads = &self.loaded.deck.loads;
+        let number = loads.iter().position(|load| load.name() == error.load).unwrap_or(0);
+        let key = loads.get(number).and_then(|load| key_of(load, &error.formula)).unwrap_or_default();
+        let found = self.at("D043", &format!("/loads/{number}{key}"), error.to_string());
         self.found.push(found.help("the formula divides by zero or leaves its domain there"));
     }
 
@@ -178,5 +181,16 @@ impl Check<'_> {
             self.at("D035", &pointer, message).help(help)
         };
         self.found.push(found);
+    }
+}
+
+/// The key, under a body force, of the formula with this text.
+fn key_of(load: &LoadDeck, formula: &str) -> Option<String> {
+    let LoadDeck::BodyForce { force, intermediate, .. } = load else { return None };
+    let is_it = |expression: &Expression| matches!(expression, Expression::Formula(text) if text == formula);
+    let name = intermediate.iter().find(|(_, expression)| is_it(expression)).map(|(name, _)| name);
+    match name {
+        Some(name) => Some(format!("/where/{}", escape(name))),
+        None => force.iter().position(is_it).map(|axis| format!("/force/{axis}")),
     }
 }

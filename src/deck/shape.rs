@@ -18,7 +18,7 @@ use crate::formula::closest;
 
 /// Times that a deck is looked at when keys are misspelt.
 const PASSES: usize = 3;
-/// Most unknown keys that are mended each time; a deck with more has one cause for most of them.
+/// Most unknown keys that are mended; in a deck with more, most of them have one cause.
 const MOST_MENDED: usize = 100;
 
 /// Checks the shape of a deck whose parameters are inserted; adds a message for every fault. The deck is returned if
@@ -37,10 +37,10 @@ pub(super) fn check(
         let Gate { found, unknown, .. } = gate;
         (judged, meant) = (gate.judged, gate.meant);
         diagnostics.extend(found);
-        if unknown.is_empty() {
+        if unknown.is_empty() || unknown.len() > MOST_MENDED {
             break;
         }
-        for unknown in unknown.into_iter().take(MOST_MENDED) {
+        for unknown in unknown {
             unknown.mend(&mut value, source);
         }
     }

@@ -19,12 +19,12 @@ const SYMBOLS: [&str; 15] = ["<=", ">=", "==", "!=", "**", "<", ">", "+", "-", "
 /// Binding strength of a binary operator: comparison, sum, product, power. Signs bind between product and power.
 fn strength(symbol: &str) -> Option<(u8, Binary)> {
     Some(match symbol {
-        "<" => (1, |a, b| truth(a < b)),
-        "<=" => (1, |a, b| truth(a <= b)),
-        ">" => (1, |a, b| truth(a > b)),
-        ">=" => (1, |a, b| truth(a >= b)),
-        "==" => (1, |a, b| truth(a == b)),
-        "!=" => (1, |a, b| truth(a != b)),
+        "<" => (1, |a, b| truth(a < b, a, b)),
+        "<=" => (1, |a, b| truth(a <= b, a, b)),
+        ">" => (1, |a, b| truth(a > b, a, b)),
+        ">=" => (1, |a, b| truth(a >= b, a, b)),
+        "==" => (1, |a, b| truth(a == b, a, b)),
+        "!=" => (1, |a, b| truth(a != b, a, b)),
         "+" => (2, |a, b| a + b),
         "-" => (2, |a, b| a - b),
         "*" => (3, |a, b| a * b),

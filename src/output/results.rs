@@ -18,6 +18,19 @@ use super::summary::{Account, Outcome};
 use super::table::{Entry, Table};
 use super::vtu::{self, CellKind, Field, Kinds, Mesh};
 
+/// Columns of `quality.csv`.
+const QUALITY: [&str; 9] = [
+    "step",
+    "partition_of_unity_loss",
+    "domain_outside_grid",
+    "domain_volume_excess",
+    "smallest_cell_filling",
+    "smallest_det_f",
+    "largest_det_f",
+    "mass",
+    "volume",
+];
+
 /// Names of the series.
 const SERIES: [&str; 3] = ["points", "domains", "grid"];
 
@@ -26,6 +39,7 @@ pub struct Results {
     directory: PathBuf,
     every: usize,
     history: Table,
+    quality: Table,
     convergence: Table,
     series: [Series; 3],
     /// The last step whose points were written.
@@ -68,6 +82,7 @@ impl Results {
             directory: directory.to_owned(),
             every,
             history: Table::create(directory.join("history.csv"), &columns)?,
+            quality: Table::create(directory.join("quality.csv"), &QUALITY)?,
             convergence: Table::create(
                 directory.join("convergence.csv"),
                 &["step", "iteration", "residual"],
@@ -189,7 +204,21 @@ impl Results {
             }
         }
         row.extend([Entry::from(summary.external_work), Entry::from(summary.strain_energy)]);
-        self.history.push(&row)
+        self.history.push(&row)?;
+        let of = &summary.quality.latest;
+        let measures = [
+            of.partition_of_unity_loss,
+            of.domain_outside_grid,
+            of.domain_volume_excess,
+            of.smallest_cell_filling,
+            of.det_f[0],
+            of.det_f[1],
+            of.mass,
+            of.volume,
+        ];
+        let mut row = vec![Entry::from(report.step.index as i64)];
+        row.extend(measures.map(Entry::from));
+        self.quality.push(&row)
     }
 
     fn is_due<const D: usize>(&self, model: &Model<D>, step: usize) -> bool {

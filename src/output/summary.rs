@@ -239,7 +239,8 @@ fn quality<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
         "det_f": quality.det_f.map(|[min, max]| json!({"min": min, "max": max})),
         "mass": balance(&quality.mass),
         "volume": balance(&quality.volume),
-        "domain_overlap": worst(quality.domain_overlap),
+        "domain_overlap": quality.domain_overlap,
+        "domain_volume_excess": worst(quality.domain_volume_excess),
         "newton_order": quality.median_newton_order().map(|median| json!({
             "median": median,
             "smallest": slowest.map(|(_, order)| order),

@@ -132,7 +132,7 @@ fn bodies_are_measured_on_their_own() {
     assert!((det_f[0] - 0.9).abs() < 1e-14 && (det_f[1] - 1.5).abs() < 1e-14);
     assert_eq!(quality.mass.relative_change(), 0.0);
     assert!((quality.volume.relative_change() - 0.2).abs() < 1e-14);
-    let overlap = quality.domain_overlap.unwrap();
+    let overlap = quality.domain_volume_excess.unwrap();
     assert!((overlap.value - (1.2 / 0.9 - 1.0)).abs() < 1e-14 && (overlap.step, overlap.body) == (7, 0));
     let rotation = quality.rotation.unwrap();
     assert_eq!((rotation.step, rotation.body, rotation.point), (7, 1, Some(0)));
@@ -148,7 +148,7 @@ fn the_worst_of_all_steps_is_kept() {
         points.trial.position[0] = [0.095, 0.5];
         quality.accept(&model, step, &measures(&model, &mut points), &[]);
     }
-    let overlap = quality.domain_overlap.unwrap();
+    let overlap = quality.domain_volume_excess.unwrap();
     assert!((overlap.value + 0.3).abs() < 1e-14 && overlap.step == 2);
     let text = quality.to_string();
     assert!(text.contains("2.50 % of a domain outside the grid"), "{text}");

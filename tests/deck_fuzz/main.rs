@@ -174,13 +174,14 @@ impl Bench {
     /// What must hold for messages.
     fn examine(&self, source: &Source, found: &[Diagnostic], refused: bool) {
         assert_eq!(found.iter().any(Diagnostic::is_error), refused, "{found:?}");
-        for diagnostic in found {
+        for (number, diagnostic) in found.iter().enumerate() {
             assert!(CODES.iter().any(|(code, _)| *code == diagnostic.code));
             assert!(
                 !diagnostic.message.starts_with("the deck cannot be read: "),
                 "the schema accepts what the types refuse: {diagnostic:?}"
             );
-            assert!(!diagnostic.render(source, true).is_empty());
+            // The program shows a hundred at most.
+            assert!(number >= 100 || !diagnostic.render(source, true).is_empty());
             if let Some(span) = diagnostic.span {
                 assert!(span.start <= span.end && span.start <= source.text().len(), "{diagnostic:?}");
             } else {

@@ -52,6 +52,8 @@ pub fn binary(operator: &str, a: f64, b: f64) -> f64 {
         "-" => return a - b,
         "*" => return a * b,
         "/" => return a / b,
+        // What is undefined stays so.
+        "^" | "<" | "<=" | ">" | ">=" | "==" | "!=" if a.is_nan() || b.is_nan() => return f64::NAN,
         "^" if b.fract() == 0.0 && (-16.0..=16.0).contains(&b) => return a.powi(b as i32),
         "^" => return a.powf(b),
         "<" => a < b,

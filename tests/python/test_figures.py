@@ -54,8 +54,8 @@ def test_a_run_is_made_once_and_a_deck_that_cannot_run_is_an_error(program, tmp_
     time = (first / "summary.json").stat().st_mtime_ns
     assert made("compaction", h=25, n=1, method="mpm", every=0) == first
     assert (first / "summary.json").stat().st_mtime_ns == time
-    changed = made("compaction", runs.DOMAIN_VOLUME, h=25, n=1, update="none", every=0)
-    assert changed != first and "point_volume: domain" in (changed / "deck.yaml").read_text()
+    changed = made("compaction", h=25, n=1, update="none", every=0, **runs.DOMAIN_VOLUME)
+    assert changed != first and runs.summary(changed)["parameters"]["volume"] == "domain"
     with pytest.raises(RuntimeError, match="nonsense"):
         made("compaction", nonsense=1)
 

@@ -37,7 +37,7 @@ def names_of_series(results):
 def test_the_expected_files_and_no_others(beam, collapse):
     for results, series in [(beam, ["domains", "grid", "points"]), (collapse, ["grid", "points"])]:
         assert names_of_series(results) == series
-        expected = {f"{name}.pvd" for name in series} | {"history.csv", "convergence.csv", "summary.json"}
+        expected = {f"{name}.pvd" for name in series} | {"history.csv", "convergence.csv", "quality.csv", "summary.json"}
         expected |= {path.name for name in series for _, path in results.series(name)}
         written = {path.name for path in results.directory.iterdir()}
         assert expected <= written

@@ -11,9 +11,7 @@ from pages.drawing import BLUE_TO_YELLOW, MARKERS, colour_bar, corners_of_cells,
 from pages.runs import ROOT, heading, row, summary
 
 HERE = Path(__file__).resolve().parents[1]
-SEGMENTS, COUNTS = (18, 36, 72, 144, 288), (1, 4, 8, 16)
-# 144 points per triangle, from the second study of annulus.md: too long for this script.
-ERRORS_144 = (3.1275e-2, 8.9411e-3, 3.5174e-3, 6.2458e-4, 1.3686e-4)
+SEGMENTS, COUNTS = (18, 36, 72, 144, 288), (1, 4, 8, 16, 144)
 NAMES = {name: getattr(np, name) for name in ("sqrt", "cos", "sin")} | {"asinh": np.arcsinh, "atan2": np.arctan2}
 
 
@@ -115,7 +113,6 @@ def convergence(runs):
         slope = np.polyfit(np.log(sizes[done]), np.log(errors[done]), 1)[0]
         row(n, *(f"{e:.4e}" for e in errors), f"{slope:.2f}")
         axes.loglog(1 / sizes[done], errors[done], marker=MARKERS[number], ms=4, lw=1, label=f"{n}")
-    axes.loglog(1 / sizes, ERRORS_144, marker=MARKERS[4], ms=4, lw=1, label="144")
     line = np.array([3.0, 40.0])
     axes.loglog(line, 0.1 * line**-2.0, "k--", lw=0.8, label="second order")
     axes.set(xlabel="1 / h  [1/m]", ylabel="mean displacement error  [m]")

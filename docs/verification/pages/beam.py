@@ -129,7 +129,7 @@ def force_of_gimp(runs):
     by_size = [(f"h = {h} m", dict(h=h, n=6, method="gimp", update="corners")) for h in SIZES]
     by_update = [(label, dict(h=0.5, n=6, method="gimp", update=update)) for update, label in UPDATES.items()]
     by_update.append((
-        "$F_{ii}$ (33), volumes from domains", dict(change=DOMAIN_VOLUME, h=0.5, n=6, method="gimp", update="diagonal"),
+        "$F_{ii}$ (33), volumes from domains", dict(**DOMAIN_VOLUME, h=0.5, n=6, method="gimp", update="diagonal"),
     ))
     groups = [("(a) 6 x 6 points, corners (37)", by_size), ("(b) 6 x 6 points, h = 0.5 m", by_update)]
     force_panels(runs, HERE / "beam-gimp.svg", 1, groups)

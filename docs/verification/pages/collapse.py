@@ -88,15 +88,16 @@ def vanishing_domains(out, step):
 
 def domain_updates(runs):
     """Figure 22 and Table 7."""
-    cases = [(UPDATES.get(u, "CPDI2"), None, u, *values) for u, values in TABLE_7.items()]
+    cases = [(UPDATES.get(u, "CPDI2"), {}, u, *values) for u, values in TABLE_7.items()]
     for update in ("diagonal", "stretch"):
         cases.append((UPDATES[update] + ", volumes from domains", DOMAIN_VOLUME, update, *TABLE_7[update]))
     figure, grid = panels(3, 2, 11, 9.3)
     other, rest = panels(1, 3, 14, 2.9)
     heading("update", "extent, paper", "ours", "difference", "height, paper", "ours", "difference", "evaluations")
-    for axes, (title, change, update, px, py) in zip([*grid.flat, *rest.flat], cases):
+    for axes, (title, volume, update, px, py) in zip([*grid.flat, *rest.flat], cases):
         method, update_of_deck = ("cpdi2", "corners") if update == "cpdi2" else ("gimp", update)
-        out = runs("collapse", change, h=1, n=6, method=method, update=update_of_deck, every=1 if change else 40)
+        every = 1 if volume else 40
+        out = runs("collapse", h=1, n=6, method=method, update=update_of_deck, every=every, **volume)
         step = summary(out)["steps"]  # (33) with volumes from domains ends one step early
         if step < 40:
             print(title, "stops:", summary(out)["reason"])

@@ -71,15 +71,15 @@ def domain_updates(runs):
     """Figure 7."""
     figure, ((axes,),) = panels(1, 1, 6, 4.2)
     heading("update", *CELLS)
-    cases = [(label, None, "gimp", update) for update, label in UPDATES.items()]
-    cases += [("CPDI2", None, "cpdi2", "corners"), ("no update, volumes from domains", DOMAIN_VOLUME, "gimp", "none")]
-    for number, (label, change, method, update) in enumerate(cases):
+    cases = [(label, {}, "gimp", update) for update, label in UPDATES.items()]
+    cases += [("CPDI2", {}, "cpdi2", "corners"), ("no update, volumes from domains", DOMAIN_VOLUME, "gimp", "none")]
+    for number, (label, volume, method, update) in enumerate(cases):
         errors = [
-            error_of_completed(runs("compaction", change, h=50 / c, n=2, method=method, update=update, every=20))
+            error_of_completed(runs("compaction", h=50 / c, n=2, method=method, update=update, every=20, **volume))
             for c in CELLS
         ]
         row(label, *(f"{e:.2e}" for e in errors))
-        style = {"ls": "--", "color": "C0", "mfc": "white"} if change else {}
+        style = {"ls": "--", "color": "C0", "mfc": "white"} if volume else {}
         axes.loglog([c / 50 for c in CELLS], errors, marker=(MARKERS + "o")[number], ms=4, lw=1, label=label, **style)
     slope = np.array([0.2, 4.0])
     axes.loglog(slope, 1e-3 * slope**-2.0, "k--", lw=0.8, label="second order")
@@ -89,17 +89,17 @@ def domain_updates(runs):
     save_svg(figure, HERE / "compaction-gimp.svg")
 
 
-def soft_column(runs, update, change=None):
-    return runs("compaction", change, h=SOFT_CELL, n=2, method="gimp", update=update, young=SOFT, every=20)
+def soft_column(runs, update, **volume):
+    return runs("compaction", h=SOFT_CELL, n=2, method="gimp", update=update, young=SOFT, every=20, **volume)
 
 
 def table_of_soft_columns(runs):
     height, stress = exact_profile(SOFT)
     heading("update", "top of the soft column (m)", "lowest domain edge (m)", "error (42)", "stress of the lowest points (kPa)")
     row("exact", f"{height[-1]:.3f}", "0", "0", ", ".join(f"{-WEIGHT / 1e3 * (HEIGHT - SOFT_CELL * (k + 0.5) / 2):.1f}" for k in range(4)))
-    cases = [(update, None, update) for update in UPDATES]
-    for label, change, update in [*cases, ("no update, volumes from domains", DOMAIN_VOLUME, "none")]:
-        out = soft_column(runs, update, change)
+    cases = [(update, {}, update) for update in UPDATES]
+    for label, volume, update in [*cases, ("no update, volumes from domains", DOMAIN_VOLUME, "none")]:
+        out = soft_column(runs, update, **volume)
         extent = summary(out)["bodies"]["column"]["extent"]["domain"]
         mesh = mesh_of_step(out, "points", -1)
         lowest = values_of(mesh.point_data, "cauchy_stress", "YY")[np.argsort(original_height(mesh))[:8:2]]
@@ -126,17 +126,17 @@ def soft_columns(runs):
     table_of_soft_columns(runs)
     cases = [
         ("no update,\nvolumes from domains", "none", DOMAIN_VOLUME, "C2"),
-        ("no update", "none", None, "C0"),
-        ("det F (32)", "determinant", None, "C1"),
-        ("corners (37)", "corners", None, "C3"),
+        ("no update", "none", {}, "C0"),
+        ("det F (32)", "determinant", {}, "C1"),
+        ("corners (37)", "corners", {}, "C3"),
     ]
     figure, ((plot, base, *insets),) = panels(1, 6, 12.5, 4.5, width_ratios=[3, 2.3, 1.6, 1.6, 1.6, 1.6])
     height, stress = exact_profile(SOFT)
     top, limits = 4.0, (-46, -12)
     for axes in (plot, base):
         axes.plot(stress / 1e3, height, color="0.75", lw=4, label="exact", zorder=0)
-        for (label, update, change, colour), marker in zip(cases, "dos^"):
-            mesh = mesh_of_step(soft_column(runs, update, change), "points", -1)
+        for (label, update, volume, colour), marker in zip(cases, "dos^"):
+            mesh = mesh_of_step(soft_column(runs, update, **volume), "points", -1)
             places, values = np.asarray(mesh.points)[:, 1], values_of(mesh.point_data, "cauchy_stress", "YY") / 1e3
             order = np.argsort(places)[::2]  # two equal points side by side
             axes.plot(values[order], places[order], marker=marker, color=colour, ms=3.2, lw=0.8, mfc="white", label=label)
@@ -146,8 +146,8 @@ def soft_columns(runs):
     plot.set(ylabel="height [m]", xlim=(-50, 2), ylim=(-1, 30), title="the column")
     plot.legend(fontsize=8, loc="upper left")
     base.set(xlim=(-50, -10), ylim=(-0.45, top), title="its base")
-    for axes, (label, update, change, _) in zip(insets, cases):
-        draw_base(axes, soft_column(runs, update, change), top, limits)
+    for axes, (label, update, volume, _) in zip(insets, cases):
+        draw_base(axes, soft_column(runs, update, **volume), top, limits)
         axes.set_title(label, fontsize=9)
     colour_bar(figure, insets, limits, "vertical stress [kPa]", shrink=0.9, aspect=40)
     save_svg(figure, HERE / "compaction-soft.svg")

@@ -2,14 +2,13 @@
 
 import csv
 import json
-import re
 import subprocess
 from pathlib import Path
 
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[3]
-DOMAIN_VOLUME = ("idealisation: plane-strain", "idealisation: plane-strain, point_volume: domain")
+DOMAIN_VOLUME = {"volume": "domain"}  # a parameter of the decks
 
 
 class Runs:
@@ -18,27 +17,20 @@ class Runs:
     def __init__(self, program, directory):
         self.program, self.directory = Path(program).resolve(), Path(directory).resolve()
 
-    def __call__(self, deck, change=None, **parameters):
-        """The results directory of a deck with these parameters; `change` replaces a text of the deck by another.
+    def __call__(self, deck, **parameters):
+        """The results directory of a deck with these parameters.
 
         A run that fails leaves the steps before the failure. Raises RuntimeError if the deck cannot be run at all.
         """
         if parameters.get("method") == "mpm":
             parameters.pop("update", None)
-        marks = [re.sub(r"[^\w.-]+", "-", change[1])] if change else []
-        name = "_".join([deck, *marks, *(f"{key}-{value}" for key, value in parameters.items())])
+        name = "_".join([deck, *(f"{key}-{value}" for key, value in parameters.items())])
         out = self.directory / name
         if not (out / "summary.json").exists():
             file = ROOT / "inputs" / f"{deck}.yaml"
-            if change:
-                text = file.read_text()
-                assert change[0] in text
-                out.mkdir(parents=True, exist_ok=True)
-                file = out / "deck.yaml"
-                file.write_text(text.replace(*change))
             settings = [word for key, value in parameters.items() for word in ("--set", f"{key}={value}")]
             command = [self.program, "run", file, *settings, "--out", out]
-            process = subprocess.run(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+            process = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
             if process.returncode not in (0, 1):
                 (out / "summary.json").unlink(missing_ok=True)
                 raise RuntimeError(process.stderr)

@@ -1,0 +1,202 @@
+//! How much the domains of the points overlap each other.
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+
+use crate::basis::DomainKind;
+use crate::model::Model;
+use crate::points::Points;
+
+/// Sides of the bins in which domains are looked for, relative to the mean extent of a domain.
+const BIN: f64 = 2.0;
+/// Most bins along an axis that a domain is looked for in; a larger one is cut off.
+const MOST_BINS: i64 = 1000;
+
+/// A domain: the box around it, and its corners in the plane where it is no box.
+struct Domain<const D: usize> {
+    low: [f64; D],
+    high: [f64; D],
+    /// Two triangles, counterclockwise.
+    halves: Option<[[[f64; 2]; 3]; 2]>,
+}
+
+/// Volume that the domains of the converged state share, summed over all pairs of points, relative to the sum of their
+/// volumes, [-]; in the section for bodies of revolution. `None` without domains, and in space for domains given by
+/// corners.
+pub fn domain_overlap<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<f64> {
+    let mut domains = Vec::new();
+    for p in 0..points.len() {
+        match model.bodies[points.body[p] as usize].method.domain() {
+            DomainKind::None => {}
+            DomainKind::Box => {
+                let (x, l) = (&points.converged.position[p], &points.converged.half_lengths[p]);
+                let (low, high) =
+                    (std::array::from_fn(|d| x[d] - l[d]), std::array::from_fn(|d| x[d] + l[d]));
+                domains.push(Domain { low, high, halves: None });
+            }
+            DomainKind::Corners => domains.push(of_corners(points.corners(p))?),
+        }
+    }
+    let total: f64 = domains.iter().map(Domain::volume).sum();
+    if domains.is_empty() || !total.is_finite() || total <= 0.0 {
+        return None;
+    }
+    let mean: f64 = domains.iter().map(Domain::extent).sum::<f64>() / domains.len() as f64;
+    let bin = |x: f64| (x / (BIN * mean)).floor() as i64;
+    let mut bins: HashMap<[i64; D], Vec<u32>> = HashMap::new();
+    for (number, domain) in domains.iter().enumerate() {
+        let first = domain.low.map(bin);
+        let last: [i64; D] =
+            std::array::from_fn(|d| bin(domain.high[d]).min(first[d].saturating_add(MOST_BINS)));
+        for_each_index(first, last, |index| bins.entry(index).or_default().push(number as u32));
+    }
+    // In the order of the bins, so that the sum is always the same.
+    let mut bins: Vec<([i64; D], Vec<u32>)> = bins.into_iter().collect();
+    bins.sort_unstable();
+    let shared: Vec<f64> = bins
+        .par_iter()
+        .map(|(index, members)| {
+            let mut sum = 0.0;
+            for (place, &a) in members.iter().enumerate() {
+                for &b in &members[place + 1..] {
+                    let (a, b) = (&domains[a as usize], &domains[b as usize]);
+                    let low: [f64; D] = std::array::from_fn(|d| a.low[d].max(b.low[d]));
+                    let meet = (0..D).all(|d| low[d] < a.high[d].min(b.high[d]));
+                    // A pair is counted in the bin where the overlap of its boxes begins.
+                    if meet && low.map(bin) == *index {
+                        sum += shared_volume(a, b);
+                    }
+                }
+            }
+            sum
+        })
+        .collect();
+    Some(shared.iter().sum::<f64>() / total)
+}
+
+/// A domain given by corners, in the plane.
+fn of_corners<const D: usize>(corners: &[[f64; D]]) -> Option<Domain<D>> {
+    if D != 2 || corners.len() != 4 {
+        return None;
+    }
+    let x = |k: usize| [corners[k][0], corners[k][1]];
+    // Corners are numbered by bits: 0, 1, 3, 2 go round. Of the two diagonals take the one that lies inside.
+    let [a, b, c, d] = [x(0), x(1), x(3), x(2)];
+    let inner = |halves: [[[f64; 2]; 3]; 2]| halves.iter().all(|half| area(half) >= 0.0);
+    let along = [[a, b, c], [a, c, d]];
+    let halves = if inner(along) { along } else { [[a, b, d], [b, c, d]] };
+    let fold = |least: fn(f64, f64) -> f64| {
+        std::array::from_fn(|d| corners.iter().map(|x| x[d]).reduce(least).unwrap_or(0.0))
+    };
+    Some(Domain { low: fold(f64::min), high: fold(f64::max), halves: Some(halves) })
+}
+
+impl<const D: usize> Domain<D> {
+    fn volume(&self) -> f64 {
+        match &self.halves {
+            None => (0..D).map(|d| self.high[d] - self.low[d]).product(),
+            Some(halves) => halves.iter().map(|half| area(half)).sum(),
+        }
+    }
+
+    /// Its longest side along an axis.
+    fn extent(&self) -> f64 {
+        (0..D).map(|d| self.high[d] - self.low[d]).fold(0.0, f64::max)
+    }
+
+    /// The domain as convex polygons in the plane, with 3 or 4 corners.
+    fn polygons(&self) -> Vec<Vec<[f64; 2]>> {
+        match &self.halves {
+            Some(halves) => halves.iter().map(|half| half.to_vec()).collect(),
+            None => {
+                let ([l, b], [r, t]) = ([self.low[0], self.low[1]], [self.high[0], self.high[1]]);
+                vec![vec![[l, b], [r, b], [r, t], [l, t]]]
+            }
+        }
+    }
+}
+
+/// Volume (area) that two domains share.
+fn shared_volume<const D: usize>(a: &Domain<D>, b: &Domain<D>) -> f64 {
+    if a.halves.is_none() && b.halves.is_none() {
+        return (0..D).map(|d| a.high[d].min(b.high[d]) - a.low[d].max(b.low[d])).product();
+    }
+    let (of_a, of_b) = (a.polygons(), b.polygons());
+    of_a.iter().flat_map(|p| of_b.iter().map(move |q| shared_area(p, q))).sum()
+}
+
+/// Area of what two convex counterclockwise polygons share: the first is cut along the sides of the second.
+fn shared_area(polygon: &[[f64; 2]], window: &[[f64; 2]]) -> f64 {
+    let mut rest = polygon.to_vec();
+    for (k, &a) in window.iter().enumerate() {
+        let b = window[(k + 1) % window.len()];
+        let left = |x: &[f64; 2]| (b[0] - a[0]) * (x[1] - a[1]) - (b[1] - a[1]) * (x[0] - a[0]);
+        let mut kept = Vec::with_capacity(rest.len() + 1);
+        for (k, &from) in rest.iter().enumerate() {
+            let to = rest[(k + 1) % rest.len()];
+            let (s, t) = (left(&from), left(&to));
+            if s >= 0.0 {
+                kept.push(from);
+            }
+            if s * t < 0.0 {
+                let part = s / (s - t);
+                kept.push([from[0] + part * (to[0] - from[0]), from[1] + part * (to[1] - from[1])]);
+            }
+        }
+        rest = kept;
+    }
+    area(&rest).max(0.0)
+}
+
+/// Area of a polygon, positive when its corners go round against the clock.
+fn area(corners: &[[f64; 2]]) -> f64 {
+    let Some(&about) = corners.first() else { return 0.0 };
+    let from = |x: [f64; 2]| [x[0] - about[0], x[1] - about[1]];
+    let twice = corners.windows(2).map(|side| {
+        let (a, b) = (from(side[0]), from(side[1]));
+        a[0] * b[1] - a[1] * b[0]
+    });
+    0.5 * twice.sum::<f64>()
+}
+
+/// Calls `visit` with every index from `first` to `last`, both included, along each axis.
+fn for_each_index<const D: usize>(first: [i64; D], last: [i64; D], mut visit: impl FnMut([i64; D])) {
+    let mut index = first;
+    loop {
+        visit(index);
+        let Some(axis) = (0..D).find(|&d| index[d] < last[d]) else { return };
+        index[axis] += 1;
+        index[..axis].copy_from_slice(&first[..axis]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn polygons_share_what_they_should() {
+        let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let moved = square.map(|[x, y]| [x + 0.5, y + 0.25]);
+        assert!((shared_area(&square, &moved) - 0.375).abs() < 1e-15);
+        assert_eq!(shared_area(&square, &square.map(|[x, y]| [x + 1.0, y])), 0.0);
+        let inner = [[0.25, 0.25], [0.75, 0.25], [0.5, 0.75]];
+        assert!((shared_area(&square, &inner) - 0.125).abs() < 1e-15);
+        assert!((shared_area(&inner, &square) - 0.125).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_dart_is_cut_along_the_diagonal_inside_it() {
+        // Corners by bits; the one at (0.2, 0.2) points inwards.
+        for (corners, exact) in [
+            ([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.2, 0.2]], 0.2),
+            ([[0.0, 0.0], [1.0, -1.0], [-1.0, 1.0], [0.2, 0.2]], 0.4),
+        ] {
+            let domain = of_corners(&corners).unwrap();
+            assert!((domain.volume() - exact).abs() < 1e-15, "{}", domain.volume());
+            let halves = domain.halves.unwrap();
+            assert!(halves.iter().all(|half| area(half) > 0.0));
+        }
+    }
+}
