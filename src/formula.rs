@@ -13,12 +13,19 @@ use parser::{Parser, number_length};
 /// Values that a formula may need at the same time; the parser refuses deeper formulas.
 const STACK: usize = 64;
 
+/// Most intermediate values that a formula may use.
+pub const MOST_INTERMEDIATE: usize = 64;
+/// Most variables beside them: two positions in space and the load factor.
+const MOST_GIVEN: usize = 7;
+
 /// A formula ready to be evaluated.
 #[derive(Debug, Clone)]
 pub struct Formula {
     text: String,
     code: Vec<Op>,
     variables: usize,
+    /// Formulas of the variables that come after the given ones; each may use those before it.
+    intermediate: Vec<Formula>,
 }
 
 /// What is wrong with the text of a formula, and where.
@@ -65,12 +72,24 @@ impl Formula {
         constants: &[(&str, f64)],
     ) -> Result<Formula, FormulaError> {
         let code = Parser::new(text, variables, constants).parse()?;
-        Ok(Formula { text: text.to_owned(), code, variables: variables.len() })
+        Ok(Formula { text: text.to_owned(), code, variables: variables.len(), intermediate: Vec::new() })
     }
 
     /// The formula that is the same number everywhere.
     pub fn constant(value: f64) -> Formula {
-        Formula { text: value.to_string(), code: vec![Op::Constant(value)], variables: 0 }
+        let code = vec![Op::Constant(value)];
+        Formula { text: value.to_string(), code, variables: 0, intermediate: Vec::new() }
+    }
+
+    /// The formula with its last variables given by formulas, each of the variables before it; at most
+    /// [`MOST_INTERMEDIATE`] of them, and at most 7 variables that are left.
+    pub fn with_intermediate(mut self, intermediate: &[Formula]) -> Formula {
+        let used = intermediate.len().min(MOST_INTERMEDIATE);
+        if self.code.iter().any(|op| matches!(op, Op::Variable(_))) {
+            self.variables = self.variables.saturating_sub(used).min(MOST_GIVEN);
+            self.intermediate = intermediate[..used].to_vec();
+        }
+        self
     }
 
     /// The text it was made from.
@@ -84,9 +103,18 @@ impl Formula {
         (!depends).then(|| self.evaluate(&[]))
     }
 
-    /// Whether the formula depends on the variable with this number.
+    /// Whether the formula depends on the variable with this number, itself or by an intermediate value.
     pub fn depends_on(&self, variable: usize) -> bool {
-        self.code.iter().any(|op| matches!(op, Op::Variable(index) if *index == variable))
+        let uses = |formula: &Formula, variable: usize| {
+            formula.code.iter().any(|op| matches!(op, Op::Variable(index) if *index == variable))
+        };
+        let mut depend: Vec<usize> = vec![variable];
+        for (number, formula) in (self.variables..).zip(&self.intermediate) {
+            if depend.iter().any(|&known| uses(formula, known)) {
+                depend.push(number);
+            }
+        }
+        depend.iter().any(|&known| uses(self, known))
     }
 
     /// Value of the formula for these values of its variables; NaN if fewer are given than the formula has.
@@ -94,6 +122,22 @@ impl Formula {
         debug_assert!(
             self.variables <= values.len() || !self.code.iter().any(|op| matches!(op, Op::Variable(_)))
         );
+        if self.intermediate.is_empty() {
+            return self.run(values);
+        }
+        let mut all = [0.0; MOST_GIVEN + MOST_INTERMEDIATE];
+        let given = values.len().min(self.variables);
+        all[..given].copy_from_slice(&values[..given]);
+        let mut known = self.variables;
+        for formula in &self.intermediate {
+            all[known] = formula.run(&all[..known]);
+            known += 1;
+        }
+        self.run(&all[..known])
+    }
+
+    /// Runs the code of the formula itself.
+    fn run(&self, values: &[f64]) -> f64 {
         let mut stack = [0.0; STACK];
         let mut top = 0;
         for op in &self.code {
@@ -317,6 +361,19 @@ mod tests {
         }
         assert_eq!(fault("2*gama").help.as_deref(), Some("did you mean `gamma`?"));
         assert_eq!(fault("sqr(2)").help.as_deref(), Some("did you mean `sqrt`?"));
+    }
+
+    #[test]
+    fn intermediate_values_stand_for_formulas() {
+        let square = Formula::parse("x^2", &["x", "f"]).unwrap();
+        let scaled = Formula::parse("f*a", &["x", "f", "a"]).unwrap();
+        let given = [square, scaled];
+        let of = |text: &str| Formula::parse(text, &["x", "f", "a", "b"]).unwrap().with_intermediate(&given);
+        assert_eq!(of("a + b + x").evaluate(&[3.0, 2.0]), 9.0 + 18.0 + 3.0);
+        assert!(of("b").depends_on(1) && of("b").depends_on(0));
+        assert!(of("a").depends_on(0) && !of("a").depends_on(1));
+        assert_eq!(of("7").as_constant(), Some(7.0));
+        assert_eq!(of("a").as_constant(), None);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! External forces: weight, body forces and point forces, eqs. (24), (25), (29), and the load curves they follow.
 
 use crate::basis::Connectivity;
-use crate::formula::Formula;
+use crate::formula::{Formula, MOST_INTERMEDIATE};
 use crate::model::Model;
 use crate::points::{Points, coordinates};
 
@@ -59,9 +59,6 @@ pub struct VectorFormula<const D: usize> {
     /// For each formula whether it depends on the load factor, directly or through an intermediate value.
     scaled: [bool; D],
 }
-
-/// Most intermediate values of a [`VectorFormula`].
-pub const MOST_INTERMEDIATE: usize = 64;
 
 impl<const D: usize> VectorFormula<D> {
     /// From formulas of the variables listed above; at most [`MOST_INTERMEDIATE`] intermediate values are kept.

@@ -5,13 +5,13 @@ mod nearest;
 use std::collections::HashMap;
 
 use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote};
-use super::formulas::at_points;
+use super::formulas::{self, at_nodes, at_points};
 use super::load::LoadedDeck;
 use super::region::{FromFiles, Groups, OfDeck, Refusal, region};
 use super::seeding::{Filled, Filling};
 use super::size::Size;
 use super::{
-    AXES, BoundaryConditionDeck, Deck, Expression, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
+    AXES, BoundaryConditionDeck, Deck, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
     MaterialDeck, NodeSelector, PerAxis,
 };
 use super::{axisymmetry, placing};
@@ -341,12 +341,11 @@ where
         }
     }
 
-    fn formula(&mut self, expression: &Expression, pointer: &str) -> Formula {
-        expression.at_nodes(&self.loaded.parameters, D).unwrap_or_else(|error| {
-            let message = format!("the formula cannot be understood: {}", error.message);
-            self.error("D021", pointer, message, "see the reference of formulas".to_owned());
-            Formula::constant(0.0)
-        })
+    fn faulty_formulas(&mut self, pointer: &str, faults: Vec<formulas::Fault>) {
+        for fault in faults {
+            let help = "see the reference of formulas".to_owned();
+            self.error("D021", &format!("{pointer}/{}", fault.key), fault.error.message, help);
+        }
     }
 
     fn boundary_conditions(&mut self, grid: &dyn Grid<D>) -> Vec<BoundaryCondition<D>> {
@@ -355,12 +354,14 @@ where
         for (number, condition) in deck.boundary_conditions.iter().enumerate() {
             let pointer = format!("/boundary_conditions/{number}");
             let nodes = self.nodes(grid, condition, &pointer);
-            let mut displacement: [Option<Formula>; D] = std::array::from_fn(|_| None);
-            for (axis, (key, given)) in condition.displacements().into_iter().enumerate().take(D) {
-                if let Some(expression) = given {
-                    displacement[axis] = Some(self.formula(expression, &format!("{pointer}/{key}")));
+            let mut prescribed = match at_nodes(condition, &self.loaded.parameters, D) {
+                Ok(formulas) => formulas,
+                Err(faults) => {
+                    self.faulty_formulas(&pointer, faults);
+                    continue;
                 }
-            }
+            };
+            let mut displacement: [Option<Formula>; D] = std::array::from_fn(|axis| prescribed[axis].take());
             for axis in condition.fix.iter().map(|axis| *axis as usize).filter(|axis| *axis < D) {
                 displacement[axis] = Some(Formula::constant(0.0));
             }
@@ -482,11 +483,7 @@ where
                             curve: self.curve(curve),
                         },
                         Err(faults) => {
-                            for fault in faults {
-                                let help = "see the reference of formulas".to_owned();
-                                let place = format!("{pointer}/{}", fault.key);
-                                self.error("D021", &place, fault.error.message, help);
-                            }
+                            self.faulty_formulas(&pointer, faults);
                             continue;
                         }
                     }

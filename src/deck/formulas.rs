@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::{Expression, Parameter};
-use crate::formula::{Formula, FormulaError, names};
-use crate::loads::{MOST_INTERMEDIATE, VectorFormula};
+use super::{AXES, BoundaryConditionDeck, Expression, Parameter};
+use crate::formula::{Formula, FormulaError, MOST_INTERMEDIATE, names};
+use crate::loads::VectorFormula;
 
 /// Names of the variables of a formula for grid nodes, in the order of their values.
 fn names_at_nodes(dimensions: usize) -> Vec<&'static str> {
@@ -20,9 +20,10 @@ fn names_at_points(dimensions: usize) -> Vec<&'static str> {
 /// Names that stand for variables in some formula, so that no parameter may have them.
 pub const VARIABLES: [&str; 7] = ["x", "y", "z", "X", "Y", "Z", "factor"];
 
-/// A fault of a formula: the key under the load (`force/0`, `where/q`), the text, and what is wrong.
+/// A fault of a formula: the key under the load or boundary condition (`force/0`, `where/q`), the text, and what is
+/// wrong.
 pub struct Fault {
-    /// Key, relative to the load.
+    /// Key, relative to the load or boundary condition.
     pub key: String,
     /// Text of the formula.
     pub text: String,
@@ -69,19 +70,68 @@ fn text_of(expression: &Expression) -> String {
     }
 }
 
-impl Expression {
-    /// The formula of x, y, in three dimensions z, and factor at grid nodes that this stands for; numeric parameters
-    /// are known in it.
-    ///
-    /// # Errors
-    /// The first fault of the text. A deck that passed its checks has none.
-    pub fn at_nodes(
-        &self,
-        parameters: &BTreeMap<String, Parameter>,
-        dimensions: usize,
-    ) -> Result<Formula, FormulaError> {
-        parse(self, &names_at_nodes(dimensions), parameters)
+/// Components of a vector with their keys, and the intermediate values that they use, as formulas of the same variables
+/// and the intermediate values before.
+type Parsed = (Vec<Formula>, Vec<Formula>);
+
+/// # Errors
+/// The first fault of each text, names with a meaning already, and values that depend on themselves.
+fn parse_all<'a>(
+    components: &[(String, &Expression)],
+    intermediate: &'a BTreeMap<String, Expression>,
+    mut variables: Vec<&'a str>,
+    parameters: &BTreeMap<String, Parameter>,
+) -> Result<Parsed, Vec<Fault>> {
+    let mut faults = Vec::new();
+    let ordered = in_order(intermediate, parameters, &mut faults);
+    if !faults.is_empty() {
+        return Err(faults); // formulas that use these names have no faults of their own
     }
+    let mut read = |key: String, expression: &Expression, variables: &[&str]| {
+        parse(expression, variables, parameters).unwrap_or_else(|error| {
+            faults.push(Fault { key, text: text_of(expression), error });
+            Formula::constant(0.0)
+        })
+    };
+    let mut given = Vec::new();
+    for name in ordered {
+        given.push(read(format!("where/{name}"), &intermediate[name], &variables));
+        variables.push(name);
+    }
+    let vector = components.iter().map(|(key, part)| read(key.clone(), part, &variables)).collect();
+    if faults.is_empty() { Ok((given, vector)) } else { Err(faults) }
+}
+
+/// The displacements that a boundary condition prescribes, along each axis, as formulas of x, y, in three dimensions z,
+/// and factor at grid nodes.
+///
+/// # Errors
+/// As for [`at_points`].
+pub fn at_nodes(
+    condition: &BoundaryConditionDeck,
+    parameters: &BTreeMap<String, Parameter>,
+    dimensions: usize,
+) -> Result<[Option<Formula>; AXES.len()], Vec<Fault>> {
+    let displacements = condition.displacements().into_iter().enumerate().take(dimensions);
+    let (axes, components): (Vec<usize>, Vec<(String, &Expression)>) = displacements
+        .filter_map(|(axis, (key, given))| Some((axis, (key.to_owned(), given.as_ref()?))))
+        .unzip();
+    let parsed = parse_all(&components, &condition.intermediate, names_at_nodes(dimensions), parameters);
+    let (given, vector) = parsed.map_err(|mut faults| {
+        for fault in &mut faults {
+            let name = fault.text.get(fault.error.offset..fault.error.offset + fault.error.length);
+            if matches!(name, Some("X" | "Y" | "Z")) {
+                fault.error.help =
+                    Some("a node of the grid has no original position; `x` is its place".to_owned());
+            }
+        }
+        faults
+    })?;
+    let mut all = [const { None }; AXES.len()];
+    for (axis, formula) in axes.into_iter().zip(vector) {
+        all[axis] = Some(formula.with_intermediate(&given));
+    }
+    Ok(all)
 }
 
 /// The vector formula of a body force and its intermediate values.
@@ -93,34 +143,12 @@ pub fn at_points<const D: usize>(
     intermediate: &BTreeMap<String, Expression>,
     parameters: &BTreeMap<String, Parameter>,
 ) -> Result<VectorFormula<D>, Vec<Fault>> {
-    let mut faults = Vec::new();
-    let mut variables: Vec<&str> = names_at_points(D);
-    let mut formulas = Vec::new();
-    let ordered = in_order(intermediate, parameters, &mut faults);
-    if !faults.is_empty() {
-        return Err(faults); // formulas that use these names have no faults of their own
-    }
-    for name in ordered {
-        let expression = &intermediate[name];
-        match parse(expression, &variables, parameters) {
-            Ok(formula) => formulas.push(formula),
-            Err(error) => {
-                faults.push(Fault { key: format!("where/{name}"), text: text_of(expression), error });
-                formulas.push(Formula::constant(0.0));
-            }
-        }
-        variables.push(name);
-    }
-    let mut vector = std::array::from_fn(|_| Formula::constant(0.0));
-    for (index, expression) in components.iter().enumerate().take(D) {
-        match parse(expression, &variables, parameters) {
-            Ok(formula) => vector[index] = formula,
-            Err(error) => {
-                faults.push(Fault { key: format!("force/{index}"), text: text_of(expression), error });
-            }
-        }
-    }
-    if faults.is_empty() { Ok(VectorFormula::new(formulas, vector)) } else { Err(faults) }
+    let components: Vec<(String, &Expression)> =
+        components.iter().take(D).enumerate().map(|(axis, part)| (format!("force/{axis}"), part)).collect();
+    let (given, vector) = parse_all(&components, intermediate, names_at_points(D), parameters)?;
+    let mut vector = vector.into_iter();
+    let vector = std::array::from_fn(|_| vector.next().unwrap_or(Formula::constant(0.0)));
+    Ok(VectorFormula::new(given, vector))
 }
 
 /// The intermediate values in an order in which each needs only those before it.

@@ -343,6 +343,9 @@ pub struct BoundaryConditionDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
     pub uz: Option<Expression>,
+    /// Intermediate values with a name each, in any order, for use in the displacements.
+    #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub intermediate: BTreeMap<String, Expression>,
     /// Load factor over time; a linear ramp from 0 to 1 where not stated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<LoadCurve>,

@@ -396,7 +396,7 @@ impl Table<'_> {
 fn is_formula(pointer: &str) -> bool {
     let mut parts = pointer.rsplit('/');
     let last = parts.next();
-    matches!(last, Some("ux" | "uy")) || parts.next() == Some("force")
+    matches!(last, Some("ux" | "uy" | "uz")) || matches!(parts.next(), Some("force" | "where"))
 }
 
 fn as_value(parameter: &Parameter) -> Value {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::Check;
 use crate::deck::diagnostic::{Diagnostic, Severity, quote};
-use crate::deck::formulas::at_points;
+use crate::deck::formulas::{Fault, at_nodes, at_points};
 use crate::deck::{
     AXES, BoundaryConditionDeck, Expression, LoadCurve, LoadDeck, NodeSelector, PointSelector,
 };
@@ -84,26 +84,13 @@ impl Check<'_> {
             }
         }
         for (axis, (key, expression)) in displacements.into_iter().enumerate() {
-            let at = format!("{pointer}/{key}");
-            match expression {
-                Some(_) if axis >= self.dimensions() => {
-                    self.of_other_dimension(&at, &format!("the displacement `{key}`"), 3);
-                }
-                Some(expression) => self.expression(&at, expression),
-                None => {}
+            if expression.is_some() && axis >= self.dimensions() {
+                let at = format!("{pointer}/{key}");
+                self.of_other_dimension(&at, &format!("the displacement `{key}`"), 3);
             }
         }
-    }
-
-    /// A formula at grid nodes.
-    fn expression(&mut self, pointer: &str, expression: &Expression) {
-        let Expression::Formula(text) = expression else { return };
-        if let Err(error) = expression.at_nodes(&self.deck.parameters, self.dimensions()) {
-            let place = (text.as_str(), error.offset, error.length);
-            let mut diagnostic = Diagnostic::inside(self.source, "D021", pointer, place, error.message);
-            diagnostic.help = error.help;
-            self.found.push(diagnostic);
-        }
+        let faults = at_nodes(condition, &self.deck.parameters, self.dimensions()).err();
+        self.formulas(pointer, faults.unwrap_or_default());
     }
 
     /// The formulas of a body force and their intermediate values.
@@ -118,7 +105,11 @@ impl Check<'_> {
             3 => at_points::<3>(force, intermediate, parameters).err(),
             _ => at_points::<2>(force, intermediate, parameters).err(),
         };
-        for fault in faults.unwrap_or_default() {
+        self.formulas(pointer, faults.unwrap_or_default());
+    }
+
+    fn formulas(&mut self, pointer: &str, faults: Vec<Fault>) {
+        for fault in faults {
             let at = format!("{pointer}/{}", fault.key);
             let place = (fault.text.as_str(), fault.error.offset, fault.error.length);
             let mut diagnostic = Diagnostic::inside(self.source, "D021", &at, place, fault.error.message);

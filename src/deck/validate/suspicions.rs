@@ -7,6 +7,7 @@ use super::geometry::Extent;
 use crate::basis::DomainKind;
 use crate::deck::build::per_axis;
 use crate::deck::diagnostic::{Diagnostic, Severity, quote};
+use crate::deck::formulas::at_nodes;
 use crate::deck::source::escape;
 use crate::deck::{
     BodyDeck, BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, PerAxis,
@@ -203,12 +204,8 @@ impl Check<'_> {
     fn mean_motion(&self, condition: &BoundaryConditionDeck, body: &BodyDeck) -> Option<Mat3> {
         let Extent { min: low, max: high } = self.bounds("", &body.shape).ok()?;
         let n = self.dimensions();
-        let displacement: Vec<Formula> = condition
-            .displacements()
-            .into_iter()
-            .take(n)
-            .map(|(_, u)| u.as_ref()?.at_nodes(&self.deck.parameters, n).ok())
-            .collect::<Option<_>>()?;
+        let displacement = at_nodes(condition, &self.deck.parameters, n).ok()?;
+        let displacement: Vec<Formula> = displacement.into_iter().take(n).collect::<Option<_>>()?;
         let factor = self.largest_factor(condition.curve.as_ref());
         let u = |axis: usize, mut x: Vec<f64>| {
             let formula = &displacement[axis];
@@ -282,11 +279,12 @@ fn is_zero(expression: &Expression) -> bool {
 fn expressions(deck: &Deck) -> impl Iterator<Item = &Expression> {
     let displacements = deck.boundary_conditions.iter().flat_map(BoundaryConditionDeck::displacements);
     let displacements = displacements.filter_map(|(_, u)| u.as_ref());
+    let given = deck.boundary_conditions.iter().flat_map(|condition| condition.intermediate.values());
     let forces = deck.loads.iter().flat_map(|load| match load {
         LoadDeck::BodyForce { force, intermediate, .. } => {
             force.iter().chain(intermediate.values()).collect::<Vec<_>>()
         }
         _ => Vec::new(),
     });
-    displacements.chain(forces)
+    displacements.chain(given).chain(forces)
 }
