@@ -50,13 +50,12 @@ impl Check<'_> {
     pub(super) fn wrong_count(&mut self, pointer: &str, count: usize) {
         let axes = self.dimensions();
         let message = format!("expected {axes} entries, one per axis, found {count}");
-        match (axes, count) {
-            (2, 3) => {
-                let help = "three axes need `analysis: {idealisation: solid}`";
-                self.error_with_help("D015", pointer, message, help);
-            }
-            _ => self.error("D015", pointer, message),
+        let mut diagnostic = Diagnostic::at(self.source, "D015", pointer, message)
+            .expected(format!("{axes} entries, one per axis"));
+        if (axes, count) == (2, 3) {
+            diagnostic = diagnostic.help("three axes need `analysis: {idealisation: solid}`");
         }
+        self.found.push(diagnostic);
     }
 
     /// What needs another number of dimensions than the deck has.
