@@ -6,20 +6,23 @@
 //! every sum is fixed: the result has the same bits for any number of threads.
 #![allow(non_snake_case)]
 
+mod group;
 mod pattern;
 
 use std::ops::Range;
 
+use pulp::{Arch, Simd, WithSimd};
+
 use crate::basis::{Connectivity, Links};
 use crate::constraints::DofMap;
 use crate::kinematics::Increment;
-use crate::linear::Pattern;
 use crate::material::Material;
 use crate::model::Model;
 use crate::points::Points;
 use crate::stress::{Formulation, Mechanics, PointError, PointResponse, StartOfStep, WeakForm};
 use crate::tensor::Sym3;
 
+use group::{Cell, Dense, Square, Triangle};
 pub use pattern::FreeEntries;
 use pattern::{NodePairs, UNCOUPLED};
 
@@ -131,14 +134,14 @@ impl<const D: usize> System<D> {
             let first = links.points_of(batch.start).start;
             let last = links.points_of(batch.end - 1).end;
             let n = points.history_len;
-            let work = Work {
+            let trial = Trial {
+                first,
                 elastic_strain: &mut points.trial.elastic_strain[first..last],
                 kirchhoff_stress: &mut points.trial.kirchhoff_stress[first..last],
                 history: &mut points.trial.history[first * n..last * n],
                 mapped: &mut self.mapped,
-                dense: &mut self.dense,
-                force: &mut self.dense_force,
             };
+            let work = Work { trial, dense: &mut self.dense, force: &mut self.dense_force };
             task.run(batch.clone(), work)?;
             self.merge(links, batch);
         }
@@ -189,16 +192,22 @@ impl<const D: usize> System<D> {
         reach
     }
 
-    /// `out = K x` over all active nodes, constrained ones included.
-    pub fn multiply(&self, x: &[[f64; D]], out: &mut [[f64; D]]) {
+    /// `out = K x` over all active nodes, constrained ones included, on the nodes that are `wanted`; zero elsewhere.
+    pub fn multiply(&self, x: &[[f64; D]], out: &mut [[f64; D]], wanted: impl Fn(usize) -> bool) {
         out.fill([0.0; D]);
         let symmetric = self.pairs.symmetric();
         self.pairs.for_each(|row, column, place| {
             let block = &self.blocks[place];
-            for i in 0..D {
-                for k in 0..D {
-                    out[row][i] += block[i][k] * x[column][k];
-                    if symmetric && row != column {
+            if wanted(row) {
+                for i in 0..D {
+                    for k in 0..D {
+                        out[row][i] += block[i][k] * x[column][k];
+                    }
+                }
+            }
+            if symmetric && row != column && wanted(column) {
+                for i in 0..D {
+                    for k in 0..D {
                         out[column][k] += block[i][k] * x[row][i];
                     }
                 }
@@ -215,11 +224,6 @@ impl<const D: usize> System<D> {
             }
         });
         diagonal
-    }
-
-    /// The pattern handed to the linear solver, see [`System::free_entries`].
-    pub fn pattern(entries: &FreeEntries) -> &Pattern {
-        &entries.pattern
     }
 }
 
@@ -243,12 +247,45 @@ struct Task<'a, const D: usize, M> {
     mechanics: std::marker::PhantomData<M>,
 }
 
-/// What the points of some consecutive groups write.
-struct Work<'a, const D: usize> {
+/// What the points of some consecutive groups write of their own.
+struct Trial<'a, const D: usize> {
+    /// The first of the points.
+    first: usize,
     elastic_strain: &'a mut [Sym3],
     kirchhoff_stress: &'a mut [Sym3],
     history: &'a mut [f64],
     mapped: &'a mut [[f64; D]],
+}
+
+impl<'a, const D: usize> Trial<'a, D> {
+    /// The parts before and from a point, whose groups touch `n_nodes` nodes before.
+    fn split(self, point: usize, n_nodes: usize, history_len: usize) -> (Trial<'a, D>, Trial<'a, D>) {
+        let n = point - self.first;
+        let (strain_l, strain_r) = self.elastic_strain.split_at_mut(n);
+        let (stress_l, stress_r) = self.kirchhoff_stress.split_at_mut(n);
+        let (history_l, history_r) = self.history.split_at_mut(n * history_len);
+        let (mapped_l, mapped_r) = self.mapped.split_at_mut(n_nodes);
+        let left = Trial {
+            first: self.first,
+            elastic_strain: strain_l,
+            kirchhoff_stress: stress_l,
+            history: history_l,
+            mapped: mapped_l,
+        };
+        let right = Trial {
+            first: point,
+            elastic_strain: strain_r,
+            kirchhoff_stress: stress_r,
+            history: history_r,
+            mapped: mapped_r,
+        };
+        (left, right)
+    }
+}
+
+/// What the points of some consecutive groups write.
+struct Work<'a, const D: usize> {
+    trial: Trial<'a, D>,
     dense: &'a mut [Block<D>],
     force: &'a mut [[f64; D]],
 }
@@ -258,97 +295,159 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
     fn run(&self, groups: Range<usize>, work: Work<D>) -> Result<(), PointFailure> {
         if groups.len() <= GRAIN {
             return match self.model.formulation {
-                Formulation::PreviouslyConverged => self.run_groups(groups, work, M::respond),
-                Formulation::UpdatedLagrangian => self.run_groups(groups, work, M::respond_updated),
+                Formulation::PreviouslyConverged => self.run_groups::<false>(groups, work),
+                Formulation::UpdatedLagrangian => self.run_groups::<true>(groups, work),
             };
         }
         let middle = groups.start + groups.len() / 2;
         let (left, right) = (groups.start..middle, middle..groups.end);
-        let first = self.links.points_of(left.start).start;
-        let cut = self.links.points_of(right.start).start;
-        let n_points = cut - first;
         let n_nodes = left.clone().map(|g| self.links.nodes_of(g).len()).sum();
-        let (strain_l, strain_r) = work.elastic_strain.split_at_mut(n_points);
-        let (stress_l, stress_r) = work.kirchhoff_stress.split_at_mut(n_points);
-        let (history_l, history_r) = work.history.split_at_mut(n_points * self.history_len);
-        let (mapped_l, mapped_r) = work.mapped.split_at_mut(n_nodes);
+        let cut = self.links.points_of(right.start).start;
+        let (trial_l, trial_r) = work.trial.split(cut, n_nodes, self.history_len);
         let (dense_l, dense_r) = work.dense.split_at_mut(self.pairs.dense_range(left.clone()).len());
         let (force_l, force_r) = work.force.split_at_mut(n_nodes);
-        let work_l = Work {
-            elastic_strain: strain_l,
-            kirchhoff_stress: stress_l,
-            history: history_l,
-            mapped: mapped_l,
-            dense: dense_l,
-            force: force_l,
-        };
-        let work_r = Work {
-            elastic_strain: strain_r,
-            kirchhoff_stress: stress_r,
-            history: history_r,
-            mapped: mapped_r,
-            dense: dense_r,
-            force: force_r,
-        };
+        let work_l = Work { trial: trial_l, dense: dense_l, force: force_l };
+        let work_r = Work { trial: trial_r, dense: dense_r, force: force_r };
         let (a, b) = rayon::join(|| self.run(left, work_l), || self.run(right, work_r));
         a.and(b)
     }
 
-    /// Evaluates the points of some groups one after the other by `respond`, one of the two of [`Mechanics`].
-    fn run_groups<W: WeakForm<D>>(
+    /// Evaluates the points of some groups one after the other, in one of the two formulations.
+    fn run_groups<const UPDATED: bool>(
         &self,
         groups: Range<usize>,
         work: Work<D>,
-        respond: impl Fn(
-            &StartOfStep,
-            &Increment<D>,
-            &dyn Material,
-            &[f64],
-            &mut [f64],
-        ) -> Result<PointResponse<W>, PointError>,
     ) -> Result<(), PointFailure> {
-        let (mut dense, mut force) = (work.dense, work.force);
-        let first = self.links.points_of(groups.start).start;
-        let n = self.history_len;
+        let Work { mut trial, mut dense, mut force } = work;
+        let symmetric = self.pairs.symmetric();
         for group in groups {
-            let nodes = self.links.nodes_of(group);
+            let n = self.links.nodes_of(group).len();
             let (k, rest) = dense.split_at_mut(self.pairs.dense_range(group..group + 1).len());
             dense = rest;
-            let (f, rest) = force.split_at_mut(nodes.len());
+            let (f, rest) = force.split_at_mut(n);
             force = rest;
-            k.fill([[0.0; D]; D]);
-            f.fill([0.0; D]);
-            for p in self.links.points_of(group) {
-                let links = self.links.links(p);
-                let here = p - first;
-                let increment = Increment::new::<M>(nodes, &links, self.delta_d, &self.position[p]);
-                let law = self.law(p);
-                let kept = law.state_fields().len();
-                let old = &self.old_history[p * n..][..kept];
-                let new = &mut work.history[here * n..][..kept];
-                let response = respond(&self.start[p], &increment, law, old, new)
-                    .map_err(|error| PointFailure { point: p, error })?;
-                work.elastic_strain[here] = response.elastic_strain;
-                work.kirchhoff_stress[here] = response.tau;
-                let weak = &response.weak;
-                let gradients = match weak.inverse() {
-                    None => links.gradient,
-                    Some(inverse) => map_gradients(inverse, links.gradient, work.mapped),
-                };
-                if self.pairs.symmetric() {
-                    accumulate_symmetric(weak, &links, gradients, f, k);
-                } else {
-                    accumulate(weak, &links, gradients, nodes.len(), f, k);
+            match (D, n) {
+                (3, 8) if self.links.is_whole(group) => {
+                    self.run_cell::<UPDATED, 8, 2>(group, &mut trial, f, k)?;
+                }
+                (_, 4) if self.links.is_whole(group) => {
+                    self.run_cell::<UPDATED, 4, 1>(group, &mut trial, f, k)?;
+                }
+                (2, 3) if self.links.is_whole(group) => {
+                    self.run_cell::<UPDATED, 3, 1>(group, &mut trial, f, k)?;
+                }
+                _ => {
+                    k.fill([[0.0; D]; D]);
+                    if symmetric {
+                        self.run_group::<UPDATED>(group, &mut trial, f, &mut Triangle(k))?;
+                    } else {
+                        let square = &mut Square { blocks: k, nodes: n };
+                        self.run_group::<UPDATED>(group, &mut trial, f, square)?;
+                    }
                 }
             }
         }
         Ok(())
     }
 
+    fn run_cell<const UPDATED: bool, const N: usize, const C: usize>(
+        &self,
+        group: usize,
+        trial: &mut Trial<D>,
+        force: &mut [[f64; D]],
+        dense: &mut [Block<D>],
+    ) -> Result<(), PointFailure> {
+        let mut cell = Cell::<D, N, C>::zero(self.pairs.symmetric());
+        self.run_group::<UPDATED>(group, trial, force, &mut cell)?;
+        cell.store(dense);
+        Ok(())
+    }
+
+    /// Evaluates the points of a group with the vector instructions that the machine has.
+    fn run_group<const UPDATED: bool>(
+        &self,
+        group: usize,
+        trial: &mut Trial<D>,
+        force: &mut [[f64; D]],
+        dense: &mut impl Dense<D>,
+    ) -> Result<(), PointFailure> {
+        force.fill([0.0; D]);
+        Arch::new().dispatch(Vectorised::<D, M, _, UPDATED> { task: self, group, trial, force, dense })
+    }
+
     #[inline]
     fn law(&self, p: usize) -> &dyn Material {
         let body = &self.model.bodies[self.body[p] as usize];
         self.model.materials[body.material].law.as_ref()
+    }
+}
+
+/// The points of one group, to be compiled for several sets of instructions. None of them changes the result: products
+/// and sums are rounded one by one.
+struct Vectorised<'t, 'a, 's, const D: usize, M, K, const UPDATED: bool> {
+    task: &'t Task<'a, D, M>,
+    group: usize,
+    trial: &'t mut Trial<'s, D>,
+    force: &'t mut [[f64; D]],
+    dense: &'t mut K,
+}
+
+impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
+    for Vectorised<'_, '_, '_, D, M, K, UPDATED>
+{
+    type Output = Result<(), PointFailure>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
+        let task = self.task;
+        let nodes = task.links.nodes_of(self.group);
+        for p in task.links.points_of(self.group) {
+            let links = task.links.links(p);
+            let increment = Increment::new::<M>(nodes, &links, task.delta_d, &task.position[p]);
+            let (start, law) = (&task.start[p], task.law(p));
+            let isotropic = if UPDATED { None } else { M::respond_isotropic(start, &increment, law) };
+            if let Some(response) = &isotropic {
+                self.keep(p, &links, response)?;
+                continue;
+            }
+            let (n, here) = (task.history_len, p - self.trial.first);
+            let kept = law.state_fields().len();
+            let old = &task.old_history[p * n..][..kept];
+            let new = &mut self.trial.history[here * n..][..kept];
+            if UPDATED {
+                let response = M::respond_updated(start, &increment, law, old, new);
+                self.keep(p, &links, &response)?;
+            } else {
+                let response = M::respond(start, &increment, law, old, new);
+                self.keep(p, &links, &response)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<const D: usize, M, K: Dense<D>, const UPDATED: bool> Vectorised<'_, '_, '_, D, M, K, UPDATED> {
+    /// Keeps the response of a point and adds its part.
+    #[inline(always)]
+    fn keep<W: WeakForm<D>>(
+        &mut self,
+        point: usize,
+        links: &Links<D>,
+        response: &Result<PointResponse<W>, PointError>,
+    ) -> Result<(), PointFailure> {
+        let PointResponse { weak, tau, elastic_strain } = match response {
+            Ok(response) => response,
+            Err(error) => return Err(PointFailure { point, error: *error }),
+        };
+        let here = point - self.trial.first;
+        self.trial.elastic_strain[here] = *elastic_strain;
+        self.trial.kirchhoff_stress[here] = *tau;
+        let gradients = match weak.inverse() {
+            None => links.gradient,
+            Some(inverse) => map_gradients(inverse, links.gradient, self.trial.mapped),
+        };
+        self.dense.add(weak, links, gradients, self.force);
+        Ok(())
     }
 }
 
@@ -361,48 +460,13 @@ fn map_gradients<'a, const D: usize>(
 ) -> &'a [[f64; D]] {
     let out = &mut room[..gradient.len()];
     for (mapped, g) in out.iter_mut().zip(gradient) {
-        *mapped = std::array::from_fn(|j| (0..D).map(|i| g[i] * inverse[i][j]).sum());
+        let mut sum = [0.0; D];
+        for i in 0..D {
+            for j in 0..D {
+                sum[j] += g[i] * inverse[i][j];
+            }
+        }
+        *mapped = sum;
     }
     out
-}
-
-/// Adds eqs. (21) and (23) of one point to the dense lower triangle of its group.
-#[inline]
-fn accumulate_symmetric<const D: usize, W: WeakForm<D>>(
-    weak: &W,
-    links: &Links<D>,
-    gradients: &[[f64; D]],
-    f: &mut [[f64; D]],
-    k: &mut [Block<D>],
-) {
-    let n = links.local.len();
-    let (local, value, gradients) = (&links.local[..n], &links.value[..n], &gradients[..n]);
-    for b in 0..n {
-        let column_node = local[b] as usize;
-        let column = weak.column(&weak.gradient(&gradients[b], value[b]), &mut f[column_node]);
-        for a in b..n {
-            let row = local[a] as usize;
-            let gradient = weak.gradient(&gradients[a], value[a]);
-            W::add_block(&column, &gradient, &mut k[row * (row + 1) / 2 + column_node]);
-        }
-    }
-}
-
-/// The same for an unsymmetric tangent: the full dense block.
-fn accumulate<const D: usize, W: WeakForm<D>>(
-    weak: &W,
-    links: &Links<D>,
-    gradients: &[[f64; D]],
-    n: usize,
-    f: &mut [[f64; D]],
-    k: &mut [Block<D>],
-) {
-    let nodes = || links.local.iter().zip(gradients).zip(links.value);
-    for ((&b, gradient), value) in nodes() {
-        let column = weak.column(&weak.gradient(gradient, *value), &mut f[b as usize]);
-        for ((&a, gradient), value) in nodes() {
-            let gradient = weak.gradient(gradient, *value);
-            W::add_block(&column, &gradient, &mut k[a as usize * n + b as usize]);
-        }
-    }
 }

@@ -175,6 +175,12 @@ impl<const D: usize> DofMap<D> {
         }
     }
 
+    /// Whether a node is prescribed along any axis.
+    #[inline]
+    pub fn is_held(&self, node: usize) -> bool {
+        self.dofs[node].iter().any(|dof| matches!(dof, Dof::Held { .. }))
+    }
+
     /// Active node and axis of an unknown.
     pub fn place_of(&self, unknown: usize) -> Option<(usize, usize)> {
         let wanted = |dof: &Dof| *dof == Dof::Free(unknown as u32);

@@ -18,7 +18,7 @@ pub struct Increment<const D: usize> {
 impl<const D: usize> Increment<D> {
     /// Eq. (7) at a point whose group touches `nodes`: ΔF = I + Σ_v Δu_v ⊗ ∂S_vp/∂X̃, with `delta_d` the displacement
     /// increments of the active nodes and `position` that of the point at the start of the step.
-    #[inline]
+    #[inline(always)]
     pub fn new<M: Mechanics<D>>(
         nodes: &[u32],
         links: &Links<D>,

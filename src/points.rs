@@ -24,7 +24,7 @@ pub enum PointVolume {
 }
 
 /// The fields of the points that change from step to step; one entry per point.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct State<const D: usize> {
     /// Position x_p, [length].
     pub position: Vec<[f64; D]>,
@@ -195,14 +195,16 @@ impl<const D: usize> Points<D> {
         self.mass = gather(&self.mass, order);
         self.outer_layer = gather(&self.outer_layer, order);
         self.corner_count = gather(&self.corner_count, order);
-        let state = &mut self.converged;
-        state.position = gather(&state.position, order);
-        state.half_lengths = gather(&state.half_lengths, order);
-        state.corners = gather_blocks(&state.corners, order, self.corners_per_point);
-        state.deformation_gradient = gather(&state.deformation_gradient, order);
-        state.elastic_strain = gather(&state.elastic_strain, order);
-        state.kirchhoff_stress = gather(&state.kirchhoff_stress, order);
-        state.history = gather_blocks(&state.history, order, self.history_len);
+        // Into the trial state, which the step in hand has yet to write.
+        let (old, new) = (&self.converged, &mut self.trial);
+        gather_into(&old.position, order, 1, &mut new.position);
+        gather_into(&old.half_lengths, order, 1, &mut new.half_lengths);
+        gather_into(&old.corners, order, self.corners_per_point, &mut new.corners);
+        gather_into(&old.deformation_gradient, order, 1, &mut new.deformation_gradient);
+        gather_into(&old.elastic_strain, order, 1, &mut new.elastic_strain);
+        gather_into(&old.kirchhoff_stress, order, 1, &mut new.kirchhoff_stress);
+        gather_into(&old.history, order, self.history_len, &mut new.history);
+        self.commit();
     }
 
     /// Where the corners of the domain of a point stand in the arrays of corners; empty when its domain is not given
@@ -248,11 +250,18 @@ impl<const D: usize> Points<D> {
     }
 }
 
-fn gather<T: Clone>(values: &[T], order: &[u32]) -> Vec<T> {
-    order.iter().map(|&p| values[p as usize].clone()).collect()
+fn gather<T: Copy>(values: &[T], order: &[u32]) -> Vec<T> {
+    order.iter().map(|&p| values[p as usize]).collect()
 }
 
 /// As [`gather`], for `n` values per point.
-fn gather_blocks<T: Clone>(values: &[T], order: &[u32], n: usize) -> Vec<T> {
-    order.iter().flat_map(|&p| &values[p as usize * n..][..n]).cloned().collect()
+fn gather_blocks<T: Copy>(values: &[T], order: &[u32], n: usize) -> Vec<T> {
+    order.iter().flat_map(|&p| &values[p as usize * n..][..n]).copied().collect()
+}
+
+/// As [`gather_blocks`], into given room.
+fn gather_into<T: Copy>(values: &[T], order: &[u32], n: usize, room: &mut [T]) {
+    for (&p, place) in order.iter().zip(room.chunks_exact_mut(n.max(1))) {
+        place.copy_from_slice(&values[p as usize * n..][..n]);
+    }
 }

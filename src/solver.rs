@@ -45,7 +45,7 @@ pub fn run<const D: usize, M: Mechanics<D>>(
     observer: &mut dyn Observer<D>,
 ) -> Result<Summary, SolveError> {
     let summary = Summary { quality: Quality::new(model, points), ..Summary::default() };
-    let mut solver = Solver { linear: Direct::default(), summary };
+    let mut solver = Solver { linear: Direct::default(), links: Connectivity::default(), summary };
     let started = solver.observe(|| observer.started(model, points));
     let mut outcome = started;
     for index in 1..=model.n_steps {
@@ -54,7 +54,7 @@ pub fn run<const D: usize, M: Mechanics<D>>(
         }
         let time = |k: usize| model.end_time * (k as f64 / model.n_steps as f64);
         let step = Step { index, start: time(index - 1), end: time(index) };
-        outcome = solver.advance::<D, M>(model, points, step, observer);
+        outcome = solver.advance::<M>(model, points, step, observer);
     }
     let Summary { timings, quality, .. } = &mut solver.summary;
     timings.measure(Phase::Update, || quality.conclude(model, points));
@@ -80,18 +80,20 @@ pub fn run_in_plane(
 }
 
 /// What lives from step to step: the linear solver with its analysis, and the account of the run.
-struct Solver {
+struct Solver<const D: usize> {
     linear: Direct,
+    /// Links of the step before, for their memory.
+    links: Connectivity<D>,
     summary: Summary,
 }
 
-impl Solver {
+impl<const D: usize> Solver<D> {
     fn observe(&mut self, tell: impl FnOnce() -> Result<(), std::io::Error>) -> Result<(), SolveError> {
         self.summary.timings.measure(Phase::Output, tell).map_err(SolveError::Output)
     }
 
     /// Solves one step and, only if it is in equilibrium, commits and reports it.
-    fn advance<const D: usize, M: Mechanics<D>>(
+    fn advance<M: Mechanics<D>>(
         &mut self,
         model: &Model<D>,
         points: &mut Points<D>,
@@ -101,7 +103,7 @@ impl Solver {
         if observer.interrupted() {
             return Err(SolveError::Interrupted { step: step.index });
         }
-        let report = self.solve_step::<D, M>(model, points, step, observer)?;
+        let report = self.solve_step::<M>(model, points, step, observer)?;
         self.judge(model, points, &report);
         points.commit(); // the trial state becomes the converged state
         self.summary.accept(&report);
@@ -109,11 +111,12 @@ impl Solver {
         let mut timings = Timings::default();
         let told = timings.measure(Phase::Output, || observer.converged(model, points, &report, summary));
         self.summary.timings.add(&timings);
+        self.links = report.grid.links;
         told.map_err(SolveError::Output)
     }
 
     /// Takes the measures of a step in equilibrium, before it is committed.
-    fn judge<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>, report: &StepReport<D>) {
+    fn judge(&mut self, model: &Model<D>, points: &Points<D>, report: &StepReport<D>) {
         let Summary { timings, quality, warnings, .. } = &mut self.summary;
         let raised = timings.measure(Phase::Update, || {
             let measures = Measures::new(model, points, &report.grid.links);
@@ -123,7 +126,7 @@ impl Solver {
     }
 
     /// Newton iterations until the out-of-balance force of eq. (40) meets the tolerance. Writes the trial state only.
-    fn solve_step<const D: usize, M: Mechanics<D>>(
+    fn solve_step<M: Mechanics<D>>(
         &mut self,
         model: &Model<D>,
         points: &mut Points<D>,
@@ -134,14 +137,15 @@ impl Solver {
         let timings = &mut self.summary.timings;
         // The grid is undeformed: S_vp, ∇S_vp and the pattern of K are fixed for the step (section 5.1).
         let methods: Vec<Method> = model.bodies.iter().map(|b| b.method).collect();
+        let old = std::mem::take(&mut self.links);
         let links = timings
-            .measure(Phase::Basis, || Connectivity::new(model.grid.as_ref(), points, &methods))
+            .measure(Phase::Basis, || old.renew(model.grid.as_ref(), points, &methods))
             .map_err(|failure| SolveError::unsupported(model, points, failure, step))?;
         let set_up = timings.measure(Phase::SetUp, || StepSystem::new::<M>(model, points, &links, step));
-        let StepSystem { dofs, mut system, entries, f_ext, f_ext_start, applied } = set_up?;
+        let StepSystem { dofs, mut system, mut entries, f_ext, f_ext_start, applied } = set_up?;
         let analysed = timings.measure(Phase::Analyse, || {
             let order = || elimination_order(model, &links, &system, &dofs);
-            self.linear.analyse(&entries.pattern, &order)
+            self.linear.analyse(std::mem::take(&mut entries.pattern), &order)
         });
         analysed.map_err(|e| SolveError::linear(e, model, &links, &dofs, step))?;
 
@@ -197,7 +201,7 @@ impl Solver {
 
     /// Eq. (26): K δd = f_ext − f_int on the free degrees of freedom, with the whole prescribed increment in the
     /// first iteration; eq. (30) for the sum, and the linearised change of the reactions.
-    fn newton_step<const D: usize>(
+    fn newton_step(
         &mut self,
         unknowns: &mut Unknowns<D>,
         system: &System<D>,
@@ -216,14 +220,15 @@ impl Solver {
         self.summary.linear_solves += 1;
         timings.measure(Phase::Solve, || {
             let delta = &mut unknowns.iterative;
-            // The motion of the prescribed degrees of freedom loads the free ones through K.
-            for (node, du) in delta.iter_mut().enumerate() {
-                for (axis, u) in du.iter_mut().enumerate() {
-                    let prescribed = dofs.prescribed(node, axis).map_or(0.0, |(increment, _)| increment);
-                    *u = if iteration == 0 { prescribed } else { 0.0 };
-                }
+            delta.fill([0.0; D]);
+            unknowns.k_delta.fill([0.0; D]);
+            if iteration == 0 {
+                // The motion of the prescribed degrees of freedom loads the free ones through K.
+                for_each_dof(dofs, |node, axis, _| {
+                    delta[node][axis] = dofs.prescribed(node, axis).map_or(0.0, |(increment, _)| increment);
+                });
+                system.multiply(delta, &mut unknowns.k_delta, |_| true);
             }
-            system.multiply(delta, &mut unknowns.k_delta);
             let rhs = &mut unknowns.rhs;
             rhs.clear();
             for_each_dof(dofs, |node, axis, free| {
@@ -241,7 +246,7 @@ impl Solver {
             if let Some(unknown) = rhs.iter().position(|u| u.abs() > unknowns.far) {
                 return Err(crate::linear::LinearError::Singular { unknown: Some(unknown) });
             }
-            system.multiply(delta, &mut unknowns.k_delta);
+            system.multiply(delta, &mut unknowns.k_delta, |node| dofs.is_held(node));
             for_each_dof(dofs, |node, axis, free| {
                 unknowns.delta_d[node][axis] += delta[node][axis]; // (30)
                 if free.is_none() {

@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use mpm::deck::diagnostic::Diagnostic;
+use mpm::deck::formulas::at_nodes;
 use mpm::deck::load::{LoadedDeck, load, load_text};
 use mpm::deck::source::Source;
 use mpm::deck::validate::validate;
@@ -61,9 +62,10 @@ fn parameters_may_depend_on_each_other_and_be_overridden() {
 #[test]
 fn formulas_know_the_parameters() {
     let loaded = good(RICH, &[]);
-    let side = loaded.deck.boundary_conditions[1].ux.clone().unwrap();
-    assert_eq!(side, Expression::Formula("(-0.5)*y^2 + if(x < h, 1, 0)".into()));
-    let formula = side.at_nodes(&loaded.parameters, 2).unwrap();
+    let side = &loaded.deck.boundary_conditions[1];
+    assert_eq!(side.ux, Some(Expression::Formula("(-0.5)*y^2 + if(x < h, 1, 0)".into())));
+    let [formula, ..] = at_nodes(side, &loaded.parameters, 2).ok().unwrap();
+    let formula = formula.unwrap();
     assert_eq!(formula.evaluate(&[0.0, 2.0, 1.0]), -1.0);
     assert_eq!(formula.evaluate(&[0.2, 2.0, 1.0]), -2.0);
 }

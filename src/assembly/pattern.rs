@@ -22,7 +22,7 @@ pub(super) struct NodePairs {
 
 /// The entries of K on the free degrees of freedom.
 pub struct FreeEntries {
-    /// Their pattern.
+    /// Their pattern, for the linear solver to take.
     pub pattern: Pattern,
     /// For each entry its place among all values of all blocks.
     pub(super) source: Vec<u32>,

@@ -7,9 +7,9 @@ use crate::grid::Grid;
 use crate::points::Points;
 
 /// Number of groups that are linked as one piece of work.
-const PIECE: usize = 64;
+const PIECE: usize = 16;
 
-/// Number of pieces that are linked before they are put together.
+/// Number of pieces that are linked before they are put together, while they are still in the cache.
 const ROUND: usize = 32;
 
 /// Marks a grid node that no point touches.
@@ -26,6 +26,8 @@ pub struct Connectivity<const D: usize> {
     group_node_start: Vec<usize>,
     group_nodes: Vec<u32>,
     link_start: Vec<usize>,
+    /// Where the places of the nodes of each point start in `local`; neighbours that touch the same nodes share them.
+    local_start: Vec<usize>,
     local: Vec<u32>,
     value: Vec<f64>,
     gradient: Vec<[f64; D]>,
@@ -64,12 +66,26 @@ impl<const D: usize> Connectivity<D> {
         points: &mut Points<D>,
         methods: &[Method],
     ) -> Result<Self, SupportFailure> {
+        Connectivity::default().renew(grid, points, methods)
+    }
+
+    /// The same in the memory of links that are no longer needed, as those of the step before.
+    ///
+    /// # Errors
+    /// As [`Connectivity::new`].
+    pub fn renew(
+        mut self,
+        grid: &dyn Grid<D>,
+        points: &mut Points<D>,
+        methods: &[Method],
+    ) -> Result<Self, SupportFailure> {
+        self.clear();
         let group_points = points
             .group_by_cell(grid)
             .map_err(|point| SupportFailure { point, error: SupportError::OffGrid })?;
         let points = &*points;
         let n_groups = group_points.len() - 1;
-        let mut all = Connectivity::default();
+        let mut all = self;
         // In rounds, so that no more than a few pieces exist beside the whole.
         for round in (0..n_groups).step_by(ROUND * PIECE) {
             let end = (round + ROUND * PIECE).min(n_groups);
@@ -86,18 +102,33 @@ impl<const D: usize> Connectivity<D> {
         }
         all.group_points = group_points;
         all.group_node_start.push(all.group_nodes.len());
-        all.link_start.push(all.local.len());
+        all.link_start.push(all.value.len());
         all.number_active_nodes(grid.n_nodes());
         all.active_cells.sort_unstable();
         all.active_cells.dedup();
         Ok(all)
     }
 
+    /// Forgets all links but keeps the memory.
+    fn clear(&mut self) {
+        self.group_node_start.clear();
+        self.group_nodes.clear();
+        self.link_start.clear();
+        self.local_start.clear();
+        self.local.clear();
+        self.value.clear();
+        self.gradient.clear();
+        self.active_nodes.clear();
+        self.active_of.clear();
+        self.active_cells.clear();
+    }
+
     fn append(&mut self, piece: Piece<D>) {
-        let (nodes, links) = (self.group_nodes.len(), self.local.len());
+        let (nodes, links, places) = (self.group_nodes.len(), self.value.len(), self.local.len());
         self.group_node_start.extend(piece.group_node_start.iter().map(|s| s + nodes));
         self.group_nodes.extend(piece.group_nodes);
         self.link_start.extend(piece.link_start.iter().map(|s| s + links));
+        self.local_start.extend(piece.local_start.iter().map(|s| s + places));
         self.local.extend(piece.local);
         self.value.extend(piece.value);
         self.gradient.extend(piece.gradient);
@@ -106,7 +137,7 @@ impl<const D: usize> Connectivity<D> {
 
     /// Numbers the touched nodes in grid order and turns the node lists of the groups into these numbers.
     fn number_active_nodes(&mut self, n_nodes: usize) {
-        self.active_of = vec![INACTIVE; n_nodes];
+        self.active_of.resize(n_nodes, INACTIVE);
         for &node in &self.group_nodes {
             self.active_of[node as usize] = 0;
         }
@@ -141,7 +172,7 @@ impl<const D: usize> Connectivity<D> {
     pub fn links(&self, point: usize) -> Links<'_, D> {
         let range = self.link_start[point]..self.link_start[point + 1];
         Links {
-            local: &self.local[range.clone()],
+            local: &self.local[self.local_start[point]..][..range.len()],
             value: &self.value[range.clone()],
             gradient: &self.gradient[range],
         }
@@ -154,7 +185,15 @@ impl<const D: usize> Connectivity<D> {
 
     /// Number of links of all points.
     pub fn n_links(&self) -> usize {
-        self.local.len()
+        self.value.len()
+    }
+
+    /// Whether all points of a group touch all its nodes.
+    #[inline]
+    pub fn is_whole(&self, group: usize) -> bool {
+        let points = self.points_of(group);
+        let n_links = self.link_start[points.end] - self.link_start[points.start];
+        n_links == points.len() * self.nodes_of(group).len()
     }
 
     /// Number of active nodes.
@@ -217,6 +256,7 @@ struct Piece<const D: usize> {
     group_node_start: Vec<usize>,
     group_nodes: Vec<u32>,
     link_start: Vec<usize>,
+    local_start: Vec<usize>,
     local: Vec<u32>,
     value: Vec<f64>,
     gradient: Vec<[f64; D]>,
@@ -232,7 +272,7 @@ impl<const D: usize> Piece<D> {
     ) -> Result<Self, SupportFailure> {
         let mut piece = Piece::default();
         let mut support = Support::default();
-        let mut touched: Vec<u32> = Vec::new(); // grid nodes of the links of one group
+        let mut touched: Vec<u32> = Vec::new(); // grid nodes of one group, point by point where they differ
         let mut nodes: Vec<u32> = Vec::new();
         for range in groups.windows(2).map(|w| w[0]..w[1]) {
             touched.clear();
@@ -252,8 +292,9 @@ impl<const D: usize> Piece<D> {
                 if !touched.ends_with(&support.nodes) {
                     nodes.extend_from_slice(&support.nodes);
                     piece.cells.extend_from_slice(&support.cells);
+                    touched.extend_from_slice(&support.nodes);
                 }
-                touched.extend_from_slice(&support.nodes);
+                piece.local_start.push(piece.local.len() + touched.len() - support.nodes.len());
                 piece.value.extend_from_slice(&support.value);
                 piece.gradient.extend_from_slice(&support.gradient);
             }

@@ -110,6 +110,12 @@ impl<const D: usize> Support<D> {
 
     /// Adds to the value and gradient of a node.
     pub fn add(&mut self, node: u32, value: f64, gradient: [f64; D]) {
+        if self.nodes.last().is_none_or(|last| *last < node) {
+            self.nodes.push(node);
+            self.value.push(value);
+            self.gradient.push(gradient);
+            return;
+        }
         let place = self.nodes.partition_point(|n| *n < node);
         if self.nodes.get(place) == Some(&node) {
             self.value[place] += value;

@@ -265,8 +265,19 @@ mod tests {
         let force = [text("x + 10*y + 100*z"), text("Z"), text("factor*X")];
         let force = at_points::<3>(&force, &BTreeMap::new(), &BTreeMap::new()).ok().unwrap();
         assert_eq!(force.evaluate(&[1.0, 2.0, 3.0], &[4.0, 5.0, 6.0], 2.0), [642.0, 12.0, 8.0]);
-        let moved = text("z*factor").at_nodes(&BTreeMap::new(), 3).unwrap();
-        assert_eq!(moved.evaluate(&[1.0, 2.0, 3.0, 0.5]), 1.5);
-        assert!(text("z").at_nodes(&BTreeMap::new(), 2).is_err());
+        let moved = |ux: &str, dimensions: usize| {
+            let condition = serde_json::json!(
+                {"name": "a", "nodes": {"x": 0.0}, "where": {"b": "c + y", "c": "2*x"}, "ux": ux}
+            );
+            let condition: BoundaryConditionDeck = serde_json::from_value(condition).unwrap();
+            at_nodes(&condition, &BTreeMap::new(), dimensions)
+        };
+        let [ux, uy, uz] = moved("z*factor + b", 3).ok().unwrap();
+        assert_eq!(ux.unwrap().evaluate(&[1.0, 2.0, 3.0, 0.5]), 1.5 + 4.0);
+        assert!(uy.is_none() && uz.is_none());
+        let fault = moved("z", 2).err().unwrap().remove(0);
+        assert_eq!((fault.key.as_str(), fault.error.message.as_str()), ("ux", "unknown name `z`"));
+        let fault = moved("X", 2).err().unwrap().remove(0);
+        assert!(fault.error.help.unwrap().contains("no original position"));
     }
 }

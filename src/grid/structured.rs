@@ -169,11 +169,12 @@ impl<const D: usize> Grid<D> for Structured<D> {
         let base = self.cell_index(cell as usize);
         let xi: [f64; D] = std::array::from_fn(|d| self.cell_coordinate(d, position[d]) - base[d] as f64);
         let mut basis = CellBasis::default();
+        let hats = xi.map(|xi| [1.0 - xi, xi]);
+        let slopes = self.spacing.map(|h| [-1.0 / h, 1.0 / h]);
         for corner in 0..1usize << D {
-            let upper = |d: usize| corner >> d & 1 == 1;
-            let hat = |d: usize| if upper(d) { xi[d] } else { 1.0 - xi[d] };
-            let slope = |d: usize| if upper(d) { 1.0 / self.spacing[d] } else { -1.0 / self.spacing[d] };
-            let node = self.node(std::array::from_fn(|d| base[d] + usize::from(upper(d))));
+            let upper = |d: usize| corner >> d & 1;
+            let (hat, slope) = (|d: usize| hats[d][upper(d)], |d: usize| slopes[d][upper(d)]);
+            let node = self.node(std::array::from_fn(|d| base[d] + upper(d)));
             let value = (0..D).map(hat).product();
             let gradient =
                 std::array::from_fn(|d| (0..D).map(|e| if e == d { slope(e) } else { hat(e) }).product());

@@ -53,11 +53,12 @@ fn symbolic_view(pattern: &Pattern) -> SymbolicSparseColMatRef<'_, usize> {
 }
 
 impl LinearSolver for Direct {
-    fn analyse(&mut self, pattern: &Pattern, order: &dyn Fn() -> Vec<usize>) -> Result<bool, LinearError> {
-        if self.pattern == *pattern && (self.symbolic.is_some() || !pattern.symmetric) {
+    fn analyse(&mut self, pattern: Pattern, order: &dyn Fn() -> Vec<usize>) -> Result<bool, LinearError> {
+        if self.pattern == pattern && (self.symbolic.is_some() || !pattern.symmetric) {
             return Ok(false);
         }
-        *self = Direct { pattern: pattern.clone(), ..Direct::default() };
+        *self = Direct { pattern, ..Direct::default() };
+        let pattern = &self.pattern;
         if pattern.symmetric && pattern.n > 0 {
             let order = order();
             let mut inverse = vec![0; order.len()];
@@ -84,16 +85,15 @@ impl LinearSolver for Direct {
     }
 
     fn factorise(&mut self, values: &[f64]) -> Result<Factorisation, LinearError> {
-        self.values.clear();
-        self.values.extend_from_slice(values);
         self.kind = None;
         self.suspect = None;
-        let kind = if self.pattern.n == 0 {
+        let kind = if self.pattern.n == 0 || self.pattern.symmetric && self.factorise_llt(values)? {
             Factorisation::Cholesky
-        } else if self.pattern.symmetric {
-            self.factorise_symmetric()?
         } else {
-            self.factorise_lu()?
+            // What follows may need them again.
+            self.values.clear();
+            self.values.extend_from_slice(values);
+            if self.pattern.symmetric { self.factorise_ldlt()? } else { self.factorise_lu()? }
         };
         self.kind = Some(kind);
         Ok(kind)
@@ -131,23 +131,28 @@ impl LinearSolver for Direct {
 }
 
 impl Direct {
-    fn factorise_symmetric(&mut self) -> Result<Factorisation, LinearError> {
+    /// LLᵀ; false if the matrix is not positive definite.
+    fn factorise_llt(&mut self, values: &[f64]) -> Result<bool, LinearError> {
         let (Some(symbolic), Some(memory)) = (&self.symbolic, &mut self.memory) else {
             return Err(LinearError::Singular { unknown: None });
         };
-        let matrix = view(&self.pattern, &self.values);
         let llt = symbolic.factorize_numeric_llt(
             &mut self.factor,
-            matrix,
+            view(&self.pattern, values),
             Side::Lower,
             Default::default(),
             Par::Seq,
             MemStack::new(memory),
             Default::default(),
         );
-        if llt.is_ok() {
-            return Ok(Factorisation::Cholesky);
-        }
+        Ok(llt.is_ok())
+    }
+
+    fn factorise_ldlt(&mut self) -> Result<Factorisation, LinearError> {
+        let (Some(symbolic), Some(memory)) = (&self.symbolic, &mut self.memory) else {
+            return Err(LinearError::Singular { unknown: None });
+        };
+        let matrix = view(&self.pattern, &self.values);
         let ldlt = symbolic.factorize_numeric_ldlt(
             &mut self.factor,
             matrix,

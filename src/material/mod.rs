@@ -64,6 +64,29 @@ pub struct Response {
     pub tangent: Tangent,
 }
 
+/// What a law with isotropic spatial moduli answers to a trial elastic strain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct IsotropicResponse {
+    /// Kirchhoff stress τ, [stress].
+    pub tau: Sym3,
+    /// Elastic strain, in the measure of the law, [-].
+    pub elastic_strain: Sym3,
+    /// λ̂, [stress].
+    pub lambda: f64,
+    /// μ̂, [stress].
+    pub mu: f64,
+}
+
+/// An elastic law without history whose spatial moduli, between the rate of deformation and the Oldroyd rate of τ, are
+/// isotropic in every state, λ̂ I⊗I + 2 μ̂ 𝟙 with λ̂ and μ̂ that depend on the state.
+pub trait IsotropicModuli {
+    /// Stress and moduli at the trial b^e; the same law as [`Material::update`].
+    ///
+    /// # Errors
+    /// [`MaterialError`] when the strain is not finite.
+    fn respond(&self, b: &Sym3) -> Result<IsotropicResponse, MaterialError>;
+}
+
 /// A law could not be evaluated.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum MaterialError {
@@ -88,6 +111,11 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// # Errors
     /// [`MaterialError`] when the strain is not finite or the return mapping fails.
     fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError>;
+
+    /// The law by its spatial moduli if these are isotropic, which makes it cheaper in three dimensions.
+    fn isotropic_moduli(&self) -> Option<&dyn IsotropicModuli> {
+        None
+    }
 
     /// Stored elastic energy per initial volume, [energy/volume].
     fn energy(&self, elastic_strain: &Sym3) -> f64;
@@ -136,7 +164,7 @@ impl Elasticity {
 #[cfg(test)]
 mod conformance {
     use super::*;
-    use crate::tensor::exp_derivative;
+    use crate::tensor::{Mat3, exp_derivative};
     use proptest::prelude::*;
 
     fn laws() -> Vec<Box<dyn Material>> {
@@ -189,6 +217,19 @@ mod conformance {
                 }
             };
             assert!((tangent - tangent.transpose()).norm() < tolerance * tangent.norm());
+        }
+        if let Some(moduli) = law.isotropic_moduli() {
+            let b = law.strain_measure().left_cauchy_green(&trial);
+            let spatial = moduli.respond(&b).unwrap();
+            assert!((spatial.tau - response.tau).norm() <= 1e-14 * scale);
+            assert!((spatial.elastic_strain - response.elastic_strain).norm() <= 1e-15);
+            // ḃ = l b + b lᵀ and the Oldroyd rate of τ, τ̇ − l τ − τ lᵀ, at any velocity gradient l.
+            let l = Mat3::from_fn(|i, j| ((3 * i + 2 * j) as f64).sin());
+            let sheared = |t: &Sym3| Sym3::symmetric_part(&(l * t.to_matrix())) * 2.0;
+            let rate = (sheared(&b) * 0.5).contract(&response.tangent) - sheared(&response.tau);
+            let d = Sym3::symmetric_part(&l);
+            let by_moduli = Sym3::IDENTITY * (spatial.lambda * d.trace()) + d * (2.0 * spatial.mu);
+            assert!((by_moduli - rate).norm() < 1e-13 * scale, "{by_moduli:?} {rate:?}");
         }
         // The returned strain is admissible: applied anew it gives the same stress and no further flow.
         let settled = law.update(&response.elastic_strain, &new, &mut again).unwrap();

@@ -1,7 +1,7 @@
 //! What happens to the points once a step is in equilibrium: section 6.4.
 #![allow(non_snake_case)]
 
-use rayon::prelude::*;
+use std::ops::Range;
 
 use super::{SolveError, Step};
 use crate::basis::{Connectivity, DomainKind, Method, check_domain};
@@ -21,6 +21,9 @@ struct Moved<const D: usize> {
     corners: [[f64; D]; 8],
 }
 
+/// A task of this many groups or fewer is not split between threads.
+const GRAIN: usize = 16;
+
 /// Moves the points with the grid, eqs. (9), (31), updates F by eq. (16) and the domains by eqs. (32)-(39); all into
 /// the trial state, whose stress and strain the last assembly has written.
 ///
@@ -36,30 +39,91 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
     let at_rest = [0.0; D];
     let nodal = |node: usize| links.active_number(node).map_or(at_rest, |active| delta_d[active]);
     let displacement = |place: &[f64; D]| interpolate(model.grid.as_ref(), place, &nodal);
+    let mut trial = std::mem::take(&mut points.trial);
     let state = &*points;
-    let groups: Vec<Result<Vec<Moved<D>>, SolveError>> = (0..links.n_groups())
-        .into_par_iter()
-        .map(|group| {
-            let nodes = links.nodes_of(group);
-            links
-                .points_of(group)
-                .map(|p| move_point::<D, M>(model, state, links, nodes, delta_d, &displacement, p, step))
-                .collect()
-        })
-        .collect();
-    let mut p = 0;
-    for group in groups {
-        for moved in group? {
-            points.trial.position[p] = moved.position;
-            points.trial.deformation_gradient[p] = moved.deformation_gradient;
-            points.trial.half_lengths[p] = moved.half_lengths;
-            let corners = points.corner_range(p);
-            let n = corners.len();
-            points.trial.corners[corners].copy_from_slice(&moved.corners[..n]);
-            p += 1;
+    let move_point = |nodes: &[u32], p: usize| {
+        move_point::<D, M>(model, state, links, nodes, delta_d, &displacement, p, step)
+    };
+    let room = Room {
+        first: 0,
+        position: &mut trial.position,
+        deformation_gradient: &mut trial.deformation_gradient,
+        half_lengths: &mut trial.half_lengths,
+        corners: &mut trial.corners,
+    };
+    let outcome = room.fill(points, links, 0..links.n_groups(), &move_point);
+    points.trial = trial;
+    outcome
+}
+
+/// The part of the trial state that is written here, of consecutive points.
+struct Room<'a, const D: usize> {
+    first: usize,
+    position: &'a mut [[f64; D]],
+    deformation_gradient: &'a mut [Mat3],
+    half_lengths: &'a mut [[f64; D]],
+    corners: &'a mut [[f64; D]],
+}
+
+impl<const D: usize> Room<'_, D> {
+    /// Moves the points of some groups, divided between threads.
+    fn fill(
+        mut self,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+        groups: Range<usize>,
+        move_point: &(impl Fn(&[u32], usize) -> Result<Moved<D>, SolveError> + Sync),
+    ) -> Result<(), SolveError> {
+        if groups.len() <= GRAIN {
+            for group in groups {
+                for p in links.points_of(group) {
+                    self.keep(points, p, &move_point(links.nodes_of(group), p)?);
+                }
+            }
+            return Ok(());
         }
+        let middle = groups.start + groups.len() / 2;
+        let (left, right) = self.split(links.points_of(middle).start, points.corners_per_point);
+        let (a, b) = rayon::join(
+            || left.fill(points, links, groups.start..middle, move_point),
+            || right.fill(points, links, middle..groups.end, move_point),
+        );
+        a.and(b)
     }
-    Ok(())
+
+    /// The parts before and from a point.
+    fn split(&mut self, point: usize, corners_per_point: usize) -> (Room<'_, D>, Room<'_, D>) {
+        let n = point - self.first;
+        let (position_l, position_r) = self.position.split_at_mut(n);
+        let (gradient_l, gradient_r) = self.deformation_gradient.split_at_mut(n);
+        let (lengths_l, lengths_r) = self.half_lengths.split_at_mut(n);
+        let (corners_l, corners_r) = self.corners.split_at_mut(n * corners_per_point);
+        let left = Room {
+            first: self.first,
+            position: position_l,
+            deformation_gradient: gradient_l,
+            half_lengths: lengths_l,
+            corners: corners_l,
+        };
+        let right = Room {
+            first: point,
+            position: position_r,
+            deformation_gradient: gradient_r,
+            half_lengths: lengths_r,
+            corners: corners_r,
+        };
+        (left, right)
+    }
+
+    fn keep(&mut self, points: &Points<D>, p: usize, moved: &Moved<D>) {
+        let here = p - self.first;
+        self.position[here] = moved.position;
+        self.deformation_gradient[here] = moved.deformation_gradient;
+        self.half_lengths[here] = moved.half_lengths;
+        let corners = points.corner_range(p);
+        let n = corners.len();
+        self.corners[here * points.corners_per_point..][..n].copy_from_slice(&moved.corners[..n]);
+    }
 }
 
 #[expect(clippy::too_many_arguments, reason = "one point with all that moves it")]

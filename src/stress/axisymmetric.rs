@@ -5,7 +5,10 @@
 //! ΔF_θθ = 1 + Σ S_vp Δu_r/r̃. Forces, masses and volumes are those of the full circle.
 
 use super::solid::PLACE;
-use super::{Contribution, Mechanics, PointError, PointResponse, Solid, Spatial, StartOfStep, WeakForm};
+use super::{
+    Contribution, Lane, Lanes, Mechanics, PointError, PointResponse, Solid, Spatial, StartOfStep, WeakForm,
+    lane::transposed,
+};
 use crate::kinematics::Increment;
 use crate::material::Material;
 use crate::tensor::Mat3;
@@ -29,7 +32,7 @@ const AROUND: usize = 2;
 
 impl WeakForm<2> for Revolved {
     /// ∂S/∂r, ∂S/∂z, S/r in the current configuration.
-    type Gradient = [f64; 3];
+    type Gradient<T: Lane> = [T; 3];
     /// `[m][i][k]`: m the component of the gradient.
     type Column = [[[f64; 2]; 2]; 3];
 
@@ -41,6 +44,11 @@ impl WeakForm<2> for Revolved {
     #[inline(always)]
     fn gradient(&self, gradient: &[f64; 2], value: f64) -> [f64; 3] {
         [gradient[0], gradient[1], value * self.per_radius]
+    }
+
+    #[inline(always)]
+    fn side_by_side(nodes: &[[f64; 3]]) -> [Lanes; 3] {
+        transposed(nodes)
     }
 
     #[inline(always)]
@@ -74,7 +82,7 @@ impl WeakForm<2> for Revolved {
     }
 
     #[inline(always)]
-    fn add_block(column: &[[[f64; 2]; 2]; 3], gradient: &[f64; 3], block: &mut [[f64; 2]; 2]) {
+    fn add_block<T: Lane>(column: &[[[f64; 2]; 2]; 3], gradient: &[T; 3], block: &mut [[T; 2]; 2]) {
         for (i, row) in block.iter_mut().enumerate() {
             for (k, entry) in row.iter_mut().enumerate() {
                 *entry += gradient[0] * column[0][i][k]
@@ -104,6 +112,7 @@ fn in_plane<T: Copy>(full: &[[T; 3]; 3]) -> [[T; 2]; 2] {
 impl Mechanics<2> for Axisymmetric {
     const REVOLVED: bool = true;
     type Previous = Revolved;
+    type Isotropic = Revolved;
     type Updated = Contribution<2, 3>;
 
     #[inline]

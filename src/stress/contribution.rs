@@ -1,6 +1,6 @@
 //! The weak form of a point as a stress and a full tangent.
 
-use super::WeakForm;
+use super::{Lane, Lanes, WeakForm, lane::transposed};
 
 /// A point given by its stress and the derivative of it, with `E` components of the gradient of a basis function: those
 /// along the `D` axes and, for a body of revolution, S/r, which works with the first component of the displacement.
@@ -22,7 +22,7 @@ pub struct Contribution<const D: usize, const E: usize> {
 }
 
 impl<const D: usize, const E: usize> WeakForm<D> for Contribution<D, E> {
-    type Gradient = [f64; E];
+    type Gradient<T: Lane> = [T; E];
     type Column = [[[f64; D]; E]; D];
 
     #[inline(always)]
@@ -33,6 +33,11 @@ impl<const D: usize, const E: usize> WeakForm<D> for Contribution<D, E> {
     #[inline(always)]
     fn gradient(&self, gradient: &[f64; D], value: f64) -> [f64; E] {
         std::array::from_fn(|j| if j < D { gradient[j] } else { value * self.per_radius })
+    }
+
+    #[inline(always)]
+    fn side_by_side(nodes: &[[f64; E]]) -> [Lanes; E] {
+        transposed(nodes)
     }
 
     /// V g_b·Ã as `[i][j][k]`.
@@ -51,7 +56,7 @@ impl<const D: usize, const E: usize> WeakForm<D> for Contribution<D, E> {
     }
 
     #[inline(always)]
-    fn add_block(column: &[[[f64; D]; E]; D], gradient: &[f64; E], block: &mut [[f64; D]; D]) {
+    fn add_block<T: Lane>(column: &[[[f64; D]; E]; D], gradient: &[T; E], block: &mut [[T; D]; D]) {
         for i in 0..D {
             for j in 0..E {
                 for k in 0..D {

@@ -9,6 +9,8 @@
 
 mod axisymmetric;
 mod contribution;
+mod isotropic;
+mod lane;
 mod plane_strain;
 mod solid;
 #[cfg(test)]
@@ -22,6 +24,8 @@ use crate::tensor::{Mat3, Sym3};
 
 pub use axisymmetric::{Axisymmetric, Revolved};
 pub use contribution::Contribution;
+pub use isotropic::Isotropic;
+pub use lane::{Lane, Lanes};
 pub use plane_strain::PlaneStrain;
 pub use solid::{Solid, Spatial};
 
@@ -61,8 +65,8 @@ pub struct PointResponse<W> {
 /// The part of one point in internal force and stiffness: V P̃·∇S_a on node a and V ∇S_a·Ã·∇S_b between nodes a and b,
 /// eqs. (21) and (23), in whatever form is the cheapest to evaluate.
 pub trait WeakForm<const D: usize>: Copy {
-    /// What is needed of the basis function of a node.
-    type Gradient: Copy;
+    /// What is needed of the basis function of a node, or of those of several nodes side by side.
+    type Gradient<T: Lane>: Copy;
     /// What node b contributes to its pairs, V Ã·∇S_b.
     type Column;
 
@@ -70,13 +74,17 @@ pub trait WeakForm<const D: usize>: Copy {
     fn inverse(&self) -> Option<&[[f64; D]; D]>;
 
     /// From the gradient of a basis function, mapped if need be, and its value.
-    fn gradient(&self, gradient: &[f64; D], value: f64) -> Self::Gradient;
+    fn gradient(&self, gradient: &[f64; D], value: f64) -> Self::Gradient<f64>;
+
+    /// Puts up to as many nodes side by side as there are lanes; those that are missing are zero.
+    fn side_by_side(nodes: &[Self::Gradient<f64>]) -> Self::Gradient<Lanes>;
 
     /// The column of a node; adds the force on it.
-    fn column(&self, gradient: &Self::Gradient, force: &mut [f64; D]) -> Self::Column;
+    fn column(&self, gradient: &Self::Gradient<f64>, force: &mut [f64; D]) -> Self::Column;
 
-    /// Adds to the block of a pair, `[i][k]`, the part of the node of `gradient` (row) with that of a column.
-    fn add_block(column: &Self::Column, gradient: &Self::Gradient, block: &mut [[f64; D]; D]);
+    /// Adds to the block of a pair, `[i][k]`, the part of the node of `gradient` (row) with that of a column; for
+    /// several rows side by side, to their blocks side by side.
+    fn add_block<T: Lane>(column: &Self::Column, gradient: &Self::Gradient<T>, block: &mut [[T; D]; D]);
 }
 
 /// A point could not follow the displacement increment.
@@ -100,6 +108,8 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
 
     /// A point in the previously converged formulation.
     type Previous: WeakForm<D>;
+    /// The same for a law with isotropic spatial moduli.
+    type Isotropic: WeakForm<D>;
     /// A point in the updated Lagrangian formulation.
     type Updated: WeakForm<D>;
 
@@ -114,6 +124,17 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
         old: &[f64],
         new: &mut [f64],
     ) -> Result<PointResponse<Self::Previous>, PointError>;
+
+    /// The same for a law with isotropic spatial moduli, of which nothing of fourth order is formed; `None` for all
+    /// others, and where nothing is gained.
+    #[inline(always)]
+    fn respond_isotropic(
+        _start: &StartOfStep,
+        _increment: &Increment<D>,
+        _material: &dyn Material,
+    ) -> Option<Result<PointResponse<Self::Isotropic>, PointError>> {
+        None
+    }
 
     /// Evaluates one point in the updated Lagrangian formulation.
     ///

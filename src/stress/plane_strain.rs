@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 use super::{Contribution, Mechanics, PointError, PointResponse, StartOfStep};
 use crate::kinematics::Increment;
-use crate::material::{Material, Response, StrainMeasure};
+use crate::material::{Material, StrainMeasure};
 use crate::tensor::{Mat3, Sym3, Tangent, Tensor4, plane};
 
 /// Plane strain in x, y.
@@ -20,13 +20,14 @@ struct Answer {
     /// ΔF b_n.
     A: [[f64; 2]; 2],
     b: Sym3,
-    law: Response,
+    /// τ and the elastic strain of the law.
+    law: (Sym3, Sym3),
     /// Derivative of τ with respect to b on the in-plane components.
     C: [[f64; 3]; 3],
     tau: [[f64; 2]; 2],
 }
 
-#[inline]
+#[inline(always)]
 fn answer(
     start: &StartOfStep,
     dF: &[[f64; 2]; 2],
@@ -51,29 +52,36 @@ fn answer(
         0.0,
         (A[0][0] * dF[1][0] + A[0][1] * dF[1][1]) * SQRT_2,
     ]);
-    let (law, C) = match material.strain_measure() {
+    let measure = material.strain_measure();
+    let (trial, L) = match measure {
         StrainMeasure::Logarithmic => {
             let (log_b, L) = plane::log_with_derivative(&b);
-            let law = material.update(&(log_b * 0.5), old, new)?;
-            let C = half_product(&law.tangent, &L);
-            (law, C)
+            (log_b * 0.5, L)
         }
-        StrainMeasure::LeftCauchyGreen => {
-            let law = material.update(&((b - Sym3::IDENTITY) * 0.5), old, new)?;
-            let C = IN_PLANE.map(|r| IN_PLANE.map(|c| 0.5 * law.tangent[(r, c)]));
-            (law, C)
-        }
+        StrainMeasure::LeftCauchyGreen => ((b - Sym3::IDENTITY) * 0.5, [[0.0; 3]; 3]),
+    };
+    // By reference: the tangent of six by six entries is better not moved about.
+    let answer = material.update(&trial, old, new);
+    let law = match &answer {
+        Ok(law) => law,
+        Err(error) => return Err((*error).into()),
+    };
+    let C = match measure {
+        StrainMeasure::Logarithmic => half_product(&law.tangent, &L),
+        StrainMeasure::LeftCauchyGreen => IN_PLANE.map(|r| IN_PLANE.map(|c| 0.5 * law.tangent[(r, c)])),
     };
     let tau_xy = law.tau.0[5] * FRAC_1_SQRT_2;
     let tau = [[law.tau.0[0], tau_xy], [tau_xy, law.tau.0[1]]];
+    let law = (law.tau, law.elastic_strain);
     Ok(Answer { dJ, A, b, law, C, tau })
 }
 
 impl Mechanics<2> for PlaneStrain {
     type Previous = Contribution<2, 2>;
+    type Isotropic = Contribution<2, 2>;
     type Updated = Contribution<2, 2>;
 
-    #[inline]
+    #[inline(always)]
     fn respond(
         start: &StartOfStep,
         increment: &Increment<2>,
@@ -85,7 +93,7 @@ impl Mechanics<2> for PlaneStrain {
         let Answer { dJ, A, law, C, tau, .. } = answer(start, dF, material, old, new)?;
         let (stress, tangent) = previous(&C, &tau, dF, dJ, &A, start.J_n);
         let weak = Contribution { stress, tangent, volume: start.volume_n, inverse: None, per_radius: 0.0 };
-        Ok(PointResponse { weak, tau: law.tau, elastic_strain: law.elastic_strain })
+        Ok(PointResponse { weak, tau: law.0, elastic_strain: law.1 })
     }
 
     fn respond_updated(
@@ -106,7 +114,7 @@ impl Mechanics<2> for PlaneStrain {
             inverse: Some(invert(dF, dJ)),
             per_radius: 0.0,
         };
-        Ok(PointResponse { weak, tau: law.tau, elastic_strain: law.elastic_strain })
+        Ok(PointResponse { weak, tau: law.0, elastic_strain: law.1 })
     }
 
     fn embed(increment: &Increment<2>) -> Mat3 {
@@ -125,13 +133,13 @@ impl Mechanics<2> for PlaneStrain {
 /// Rows of the in-plane components in the Mandel layout.
 const IN_PLANE: [usize; 3] = [0, 1, 5];
 
-#[inline]
+#[inline(always)]
 fn invert(dF: &[[f64; 2]; 2], dJ: f64) -> [[f64; 2]; 2] {
     [[dF[1][1] / dJ, -dF[0][1] / dJ], [-dF[1][0] / dJ, dF[0][0] / dJ]]
 }
 
 /// C = ½ D^alg L on the in-plane components `xx, yy, √2 xy`: the derivative of τ with respect to b.
-#[inline]
+#[inline(always)]
 fn half_product(D: &Tangent, L: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     IN_PLANE.map(|r| {
         std::array::from_fn(|c| 0.5 * (D[(r, 0)] * L[0][c] + D[(r, 1)] * L[1][c] + D[(r, 5)] * L[2][c]))
@@ -140,7 +148,7 @@ fn half_product(D: &Tangent, L: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
 
 /// C : B as `[component][k][l]`, with B_ijkl = δ_ik A_jl + A_il δ_jk the derivative of b, eqs. (A.2) and (A.5);
 /// components xx, yy, xy of the result.
-#[inline]
+#[inline(always)]
 fn contract(C: &[[f64; 3]; 3], A: &[[f64; 2]; 2]) -> [[[f64; 2]; 2]; 3] {
     std::array::from_fn(|r| {
         let scale = if r == 2 { FRAC_1_SQRT_2 } else { 1.0 };
@@ -153,7 +161,7 @@ fn contract(C: &[[f64; 3]; 3], A: &[[f64; 2]; 2]) -> [[[f64; 2]; 2]; 3] {
 }
 
 /// P̃ of eq. (18) and its derivative Ã of eqs. (A.3)-(A.6).
-#[inline]
+#[inline(always)]
 fn previous(
     C: &[[f64; 3]; 3],
     tau: &[[f64; 2]; 2],

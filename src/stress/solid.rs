@@ -1,8 +1,11 @@
 //! The kernel in three dimensions.
 
-use super::{Contribution, Mechanics, PointError, PointResponse, StartOfStep, WeakForm};
+use super::{
+    Contribution, Isotropic, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep, WeakForm,
+    lane::transposed,
+};
 use crate::kinematics::Increment;
-use crate::material::{Material, Response, StrainMeasure};
+use crate::material::{Material, StrainMeasure};
 use crate::tensor::{Mat3, Sym3, Tangent, Tensor4, log_with_derivative, mandel_entry};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
@@ -32,7 +35,7 @@ pub struct Spatial {
 }
 
 impl WeakForm<3> for Spatial {
-    type Gradient = [f64; 3];
+    type Gradient<T: Lane> = [T; 3];
     type Column = [[[f64; 3]; 3]; 3];
 
     #[inline(always)]
@@ -43,6 +46,11 @@ impl WeakForm<3> for Spatial {
     #[inline(always)]
     fn gradient(&self, gradient: &[f64; 3], _value: f64) -> [f64; 3] {
         *gradient
+    }
+
+    #[inline(always)]
+    fn side_by_side(nodes: &[[f64; 3]]) -> [Lanes; 3] {
+        transposed(nodes)
     }
 
     /// V_n Ã·∇S_b with both gradients mapped, as `[m][i][k]`: the change of τ when node b moves along k, less
@@ -71,7 +79,7 @@ impl WeakForm<3> for Spatial {
     }
 
     #[inline(always)]
-    fn add_block(column: &[[[f64; 3]; 3]; 3], gradient: &[f64; 3], block: &mut [[f64; 3]; 3]) {
+    fn add_block<T: Lane>(column: &[[[f64; 3]; 3]; 3], gradient: &[T; 3], block: &mut [[T; 3]; 3]) {
         let [x, y, z] = column;
         let (x, y, z) = (x.as_flattened(), y.as_flattened(), z.as_flattened());
         for (e, entry) in block.as_flattened_mut().iter_mut().enumerate() {
@@ -87,7 +95,7 @@ pub(super) fn times(a: &[[f64; 3]; 3], x: &[f64; 3]) -> [f64; 3] {
 
 /// A symmetric tensor as a full matrix of rows, times a factor.
 #[inline(always)]
-fn full(t: &Sym3, factor: f64) -> [[f64; 3]; 3] {
+pub(super) fn full(t: &Sym3, factor: f64) -> [[f64; 3]; 3] {
     let [xx, yy, zz] = [t.0[0] * factor, t.0[1] * factor, t.0[2] * factor];
     let shear = FRAC_1_SQRT_2 * factor;
     let [yz, xz, xy] = [t.0[3] * shear, t.0[4] * shear, t.0[5] * shear];
@@ -126,18 +134,22 @@ fn trial(dF: &[[f64; 3]; 3], b_n: &Sym3) -> Sym3 {
     ])
 }
 
-/// The answer of a law at b, with twice the derivative of τ with respect to b by columns.
+/// τ and the elastic strain of a law at b, and twice the derivative of τ with respect to b by columns.
 #[inline(always)]
 fn answer(
     material: &dyn Material,
     b: &Sym3,
     old: &[f64],
     new: &mut [f64],
-) -> Result<(Response, [[f64; 6]; 6]), PointError> {
+) -> Result<(Sym3, Sym3, [[f64; 6]; 6]), PointError> {
     match material.strain_measure() {
         StrainMeasure::Logarithmic => {
             let (log_b, L) = log_with_derivative(b);
-            let law = material.update(&(log_b * 0.5), old, new)?;
+            let answer = material.update(&(log_b * 0.5), old, new);
+            let law = match &answer {
+                Ok(law) => law,
+                Err(error) => return Err((*error).into()),
+            };
             let (D, L) = (&law.tangent.data.0, &L.data.0);
             let mut product = [[0.0; 6]; 6]; // D^alg : L, (A.4)
             for (column, factors) in product.iter_mut().zip(L) {
@@ -147,20 +159,21 @@ fn answer(
                     }
                 }
             }
-            Ok((law, product))
+            Ok((law.tau, law.elastic_strain, product))
         }
         StrainMeasure::LeftCauchyGreen => {
             let law = material.update(&((*b - Sym3::IDENTITY) * 0.5), old, new)?;
-            Ok((law, law.tangent.data.0))
+            Ok((law.tau, law.elastic_strain, law.tangent.data.0))
         }
     }
 }
 
 impl Mechanics<3> for Solid {
     type Previous = Spatial;
+    type Isotropic = Isotropic;
     type Updated = Contribution<3, 3>;
 
-    #[inline]
+    #[inline(always)]
     fn respond(
         start: &StartOfStep,
         increment: &Increment<3>,
@@ -170,7 +183,7 @@ impl Mechanics<3> for Solid {
     ) -> Result<PointResponse<Spatial>, PointError> {
         let (_, inverse) = invert(&increment.dF)?;
         let b = trial(&increment.dF, &start.b_n);
-        let (law, derivative) = answer(material, &b, old, new)?;
+        let (tau, elastic_strain, derivative) = answer(material, &b, old, new)?;
         let weight = start.volume_n / start.J_n;
         // From the Mandel layout and twice the derivative to the tensor components of τ per α.
         let mut moduli = derivative;
@@ -180,8 +193,28 @@ impl Mechanics<3> for Solid {
                 *entry *= if r < 3 { scale } else { scale * FRAC_1_SQRT_2 };
             }
         }
-        let weak = Spatial { inverse, b: full(&b, 1.0), stress: full(&law.tau, weight), moduli };
-        Ok(PointResponse { weak, tau: law.tau, elastic_strain: law.elastic_strain })
+        let weak = Spatial { inverse, b: full(&b, 1.0), stress: full(&tau, weight), moduli };
+        Ok(PointResponse { weak, tau, elastic_strain })
+    }
+
+    #[inline(always)]
+    fn respond_isotropic(
+        start: &StartOfStep,
+        increment: &Increment<3>,
+        material: &dyn Material,
+    ) -> Option<Result<PointResponse<Isotropic>, PointError>> {
+        let law = material.isotropic_moduli()?;
+        let (_, inverse) = match invert(&increment.dF) {
+            Ok(inverted) => inverted,
+            Err(error) => return Some(Err(error)),
+        };
+        let b = trial(&increment.dF, &start.b_n);
+        let answer = match law.respond(&b) {
+            Ok(answer) => answer,
+            Err(error) => return Some(Err(error.into())),
+        };
+        let weak = Isotropic::new(inverse, &answer, start.volume_n / start.J_n);
+        Some(Ok(PointResponse { weak, tau: answer.tau, elastic_strain: answer.elastic_strain }))
     }
 
     fn respond_updated(
@@ -193,9 +226,9 @@ impl Mechanics<3> for Solid {
     ) -> Result<PointResponse<Contribution<3, 3>>, PointError> {
         let (dJ, inverse) = invert(&increment.dF)?;
         let b = trial(&increment.dF, &start.b_n);
-        let (law, derivative) = answer(material, &b, old, new)?;
+        let (tau, elastic_strain, derivative) = answer(material, &b, old, new)?;
         let C = Tangent::from_fn(|r, c| 0.5 * derivative[c][r]);
-        let (sigma, a) = updated(&C, &law.tau.to_matrix(), &b.to_matrix(), dJ * start.J_n);
+        let (sigma, a) = updated(&C, &tau.to_matrix(), &b.to_matrix(), dJ * start.J_n);
         let weak = Contribution {
             stress: sigma,
             tangent: a,
@@ -203,7 +236,7 @@ impl Mechanics<3> for Solid {
             inverse: Some(inverse),
             per_radius: 0.0,
         };
-        Ok(PointResponse { weak, tau: law.tau, elastic_strain: law.elastic_strain })
+        Ok(PointResponse { weak, tau, elastic_strain })
     }
 
     fn embed(increment: &Increment<3>) -> Mat3 {

@@ -153,6 +153,14 @@ proptest! {
             let (P, A) = tensors(&point.weak);
             prop_assert!(difference(P.as_flattened(), stress.as_flattened()) < 1e-13 * scale);
             prop_assert!(difference(flat(&A), flat(&tangent)) < 1e-12 * scale, "{law:?}");
+            if let Some(isotropic) = Solid::respond_isotropic(&start, &Increment::of(dF), law.as_ref()) {
+                let isotropic = isotropic.unwrap();
+                let (P, A) = tensors(&isotropic.weak);
+                prop_assert!(difference(P.as_flattened(), stress.as_flattened()) < 1e-13 * scale);
+                prop_assert!(difference(flat(&A), flat(&tangent)) < 1e-12 * scale);
+                prop_assert!((isotropic.tau - point.tau).norm() <= 1e-14 * scale);
+                prop_assert!((isotropic.elastic_strain - point.elastic_strain).norm() < 1e-15);
+            }
             // Both formulations give one force and stiffness.
             let updated = Solid::respond_updated(&start, &Increment::of(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
             let (P, A) = tensors(&updated.weak);

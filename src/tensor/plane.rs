@@ -7,7 +7,7 @@ use super::Sym3;
 use super::spectral::{artanh_over_x, sinh_over_x};
 
 /// Mean, half difference and shear of the in-plane block, and the radius of its Mohr circle.
-#[inline]
+#[inline(always)]
 fn mohr(b: &Sym3) -> (f64, f64, f64, f64) {
     let m = 0.5 * (b.0[0] + b.0[1]);
     let d = 0.5 * (b.0[0] - b.0[1]);
@@ -40,7 +40,7 @@ pub fn exp(e: &Sym3) -> Sym3 {
 /// With t0 = I/√2, t1 the normalised deviator of b and t2 ⟂ t1 in the plane,
 /// L = (m/det)(t0⊗t0 + t1⊗t1) − (r/det)(t0⊗t1 + t1⊗t0) + w t2⊗t2, w the divided difference of the logarithm.
 /// Every term stays finite as r → 0, where t1 becomes arbitrary.
-#[inline]
+#[inline(always)]
 pub fn log_with_derivative(b: &Sym3) -> (Sym3, [[f64; 3]; 3]) {
     let (m, d, s, r) = mohr(b);
     let det = (m - r) * (m + r);

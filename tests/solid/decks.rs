@@ -17,6 +17,20 @@ fn loaded(text: &str) -> LoadedDeck {
     loaded
 }
 
+/// A deck of `inputs/` with parameters set.
+pub fn of_inputs(deck: &str, set: &[(&str, &str)]) -> LoadedDeck {
+    let set: Vec<(String, String)> = set.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs").join(deck);
+    load(&path, &set).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The points after the analysis in space of a deck of `inputs/` with parameters set.
+pub fn run_of_inputs(deck: &str, set: &[(&str, &str)]) -> Points<3> {
+    let (model, mut points) = build(&of_inputs(deck, set)).unwrap_or_else(|found| panic!("{found:?}"));
+    solver::run::<3, Solid>(&model, &mut points, &mut Silent).unwrap_or_else(|error| panic!("{error}"));
+    points
+}
+
 fn solid(text: &str) -> (Model<3>, Points<3>) {
     build(&loaded(text)).unwrap_or_else(|found| panic!("{found:?}"))
 }

@@ -127,3 +127,77 @@ fn fitted_order(values: &[f64]) -> f64 {
     let slope: f64 = logs.enumerate().map(|(k, y)| (k as f64 - middle) * y).sum();
     -slope / (n * (n * n - 1.0) / 12.0)
 }
+
+/// A square of 3 × 3 distorted quadrilaterals inside one of 7 × 7, in gmsh's format 2.2.
+fn distorted_mesh() -> std::path::PathBuf {
+    use std::fmt::Write;
+    const N: usize = 8;
+    let mut text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n2\n2 1 \"body\"\n2 2 \"rest\"\n\
+                    $EndPhysicalNames\n$Nodes\n64\n"
+        .to_owned();
+    for k in 0..N * N {
+        let (i, j) = ((k % N) as f64, (k / N) as f64);
+        let inside = (1.0..6.5).contains(&i) && (1.0..6.5).contains(&j);
+        let shift = |a: f64, b: f64| if inside { 0.25 * (a * 1.7 + b * 2.9).sin() } else { 0.0 };
+        writeln!(text, "{} {} {} 0", k + 1, i + shift(i, j), j + shift(j + 1.0, i)).unwrap();
+    }
+    text += "$EndNodes\n$Elements\n49\n";
+    for k in 0..(N - 1) * (N - 1) {
+        let (i, j) = (k % (N - 1), k / (N - 1));
+        let group = if (2..5).contains(&i) && (2..5).contains(&j) { 1 } else { 2 };
+        let a = j * N + i + 1;
+        writeln!(text, "{} 3 2 {group} {group} {a} {} {} {}", k + 1, a + 1, a + N + 1, a + N).unwrap();
+    }
+    text += "$EndElements\n";
+    let path = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("distorted.msh");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// Homogeneous motions of a body of distorted cells: all points, and the corners of their domains, go where the motion
+/// takes them, to round-off, and a rotation leaves no stress.
+#[test]
+fn homogeneous_motions_of_distorted_cells() {
+    let mesh = distorted_mesh();
+    for method in ["mpm", "cpdi1", "cpdi2"] {
+        for n in [1, 2] {
+            // Five steps of a rotation by 18° about (3.5, 3.5) each, or of a stretch by 2 % and a shear.
+            let (sin, cos) = 18f64.to_radians().sin_cos();
+            for increment in [[cos, -sin, sin, cos], [1.02, 0.03, -0.01, 0.98]] {
+                let [a, b, c, d] = increment;
+                let text = format!(
+                    "
+version: 1
+grid: {{type: gmsh, file: '{}'}}
+materials: {{m: {{model: hencky, young: 1, poisson: 0.3}}}}
+bodies: [{{name: body, material: m, shape: {{type: cells, group: body}}, method: {method}, points_per_cell: {n}}}]
+boundary_conditions:
+  - name: all
+    nodes: {{box: {{min: [0, 0], max: [7, 7]}}}}
+    where: {{X0: x - 3.5, Y0: y - 3.5}}
+    ux: '5*(({a} - 1)*X0 + {b}*Y0)'
+    uy: '5*({c}*X0 + ({d} - 1)*Y0)'
+steps: {{count: 5}}
+",
+                    mesh.display()
+                );
+                let analysis = run_text(&text, &[]).completed();
+                let points = &analysis.points;
+                let whole = nalgebra::Matrix2::new(a, b, c, d).pow(5);
+                let centre = nalgebra::Vector2::new(3.5, 3.5);
+                for p in 0..points.len() {
+                    let original = nalgebra::Vector2::from(points.original_position[p]);
+                    let there = whole * (original - centre) + centre;
+                    let apart = (there - nalgebra::Vector2::from(points.converged.position[p])).norm();
+                    assert!(apart < 1e-13, "{method} {n} {increment:?}: {apart:e}");
+                    let gradient = points.converged.deformation_gradient[p].fixed_view::<2, 2>(0, 0) - whole;
+                    assert!(gradient.norm() < 1e-12, "{method} {n} {increment:?}: {gradient}");
+                    if increment[0] == cos {
+                        let stress = points.converged.kirchhoff_stress[p].0;
+                        assert!(stress.iter().all(|s| s.abs() < 1e-13), "{method} {n}: {stress:?}");
+                    }
+                }
+            }
+        }
+    }
+}

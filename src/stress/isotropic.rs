@@ -1,0 +1,88 @@
+//! A point in three dimensions whose law has isotropic moduli in the current configuration.
+
+use super::solid::{full, times};
+use super::{Lane, Lanes, WeakForm, lane::transposed};
+use crate::material::IsotropicResponse;
+
+/// A point of the previously converged formulation with gradients in the current configuration, g = ∂S/∂X̃ ΔF⁻¹.
+///
+/// In terms of the spatial moduli c, which take the rate of deformation to the Oldroyd rate of τ, the stiffness of
+/// eqs. (A.3)-(A.6) between two nodes is V_n/J_n (g_a·c·g_b + (g_a·τ·g_b) 1). With c = λ̂ 1⊗1 + 2 μ̂ 𝟙 what remains are
+/// products of two vectors: V_n/J_n (λ̂ g_a⊗g_b + μ̂ g_b⊗g_a + (g_a·(τ + μ̂ 1)·g_b) 1).
+#[derive(Debug, Clone, Copy)]
+pub struct Isotropic {
+    /// ΔF⁻¹.
+    inverse: [[f64; 3]; 3],
+    /// V_n τ/J_n.
+    stress: [[f64; 3]; 3],
+    /// V_n λ̂/J_n.
+    lambda: f64,
+    /// V_n μ̂/J_n.
+    mu: f64,
+}
+
+impl Isotropic {
+    /// From ΔF⁻¹, the answer of the law, and V_n/J_n.
+    #[inline(always)]
+    pub(super) fn new(inverse: [[f64; 3]; 3], answer: &IsotropicResponse, weight: f64) -> Self {
+        let IsotropicResponse { tau, lambda, mu, .. } = answer;
+        Isotropic { inverse, stress: full(tau, weight), lambda: lambda * weight, mu: mu * weight }
+    }
+}
+
+/// The part of node b.
+#[derive(Debug, Clone, Copy)]
+pub struct Vectors {
+    /// λ̂ g_b.
+    lambda: [f64; 3],
+    /// μ̂ g_b.
+    mu: [f64; 3],
+    /// (τ + μ̂ 1) g_b.
+    diagonal: [f64; 3],
+}
+
+impl WeakForm<3> for Isotropic {
+    type Gradient<T: Lane> = [T; 3];
+    type Column = Vectors;
+
+    #[inline(always)]
+    fn inverse(&self) -> Option<&[[f64; 3]; 3]> {
+        Some(&self.inverse)
+    }
+
+    #[inline(always)]
+    fn gradient(&self, gradient: &[f64; 3], _value: f64) -> [f64; 3] {
+        *gradient
+    }
+
+    #[inline(always)]
+    fn side_by_side(nodes: &[[f64; 3]]) -> [Lanes; 3] {
+        transposed(nodes)
+    }
+
+    #[inline(always)]
+    fn column(&self, gradient: &[f64; 3], force: &mut [f64; 3]) -> Vectors {
+        let traction = times(&self.stress, gradient);
+        for (f, t) in force.iter_mut().zip(traction) {
+            *f += t;
+        }
+        let mu = std::array::from_fn(|i| self.mu * gradient[i]);
+        Vectors {
+            lambda: std::array::from_fn(|i| self.lambda * gradient[i]),
+            mu,
+            diagonal: std::array::from_fn(|i| traction[i] + mu[i]),
+        }
+    }
+
+    #[inline(always)]
+    fn add_block<T: Lane>(column: &Vectors, gradient: &[T; 3], block: &mut [[T; 3]; 3]) {
+        let Vectors { lambda, mu, diagonal } = column;
+        let of_diagonal = gradient[0] * diagonal[0] + gradient[1] * diagonal[1] + gradient[2] * diagonal[2];
+        for i in 0..3 {
+            for k in 0..3 {
+                let off_diagonal = gradient[i] * lambda[k] + gradient[k] * mu[i];
+                block[i][k] += if i == k { off_diagonal + of_diagonal } else { off_diagonal };
+            }
+        }
+    }
+}
