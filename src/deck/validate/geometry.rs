@@ -49,13 +49,13 @@ impl Check<'_> {
 
     pub(super) fn wrong_count(&mut self, pointer: &str, count: usize) {
         let axes = self.dimensions();
-        let message = format!("expected {axes} entries, one per axis, found {count}");
-        let mut diagnostic = Diagnostic::at(self.source, "D015", pointer, message)
-            .expected(format!("{axes} entries, one per axis"));
+        let expected = format!("{axes} entries, one per axis");
+        let message = format!("expected {expected}, found {count}");
+        let mut found = Diagnostic::at(self.source, "D015", pointer, message).expected(expected);
         if (axes, count) == (2, 3) {
-            diagnostic = diagnostic.help("three axes need `analysis: {idealisation: solid}`");
+            found = found.help("three axes need `analysis: {idealisation: solid}`");
         }
-        self.found.push(diagnostic);
+        self.found.push(found);
     }
 
     /// What needs another number of dimensions than the deck has.
