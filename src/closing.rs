@@ -146,7 +146,8 @@ impl Closing {
     }
 }
 
-fn counted(number: usize, one: &str, many: &str) -> String {
+/// A number and what it counts.
+pub fn counted(number: usize, one: &str, many: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { many })
 }
 

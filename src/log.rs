@@ -1,12 +1,15 @@
 //! The log of a run: everything that happened, as it happened.
 
 use std::fs::File;
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
+
+/// Bytes at the beginning of a log in which the name of the program stands.
+const FIRST: u64 = 24;
 
 /// A log file, each line with the seconds since the program began. Every line is in the file once it is written.
 #[derive(Debug, Clone)]
@@ -19,8 +22,15 @@ impl LogFile {
     /// Starts a log afresh.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    /// When the file cannot be written, or exists and is no log.
     pub fn create(path: &Path, began: Instant) -> anyhow::Result<LogFile> {
+        let mut first = Vec::new();
+        // What cannot be read is found out by writing.
+        let _ = File::open(path).and_then(|file| file.take(FIRST).read_to_end(&mut first));
+        let is_log = String::from_utf8_lossy(&first).contains("  mpm ");
+        if !first.is_empty() && !is_log {
+            bail!("`{}` exists and is no log of mpm; choose another name with `--log`", path.display());
+        }
         let file =
             File::create(path).with_context(|| format!("the log `{}` cannot be written", path.display()))?;
         Ok(LogFile { file: Arc::new(file), began })

@@ -5,7 +5,11 @@ use crate::tensor::{Mat3, Sym3};
 
 /// A position as messages show it.
 pub(crate) fn coordinates(position: &[f64]) -> String {
-    let numbers: Vec<String> = position.iter().map(|x| format!("{x:.6}")).collect();
+    let without_sign = |text: String| match text.strip_prefix('-') {
+        Some(rest) if rest.bytes().all(|b| b == b'0' || b == b'.') => rest.to_owned(),
+        _ => text,
+    };
+    let numbers: Vec<String> = position.iter().map(|x| without_sign(format!("{x:.6}"))).collect();
     format!("({})", numbers.join(", "))
 }
 

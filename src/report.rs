@@ -1,10 +1,16 @@
 //! `mpm report`: a page of HTML about results.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use anyhow::bail;
 use clap::Args;
 use mpm::appendix::{self, FieldChoice, Options, StepChoice, Units};
+
+/// Bytes at the beginning of a page that all pages share.
+const FIRST: u64 = 15;
 
 /// Arguments of `mpm report`.
 #[derive(Args)]
@@ -34,6 +40,12 @@ pub fn report(args: ReportArgs) -> anyhow::Result<ExitCode> {
         [directory] => directory.join("report.html"),
         _ => PathBuf::from("comparison.html"),
     });
+    let mut first = Vec::new();
+    // What cannot be read is found out by writing.
+    let _ = File::open(&path).and_then(|file| file.take(FIRST).read_to_end(&mut first));
+    if !first.is_empty() && !page.as_bytes().starts_with(&first) {
+        bail!("`{}` exists and is no report of mpm; choose another name with `--out`", path.display());
+    }
     appendix::write(&path, &page)?;
     tell!("the report is {}", path.display());
     Ok(ExitCode::SUCCESS)

@@ -11,6 +11,7 @@ use mpm::solver::SolveError;
 use mpm::timing::{Phase, Timings};
 
 use crate::analysis::{self, Ended, describe_failure, prepare_aloud, run_into};
+use crate::closing::counted;
 use crate::interrupt::stop_on_interrupt;
 use crate::log::LogFile;
 use crate::progress::View;
@@ -140,11 +141,11 @@ pub fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
     }
     let extent = ready.extent;
     print(&format!(
-        "{}: ready\n  {} points in {} bodies, {} cells, {} active nodes, {} unknowns in the first of {} steps, \
+        "{}: ready\n  {} points in {}, {} cells, {} active nodes, {} unknowns in the first of {} steps, \
          about {} of memory\n",
         ready.loaded.source.name(),
         extent.points,
-        extent.bodies,
+        counted(extent.bodies, "body", "bodies"),
         extent.cells,
         extent.first.active_nodes,
         extent.first.unknowns,

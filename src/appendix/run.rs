@@ -97,6 +97,13 @@ impl Run {
                 return Err(ReportError::Damaged { path: directory.join(file), what });
             }
         }
+        let rows = history.column("step").map_or(0, <[f64]>::len) as u64;
+        if let Some(steps) = summary["steps"].as_u64()
+            && steps != rows
+        {
+            let what = format!("it has {rows} rows, and the run made {steps} steps");
+            return Err(ReportError::Damaged { path: directory.join("history.csv"), what });
+        }
         let state = state_of(&summary, directory)?;
         let mut run = Run {
             name: directory.display().to_string(),

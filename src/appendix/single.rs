@@ -128,7 +128,11 @@ fn table_by_axis(
         std::iter::once(name).chain(numbers)
     };
     rows.into_iter().for_each(|row| table.row(cells(row)));
-    last.into_iter().for_each(|row| table.total(cells(row)));
+    // What is left of large numbers would vanish beside them.
+    for (name, values) in last {
+        let numbers = values.into_iter().map(|value| Cell::maybe(value, 3));
+        table.total(std::iter::once(name).chain(numbers));
+    }
     table
 }
 
@@ -309,7 +313,7 @@ fn convergence(page: &mut Page, run: &Run, naming: &Naming) {
         let order = &run.summary["quality"]["newton_order"];
         let median = order["median"].as_f64().map(|median| format!(" Their median is {}.", html(median, 3)));
         let caption = format!(
-            "Observed order of the Newton iterations, from the last three residuals above round-off, where it can be told.{}",
+            "Observed order of the Newton iterations, from the last three residuals above round-off, where it can be told; where residuals fall in uneven jumps, as when stiff and soft motions take turns, it says little.{}",
             median.unwrap_or_default()
         );
         page.figure(&caption, &chart.svg(naming));

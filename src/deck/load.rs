@@ -6,6 +6,7 @@ use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use super::diagnostic::{self, Diagnostic, Gate, quote};
+use super::references::dangling;
 use super::source::Source;
 use super::{Deck, GridDeck, Parameter, parameters, shape, validate};
 use crate::formula::closest;
@@ -169,8 +170,16 @@ pub fn load_text(
     if let Some(mut value) = value {
         parameters::apply(&mut value, &mut source, overrides, &mut diagnostics);
         let before = diagnostics.len();
-        deck = shape::check(value, &mut source, &mut diagnostics);
+        let checked = shape::check(value, &mut source, &mut diagnostics);
         diagnostic::assign(Gate::Shape, &mut diagnostics[before..]);
+        match checked {
+            Ok(whole) => deck = Some(whole),
+            Err(part) => {
+                let mut found = dangling(&part, &source);
+                diagnostic::assign(Gate::Meaning, &mut found);
+                diagnostics.extend(found);
+            }
+        }
     }
     if let Some(deck) = &deck {
         let told: HashSet<(String, &str)> =

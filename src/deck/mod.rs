@@ -27,6 +27,7 @@ mod parameters;
 mod placing;
 pub mod ready;
 pub mod reference;
+mod references;
 mod region;
 pub mod schema;
 mod seeding;

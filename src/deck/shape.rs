@@ -8,6 +8,7 @@ use std::sync::OnceLock;
 
 use jsonschema::error::{TypeKind, ValidationError, ValidationErrorKind};
 use jsonschema::{Draft, Validator};
+use serde::Deserialize;
 use serde_json::Value;
 
 use super::Deck;
@@ -22,12 +23,13 @@ const PASSES: usize = 3;
 const MOST_MENDED: usize = 100;
 
 /// Checks the shape of a deck whose parameters are inserted; adds a message for every fault. The deck is returned if
-/// it can be read at all, even where a number is out of range or a key misspelt, so that more can be said about it.
+/// it can be read at all, even where a number is out of range or a key misspelt, so that more can be said about it;
+/// otherwise what there is of it.
 pub(super) fn check(
     mut value: Value,
     source: &mut Source,
     diagnostics: &mut Vec<Diagnostic>,
-) -> Option<Deck> {
+) -> Result<Deck, Value> {
     let before = diagnostics.len();
     let (mut judged, mut meant) = (HashSet::new(), HashSet::new());
     // What stands below a misspelt key is looked at once the key has its name.
@@ -45,13 +47,13 @@ pub(super) fn check(
         }
     }
     let is_well_formed = diagnostics.len() == before && !source.has_poison();
-    match serde_json::from_value(value) {
-        Ok(deck) if !source.has_poison() => Some(deck),
+    match Deck::deserialize(&value) {
+        Ok(deck) if !source.has_poison() => Ok(deck),
         Err(error) if is_well_formed => {
             diagnostics.push(Diagnostic::error("D008", format!("the deck cannot be read: {error}")));
-            None
+            Err(value)
         }
-        _ => None,
+        _ => Err(value),
     }
 }
 
@@ -170,6 +172,9 @@ impl Gate<'_> {
             let meant = best.map(str::to_owned);
             self.unknown.push(UnknownKey { parent: pointer.to_owned(), key: key.clone(), meant });
             diagnostic.help = Some(match best {
+                None if key.bytes().all(|b| b.is_ascii_digit()) => {
+                    format!("a comma separates entries, it does not group digits; the keys here are {keys}")
+                }
                 Some(best) => {
                     self.meant.insert(format!("{pointer}/{best}"));
                     format!("did you mean {}? the keys here are {keys}", quote(best))

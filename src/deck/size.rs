@@ -59,8 +59,11 @@ impl Size {
         let (mut points, mut memory_of_points, mut cells, mut factor) = (0.0, 0.0, 0.0, 0.0_f64);
         let mut largest = (0.0, 0);
         for (number, (body, region)) in deck.bodies.iter().zip(regions).enumerate() {
-            let volume = volume_of(region).min(whole);
-            let n = volume * density::<D>(body, deck, of_cell);
+            let all = volume_of(region);
+            let volume = all.min(whole);
+            // At a spacing of their own, points outside the grid are there until they are found.
+            let seeded = if body.point_spacing.is_some() { all } else { volume };
+            let n = seeded * density::<D>(body, deck, of_cell);
             if n > largest.0 {
                 largest = (n, number);
             }

@@ -11,10 +11,10 @@ mod units;
 
 use std::collections::HashMap;
 
-use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote};
+use super::diagnostic::{Diagnostic, Gate, Severity, assign, quote};
+use super::references::unknown_reference;
 use super::source::Source;
 use super::{BodyDeck, Deck, Method};
-use crate::formula::closest;
 
 /// Checks the meaning of a deck. The source gives the places of messages and tells which values come from
 /// parameters; [`Source::without_text`] serves for a deck that was not read from a file.
@@ -117,21 +117,7 @@ impl Check<'_> {
     }
 
     fn unknown_reference(&mut self, pointer: &str, one: &str, several: &str, name: &str, names: Vec<&str>) {
-        let help = match (closest(name, names.iter().copied()), names.len()) {
-            (_, 0) => format!("the deck has no {several}"),
-            (Some(best), 1) => format!("did you mean {}?", quote(best)),
-            (Some(best), _) => {
-                format!("did you mean {}? the {several} are {}", quote(best), list(names.iter().copied()))
-            }
-            (None, 1) => format!("the only {one} is {}", list(names.iter().copied())),
-            (None, _) => format!("the {several} are {}", list(names.iter().copied())),
-        };
-        let message = format!("there is no {one} {}", quote(name));
-        let mut diagnostic = Diagnostic::at(self.source, "D018", pointer, message).help(help);
-        if !names.is_empty() {
-            diagnostic.expected = Some(format!("one of the {several} {}", list(names)));
-        }
-        self.found.push(diagnostic);
+        self.found.push(unknown_reference(self.source, pointer, (one, several), name, names));
     }
 
     fn bodies(&mut self, grid: Option<&geometry::GridBox>) {

@@ -68,6 +68,10 @@ impl Results {
     ) -> io::Result<Results> {
         std::fs::create_dir_all(directory)?;
         let lock = Lock::take(directory)?;
+        if let Some(name) = foreign_file(directory)? {
+            let what = format!("its file `{name}` is not the result of a run; choose another directory");
+            return Err(io::Error::new(io::ErrorKind::AlreadyExists, what));
+        }
         remove_earlier_results(directory)?;
         let axes = &["x", "y", "z"][..D];
         let mut columns: Vec<String> = ["step", "time", "iterations", "residual"].map(String::from).to_vec();
@@ -245,16 +249,41 @@ fn remove_earlier_results(directory: &Path) -> io::Result<()> {
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
-        let ours = SERIES.iter().any(|series| {
-            let Some(rest) = name.strip_prefix(series) else { return false };
-            let number = rest.strip_prefix('_').and_then(|r| r.strip_suffix(".vtu"));
-            rest == ".pvd" || number.is_some_and(|n| n.len() >= 4 && n.bytes().all(|b| b.is_ascii_digit()))
-        });
-        if ours || ["summary.json", "run.json", status::NAME].contains(&name) {
+        if is_of_series(name) || OF_RUN.contains(&name) {
             std::fs::remove_file(&path)?;
         }
     }
     Ok(())
+}
+
+/// Files that tell of a run as a whole.
+const OF_RUN: [&str; 3] = ["summary.json", "run.json", status::NAME];
+
+/// Whether a file with this name belongs to a series.
+fn is_of_series(name: &str) -> bool {
+    SERIES.iter().any(|series| {
+        let Some(rest) = name.strip_prefix(series) else { return false };
+        let number = rest.strip_prefix('_').and_then(|r| r.strip_suffix(".vtu"));
+        rest == ".pvd" || number.is_some_and(|n| n.len() >= 4 && n.bytes().all(|b| b.is_ascii_digit()))
+    })
+}
+
+/// A file that a run would replace although no run has written it.
+fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
+    if OF_RUN.iter().any(|name| directory.join(name).exists()) {
+        return Ok(None);
+    }
+    for entry in std::fs::read_dir(directory)? {
+        let path = entry?.path();
+        let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
+        // A run that was killed at its very beginning leaves a table behind.
+        let is_table = || std::fs::read(&path).is_ok_and(|bytes| bytes.starts_with(b"step,"));
+        let ours = ["history.csv", "convergence.csv", "quality.csv"].contains(&name);
+        if is_of_series(name) || ours && !is_table() {
+            return Ok(Some(name.to_owned()));
+        }
+    }
+    Ok(None)
 }
 
 impl<const D: usize> Observer<D> for Results {
