@@ -7,6 +7,7 @@ use std::path::Path;
 use mpm::deck::diagnostic::Diagnostic;
 use mpm::deck::formulas::at_nodes;
 use mpm::deck::load::{LoadedDeck, load, load_text};
+use mpm::deck::ready::{Analysis, ready};
 use mpm::deck::source::Source;
 use mpm::deck::validate::validate;
 use mpm::deck::{DomainUpdate, Expression, GridDeck, Method, Parameter, PerAxis};
@@ -275,4 +276,31 @@ fn the_mesh_is_part_of_the_hash() {
     let first = hash("mixed_4.1_text");
     assert_ne!(first, hash("mixed_2.2_text"));
     assert_eq!(first, hash("mixed_4.1_text"));
+}
+
+/// Whole cells from which a circle is cut: its area is known although no formula gives that of the rest.
+#[test]
+fn the_area_of_cut_cells_is_measured() {
+    let text = "version: 1
+grid: {type: gmsh, file: ../tests/data/mesh/rectangle_quad_h0.5.msh}
+materials: {m: {model: hencky, young: 1, poisson: 0}}
+bodies:
+  - {name: plate, material: m, method: mpm, points_per_cell: 2, shape: {type: difference, from: {type: cells},
+     minus: [{type: circle, center: [5, 5], radius: 2.1}]}}
+boundary_conditions: [{name: left, nodes: {x: 0}, fix: [x, y]}]
+loads: [{name: push, type: body-force, force: [1, 0]}]
+steps: {count: 1}
+";
+    let loaded = load_text("inputs/deck.yaml", text.as_bytes(), &[]).unwrap_or_else(|e| panic!("{e}"));
+    let ready = ready(&loaded, None).unwrap_or_else(|found| panic!("{found:?}"));
+    let Analysis::Plane(parts) = &ready.analysis else { panic!() };
+    let area: f64 = parts.1.original_volume.iter().sum();
+    let exact = 110.0 - std::f64::consts::PI * 2.1 * 2.1;
+    let note = ready.notes.iter().find(|note| note.code == "D033").unwrap();
+    let words: Vec<&str> = note.message.split(' ').collect();
+    let at = |word: &str| words.iter().position(|w| *w == word).unwrap();
+    let share: f64 = words[at("%") - 1].parse().unwrap();
+    let sign = if note.message.contains("more") { 1.0 } else { -1.0 };
+    // The cut cells are measured by parts of a 32nd of their sides.
+    assert!((sign * share / 100.0 - (area / exact - 1.0)).abs() < 3e-4, "{} {}", note.message, area / exact);
 }

@@ -19,6 +19,10 @@ use crate::region::{Accuracy, FilledCell, Region, Volume, brick_parts, fill};
 /// Relative distance to a grid line within which a side of a box counts as lying on it.
 const ON_LINE: f64 = 1e-6;
 
+/// Parts along each axis of a cut cell by which its part of a region is measured, in the plane and in space.
+const FINE: usize = 32;
+const FINE_IN_SPACE: usize = 10;
+
 /// Most points of a body.
 const MOST_POINTS: f64 = 1e8;
 
@@ -55,9 +59,9 @@ impl<const D: usize> Filling<'_, D> {
             (Shape::Box { min, max }, Some(grid), Some(counts)) => self.box_on_lines(grid, min, max, counts),
             _ => None,
         };
-        let seeds = match (box_on_lines, &deck.point_spacing) {
-            (Some(seeds), _) => seeds,
-            (None, Some(spacing)) => self.lattice(deck, per_axis(spacing))?,
+        let (seeds, cells) = match (box_on_lines, &deck.point_spacing) {
+            (Some(seeds), _) => (seeds, Vec::new()),
+            (None, Some(spacing)) => (self.lattice(deck, per_axis(spacing))?, Vec::new()),
             (None, None) => self.cell_by_cell(deck)?,
         };
         if seeds.is_empty() {
@@ -69,7 +73,36 @@ impl<const D: usize> Filling<'_, D> {
                     .to_owned(),
             });
         }
-        Ok(Filled { seeds, exact: self.region.volume(Accuracy::default()) })
+        let exact = self.region.volume(Accuracy::default());
+        Ok(Filled { seeds, exact: exact.or_else(|| (!cells.is_empty()).then(|| self.measured(&cells))) })
+    }
+
+    /// Volume of a region of whole cells from which something is cut: the cells that it fills, and the fine parts of the
+    /// others whose centres lie inside.
+    fn measured(&self, filled: &[FilledCell]) -> Volume {
+        let is_full = |cell: usize| {
+            let place = filled.binary_search_by_key(&(cell as u32), |filled| filled.cell);
+            place.is_ok_and(|place| filled[place].full)
+        };
+        let fine = if D > 2 { FINE_IN_SPACE } else { FINE };
+        let divide = |cell: usize| -> Result<Vec<(Part<D>, bool)>, std::convert::Infallible> {
+            let nodes = self.grid.corners(cell);
+            let x: Vec<[f64; D]> =
+                nodes.nodes().iter().map(|&n| self.grid.node_position(n as usize)).collect();
+            let n = if is_full(cell) { 1 } else { fine };
+            let parts = match ElementShape::from_nodes::<D>(x.len()) {
+                Some(ElementShape::Simplex) => subdivide_simplex(&x, n.pow(D as u32)),
+                _ => subdivide_box(&x, [n; D]),
+            };
+            Ok(parts.unwrap_or_default().into_iter().map(|part| (part, n > 1)).collect())
+        };
+        let in_group = |key: usize, cell: usize| self.groups.holds(key, cell);
+        let Ok(parts) = fill(self.region, self.grid, in_group, divide, |(part, _)| part.position);
+        let cut: f64 = parts.parts.iter().filter(|(_, is_cut)| *is_cut).map(|(part, _)| part.volume).sum();
+        Volume {
+            value: parts.parts.iter().map(|(part, _)| part.volume).sum(),
+            error: 0.5 * cut / fine as f64,
+        }
     }
 
     fn domain(&self) -> DomainKind {
@@ -191,7 +224,7 @@ impl<const D: usize> Filling<'_, D> {
     }
 
     /// The parts of every cell whose centres lie in the region.
-    fn cell_by_cell(&self, deck: &BodyDeck) -> Result<Vec<Seed<D>>, Fault> {
+    fn cell_by_cell(&self, deck: &BodyDeck) -> Result<(Vec<Seed<D>>, Vec<FilledCell>), Fault> {
         let cut = AtomicUsize::new(0);
         let divide = |cell: usize| {
             let parts = self.parts(cell, deck)?;
@@ -212,7 +245,7 @@ impl<const D: usize> Filling<'_, D> {
         let filled = fill(self.region, self.grid, in_group, divide, |seed| seed.position)?;
         let mut seeds = filled.parts;
         self.mark_outer_layer(&mut seeds, &filled.cells);
-        Ok(seeds)
+        Ok((seeds, filled.cells))
     }
 
     /// The points of cells that are not full, or share a node with the border of the full ones.
