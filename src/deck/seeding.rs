@@ -34,6 +34,9 @@ pub(super) struct Fault {
     pub(super) help: String,
 }
 
+/// Points of a cell, made one by one.
+type Parts<'a, const D: usize> = Box<dyn Iterator<Item = Seed<D>> + 'a>;
+
 /// The points of a body.
 pub(super) struct Filled<const D: usize> {
     pub(super) seeds: Vec<Seed<D>>,
@@ -227,8 +230,8 @@ impl<const D: usize> Filling<'_, D> {
     fn cell_by_cell(&self, deck: &BodyDeck) -> Result<(Vec<Seed<D>>, Vec<FilledCell>), Fault> {
         let cut = AtomicUsize::new(0);
         let divide = |cell: usize| {
-            let parts = self.parts(cell, deck)?;
-            if cut.fetch_add(parts.len(), Ordering::Relaxed) as f64 > MOST_POINTS {
+            let (parts, n) = self.parts(cell, deck)?;
+            if cut.fetch_add(n, Ordering::Relaxed) as f64 > MOST_POINTS {
                 return Err(Fault {
                     code: "D028",
                     key: String::new(),
@@ -273,8 +276,8 @@ impl<const D: usize> Filling<'_, D> {
         }
     }
 
-    /// The points of the even subdivision of a cell.
-    fn parts(&self, cell: usize, deck: &BodyDeck) -> Result<Vec<Seed<D>>, Fault> {
+    /// The points of the even subdivision of a cell, and how many there are.
+    fn parts(&self, cell: usize, deck: &BodyDeck) -> Result<(Parts<'_, D>, usize), Fault> {
         let corners = self.grid.corners(cell);
         let shape = ElementShape::from_nodes::<D>(corners.nodes().len()).unwrap_or(ElementShape::Box);
         let (key, of_simplex) = match D {
@@ -299,17 +302,22 @@ impl<const D: usize> Filling<'_, D> {
         let n = per_axis::<u32, D>(counts).map(|n| n as usize);
         if let Some(grid) = self.grid.structured() {
             let sides = std::array::from_fn(|d| grid.spacing()[d] / n[d] as f64);
-            let point = |x: [f64; D]| {
+            let point = move |x: [f64; D]| {
                 let end = |sign: f64| std::array::from_fn(|d| x[d] + sign * 0.5 * sides[d]);
                 self.brick(x, [end(-1.0), end(1.0)], sides)
             };
-            return Ok(brick_parts(grid, n, cell).map(|part| point(part.position)).collect());
+            let parts = brick_parts(grid, n, cell).map(move |part| point(part.position));
+            return Ok((Box::new(parts), n.iter().product()));
         }
-        let parts = subdivide_box(&x, n).unwrap_or_default();
-        Ok(parts.into_iter().map(|part| self.point(part)).collect())
+        Ok(self.points(subdivide_box(&x, n).unwrap_or_default()))
     }
 
-    fn simplex(&self, x: &[[f64; D]], key: &str, n: u32) -> Result<Vec<Seed<D>>, Fault> {
+    fn points(&self, parts: Vec<Part<D>>) -> (Parts<'_, D>, usize) {
+        let n = parts.len();
+        (Box::new(parts.into_iter().map(|part| self.point(part))), n)
+    }
+
+    fn simplex(&self, x: &[[f64; D]], key: &str, n: u32) -> Result<(Parts<'_, D>, usize), Fault> {
         let parts = subdivide_simplex(x, n as usize).ok_or_else(|| Fault {
             code: "D009",
             key: format!("/{key}"),
@@ -322,7 +330,7 @@ impl<const D: usize> Filling<'_, D> {
                 _ => "use 1, 4, 9, 16, … or 8".to_owned(),
             },
         })?;
-        Ok(parts.into_iter().map(|part| self.point(part)).collect())
+        Ok(self.points(parts))
     }
 
     /// The point of a part of a cell of any form.

@@ -41,29 +41,33 @@ pub struct Filled<P> {
 
 /// The parts of the cells of a grid whose centres lie in a region.
 ///
-/// - `divide` gives the parts of a cell, `place` the centre of a part.
+/// - `divide` gives the parts of a cell, of which only those inside are kept; `place` gives the centre of a part.
 /// - `in_group(key, cell)` says whether a cell belongs to the group `key` of the region.
 ///
 /// Parallel over cells; the result does not depend on the number of threads.
 ///
 /// # Errors
 /// Those of `divide`, of the first cell that has one and may meet the region.
-pub fn fill<const D: usize, P: Send, E: Send>(
+pub fn fill<const D: usize, P: Send, I: IntoIterator<Item = P>, E: Send>(
     region: &Region<D>,
     grid: &dyn Grid<D>,
     in_group: impl Fn(usize, usize) -> bool + Sync,
-    divide: impl Fn(usize) -> Result<Vec<P>, E> + Sync,
+    divide: impl Fn(usize) -> Result<I, E> + Sync,
     place: impl Fn(&P) -> [f64; D] + Sync,
 ) -> Result<Filled<P>, E> {
     let one_cell = |cell: usize| -> Result<(Vec<P>, bool), E> {
         if !region.may_meet_cell(&bounds_of_cell(grid, cell), &|key| in_group(key, cell)) {
             return Ok((Vec::new(), false));
         }
-        let mut parts = divide(cell)?;
-        let all = parts.len();
         let holds = |x: &[f64; D]| contains_in_cell(region, grid, x, cell, &in_group);
-        parts.retain(|part| holds(&place(part)));
-        let full = parts.len() == all;
+        let (mut parts, mut full) = (Vec::new(), true);
+        for part in divide(cell)? {
+            if holds(&place(&part)) {
+                parts.push(part);
+            } else {
+                full = false;
+            }
+        }
         Ok((parts, full))
     };
     let candidates: Vec<usize> = match grid.structured() {

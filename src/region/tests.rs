@@ -416,8 +416,8 @@ fn filled<const D: usize>(
     per_cell: [usize; D],
     groups: &[Vec<bool>],
 ) -> Filled<Part<D>> {
-    let divide = |cell: usize| Ok::<_, ()>(brick_parts(grid, per_cell, cell).collect());
-    fill(region, grid, |key, cell| groups[key][cell], divide, |part| part.position).unwrap()
+    let divide = |cell: usize| Ok::<_, ()>(brick_parts(grid, per_cell, cell));
+    fill(region, grid, |key, cell| groups[key][cell], divide, |part: &Part<D>| part.position).unwrap()
 }
 
 fn sum_of_parts<const D: usize>(filled: &Filled<Part<D>>) -> f64 {
