@@ -14,7 +14,7 @@ use crate::grid::element::ElementShape;
 use crate::grid::subdivide::{Part, subdivide_box, subdivide_simplex};
 use crate::grid::{Grid, Structured};
 use crate::points::Seed;
-use crate::region::{Accuracy, FilledCell, Region, Volume, brick_parts, fill};
+use crate::region::{Accuracy, FilledCell, Region, Volume, brick_parts, contains_in_cell, fill};
 
 /// Relative distance to a grid line within which a side of a box counts as lying on it.
 const ON_LINE: f64 = 1e-6;
@@ -22,6 +22,8 @@ const ON_LINE: f64 = 1e-6;
 /// Parts along each axis of a cut cell by which its part of a region is measured, in the plane and in space.
 const FINE: usize = 32;
 const FINE_IN_SPACE: usize = 10;
+/// Parts along each axis by which it is found out whether a cell is cut.
+const PROBED: usize = 8;
 
 /// Most points of a body.
 const MOST_POINTS: f64 = 1e8;
@@ -62,9 +64,10 @@ impl<const D: usize> Filling<'_, D> {
             (Shape::Box { min, max }, Some(grid), Some(counts)) => self.box_on_lines(grid, min, max, counts),
             _ => None,
         };
-        let (seeds, cells) = match (box_on_lines, &deck.point_spacing) {
-            (Some(seeds), _) => (seeds, Vec::new()),
-            (None, Some(spacing)) => (self.lattice(deck, per_axis(spacing))?, Vec::new()),
+        let is_by_cells = box_on_lines.is_none() && deck.point_spacing.is_none();
+        let seeds = match (box_on_lines, &deck.point_spacing) {
+            (Some(seeds), _) => seeds,
+            (None, Some(spacing)) => self.lattice(deck, per_axis(spacing))?,
             (None, None) => self.cell_by_cell(deck)?,
         };
         if seeds.is_empty() {
@@ -77,27 +80,26 @@ impl<const D: usize> Filling<'_, D> {
             });
         }
         let exact = self.region.volume(Accuracy::default());
-        Ok(Filled { seeds, exact: exact.or_else(|| (!cells.is_empty()).then(|| self.measured(&cells))) })
+        Ok(Filled { seeds, exact: exact.or_else(|| is_by_cells.then(|| self.measured())) })
     }
 
     /// Volume of a region of whole cells from which something is cut: the cells that it fills, and the fine parts of the
     /// others whose centres lie inside.
-    fn measured(&self, filled: &[FilledCell]) -> Volume {
-        let is_full = |cell: usize| {
-            let place = filled.binary_search_by_key(&(cell as u32), |filled| filled.cell);
-            place.is_ok_and(|place| filled[place].full)
-        };
+    fn measured(&self) -> Volume {
         let fine = if D > 2 { FINE_IN_SPACE } else { FINE };
         let divide = |cell: usize| -> Result<Vec<(Part<D>, bool)>, std::convert::Infallible> {
             let nodes = self.grid.corners(cell);
             let x: Vec<[f64; D]> =
                 nodes.nodes().iter().map(|&n| self.grid.node_position(n as usize)).collect();
-            let n = if is_full(cell) { 1 } else { fine };
-            let parts = match ElementShape::from_nodes::<D>(x.len()) {
-                Some(ElementShape::Simplex) => subdivide_simplex(&x, n.pow(D as u32)),
-                _ => subdivide_box(&x, [n; D]),
+            let parts = |n: usize| match ElementShape::from_nodes::<D>(x.len()) {
+                Some(ElementShape::Simplex) => subdivide_simplex(&x, n.pow(D as u32)).unwrap_or_default(),
+                _ => subdivide_box(&x, [n; D]).unwrap_or_default(),
             };
-            Ok(parts.unwrap_or_default().into_iter().map(|part| (part, n > 1)).collect())
+            let holds = |key: usize, cell: usize| self.groups.holds(key, cell);
+            let is_inside =
+                |part: &Part<D>| contains_in_cell(self.region, self.grid, &part.position, cell, holds);
+            let is_full = parts(PROBED).iter().all(is_inside);
+            Ok(parts(if is_full { 1 } else { fine }).into_iter().map(|part| (part, !is_full)).collect())
         };
         let in_group = |key: usize, cell: usize| self.groups.holds(key, cell);
         let Ok(parts) = fill(self.region, self.grid, in_group, divide, |(part, _)| part.position);
@@ -227,7 +229,7 @@ impl<const D: usize> Filling<'_, D> {
     }
 
     /// The parts of every cell whose centres lie in the region.
-    fn cell_by_cell(&self, deck: &BodyDeck) -> Result<(Vec<Seed<D>>, Vec<FilledCell>), Fault> {
+    fn cell_by_cell(&self, deck: &BodyDeck) -> Result<Vec<Seed<D>>, Fault> {
         let cut = AtomicUsize::new(0);
         let divide = |cell: usize| {
             let (parts, n) = self.parts(cell, deck)?;
@@ -248,7 +250,7 @@ impl<const D: usize> Filling<'_, D> {
         let filled = fill(self.region, self.grid, in_group, divide, |seed| seed.position)?;
         let mut seeds = filled.parts;
         self.mark_outer_layer(&mut seeds, &filled.cells);
-        Ok((seeds, filled.cells))
+        Ok(seeds)
     }
 
     /// The points of cells that are not full, or share a node with the border of the full ones.
