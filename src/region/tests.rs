@@ -189,7 +189,7 @@ proptest! {
 
 proptest! {
     // The bound of the error of a volume is an estimate; the cases are always the same ones.
-    #![proptest_config(ProptestConfig { cases: 20, rng_seed: RngSeed::Fixed(20), ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 20, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
 
     #[test]
     fn volumes_of_booleans_agree_with_sampling(region in boolean(), seed in any::<u64>()) {
