@@ -47,7 +47,7 @@ fn after_one_solve() -> (Vec<Imbalance>, f64) {
     let f_ext = external_force(&model, &points, &links, model.end_time / model.n_steps as f64).unwrap().nodal;
     let times = |x: &[[f64; 2]]| {
         let mut out = at_rest.clone();
-        system.multiply(x, &mut out, |_| true);
+        system.multiply(x, &mut out);
         out
     };
     let mut K = DMatrix::zeros(2 * n, 2 * n);

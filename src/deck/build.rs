@@ -169,6 +169,7 @@ where
             newton: Newton {
                 tolerance: deck.solver.tolerance,
                 max_iterations: deck.solver.max_iterations as usize,
+                linear: deck.solver.linear,
             },
             probes,
         };

@@ -10,10 +10,15 @@ use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side};
 
+use crate::memory::Memory;
+
 use super::{Factorisation, LinearError, LinearSolver, Pattern};
 
 /// Largest relative residual of a solution that is accepted from a factorisation without pivoting.
 const UNPIVOTED_RESIDUAL: f64 = 1e-8;
+
+/// A factor of fewer bytes is taken without asking whether there are as many.
+const LITTLE: u64 = 64 << 20;
 
 /// A direct solver. Symmetric matrices get LLᵀ, LDLᵀ when they are not positive definite, LU when that is not
 /// accurate; others LU. Runs on one thread, so that results do not depend on their number.
@@ -41,7 +46,7 @@ struct FullMatrix {
 }
 
 fn out_of_memory<E>(_: E) -> LinearError {
-    LinearError::OutOfMemory
+    LinearError::OutOfMemory { needed: None }
 }
 
 fn view<'a>(pattern: &'a Pattern, values: &'a [f64]) -> SparseColMatRef<'a, usize, f64> {
@@ -73,11 +78,15 @@ impl LinearSolver for Direct {
                 CholeskySymbolicParams::default(),
             )
             .map_err(out_of_memory)?;
-            self.factor = vec![0.0; symbolic.len_val()];
             let scratch = symbolic
                 .factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default())
                 .or(symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default()))
                 .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
+            let needed = 8 * symbolic.len_val() as u64 + scratch.unaligned_bytes_required() as u64;
+            if needed > LITTLE && Memory::of_this_machine().is_some_and(|memory| needed > memory.available) {
+                return Err(LinearError::OutOfMemory { needed: Some(needed) });
+            }
+            self.factor = vec![0.0; symbolic.len_val()];
             self.memory = Some(MemBuffer::try_new(scratch).map_err(out_of_memory)?);
             self.symbolic = Some(symbolic);
         }
@@ -201,7 +210,7 @@ impl Direct {
             let symbolic = SymbolicLu::try_new(symbolic_view(&pattern)).map_err(out_of_memory)?;
             self.full = Some(FullMatrix { pattern, source, symbolic });
         }
-        let Some(full) = &self.full else { return Err(LinearError::OutOfMemory) };
+        let Some(full) = &self.full else { return Err(LinearError::OutOfMemory { needed: None }) };
         let values: Vec<f64> = full.source.iter().map(|&s| self.values[s]).collect();
         let matrix = view(&full.pattern, &values);
         let lu = Lu::try_new_with_symbolic(full.symbolic.clone(), matrix)

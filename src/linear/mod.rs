@@ -1,8 +1,17 @@
 //! Sparse linear systems: `analyse` once per pattern, `factorise` per iteration, `solve` per right-hand side.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+mod blocks;
+mod conjugate;
 mod direct;
+mod lattice;
+mod multigrid;
 pub mod ordering;
 
+pub use blocks::{Block, BlockMatrix, Division};
+pub use conjugate::ConjugateGradients;
 pub use direct::Direct;
 
 /// Pattern of a sparse square matrix by columns; of a symmetric one only the lower triangle, diagonal included.
@@ -18,6 +27,20 @@ pub struct Pattern {
     pub symmetric: bool,
 }
 
+/// How linear equations are to be solved.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Choice {
+    /// Directly, or iteratively where that is faster or the factor does not fit into memory: many unknowns in space, on a
+    /// structured grid.
+    #[default]
+    Auto,
+    /// By a factorisation.
+    Direct,
+    /// By conjugate gradients with a multigrid preconditioner; on a structured grid only.
+    Iterative,
+}
+
 /// Which factorisation solved a system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Factorisation {
@@ -27,10 +50,12 @@ pub enum Factorisation {
     Ldlt,
     /// LU with partial pivoting.
     Lu,
+    /// None: conjugate gradients with a multigrid preconditioner, which have found the matrix positive definite.
+    Multigrid,
 }
 
 /// A linear system could not be solved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum LinearError {
     /// The matrix is singular to working precision.
     #[error("the matrix is singular")]
@@ -40,7 +65,21 @@ pub enum LinearError {
     },
     /// The factor does not fit into memory.
     #[error("out of memory")]
-    OutOfMemory,
+    OutOfMemory {
+        /// What the factor takes, [byte], where it is known.
+        needed: Option<u64>,
+    },
+    /// An iterative solver that needs a symmetric positive definite matrix has met another.
+    #[error("the matrix is not positive definite")]
+    NotPositiveDefinite,
+    /// An iterative solver has not reached its tolerance.
+    #[error("a relative residual of {residual:.1e} is left after {iterations} iterations")]
+    NotConverged {
+        /// Iterations.
+        iterations: usize,
+        /// Norm of what is left relative to the right-hand side.
+        residual: f64,
+    },
 }
 
 /// A solver for sparse linear systems.
