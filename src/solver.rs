@@ -127,6 +127,12 @@ impl<const D: usize> Solver<D> {
             quality.accept(model, report.step.index, &measures, &report.residuals)
         });
         warnings.extend(raised);
+        if let Some(error) = self.equations.news() {
+            let step = report.step.index;
+            warnings.push(format!(
+                "step {step}: conjugate gradients cannot solve the equations, which are factorised instead: {error}"
+            ));
+        }
     }
 
     /// Newton iterations until the out-of-balance force of eq. (40) meets the tolerance. Writes the trial state only.

@@ -1,9 +1,7 @@
 //! Sparse linear systems: `analyse` once per pattern, `factorise` per iteration, `solve` per right-hand side.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 mod blocks;
+mod choice;
 mod conjugate;
 mod direct;
 mod lattice;
@@ -11,6 +9,7 @@ mod multigrid;
 pub mod ordering;
 
 pub use blocks::{Block, BlockMatrix, Division};
+pub use choice::{Choice, Extent};
 pub use conjugate::ConjugateGradients;
 pub use direct::Direct;
 
@@ -25,20 +24,6 @@ pub struct Pattern {
     pub row: Vec<usize>,
     /// Whether only the lower triangle is given.
     pub symmetric: bool,
-}
-
-/// How linear equations are to be solved.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Choice {
-    /// Directly, or iteratively where that is faster or the factor does not fit into memory: many unknowns in space, on a
-    /// structured grid.
-    #[default]
-    Auto,
-    /// By a factorisation.
-    Direct,
-    /// By conjugate gradients with a multigrid preconditioner; on a structured grid only.
-    Iterative,
 }
 
 /// Which factorisation solved a system.
@@ -70,7 +55,7 @@ pub enum LinearError {
         needed: Option<u64>,
     },
     /// An iterative solver that needs a symmetric positive definite matrix has met another.
-    #[error("the matrix is not positive definite")]
+    #[error("the matrix is not symmetric and positive definite")]
     NotPositiveDefinite,
     /// An iterative solver has not reached its tolerance.
     #[error("a relative residual of {residual:.1e} is left after {iterations} iterations")]

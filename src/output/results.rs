@@ -74,7 +74,8 @@ impl Results {
         }
         remove_earlier_results(directory)?;
         let axes = &["x", "y", "z"][..D];
-        let mut columns: Vec<String> = ["step", "time", "iterations", "residual"].map(String::from).to_vec();
+        let mut columns: Vec<String> =
+            ["step", "time", "iterations", "residual", "linear_iterations"].map(String::from).to_vec();
         for condition in &model.boundary_conditions {
             columns.extend(axes.iter().map(|axis| format!("{}_r{axis}", condition.name)));
         }
@@ -194,6 +195,7 @@ impl Results {
             report.step.end.into(),
             (report.residuals.len() as i64 - 1).into(),
             residual.into(),
+            (report.linear_iterations as i64).into(),
         ];
         row.extend(report.reactions.iter().flatten().map(|r| Entry::from(*r)));
         let place = points.by_id();

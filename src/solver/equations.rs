@@ -3,18 +3,13 @@
 use crate::assembly::{FreeEntries, System};
 use crate::basis::Connectivity;
 use crate::constraints::DofMap;
-use crate::linear::{Choice, ConjugateGradients, Direct, Factorisation, LinearError, LinearSolver, ordering};
+use crate::linear::{
+    Choice, ConjugateGradients, Direct, Extent, Factorisation, LinearError, LinearSolver, ordering,
+};
 use crate::model::Model;
 use crate::timing::{Phase, Timings};
 
 use super::for_each_dof;
-
-/// Arithmetic that a factorisation does in the time of one block of an iterative solution, all its iterations and the
-/// set-up included; measured, see `docs/performance.md`.
-const WORK_OF_BLOCK: f64 = 40e3;
-
-/// Unknowns in the plane up to which equations are solved directly.
-const MOST_IN_PLANE: usize = 1_000_000;
 
 /// Solves K δd = r on the free degrees of freedom, directly or iteratively, with all that is kept from step to step.
 #[derive(Default)]
@@ -27,7 +22,8 @@ pub(super) struct Equations<const D: usize> {
     iterative: ConjugateGradients<D>,
     solution: Vec<[f64; D]>,
     /// Why equations that should have been solved iteratively were not, the first time.
-    pub turned: Option<LinearError>,
+    turned: Option<LinearError>,
+    told: bool,
 }
 
 /// How the equations of a step are solved.
@@ -59,6 +55,15 @@ impl<const D: usize> Place<'_, D> {
         self.model.grid.lattice(self.links.active_nodes()[active] as usize)
     }
 
+    fn extent(&self, system: &System<D>) -> Extent {
+        let reach = system.reach(|active| self.lattice(active));
+        Extent {
+            nodes: self.links.n_active() as f64,
+            reach: f64::from(reach.into_iter().max().unwrap_or(0)),
+            pairs: system.matrix().blocks.len() as f64,
+        }
+    }
+
     /// Order of elimination of the unknowns: nested dissection of the active nodes by their place in the grid.
     fn elimination_order(&self, system: &System<D>) -> Vec<usize> {
         let lattice = |active: usize| self.lattice(active);
@@ -79,7 +84,7 @@ impl<const D: usize> Equations<D> {
         let iterative = match choice {
             Choice::Direct => false,
             Choice::Iterative => possible,
-            Choice::Auto => possible && is_large(place, system),
+            Choice::Auto => possible && place.extent(system).is_large::<D>(),
         };
         if choice == Choice::Iterative && !possible {
             self.turned.get_or_insert(LinearError::NotPositiveDefinite);
@@ -93,6 +98,13 @@ impl<const D: usize> Equations<D> {
             }
             outcome => outcome,
         }
+    }
+
+    /// Why equations that should have been solved iteratively were factorised; told once.
+    pub(super) fn news(&mut self) -> Option<LinearError> {
+        let news = self.turned.filter(|_| !self.told);
+        self.told |= news.is_some();
+        news
     }
 
     fn prepare_iterative(&mut self, place: Place<D>, system: &System<D>) -> Result<(), LinearError> {
@@ -191,16 +203,4 @@ impl<const D: usize> Equations<D> {
             Ok(Solved { factorisation, iterations: 0 })
         })
     }
-}
-
-/// Whether equations take longer to solve directly than iteratively. The arithmetic of a factorisation is that of its
-/// last separator, which is as thick as nodes are coupled, times a number that is measured.
-fn is_large<const D: usize>(place: Place<D>, system: &System<D>) -> bool {
-    if D < 3 {
-        return place.dofs.n_free() > MOST_IN_PLANE;
-    }
-    let reach = system.reach(|active| place.lattice(active));
-    let thickness = f64::from(reach.into_iter().max().unwrap_or(1).max(1));
-    let separator = 3.0 * thickness * (place.links.n_active() as f64).powf(2.0 / 3.0);
-    5.0 * separator.powi(3) > WORK_OF_BLOCK * system.matrix().blocks.len() as f64
 }

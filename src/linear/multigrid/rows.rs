@@ -40,11 +40,6 @@ impl<const D: usize> Rows<D> {
         &self.column[self.start[row]..self.start[row + 1]]
     }
 
-    /// Where the columns of a row start among those of all.
-    pub(super) fn start(&self, row: usize) -> usize {
-        self.start[row]
-    }
-
     /// Entries of component i of a row: of the first column, of the second, and so on.
     #[inline(always)]
     pub(super) fn component(&self, row: usize, i: usize) -> &[f32] {
