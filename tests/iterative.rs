@@ -13,6 +13,7 @@ use mpm::deck::load::{LoadedDeck, load, load_text};
 use mpm::linear::{
     BlockMatrix, Choice, ConjugateGradients, Direct, Factorisation, LinearError, LinearSolver,
 };
+use mpm::loads::external_force;
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::{self, Observer, StepReport, Summary};
@@ -40,6 +41,8 @@ struct Equations<const D: usize> {
     dofs: DofMap<D>,
     places: Vec<[u32; D]>,
     held: Vec<[bool; D]>,
+    /// External force of the step.
+    f_ext: Vec<[f64; D]>,
 }
 
 /// The stiffness of the first step at an increment of up to `wobble` at every node, [length].
@@ -60,17 +63,18 @@ fn equations<const D: usize, M: Mechanics<D>>(
     let held = (0..links.n_active())
         .map(|node| std::array::from_fn(|axis| dofs.free(node, axis).is_none()))
         .collect();
-    Equations { system, dofs, places, held }
+    let f_ext = external_force(model, points, &links, model.end_time / model.n_steps as f64).unwrap().nodal;
+    Equations { system, dofs, places, held, f_ext }
 }
 
 impl<const D: usize> Equations<D> {
-    /// A right-hand side that is smooth or, where `rough`, random; zero where held.
+    /// The external force or, where `rough`, random forces; zero where held.
     fn load(&self, rough: bool) -> Vec<[f64; D]> {
         let mut random = Random(5);
         let mut load = vec![[0.0; D]; self.places.len()];
         for (n, load) in load.iter_mut().enumerate() {
             for d in 0..D {
-                let force = if rough { random.next() } else { 1.0 + d as f64 };
+                let force = if rough { random.next() } else { self.f_ext[n][d] };
                 load[d] = if self.held[n][d] { 0.0 } else { force };
             }
         }
