@@ -218,18 +218,22 @@ impl<const D: usize> Level<D> {
             let fresh = &mut self.work[..nodes.len()];
             let still_zero = afresh && number == 0;
             in_parts(0, fresh, &|first, part: &mut [[f64; D]]| {
-                with_room(rows, |room| {
-                    for (fresh, &n) in part.iter_mut().zip(&nodes[first..]) {
-                        let n = n as usize;
-                        let ax = if still_zero { [0.0; D] } else { rows.times(n, x, room) };
-                        for i in 0..D {
-                            fresh[i] = x[n][i];
-                            for k in 0..D {
-                                fresh[i] += inverse[n][i][k] * (b[n][k] - ax[k]);
+                with_room(
+                    rows,
+                    #[inline(always)]
+                    |room| {
+                        for (fresh, &n) in part.iter_mut().zip(&nodes[first..]) {
+                            let n = n as usize;
+                            let ax = if still_zero { [0.0; D] } else { rows.times(n, x, room) };
+                            for i in 0..D {
+                                fresh[i] = x[n][i];
+                                for k in 0..D {
+                                    fresh[i] += inverse[n][i][k] * (b[n][k] - ax[k]);
+                                }
                             }
                         }
-                    }
-                });
+                    },
+                );
             });
             for (fresh, &n) in fresh.iter().zip(nodes) {
                 self.x[n as usize] = *fresh;
@@ -241,12 +245,18 @@ impl<const D: usize> Level<D> {
     pub(super) fn restrict(&mut self, transfer: &Transfer, coarse: &mut Level<D>) {
         let (rows, b, x) = (&self.rows, &self.b, &self.x);
         in_parts(0, &mut self.work, &|first, part: &mut [[f64; D]]| {
-            with_room(rows, |room| {
-                for (k, residual) in part.iter_mut().enumerate() {
-                    let ax = rows.times(first + k, x, room);
-                    *residual = std::array::from_fn(|d| b[first + k][d] - ax[d]);
-                }
-            });
+            with_room(
+                rows,
+                #[inline(always)]
+                |room| {
+                    for (k, residual) in part.iter_mut().enumerate() {
+                        let ax = rows.times(first + k, x, room);
+                        for d in 0..D {
+                            residual[d] = b[first + k][d] - ax[d];
+                        }
+                    }
+                },
+            );
         });
         let (residual, unscale, scale) = (&self.work, &self.unscale, &coarse.scale);
         in_parts(0, &mut coarse.b, &|first, part: &mut [[f64; D]]| {
@@ -345,9 +355,12 @@ impl Stencil {
             let components: [&[f32]; D] = std::array::from_fn(|i| fine.rows.component(n, i));
             for (k, &column) in fine.rows.columns(n).iter().enumerate() {
                 let right = &fine.unscale[column as usize];
-                let block: Block<D> = std::array::from_fn(|i| {
-                    std::array::from_fn(|j| left[i] * f64::from(components[i][k * D + j]) * right[j])
-                });
+                let mut block = [[0.0; D]; D];
+                for i in 0..D {
+                    for j in 0..D {
+                        block[i][j] = left[i] * f64::from(components[i][k * D + j]) * right[j];
+                    }
+                }
                 for &(parent, weight) in transfer.parents(column as usize) {
                     let sum = &mut sum[self.place(row, parent as usize)];
                     let weight = f64::from(weight);

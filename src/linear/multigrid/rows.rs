@@ -77,15 +77,18 @@ impl<const D: usize> Rows<D> {
         let width = (columns.len() * D).next_multiple_of(LANES);
         entries[columns.len() * D..width].fill(0.0);
         let entries = &entries[..width];
-        std::array::from_fn(|i| {
+        let mut product = [0.0; D];
+        // Plain loops, which are compiled for the same vector instructions as what they stand in.
+        for i in 0..D {
             let mut lanes = [0.0; LANES];
             for (a, x) in self.component(row, i).chunks_exact(LANES).zip(entries.chunks_exact(LANES)) {
                 for l in 0..LANES {
                     lanes[l] += f64::from(a[l]) * x[l];
                 }
             }
-            (lanes[0] + lanes[2]) + (lanes[1] + lanes[3])
-        })
+            product[i] = (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]);
+        }
+        product
     }
 
     /// Most entries of a component of a row.
