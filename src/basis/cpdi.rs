@@ -55,15 +55,15 @@ impl<const D: usize> Basis<D> for Cpdi {
 /// that of the border, and leave the grid by a little where a body slides along a wall.
 pub const CORNER_MARGIN: f64 = 0.1;
 
-/// The cell that holds a place, or the nearest, and how far outside the place is, in cells: by how much the continued
-/// basis of the nearest cell is negative there.
+/// The cell that holds a place, or the nearest, and how far outside the place is, in cells: the sum of the negative
+/// values of its continued basis there.
 pub fn nearest_with_distance<const D: usize>(grid: &dyn Grid<D>, place: &[f64; D], hint: u32) -> (u32, f64) {
     if let Some(cell) = grid.locate(place, Some(hint)) {
         return (cell, 0.0);
     }
     let cell = grid.nearest_cell(place);
     let basis = grid.basis_at(cell, place);
-    (cell, -basis.value().iter().copied().fold(0.0, f64::min))
+    (cell, -basis.value().iter().map(|value| value.min(0.0)).sum::<f64>())
 }
 
 /// The cell whose basis a corner gets; just outside the grid it is continued, so that linear fields stay exact.
