@@ -72,9 +72,9 @@ impl View {
     }
 
     fn face(&self, corners: Vec<[f64; 3]>) -> Option<Face> {
-        // Of two diagonals, or of two sides of a triangle.
+        // From two diagonals, or two sides of a triangle.
         let last = corners.len() - 1;
-        let normal = cross(minus(corners[2], corners[0]), minus(corners[last], corners[last - 2]));
+        let normal = cross(minus(corners[2], corners[0]), minus(corners[last], corners[1]));
         let length = dot(normal, normal).sqrt();
         let facing = dot(normal, self.towards);
         (facing > 0.0 && length > 0.0).then(|| {
