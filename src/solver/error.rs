@@ -2,7 +2,7 @@
 
 use crate::assembly::PointFailure;
 use crate::basis::{Connectivity, SupportError, SupportFailure};
-use crate::constraints::ConstraintError;
+use crate::constraints::{ConstraintError, HOLD_THE_AXIS};
 use crate::domain::Collapsed;
 use crate::linear::LinearError;
 use crate::loads::LoadNotFinite;
@@ -236,9 +236,10 @@ impl SolveError {
             SolveError::Collapsed { .. } => {
                 Some("use `domain_update: corners`, or more load steps with `diagonal-incremental`")
             }
-            SolveError::Singular { .. } => {
-                Some("check that boundary conditions hold every body, and that enough points fill each cell")
-            }
+            SolveError::Singular { .. } => Some(
+                "see that boundary conditions hold every body; where a cell hardly holds any material, move or refine the grid, \
+                     use more points per cell, or another method",
+            ),
             SolveError::OutOfMemory { .. } => {
                 Some("use a coarser grid, or on a structured one `solver: {linear: iterative}`")
             }
@@ -254,6 +255,7 @@ impl SolveError {
             SolveError::Constraint { error: ConstraintError::NotFinite { .. }, .. } => {
                 Some("the formula divides by zero or leaves its domain there")
             }
+            SolveError::Constraint { error: ConstraintError::LooseAxis { .. }, .. } => Some(HOLD_THE_AXIS),
             SolveError::Load { .. } => Some("the formula divides by zero or leaves its domain there"),
             SolveError::Interrupted { .. } | SolveError::Output(_) => None,
         }
