@@ -233,10 +233,14 @@ impl<const D: usize> Solver<D> {
             k_delta.fill([0.0; D]);
             if iteration == 0 {
                 // The motion of the prescribed degrees of freedom loads the free ones through K.
+                let mut moves = false;
                 for_each_dof(dofs, |node, axis, _| {
                     delta[node][axis] = dofs.prescribed(node, axis).map_or(0.0, |(increment, _)| increment);
+                    moves |= delta[node][axis] != 0.0;
                 });
-                system.multiply(delta, k_delta);
+                if moves {
+                    system.multiply(delta, k_delta);
+                }
             }
             for_each_dof(dofs, |node, axis, free| {
                 let force = out_of_balance[node][axis] - k_delta[node][axis];

@@ -17,7 +17,7 @@ const PROGRAM: f64 = 10e6;
 const PER_NODE: f64 = 10.0;
 /// Memory of the stiffness and of the preconditioner for an iterative solution in space per unknown, [byte], with
 /// points that reach the nodes of their cell and with domains that reach beyond.
-const ITERATIVE: [f64; 2] = [1100.0, 4200.0];
+const ITERATIVE: [f64; 2] = [1200.0, 4500.0];
 /// How well the volume of a region is to be known.
 const ROUGHLY: Accuracy = Accuracy { relative: 1e-2, lines: 20_000 };
 /// Part of the memory from which on there is a warning.
@@ -29,7 +29,7 @@ const MUCH: f64 = 0.8;
 fn costs<const D: usize>(method: Method) -> (f64, f64, f64) {
     if D > 2 {
         return match method {
-            Method::Mpm => (1400.0, 400.0, 290.0),
+            Method::Mpm => (1300.0, 400.0, 290.0),
             Method::Gimp => (1400.0, 1000.0, 720.0),
             Method::Cpdi1 | Method::Cpdi2 => (2000.0, 1100.0, 720.0),
         };

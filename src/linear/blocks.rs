@@ -105,16 +105,20 @@ impl<const D: usize> BlockMatrix<'_, D> {
                 let row = row as usize;
                 let sum = &mut room[row - first];
                 for i in 0..D {
+                    let mut force = 0.0;
                     for k in 0..D {
-                        sum[i] += block[i][k] * here[k];
+                        force += block[i][k] * here[k];
                     }
+                    sum[i] += force;
                 }
                 if self.symmetric && row != c {
                     let there = &x[row];
-                    for i in 0..D {
-                        for k in 0..D {
-                            own[k] += block[i][k] * there[i];
+                    for k in 0..D {
+                        let mut force = 0.0;
+                        for i in 0..D {
+                            force += block[i][k] * there[i];
                         }
+                        own[k] += force;
                     }
                 }
             }
