@@ -15,9 +15,9 @@ use crate::region::{Accuracy, Region};
 const PROGRAM: f64 = 10e6;
 /// Memory per grid node, [byte].
 const PER_NODE: f64 = 10.0;
-/// Memory of the stiffness and of the preconditioner for an iterative solution in space per unknown, [byte], with
-/// points that reach the nodes of their cell and with domains that reach beyond.
-const ITERATIVE: [f64; 2] = [1200.0, 4500.0];
+/// Memory of the stiffness and of the preconditioner for an iterative solution per unknown, [byte], with points that
+/// reach the nodes of their cell and with domains that reach beyond: in the plane, counted, and in space, measured.
+const ITERATIVE: [[f64; 2]; 2] = [[450.0, 850.0], [1200.0, 4500.0]];
 /// How well the volume of a region is to be known.
 const ROUGHLY: Accuracy = Accuracy { relative: 1e-2, lines: 20_000 };
 /// Part of the memory from which on there is a warning.
@@ -101,7 +101,7 @@ impl Size {
             memory_of_grid: PER_NODE * nodes,
             memory_of_points,
             memory_of_stiffness: if is_iterative {
-                ITERATIVE[reach as usize - 1] * unknowns
+                ITERATIVE[usize::from(D > 2)][usize::from(reach > 1.0)] * unknowns
             } else {
                 factor * fill
             },
