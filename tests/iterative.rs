@@ -86,8 +86,8 @@ impl<const D: usize> Equations<D> {
         solver.analyse(&self.system.matrix(), self.places.clone(), self.held.clone()).unwrap();
         solver.factorise(&self.system.matrix()).unwrap();
         let mut x = vec![[0.0; D]; load.len()];
-        let mut multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| self.system.multiply(x, out);
-        let iterations = solver.solve(&mut multiply, load, &mut x, tolerance).unwrap();
+        let multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| self.system.multiply(x, out);
+        let iterations = solver.solve(multiply, load, &mut x, tolerance).unwrap();
         (x, iterations)
     }
 
@@ -223,9 +223,8 @@ fn what_is_not_positive_definite_is_noticed() {
         let mut solver = ConjugateGradients::default();
         solver.analyse(&matrix, equations.places.clone(), equations.held.clone()).unwrap();
         let mut x = load.clone();
-        let mut multiply = |x: &[[f64; 3]], out: &mut [[f64; 3]]| matrix.multiply(&mut division, x, out);
-        let outcome =
-            solver.factorise(&matrix).and_then(|()| solver.solve(&mut multiply, &load, &mut x, 1e-8));
+        let multiply = |x: &[[f64; 3]], out: &mut [[f64; 3]]| matrix.multiply(&mut division, x, out);
+        let outcome = solver.factorise(&matrix).and_then(|()| solver.solve(multiply, &load, &mut x, 1e-8));
         assert_eq!(outcome, Err(LinearError::NotPositiveDefinite), "{factor}");
     }
 }

@@ -62,7 +62,7 @@ impl<const D: usize> ConjugateGradients<D> {
     /// iterations.
     pub fn solve(
         &mut self,
-        multiply: &mut dyn FnMut(&[[f64; D]], &mut [[f64; D]]),
+        mut multiply: impl FnMut(&[[f64; D]], &mut [[f64; D]]),
         b: &[[f64; D]],
         x: &mut [[f64; D]],
         tolerance: f64,

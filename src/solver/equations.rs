@@ -164,8 +164,8 @@ impl<const D: usize> Equations<D> {
     ) -> Result<Solved, LinearError> {
         timings.measure(Phase::Factorise, || self.iterative.factorise(&system.matrix()))?;
         timings.measure(Phase::Solve, || {
-            let mut multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| system.multiply(x, out);
-            let iterations = self.iterative.solve(&mut multiply, rhs, &mut self.solution, tolerance)?;
+            let multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| system.multiply(x, out);
+            let iterations = self.iterative.solve(multiply, rhs, &mut self.solution, tolerance)?;
             for_each_dof(place.dofs, |node, axis, free| {
                 if free.is_some() {
                     delta[node][axis] = self.solution[node][axis];
