@@ -160,7 +160,8 @@ impl Bench {
             Analysis::Solid(parts) => &mut parts.0.newton,
         };
         newton.max_iterations = newton.max_iterations.min(8);
-        match ready.analysis.run(&mut OneStep { done: false }) {
+        let nothing = ready.analysis.beginning();
+        match ready.analysis.go_on(nothing, &mut OneStep { done: false }) {
             Ok(_) | Err(SolveError::Interrupted { .. }) => "3 accepted, first step solved".into(),
             Err(error) => {
                 assert!(!error.to_string().is_empty());
