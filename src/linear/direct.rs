@@ -4,7 +4,8 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltError;
 use faer::perm::PermRef;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky,
 };
 use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
@@ -20,8 +21,29 @@ const UNPIVOTED_RESIDUAL: f64 = 1e-8;
 /// A factor of fewer bytes is taken without asking whether there are as many.
 const LITTLE: u64 = 64 << 20;
 
+/// Unknowns whose diagonal entry is below this multiple of the largest are weak: they belong to nodes that points hardly
+/// touch.
+const WEAK: f64 = 1e-2;
+
+/// Weak unknowns that move so many times as far as the others are lost.
+const LOST: f64 = 1e5;
+
+/// What is added to the diagonal entries of weak unknowns, relative to them, where they leave the matrix singular.
+const SHIFT: f64 = 1e-9;
+
+/// Steps of iterative refinement that mend a shift, and the relative residual that they must reach.
+const REFINEMENTS: usize = 4;
+const REFINED_RESIDUAL: f64 = 1e-12;
+
 /// A direct solver. Symmetric matrices get LLᵀ, LDLᵀ when they are not positive definite, LU when that is not
-/// accurate; others LU. Runs on one thread, so that results do not depend on their number.
+/// accurate; others LU.
+///
+/// Where weak unknowns leave the matrix singular to working precision, their diagonal entries are shifted and solutions
+/// refined until they solve the equations as they are given. That happens where a corner of a domain is all that touches
+/// two nodes: their basis functions are the same to every point, so that one combination of them strains nothing, moves
+/// nothing and carries no load.
+///
+/// Runs on one thread, so that results do not depend on their number.
 #[derive(Default)]
 pub struct Direct {
     pattern: Pattern,
@@ -31,6 +53,10 @@ pub struct Direct {
     work: Vec<f64>,
     memory: Option<MemBuffer>,
     kind: Option<Factorisation>,
+    /// Whether the factor is that of a shifted matrix.
+    shifted: bool,
+    /// Norm of the largest right-hand side of such a matrix since the analysis.
+    largest: f64,
     /// The unknown at which a factorisation without pivoting met a zero pivot.
     suspect: Option<usize>,
     full: Option<FullMatrix>,
@@ -96,13 +122,21 @@ impl LinearSolver for Direct {
     fn factorise(&mut self, values: &[f64]) -> Result<Factorisation, LinearError> {
         self.kind = None;
         self.suspect = None;
+        self.shifted = false;
         let kind = if self.pattern.n == 0 || self.pattern.symmetric && self.factorise_llt(values)? {
             Factorisation::Cholesky
         } else {
             // What follows may need them again.
             self.values.clear();
             self.values.extend_from_slice(values);
-            if self.pattern.symmetric { self.factorise_ldlt()? } else { self.factorise_lu()? }
+            if self.pattern.symmetric {
+                match self.factorise_ldlt() {
+                    Err(LinearError::Singular { .. }) if self.factorise_shifted()? => Factorisation::Cholesky,
+                    other => other?,
+                }
+            } else {
+                self.factorise_lu()?
+            }
         };
         self.kind = Some(kind);
         Ok(kind)
@@ -113,17 +147,26 @@ impl LinearSolver for Direct {
             return Ok(());
         }
         let solved = match self.kind {
-            Some(Factorisation::Ldlt) => {
+            Some(Factorisation::Cholesky) if self.shifted => self.solve_shifted(rhs),
+            Some(Factorisation::Ldlt | Factorisation::Lu) if self.pattern.symmetric => {
                 let given = rhs.to_vec();
                 self.back_substitute(rhs);
                 // No pivoting took place: believe the solution only if it solves the system.
-                if self.residual(&given, rhs) > UNPIVOTED_RESIDUAL {
+                if self.kind == Some(Factorisation::Ldlt) && self.residual(&given, rhs) > UNPIVOTED_RESIDUAL {
                     self.factorise_lu()?;
                     self.kind = Some(Factorisation::Lu);
                     rhs.copy_from_slice(&given);
                     self.back_substitute(rhs);
                 }
-                true
+                let kind = self.kind;
+                if self.is_lost(rhs) && self.factorise_shifted()? {
+                    self.kind = Some(Factorisation::Cholesky);
+                    rhs.copy_from_slice(&given);
+                    self.solve_shifted(rhs)
+                } else {
+                    self.kind = kind;
+                    true
+                }
             }
             Some(_) => {
                 self.back_substitute(rhs);
@@ -157,6 +200,86 @@ impl Direct {
         Ok(llt.is_ok())
     }
 
+    /// The diagonal entry below which an unknown is weak.
+    fn limit_of_weakness(&self) -> f64 {
+        let diagonal = |j: usize| self.values[self.pattern.column_start[j]];
+        WEAK * (0..self.pattern.n).map(diagonal).fold(0.0, f64::max)
+    }
+
+    /// Whether a solution carries weak unknowns so far beyond the others that only a singular matrix can have done it.
+    fn is_lost(&self, x: &[f64]) -> bool {
+        let limit = self.limit_of_weakness();
+        let (mut weak, mut strong) = (0.0f64, 0.0f64);
+        for (j, x) in x.iter().enumerate() {
+            let group =
+                if self.values[self.pattern.column_start[j]] < limit { &mut weak } else { &mut strong };
+            *group = group.max(x.abs());
+            if !x.is_finite() {
+                return true;
+            }
+        }
+        weak > LOST * strong
+    }
+
+    /// Replaces the right-hand side by the solution with the factor of the shifted matrix; whether it solves the equations.
+    fn solve_shifted(&mut self, rhs: &mut [f64]) -> bool {
+        let size = norm(rhs);
+        self.largest = self.largest.max(size);
+        // Near equilibrium a right-hand side is round-off of larger ones.
+        self.refine(rhs) * size <= UNPIVOTED_RESIDUAL * self.largest
+    }
+
+    /// LLᵀ with the diagonal entries of weak unknowns shifted; false where there are none, or where that does not solve
+    /// the equations for a right-hand side that has a solution.
+    fn factorise_shifted(&mut self) -> Result<bool, LinearError> {
+        let n = self.pattern.n;
+        let diagonal = |j: usize| self.pattern.column_start[j];
+        let limit = self.limit_of_weakness();
+        let mut values = self.values.clone();
+        let mut weak = 0;
+        for j in 0..n {
+            let value = &mut values[diagonal(j)];
+            if *value > 0.0 && *value < limit {
+                *value *= 1.0 + SHIFT;
+                weak += 1;
+            }
+        }
+        if weak == 0 || !self.factorise_llt(&values)? {
+            return Ok(false);
+        }
+        self.kind = Some(Factorisation::Cholesky);
+        // Some vector times the matrix.
+        let some: Vec<f64> = (0..n).map(|j| 1.0 + (j % 7) as f64).collect();
+        let mut trial = vec![0.0; n];
+        self.residual(&trial, &some);
+        trial.copy_from_slice(&self.work);
+        self.shifted = self.refine(&mut trial) <= UNPIVOTED_RESIDUAL;
+        self.kind = None;
+        Ok(self.shifted)
+    }
+
+    /// Replaces the right-hand side by the solution of the equations without the shift; returns its relative residual.
+    fn refine(&mut self, rhs: &mut [f64]) -> f64 {
+        let given = rhs.to_vec();
+        self.back_substitute(rhs);
+        let mut residual = self.residual(&given, rhs);
+        for _ in 0..REFINEMENTS {
+            if residual <= REFINED_RESIDUAL {
+                break;
+            }
+            let mut correction: Vec<f64> = self.work.iter().map(|r| -r).collect();
+            self.back_substitute(&mut correction);
+            let better: Vec<f64> = rhs.iter().zip(&correction).map(|(x, dx)| x + dx).collect();
+            let now = self.residual(&given, &better);
+            if now >= residual {
+                break;
+            }
+            residual = now;
+            rhs.copy_from_slice(&better);
+        }
+        residual
+    }
+
     fn factorise_ldlt(&mut self) -> Result<Factorisation, LinearError> {
         let (Some(symbolic), Some(memory)) = (&self.symbolic, &mut self.memory) else {
             return Err(LinearError::Singular { unknown: None });
@@ -176,10 +299,8 @@ impl Direct {
             Err(LdltError::ZeroPivot { index }) => {
                 // faer counts pivots from 1 in its simplicial factorisation and from 0 in the supernodal one.
                 let place = match symbolic.raw() {
-                    faer::sparse::linalg::cholesky::SymbolicCholeskyRaw::Simplicial(_) => {
-                        index.saturating_sub(1)
-                    }
-                    faer::sparse::linalg::cholesky::SymbolicCholeskyRaw::Supernodal(_) => index,
+                    SymbolicCholeskyRaw::Simplicial(_) => index.saturating_sub(1),
+                    SymbolicCholeskyRaw::Supernodal(_) => index,
                 };
                 self.suspect = symbolic.perm().and_then(|perm| perm.arrays().0.get(place).copied());
                 match self.empty_column() {
@@ -253,7 +374,6 @@ impl Direct {
                 }
             }
         }
-        let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let residual = norm(&self.work) / norm(b);
         if residual.is_nan() {
             if b.iter().all(|v| *v == 0.0) { 0.0 } else { f64::INFINITY }
@@ -261,6 +381,10 @@ impl Direct {
             residual
         }
     }
+}
+
+fn norm(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// The full pattern of a matrix, and for each of its entries the place in the given one.

@@ -174,6 +174,49 @@ mod conformance {
         }
     }
 
+    /// Two unknowns whose rows are parallel, a hundred million times weaker than the others: one combination of them meets no
+    /// resistance. A right-hand side that does not load it has a solution, others have none.
+    #[test]
+    fn a_weak_mechanism_without_load_is_no_obstacle() {
+        for (m, at) in [(3, 4), (20, 210)] {
+            let mut a = matrix(m, 0.0, 0.0);
+            let n = m * m;
+            let strong = a.row(at).clone_owned();
+            for (k, factor) in [(at, 1e-4), (at + 1, -3e-4)] {
+                a.row_mut(k).fill(0.0);
+                a.column_mut(k).fill(0.0);
+                for j in (0..n).filter(|j| *j != at && *j != at + 1) {
+                    a[(k, j)] = factor * strong[j];
+                    a[(j, k)] = factor * strong[j];
+                }
+            }
+            for (i, j, value) in
+                [(at, at, 4e-8), (at + 1, at + 1, 36e-8), (at, at + 1, -12e-8), (at + 1, at, -12e-8)]
+            {
+                a[(i, j)] = value;
+            }
+            let (pattern, values) = sparse(&a, true);
+            for mut solver in solvers() {
+                solver.analyse(pattern.clone(), &|| (0..n).rev().collect()).unwrap();
+                let some = nalgebra::DVector::from_fn(n, |i, _| (i as f64).sin());
+                let b = &a * &some;
+                let mut x: Vec<f64> = b.iter().copied().collect();
+                solver.factorise(&values).and_then(|_| solver.solve(&mut x)).unwrap();
+                let rest = &a * nalgebra::DVector::from_vec(x.clone()) - &b;
+                assert!(rest.norm() < 1e-11 * b.norm(), "{m}: {:e}", rest.norm() / b.norm());
+                assert!(
+                    x.iter().all(|x| x.abs() < 1e5),
+                    "{m}: {:e}",
+                    x.iter().fold(0.0f64, |l, x| l.max(x.abs()))
+                );
+                let mut loaded: Vec<f64> = b.iter().copied().collect();
+                loaded[at] += 1e-3;
+                let outcome = solver.factorise(&values).and_then(|_| solver.solve(&mut loaded));
+                assert!(matches!(outcome, Err(LinearError::Singular { .. })), "{m}: {outcome:?}");
+            }
+        }
+    }
+
     /// The stiffness of a chain of springs that hangs on nothing, with the loose part first, last or in the middle;
     /// no row is empty, yet the matrix is singular.
     #[test]
