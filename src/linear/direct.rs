@@ -158,15 +158,10 @@ impl LinearSolver for Direct {
                     rhs.copy_from_slice(&given);
                     self.back_substitute(rhs);
                 }
-                let kind = self.kind;
-                if self.is_lost(rhs) && self.factorise_shifted()? {
-                    self.kind = Some(Factorisation::Cholesky);
-                    rhs.copy_from_slice(&given);
-                    self.solve_shifted(rhs)
-                } else {
-                    self.kind = kind;
-                    true
+                if self.is_lost(rhs) {
+                    self.find(rhs, &given)?;
                 }
+                true
             }
             Some(_) => {
                 self.back_substitute(rhs);
@@ -219,6 +214,25 @@ impl Direct {
             }
         }
         weak > LOST * strong
+    }
+
+    /// Replaces a lost solution by that with the factor of the shifted matrix, if that solves the equations.
+    fn find(&mut self, solution: &mut [f64], given: &[f64]) -> Result<(), LinearError> {
+        let kind = self.kind;
+        if self.factorise_shifted()? {
+            self.kind = Some(Factorisation::Cholesky);
+            let mut other = given.to_vec();
+            if self.solve_shifted(&mut other) {
+                solution.copy_from_slice(&other);
+                return Ok(());
+            }
+        }
+        self.shifted = false;
+        self.kind = kind;
+        if kind == Some(Factorisation::Ldlt) {
+            self.factorise_ldlt()?; // its place was taken
+        }
+        Ok(())
     }
 
     /// Replaces the right-hand side by the solution with the factor of the shifted matrix; whether it solves the equations.
