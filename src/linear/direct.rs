@@ -55,7 +55,7 @@ pub struct Direct {
     kind: Option<Factorisation>,
     /// Whether the factor is that of a shifted matrix.
     shifted: bool,
-    /// Norm of the largest right-hand side of such a matrix since the analysis.
+    /// Norm of the largest right-hand side of such a matrix since the last call for analysis.
     largest: f64,
     /// The unknown at which a factorisation without pivoting met a zero pivot.
     suspect: Option<usize>,
@@ -86,6 +86,7 @@ fn symbolic_view(pattern: &Pattern) -> SymbolicSparseColMatRef<'_, usize> {
 impl LinearSolver for Direct {
     fn analyse(&mut self, pattern: Pattern, order: &dyn Fn() -> Vec<usize>) -> Result<bool, LinearError> {
         if self.pattern == pattern && (self.symbolic.is_some() || !pattern.symmetric) {
+            self.largest = 0.0; // a run that goes on from a checkpoint knows nothing of earlier steps
             return Ok(false);
         }
         *self = Direct { pattern, ..Direct::default() };
