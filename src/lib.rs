@@ -89,6 +89,7 @@ pub mod quality;
 pub mod region;
 pub mod rigid;
 pub mod solver;
+pub mod stabilisation;
 pub mod stress;
 pub mod study;
 pub mod tensor;

@@ -8,6 +8,7 @@ use crate::linear::Choice;
 use crate::loads::{Load, LoadCurve};
 use crate::material::Material;
 use crate::points::{PointVolume, Points};
+use crate::stabilisation::Stabilisation;
 use crate::stress::Formulation;
 
 /// A material under its name.
@@ -66,6 +67,8 @@ pub struct Model<const D: usize> {
     pub formulation: Formulation,
     /// Where the current volume of a point comes from.
     pub point_volume: PointVolume,
+    /// Where cells that hold hardly any material are stabilised.
+    pub stabilisation: Stabilisation,
     /// Materials.
     pub materials: Vec<NamedMaterial>,
     /// Bodies.

@@ -168,6 +168,7 @@ where
             revolved,
             formulation: deck.analysis.formulation,
             point_volume: deck.analysis.point_volume,
+            stabilisation: deck.analysis.stabilisation,
             materials,
             bodies,
             boundary_conditions,

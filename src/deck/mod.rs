@@ -15,6 +15,7 @@ pub use crate::basis::Method;
 pub use crate::domain::DomainUpdate;
 pub use crate::linear::Choice as LinearChoice;
 pub use crate::points::PointVolume;
+pub use crate::stabilisation::Stabilisation;
 pub use crate::stress::Formulation;
 pub use region::{Direction, Shape};
 
@@ -129,7 +130,7 @@ pub enum Parameter {
 }
 
 /// Kind of analysis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Analysis {
     /// How the geometry represents the three-dimensional body, and with it the number of axes: one entry of every
@@ -139,6 +140,8 @@ pub struct Analysis {
     pub formulation: Formulation,
     /// Where the current volume of a point comes from.
     pub point_volume: PointVolume,
+    /// Stabilisation of cells that hold hardly any material.
+    pub stabilisation: Stabilisation,
 }
 
 /// How the geometry represents the three-dimensional body.

@@ -22,6 +22,7 @@ fn model(bodies: &[(Method, DomainUpdate)]) -> Model<2> {
         revolved: false,
         formulation: Formulation::PreviouslyConverged,
         point_volume: PointVolume::Deformation,
+        stabilisation: Default::default(),
         materials: Vec::new(),
         bodies: bodies.iter().enumerate().map(body).collect(),
         boundary_conditions: Vec::new(),
