@@ -90,6 +90,7 @@ pub mod region;
 pub mod rigid;
 pub mod solver;
 pub mod stabilisation;
+pub mod stepping;
 pub mod stress;
 pub mod study;
 pub mod tensor;

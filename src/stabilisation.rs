@@ -185,7 +185,7 @@ impl Ghost {
 }
 
 /// The material that each active node carries at the start of a step.
-struct HeldMaterial {
+pub(crate) struct HeldMaterial {
     /// Σ S_vp V_p, [volume].
     volume: Vec<f64>,
     /// Σ S_vp V_p G_p, [stress·volume].
@@ -193,7 +193,7 @@ struct HeldMaterial {
 }
 
 impl HeldMaterial {
-    fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Self {
+    pub(crate) fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Self {
         let moduli: Vec<f64> = model.materials.iter().map(|m| shear_modulus_at_rest(m.law.as_ref())).collect();
         let mut held = HeldMaterial { volume: vec![0.0; links.n_active()], stiffness: vec![0.0; links.n_active()] };
         for group in 0..links.n_groups() {
@@ -213,7 +213,7 @@ impl HeldMaterial {
     }
 
     /// The material of the weakest node of a cell relative to its share of the full cell, [-].
-    fn filling<const D: usize>(&self, model: &Model<D>, links: &Connectivity<D>, cell: u32) -> f64 {
+    pub(crate) fn filling<const D: usize>(&self, model: &Model<D>, links: &Connectivity<D>, cell: u32) -> f64 {
         let grid = model.grid.as_ref();
         let corners = grid.corners(cell as usize);
         let n = corners.nodes().len() as f64;

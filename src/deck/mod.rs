@@ -18,6 +18,7 @@ pub use crate::points::PointVolume;
 pub use crate::stabilisation::Stabilisation;
 pub use crate::stress::Formulation;
 pub use region::{Direction, Shape};
+pub use steps::{ControlDeck, StepsDeck};
 
 mod axisymmetry;
 pub mod build;
@@ -37,6 +38,7 @@ mod seeding;
 mod shape;
 pub mod size;
 pub mod source;
+mod steps;
 pub mod validate;
 mod yaml;
 
@@ -523,23 +525,6 @@ pub struct PointSelector {
 
 fn one() -> u32 {
     1
-}
-
-/// Division of the loading into load steps.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct StepsDeck {
-    /// Number of equal load steps.
-    #[schemars(range(min = 1, max = 10_000_000), extend("examples" = [50]))]
-    pub count: u32,
-    /// Time at the end of the analysis, [time]; it only orders the loading.
-    #[serde(default = "unit_time")]
-    #[schemars(range(min = 1e-100, max = 1e100))]
-    pub end_time: f64,
-}
-
-fn unit_time() -> f64 {
-    1.0
 }
 
 /// Control of the Newton iterations.
