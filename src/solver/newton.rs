@@ -212,7 +212,7 @@ impl<const D: usize> Solver<D> {
             let first = if summary.pace.is_careful() {
                 FIRST_SEARCH
             } else {
-                (LATE * model.newton.max_iterations as f64) as usize
+                ((LATE * model.newton.max_iterations as f64) as usize).max(FIRST_SEARCH)
             };
             let may_search = iteration >= first && searches < MOST_SEARCHES && loading.unit.is_none();
             if may_search && residual > before && residual > tolerance {
