@@ -52,6 +52,14 @@ pub struct Watch {
     closing: Option<Closing>,
 }
 
+/// Length of the bar.
+const WHOLE: u64 = 10_000;
+
+/// The part of the bar that belongs to a time.
+fn part_of(time: f64, end_time: f64) -> u64 {
+    (time / end_time * WHOLE as f64) as u64
+}
+
 /// How the progress is shown.
 enum Display {
     Bar { bar: ProgressBar, drawn: Option<Instant> },
@@ -74,7 +82,7 @@ impl Watch {
             View::Member(label) => format!("{label} "),
         };
         let display = if io::stderr().is_terminal() {
-            let bar = ProgressBar::new(model.stepping.count as u64).with_prefix(label);
+            let bar = ProgressBar::new(WHOLE).with_prefix(label);
             if let Ok(style) = ProgressStyle::with_template("{prefix}{bar:20} {msg}") {
                 bar.set_style(style);
             }
@@ -115,7 +123,7 @@ impl Watch {
         self.progress.goes_on(reached);
         self.warned = reached.summary.warnings.len();
         if let Display::Bar { bar, .. } = &self.display {
-            bar.set_position(reached.step.index as u64);
+            bar.set_position(part_of(reached.step.end, self.progress.status().end_time));
         }
         self.say(&format!("going on after step {} from {}", reached.step.index, checkpoint.path.display()));
     }
@@ -178,12 +186,13 @@ impl Watch {
         let Display::Lines { last } = &mut self.display else { return };
         let status = self.progress.status();
         let (step, steps) = (report.step.index, status.steps_requested);
-        let due = step == 1 || step == steps || step.is_multiple_of(steps.div_ceil(LINES));
+        let ends = status.time >= status.end_time;
+        let due = step == 1 || ends || step.is_multiple_of(steps.div_ceil(LINES));
         if due || last.elapsed() >= SILENCE {
             *last = Instant::now();
-            let left = status.seconds_left.filter(|_| step < steps);
+            let left = status.seconds_left.filter(|_| !ends);
             let left = left.map(|left| format!(", {} left", duration(left))).unwrap_or_default();
-            tell!("{}{left}", in_equilibrium(report, steps));
+            tell!("{}{left}", in_equilibrium(report, &status));
         }
     }
 
@@ -221,7 +230,7 @@ impl<const D: usize> Observer<D> for Watch {
         let written = self.results.converged(model, points, report, summary);
         self.progress.converged(report, summary);
         if let Display::Bar { bar, .. } = &self.display {
-            bar.inc(1);
+            bar.set_position(part_of(report.step.end, model.stepping.end_time));
         }
         self.show_line(report);
         if let View::Run { log: Some(_) } = self.view {
@@ -229,7 +238,7 @@ impl<const D: usize> Observer<D> for Watch {
             let loss = summary.quality.latest.partition_of_unity_loss;
             self.log(&format!(
                 "{}{}, loss of partition of unity {loss:.1e}",
-                in_equilibrium(report, model.stepping.count),
+                in_equilibrium(report, &status),
                 in_the_log(&status)
             ));
         }
@@ -287,16 +296,27 @@ impl<const D: usize> Observer<D> for Watch {
     }
 }
 
+/// The step in hand among those that the deck asks for, or, where one was cut, the part of the time that it reaches.
+fn step_of(status: &Status) -> String {
+    let Status { step, steps_requested, time, end_time, .. } = status;
+    let reached = time / end_time;
+    if (reached * *steps_requested as f64 - *step as f64).abs() < 1e-6 {
+        format!("step {step}/{steps_requested}")
+    } else {
+        format!("step {step}, {:.4} % of the time", 100.0 * reached)
+    }
+}
+
 /// A step in equilibrium, in a line.
-fn in_equilibrium<const D: usize>(report: &StepReport<D>, steps: usize) -> String {
+fn in_equilibrium<const D: usize>(report: &StepReport<D>, status: &Status) -> String {
     let solves = report.residuals.len().saturating_sub(1);
     let residual = report.residuals.last().copied().unwrap_or(0.0);
-    format!("step {}/{steps}: {solves} iterations, residual {residual:.2e}", report.step.index)
+    format!("{}: {solves} iterations, residual {residual:.2e}", step_of(status))
 }
 
 /// Two lines of less than 80 columns in all.
 fn on_the_bar(status: &Status) -> String {
-    let mut first = format!("step {}/{}", status.step, status.steps_requested);
+    let mut first = step_of(status);
     if let Some(residual) = status.residual {
         first.push_str(&format!("  iteration {}  residual {residual:.1e}", status.iteration));
     }

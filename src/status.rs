@@ -54,7 +54,11 @@ fn in_words(directory: &Path, status: &Status) -> String {
     if !status.title.is_empty() {
         rows.push(("title", status.title.clone()));
     }
-    rows.push(("equilibrium", format!("{} of {} steps", status.steps, status.steps_requested)));
+    let steps = match status.steps <= status.steps_requested {
+        true => format!("{} of {} steps", status.steps, status.steps_requested),
+        false => format!("{} steps, up to time {}", status.steps, significant(status.time, 4)),
+    };
+    rows.push(("equilibrium", steps));
     if status.state != State::Completed && status.evaluations > 0 {
         let residual =
             status.residual.map_or_else(|| "not finite".to_owned(), |residual| format!("{residual:.1e}"));

@@ -167,11 +167,12 @@ impl Bench for Decks {
         if ready.extent.points > MOST_POINTS || ready.extent.first.unknowns > MOST_UNKNOWNS {
             return "2 accepted, too large to solve here".into();
         }
-        let newton = match &mut ready.analysis {
-            Analysis::Plane(parts) => &mut parts.0.newton,
-            Analysis::Solid(parts) => &mut parts.0.newton,
+        let (newton, stepping) = match &mut ready.analysis {
+            Analysis::Plane(parts) => (&mut parts.0.newton, &mut parts.0.stepping),
+            Analysis::Solid(parts) => (&mut parts.0.newton, &mut parts.0.stepping),
         };
         newton.max_iterations = newton.max_iterations.min(8);
+        stepping.smallest = 1.0;
         let nothing = ready.analysis.beginning();
         match ready.analysis.go_on(nothing, &mut OneStep { done: false }) {
             Ok(_) | Err(SolveError::Interrupted { .. }) => "3 accepted, first step solved".into(),

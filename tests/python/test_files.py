@@ -153,9 +153,11 @@ def test_history_and_convergence_agree(results):
 
 def test_columns_of_tables(results):
     columns = list(results.table("history"))
-    assert columns[:5] == ["step", "time", "iterations", "residual", "linear_iterations"]
+    assert columns[:7] == [
+        "step", "time", "iterations", "residual", "linear_iterations", "converged", "load_factor",
+    ]  # fmt: skip
     assert columns[-2:] == ["external_work", "strain_energy"]
-    endings = [name[-3:] for name in columns[5:-2]]
+    endings = [name[-3:] for name in columns[7:-2]]
     constraints, probes = endings.count("_rx"), endings.count("_ux")
     assert constraints > 0
     assert endings == ["_rx", "_ry"] * constraints + ["_ux", "_uy"] * probes

@@ -176,7 +176,7 @@ def test_members_of_a_study_warn(mpm, tmp_path):
 
 
 def test_a_run_without_steps_has_no_measures(mpm, tmp_path):
-    settings = ["--set", "steps=1", "--set", "every=0"]
+    settings = ["--set", "steps=1", "--set", "smallest=1", "--set", "every=0"]
     process = mpm("run", "inputs/beam.yaml", "--out", tmp_path, *settings)
     assert process.returncode == 1 and "\nquality: " not in process.stderr
     quality = Results(tmp_path).summary["quality"]

@@ -46,7 +46,7 @@ def failed(mpm, tmp_path_factory):
     folder = tmp_path_factory.mktemp("failed")
     deck = folder / "deck.yaml"
     deck.write_text((ROOT / "inputs" / "collapse.yaml").read_text())
-    process = mpm("run", deck, "--out", folder / "out", *settings(h=1, n=3, method="mpm", steps=2))
+    process = mpm("run", deck, "--out", folder / "out", *settings(h=1, n=3, method="mpm", steps=2, smallest=1))
     assert process.returncode == 1, process.stderr
     return folder / "out"
 

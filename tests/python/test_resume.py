@@ -127,7 +127,7 @@ def test_a_run_without_the_key_is_secured_when_it_is_interrupted(mpm, stopped, w
 def test_steps_may_become_finer_after_a_failure(mpm, tmp_path):
     """The third of three steps is too large; each halved, they find equilibrium."""
     deck = deck_of(tmp_path, ("checkpoint: {every: 3}\n", ""))
-    directory, coarse = tmp_path / "out", settings(h=1, n=3, method="mpm", steps=4)
+    directory, coarse = tmp_path / "out", settings(h=1, n=3, method="mpm", steps=4, smallest=1)
     process = mpm("run", deck, "--out", directory, *coarse)
     assert process.returncode == 1, process.stderr
     step = last_checkpoint(directory)

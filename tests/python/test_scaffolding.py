@@ -140,6 +140,7 @@ def test_messages_are_explained(here):
 def test_a_failed_analysis_has_a_code(here):
     deck = here.folder / "deck.yaml"
     assert here("new", "collapse", "--out", deck).returncode == 0
+    deck.write_text(deck.read_text().replace('count: "${steps}"', 'count: "${steps}"\n  smallest: 1'))
     process = here("run", deck, "--set", "steps=2", "--out", "out")
     assert process.returncode == 1
     code = re.search(r"error\[(S\d\d\d)\]: ", process.stderr)[1]

@@ -99,7 +99,7 @@ def test_status_of_what_has_ended(mpm, tmp_path):
     code, status = status_of(mpm, out)
     assert (code, status["state"], status["steps"]) == (0, "completed", 20)
     assert status["residual"] <= status["tolerance"]
-    assert mpm("run", "inputs/collapse.yaml", "--set", "steps=2", "--out", out).returncode == 1
+    assert mpm("run", "inputs/collapse.yaml", "--set", "steps=2", "--set", "smallest=1", "--out", out).returncode == 1
     code, status = status_of(mpm, out)
     assert (code, status["state"]) == (1, "failed")
     assert status["reason"] == Results(out).summary["reason"]
@@ -177,7 +177,8 @@ def test_the_log_of_a_deck_that_is_refused_and_of_a_run_that_fails(mpm, tmp_path
     log = tmp_path / "run.log"
     assert mpm("run", "tests/decks/unknown_key.yaml", "--out", tmp_path / "out", "--log", log).returncode == 2
     assert "D006" in log.read_text()
-    process = mpm("run", "inputs/collapse.yaml", "--set", "steps=2", "--out", tmp_path / "out", "--log", log)
+    failing = ["--set", "steps=2", "--set", "smallest=1"]
+    process = mpm("run", "inputs/collapse.yaml", *failing, "--out", tmp_path / "out", "--log", log)
     assert process.returncode == 1
     assert re.search(r"error\[S00\d\]", log.read_text()) and "D006" not in log.read_text()
     process = mpm("run", "inputs/beam.yaml", "--out", tmp_path / "out", "--log", tmp_path / "no" / "run.log")
