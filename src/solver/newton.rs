@@ -199,7 +199,7 @@ impl<const D: usize> Solver<D> {
                 .timings
                 .measure(Phase::Assembly, || system.assemble::<M>(model, points, links, &unknowns.delta_d));
             match assembled {
-                Err(_) if iteration > 0 && halvings < MOST_HALVINGS => {
+                Err(_) if iteration > 0 && !unknowns.prescribes && halvings < MOST_HALVINGS => {
                     halvings += 1;
                     unknowns.shorten(0.5, loading);
                     continue;
@@ -214,7 +214,10 @@ impl<const D: usize> Solver<D> {
             } else {
                 ((LATE * model.newton.max_iterations as f64) as usize).max(FIRST_SEARCH)
             };
-            let may_search = iteration >= first && searches < MOST_SEARCHES && loading.unit.is_none();
+            let may_search = iteration >= first
+                && !unknowns.prescribes
+                && searches < MOST_SEARCHES
+                && loading.unit.is_none();
             if may_search && residual > before && residual > tolerance {
                 let slope = unknowns.slope(&course.out_of_balance);
                 if let Some(shorter) = unknowns.flatter(slope) {
@@ -246,7 +249,7 @@ impl<const D: usize> Solver<D> {
         let residual = course.residuals.last().copied().unwrap_or(1.0);
         let timings = &mut self.reached.summary.timings;
         let tolerance = timings.measure(Phase::Solve, || {
-            let Unknowns { iterative: delta, k_delta, rhs, delta_d, .. } = &mut *unknowns;
+            let Unknowns { iterative: delta, k_delta, rhs, delta_d, prescribes, .. } = &mut *unknowns;
             delta.fill([0.0; D]);
             k_delta.fill([0.0; D]);
             // The motion of the prescribed degrees of freedom loads the free ones through K.
@@ -257,6 +260,7 @@ impl<const D: usize> Solver<D> {
                     moves |= delta[node][axis] != 0.0;
                 }
             });
+            *prescribes = moves;
             if moves {
                 system.multiply(delta, k_delta);
             }
@@ -416,6 +420,8 @@ struct Unknowns<const D: usize> {
     iterative_factor: f64,
     /// … and K δd, [force].
     k_delta: Nodal<D>,
+    /// Whether δd contains a prescribed motion, of which a part would be no step towards equilibrium.
+    prescribes: bool,
     rhs: Nodal<D>,
     /// (δd, rhs) where δd was found: the slope of the potential there, [energy].
     slope: f64,
@@ -446,6 +452,7 @@ impl<const D: usize> Unknowns<D> {
             iterative: zero.clone(),
             iterative_factor: 0.0,
             k_delta: zero.clone(),
+            prescribes: false,
             rhs: zero,
             slope: 0.0,
             taken: 1.0,

@@ -52,7 +52,7 @@ materials: {{m: {{model: hencky, young: 1e3, poisson: 0}}}}
 bodies: [{{name: square, material: m, shape: {{type: box, min: [0, 0], max: [{side}, {side}]}},
           method: {method}, points_per_cell: 1}}]
 boundary_conditions: [{{name: all, nodes: {{outer_layer: square}}, ux: '{moved}', uy: 0}}]
-steps: {{count: {steps}}}
+steps: {{count: {steps}, smallest: 1}}
 """
     )
     process = mpm("run", deck, "--out", tmp_path / "out")

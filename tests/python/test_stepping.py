@@ -109,9 +109,7 @@ def test_a_path_goes_on_after_an_interruption(program, mpm, tmp_path):
 
 @pytest.mark.parametrize("smallest, code", [(1, 1), (0.25, 0)])
 def test_the_smallest_step_is_respected(mpm, tmp_path, smallest, code):
-    text = (ROOT / "inputs/collapse.yaml").read_text().partition("\n")[2]
-    deck, out = tmp_path / "deck.yaml", tmp_path / "out"
-    deck.write_text(text.replace('steps: {count: "${steps}"}', f'steps: {{count: "${{steps}}", smallest: {smallest}}}'))
-    assert mpm("run", deck, "--out", out, *settings(**COLLAPSE)).returncode == code
-    times = np.concatenate([[0], Results(out).history["time"]])
+    options = settings(**COLLAPSE, smallest=smallest)
+    assert mpm("run", "inputs/collapse.yaml", "--out", tmp_path, *options).returncode == code
+    times = np.concatenate([[0], Results(tmp_path).history["time"]])
     assert np.diff(times).min() >= smallest / 3 - 1e-12
