@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::deck::Deck;
+use crate::model::Model;
 use crate::points::{Points, State};
 use crate::solver::{Reached, Step};
 use crate::tensor::{Mat3, Sym3};
@@ -119,10 +120,17 @@ fn find(directory: &Path) -> io::Result<Vec<PathBuf>> {
     for entry in fs::read_dir(directory)? {
         let path = entry?.path();
         let step = path.file_name().and_then(|name| name.to_str()).and_then(step_of);
-        found.extend(step.map(|step| (step, path)));
+        // Whatever else has such a name, a directory for example, is not ours.
+        found.extend(step.filter(|_| path.is_file()).map(|step| (step, path)));
     }
     found.sort();
     Ok(found.into_iter().rev().map(|(_, path)| path).collect())
+}
+
+/// The step of the last checkpoint in a directory by the name of its file, if there is one.
+pub fn last_step(directory: &Path) -> Option<usize> {
+    let found = find(directory).ok()?;
+    found.first()?.file_name()?.to_str().and_then(step_of)
 }
 
 /// The last checkpoint in a directory that can be read, and those after it that cannot.
@@ -164,8 +172,12 @@ impl Checkpoint {
     /// Puts the points of a freshly built model into the state and the order that the checkpoint holds.
     ///
     /// # Errors
-    /// When they are not the same points.
-    pub fn restore<const D: usize>(&self, points: &mut Points<D>) -> Result<(), String> {
+    /// When they are not the same points, or nothing that a run of this model can have written.
+    pub fn restore<const D: usize>(&self, model: &Model<D>, points: &mut Points<D>) -> Result<(), String> {
+        let Head { reached, findings, .. } = &self.head;
+        if !reached.can_be_of(model) || !findings.can_be_of(model) {
+            return Err("its account is not one of this analysis".to_owned());
+        }
         let wanted = [D, points.len(), points.history_len, points.corners_per_point];
         if self.head.shape != wanted {
             return Err("it belongs to other points".to_owned());
@@ -189,6 +201,12 @@ impl Checkpoint {
         };
         if !rest.bytes.is_empty() {
             return Err("it is longer than its points".to_owned());
+        }
+        if cell.iter().any(|&cell| cell as usize >= model.grid.n_cells()) {
+            return Err("a point is in a cell that does not exist".to_owned());
+        }
+        if state.deformation_gradient.iter().any(|f| f.determinant() <= 0.0) {
+            return Err("a point is turned inside out".to_owned());
         }
         points.restore(&id, cell, state)
     }

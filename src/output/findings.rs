@@ -121,6 +121,16 @@ pub struct Findings {
 }
 
 impl Findings {
+    /// Whether a run of this model can have found this.
+    pub(super) fn can_be_of<const D: usize>(&self, model: &Model<D>) -> bool {
+        self.balance.as_ref().is_none_or(|balance| {
+            balance.applied.len() == D
+                && balance.balanced.len() == D
+                && balance.reactions.len() == model.boundary_conditions.len()
+                && balance.reactions.iter().all(|(_, reaction)| reaction.len() == D)
+        })
+    }
+
     /// Takes in a step in equilibrium.
     pub(super) fn accept<const D: usize>(&mut self, model: &Model<D>, report: &StepReport<D>) {
         let solves = report.residuals.len().saturating_sub(1);

@@ -154,6 +154,25 @@ impl Reached {
     }
 }
 
+/// No run counts so far.
+const UNCOUNTED: usize = 1 << 48;
+
+impl Reached {
+    /// Whether a run of this model can have reached this.
+    pub(crate) fn can_be_of<const D: usize>(&self, model: &Model<D>) -> bool {
+        let Summary { steps, evaluations, linear_solves, iterative_solves, linear_iterations, .. } =
+            self.summary;
+        let counts =
+            [steps, evaluations, linear_solves, iterative_solves, linear_iterations, self.step.index];
+        counts.iter().all(|count| *count < UNCOUNTED)
+            && self.summary.indefinite_solves < UNCOUNTED
+            && 0.0 <= self.step.start
+            && self.step.start < self.step.end
+            && self.step.end <= model.end_time
+            && self.summary.quality.can_be_of(model.bodies.len())
+    }
+}
+
 impl Summary {
     pub(super) fn accept<const D: usize>(&mut self, report: &StepReport<D>) {
         self.steps += 1;
