@@ -1,5 +1,6 @@
 //! The analysis: load steps and, within each, Newton iterations to equilibrium (sections 5 and 6.3).
 
+mod balance;
 mod equations;
 mod error;
 mod forcing;
@@ -22,10 +23,11 @@ use crate::timing::{Phase, Timings};
 pub use error::{CODES, SolveError};
 pub use report::{GridFields, Observer, Reached, Silent, StepReport, Summary};
 
+use balance::{Energy, moment_error};
 use equations::{Equations, Place, Solved};
 use error::locate_failure;
 use forcing::Forcing;
-use report::{balance_of_energy, reactions_of};
+use report::reactions_of;
 
 /// A load step: the time it starts from and the time it reaches.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -216,12 +218,14 @@ impl<const D: usize> Solver<D> {
                     step,
                     reactions: report::named_reactions(model, &reaction_field, &dofs),
                     applied,
-                    energy: balance_of_energy(
+                    energy: Energy::new(
                         model,
                         points,
                         &unknowns.delta_d,
                         [(&f_ext_start, &reaction_start), (&f_ext, &reaction_field)],
+                        &f_int_start,
                     ),
+                    moment_error: moment_error(model, &links, &unknowns.delta_d, (&f_ext, &reaction_field)),
                     unknowns: dofs.n_free(),
                     grid: GridFields { links, delta_d: unknowns.delta_d, reaction: reaction_field },
                     residuals,

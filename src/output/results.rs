@@ -21,7 +21,7 @@ use super::table::{Entry, Table};
 use super::vtu::{self, CellKind, Field, Kinds, Mesh};
 
 /// Columns of `quality.csv`.
-const QUALITY: [&str; 9] = [
+const QUALITY: [&str; 14] = [
     "step",
     "partition_of_unity_loss",
     "domain_outside_grid",
@@ -31,6 +31,11 @@ const QUALITY: [&str; 9] = [
     "largest_det_f",
     "mass",
     "volume",
+    "plastic_work",
+    "regridding_work",
+    "energy_error",
+    "force_error",
+    "moment_error",
 ];
 
 /// Columns of `convergence.csv`.
@@ -283,6 +288,11 @@ impl Results {
             of.det_f[1],
             of.mass,
             of.volume,
+            summary.plastic_work,
+            summary.regridding_work,
+            summary.energy_error(),
+            self.findings.force_error(),
+            report.moment_error.unwrap_or(0.0),
         ];
         let mut row = vec![Entry::from(report.step.index as i64)];
         row.extend(measures.map(Entry::from));
@@ -430,7 +440,7 @@ impl<const D: usize> Observer<D> for Results {
         summary: &Summary,
     ) -> io::Result<()> {
         self.last = report.step;
-        self.findings.accept(model, report);
+        self.findings.accept(model, report, summary);
         if let Some(error) = self.failure.take() {
             return Err(error);
         }

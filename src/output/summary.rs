@@ -139,6 +139,8 @@ impl Account {
             "indefinite_solves": summary.indefinite_solves,
             "external_work": summary.external_work,
             "strain_energy": summary.strain_energy,
+            "plastic_work": summary.plastic_work,
+            "regridding_work": summary.regridding_work,
             "wall_seconds": seconds(wall, &|phase| timings.of(phase).wall.as_secs_f64()),
             "cpu_seconds": seconds(cpu, &|phase| timings.of(phase).cpu.as_secs_f64()),
             "cpu_microseconds_per_point_and_evaluation": {
@@ -147,7 +149,12 @@ impl Account {
             },
             "peak_memory_bytes": crate::memory::peak(),
             "iterations": findings.iterations.map(|[min, max]| json!({"min": min, "max": max})),
-            "worst_residual": findings.worst_residual.map(|(value, step)| json!({"value": value, "step": step})),
+            "worst_residual": findings.worst_residual.map(at_step),
+            "balance_errors": {
+                "energy": findings.errors.energy.map(at_step),
+                "force": findings.errors.force.map(at_step),
+                "moment": findings.errors.moment.map(at_step),
+            },
             "forces": findings.balance.as_ref().map(forces),
             "largest": findings.extremes.as_ref().map(largest),
             "quality": quality(model, &summary.quality),
@@ -194,6 +201,11 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
         map.insert(body.name.clone(), value);
     }
     Value::Object(map)
+}
+
+/// A value and the step that it is of.
+fn at_step((value, step): (f64, usize)) -> Value {
+    json!({"value": value, "step": step})
 }
 
 /// Loads and reactions at the end.

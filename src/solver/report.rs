@@ -10,6 +10,7 @@ use crate::points::Points;
 use crate::quality::Quality;
 use crate::timing::Timings;
 
+use super::balance::Energy;
 use super::{Nodal, SolveError, Step};
 
 /// Everything that watches a run: writers, progress, and the recorder used by tests.
@@ -76,15 +77,6 @@ pub struct GridFields<const D: usize> {
     pub reaction: Nodal<D>,
 }
 
-/// Work and energy of a step.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Energy {
-    /// Work of loads and reactions over the step, by the trapezoidal rule, [energy].
-    pub external_work: f64,
-    /// Stored elastic energy at the end of the step, [energy].
-    pub strain_energy: f64,
-}
-
 /// What is known of an equilibrated step.
 #[derive(Debug, Clone)]
 pub struct StepReport<const D: usize> {
@@ -102,6 +94,8 @@ pub struct StepReport<const D: usize> {
     pub applied: [f64; D],
     /// Work and energy.
     pub energy: Energy,
+    /// Moment of loads and reactions together, relative to all of them, [-]; none for bodies of revolution.
+    pub moment_error: Option<f64>,
     /// Number of free degrees of freedom.
     pub unknowns: usize,
     /// Fields of the grid.
@@ -127,8 +121,14 @@ pub struct Summary {
     pub unknowns: usize,
     /// Work of loads and reactions so far, [energy].
     pub external_work: f64,
+    /// Work so far of the forces that are out of balance when a step starts on a fresh grid, [energy].
+    pub regridding_work: f64,
+    /// Sum of the magnitudes of the work of all steps, both kinds together, [energy].
+    pub gross_work: f64,
     /// Stored elastic energy, [energy].
     pub strain_energy: f64,
+    /// Work that has gone into plastic flow, [energy].
+    pub plastic_work: f64,
     /// How well the run goes.
     pub quality: Quality,
     /// What the user should know about it, in the order of the steps; observers find new ones at the end.
@@ -174,11 +174,22 @@ impl Reached {
 }
 
 impl Summary {
+    /// What is missing between the work so far and the energy that is stored or has gone into plastic flow, relative to
+    /// the magnitudes of all work, [-]: the error of the trapezoidal rule, which falls with the square of the steps.
+    pub fn energy_error(&self) -> f64 {
+        let missing = self.external_work + self.regridding_work - self.strain_energy - self.plastic_work;
+        if self.gross_work > 0.0 { missing / self.gross_work } else { 0.0 }
+    }
+
     pub(super) fn accept<const D: usize>(&mut self, report: &StepReport<D>) {
         self.steps += 1;
         self.unknowns = self.unknowns.max(report.unknowns);
-        self.external_work += report.energy.external_work;
-        self.strain_energy = report.energy.strain_energy;
+        let Energy { external_work, regridding_work, strain_energy, plastic_work } = report.energy;
+        self.external_work += external_work;
+        self.regridding_work += regridding_work;
+        self.gross_work += (external_work + regridding_work).abs();
+        self.strain_energy = strain_energy;
+        self.plastic_work = plastic_work;
         self.linear_iterations += report.linear_iterations;
         for used in &report.factorisations {
             self.iterative_solves += usize::from(*used == Factorisation::Multigrid);
@@ -216,27 +227,4 @@ pub(super) fn named_reactions<const D: usize>(
         }
     }
     sums
-}
-
-/// Work over the step from the forces (loads, reactions) at its start and end, and the energy stored at its end.
-pub(super) fn balance_of_energy<const D: usize>(
-    model: &Model<D>,
-    points: &Points<D>,
-    delta_d: &[[f64; D]],
-    forces: [(&Nodal<D>, &Nodal<D>); 2],
-) -> Energy {
-    let mut external_work = 0.0;
-    for (load, reaction) in forces {
-        for (node, du) in delta_d.iter().enumerate() {
-            for d in 0..D {
-                external_work += 0.5 * (load[node][d] + reaction[node][d]) * du[d];
-            }
-        }
-    }
-    let mut strain_energy = 0.0;
-    for p in 0..points.len() {
-        let energy = model.law(points, p).energy(&points.trial.elastic_strain[p]);
-        strain_energy += energy * points.original_volume[p];
-    }
-    Energy { external_work, strain_energy }
 }
