@@ -21,6 +21,7 @@ use crate::solver::{Reached, Step};
 use crate::tensor::{Mat3, Sym3};
 
 use super::findings::Findings;
+use super::invalid;
 use super::replace::replace_file;
 use super::summary::VERSION;
 
@@ -224,20 +225,28 @@ fn write_points<const D: usize>(out: &mut dyn Write, points: &Points<D>) -> io::
             out.write_all(&word.to_le_bytes())?;
         }
     }
-    let mut numbers = |values: &mut dyn Iterator<Item = f64>| -> io::Result<()> {
-        for value in values {
-            out.write_all(&value.to_le_bytes())?;
-        }
-        Ok(())
-    };
+    // A file with a number that is not finite would be refused when it is needed.
+    let mut numbers =
+        |name: &str, values: &mut dyn Iterator<Item = f64>, per_point: usize| -> io::Result<()> {
+            for (place, value) in values.enumerate() {
+                if !value.is_finite() {
+                    let point = points.id[place / per_point.max(1)];
+                    return Err(invalid(format!("the {name} of point {point} is {value}")));
+                }
+                out.write_all(&value.to_le_bytes())?;
+            }
+            Ok(())
+        };
     let state = &points.converged;
-    numbers(&mut state.position.as_flattened().iter().copied())?;
-    numbers(&mut state.half_lengths.as_flattened().iter().copied())?;
-    numbers(&mut state.corners.as_flattened().iter().copied())?;
-    numbers(&mut state.deformation_gradient.iter().flat_map(|f| f.iter().copied()))?;
-    numbers(&mut state.elastic_strain.iter().flat_map(|e| e.0))?;
-    numbers(&mut state.kirchhoff_stress.iter().flat_map(|t| t.0))?;
-    numbers(&mut state.history.iter().copied())
+    numbers("position", &mut state.position.as_flattened().iter().copied(), D)?;
+    numbers("half length", &mut state.half_lengths.as_flattened().iter().copied(), D)?;
+    let corners = points.corners_per_point * D;
+    numbers("domain", &mut state.corners.as_flattened().iter().copied(), corners)?;
+    let gradients = state.deformation_gradient.iter();
+    numbers("deformation gradient", &mut gradients.flat_map(|f| f.iter().copied()), 9)?;
+    numbers("elastic strain", &mut state.elastic_strain.iter().flat_map(|e| e.0), 6)?;
+    numbers("Kirchhoff stress", &mut state.kirchhoff_stress.iter().flat_map(|t| t.0), 6)?;
+    numbers("history", &mut state.history.iter().copied(), points.history_len)
 }
 
 /// Arrays in a row of bytes.

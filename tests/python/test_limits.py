@@ -1,6 +1,6 @@
 """What a run does at the limits of the machine: no room, no rights, no directory, no reader, company.
 
-Whatever happens, the files in a directory of results are whole: see `assert_sound`.
+Whatever happens, the files in a directory of results are whole: see `results.assert_sound`.
 """
 
 import json
@@ -12,36 +12,15 @@ import subprocess
 import tempfile
 import threading
 import time
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
-import pyvista
 
 from conftest import ROOT
+from results import assert_sound
 from test_resume import SMALL, deck_of, last_checkpoint, results, settings
 
 LONG = settings(h=1, n=3, steps=3000, every=1)
-
-
-def assert_sound(directory, ended=True):
-    """Series name files that are there and whole, tables have whole rows, and nothing half-written has a final name."""
-    if ended:
-        assert not list(directory.glob("*.tmp"))
-    for series in directory.glob("*.pvd"):
-        entries = ElementTree.parse(series).getroot().findall("./Collection/DataSet")
-        times = [float(entry.get("timestep")) for entry in entries]
-        assert times == sorted(set(times))
-        for entry in entries:
-            assert pyvista.read(directory / entry.get("file")).n_points > 0
-    for path in directory.glob("*.vtu"):
-        assert path.read_bytes().endswith(b"</VTKFile>\n"), path
-    for table in directory.glob("*.csv"):
-        text = table.read_text()
-        assert text.endswith("\n"), table
-        assert len({line.count(",") for line in text.splitlines()}) == 1, table
-    for document in directory.glob("*.json"):
-        json.loads(document.read_text())
 
 
 def assert_stopped(process, *words):

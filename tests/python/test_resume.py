@@ -1,6 +1,6 @@
 """Runs that are killed, interrupted or have failed go on from their checkpoints as if nothing had happened.
 
-`KILLS=1000 tests/run -k killed` is the long form of the first test.
+`KILLS=1000 tests/run -k killed` is the long form of the first test: so many kills of each kind.
 """
 
 import hashlib
@@ -14,6 +14,7 @@ import time
 import pytest
 
 from conftest import ROOT
+from results import assert_sound
 
 KILLS = int(os.environ.get("KILLS", "12"))
 
@@ -51,21 +52,34 @@ SMALL = settings(h=1, n=3, steps=30, every=5)
 @pytest.fixture
 def whole(mpm, tmp_path):
     """A deck, and its results where nothing disturbs the run."""
-    deck = deck_of(tmp_path)
+    return undisturbed(mpm, tmp_path, deck_of(tmp_path), SMALL)
+
+
+def undisturbed(mpm, tmp_path, deck, words):
+    """A deck, its results and how long they take."""
     began = time.monotonic()
-    process = mpm("run", deck, "--out", tmp_path / "whole", *SMALL)
+    process = mpm("run", deck, "--out", tmp_path / "whole", *words)
     assert process.returncode == 0, process.stderr
     return deck, results(tmp_path / "whole"), time.monotonic() - began
 
 
-def test_killed_runs_end_like_others(program, whole, tmp_path):
+KILLED = {
+    "gimp": ("collapse", SMALL),
+    "cpdi2": ("collapse", [*SMALL, *settings(method="cpdi2")]),
+    "solid": ("twist", settings(h=0.5, steps=30, every=5)),
+}
+
+
+@pytest.mark.parametrize("kind", KILLED)
+def test_killed_runs_end_like_others(mpm, program, tmp_path, kind):
     """At random moments, again and again, with one thread or two."""
-    deck, expected, duration = whole
+    name, words = KILLED[kind]
+    deck, expected, duration = undisturbed(mpm, tmp_path, deck_of(tmp_path, name=name), words)
     directory = tmp_path / "killed"
     moments = random.Random(1)
     kills, finished, at = 0, 0, 0
     while kills < KILLS or finished == 0:
-        command = [program, "run", deck, "--out", directory, *SMALL, "--threads", str(1 + kills % 2)]
+        command = [program, "run", deck, "--out", directory, *words, "--threads", str(1 + kills % 2)]
         if last_checkpoint(directory) if directory.exists() else 0:
             command.append("--resume")
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
@@ -75,6 +89,7 @@ def test_killed_runs_end_like_others(program, whole, tmp_path):
             assert results(directory) == expected
             leftovers = [path.name for path in directory.iterdir() if path.suffix == ".tmp"]
             assert not leftovers
+            assert_sound(directory)
             finished, at = finished + 1, 0
             for path in directory.iterdir():
                 path.unlink()
@@ -83,6 +98,7 @@ def test_killed_runs_end_like_others(program, whole, tmp_path):
             process.communicate()
             kills += 1
             if directory.exists():
+                assert_sound(directory, ended=False)
                 now = last_checkpoint(directory)
                 assert now >= at, "a checkpoint was lost"
                 at = now

@@ -127,3 +127,28 @@ fn a_state_that_no_run_has_reached_is_refused() {
     account.summary.quality.shear = Some(crate::quality::Worst { value: 1.0, step: 1, body: 1, point: None });
     assert!(refused(&good, &account, &nothing).contains("account"));
 }
+
+#[test]
+fn a_number_that_is_not_finite_reaches_no_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let (deck, _, good) = analysis();
+    let says = |change: &dyn Fn(&mut State<2>)| {
+        let mut points = good.clone();
+        change(&mut points.converged);
+        let error = write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points);
+        let error = error.unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::InvalidInput);
+        error.to_string()
+    };
+    let of = |place: usize| format!(" of point {} is ", good.id[place]);
+    assert!(says(&|state| state.position[3][1] = f64::NAN).contains(&format!("position{}NaN", of(3))));
+    assert!(says(&|state| state.corners[4 * 5 + 3][0] = f64::NAN).contains(&format!("domain{}NaN", of(5))));
+    let gradient = says(&|state| state.deformation_gradient[2][8] = f64::INFINITY);
+    assert!(gradient.contains(&format!("deformation gradient{}inf", of(2))));
+    let strain = says(&|state| state.elastic_strain[7].0[5] = f64::NAN);
+    assert!(strain.contains(&format!("elastic strain{}NaN", of(7))));
+    let stress = says(&|state| state.kirchhoff_stress[0].0[0] = -f64::INFINITY);
+    assert!(stress.contains(&format!("Kirchhoff stress{}-inf", of(0))));
+    assert!(says(&|state| state.history[9] = f64::NAN).contains(&format!("history{}NaN", of(9))));
+    assert!(names(directory.path()).is_empty());
+}
