@@ -5,11 +5,12 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use mpm::deck::changes::{changes, step_at};
+use mpm::deck::changes::{changes, is_end, step_at};
 use mpm::deck::load::LoadedDeck;
 use mpm::deck::ready::Analysis;
 use mpm::output::checkpoint::{Checkpoint, latest};
 use mpm::solver::{Reached, Step};
+use mpm::stepping::Pace;
 use serde_json::Value;
 
 /// What to do where a run cannot go on.
@@ -55,14 +56,12 @@ pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> a
     }
     let Some(step) = step_at(&loaded.deck, end, index) else {
         bail!(
-            "`{name}` was written at time {end}, after step {index}: with {} load steps up to time {}, no step ends there \
-             that is not an earlier one\n  help: use a number of steps, a multiple of the old one for example, with which \
-             one does",
-            loaded.deck.steps.count,
+            "`{name}` was written at time {end}, after the end of the analysis at {}\n  help: let `steps: {{end_time}}` be \
+             later",
             loaded.deck.steps.end_time
         );
     };
-    if step == loaded.deck.steps.count as usize && is_complete(directory) {
+    if is_end(&loaded.deck, end) && is_complete(directory) {
         return Ok(Found::End(checkpoint.head.reached.summary.steps));
     }
     let restored = match analysis {
@@ -74,6 +73,10 @@ pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> a
     }
     let mut reached = checkpoint.head.reached.clone();
     reached.step.index = step;
+    reached.summary.diagnosis = None;
+    if checkpoint.head.deck.steps != loaded.deck.steps {
+        reached.summary.pace = Pace::default();
+    }
     Ok(Found::Step(Box::new(checkpoint), Box::new(reached)))
 }
 

@@ -11,7 +11,8 @@ use crate::quality::Quality;
 use crate::timing::Timings;
 
 use super::balance::Energy;
-use super::{Nodal, SolveError, Step};
+use super::{Diagnosis, FailedAttempt, Nodal, Path, SolveError, Step};
+use crate::stepping::Pace;
 
 /// Everything that watches a run: writers, progress, and the recorder used by tests.
 pub trait Observer<const D: usize> {
@@ -36,6 +37,21 @@ pub trait Observer<const D: usize> {
         _points: &Points<D>,
         _report: &StepReport<D>,
         _summary: &Summary,
+    ) -> std::io::Result<()> {
+        Ok(())
+    }
+
+    /// A step is not in equilibrium; the converged state is that before it. With a diagnosis the run ends here, otherwise a
+    /// smaller step follows.
+    ///
+    /// # Errors
+    /// Any error stops the run.
+    fn failed(
+        &mut self,
+        _model: &Model<D>,
+        _points: &Points<D>,
+        _attempt: &FailedAttempt<D>,
+        _diagnosis: Option<&Diagnosis>,
     ) -> std::io::Result<()> {
         Ok(())
     }
@@ -96,8 +112,12 @@ pub struct StepReport<const D: usize> {
     pub energy: Energy,
     /// Moment of loads and reactions together, relative to all of them, [-]; none for bodies of revolution.
     pub moment_error: Option<f64>,
+    /// Load factor at the end of the step, where there is one for all loads and prescribed motions, [-].
+    pub load_factor: Option<f64>,
     /// Number of free degrees of freedom.
     pub unknowns: usize,
+    /// Number of faces that are stabilised.
+    pub stabilised_faces: usize,
     /// Fields of the grid.
     pub grid: GridFields<D>,
 }
@@ -107,6 +127,20 @@ pub struct StepReport<const D: usize> {
 pub struct Summary {
     /// Equilibrated steps.
     pub steps: usize,
+    /// Attempts at a step that did not reach equilibrium.
+    pub failed_attempts: usize,
+    /// How large steps are at the moment.
+    pub pace: Pace,
+    /// Where the run is on its path, if its load factor is unknown.
+    pub path: Path,
+    /// Load factor of the last step in equilibrium, where there is one for all loads and prescribed motions, [-].
+    pub load_factor: Option<f64>,
+    /// Largest load factor in equilibrium, where there is one for all loads and prescribed motions, [-].
+    pub largest_load_factor: Option<f64>,
+    /// Why the run could not go on.
+    pub diagnosis: Option<Diagnosis>,
+    /// Most faces that were stabilised in a step.
+    pub stabilised_faces: usize,
     /// Evaluations of internal force and stiffness, those of failed steps included.
     pub evaluations: usize,
     /// Linear solves.
@@ -160,15 +194,23 @@ const UNCOUNTED: usize = 1 << 48;
 impl Reached {
     /// Whether a run of this model can have reached this.
     pub(crate) fn can_be_of<const D: usize>(&self, model: &Model<D>) -> bool {
-        let Summary { steps, evaluations, linear_solves, iterative_solves, linear_iterations, .. } =
-            self.summary;
-        let counts =
-            [steps, evaluations, linear_solves, iterative_solves, linear_iterations, self.step.index];
+        let of = &self.summary;
+        let counts = [
+            of.steps,
+            of.failed_attempts,
+            of.evaluations,
+            of.linear_solves,
+            of.iterative_solves,
+            of.linear_iterations,
+            of.indefinite_solves,
+            self.step.index,
+        ];
         counts.iter().all(|count| *count < UNCOUNTED)
-            && self.summary.indefinite_solves < UNCOUNTED
             && 0.0 <= self.step.start
             && self.step.start < self.step.end
-            && self.step.end <= model.end_time
+            && self.step.end <= model.stepping.end_time
+            && self.summary.pace.is_possible()
+            && self.summary.path.can_be_of::<D>()
             && self.summary.quality.can_be_of(model.bodies.len())
     }
 }
@@ -183,6 +225,12 @@ impl Summary {
 
     pub(super) fn accept<const D: usize>(&mut self, report: &StepReport<D>) {
         self.steps += 1;
+        self.stabilised_faces = self.stabilised_faces.max(report.stabilised_faces);
+        self.load_factor = report.load_factor;
+        if let Some(factor) = report.load_factor {
+            let largest = self.largest_load_factor.map_or(factor, |largest| largest.max(factor));
+            self.largest_load_factor = Some(largest);
+        }
         self.unknowns = self.unknowns.max(report.unknowns);
         let Energy { external_work, regridding_work, strain_energy, plastic_work } = report.energy;
         self.external_work += external_work;
