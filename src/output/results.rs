@@ -24,7 +24,7 @@ use super::table::{Entry, Table};
 use super::vtu::{self, CellKind, Field, Kinds, Mesh};
 
 /// Columns of `quality.csv`.
-const QUALITY: [&str; 14] = [
+const QUALITY: [&str; 15] = [
     "step",
     "partition_of_unity_loss",
     "domain_outside_grid",
@@ -36,6 +36,7 @@ const QUALITY: [&str; 14] = [
     "volume",
     "plastic_work",
     "regridding_work",
+    "stabilisation_work",
     "energy_error",
     "force_error",
     "moment_error",
@@ -296,6 +297,7 @@ impl Results {
             of.volume,
             summary.plastic_work,
             summary.regridding_work,
+            summary.stabilisation_work,
             summary.energy_error(),
             self.findings.force_error(),
             report.moment_error.unwrap_or(0.0),

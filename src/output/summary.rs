@@ -149,6 +149,7 @@ impl Account {
             "strain_energy": summary.strain_energy,
             "plastic_work": summary.plastic_work,
             "regridding_work": summary.regridding_work,
+            "stabilisation_work": summary.stabilisation_work,
             "wall_seconds": seconds(wall, &|phase| timings.of(phase).wall.as_secs_f64()),
             "cpu_seconds": seconds(cpu, &|phase| timings.of(phase).cpu.as_secs_f64()),
             "cpu_microseconds_per_point_and_evaluation": {

@@ -1,6 +1,7 @@
 //! What must balance in every step: work against energy that is stored or goes into plastic flow, and the moments of the
 //! forces on the bodies.
 
+use crate::assembly::System;
 use crate::basis::Connectivity;
 use crate::model::Model;
 use crate::points::Points;
@@ -19,6 +20,8 @@ pub struct Energy {
     pub external_work: f64,
     /// Work over the step of the forces that are out of balance at its start, [energy].
     pub regridding_work: f64,
+    /// Work that the stabilisation of faces has taken over the step, [energy].
+    pub stabilisation_work: f64,
     /// Stored elastic energy, [energy].
     pub strain_energy: f64,
     /// Work that has gone into plastic flow since the start of the analysis, [energy].
@@ -27,15 +30,16 @@ pub struct Energy {
 
 impl Energy {
     /// Of a step that is in equilibrium but not committed, from its displacement increment, the external forces (loads,
-    /// reactions) at its start and end, and the internal force at its start.
+    /// reactions) at its start and end, and the system with its internal force at the start.
     pub(super) fn new<const D: usize>(
         model: &Model<D>,
         points: &Points<D>,
         delta_d: &[[f64; D]],
         [start, end]: [(&Nodal<D>, &Nodal<D>); 2],
-        f_int_start: &[[f64; D]],
+        (system, f_int_start): (&System<D>, &[[f64; D]]),
     ) -> Energy {
-        let mut energy = Energy::default();
+        let stabilisation_work = system.stabilisation_work(delta_d);
+        let mut energy = Energy { stabilisation_work, ..Energy::default() };
         for (node, du) in delta_d.iter().enumerate() {
             for d in 0..D {
                 let [before, after] = [start, end].map(|(load, reaction)| load[node][d] + reaction[node][d]);

@@ -110,7 +110,7 @@ impl<const D: usize> Solver<D> {
                 points,
                 &unknowns.delta_d,
                 [(&loading.f_ext_start, &reaction_start), (&loading.f_ext, &reaction_field)],
-                &course.f_int_start,
+                (&system, &course.f_int_start),
             ),
             moment_error: moment_error(model, &links, &unknowns.delta_d, (&loading.f_ext, &reaction_field)),
             load_factor,

@@ -157,7 +157,9 @@ pub struct Summary {
     pub external_work: f64,
     /// Work so far of the forces that are out of balance when a step starts on a fresh grid, [energy].
     pub regridding_work: f64,
-    /// Sum of the magnitudes of the work of all steps, both kinds together, [energy].
+    /// Work so far that the stabilisation of faces has taken, which is lost at the end of each step, [energy].
+    pub stabilisation_work: f64,
+    /// Sum of the magnitudes of the external and regridding work of all steps, [energy].
     pub gross_work: f64,
     /// Stored elastic energy, [energy].
     pub strain_energy: f64,
@@ -219,7 +221,8 @@ impl Summary {
     /// What is missing between the work so far and the energy that is stored or has gone into plastic flow, relative to
     /// the magnitudes of all work, [-]: the error of the trapezoidal rule, which falls with the square of the steps.
     pub fn energy_error(&self) -> f64 {
-        let missing = self.external_work + self.regridding_work - self.strain_energy - self.plastic_work;
+        let work = self.external_work + self.regridding_work - self.stabilisation_work;
+        let missing = work - self.strain_energy - self.plastic_work;
         if self.gross_work > 0.0 { missing / self.gross_work } else { 0.0 }
     }
 
@@ -232,9 +235,11 @@ impl Summary {
             self.largest_load_factor = Some(largest);
         }
         self.unknowns = self.unknowns.max(report.unknowns);
-        let Energy { external_work, regridding_work, strain_energy, plastic_work } = report.energy;
+        let Energy { external_work, regridding_work, stabilisation_work, strain_energy, plastic_work } =
+            report.energy;
         self.external_work += external_work;
         self.regridding_work += regridding_work;
+        self.stabilisation_work += stabilisation_work;
         self.gross_work += (external_work + regridding_work).abs();
         self.strain_energy = strain_energy;
         self.plastic_work = plastic_work;

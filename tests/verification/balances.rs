@@ -1,6 +1,8 @@
 //! Balances of energy, forces and moments, step by step.
 
 use mpm::output::findings::ForceBalance;
+use mpm::solver::Summary;
+use mpm::stabilisation::{Stabilisation, Where};
 
 use crate::analysis::{Analysis, build_deck, run, watch};
 
@@ -53,6 +55,21 @@ fn regridding_takes_energy_from_standard_points_above_all() {
     assert!(smooth.iter().all(|share| -5e-3 < *share && *share < 0.0), "{smooth:?}");
     assert!(orders(&smooth).iter().all(|order| *order > 0.6), "it vanishes with the steps");
     assert!(standard < -0.1 && error.abs() < 1e-3, "{standard} {error}");
+}
+
+/// What the stabilisation of faces takes is known, and small; the balance closes with it.
+#[test]
+fn stabilisation_takes_its_share() {
+    let (mut model, mut points) =
+        build_deck("beam.yaml", &[("h", "0.5"), ("n", "4"), ("method", "cpdi2"), ("steps", "50")]);
+    model.stabilisation = Stabilisation { mode: Where::On, parameter: 0.1, ..Stabilisation::default() };
+    let summary = watch(&model, &mut points, |_, _| ()).unwrap();
+    let share = summary.stabilisation_work / summary.external_work;
+    println!("stabilisation {share:.2e}, error {:.1e}", summary.energy_error());
+    assert!(share > 1e-5 && share < 0.1, "{share}");
+    assert!(summary.energy_error().abs() < 1e-3);
+    let without = Summary { stabilisation_work: 0.0, ..summary.clone() };
+    assert!(without.energy_error().abs() > summary.energy_error().abs());
 }
 
 #[test]

@@ -15,7 +15,7 @@ where
     Region<D>: OfDeck<D>,
 {
     /// Refuses materials whose forces on a cell or on the whole grid are out of reach of floating point. Within it, results
-    /// do not depend on the units: they are the same to the last bit in units that differ by powers of two.
+    /// do not depend on the units: they are the same to the last bit in units that differ by powers of four.
     pub(super) fn magnitudes(&mut self, grid: &dyn Grid<D>) {
         let [low, high] = grid.bounds();
         let whole = low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()));
