@@ -131,6 +131,11 @@ impl Pace {
         })
     }
 
+    /// Whether a step has failed shortly before.
+    pub fn is_careful(&self) -> bool {
+        self.patience > 0
+    }
+
     /// A step has succeeded with so many iterations.
     pub fn succeeded(&mut self, stepping: &Stepping, iterations: usize) {
         self.patience = self.patience.saturating_sub(1);
@@ -187,7 +192,7 @@ mod tests {
         let stepping = Stepping { smallest: 0.01, ..Stepping::fixed(4, 4.0) };
         // Steps of more than a quarter fail between 1 and 2.
         let found = ends(&stepping, 5, |start, end| start < 1.99 && end > 1.01 && end - start > 0.26);
-        assert_eq!(found, [1.0, 1.25, 1.5, 1.75, 2.0, 3.0, 4.0]);
+        assert_eq!(found, [1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0]);
         let slowly = ends(&stepping, 15, |start, end| start < 1.99 && end > 1.01 && end - start > 0.26);
         assert_eq!(slowly.len(), 1 + 12, "steps that need many iterations do not grow");
     }

@@ -25,8 +25,11 @@ const MOST_HALVINGS: usize = 5;
 const MOST_SEARCHES: usize = 3;
 /// A line search is content with this part of the slope of the potential.
 const FLAT: f64 = 0.5;
-/// No line search before so many iterations.
+/// No line search before so many iterations …
 const FIRST_SEARCH: usize = 3;
+/// … where an attempt has failed before, otherwise before this part of those that are allowed: iterations that go well are
+/// left alone.
+const LATE: f64 = 0.75;
 
 /// What the iterations of a step leave behind beside the unknowns.
 #[derive(Default)]
@@ -209,7 +212,12 @@ impl<const D: usize> Solver<D> {
             course.out_of_balance = unknowns.balance(&loading.f_ext, system.internal_force());
             let residual = unknowns.relative_norm(&course.out_of_balance, &loading.f_ext, system, tolerance);
             let before = course.residuals.last().copied().unwrap_or(f64::INFINITY);
-            let may_search = iteration >= FIRST_SEARCH && searches < MOST_SEARCHES && loading.unit.is_none();
+            let first = if summary.pace.is_careful() {
+                FIRST_SEARCH
+            } else {
+                ((LATE * model.newton.max_iterations as f64) as usize).max(FIRST_SEARCH)
+            };
+            let may_search = iteration >= first && searches < MOST_SEARCHES && loading.unit.is_none();
             if may_search && residual > before && residual > tolerance {
                 let slope = unknowns.slope(&course.out_of_balance);
                 if let Some(shorter) = unknowns.flatter(slope) {
