@@ -11,6 +11,8 @@ use mpm::deck::load::{LoadFailure, LoadedDeck, load};
 use mpm::deck::ready::{self, Analysis, Extent, ready};
 use mpm::deck::source::Source;
 use mpm::memory::Memory;
+use mpm::output::checkpoint::last_step;
+use mpm::output::lock::Lock;
 use mpm::output::results::Results;
 use mpm::output::summary::{Account, Start};
 use mpm::solver::{SolveError, Summary};
@@ -19,8 +21,8 @@ use serde_json::{Value, json};
 
 use crate::closing::Closing;
 use crate::progress::{View, Watch};
-use crate::resume;
-use crate::{DeckArgs, Format, print_json};
+use crate::resume::{self, AGAIN, Found};
+use crate::{Coded, DeckArgs, Format, in_words, print_json};
 
 /// A deck and the analysis built from it.
 pub struct Ready {
@@ -130,8 +132,19 @@ pub struct Ended {
     pub closing: Option<Closing>,
 }
 
-/// Runs an analysis into a directory, from the last checkpoint there if it is to `resume`; `set_up` is the time that
-/// went into making it ready.
+/// Where a run begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Begin {
+    /// Without a load; earlier results are replaced.
+    Anew,
+    /// At the last checkpoint in the directory.
+    AtCheckpoint,
+    /// There if it can, otherwise anew.
+    AtCheckpointIfAny,
+}
+
+/// Runs an analysis into a directory; `set_up` is the time that went into making it ready. `None` where it is at its end
+/// already.
 ///
 /// # Errors
 /// When the directory cannot be written, another run writes there, or there is nothing to go on from.
@@ -142,10 +155,25 @@ pub fn run_into(
     set_up: Timings,
     view: View,
     stop: &Arc<AtomicBool>,
-    resume: bool,
-) -> anyhow::Result<Ended> {
+    begin: Begin,
+) -> anyhow::Result<Option<Ended>> {
     let Ready { loaded, mut analysis, .. } = ready;
-    let from = if resume { Some(resume::find(directory, &loaded, &mut analysis)?) } else { None };
+    let from = match begin {
+        Begin::Anew => None,
+        Begin::AtCheckpoint | Begin::AtCheckpointIfAny => {
+            match checkpoint_in(directory, &loaded, &mut analysis, begin)? {
+                Some((_, Found::End(steps))) => {
+                    tell!(
+                        "the run in `{}` is complete: {steps} steps in equilibrium; nothing is left to do",
+                        directory.display()
+                    );
+                    return Ok(None);
+                }
+                Some((lock, Found::Step(checkpoint, reached))) => Some((lock, checkpoint, reached)),
+                None => None,
+            }
+        }
+    };
     let every = loaded.deck.output.every as usize;
     let account = Account {
         start,
@@ -158,18 +186,27 @@ pub fn run_into(
         set_up,
         threads: rayon::current_num_threads(),
     };
-    let results = match (&analysis, &from) {
-        (Analysis::Plane(parts), None) => Results::create(directory, every, &parts.0, account),
-        (Analysis::Solid(parts), None) => Results::create(directory, every, &parts.0, account),
-        (Analysis::Plane(parts), Some((checkpoint, reached))) => {
-            Results::go_on(directory, every, &parts.0, account, checkpoint, reached.step)
+    let (results, from) = match from {
+        None => {
+            let created = match &analysis {
+                Analysis::Plane(parts) => Results::create(directory, every, &parts.0, account),
+                Analysis::Solid(parts) => Results::create(directory, every, &parts.0, account),
+            };
+            (created.map_err(|error| not_writable(directory, error))?, None)
         }
-        (Analysis::Solid(parts), Some((checkpoint, reached))) => {
-            Results::go_on(directory, every, &parts.0, account, checkpoint, reached.step)
+        Some((lock, checkpoint, reached)) => {
+            let (place, step) = ((directory, lock), reached.step);
+            let reopened = match &analysis {
+                Analysis::Plane(parts) => Results::go_on(place, every, &parts.0, account, &checkpoint, step),
+                Analysis::Solid(parts) => Results::go_on(place, every, &parts.0, account, &checkpoint, step),
+            };
+            let results = reopened.map_err(|error| {
+                let what = format!("the results of the steps up to the checkpoint cannot be used: {error}");
+                Coded::new("R002", format!("{what}\n  help: put the file back, or {AGAIN}"))
+            })?;
+            (results, Some((checkpoint, reached)))
         }
     };
-    let results = results
-        .with_context(|| format!("the results directory `{}` cannot be written", directory.display()))?;
     let stop = Arc::clone(stop);
     let mut watch = match &analysis {
         Analysis::Plane(parts) => Watch::new(results, &parts.0, &parts.1, start, view, stop),
@@ -178,12 +215,43 @@ pub fn run_into(
     let reached = match from {
         Some((checkpoint, reached)) => {
             watch.goes_on(&checkpoint, &reached);
-            reached
+            *reached
         }
         None => analysis.beginning(),
     };
     let outcome = analysis.go_on(reached, &mut watch);
-    Ok(Ended { outcome, closing: watch.end() })
+    Ok(Some(Ended { outcome, closing: watch.end() }))
+}
+
+/// Locks a directory and looks for a checkpoint there; the points are then in its state. `None` where the run may begin
+/// anew instead.
+fn checkpoint_in(
+    directory: &Path,
+    loaded: &LoadedDeck,
+    analysis: &mut Analysis,
+    begin: Begin,
+) -> anyhow::Result<Option<(Lock, Found)>> {
+    let lock = match Lock::take(directory) {
+        Ok(lock) => Some(lock),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+        Err(error) => return Err(not_writable(directory, error).into()),
+    };
+    match (resume::find(directory, loaded, analysis), lock) {
+        (Ok(found), Some(lock)) if begin == Begin::AtCheckpoint || matches!(found, Found::Step(..)) => {
+            Ok(Some((lock, found)))
+        }
+        (Err(error), _) if begin == Begin::AtCheckpoint => Err(Coded::new("R002", in_words(&error)).into()),
+        (Err(error), Some(_)) if last_step(directory).is_some() => {
+            tell!("  begins anew: {}", in_words(&error));
+            Ok(None)
+        }
+        _ => Ok(None),
+    }
+}
+
+/// Why a run cannot begin in a directory.
+pub fn not_writable(directory: &Path, error: io::Error) -> Coded {
+    Coded::new("R001", format!("the results directory `{}` cannot be written: {error}", directory.display()))
 }
 
 /// Why an analysis failed, in a few lines.

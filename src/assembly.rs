@@ -107,6 +107,11 @@ impl<const D: usize> System<D> {
         self.ghost.n_faces()
     }
 
+    /// Work of the stabilisation over a displacement increment of the active nodes, [energy].
+    pub fn stabilisation_work(&self, delta_d: &[[f64; D]]) -> f64 {
+        self.ghost.work(delta_d)
+    }
+
     /// Internal force on the active nodes, that of stabilised faces included, [force].
     pub fn internal_force(&self) -> &[[f64; D]] {
         &self.f_int

@@ -112,6 +112,16 @@ impl Closing {
         if let Some(balance) = &self.findings.balance {
             table.forces(balance);
         }
+        let errors = &self.findings.errors;
+        let shown = [("energy", errors.energy), ("forces", errors.force), ("moments", errors.moment)];
+        let shown: Vec<String> = (shown.iter())
+            .filter_map(|(name, error)| {
+                error.map(|(value, step)| format!("{name} {value:.1e} (step {step})"))
+            })
+            .collect();
+        if !shown.is_empty() {
+            table.row("balances", &format!("within {}", shown.join(", ")));
+        }
         table.row("quality", &self.quality);
         if self.warnings > 0 {
             table.row("warnings", &format!("{}, see above and in summary.json", self.warnings));

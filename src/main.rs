@@ -138,9 +138,34 @@ fn main() -> ExitCode {
         Command::Man { command } => manual::man(command.as_deref()),
     };
     result.unwrap_or_else(|error| {
-        tell!("error: {error:#}");
+        tell!("{}", as_error(&error));
         ExitCode::from(USAGE)
     })
+}
+
+/// An error that has a page, [`mpm::codes`].
+#[derive(Debug, thiserror::Error)]
+#[error("{reason}")]
+struct Coded {
+    code: &'static str,
+    reason: String,
+}
+
+impl Coded {
+    fn new(code: &'static str, reason: String) -> Coded {
+        Coded { code, reason }
+    }
+}
+
+/// An error with its causes.
+fn in_words(error: &anyhow::Error) -> String {
+    format!("{error:#}")
+}
+
+/// An error as it is printed, with its code if it has one.
+fn as_error(error: &anyhow::Error) -> String {
+    let code = error.downcast_ref::<Coded>().map(|coded| format!("[{}]", coded.code)).unwrap_or_default();
+    format!("error{code}: {}", in_words(error))
 }
 
 /// A JSON document as text.

@@ -283,7 +283,11 @@ impl<const D: usize> Points<D> {
         }
         found.sort_unstable_by(order);
         let clear = match (found.get(count.wrapping_sub(1)), found.get(count)) {
-            (Some(last), Some(next)) => next.0 - last.0 > 1e-9 * (1.0 + last.0),
+            // Distances from far places are round-off of their coordinates.
+            (Some(last), Some(next)) => {
+                let far = place.iter().fold(0.0, |far: f64, x| far.max(x.abs()));
+                next.0 - last.0 > 1e-9 * next.0 + 1e-12 * far
+            }
             _ => true,
         };
         (found.iter().take(count).map(|f| f.1).collect(), clear)

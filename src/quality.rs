@@ -165,6 +165,18 @@ impl Quality {
         }
     }
 
+    /// Whether this can be the quality of a run with so many bodies.
+    pub(crate) fn can_be_of(&self, bodies: usize) -> bool {
+        let worst = [
+            self.partition_of_unity_loss,
+            self.domain_outside_grid,
+            self.domain_volume_excess,
+            self.rotation,
+            self.shear,
+        ];
+        worst.iter().flatten().all(|worst| worst.body < bodies)
+    }
+
     /// Takes in the measures and the residuals of a step; returns the warnings that they give rise to for the first
     /// time.
     pub fn accept<const D: usize>(

@@ -1,29 +1,37 @@
 //! `mpm run --resume`: from which checkpoint a run goes on, and whether it may.
 
+use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use mpm::deck::changes::{changes, step_at};
+use mpm::deck::changes::{changes, is_end, step_at};
 use mpm::deck::load::LoadedDeck;
 use mpm::deck::ready::Analysis;
 use mpm::output::checkpoint::{Checkpoint, latest};
 use mpm::solver::{Reached, Step};
+use mpm::stepping::Pace;
+use serde_json::Value;
 
-/// The last checkpoint in a directory that can be used, in whose state the points are then, and the step it belongs to
-/// with its number in this deck.
+/// What to do where a run cannot go on.
+pub const AGAIN: &str = "run the deck without `--resume` to begin anew, which replaces the results";
+
+/// Where a run stands that is to go on.
+pub enum Found {
+    /// At the step of a checkpoint, in whose state the points are now; with its number in this deck.
+    Step(Box<Checkpoint>, Box<Reached>),
+    /// At its end, with all its results: so many steps.
+    End(usize),
+}
+
+/// The last checkpoint in a directory that can be used.
 ///
 /// # Errors
 /// When there is none, or the deck has changed in what the steps so far depend on.
-pub fn find(
-    directory: &Path,
-    loaded: &LoadedDeck,
-    analysis: &mut Analysis,
-) -> anyhow::Result<(Checkpoint, Reached)> {
-    let again = "run the deck without `--resume` to begin anew, which replaces the results";
+pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> anyhow::Result<Found> {
     let (found, refused) = match latest(directory) {
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            bail!("there is no checkpoint in `{}` to go on from\n  help: {again}", directory.display())
+            bail!("there is no checkpoint in `{}` to go on from\n  help: {AGAIN}", directory.display())
         }
         found => found.with_context(|| format!("the directory `{}` cannot be read", directory.display()))?,
     };
@@ -31,7 +39,7 @@ pub fn find(
         tell!("warning: {refused}");
     }
     let Some(checkpoint) = found else {
-        bail!("no checkpoint in `{}` can be used\n  help: {again}", directory.display());
+        bail!("no checkpoint in `{}` can be used\n  help: {AGAIN}", directory.display());
     };
     let name = checkpoint.path.display();
     let Step { index, end, .. } = checkpoint.step();
@@ -41,28 +49,40 @@ pub fn find(
     }
     if !changed.is_empty() {
         bail!(
-            "the deck is not the one that `{name}` belongs to:\n  {}\n  help: undo that, or {again}; steps, tolerances, \
+            "the deck is not the one that `{name}` belongs to:\n  {}\n  help: undo that, or {AGAIN}; steps, tolerances, \
              output and later loads may change",
             changed.join("\n  ")
         );
     }
     let Some(step) = step_at(&loaded.deck, end, index) else {
         bail!(
-            "`{name}` was written at time {end}, after step {index}: with {} load steps up to time {}, no step ends there \
-             that is not an earlier one\n  help: use a number of steps, a multiple of the old one for example, with which \
-             one does",
-            loaded.deck.steps.count,
+            "`{name}` was written at time {end}, after the end of the analysis at {}\n  help: let `steps: {{end_time}}` be \
+             later",
             loaded.deck.steps.end_time
         );
     };
+    if is_end(&loaded.deck, end) && is_complete(directory) {
+        return Ok(Found::End(checkpoint.head.reached.summary.steps));
+    }
     let restored = match analysis {
-        Analysis::Plane(parts) => checkpoint.restore(&mut parts.1),
-        Analysis::Solid(parts) => checkpoint.restore(&mut parts.1),
+        Analysis::Plane(parts) => checkpoint.restore(&parts.0, &mut parts.1),
+        Analysis::Solid(parts) => checkpoint.restore(&parts.0, &mut parts.1),
     };
     if let Err(reason) = restored {
-        bail!("the checkpoint `{name}` cannot be used: {reason}\n  help: {again}");
+        bail!("the checkpoint `{name}` cannot be used: {reason}\n  help: {AGAIN}");
     }
     let mut reached = checkpoint.head.reached.clone();
     reached.step.index = step;
-    Ok((checkpoint, reached))
+    reached.summary.diagnosis = None;
+    if checkpoint.head.deck.steps != loaded.deck.steps {
+        reached.summary.pace = Pace::default();
+    }
+    Ok(Found::Step(Box::new(checkpoint), Box::new(reached)))
+}
+
+/// Whether the run in a directory has come to its end and written everything: the summary is the last of its files.
+fn is_complete(directory: &Path) -> bool {
+    let summary = fs::read(directory.join("summary.json")).ok();
+    let summary: Option<Value> = summary.and_then(|text| serde_json::from_slice(&text).ok());
+    summary.is_some_and(|summary| summary["outcome"] == "completed")
 }

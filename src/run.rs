@@ -10,7 +10,7 @@ use mpm::output::summary::Start;
 use mpm::solver::SolveError;
 use mpm::timing::{Phase, Timings};
 
-use crate::analysis::{self, Ended, describe_failure, prepare_aloud, run_into};
+use crate::analysis::{self, Begin, Ended, describe_failure, prepare_aloud, run_into};
 use crate::closing::counted;
 use crate::interrupt::stop_on_interrupt;
 use crate::log::LogFile;
@@ -57,13 +57,17 @@ pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
     let stop = stop_on_interrupt()?;
     let view = View::Run { log: log.clone() };
     let start = Start::of_program(began);
-    let Ended { outcome, closing } =
-        run_into(&directory, ready, start, timings.clone(), view, &stop, args.resume)?;
+    let begin = if args.resume { Begin::AtCheckpoint } else { Begin::Anew };
+    let ended = run_into(&directory, ready, start, timings.clone(), view, &stop, begin)?;
+    let Some(Ended { outcome, closing }) = ended else {
+        return Ok(ExitCode::SUCCESS);
+    };
     if let Some(closing) = closing {
         let table = closing.table(began.elapsed().as_secs_f64());
         write_down(&table);
         match args.deck.format {
-            Format::Text => drop(print(&table)?),
+            // The analysis is done and its results are written: only the table is lost.
+            Format::Text => print(&table).map_or_else(|error| tell!("warning: no table: {error:#}"), drop),
             // Standard output has its one document.
             Format::Json => tell!("{}", table.trim_end()),
         }

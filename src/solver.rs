@@ -4,6 +4,7 @@
 //! that the deck allows; only equilibrium is committed.
 
 mod attempt;
+mod balance;
 mod control;
 mod diagnosis;
 mod equations;

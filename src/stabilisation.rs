@@ -166,6 +166,16 @@ impl Ghost {
         &self.stiffness[self.stiffness_start[face]..self.stiffness_start[face + 1]]
     }
 
+    /// Work over a displacement increment of the active nodes, [length], from 0: ½ f_G·Δd, [energy]. The next step forgets it.
+    pub fn work<const D: usize>(&self, delta_d: &[[f64; D]]) -> f64 {
+        if self.n_faces() == 0 {
+            return 0.0;
+        }
+        let mut force = vec![[0.0; D]; delta_d.len()];
+        self.add_force(delta_d, &mut force);
+        0.5 * force.iter().flatten().zip(delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>()
+    }
+
     /// Adds f_G of a displacement increment of the active nodes, [length], to a force on them, [force].
     pub fn add_force<const D: usize>(&self, delta_d: &[[f64; D]], force: &mut [[f64; D]]) {
         for face in 0..self.n_faces() {

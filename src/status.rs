@@ -88,10 +88,20 @@ fn in_words(directory: &Path, status: &Status) -> String {
         rows.push(("warnings", status.warnings.to_string()));
     }
     rows.push(("process", status.process.to_string()));
+    // The clock may have been set back since; `duration` shows that as no time.
     let ago = Timestamp::now().duration_since(status.updated).as_secs_f64();
     let last = if running { "last word" } else { "ended" };
     rows.push((last, format!("{} ago, {}", duration(ago), status.updated)));
     rows.extend(status.reason.as_ref().map(|reason| ("reason", reason.clone())));
+    rows.extend(match (status.state, status.checkpoint) {
+        (State::Completed, _) | (State::Running, None) => None,
+        (State::Running, Some(step)) => Some(("checkpoint", format!("of step {step}"))),
+        (_, Some(step)) => {
+            let text = format!("of step {step}, from where `mpm run` goes on with `--resume`");
+            Some(("checkpoint", text))
+        }
+        (_, None) => Some(("checkpoint", "none: the run has to begin anew".to_owned())),
+    });
     let mut text = format!("{}: {}\n", directory.display(), status.state.word());
     for (label, value) in rows {
         text.push_str(&format!("  {label:<13} {value}\n"));

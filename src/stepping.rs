@@ -105,7 +105,15 @@ impl Default for Pace {
     }
 }
 
+/// Smallest step, relative to a requested one, that any deck can ask for: below it, time would not go on.
+const LEAST: f64 = 1e-9;
+
 impl Pace {
+    /// Whether a run can have come to this.
+    pub(crate) fn is_possible(&self) -> bool {
+        (LEAST..=f64::MAX).contains(&self.size)
+    }
+
     /// Where the step that starts at a time ends, [time]; `None` at the end of the analysis.
     pub fn end_of_step(&self, stepping: &Stepping, start: f64) -> Option<f64> {
         let unit = stepping.size();

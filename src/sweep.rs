@@ -16,10 +16,10 @@ use mpm::solver::SolveError;
 use mpm::study::{Axis, Member, Outcome, Record, Row, Study, write_table};
 use mpm::timing::{Phase, Timings};
 
-use crate::analysis::{self, Ended, describe_failure, messages, prepare, run_into};
+use crate::analysis::{self, Begin, Ended, describe_failure, messages, not_writable, prepare, run_into};
 use crate::interrupt::stop_on_interrupt;
 use crate::progress::View;
-use crate::{DeckArgs, FAILED, INTERRUPTED, USAGE};
+use crate::{DeckArgs, FAILED, INTERRUPTED, USAGE, as_error, in_words};
 
 /// Arguments of `mpm sweep`.
 #[derive(Args)]
@@ -35,6 +35,9 @@ pub struct SweepArgs {
     /// Number of threads [default: all cores]. The results are the same for any number.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
+    /// Let members that were stopped go on from their last checkpoint; the others begin anew.
+    #[arg(long)]
+    resume: bool,
 }
 
 /// Runs all members of the study that were not completed earlier.
@@ -58,9 +61,10 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
         name.push("-sweep");
         Path::new("results").join(name)
     });
-    std::fs::create_dir_all(&directory)
-        .with_context(|| format!("the results directory `{}` cannot be written", directory.display()))?;
-    let mut sweep = Sweep { study, name, text, directory, stop, rows: Vec::new(), told: BTreeSet::new() };
+    std::fs::create_dir_all(&directory).map_err(|error| not_writable(&directory, error))?;
+    let begin = if args.resume { Begin::AtCheckpointIfAny } else { Begin::Anew };
+    let (rows, told) = (Vec::new(), BTreeSet::new());
+    let mut sweep = Sweep { study, name, text, directory, stop, begin, rows, told };
     sweep.take_completed();
     sweep.write_table()?;
     Ok(ExitCode::from(sweep.run_members()))
@@ -74,6 +78,8 @@ struct Sweep {
     text: Vec<u8>,
     directory: PathBuf,
     stop: Arc<AtomicBool>,
+    /// Where members begin.
+    begin: Begin,
     /// What is known of each member so far.
     rows: Vec<Option<Row>>,
     /// Remarks about the deck that were printed.
@@ -133,14 +139,15 @@ impl Sweep {
                 return Row { member, outcome: Outcome::Invalid(in_one_line(&failure)), record: None };
             }
         };
-        let ended = run_into(&directory, ready, start, set_up, View::Member(label), &self.stop, false);
+        let ended = run_into(&directory, ready, start, set_up, View::Member(label), &self.stop, self.begin);
         let record = ended.as_ref().ok().and_then(|_| Record::read(&directory).ok());
         let outcome = match ended {
             Err(error) => {
-                tell!("error: {error:#}");
-                Outcome::Failed(format!("{error:#}"))
+                tell!("{}", as_error(&error));
+                Outcome::Failed(in_words(&error))
             }
-            Ok(Ended { outcome: Ok(summary), .. }) => {
+            Ok(None) => Outcome::Completed,
+            Ok(Some(Ended { outcome: Ok(summary), .. })) => {
                 tell!(
                     "  completed: {} steps in equilibrium, {} evaluations, {:.1} s",
                     summary.steps,
@@ -149,11 +156,11 @@ impl Sweep {
                 );
                 Outcome::Completed
             }
-            Ok(Ended { outcome: Err(SolveError::Interrupted { step }), .. }) => {
+            Ok(Some(Ended { outcome: Err(SolveError::Interrupted { step }), .. })) => {
                 tell!("  interrupted: all steps before step {step} are in equilibrium");
                 Outcome::Interrupted
             }
-            Ok(Ended { outcome: Err(error), .. }) => {
+            Ok(Some(Ended { outcome: Err(error), .. })) => {
                 tell!("{}", describe_failure(&error));
                 Outcome::Failed(error.to_string())
             }

@@ -63,6 +63,14 @@ pub struct Spent {
     pub cpu: Duration,
 }
 
+impl Spent {
+    /// Adds another time.
+    fn add(&mut self, other: &Spent) {
+        self.wall = self.wall.saturating_add(other.wall);
+        self.cpu = self.cpu.saturating_add(other.cpu);
+    }
+}
+
 /// Time spent by phase.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Timings([Spent; Phase::ALL.len()]);
@@ -73,16 +81,14 @@ impl Timings {
         let (wall, cpu) = (Instant::now(), ProcessTime::now());
         let result = work();
         let spent = &mut self.0[phase as usize];
-        spent.wall += wall.elapsed();
-        spent.cpu += cpu.elapsed();
+        spent.add(&Spent { wall: wall.elapsed(), cpu: cpu.elapsed() });
         result
     }
 
     /// Adds the times of another account.
     pub fn add(&mut self, other: &Timings) {
         for (sum, spent) in self.0.iter_mut().zip(&other.0) {
-            sum.wall += spent.wall;
-            sum.cpu += spent.cpu;
+            sum.add(spent);
         }
     }
 

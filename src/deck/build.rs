@@ -1,5 +1,6 @@
 //! Gate three, feasibility: from a deck to the model and its points. What needs the mesh is checked here.
 
+mod magnitudes;
 mod nearest;
 
 use std::collections::HashMap;
@@ -133,9 +134,20 @@ where
         }
         self.body_numbers = deck.bodies.iter().enumerate().map(|(k, body)| (body.name.as_str(), k)).collect();
         let grid = self.grid()?;
+        self.magnitudes(grid.as_ref());
         let (regions, groups) = self.regions(grid.as_ref())?;
         let size = Size::of(deck, grid.as_ref(), &regions);
         self.memory_needed = size.memory();
+        if size.points > f64::from(u32::MAX) {
+            let message = format!(
+                "there would be {:.1e} points; at most {:.1e} can be numbered",
+                size.points,
+                u32::MAX
+            );
+            let (pointer, help) = size.largest_part(deck);
+            self.error("D036", &pointer, message, help.to_owned());
+            return None;
+        }
         if let Some(memory) = memory {
             let found = size.judge(deck, &self.loaded.source, &memory);
             let is_too_large = found.as_ref().is_some_and(Diagnostic::is_error);

@@ -34,13 +34,21 @@ pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
     found
 }
 
-/// The step of a deck that ends at a time, if there is one and it is not before `least`, so that no file of an earlier
-/// step is written again.
-pub fn step_at(deck: &Deck, time: f64, least: usize) -> Option<usize> {
+/// The number of a step that has been reached at a time: its own, or that of the requested step of this deck that ends
+/// there if it is larger, so that no file of an earlier step is written again. `None` after the end of the analysis.
+pub fn step_at(deck: &Deck, time: f64, own: usize) -> Option<usize> {
     let (count, end) = (f64::from(deck.steps.count), deck.steps.end_time);
-    let step = (time / end * count).round();
-    let matches = (end * (step / count) - time).abs() <= SAME * end;
-    (matches && step >= least as f64 && step <= count).then_some(step as usize)
+    if time > end * (1.0 + SAME) {
+        return None;
+    }
+    let requested = (time / end * count).round();
+    let matches = (end * (requested / count) - time).abs() <= SAME * end;
+    Some(if matches { own.max(requested as usize) } else { own })
+}
+
+/// Whether a time is the end of the analysis.
+pub fn is_end(deck: &Deck, time: f64) -> bool {
+    (time - deck.steps.end_time).abs() <= SAME * deck.steps.end_time
 }
 
 /// A deck without what may change.
@@ -49,8 +57,12 @@ fn essential(deck: &Deck) -> Value {
     let used: BTreeSet<&str> =
         formulas(deck).into_iter().flat_map(|text| names(text)).map(|(_, n)| n).collect();
     if let Some(map) = value.as_object_mut() {
-        for key in ["title", "steps", "solver", "checkpoint"] {
+        for key in ["title", "solver", "checkpoint"] {
             map.remove(key);
+        }
+        // What is prescribed along the steps is no matter of their size.
+        if let Some(steps) = map.get_mut("steps").and_then(Value::as_object_mut) {
+            steps.retain(|key, _| key == "control");
         }
         if let Some(output) = map.get_mut("output").and_then(Value::as_object_mut) {
             output.remove("every");
@@ -162,6 +174,10 @@ mod tests {
             (("12e6", "13e6"), "`materials"),
             (("h: 0.5", "h: 0.25"), "`grid.spacing` was 0.5 and is 0.25"),
             (("method: gimp", "method: mpm"), "method` was \"gimp\" and is \"mpm\""),
+            (
+                ("steps: {count: \"${steps}\"}", "steps: {count: 50, control: {type: arc-length}}"),
+                "`steps.control",
+            ),
             (("total: [0, -100e3]", "total: [0, -90e3]"), "total[1]` was -100000.0 and is -90000.0"),
         ] {
             let found = changes(&old, &deck(&[change]), 0.5);
@@ -197,20 +213,24 @@ mod tests {
     }
 
     #[test]
-    fn the_time_reached_must_be_the_end_of_a_step() {
+    fn steps_keep_their_numbers_or_get_larger_ones() {
         let mut deck = deck(&[]);
-        for (count, least, step) in [
-            (50, 25, Some(25)),
-            (100, 25, Some(50)),
-            (10, 25, None),
-            (25, 25, None),
-            (75, 25, None),
-            (50, 26, None),
+        for (count, own, step) in [
+            (50, 25, 25),
+            (100, 25, 50),
+            (10, 25, 25),
+            (25, 25, 25), // in the middle of a requested step
+            (75, 25, 25),
+            (50, 31, 31), // some of its steps were cut
         ] {
             deck.steps.count = count;
-            assert_eq!(step_at(&deck, 0.5, least), step, "{count}");
+            assert_eq!(step_at(&deck, 0.5, own), Some(step), "{count}");
         }
         deck.steps.count = 3;
         assert_eq!(step_at(&deck, 2.0 / 3.0, 0), Some(2));
+        assert_eq!(step_at(&deck, 1.0, 50), Some(50));
+        assert!(is_end(&deck, 1.0) && !is_end(&deck, 0.999));
+        deck.steps.end_time = 0.4;
+        assert_eq!(step_at(&deck, 0.5, 25), None);
     }
 }

@@ -150,7 +150,7 @@ impl Size {
     }
 
     /// The place in the deck that takes the most memory, and what to do about it.
-    fn largest_part(&self, deck: &Deck) -> (String, &'static str) {
+    pub(super) fn largest_part(&self, deck: &Deck) -> (String, &'static str) {
         let grid = match deck.grid {
             GridDeck::Structured { .. } => "/grid/spacing",
             GridDeck::Gmsh { .. } => "/grid/file",

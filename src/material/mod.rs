@@ -120,6 +120,12 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// Stored elastic energy per initial volume, [energy/volume].
     fn energy(&self, elastic_strain: &Sym3) -> f64;
 
+    /// Work that has gone into plastic flow per initial volume, from the history variables, [energy/volume]. What
+    /// hardening stores is part of it.
+    fn plastic_work(&self, _history: &[f64]) -> f64 {
+        0.0
+    }
+
     /// Whether Ã always has major symmetry: whether D^alg has, taken with respect to the logarithmic strain.
     fn tangent_is_symmetric(&self) -> bool {
         true

@@ -82,4 +82,38 @@ impl Material for VonMises {
     fn energy(&self, elastic_strain: &Sym3) -> f64 {
         self.elasticity.energy(elastic_strain)
     }
+
+    /// ∫ ρ |dε^p| with ρ = ρ_y + H κ and |dε^p| = dκ/√(2/3).
+    fn plastic_work(&self, history: &[f64]) -> f64 {
+        let kappa = history[0];
+        (self.yield_radius + 0.5 * self.hardening * kappa) * kappa / EQUIVALENT
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Along a path that yields, unloads and yields again, in steps so small that the trapezoidal rule is exact enough.
+    #[test]
+    fn plastic_work_is_that_of_the_stress_on_the_plastic_strain() {
+        let law = VonMises::new(1e6, 0.3, 20e3).hardening(0.4e6);
+        let way = |t: f64| {
+            let shear = if t < 0.6 { t } else { 1.2 - t };
+            Sym3([0.02 * t, -0.03 * t * t, 0.01 * t, 0.1 * shear, 0.0, 0.02 * t])
+        };
+        let (mut elastic, mut stress, mut history) = (Sym3::ZERO, Sym3::ZERO, [0.0]);
+        let (mut work, n) = (0.0, 20_000);
+        for k in 0..n {
+            let [from, to] = [k, k + 1].map(|k| way(2.0 * f64::from(k) / f64::from(n)));
+            let trial = elastic + (to - from);
+            let mut new = [0.0];
+            let response = law.update(&trial, &history, &mut new).unwrap();
+            work += 0.5 * (stress + response.tau).dot(&(trial - response.elastic_strain));
+            (elastic, stress, history) = (response.elastic_strain, response.tau, new);
+        }
+        assert!(history[0] > 0.05 && work > 1e3, "{history:?} {work}");
+        assert!((law.plastic_work(&history) / work - 1.0).abs() < 1e-4, "{work}");
+        assert_eq!(law.plastic_work(&[0.0]), 0.0);
+    }
 }

@@ -15,11 +15,13 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::deck::Deck;
+use crate::model::Model;
 use crate::points::{Points, State};
 use crate::solver::{Reached, Step};
 use crate::tensor::{Mat3, Sym3};
 
 use super::findings::Findings;
+use super::invalid;
 use super::replace::replace_file;
 use super::summary::VERSION;
 
@@ -119,10 +121,17 @@ fn find(directory: &Path) -> io::Result<Vec<PathBuf>> {
     for entry in fs::read_dir(directory)? {
         let path = entry?.path();
         let step = path.file_name().and_then(|name| name.to_str()).and_then(step_of);
-        found.extend(step.map(|step| (step, path)));
+        // Whatever else has such a name, a directory for example, is not ours.
+        found.extend(step.filter(|_| path.is_file()).map(|step| (step, path)));
     }
     found.sort();
     Ok(found.into_iter().rev().map(|(_, path)| path).collect())
+}
+
+/// The step of the last checkpoint in a directory by the name of its file, if there is one.
+pub fn last_step(directory: &Path) -> Option<usize> {
+    let found = find(directory).ok()?;
+    found.first()?.file_name()?.to_str().and_then(step_of)
 }
 
 /// The last checkpoint in a directory that can be read, and those after it that cannot.
@@ -164,8 +173,12 @@ impl Checkpoint {
     /// Puts the points of a freshly built model into the state and the order that the checkpoint holds.
     ///
     /// # Errors
-    /// When they are not the same points.
-    pub fn restore<const D: usize>(&self, points: &mut Points<D>) -> Result<(), String> {
+    /// When they are not the same points, or nothing that a run of this model can have written.
+    pub fn restore<const D: usize>(&self, model: &Model<D>, points: &mut Points<D>) -> Result<(), String> {
+        let Head { reached, findings, .. } = &self.head;
+        if !reached.can_be_of(model) || !findings.can_be_of(model) {
+            return Err("its account is not one of this analysis".to_owned());
+        }
         let wanted = [D, points.len(), points.history_len, points.corners_per_point];
         if self.head.shape != wanted {
             return Err("it belongs to other points".to_owned());
@@ -190,6 +203,12 @@ impl Checkpoint {
         if !rest.bytes.is_empty() {
             return Err("it is longer than its points".to_owned());
         }
+        if cell.iter().any(|&cell| cell as usize >= model.grid.n_cells()) {
+            return Err("a point is in a cell that does not exist".to_owned());
+        }
+        if state.deformation_gradient.iter().any(|f| f.determinant() <= 0.0) {
+            return Err("a point is turned inside out".to_owned());
+        }
         points.restore(&id, cell, state)
     }
 
@@ -206,20 +225,28 @@ fn write_points<const D: usize>(out: &mut dyn Write, points: &Points<D>) -> io::
             out.write_all(&word.to_le_bytes())?;
         }
     }
-    let mut numbers = |values: &mut dyn Iterator<Item = f64>| -> io::Result<()> {
-        for value in values {
-            out.write_all(&value.to_le_bytes())?;
-        }
-        Ok(())
-    };
+    // A file with a number that is not finite would be refused when it is needed.
+    let mut numbers =
+        |name: &str, values: &mut dyn Iterator<Item = f64>, per_point: usize| -> io::Result<()> {
+            for (place, value) in values.enumerate() {
+                if !value.is_finite() {
+                    let point = points.id[place / per_point.max(1)];
+                    return Err(invalid(format!("the {name} of point {point} is {value}")));
+                }
+                out.write_all(&value.to_le_bytes())?;
+            }
+            Ok(())
+        };
     let state = &points.converged;
-    numbers(&mut state.position.as_flattened().iter().copied())?;
-    numbers(&mut state.half_lengths.as_flattened().iter().copied())?;
-    numbers(&mut state.corners.as_flattened().iter().copied())?;
-    numbers(&mut state.deformation_gradient.iter().flat_map(|f| f.iter().copied()))?;
-    numbers(&mut state.elastic_strain.iter().flat_map(|e| e.0))?;
-    numbers(&mut state.kirchhoff_stress.iter().flat_map(|t| t.0))?;
-    numbers(&mut state.history.iter().copied())
+    numbers("position", &mut state.position.as_flattened().iter().copied(), D)?;
+    numbers("half length", &mut state.half_lengths.as_flattened().iter().copied(), D)?;
+    let corners = points.corners_per_point * D;
+    numbers("domain", &mut state.corners.as_flattened().iter().copied(), corners)?;
+    let gradients = state.deformation_gradient.iter();
+    numbers("deformation gradient", &mut gradients.flat_map(|f| f.iter().copied()), 9)?;
+    numbers("elastic strain", &mut state.elastic_strain.iter().flat_map(|e| e.0), 6)?;
+    numbers("Kirchhoff stress", &mut state.kirchhoff_stress.iter().flat_map(|t| t.0), 6)?;
+    numbers("history", &mut state.history.iter().copied(), points.history_len)
 }
 
 /// Arrays in a row of bytes.

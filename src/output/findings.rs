@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::Model;
 use crate::points::Points;
-use crate::solver::StepReport;
+use crate::solver::{StepReport, Summary};
 
 use super::fields::{cauchy_stress, displacement, pressure, von_mises_stress};
 
@@ -107,6 +107,17 @@ impl Extremes {
     }
 }
 
+/// Largest error of each balance and its step; none where no step has shown one.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    /// Of energy, [`Summary::energy_error`], in magnitude, [-].
+    pub energy: Option<(f64, usize)>,
+    /// Of forces, [`ForceBalance::relative_difference`], [-].
+    pub force: Option<(f64, usize)>,
+    /// Of moments, [`StepReport::moment_error`], [-].
+    pub moment: Option<(f64, usize)>,
+}
+
 /// What a run found.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Findings {
@@ -116,21 +127,51 @@ pub struct Findings {
     pub worst_residual: Option<(f64, usize)>,
     /// Forces at the end of the last step in equilibrium.
     pub balance: Option<ForceBalance>,
+    /// What is least in balance of all steps.
+    pub errors: Errors,
     /// Largest values at the end of the last step in equilibrium.
     pub extremes: Option<Extremes>,
 }
 
 impl Findings {
+    /// Whether a run of this model can have found this.
+    pub(super) fn can_be_of<const D: usize>(&self, model: &Model<D>) -> bool {
+        self.balance.as_ref().is_none_or(|balance| {
+            balance.applied.len() == D
+                && balance.balanced.len() == D
+                && balance.reactions.len() == model.boundary_conditions.len()
+                && balance.reactions.iter().all(|(_, reaction)| reaction.len() == D)
+        })
+    }
+
     /// Takes in a step in equilibrium.
-    pub(super) fn accept<const D: usize>(&mut self, model: &Model<D>, report: &StepReport<D>) {
+    pub(super) fn accept<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        report: &StepReport<D>,
+        summary: &Summary,
+    ) {
         let solves = report.residuals.len().saturating_sub(1);
         let [low, high] = self.iterations.unwrap_or([solves; 2]);
         self.iterations = Some([low.min(solves), high.max(solves)]);
-        let residual = report.residuals.last().copied().unwrap_or(0.0);
-        if self.worst_residual.is_none_or(|(worst, _)| residual > worst) {
-            self.worst_residual = Some((residual, report.step.index));
-        }
+        let keep_worst = |kept: &mut Option<(f64, usize)>, found: f64| {
+            if kept.is_none_or(|(worst, _)| found > worst) {
+                *kept = Some((found, report.step.index));
+            }
+        };
+        keep_worst(&mut self.worst_residual, report.residuals.last().copied().unwrap_or(0.0));
         self.balance = Some(ForceBalance::new(model, report));
+        keep_worst(&mut self.errors.energy, summary.energy_error().abs());
+        let force_error = self.force_error();
+        keep_worst(&mut self.errors.force, force_error);
+        if let Some(error) = report.moment_error {
+            keep_worst(&mut self.errors.moment, error);
+        }
+    }
+
+    /// Error of the balance of forces at the end of the last step in equilibrium; 0 where there are none, [-].
+    pub(super) fn force_error(&self) -> f64 {
+        self.balance.as_ref().and_then(ForceBalance::relative_difference).unwrap_or(0.0)
     }
 }
 
@@ -138,7 +179,7 @@ impl Findings {
 mod tests {
     use super::*;
     use crate::deck::{build::build, load::load_text};
-    use crate::solver::{self, Observer, Summary};
+    use crate::solver::{self, Observer};
 
     #[derive(Default)]
     struct Keeper(Findings);
@@ -149,9 +190,9 @@ mod tests {
             model: &Model<D>,
             _points: &Points<D>,
             report: &StepReport<D>,
-            _summary: &Summary,
+            summary: &Summary,
         ) -> std::io::Result<()> {
-            self.0.accept(model, report);
+            self.0.accept(model, report, summary);
             Ok(())
         }
     }

@@ -9,7 +9,7 @@ pub mod checkpoint;
 mod failed;
 mod fields;
 pub mod findings;
-mod lock;
+pub mod lock;
 pub(crate) mod replace;
 pub mod results;
 pub mod series;
@@ -20,6 +20,10 @@ pub mod table;
 pub mod vtu;
 
 use std::io;
+
+/// Codes of what keeps a run from using its directory of results, with a title each.
+pub const CODES: &[(&str, &str)] =
+    &[("R001", "a directory that cannot take results"), ("R002", "a run that cannot go on")];
 
 /// An error of kind `InvalidInput`, for data that the caller should not have passed.
 fn invalid(message: impl Into<String>) -> io::Error {

@@ -11,7 +11,7 @@ pub(crate) const TEMPORARY: &str = ".tmp";
 /// Writes a file through `fill` under the temporary name `<name>.tmp` beside it, then renames it to `path`.
 ///
 /// The old file, if any, stays untouched until then. On failure the temporary file is removed.
-/// Errors: those of `fill` and of the file system; `InvalidInput` if `path` does not name a file.
+/// Errors, which name the file: those of `fill` and of the file system; `InvalidInput` if `path` does not name a file.
 pub(crate) fn replace_file(
     path: &Path,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -32,7 +32,7 @@ pub(crate) fn replace_file(
         // The first error is the one worth reporting.
         let _ = fs::remove_file(&temporary);
     }
-    written
+    written.map_err(|error| io::Error::new(error.kind(), format!("`{}`: {error}", path.display())))
 }
 
 #[cfg(test)]
@@ -48,7 +48,7 @@ mod tests {
             w.write_all(b"half of the new")?;
             Err(io::Error::other("stopped"))
         });
-        assert_eq!(error.unwrap_err().to_string(), "stopped");
+        assert_eq!(error.unwrap_err().to_string(), format!("`{}`: stopped", path.display()));
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
         assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
     }

@@ -24,7 +24,7 @@ use super::table::{Entry, Table};
 use super::vtu::{self, CellKind, Field, Kinds, Mesh};
 
 /// Columns of `quality.csv`.
-const QUALITY: [&str; 9] = [
+const QUALITY: [&str; 15] = [
     "step",
     "partition_of_unity_loss",
     "domain_outside_grid",
@@ -34,6 +34,12 @@ const QUALITY: [&str; 9] = [
     "largest_det_f",
     "mass",
     "volume",
+    "plastic_work",
+    "regridding_work",
+    "stabilisation_work",
+    "energy_error",
+    "force_error",
+    "moment_error",
 ];
 
 /// Columns of `convergence.csv`.
@@ -105,27 +111,26 @@ impl Results {
     /// checkpoint is removed. `reached` is that step, with its number in this run.
     ///
     /// # Errors
-    /// When the directory cannot be written, or does not hold the results up to the checkpoint; `ResourceBusy` when
-    /// another run writes there.
+    /// When the directory cannot be written, or does not hold the results up to the checkpoint; in the latter case
+    /// nothing in it is changed.
     pub fn go_on<const D: usize>(
-        directory: &Path,
+        (directory, lock): (&Path, Lock),
         every: usize,
         model: &Model<D>,
         account: Account,
         checkpoint: &Checkpoint,
         reached: Step,
     ) -> io::Result<Results> {
-        let lock = Lock::take(directory)?;
         let last = checkpoint.step().index;
-        let table = |name: &str, columns: &[String]| Table::reopen(directory.join(name), columns, last);
+        let table = |name: &str, columns: &[String]| Table::keep(directory.join(name), columns, last);
         let history = table("history.csv", &columns_of_history(model))?;
         let quality = table("quality.csv", &QUALITY.map(String::from))?;
         let convergence = table("convergence.csv", &CONVERGENCE.map(String::from))?;
-        // A run that is stopped writes its last step, due or not.
-        let is_kept = |name: &str| {
-            step_of_file(name)
-                .is_some_and(|step| step < last || step == last && every > 0 && step.is_multiple_of(every))
-        };
+        let [history, quality, convergence] = [history.reopen()?, quality.reopen()?, convergence.reopen()?];
+        // A run that is stopped writes its last step, due or not. One that is to write nothing removes nothing, either.
+        let is_due = every == 0 || is_due(every, model, reached);
+        let is_kept =
+            |name: &str| step_of_file(name).is_some_and(|step| step < last || step == last && is_due);
         let mut series = Vec::new();
         for name in SERIES {
             series.push(Series::reopen(directory.join(format!("{name}.pvd")), reached.end, is_kept)?);
@@ -135,7 +140,7 @@ impl Results {
         Ok(Results {
             directory: directory.to_owned(),
             every,
-            written: series[0].last().and_then(step_of_file),
+            written: series[0].last().and_then(|(_, name)| step_of_file(name)),
             history,
             quality,
             convergence,
@@ -290,6 +295,12 @@ impl Results {
             of.det_f[1],
             of.mass,
             of.volume,
+            summary.plastic_work,
+            summary.regridding_work,
+            summary.stabilisation_work,
+            summary.energy_error(),
+            self.findings.force_error(),
+            report.moment_error.unwrap_or(0.0),
         ];
         let mut row = vec![Entry::from(report.step.index as i64)];
         row.extend(measures.map(Entry::from));
@@ -310,13 +321,13 @@ impl Results {
         row.resize(self.history.width(), Entry::Missing);
         self.history.push(&row)
     }
+}
 
-    /// Whether the points of a step are to be written.
-    fn is_due<const D: usize>(&self, model: &Model<D>, step: Step) -> bool {
-        let requested = model.stepping.requested(step.end);
-        let is_due = |number: usize| number.is_multiple_of(self.every) || number == model.stepping.count;
-        self.every > 0 && requested.is_some_and(is_due)
-    }
+/// Whether VTU files of a step are to be written: after every so many requested steps, and at the end.
+fn is_due<const D: usize>(every: usize, model: &Model<D>, step: Step) -> bool {
+    let requested = model.stepping.requested(step.end);
+    let is_due = |number: usize| number.is_multiple_of(every) || number == model.stepping.count;
+    every > 0 && requested.is_some_and(is_due)
 }
 
 /// A time series, and its last file.
@@ -393,7 +404,8 @@ fn remove(directory: &Path, is_old: impl Fn(&str) -> bool) -> io::Result<()> {
                 || TABLES.contains(&name)
                 || checkpoint::step_of(name).is_some()
         });
-        if is_old(name) || is_half {
+        // A directory of such a name is not ours.
+        if (is_old(name) || is_half) && path.is_file() {
             std::fs::remove_file(&path)?;
         }
     }
@@ -464,11 +476,11 @@ impl<const D: usize> Observer<D> for Results {
         summary: &Summary,
     ) -> io::Result<()> {
         self.last = report.step;
-        self.findings.accept(model, report);
+        self.findings.accept(model, report, summary);
         if let Some(error) = self.failure.take() {
             return Err(error);
         }
-        if self.is_due(model, report.step) {
+        if is_due(self.every, model, report.step) {
             self.write_points(model, points, report.step)?;
             self.write_grid(model, &report.grid, report.step)?;
         }
@@ -503,14 +515,17 @@ impl<const D: usize> Observer<D> for Results {
         summary: &Summary,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
+        let rows = self.failure.take().map_or(Ok(()), Err);
         // The last equilibrated step is never lost, whatever `every` says.
-        if self.every > 0 && self.written.is_some_and(|w| w < self.last.index) {
-            self.write_points(model, points, self.last)?;
-        }
-        // Whatever ended the run early, it can go on from there.
-        if self.checkpoints().is_some() || !matches!(error, None | Some(SolveError::Output(_))) {
-            self.secure(points, summary)?;
-        }
+        let is_missing = self.series[0].last().is_some_and(|(time, _)| time < self.last.end);
+        let mesh =
+            if self.every > 0 && is_missing { self.write_points(model, points, self.last) } else { Ok(()) };
+        // Whatever ended the run early, it can go on from there; but not where the files of that step are missing.
+        let secured = match error {
+            Some(SolveError::Output(_)) => Ok(()),
+            None if self.checkpoints().is_none() => Ok(()),
+            _ => self.secure(points, summary),
+        };
         let outcome = match error {
             None => Outcome::Completed,
             Some(SolveError::Interrupted { .. }) => Outcome::Interrupted,
@@ -518,6 +533,8 @@ impl<const D: usize> Observer<D> for Results {
         };
         self.findings.extremes = Extremes::new(model, points);
         let path = self.directory.join("summary.json");
-        self.account.write(&path, model, points, summary, &self.findings, &outcome)
+        let told = self.account.write(&path, model, points, summary, &self.findings, &outcome);
+        // What can be written is, even where something else could not.
+        rows.and(mesh).and(secured).and(told)
     }
 }

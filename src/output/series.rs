@@ -48,9 +48,9 @@ impl Series {
         Ok(series)
     }
 
-    /// Name of the last data file.
-    pub fn last(&self) -> Option<&str> {
-        self.entries.last().map(|(_, name)| name.as_str())
+    /// Time, [time], and name of the last data file.
+    pub fn last(&self) -> Option<(f64, &str)> {
+        self.entries.last().map(|(time, name)| (*time, name.as_str()))
     }
 
     /// Adds the data file of a time, [time], named relative to the directory of the series, and rewrites the series.

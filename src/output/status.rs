@@ -15,6 +15,7 @@ use crate::points::Points;
 use crate::solver::{Reached, SolveError, Step, StepReport, Summary};
 use crate::stepping::Control;
 
+use super::checkpoint;
 use super::lock::Lock;
 use super::replace::replace_file;
 use super::summary::{Start, VERSION};
@@ -110,6 +111,8 @@ pub struct Status {
     pub peak_memory_bytes: Option<u64>,
     /// Number of warnings so far.
     pub warnings: usize,
+    /// Step of the last checkpoint in the directory, if there is one.
+    pub checkpoint: Option<usize>,
 }
 
 /// Keeps account of how far a run is.
@@ -155,6 +158,7 @@ impl Progress {
             memory_bytes: None,
             peak_memory_bytes: None,
             warnings: 0,
+            checkpoint: None,
         };
         let began = Instant::now();
         let curve = model.common_curve().filter(|_| model.stepping.control == Control::Load).cloned();
@@ -245,14 +249,14 @@ fn to_milliseconds(time: Timestamp) -> Timestamp {
 /// Writes the status of a run into its directory.
 #[derive(Debug)]
 pub struct StatusFile {
-    path: PathBuf,
+    directory: PathBuf,
     written: Option<Instant>,
 }
 
 impl StatusFile {
     /// In a directory of results.
     pub fn new(directory: &Path) -> StatusFile {
-        StatusFile { path: directory.join(NAME), written: None }
+        StatusFile { directory: directory.to_owned(), written: None }
     }
 
     /// Replaces the file if the last time is long enough ago, or if the run has ended.
@@ -265,9 +269,10 @@ impl StatusFile {
             return Ok(());
         }
         self.written = Some(Instant::now());
-        let mut text = serde_json::to_string_pretty(&progress.status()).map_err(io::Error::other)?;
+        let status = Status { checkpoint: checkpoint::last_step(&self.directory), ..progress.status() };
+        let mut text = serde_json::to_string_pretty(&status).map_err(io::Error::other)?;
         text.push('\n');
-        replace_file(&self.path, |out| out.write_all(text.as_bytes()))
+        replace_file(&self.directory.join(NAME), |out| out.write_all(text.as_bytes()))
     }
 }
 
@@ -287,7 +292,9 @@ pub fn read(directory: &Path) -> io::Result<Status> {
 }
 
 fn read_as_written(directory: &Path) -> io::Result<Status> {
-    Ok(serde_json::from_slice(&std::fs::read(directory.join(NAME))?)?)
+    let status: Status = serde_json::from_slice(&std::fs::read(directory.join(NAME))?)?;
+    // One may have been written since.
+    Ok(Status { checkpoint: checkpoint::last_step(directory), ..status })
 }
 
 #[cfg(test)]

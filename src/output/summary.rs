@@ -20,6 +20,7 @@ pub(crate) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 use super::fields::corners_of;
 use super::findings::{Extreme, Extremes, Findings, ForceBalance};
+use super::invalid;
 
 /// How a run ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -99,6 +100,7 @@ impl Account {
         findings: &Findings,
         outcome: &Outcome,
     ) -> io::Result<()> {
+        check(path, summary, findings)?;
         let mut timings = self.set_up.clone();
         timings.add(&summary.timings);
         let (word, code, reason) = match outcome {
@@ -145,6 +147,9 @@ impl Account {
             "indefinite_solves": summary.indefinite_solves,
             "external_work": summary.external_work,
             "strain_energy": summary.strain_energy,
+            "plastic_work": summary.plastic_work,
+            "regridding_work": summary.regridding_work,
+            "stabilisation_work": summary.stabilisation_work,
             "wall_seconds": seconds(wall, &|phase| timings.of(phase).wall.as_secs_f64()),
             "cpu_seconds": seconds(cpu, &|phase| timings.of(phase).cpu.as_secs_f64()),
             "cpu_microseconds_per_point_and_evaluation": {
@@ -153,7 +158,12 @@ impl Account {
             },
             "peak_memory_bytes": crate::memory::peak(),
             "iterations": findings.iterations.map(|[min, max]| json!({"min": min, "max": max})),
-            "worst_residual": findings.worst_residual.map(|(value, step)| json!({"value": value, "step": step})),
+            "worst_residual": findings.worst_residual.map(at_step),
+            "balance_errors": {
+                "energy": findings.errors.energy.map(at_step),
+                "force": findings.errors.force.map(at_step),
+                "moment": findings.errors.moment.map(at_step),
+            },
             "forces": findings.balance.as_ref().map(forces),
             "largest": findings.extremes.as_ref().map(largest),
             "quality": quality(model, &summary.quality),
@@ -163,6 +173,44 @@ impl Account {
         let mut text = serde_json::to_string_pretty(&document).map_err(io::Error::other)?;
         text.push('\n');
         super::replace::replace_file(path, |out| out.write_all(text.as_bytes()))
+    }
+}
+
+/// Whether all numbers are finite: JSON has no others, and would be silent about it.
+///
+/// # Errors
+/// `InvalidInput` with the name of the first that is not.
+fn check(path: &Path, summary: &Summary, findings: &Findings) -> io::Result<()> {
+    let mut numbers = vec![
+        ("external_work", summary.external_work),
+        ("regridding_work", summary.regridding_work),
+        ("strain_energy", summary.strain_energy),
+        ("plastic_work", summary.plastic_work),
+        ("mass", summary.quality.mass.now),
+        ("volume", summary.quality.volume.now),
+    ];
+    numbers.extend(summary.quality.det_f.iter().flatten().map(|det_f| ("det_f", *det_f)));
+    let errors = [findings.errors.energy, findings.errors.force, findings.errors.moment];
+    numbers.extend(errors.iter().flatten().map(|(error, _)| ("balance_errors", *error)));
+    numbers.extend(findings.worst_residual.map(|(residual, _)| ("worst_residual", residual)));
+    if let Some(balance) = &findings.balance {
+        let reactions = balance.reactions.iter().flat_map(|(_, reaction)| reaction);
+        numbers.extend(balance.applied.iter().chain(reactions).map(|force| ("forces", *force)));
+    }
+    if let Some(extremes) = &findings.extremes {
+        for (name, extreme) in [
+            ("displacement", &extremes.displacement),
+            ("von_mises_stress", &extremes.von_mises_stress),
+            ("lowest_pressure", &extremes.lowest_pressure),
+            ("highest_pressure", &extremes.highest_pressure),
+        ] {
+            numbers.push((name, extreme.value));
+            numbers.extend(extreme.position.iter().map(|x| ("position", *x)));
+        }
+    }
+    match numbers.iter().find(|(_, value)| !value.is_finite()) {
+        Some((name, value)) => Err(invalid(format!("`{}`: {name} is {value}", path.display()))),
+        None => Ok(()),
     }
 }
 
@@ -200,6 +248,11 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
         map.insert(body.name.clone(), value);
     }
     Value::Object(map)
+}
+
+/// A value and the step that it is of.
+fn at_step((value, step): (f64, usize)) -> Value {
+    json!({"value": value, "step": step})
 }
 
 /// Loads and reactions at the end.
@@ -262,4 +315,23 @@ fn quality<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
         "rotation": worst(quality.rotation),
         "shear": worst(quality.shear),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_that_is_not_finite_is_named() {
+        let path = Path::new("out/summary.json");
+        let findings = Findings::default();
+        check(path, &Summary::default(), &findings).unwrap();
+        let summary = Summary { strain_energy: f64::NAN, ..Summary::default() };
+        let error = check(path, &summary, &findings).unwrap_err();
+        assert_eq!(error.to_string(), "`out/summary.json`: strain_energy is NaN");
+        let findings = Findings { worst_residual: Some((f64::INFINITY, 3)), ..Findings::default() };
+        assert!(
+            check(path, &Summary::default(), &findings).unwrap_err().to_string().contains("worst_residual")
+        );
+    }
 }

@@ -41,7 +41,26 @@ impl From<f64> for Entry {
 pub struct Table {
     path: PathBuf,
     file: File,
+    /// Length of the whole rows in the file, [byte].
+    length: u64,
     columns: Vec<String>,
+}
+
+/// What a table that is to go on begins with.
+#[derive(Debug)]
+pub struct Kept {
+    path: PathBuf,
+    columns: Vec<String>,
+    text: String,
+}
+
+impl Kept {
+    /// Replaces the file by what is kept of it, to be extended.
+    ///
+    /// Errors: those of the file system.
+    pub fn reopen(self) -> io::Result<Table> {
+        Table::begin(self.path, self.columns, &self.text)
+    }
 }
 
 impl Table {
@@ -65,21 +84,26 @@ impl Table {
     fn begin(path: PathBuf, columns: Vec<String>, text: &str) -> io::Result<Table> {
         replace_file(&path, |file| file.write_all(text.as_bytes()))?;
         let file = fs::OpenOptions::new().append(true).open(&path)?;
-        Ok(Table { path, file, columns })
+        Ok(Table { path, file, columns, length: text.len() as u64 })
     }
 
-    /// Opens a file with these columns again, without the rows whose first entry is greater than `last`.
+    /// What is to be kept of a file with these columns: the rows whose first entry is not greater than `last`. The file
+    /// stays as it is.
     ///
-    /// Errors: those of the file system; `InvalidData` if the file has other columns, is damaged, or has no row with
-    /// `last` although that is not 0. The file then stays as it is.
-    pub fn reopen(path: impl AsRef<Path>, columns: &[impl AsRef<str>], last: usize) -> io::Result<Table> {
+    /// Errors, which name the file: those of the file system; `InvalidData` if the file has other columns, is damaged,
+    /// or has no row with `last` although that is not 0.
+    pub fn keep(path: impl AsRef<Path>, columns: &[impl AsRef<str>], last: usize) -> io::Result<Kept> {
         let path = path.as_ref().to_owned();
         let columns: Vec<String> = columns.iter().map(|name| name.as_ref().to_owned()).collect();
         let text = fs::read_to_string(&path).map_err(|error| {
-            io::Error::new(error.kind(), format!("{} cannot be read: {error}", path.display()))
+            let what = match error.kind() {
+                io::ErrorKind::NotFound => "is missing".to_owned(),
+                _ => format!("cannot be read: {error}"),
+            };
+            io::Error::new(error.kind(), format!("`{}` {what}", path.display()))
         })?;
         let wrong =
-            |what: &str| io::Error::new(io::ErrorKind::InvalidData, format!("{} {what}", path.display()));
+            |what: &str| io::Error::new(io::ErrorKind::InvalidData, format!("`{}` {what}", path.display()));
         let (header, rows) = text.split_once('\n').ok_or_else(|| wrong("is empty"))?;
         if unquoted(header) != columns {
             return Err(wrong("has other columns"));
@@ -97,7 +121,7 @@ impl Table {
         if reached != last {
             return Err(wrong(&format!("does not reach step {last}")));
         }
-        Table::begin(path, columns, &kept)
+        Ok(Kept { path, columns, text: kept })
     }
 
     /// Number of columns.
@@ -107,8 +131,8 @@ impl Table {
 
     /// Appends a row with one entry per column; it is in the file when this returns.
     ///
-    /// Errors: those of the file system; `InvalidInput` if the number of entries is wrong or one is not finite, and
-    /// then nothing is written.
+    /// Errors: those of the file system; `InvalidInput` if the number of entries is wrong or one is not finite. Nothing
+    /// of the row is then in the file.
     pub fn push(&mut self, row: &[Entry]) -> io::Result<()> {
         if row.len() != self.columns.len() {
             let (path, wanted) = (self.path.display(), self.columns.len());
@@ -130,7 +154,13 @@ impl Table {
         }
         line.push('\n');
         // One unbuffered write per row: whoever reads the file, or kills the run, meets whole rows.
-        self.file.write_all(line.as_bytes())
+        if let Err(error) = self.file.write_all(line.as_bytes()) {
+            // A full disk takes the first bytes of a row. Where they cannot be taken back, either, the first error says it.
+            let _ = self.file.set_len(self.length);
+            return Err(io::Error::new(error.kind(), format!("`{}`: {error}", self.path.display())));
+        }
+        self.length += line.len() as u64;
+        Ok(())
     }
 }
 

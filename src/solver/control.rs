@@ -28,6 +28,13 @@ pub struct Path {
     direction: Vec<f64>,
 }
 
+impl Path {
+    /// Whether a run in so many dimensions can have come to this.
+    pub(super) fn can_be_of<const D: usize>(&self) -> bool {
+        self.direction.len() == D * self.nodes.len() && self.nodes.is_sorted()
+    }
+}
+
 /// The condition of one step.
 pub(super) enum Condition<const D: usize> {
     /// Σ c·Δd over the nodes is the increment `by`.

@@ -11,11 +11,12 @@ use crate::stepping::Control;
 use crate::stress::Mechanics;
 use crate::timing::Phase;
 
+use super::balance::{Energy, moment_error};
 use super::control::{Condition, NoIntersection, Path, on_free};
 use super::equations::{Place, Solved};
 use super::error::locate_failure;
 use super::forcing::Forcing;
-use super::report::{self, GridFields, Observer, StepReport, balance_of_energy, reactions_of};
+use super::report::{self, GridFields, Observer, StepReport, reactions_of};
 use super::{FailedAttempt, Iterate, Nodal, SolveError, Solver, Step, update};
 
 /// A step on which a point turns inside out is halved up to so many times.
@@ -107,12 +108,14 @@ impl<const D: usize> Solver<D> {
             step,
             reactions: report::named_reactions(model, &reaction_field, &dofs),
             applied: loading.applied,
-            energy: balance_of_energy(
+            energy: Energy::new(
                 model,
                 points,
                 &unknowns.delta_d,
                 [(&loading.f_ext_start, &reaction_start), (&loading.f_ext, &reaction_field)],
+                (&system, &course.f_int_start),
             ),
+            moment_error: moment_error(model, &links, &unknowns.delta_d, (&loading.f_ext, &reaction_field)),
             load_factor,
             unknowns: dofs.n_free(),
             stabilised_faces: system.stabilised_faces(),

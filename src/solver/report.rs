@@ -10,6 +10,7 @@ use crate::points::Points;
 use crate::quality::Quality;
 use crate::timing::Timings;
 
+use super::balance::Energy;
 use super::{Diagnosis, FailedAttempt, Nodal, Path, SolveError, Step};
 use crate::stepping::Pace;
 
@@ -92,15 +93,6 @@ pub struct GridFields<const D: usize> {
     pub reaction: Nodal<D>,
 }
 
-/// Work and energy of a step.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Energy {
-    /// Work of loads and reactions over the step, by the trapezoidal rule, [energy].
-    pub external_work: f64,
-    /// Stored elastic energy at the end of the step, [energy].
-    pub strain_energy: f64,
-}
-
 /// What is known of an equilibrated step.
 #[derive(Debug, Clone)]
 pub struct StepReport<const D: usize> {
@@ -118,6 +110,8 @@ pub struct StepReport<const D: usize> {
     pub applied: [f64; D],
     /// Work and energy.
     pub energy: Energy,
+    /// Moment of loads and reactions together, relative to all of them, [-]; none for bodies of revolution.
+    pub moment_error: Option<f64>,
     /// Load factor at the end of the step, where there is one for all loads and prescribed motions, [-].
     pub load_factor: Option<f64>,
     /// Number of free degrees of freedom.
@@ -161,8 +155,16 @@ pub struct Summary {
     pub unknowns: usize,
     /// Work of loads and reactions so far, [energy].
     pub external_work: f64,
+    /// Work so far of the forces that are out of balance when a step starts on a fresh grid, [energy].
+    pub regridding_work: f64,
+    /// Work so far that the stabilisation of faces has taken, which is lost at the end of each step, [energy].
+    pub stabilisation_work: f64,
+    /// Sum of the magnitudes of the external and regridding work of all steps, [energy].
+    pub gross_work: f64,
     /// Stored elastic energy, [energy].
     pub strain_energy: f64,
+    /// Work that has gone into plastic flow, [energy].
+    pub plastic_work: f64,
     /// How well the run goes.
     pub quality: Quality,
     /// What the user should know about it, in the order of the steps; observers find new ones at the end.
@@ -188,7 +190,42 @@ impl Reached {
     }
 }
 
+/// No run counts so far.
+const UNCOUNTED: usize = 1 << 48;
+
+impl Reached {
+    /// Whether a run of this model can have reached this.
+    pub(crate) fn can_be_of<const D: usize>(&self, model: &Model<D>) -> bool {
+        let of = &self.summary;
+        let counts = [
+            of.steps,
+            of.failed_attempts,
+            of.evaluations,
+            of.linear_solves,
+            of.iterative_solves,
+            of.linear_iterations,
+            of.indefinite_solves,
+            self.step.index,
+        ];
+        counts.iter().all(|count| *count < UNCOUNTED)
+            && 0.0 <= self.step.start
+            && self.step.start < self.step.end
+            && self.step.end <= model.stepping.end_time
+            && self.summary.pace.is_possible()
+            && self.summary.path.can_be_of::<D>()
+            && self.summary.quality.can_be_of(model.bodies.len())
+    }
+}
+
 impl Summary {
+    /// What is missing between the work so far and the energy that is stored or has gone into plastic flow, relative to
+    /// the magnitudes of all work, [-]: the error of the trapezoidal rule, which falls with the square of the steps.
+    pub fn energy_error(&self) -> f64 {
+        let work = self.external_work + self.regridding_work - self.stabilisation_work;
+        let missing = work - self.strain_energy - self.plastic_work;
+        if self.gross_work > 0.0 { missing / self.gross_work } else { 0.0 }
+    }
+
     pub(super) fn accept<const D: usize>(&mut self, report: &StepReport<D>) {
         self.steps += 1;
         self.stabilised_faces = self.stabilised_faces.max(report.stabilised_faces);
@@ -198,8 +235,14 @@ impl Summary {
             self.largest_load_factor = Some(largest);
         }
         self.unknowns = self.unknowns.max(report.unknowns);
-        self.external_work += report.energy.external_work;
-        self.strain_energy = report.energy.strain_energy;
+        let Energy { external_work, regridding_work, stabilisation_work, strain_energy, plastic_work } =
+            report.energy;
+        self.external_work += external_work;
+        self.regridding_work += regridding_work;
+        self.stabilisation_work += stabilisation_work;
+        self.gross_work += (external_work + regridding_work).abs();
+        self.strain_energy = strain_energy;
+        self.plastic_work = plastic_work;
         self.linear_iterations += report.linear_iterations;
         for used in &report.factorisations {
             self.iterative_solves += usize::from(*used == Factorisation::Multigrid);
@@ -237,27 +280,4 @@ pub(super) fn named_reactions<const D: usize>(
         }
     }
     sums
-}
-
-/// Work over the step from the forces (loads, reactions) at its start and end, and the energy stored at its end.
-pub(super) fn balance_of_energy<const D: usize>(
-    model: &Model<D>,
-    points: &Points<D>,
-    delta_d: &[[f64; D]],
-    forces: [(&Nodal<D>, &Nodal<D>); 2],
-) -> Energy {
-    let mut external_work = 0.0;
-    for (load, reaction) in forces {
-        for (node, du) in delta_d.iter().enumerate() {
-            for d in 0..D {
-                external_work += 0.5 * (load[node][d] + reaction[node][d]) * du[d];
-            }
-        }
-    }
-    let mut strain_energy = 0.0;
-    for p in 0..points.len() {
-        let energy = model.law(points, p).energy(&points.trial.elastic_strain[p]);
-        strain_energy += energy * points.original_volume[p];
-    }
-    Energy { external_work, strain_energy }
 }

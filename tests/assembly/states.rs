@@ -105,14 +105,36 @@ pub fn random_state<const D: usize, M: Mechanics<D>>(
     n_points: usize,
     seed: u64,
 ) -> State<D> {
+    state_with::<D, M>(method, Domain::Box, law, n_points, seed)
+}
+
+/// Shape of domains that are given by their corners.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Domain {
+    /// Quadrilaterals, hexahedra.
+    Box,
+    /// Triangles, tetrahedra.
+    #[allow(dead_code, reason = "not every test program uses it")]
+    Simplex,
+}
+
+/// The same with domains of a shape.
+pub fn state_with<const D: usize, M: Mechanics<D>>(
+    method: Method,
+    domain: Domain,
+    law: Law,
+    n_points: usize,
+    seed: u64,
+) -> State<D> {
     let cells = if D == 2 { [6, 5, 1] } else { [3, 3, 2] };
-    state_on::<D, M>(std::array::from_fn(|d| cells[d]), 0.1, method, law, n_points, seed)
+    let (cells, margin) = (std::array::from_fn(|d| cells[d]), 0.1);
+    state_on::<D, M>(cells, margin, (method, domain), law, n_points, seed)
 }
 
 /// The same on a grid large enough for several batches, with domains that stay inside it.
 #[allow(dead_code, reason = "not every test program uses it")]
 pub fn large_random_state<M: Mechanics<2>>(method: Method, law: Law, n_points: usize, seed: u64) -> State<2> {
-    state_on::<2, M>([24, 20], 0.4, method, law, n_points, seed)
+    state_on::<2, M>([24, 20], 0.4, (method, Domain::Box), law, n_points, seed)
 }
 
 const SPACING: [f64; 3] = [0.5, 0.4, 0.6];
@@ -120,7 +142,7 @@ const SPACING: [f64; 3] = [0.5, 0.4, 0.6];
 fn state_on<const D: usize, M: Mechanics<D>>(
     cells: [usize; D],
     margin: f64,
-    method: Method,
+    (method, shape): (Method, Domain),
     law: Law,
     n_points: usize,
     seed: u64,
@@ -142,17 +164,24 @@ fn state_on<const D: usize, M: Mechanics<D>>(
         .map(|p| {
             let body = p % laws.len();
             let domain = method.domain() != DomainKind::None;
-            let half_lengths: [f64; D] =
-                std::array::from_fn(|d| if domain { SPACING[d] * random.within(0.05, 0.7) } else { 0.0 });
-            // Corners of a distorted quadrilateral must stay inside the grid.
+            // Corners of distorted domains must stay inside the grid, and hexahedra must not cross themselves.
             let given_by_corners = method.domain() == DomainKind::Corners;
-            let margin = if given_by_corners { 0.6 } else { margin };
+            let (most, noise, room) = if D == 2 { (0.7, 0.4, 0.6) } else { (0.35, 0.2, 0.3) };
+            let most = if given_by_corners { most } else { 0.7 };
+            let margin = if given_by_corners { room } else { margin };
+            let half_lengths: [f64; D] =
+                std::array::from_fn(|d| if domain { SPACING[d] * random.within(0.05, most) } else { 0.0 });
             let position: [f64; D] =
                 std::array::from_fn(|d| random.within(low[d] + margin, high[d] - margin));
-            let corners = (0..if given_by_corners { 1 << D } else { 0 }).map(|c: usize| {
+            let numbers: Vec<usize> = match (given_by_corners, shape) {
+                (false, _) => Vec::new(),
+                (true, Domain::Box) => (0..1 << D).collect(),
+                (true, Domain::Simplex) => (0..=D).map(|k| if k == 0 { 0 } else { 1 << (k - 1) }).collect(),
+            };
+            let corners = numbers.iter().map(|c| {
                 std::array::from_fn(|d| {
                     let side = if c >> d & 1 == 1 { 1.0 } else { -1.0 };
-                    position[d] + half_lengths[d] * (side + random.within(-0.4, 0.4))
+                    position[d] + half_lengths[d] * (side + random.within(-noise, noise))
                 })
             });
             Seed {

@@ -1,12 +1,13 @@
-//! Damaged mesh files of gmsh and surfaces in STL, text and binary. None may cause a panic, take more than ten seconds of
-//! processor time or more memory than a file of its size is worth; what is accepted must be usable.
+//! Damaged mesh files of gmsh, surfaces in STL, text and binary, and checkpoints. None may cause a panic, take more than ten
+//! seconds of processor time or more memory than a file of its size is worth; what is accepted must be usable.
 //!
 //! The usual tests run some thousand cases. `FUZZ_SECONDS=1800 cargo test --test file_fuzz gmsh -- --ignored --nocapture`
-//! goes on for that much processor time, `stl` likewise; `FUZZ_SEED` chooses where it begins.
+//! goes on for that much processor time, `stl` and `checkpoint` likewise; `FUZZ_SEED` chooses where it begins.
 
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stdout, reason = "the counts belong to the test")]
 
+mod checkpoints;
 mod damage;
 #[path = "../deck_fuzz/harness.rs"]
 mod harness;
@@ -22,6 +23,7 @@ use mpm::region::Region;
 use mpm::region::stl;
 use mpm::region::surface::Surface;
 
+use checkpoints::Checkpoints;
 use damage::damage;
 use harness::{Bench, fuzz, fuzz_for_long};
 use random::Random;
@@ -164,6 +166,17 @@ fn damaged_gmsh_files_are_survived() {
 #[test]
 fn damaged_stl_files_are_survived() {
     fuzz(Surfaces::new, 1, 3000, Duration::from_secs(60));
+}
+
+#[test]
+fn damaged_checkpoints_are_survived() {
+    fuzz(Checkpoints::new, 1, 1500, Duration::from_secs(60));
+}
+
+#[test]
+#[ignore = "as long as FUZZ_SECONDS says"]
+fn checkpoints_for_long() {
+    fuzz_for_long(Checkpoints::new);
 }
 
 #[test]

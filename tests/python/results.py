@@ -64,6 +64,26 @@ class Results:
         return json.loads((self.directory / "summary.json").read_text())
 
 
+def assert_sound(directory, ended=True):
+    """Series name files that are there and whole, tables have whole rows, and nothing half-written has a final name."""
+    if ended:
+        assert not list(directory.glob("*.tmp"))
+    for series in directory.glob("*.pvd"):
+        entries = ElementTree.parse(series).getroot().findall("./Collection/DataSet")
+        times = [float(entry.get("timestep")) for entry in entries]
+        assert times == sorted(set(times))
+        for entry in entries:
+            assert pyvista.read(directory / entry.get("file")).n_points > 0
+    for path in directory.glob("*.vtu"):
+        assert path.read_bytes().endswith(b"</VTKFile>\n"), path
+    for table in directory.glob("*.csv"):
+        text = table.read_text()
+        assert text.endswith("\n"), table
+        assert len({line.count(",") for line in text.splitlines()}) == 1, table
+    for document in directory.glob("*.json"):
+        json.loads(document.read_text())
+
+
 def tensors(six):
     """3 x 3 tensors of rows XX YY ZZ XY YZ XZ."""
     return np.asarray(six)[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]

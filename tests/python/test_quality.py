@@ -183,3 +183,30 @@ def test_a_run_without_steps_has_no_measures(mpm, tmp_path):
     assert set(quality) == KEYS
     assert all(quality[name] is None for name in KEYS - {"mass", "volume"})
     assert quality["volume"] == {"total": pytest.approx(10), "relative_change": 0}
+
+
+def test_balances_of_the_summary_are_the_worst_of_the_steps(beam, collapse):
+    for results in (beam, collapse):
+        steps, summary = results.table("quality"), results.summary
+        for name, column in [("energy", "energy_error"), ("force", "force_error"), ("moment", "moment_error")]:
+            worst = summary["balance_errors"][name]
+            assert worst["value"] == np.abs(steps[column]).max(), name
+            assert np.abs(steps[column])[int(worst["step"]) - 1] == worst["value"]
+        missing = (
+            summary["external_work"]
+            + summary["regridding_work"]
+            - summary["strain_energy"]
+            - summary["plastic_work"]
+        )
+        assert abs(missing) < 0.02 * abs(summary["external_work"])
+        assert steps["plastic_work"][-1] == summary["plastic_work"]
+        assert steps["regridding_work"][-1] == summary["regridding_work"]
+        assert summary["balance_errors"]["force"]["value"] < 1e-5
+    assert collapse.summary["plastic_work"] > 10 * collapse.summary["strain_energy"]
+    assert beam.summary["plastic_work"] == 0
+    # Work on a path that only goes one way is that of the work so far.
+    works = np.diff(beam.history["external_work"], prepend=0) + np.diff(beam.table("quality")["regridding_work"], prepend=0)
+    missing = (
+        beam.history["external_work"] + beam.table("quality")["regridding_work"] - beam.history["strain_energy"]
+    )
+    np.testing.assert_allclose(beam.table("quality")["energy_error"], missing / np.abs(works).cumsum(), rtol=1e-6, atol=1e-12)

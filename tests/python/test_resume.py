@@ -1,9 +1,10 @@
 """Runs that are killed, interrupted or have failed go on from their checkpoints as if nothing had happened.
 
-`KILLS=1000 tests/run -k killed` is the long form of the first test.
+`KILLS=1000 tests/run -k killed` is the long form of the first test: so many kills of each kind.
 """
 
 import hashlib
+import json
 import os
 import random
 import signal
@@ -13,6 +14,7 @@ import time
 import pytest
 
 from conftest import ROOT
+from results import assert_sound
 
 KILLS = int(os.environ.get("KILLS", "12"))
 
@@ -50,21 +52,34 @@ SMALL = settings(h=1, n=3, steps=30, every=5)
 @pytest.fixture
 def whole(mpm, tmp_path):
     """A deck, and its results where nothing disturbs the run."""
-    deck = deck_of(tmp_path)
+    return undisturbed(mpm, tmp_path, deck_of(tmp_path), SMALL)
+
+
+def undisturbed(mpm, tmp_path, deck, words):
+    """A deck, its results and how long they take."""
     began = time.monotonic()
-    process = mpm("run", deck, "--out", tmp_path / "whole", *SMALL)
+    process = mpm("run", deck, "--out", tmp_path / "whole", *words)
     assert process.returncode == 0, process.stderr
     return deck, results(tmp_path / "whole"), time.monotonic() - began
 
 
-def test_killed_runs_end_like_others(program, whole, tmp_path):
+KILLED = {
+    "gimp": ("collapse", SMALL),
+    "cpdi2": ("collapse", [*SMALL, *settings(method="cpdi2")]),
+    "solid": ("twist", settings(h=0.5, steps=30, every=5)),
+}
+
+
+@pytest.mark.parametrize("kind", KILLED)
+def test_killed_runs_end_like_others(mpm, program, tmp_path, kind):
     """At random moments, again and again, with one thread or two."""
-    deck, expected, duration = whole
+    name, words = KILLED[kind]
+    deck, expected, duration = undisturbed(mpm, tmp_path, deck_of(tmp_path, name=name), words)
     directory = tmp_path / "killed"
     moments = random.Random(1)
     kills, finished, at = 0, 0, 0
     while kills < KILLS or finished == 0:
-        command = [program, "run", deck, "--out", directory, *SMALL, "--threads", str(1 + kills % 2)]
+        command = [program, "run", deck, "--out", directory, *words, "--threads", str(1 + kills % 2)]
         if last_checkpoint(directory) if directory.exists() else 0:
             command.append("--resume")
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
@@ -74,6 +89,7 @@ def test_killed_runs_end_like_others(program, whole, tmp_path):
             assert results(directory) == expected
             leftovers = [path.name for path in directory.iterdir() if path.suffix == ".tmp"]
             assert not leftovers
+            assert_sound(directory)
             finished, at = finished + 1, 0
             for path in directory.iterdir():
                 path.unlink()
@@ -82,6 +98,7 @@ def test_killed_runs_end_like_others(program, whole, tmp_path):
             process.communicate()
             kills += 1
             if directory.exists():
+                assert_sound(directory, ended=False)
                 now = last_checkpoint(directory)
                 assert now >= at, "a checkpoint was lost"
                 at = now
@@ -144,7 +161,6 @@ def test_a_changed_deck_is_refused_with_what_changed(mpm, tmp_path, whole):
     for words, says in [
         (settings(h=1, n=3, steps=30, every=5, method="mpm"), '`bodies[0].method` was "gimp" and is "mpm"'),
         (settings(h=2, n=3, steps=30, every=5), "`grid.spacing` was 1.0 and is 2.0"),
-        (settings(h=1, n=3, steps=7, every=5), "with 7 load steps up to time 1, no step ends there"),
     ]:
         process = mpm("run", deck, "--out", directory, *words, "--resume")
         assert process.returncode == 2 and says in process.stderr, process.stderr
@@ -173,4 +189,120 @@ def test_nothing_to_go_on_from(mpm, tmp_path):
     (tmp_path / "empty").mkdir()
     for place in ["empty", "nowhere"]:
         process = mpm("run", deck, "--out", tmp_path / place, *SMALL, "--resume")
-        assert process.returncode == 2 and "there is no checkpoint" in process.stderr, process.stderr
+        assert process.returncode == 2 and "error[R002]: there is no checkpoint" in process.stderr, process.stderr
+
+
+def contents(directory):
+    """Every file of a directory, the empty one that is locked aside."""
+    return {path.name: path.read_bytes() for path in directory.iterdir() if path.is_file() and path.name != ".lock"}
+
+
+@pytest.mark.parametrize("words", [{}, {"steps": 60}, {"steps": 7}, {"every": 0}, {"every": 7}], ids=str)
+def test_nothing_is_left_to_do_after_the_end(mpm, tmp_path, whole, words):
+    """Whatever number of steps or files the deck asks for now: no file is touched."""
+    deck, _, _ = whole
+    directory = tmp_path / "whole"
+    before = contents(directory)
+    words = settings(**({"h": 1, "n": 3, "steps": 30, "every": 5} | words))
+    process = mpm("run", deck, "--out", directory, *words, "--resume")
+    assert process.returncode == 0, process.stderr
+    assert "is complete: 30 steps in equilibrium; nothing is left to do" in process.stderr
+    assert contents(directory) == before
+
+
+@pytest.mark.parametrize("every", [0, 5, 7])
+@pytest.mark.parametrize("steps", [30, 60])
+def test_a_run_that_was_killed_after_its_last_step_is_finished(mpm, tmp_path, whole, steps, every):
+    """Its checkpoint is that of the end, but it has not written its summary."""
+    deck, expected, _ = whole
+    directory = tmp_path / "whole"
+    (directory / "summary.json").unlink()
+    words = settings(h=1, n=3, steps=steps, every=every)
+    process = mpm("run", deck, "--out", directory, *words, "--resume")
+    assert process.returncode == 0, process.stderr
+    assert json.loads((directory / "summary.json").read_text())["outcome"] == "completed"
+    assert results(directory) == expected
+
+
+def test_an_interrupted_run_that_is_to_write_no_more_files_keeps_those_it_has(mpm, stopped, whole, tmp_path):
+    deck, _, _ = whole
+    directory = stopped(deck, tmp_path / "stopped", *SMALL, after=5)
+    before = {path.name for path in directory.glob("*.vtu")}
+    process = mpm("run", deck, "--out", directory, *settings(h=1, n=3, steps=30, every=0), "--resume")
+    assert process.returncode == 0, process.stderr
+    assert {path.name for path in directory.glob("*.vtu")} == before
+
+
+@pytest.mark.parametrize("name", ["history.csv", "quality.csv", "convergence.csv"])
+def test_a_table_that_is_missing_or_too_short_is_named(mpm, stopped, whole, tmp_path, name):
+    deck, expected, _ = whole
+    directory = stopped(deck, tmp_path / "stopped", *SMALL, after=5)
+    table = directory / name
+    text = table.read_text()
+    for wrong, says in [(None, f"{name}` is missing"), (text.splitlines()[0] + "\n", "does not reach step"),
+                        ("a,b\n", "has other columns"), ("", "is empty")]:
+        table.unlink() if wrong is None else table.write_text(wrong)
+        before = contents(directory)
+        process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
+        assert process.returncode == 2 and "error[R002]" in process.stderr, process.stderr
+        assert says in process.stderr and "help:" in process.stderr, process.stderr
+        assert contents(directory) == before
+    table.write_text(text)
+    assert mpm("run", deck, "--out", directory, *SMALL, "--resume").returncode == 0
+    assert results(directory) == expected
+
+
+def test_a_directory_with_the_name_of_a_checkpoint_is_left_alone(mpm, stopped, whole, tmp_path):
+    deck, expected, _ = whole
+    directory = stopped(deck, tmp_path / "stopped", *SMALL, after=5)
+    for step in (2, 2000):
+        (directory / f"checkpoint_{step:04}.mpm").mkdir()
+    process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
+    assert process.returncode == 0 and "cannot be used" not in process.stderr, process.stderr
+    assert results(directory) == expected
+    process = mpm("run", deck, "--out", directory, *SMALL)
+    assert process.returncode == 0, process.stderr
+    assert (directory / "checkpoint_0002.mpm").is_dir()
+
+
+def test_the_status_of_a_killed_run_says_from_where_it_goes_on(mpm, program, whole, tmp_path):
+    deck, _, _ = whole
+    directory = tmp_path / "killed"
+    process = subprocess.Popen([program, "run", deck, "--out", directory, *settings(h=1, n=3, steps=3000, every=0)])
+    deadline = time.monotonic() + 60
+    while not directory.exists() or last_checkpoint(directory) == 0:
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    last = last_checkpoint(directory)
+    told = mpm("status", directory)
+    assert told.returncode == 1
+    assert f"checkpoint    of step {last}, from where `mpm run` goes on with `--resume`" in told.stdout
+    assert json.loads(mpm("status", directory, "--format", "json").stdout)["checkpoint"] == last
+    for path in directory.glob("checkpoint_*"):
+        path.unlink()
+    assert "checkpoint    none" in mpm("status", directory).stdout
+
+
+def test_members_of_a_study_go_on_from_their_checkpoints(mpm, program, tmp_path):
+    deck = deck_of(tmp_path)
+    over = ["--over", "n=2,3", *settings(h=1, steps=30, every=5)]
+    assert mpm("sweep", deck, "--out", tmp_path / "whole", *over).returncode == 0
+    directory = tmp_path / "stopped"
+    process = subprocess.Popen([program, "sweep", deck, "--out", directory, *over], stderr=subprocess.PIPE, text=True)
+    while not (directory / "n=3" / "points_0010.vtu").exists():
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.002)
+    process.kill()
+    process.communicate()
+    second = mpm("sweep", deck, "--out", directory, *over, "--resume")
+    assert second.returncode == 0, second.stderr
+    assert "n=2: completed earlier" in second.stderr and "going on after step" in second.stderr
+    for member in ("n=2", "n=3"):
+        assert results(directory / member) == results(tmp_path / "whole" / member)
+    # A checkpoint of another deck is no place to go on from: the member begins anew, and that is said.
+    (directory / "n=3" / "summary.json").unlink()
+    over = ["--over", "n=2,3", *settings(h=1, steps=30, every=5, method="mpm")]
+    third = mpm("sweep", deck, "--out", directory, *over, "--resume")
+    assert third.stderr.count("begins anew: the deck is not the one") == 2, third.stderr

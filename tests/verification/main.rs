@@ -5,6 +5,7 @@
 
 mod analysis;
 mod annulus;
+mod balances;
 mod beam;
 mod beam_methods;
 mod collapse;
