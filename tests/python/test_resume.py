@@ -67,6 +67,7 @@ KILLED = {
     "gimp": ("collapse", SMALL),
     "cpdi2": ("collapse", [*SMALL, *settings(method="cpdi2")]),
     "solid": ("twist", settings(h=0.5, steps=30, every=5)),
+    "cut": ("collapse", settings(h=1, n=3, method="mpm", steps=4, every=1)),
 }
 
 
@@ -143,7 +144,7 @@ def test_a_run_without_the_key_is_secured_when_it_is_interrupted(mpm, stopped, w
 
 def test_steps_may_become_finer_after_a_failure(mpm, tmp_path):
     """The third of three steps is too large; each halved, they find equilibrium."""
-    deck = deck_of(tmp_path, ("checkpoint: {every: 3}\n", ""))
+    deck = deck_of(tmp_path, ("checkpoint: {every: 3}\nsteps: {count", "steps: {smallest: 1, count"))
     directory, coarse = tmp_path / "out", settings(h=1, n=3, method="mpm", steps=4)
     process = mpm("run", deck, "--out", directory, *coarse)
     assert process.returncode == 1, process.stderr
