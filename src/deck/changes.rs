@@ -175,7 +175,7 @@ mod tests {
             (("h: 0.5", "h: 0.25"), "`grid.spacing` was 0.5 and is 0.25"),
             (("method: gimp", "method: mpm"), "method` was \"gimp\" and is \"mpm\""),
             (
-                ("steps: {count: \"${steps}\"}", "steps: {count: 50, control: {type: arc-length}}"),
+                ("steps: {count: \"${steps}\"", "steps: {control: {type: arc-length}, count: \"${steps}\""),
                 "`steps.control",
             ),
             (("total: [0, -100e3]", "total: [0, -90e3]"), "total[1]` was -100000.0 and is -90000.0"),
