@@ -65,7 +65,7 @@ fn run(dimensions: usize, material: &str, method: &str, [length, stress]: [i32; 
     };
     let deck = format!(
         "version: 1
-analysis: {{idealisation: {idealisation}}}
+analysis: {{idealisation: {idealisation}, stabilisation: {{mode: auto}}}}
 grid: {{type: structured, origin: {}, size: {}, spacing: {:e}}}
 materials: {{m: {{model: {material}, young: {:e}, poisson: 0.25, {strength}}}}}
 bodies:
