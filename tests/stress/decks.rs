@@ -38,13 +38,13 @@ pub fn deck(seed: u64, stabilised: bool, cut: bool) -> String {
             random.pick(&["0", "0", "50e3"])
         ),
     };
-    // The weight of a block of height 4 is 40 to 160 kPa: up to well beyond what the softest can carry.
-    let weight = *random.pick(&[-2.5, -5.0, -10.0]) * if stiff { 0.5 } else { 1.0 };
+    // The weight of a block of height 4 is up to 320 kPa: well beyond what the softest can carry without flowing apart.
+    let weight = *random.pick(&[-10.0, -20.0, -40.0, -80.0]) * if stiff { 0.5 } else { 1.0 };
     let z = |text: &str| if solid { format!(", {text}") } else { String::new() };
     let cells = |extent: f64| (extent / h).ceil() * h;
-    let size = format!("[{}, {}{}]", cells(9.0), cells(7.0), z(&cells(4.0).to_string()));
+    let size = format!("[{}, {}{}]", cells(14.0), cells(7.0), z(&cells(6.0).to_string()));
     let shape = shape(&mut random, solid);
-    let sideways = if random.chance(0.4) { *random.pick(&[1.5, -1.5, 4.0]) } else { 0.0 };
+    let sideways = if random.chance(0.4) { *random.pick(&[3.0, -3.0, 10.0]) } else { 0.0 };
     let sideways = if kind == "axisymmetric" { 0.0 } else { sideways };
     let rough = random.chance(0.5) || sideways != 0.0;
     let base = if rough { format!("[x, y{}]", z("z")) } else { "[y]".to_owned() };
@@ -55,7 +55,7 @@ pub fn deck(seed: u64, stabilised: bool, cut: bool) -> String {
     if solid {
         conditions.push("  - {name: front, nodes: {z: 0}, fix: [z]}".to_owned());
     }
-    let steps = *random.pick(&[1, 2, 4, 8]);
+    let steps = *random.pick(&[1, 2, 3, 5]);
     let smallest = if cut { 0.004 } else { 1.0 };
     let formulation = *random.pick(&["previously-converged", "previously-converged", "updated-lagrangian"]);
     format!(
