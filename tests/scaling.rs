@@ -95,7 +95,7 @@ steps: {{count: 3}}
 fn results_are_the_same_in_all_units() {
     let plane = [("hencky", "gimp"), ("neo-hookean", "mpm"), ("von-mises", "cpdi2"), ("hencky", "cpdi1")];
     let cases =
-        plane.map(|case| (2, case)).into_iter().chain([(3, ("von-mises", "gimp")), (3, ("hencky", "cpdi2"))]);
+        plane.map(|case| (2, case)).into_iter().chain([(3, ("von-mises", "mpm")), (3, ("hencky", "cpdi2"))]);
     for (dimensions, (material, method)) in cases {
         let own = run(dimensions, material, method, [0, 0]);
         assert!(own.residuals.len() > 6 && own.works[0] > 0.0);
