@@ -1,0 +1,35 @@
+//! CPU time of a piece of work on one thread.
+
+use std::time::Duration;
+
+use cpu_time::ThreadTime;
+
+/// A measurement ends after this much CPU time in all.
+const ENOUGH: Duration = Duration::from_millis(400);
+
+/// Least CPU time of one call of `work` over repeated calls, [s]: what it takes when nothing else on the machine is in
+/// the way. Clocks of CPU time do not run while other programs do, but caches and memory are shared all the same.
+///
+/// Calls are long enough, some milliseconds, not to need batches.
+pub fn least(mut work: impl FnMut()) -> f64 {
+    let mut least = f64::INFINITY;
+    let begin = ThreadTime::now();
+    let mut calls = 0;
+    while calls < 5 || begin.elapsed() < ENOUGH {
+        let start = ThreadTime::now();
+        work();
+        least = least.min(start.elapsed().as_secs_f64());
+        calls += 1;
+    }
+    least
+}
+
+/// Exponent of growth: slope of the straight line through (ln size, ln cost) by least squares.
+pub fn exponent(measured: &[(f64, f64)]) -> f64 {
+    let n = measured.len() as f64;
+    let logs: Vec<(f64, f64)> = measured.iter().map(|(size, cost)| (size.ln(), cost.ln())).collect();
+    let (x, y) = logs.iter().fold((0.0, 0.0), |(x, y), p| (x + p.0 / n, y + p.1 / n));
+    let (along, across) =
+        logs.iter().fold((0.0, 0.0), |(a, c), p| (a + (p.0 - x).powi(2), c + (p.0 - x) * (p.1 - y)));
+    across / along
+}

@@ -1,0 +1,66 @@
+//! Operations and memory traffic of an evaluation, counted on the equations as they are programmed.
+//!
+//! Sums, differences, products, quotients and roots count as one, a logarithm as twenty; of a symmetric stiffness only
+//! one triangle counts, even where vector instructions form more. Bytes are those that must pass at least once
+//! between memory and processor: the data of points and links, and the blocks of the stiffness where they are zeroed,
+//! summed and read again. Both are estimates.
+
+use mpm::basis::Connectivity;
+use mpm::stress::StartOfStep;
+use mpm::tensor::Sym3;
+
+/// What one evaluation of all points takes.
+pub struct Work {
+    /// Operations.
+    pub flops: f64,
+    /// Bytes.
+    pub bytes: f64,
+}
+
+/// The kernels by what they cost.
+#[derive(Clone, Copy)]
+pub enum Kernel {
+    /// [`mpm::stress::PlaneStrain`].
+    Plane,
+    /// [`mpm::stress::Axisymmetric`].
+    Revolved,
+    /// [`mpm::stress::Solid`], for a law with isotropic spatial moduli.
+    Isotropic,
+    /// [`mpm::stress::Solid`].
+    Solid,
+}
+
+impl Kernel {
+    /// Operations of a point itself, per node it touches, and per pair of nodes; without eq. (7).
+    fn flops(self) -> [f64; 3] {
+        match self {
+            Kernel::Plane => [370.0, 34.0, 16.0],
+            Kernel::Revolved => [1450.0, 75.0, 24.0],
+            Kernel::Isotropic => [210.0, 45.0, 44.0],
+            Kernel::Solid => [1450.0, 150.0, 54.0],
+        }
+    }
+}
+
+/// The work of one evaluation; `pairs` is the number of pairs of nodes in the stiffness.
+pub fn work<const D: usize>(
+    kernel: Kernel,
+    links: &Connectivity<D>,
+    n_points: usize,
+    pairs: usize,
+    history: usize,
+) -> Work {
+    let [own, per_node, per_pair] = kernel.flops();
+    let number = size_of::<f64>() as f64;
+    let (d, history) = (D as f64, history as f64);
+    let mut flops = 0.0;
+    for p in 0..n_points {
+        let n = links.links(p).local.len() as f64;
+        flops += own + (2.0 * d * d + per_node) * n + per_pair * n * (n + 1.0) / 2.0;
+    }
+    let of_point = size_of::<StartOfStep>() as f64 + 2.0 * size_of::<Sym3>() as f64 + 2.0 * history * number;
+    let bytes = of_point * n_points as f64
+        + (d * number + 4.0) * links.n_links() as f64
+        + 3.0 * d * d * number * pairs as f64;
+    Work { flops, bytes }
+}

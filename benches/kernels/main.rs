@@ -1,0 +1,39 @@
+//! What the parts of an analysis take, beside what the machine reaches in the same run.
+//!
+//! ```sh
+//! cargo bench --bench kernels [-- TEXT]
+//! ```
+//!
+//! With a text, only those examples of assembly and linear systems whose name and method contain it. Everything runs on
+//! one thread and is measured by the CPU time of that thread, the least of several calls: other programs on the
+//! machine then matter little. Tables are Markdown, for `docs/performance.md`.
+#![allow(clippy::print_stdout, reason = "a program")]
+
+mod calibration;
+mod clock;
+mod count;
+mod files;
+mod point;
+mod system;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    // Cargo adds `--bench`.
+    let only = std::env::args().skip(1).find(|argument| !argument.starts_with("--"));
+    let machine = calibration::Machine::measure();
+    println!(
+        "Calibration: {:.1} GFLOP/s of products and sums, {:.1} GFLOP/s fused, {:.1} GB/s of the triad.",
+        machine.separate, machine.fused, machine.triad
+    );
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build()?;
+    pool.install(|| -> std::io::Result<()> {
+        if only.is_none() {
+            point::print();
+        }
+        system::print(&machine, only.as_deref());
+        if only.is_none() {
+            files::print(tempfile::tempdir()?.path())?;
+        }
+        Ok(())
+    })?;
+    Ok(())
+}

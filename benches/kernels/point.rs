@@ -1,0 +1,112 @@
+//! Kernels of single points: functions of tensors, and the laws with the finite-strain kernel around them.
+#![allow(non_snake_case)]
+
+use std::hint::black_box;
+
+use mpm::kinematics::Increment;
+use mpm::material::{Hencky, Material, NeoHookean, VonMises};
+use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid, StartOfStep};
+use mpm::tensor::{Sym3, exp_derivative, log_with_derivative, plane};
+
+use crate::clock::least;
+
+/// Points of a measurement: their data stay in the fastest memory, and a call takes some tenths of a millisecond.
+const N: usize = 1000;
+/// Calls of a measurement.
+const TIMES: usize = 20;
+
+/// A repeatable sequence of numbers in [-1, 1]; steps of the golden ratio, which cover it evenly.
+pub fn numbers() -> impl FnMut() -> f64 {
+    let mut last = 0.5;
+    move || {
+        last = (last + 0.618_033_988_749_895_f64).fract();
+        2.0 * last - 1.0
+    }
+}
+
+/// Prints nanoseconds per point of every function and law.
+pub fn print() {
+    println!("\n## Single points\n\n| Kernel | CPU (ns) |\n|---|---|");
+    functions();
+    laws();
+}
+
+fn row<T>(name: &str, mut work: impl FnMut(usize) -> T) {
+    let seconds = least(|| {
+        for _ in 0..TIMES {
+            (0..N).for_each(|p| {
+                black_box(work(p));
+            });
+        }
+    });
+    println!("| {name} | {:.1} |", seconds * 1e9 / (N * TIMES) as f64);
+}
+
+/// Strains up to 0.2 and, in the plane, without shear across it.
+fn strains(in_plane: bool) -> Vec<Sym3> {
+    let mut number = numbers();
+    let across = if in_plane { 0.0 } else { 0.2 };
+    let mut strain = |_| {
+        let mut e = Sym3(std::array::from_fn(|_| 0.2 * number()));
+        (e.0[3], e.0[4]) = (e.0[3] / 0.2 * across, e.0[4] / 0.2 * across);
+        e
+    };
+    (0..N).map(&mut strain).collect()
+}
+
+fn functions() {
+    for in_plane in [true, false] {
+        let e = strains(in_plane);
+        let b: Vec<Sym3> = e.iter().map(|e| e.map_eigenvalues(|x| (2.0 * x).exp())).collect();
+        if in_plane {
+            row("plane: exp", |p| plane::exp(&e[p]));
+            row("plane: log", |p| plane::log(&b[p]));
+            row("plane: log and its derivative", |p| plane::log_with_derivative(&b[p]));
+        } else {
+            row("space: spectral decomposition", |p| b[p].spectrum());
+            row("space: exp", |p| e[p].map_eigenvalues(f64::exp));
+            row("space: derivative of exp", |p| exp_derivative(&e[p]));
+            row("space: log", |p| b[p].map_eigenvalues(f64::ln));
+            row("space: log and its derivative", |p| log_with_derivative(&b[p]));
+        }
+    }
+}
+
+fn laws() {
+    let laws: [(&str, Box<dyn Material>); 4] = [
+        ("Hencky", Box::new(Hencky::new(1e6, 0.3))),
+        ("neo-Hookean", Box::new(NeoHookean::new(1e6, 0.3))),
+        ("von Mises, elastic", Box::new(VonMises::new(1e6, 0.3, 1e9))),
+        ("von Mises, yielding", Box::new(VonMises::new(1e6, 0.3, 1.0).hardening(1e5))),
+    ];
+    for (name, law) in &laws {
+        let law = law.as_ref();
+        kernel::<2, PlaneStrain>(&format!("plane strain: stress and tangent, {name}"), law, true);
+        kernel::<2, Axisymmetric>(&format!("axisymmetric: stress and tangent, {name}"), law, true);
+        kernel::<3, Solid>(&format!("solid: stress and tangent, {name}"), law, false);
+    }
+}
+
+fn kernel<const D: usize, M: Mechanics<D>>(name: &str, law: &dyn Material, in_plane: bool) {
+    let mut number = numbers();
+    let strains = strains(in_plane);
+    let starts: Vec<StartOfStep> = strains
+        .iter()
+        .map(|e| StartOfStep { b_n: e.map_eigenvalues(|x| (2.0 * x).exp()), J_n: 1.0, volume_n: 1.0 })
+        .collect();
+    let increments: Vec<Increment<D>> = (0..N)
+        .map(|_| {
+            let dF = std::array::from_fn(|i| {
+                std::array::from_fn(|j| f64::from(u8::from(i == j)) + 0.05 * number())
+            });
+            Increment { hoop: 1.02, radius: 1.0, ..Increment::of(dF) }
+        })
+        .collect();
+    let old = vec![0.0; law.state_fields().len()];
+    let mut new = old.clone();
+    if M::respond_isotropic(&starts[0], &increments[0], law).is_some() {
+        row(name, |p| M::respond_isotropic(&starts[p], &increments[p], law));
+    } else {
+        row(name, |p| M::respond(&starts[p], &increments[p], law, &old, &mut new));
+    }
+}
