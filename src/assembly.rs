@@ -13,16 +13,16 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::basis::{Connectivity, Links};
+use crate::basis::Connectivity;
 use crate::constraints::DofMap;
 use crate::kinematics::Increment;
 use crate::material::Material;
 use crate::model::Model;
 use crate::points::Points;
 use crate::stress::{Formulation, Mechanics, PointError, PointResponse, StartOfStep, WeakForm};
-use crate::tensor::Sym3;
+use crate::tensor::{Lanes, Sym3};
 
-use group::{Cell, Dense, Square, Triangle};
+use group::{Cell, Dense, Square, Triangle, Whole};
 pub use pattern::FreeEntries;
 use pattern::{NodePairs, UNCOUPLED};
 
@@ -31,6 +31,9 @@ const BATCH: usize = 1 << 15;
 
 /// A task of this many groups or fewer is not split between threads.
 const GRAIN: usize = 4;
+
+/// Most history variables of points that are evaluated side by side.
+const MOST_HISTORY: usize = 4;
 
 /// A node-pair block of K, `[i][k]`: row component i, column component k.
 type Block<const D: usize> = [[f64; D]; D];
@@ -328,13 +331,24 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
             force = rest;
             match (D, n) {
                 (3, 8) if self.links.is_whole(group) => {
-                    self.run_cell::<UPDATED, 8, 2>(group, &mut trial, f, k)?;
+                    let cell = &mut Cell::<D, 8, 2>::zero(symmetric);
+                    self.run_group::<UPDATED>(group, &mut trial, f, cell)?;
+                    cell.store(k);
                 }
-                (_, 4) if self.links.is_whole(group) => {
-                    self.run_cell::<UPDATED, 4, 1>(group, &mut trial, f, k)?;
+                (3, 4) if self.links.is_whole(group) => {
+                    let cell = &mut Cell::<D, 4, 1>::zero(symmetric);
+                    self.run_group::<UPDATED>(group, &mut trial, f, cell)?;
+                    cell.store(k);
                 }
-                (2, 3) if self.links.is_whole(group) => {
-                    self.run_cell::<UPDATED, 3, 1>(group, &mut trial, f, k)?;
+                (2, 4) if symmetric && self.links.is_whole(group) => {
+                    let whole = &mut Whole::<D, 4>::zero();
+                    self.run_group::<UPDATED>(group, &mut trial, f, whole)?;
+                    whole.store(k);
+                }
+                (2, 3) if symmetric && self.links.is_whole(group) => {
+                    let whole = &mut Whole::<D, 3>::zero();
+                    self.run_group::<UPDATED>(group, &mut trial, f, whole)?;
+                    whole.store(k);
                 }
                 _ => {
                     k.fill([[0.0; D]; D]);
@@ -347,19 +361,6 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
                 }
             }
         }
-        Ok(())
-    }
-
-    fn run_cell<const UPDATED: bool, const N: usize, const C: usize>(
-        &self,
-        group: usize,
-        trial: &mut Trial<D>,
-        force: &mut [[f64; D]],
-        dense: &mut [Block<D>],
-    ) -> Result<(), PointFailure> {
-        let mut cell = Cell::<D, N, C>::zero(self.pairs.symmetric());
-        self.run_group::<UPDATED>(group, trial, force, &mut cell)?;
-        cell.store(dense);
         Ok(())
     }
 
@@ -399,55 +400,105 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
-        let task = self.task;
-        let nodes = task.links.nodes_of(self.group);
-        for p in task.links.points_of(self.group) {
-            let links = task.links.links(p);
-            let increment = Increment::new::<M>(nodes, &links, task.delta_d, &task.position[p]);
-            let (start, law) = (&task.start[p], task.law(p));
-            let isotropic = if UPDATED { None } else { M::respond_isotropic(start, &increment, law) };
-            if let Some(response) = &isotropic {
-                self.keep(p, &links, response)?;
-                continue;
-            }
-            let (n, here) = (task.history_len, p - self.trial.first);
-            let kept = law.state_fields().len();
-            let old = &task.old_history[p * n..][..kept];
-            let new = &mut self.trial.history[here * n..][..kept];
-            if UPDATED {
-                let response = M::respond_updated(start, &increment, law, old, new);
-                self.keep(p, &links, &response)?;
-            } else {
-                let response = M::respond(start, &increment, law, old, new);
-                self.keep(p, &links, &response)?;
-            }
+        let points = self.task.links.points_of(self.group);
+        let mut p = points.start;
+        while p < points.end {
+            p += match self.add_side_by_side(p..points.end)? {
+                Some(count) => count,
+                None => {
+                    self.add_one(p)?;
+                    1
+                }
+            };
         }
         Ok(())
     }
 }
 
-impl<const D: usize, M, K: Dense<D>, const UPDATED: bool> Vectorised<'_, '_, '_, D, M, K, UPDATED> {
+impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
+    Vectorised<'_, '_, '_, D, M, K, UPDATED>
+{
+    #[inline(always)]
+    fn increment(&self, p: usize) -> Increment<D> {
+        let task = self.task;
+        let nodes = task.links.nodes_of(self.group);
+        Increment::new::<M>(nodes, &task.links.links(p), task.delta_d, &task.position[p])
+    }
+
+    /// Adds the first points of a range side by side, where they have one law that can be evaluated so; returns how many.
+    #[inline(always)]
+    fn add_side_by_side(&mut self, points: Range<usize>) -> Result<Option<usize>, PointFailure> {
+        let task = self.task;
+        let p = points.start;
+        let law = task.law(p);
+        let kept = law.state_fields().len();
+        if UPDATED || law.side_by_side().is_none() || kept > MOST_HISTORY {
+            return Ok(None);
+        }
+        let alike = task.body[points].iter().take_while(|&&body| body == task.body[p]);
+        let count = alike.take(Lanes::WIDTH).count();
+        // Lanes that are left over repeat the last point.
+        let last = p + count - 1;
+        let of_lane = [p, last.min(p + 1), last.min(p + 2), last.min(p + 3)];
+        let [a, b, c, d] = of_lane;
+        let starts = [&task.start[a], &task.start[b], &task.start[c], &task.start[d]];
+        // Not by a closure, which might not be inlined and compiled for vector instructions.
+        let increments = [self.increment(a), self.increment(b), self.increment(c), self.increment(d)];
+        let n = task.history_len;
+        let mut history = [Lanes::ZERO; MOST_HISTORY];
+        for (h, lanes) in history[..kept].iter_mut().enumerate() {
+            *lanes = Lanes::gather(|l| task.old_history[of_lane[l] * n + h]);
+        }
+        let Some(responses) = M::respond_side_by_side(starts, &increments, law, &mut history[..kept]) else {
+            return Ok(None);
+        };
+        for (l, response) in responses[..count].iter().enumerate() {
+            let here = p + l - self.trial.first;
+            for (h, lanes) in history[..kept].iter().enumerate() {
+                self.trial.history[here * n + h] = lanes.0[l];
+            }
+            self.keep(p + l, response);
+        }
+        Ok(Some(count))
+    }
+
+    #[inline(always)]
+    fn add_one(&mut self, p: usize) -> Result<(), PointFailure> {
+        let task = self.task;
+        let failure = |error| PointFailure { point: p, error };
+        let (start, law, increment) = (&task.start[p], task.law(p), self.increment(p));
+        let isotropic = if UPDATED { None } else { M::respond_isotropic(start, &increment, law) };
+        if let Some(response) = isotropic {
+            self.keep(p, response.as_ref().map_err(|e| failure(*e))?);
+            return Ok(());
+        }
+        let (n, here) = (task.history_len, p - self.trial.first);
+        let kept = law.state_fields().len();
+        let old = &task.old_history[p * n..][..kept];
+        let new = &mut self.trial.history[here * n..][..kept];
+        if UPDATED {
+            let response = M::respond_updated(start, &increment, law, old, new);
+            self.keep(p, response.as_ref().map_err(|e| failure(*e))?);
+        } else {
+            let response = M::respond(start, &increment, law, old, new);
+            self.keep(p, response.as_ref().map_err(|e| failure(*e))?);
+        }
+        Ok(())
+    }
+
     /// Keeps the response of a point and adds its part.
     #[inline(always)]
-    fn keep<W: WeakForm<D>>(
-        &mut self,
-        point: usize,
-        links: &Links<D>,
-        response: &Result<PointResponse<W>, PointError>,
-    ) -> Result<(), PointFailure> {
-        let PointResponse { weak, tau, elastic_strain } = match response {
-            Ok(response) => response,
-            Err(error) => return Err(PointFailure { point, error: *error }),
-        };
-        let here = point - self.trial.first;
+    fn keep<W: WeakForm<D>>(&mut self, p: usize, response: &PointResponse<W>) {
+        let PointResponse { weak, tau, elastic_strain } = response;
+        let here = p - self.trial.first;
         self.trial.elastic_strain[here] = *elastic_strain;
         self.trial.kirchhoff_stress[here] = *tau;
+        let links = self.task.links.links(p);
         let gradients = match weak.inverse() {
             None => links.gradient,
             Some(inverse) => map_gradients(inverse, links.gradient, self.trial.mapped),
         };
-        self.dense.add(weak, links, gradients, self.force);
-        Ok(())
+        self.dense.add(weak, &links, gradients, self.force);
     }
 }
 

@@ -60,8 +60,7 @@ fn functions() {
         let b: Vec<Sym3> = e.iter().map(|e| e.map_eigenvalues(|x| (2.0 * x).exp())).collect();
         if in_plane {
             row("plane: exp", |p| plane::exp(&e[p]));
-            row("plane: log", |p| plane::log(&b[p]));
-            row("plane: log and its derivative", |p| plane::log_with_derivative(&b[p]));
+            row("plane: log and its derivative", |p| plane::log_with_derivative(&plane::components(&b[p])));
         } else {
             row("space: spectral decomposition", |p| b[p].spectrum());
             row("space: exp", |p| e[p].map_eigenvalues(f64::exp));
