@@ -173,6 +173,9 @@ pub fn external_force<const D: usize>(
     for group in 0..links.n_groups() {
         let nodes = links.nodes_of(group);
         for p in links.points_of(group) {
+            if at_points[p] == [0.0; D] {
+                continue; // most points, where forces act on some
+            }
             let of_point = links.links(p);
             for (&local, value) in of_point.local.iter().zip(of_point.value) {
                 let node = &mut force[nodes[local as usize] as usize];
