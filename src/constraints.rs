@@ -30,6 +30,13 @@ pub struct BoundaryCondition<const D: usize> {
     pub curve: LoadCurve,
 }
 
+/// Nodes nearer to the axis of revolution than this, relative to the size of a cell, lie on it.
+pub(crate) const ON_AXIS: f64 = 1e-6;
+
+/// What mends [`ConstraintError::LooseAxis`].
+pub(crate) const HOLD_THE_AXIS: &str =
+    "add `{name: axis, nodes: {x: 0}, fix: [x]}` to the boundary conditions";
+
 /// Two prescribed increments that differ by less than this, relative to their size, agree.
 const SAME: f64 = 1e-12;
 
@@ -75,6 +82,14 @@ pub enum ConstraintError {
         /// The increment that follows from it.
         value: f64,
     },
+    /// Nodes on the axis of a body of revolution are free to leave it, or made to.
+    #[error("{loose} of the {all} grid nodes of the body on the axis x = 0 can move off it")]
+    LooseAxis {
+        /// Number of these nodes.
+        loose: usize,
+        /// Number of nodes on the axis that points touch.
+        all: usize,
+    },
 }
 
 /// A degree of freedom: free with its unknown, or held by a boundary condition.
@@ -95,7 +110,8 @@ impl<const D: usize> DofMap<D> {
     /// Applies the boundary conditions of a step that runs from time `start` to time `end`.
     ///
     /// # Errors
-    /// [`ConstraintError`] when two conditions contradict each other or a formula is not finite.
+    /// [`ConstraintError`] when two conditions contradict each other, a formula is not finite, or nodes can leave the axis
+    /// of revolution.
     pub fn new(
         model: &Model<D>,
         points: &Points<D>,
@@ -142,6 +158,9 @@ impl<const D: usize> DofMap<D> {
                     }
                 }
             }
+        }
+        if model.revolved {
+            keep_axis(model, links, &dofs)?;
         }
         let mut n_free = 0;
         for dof in dofs.iter_mut().flatten() {
@@ -208,8 +227,25 @@ impl<const D: usize> DofMap<D> {
     }
 }
 
+/// The ring through a node on the axis has no radius; nothing else may move the node off it.
+fn keep_axis<const D: usize>(
+    model: &Model<D>,
+    links: &Connectivity<D>,
+    dofs: &[[Dof; D]],
+) -> Result<(), ConstraintError> {
+    let slack = ON_AXIS * model.grid.size(0);
+    let on_axis = (links.active_nodes().iter().zip(dofs))
+        .filter(|(node, _)| model.grid.node_position(**node as usize)[0] <= slack);
+    let (mut all, mut loose) = (0, 0);
+    for (_, dof) in on_axis {
+        all += 1;
+        loose += usize::from(!matches!(dof[0], Dof::Held { increment: 0.0, .. }));
+    }
+    if loose > 0 { Err(ConstraintError::LooseAxis { loose, all }) } else { Ok(()) }
+}
+
 /// Change of a prescribed displacement between two load factors; `None` stands for no displacement yet.
-fn displacement_increment<const D: usize>(
+pub(crate) fn displacement_increment<const D: usize>(
     formula: &Formula,
     place: &[f64; D],
     factors: [Option<f64>; 2],

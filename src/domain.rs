@@ -91,14 +91,8 @@ impl DomainUpdate {
                 let volume = F.determinant() * original.iter().product::<f64>();
                 with_volume(midsides, volume)
             }
-            DomainUpdate::DiagonalCorrected => {
-                let factor = volume_factor::<D>(F);
-                scaled(original, &|i| F[(i, i)] * factor)
-            }
-            DomainUpdate::DiagonalIncremental => {
-                let factor = volume_factor::<D>(dF);
-                scaled(previous, &|i| dF[(i, i)] * factor)
-            }
+            DomainUpdate::DiagonalCorrected => corrected(F, original),
+            DomainUpdate::DiagonalIncremental => corrected(dF, previous),
         };
         match lengths.iter().position(|l| l.is_nan() || *l <= 0.0) {
             Some(axis) => Err(Collapsed { axis, half_length: lengths[axis] }),
@@ -112,10 +106,16 @@ fn right_stretch(F: &Mat3) -> Sym3 {
     Sym3::symmetric_part(&(F.transpose() * F)).map_eigenvalues(f64::sqrt)
 }
 
-/// (det F / ∏ F_jj)^(1/n_D) of eqs. (38) and (39).
-fn volume_factor<const D: usize>(F: &Mat3) -> f64 {
-    let product: f64 = (0..D).map(|j| F[(j, j)]).product();
-    (F.determinant() / product).powf(1.0 / D as f64)
+/// l_i F_ii (det F / ∏ F_jj)^(1/n_D) of eqs. (38) and (39). Where the diagonal of F is not positive, no factor mends
+/// it, and the lengths are l_i F_ii as they are.
+fn corrected<const D: usize>(F: &Mat3, lengths: &[f64; D]) -> [f64; D] {
+    let factor = if (0..D).all(|j| F[(j, j)] > 0.0) {
+        let product: f64 = (0..D).map(|j| F[(j, j)]).product();
+        (F.determinant() / product).powf(1.0 / D as f64)
+    } else {
+        1.0
+    };
+    std::array::from_fn(|i| lengths[i] * F[(i, i)] * factor)
 }
 
 /// Scales lengths uniformly to a volume (both per 2^n_D), as eq. (37).

@@ -270,7 +270,7 @@ fn warn<const D: usize>(
     let body = &model.bodies[number];
     let name = &body.name;
     if let (Some(objection), Some(AtPoint { value, point })) =
-        (Objection::to(body.domain_update), measures.objection)
+        (Objection::to::<D>(body.domain_update), measures.objection)
         && !raised.update
         && value > objection.limit
     {

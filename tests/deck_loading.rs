@@ -304,3 +304,28 @@ steps: {count: 1}
     // The cut cells are measured by parts of a 32nd of their sides.
     assert!((sign * share / 100.0 - (area / exact - 1.0)).abs() < 3e-4, "{} {}", note.message, area / exact);
 }
+
+/// A ring touches no node on the axis until it closes: nothing needs to hold them.
+#[test]
+fn a_hollow_body_of_revolution_needs_nothing_on_the_axis() {
+    let text = "version: 1
+analysis: {idealisation: axisymmetric}
+grid: {type: structured, origin: [0, 0], size: [4, 2], spacing: 0.5}
+materials: {m: {model: hencky, young: 1, poisson: 0}}
+bodies:
+  - {name: ring, material: m, method: mpm, points_per_cell: 2, shape: {type: box, min: [INNER, 0], max: [3, 1]}}
+boundary_conditions: [{name: floor, nodes: {y: 0}, fix: [y]}]
+loads: [{name: push, type: body-force, force: [0, -1]}]
+steps: {count: 1}
+";
+    let codes = |inner: &str| -> Vec<&str> {
+        let text = text.replace("INNER", inner);
+        let loaded = load_text("deck.yaml", text.as_bytes(), &[]).unwrap_or_else(|e| panic!("{e}"));
+        match ready(&loaded, None) {
+            Ok(_) => Vec::new(),
+            Err(found) => found.iter().filter(|found| found.is_error()).map(|found| found.code).collect(),
+        }
+    };
+    assert_eq!(codes("0.5"), [""; 0]);
+    assert_eq!(codes("0"), ["D046"]);
+}

@@ -3,11 +3,13 @@
 
 use std::path::Path;
 
-use mpm::deck::{build::build, load::load};
+use mpm::deck::build::build;
+use mpm::deck::diagnostic::Diagnostic;
+use mpm::deck::load::{LoadedDeck, load};
 use mpm::model::Model;
 use mpm::points::{Points, State};
 use mpm::solver::{self, Observer, StepReport, Summary};
-use mpm::stress::PlaneStrain;
+use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid};
 
 /// Everything a run computes, as bits.
 #[derive(Default)]
@@ -21,8 +23,9 @@ fn bits(values: impl IntoIterator<Item = f64>) -> Vec<u64> {
     values.into_iter().map(f64::to_bits).collect()
 }
 
-fn bits_of(state: &State<2>) -> Vec<u64> {
+fn bits_of<const D: usize>(state: &State<D>) -> Vec<u64> {
     let mut all = bits(state.position.iter().flatten().copied());
+    all.extend(bits(state.corners.iter().flatten().copied()));
     all.extend(bits(state.half_lengths.iter().flatten().copied()));
     all.extend(bits(state.deformation_gradient.iter().flatten().copied()));
     all.extend(bits(state.elastic_strain.iter().flat_map(|e| e.0)));
@@ -31,12 +34,12 @@ fn bits_of(state: &State<2>) -> Vec<u64> {
     all
 }
 
-impl Observer<2> for Bits {
+impl<const D: usize> Observer<D> for Bits {
     fn converged(
         &mut self,
-        _: &Model<2>,
-        points: &Points<2>,
-        report: &StepReport<2>,
+        _: &Model<D>,
+        points: &Points<D>,
+        report: &StepReport<D>,
         _: &Summary,
     ) -> std::io::Result<()> {
         self.residuals.extend(bits(report.residuals.iter().copied()));
@@ -46,8 +49,16 @@ impl Observer<2> for Bits {
     }
 }
 
+type Build<const D: usize> = fn(&LoadedDeck) -> Result<(Model<D>, Points<D>), Vec<Diagnostic>>;
+
 /// The first `steps` of the load steps of a deck, with this many threads.
-fn run(deck: &str, set: &[(&str, &str)], steps: usize, threads: usize) -> Bits {
+fn run<const D: usize, M: Mechanics<D>>(
+    build: Build<D>,
+    deck: &str,
+    set: &[(&str, &str)],
+    steps: usize,
+    threads: usize,
+) -> Bits {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs").join(deck);
     let set: Vec<(String, String)> = set.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
     let (mut model, mut points) = build(&load(&path, &set).unwrap()).unwrap();
@@ -57,17 +68,17 @@ fn run(deck: &str, set: &[(&str, &str)], steps: usize, threads: usize) -> Bits {
     pool.install(|| {
         assert_eq!(rayon::current_num_threads(), threads);
         let mut observer = Bits::default();
-        let outcome = solver::run::<2, PlaneStrain>(&model, &mut points, &mut observer);
+        let outcome = solver::run::<D, M>(&model, &mut points, &mut observer);
         outcome.unwrap_or_else(|error| panic!("{error}"));
         observer
     })
 }
 
-fn check(deck: &str, set: &[(&str, &str)], steps: usize) {
-    let one = run(deck, set, steps, 1);
+fn check<const D: usize, M: Mechanics<D>>(build: Build<D>, deck: &str, set: &[(&str, &str)], steps: usize) {
+    let one = run::<D, M>(build, deck, set, steps, 1);
     assert_eq!(one.states.len(), steps);
     for threads in [2, 3] {
-        let more = run(deck, set, steps, threads);
+        let more = run::<D, M>(build, deck, set, steps, threads);
         assert!(one.residuals == more.residuals, "{deck} {set:?}: residuals differ with {threads} threads");
         assert!(one.reactions == more.reactions, "{deck} {set:?}: reactions differ with {threads} threads");
         for (step, (a, b)) in one.states.iter().zip(&more.states).enumerate() {
@@ -79,13 +90,25 @@ fn check(deck: &str, set: &[(&str, &str)], steps: usize) {
 #[test]
 fn cantilever() {
     for method in ["mpm", "gimp"] {
-        check("beam.yaml", &[("method", method), ("h", "0.25"), ("n", "3")], 12);
+        check::<2, PlaneStrain>(build, "beam.yaml", &[("method", method), ("h", "0.25"), ("n", "3")], 12);
     }
 }
 
 #[test]
 fn collapse() {
     for method in ["mpm", "gimp"] {
-        check("collapse.yaml", &[("method", method), ("h", "0.5"), ("n", "3")], 15);
+        check::<2, PlaneStrain>(build, "collapse.yaml", &[("method", method), ("h", "0.5"), ("n", "3")], 15);
     }
+}
+
+#[test]
+fn block_in_space() {
+    for method in ["mpm", "gimp", "cpdi2"] {
+        check::<3, Solid>(build, "block/block.yaml", &[("method", method), ("h", "0.5"), ("n", "2")], 2);
+    }
+}
+
+#[test]
+fn cone_of_revolution() {
+    check::<2, Axisymmetric>(build, "cone/revolved.yaml", &[("h", "0.25")], 3);
 }

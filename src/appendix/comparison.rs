@@ -8,8 +8,9 @@ use super::curves::{self, Progress};
 use super::field::StepChoice;
 use super::number::plain;
 use super::page::{Cell, Page, Table, escape};
-use super::picture::{Gallery, Scene};
+use super::picture::Gallery;
 use super::run::{Run, State};
+use super::scene::Scene;
 use super::sections::{
     banner, foot, largest_residual, machine, naming, program, started, state_in_words, steps_in_words,
     wall_time, warnings,
@@ -223,7 +224,7 @@ fn deformed_points(
     options: &Options,
     naming: &Naming,
 ) -> Result<(), ReportError> {
-    let shown: Vec<&Run> = runs.iter().filter(|run| !run.points.is_empty() && run.is_plane()).collect();
+    let shown: Vec<&Run> = runs.iter().filter(|run| !run.points.is_empty()).collect();
     if shown.is_empty() {
         return Ok(());
     }
@@ -244,7 +245,7 @@ fn deformed_points(
     if shown.len() < runs.len() {
         let missing: Vec<String> = runs
             .iter()
-            .filter(|run| run.points.is_empty() || !run.is_plane())
+            .filter(|run| run.points.is_empty())
             .map(|run| format!("<code>{}</code>", escape(&run.name)))
             .collect();
         page.paragraph(&format!("No pictures can be made of {}.", missing.join(", ")));

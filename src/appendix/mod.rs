@@ -3,7 +3,8 @@
 //! A page is one file of HTML without anything from elsewhere: it can be sent, printed and kept. It is made from the
 //! files of the results alone, so a report can be written long after the run, or while it goes on.
 //!
-//! `run` reads a directory. `chart` (with `scale`) draws curves, `picture` (with `raster` and `colour`) the points;
+//! `run` reads a directory. `chart` (with `scale`) draws curves, `picture` (with `scene`, `view`, `raster` and
+//! `colour`) the points;
 //! `page` numbers sections, figures and tables. `single` and `comparison` say what stands where.
 
 mod chart;
@@ -17,9 +18,11 @@ mod picture;
 mod raster;
 mod run;
 mod scale;
+mod scene;
 mod sections;
 mod single;
 mod units;
+mod view;
 
 use std::io;
 use std::path::{Path, PathBuf};

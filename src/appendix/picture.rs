@@ -1,22 +1,21 @@
-//! Pictures of the deformed points: their domains as polygons, coloured by a field, over the active cells of the grid.
+//! Pictures of the deformed points: their domains as polygons, coloured by a field, over the active cells of the grid;
+//! in space, what is seen of them.
 
-use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-
-use crate::output::vtu::read::Section;
 
 use super::ReportError;
 use super::colour::{ColourMap, hex};
 use super::field::FieldChoice;
 use super::number::html;
 use super::page::escape;
-use super::raster::Raster;
-use super::run::{Run, Snapshot, read_mesh, values};
+use super::raster::{Raster, Rgba};
 use super::scale::Scale;
+use super::scene::{NOWHERE, Polygon, Scene, around};
 use super::units::{Naming, Quantity};
+use super::view::View;
 
 /// Pixels of the raster for a pixel of the screen: enough for paper.
 const DENSITY: f64 = 2.5;
@@ -28,114 +27,10 @@ const HALF: f64 = 352.0;
 const HIGHEST: f64 = 520.0;
 /// Space left of the axes, above and below them.
 const MARGIN: [f64; 3] = [58.0, 24.0, 44.0];
+/// Colour of outlines.
+const OUTLINE: Rgba = [0, 0, 0, 90];
 /// Smallest domain whose outline is drawn, in pixels of the raster.
 const OUTLINED: f64 = 6.0;
-
-/// One state of the points.
-#[derive(Debug)]
-pub(super) struct Scene {
-    /// What is written over it, in plain text.
-    pub title: String,
-    /// Value of the field at each point.
-    pub values: Vec<f64>,
-    /// Position of each point.
-    positions: Vec<[f64; 2]>,
-    /// Radius of each point that has no domain, 0 of those that have one.
-    radii: Vec<f64>,
-    /// Corners of the domains and the numbers of their points.
-    domains: Vec<(Vec<[f64; 2]>, usize)>,
-    /// Sides of the active cells, each once.
-    sides: Vec<[[f64; 2]; 2]>,
-}
-
-fn plane(position: [f64; 3]) -> [f64; 2] {
-    [position[0], position[1]]
-}
-
-/// The cells of a mesh as polygons.
-fn polygons(positions: &[[f64; 3]], corners: Vec<Vec<usize>>) -> Vec<Vec<[f64; 2]>> {
-    corners
-        .into_iter()
-        .map(|cell| cell.into_iter().map(|corner| plane(positions[corner])).collect())
-        .collect()
-}
-
-/// The sides of some cells; neighbours share theirs.
-fn sides(cells: &[Vec<usize>]) -> impl Iterator<Item = [usize; 2]> {
-    let of_cell = |corners: &Vec<usize>| {
-        let side = |k: usize| [corners[k], corners[(k + 1) % corners.len()]];
-        (0..corners.len()).map(side).map(|[a, b]| [a.min(b), a.max(b)]).collect::<Vec<_>>()
-    };
-    cells.iter().flat_map(of_cell).collect::<BTreeSet<_>>().into_iter()
-}
-
-impl Scene {
-    /// Reads a state of a run.
-    pub fn read(
-        run: &Run,
-        snapshot: &Snapshot,
-        field: &FieldChoice,
-        title: String,
-    ) -> Result<Scene, ReportError> {
-        let points = read_mesh(&snapshot.path)?;
-        let positions = points.positions().map_err(ReportError::from_reader)?;
-        let volumes = values(&points, Section::PointData, "volume")?;
-        // The square of a ring is its section.
-        let round = |x: f64| {
-            if run.is_revolved() { std::f64::consts::TAU * x.abs().max(f64::MIN_POSITIVE) } else { 1.0 }
-        };
-        let areas = volumes.iter().zip(&positions).map(|(volume, x)| volume.abs() / round(x[0]));
-        let mut scene = Scene {
-            title,
-            values: field.values(&points)?,
-            positions: positions.iter().copied().map(plane).collect(),
-            // As the squares of a standard point's volume, a little apart.
-            radii: areas.map(|area| 0.45 * area.sqrt()).collect(),
-            domains: Vec::new(),
-            sides: Vec::new(),
-        };
-        if let Some(mesh) = run.mesh("domains", snapshot.step)? {
-            let positions = mesh.positions().map_err(ReportError::from_reader)?;
-            let corners = mesh.corners().map_err(ReportError::from_reader)?;
-            let ids = values(&mesh, Section::CellData, "point_id")?;
-            for (polygon, id) in polygons(&positions, corners).into_iter().zip(ids) {
-                // Points stand in the order of their numbers.
-                if let Some(radius) = scene.radii.get_mut(id as usize) {
-                    *radius = 0.0;
-                    scene.domains.push((polygon, id as usize));
-                }
-            }
-        }
-        if let Some(mesh) = run.mesh("grid", snapshot.step)? {
-            let positions = mesh.positions().map_err(ReportError::from_reader)?;
-            let corners = mesh.corners().map_err(ReportError::from_reader)?;
-            scene.sides = sides(&corners).map(|side| side.map(|node| plane(positions[node]))).collect();
-        }
-        Ok(scene)
-    }
-
-    fn has_domains(&self) -> bool {
-        !self.domains.is_empty()
-    }
-
-    /// Smallest and largest coordinates.
-    fn extent(&self) -> [[f64; 2]; 2] {
-        let corners = self.domains.iter().flat_map(|(corners, _)| corners).chain(self.sides.iter().flatten());
-        let mut extent = corners.chain(&self.positions).fold(NOWHERE, |e, p| around(e, [*p, *p]));
-        for (position, radius) in self.positions.iter().zip(&self.radii) {
-            extent = around(extent, [position.map(|x| x - radius), position.map(|x| x + radius)]);
-        }
-        extent
-    }
-}
-
-/// The extent of nothing.
-const NOWHERE: [[f64; 2]; 2] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-
-/// The extent of two extents.
-fn around(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
-    [[a[0][0].min(b[0][0]), a[0][1].min(b[0][1])], [a[1][0].max(b[1][0]), a[1][1].max(b[1][1])]]
-}
 
 /// The place of a picture on the page and its axes.
 struct Frame {
@@ -202,7 +97,10 @@ impl<'a> Gallery<'a> {
         let (title, unit) = (escape(&self.field.title()), naming.unit(self.field.quantity()));
         let with_domains = self.scenes.iter().any(Scene::has_domains);
         let with_points = self.scenes.iter().any(|scene| scene.radii.iter().any(|radius| *radius > 0.0));
+        let in_space = self.scenes.iter().any(|scene| scene.space.is_some());
         let shapes = match (with_domains, with_points) {
+            (true, true) if in_space => "domains of the material points, or cubes for those without domain",
+            (false, true) if in_space => "material points, as cubes of their volume",
             (true, true) => "domains of the material points, or discs for those without domain",
             (true, false) => "domains of the material points",
             _ => "material points",
@@ -217,6 +115,16 @@ impl<'a> Gallery<'a> {
             text.push_str("; those beyond the ends of the scale, less than 1\u{a0}% of all, have the colours of its ends");
         }
         text.push('.');
+        if let Some([low, high]) = self.scenes.last().and_then(|scene| scene.space) {
+            let place = |x: [f64; 3]| x.map(|x| html(x, 4)).join(", ");
+            let unit = escape(&naming.unit(Quantity::Length));
+            let _ = write!(
+                text,
+                " The last picture shows what lies between ({}) and ({})\u{a0}{unit}.",
+                place(low),
+                place(high)
+            );
+        }
         text
     }
 
@@ -244,10 +152,7 @@ impl<'a> Gallery<'a> {
     fn picture(&self, scene: &Scene, frame: &Frame, naming: &Naming) -> Result<String, ReportError> {
         let png = self.raster(scene, frame).png().map_err(ReportError::from_reader)?;
         let [left, top, _] = MARGIN;
-        let ([width, height], [low, high]) = (frame.size, frame.extent);
-        let (right, bottom) = (left + width, top + height);
-        let x = Scale::linear([low[0], high[0]], [left, right], (width / 55.0) as usize, false);
-        let y = Scale::linear([low[1], high[1]], [bottom, top], (height / 45.0) as usize, false);
+        let [width, height] = frame.size;
         let title = escape(&scene.title);
         let mut svg = format!(
             "<svg class=\"picture\" viewBox=\"0 0 {} {:.1}\" role=\"img\" aria-label=\"{} at {title}\">\n\
@@ -260,35 +165,11 @@ impl<'a> Gallery<'a> {
             escape(&self.field.title()),
             STANDARD.encode(png),
         );
-        for tick in &x.ticks {
-            let (place, line) = (x.place(tick.value), bottom + 18.0);
-            let _ = writeln!(
-                svg,
-                "<path class=\"tick\" d=\"M{place:.1} {bottom:.1}v5\"/>\
-                 <text class=\"x\" x=\"{place:.1}\" y=\"{line:.1}\">{}</text>",
-                tick.label
-            );
+        match &scene.space {
+            None => axes_in_plane(&mut svg, frame, naming),
+            Some(_) => axes_in_space(&mut svg, frame),
         }
-        for tick in &y.ticks {
-            let place = y.place(tick.value);
-            let _ = writeln!(
-                svg,
-                "<path class=\"tick\" d=\"M{left} {place:.1}h-5\"/><text class=\"y\" x=\"{}\" y=\"{:.1}\">{}</text>",
-                left - 8.0,
-                place + 4.0,
-                tick.label
-            );
-        }
-        let _ = writeln!(
-            svg,
-            "<text class=\"name x\" x=\"{:.1}\" y=\"{:.1}\">{}</text>\
-             <text class=\"name y\" transform=\"translate(13 {:.1}) rotate(-90)\">{}</text>\n</g>\n</svg>",
-            0.5 * (left + right),
-            bottom + 36.0,
-            escape(&naming.label("x", Quantity::Length, x.power)),
-            0.5 * (top + bottom),
-            escape(&naming.label("y", Quantity::Length, y.power)),
-        );
+        svg.push_str("</g>\n</svg>\n");
         Ok(svg)
     }
 
@@ -299,25 +180,31 @@ impl<'a> Gallery<'a> {
         for [a, b] in &scene.sides {
             raster.line(frame.pixel(*a), frame.pixel(*b), 1.2, [128, 128, 128, 150]);
         }
-        let opaque = |value: f64| {
-            let [r, g, b] = self.map.colour(value);
+        let opaque = |value: f64, shade: f64| {
+            let [r, g, b] = self.map.colour(value).map(|c| (shade * f64::from(c)).round() as u8);
             [r, g, b, 255]
         };
         let mut area = 0.0;
-        for (corners, point) in &scene.domains {
-            let corners = on_raster(corners);
-            area += area_of(&corners).abs();
-            raster.fill(&corners, opaque(scene.values[*point]));
+        for Polygon { corners, .. } in &scene.domains {
+            area += area_of(&on_raster(corners)).abs();
         }
-        if area > OUTLINED * OUTLINED * scene.domains.len() as f64 {
-            for (corners, _) in &scene.domains {
-                raster.outline(&on_raster(corners), 0.7, [0, 0, 0, 90]);
+        let outlined = area > OUTLINED * OUTLINED * scene.domains.len() as f64;
+        for Polygon { corners, point, shade } in &scene.domains {
+            let corners = on_raster(corners);
+            raster.fill(&corners, opaque(scene.values[*point], *shade));
+            if outlined && scene.space.is_some() {
+                raster.outline(&corners, 0.7, OUTLINE); // what is nearer covers it
+            }
+        }
+        if outlined && scene.space.is_none() {
+            for Polygon { corners, .. } in &scene.domains {
+                raster.outline(&on_raster(corners), 0.7, OUTLINE);
             }
         }
         let unit = frame.pixel([1.0, 0.0])[0] - frame.pixel([0.0, 0.0])[0];
         for ((position, radius), value) in scene.positions.iter().zip(&scene.radii).zip(&scene.values) {
             if *radius > 0.0 {
-                raster.disc(frame.pixel(*position), (radius * unit).max(0.6), opaque(*value));
+                raster.disc(frame.pixel(*position), (radius * unit).max(0.6), opaque(*value, 1.0));
             }
         }
         raster
@@ -367,6 +254,66 @@ impl<'a> Gallery<'a> {
     }
 }
 
+/// Ticks and names of x and y.
+fn axes_in_plane(svg: &mut String, frame: &Frame, naming: &Naming) {
+    let [left, top, _] = MARGIN;
+    let ([width, height], [low, high]) = (frame.size, frame.extent);
+    let (right, bottom) = (left + width, top + height);
+    let x = Scale::linear([low[0], high[0]], [left, right], (width / 55.0) as usize, false);
+    let y = Scale::linear([low[1], high[1]], [bottom, top], (height / 45.0) as usize, false);
+    for tick in &x.ticks {
+        let (place, line) = (x.place(tick.value), bottom + 18.0);
+        let _ = writeln!(
+            svg,
+            "<path class=\"tick\" d=\"M{place:.1} {bottom:.1}v5\"/>\
+             <text class=\"x\" x=\"{place:.1}\" y=\"{line:.1}\">{}</text>",
+            tick.label
+        );
+    }
+    for tick in &y.ticks {
+        let place = y.place(tick.value);
+        let _ = writeln!(
+            svg,
+            "<path class=\"tick\" d=\"M{left} {place:.1}h-5\"/><text class=\"y\" x=\"{}\" y=\"{:.1}\">{}</text>",
+            left - 8.0,
+            place + 4.0,
+            tick.label
+        );
+    }
+    let _ = writeln!(
+        svg,
+        "<text class=\"name x\" x=\"{:.1}\" y=\"{:.1}\">{}</text>\
+         <text class=\"name y\" transform=\"translate(13 {:.1}) rotate(-90)\">{}</text>",
+        0.5 * (left + right),
+        bottom + 36.0,
+        escape(&naming.label("x", Quantity::Length, x.power)),
+        0.5 * (top + bottom),
+        escape(&naming.label("y", Quantity::Length, y.power)),
+    );
+}
+
+/// The directions of the axes in the picture.
+fn axes_in_space(svg: &mut String, frame: &Frame) {
+    const LENGTH: f64 = 26.0;
+    let view = View::new();
+    let [left, top, _] = MARGIN;
+    let foot = top + frame.size[1];
+    let origin = [0.5 * left, foot];
+    for (name, axis) in [("x", [1.0, 0.0, 0.0]), ("y", [0.0, 1.0, 0.0]), ("z", [0.0, 0.0, 1.0])] {
+        let [u, v] = view.project(axis).map(|c| c * LENGTH);
+        let _ = writeln!(
+            svg,
+            "<path class=\"tick\" d=\"M{:.1} {:.1}l{u:.1} {:.1}\"/>\
+             <text class=\"x\" x=\"{:.1}\" y=\"{:.1}\">{name}</text>",
+            origin[0],
+            origin[1],
+            -v,
+            origin[0] + 1.35 * u,
+            origin[1] - 1.35 * v + 4.0,
+        );
+    }
+}
+
 /// Twice signed area by the shoelace formula, halved.
 fn area_of(corners: &[[f64; 2]]) -> f64 {
     let cross = |k: usize| {
@@ -399,6 +346,7 @@ mod tests {
             values,
             domains: Vec::new(),
             sides: vec![[[-0.5, -0.5], [9.5, -0.5]], [[9.5, -0.5], [9.5, 0.5]]],
+            space: None,
         }
     }
 

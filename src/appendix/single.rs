@@ -9,8 +9,9 @@ use super::curves::{self, AXES, Progress};
 use super::field::StepChoice;
 use super::number::{duration, html, memory};
 use super::page::{Cell, Page, Table, escape};
-use super::picture::{Gallery, Scene};
+use super::picture::Gallery;
 use super::run::Run;
+use super::scene::Scene;
 use super::sections::{
     banner, foot, in_words, largest_residual, machine, naming, program, started, steps_in_words, title_block,
     wall_time, warnings, with_unit,
@@ -270,12 +271,6 @@ fn deformed_points(
     page.section("Deformed points");
     if run.points.is_empty() {
         page.paragraph("The run wrote no VTU files of the points, so there are no pictures.");
-        return Ok(());
-    }
-    if !run.is_plane() {
-        page.paragraph(
-            "Pictures are made of problems in two dimensions; open <code>points.pvd</code> in ParaView.",
-        );
         return Ok(());
     }
     let snapshots = StepChoice::find_all(&options.steps, &run.points)?;

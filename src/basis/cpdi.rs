@@ -37,7 +37,7 @@ impl<const D: usize> Basis<D> for Cpdi {
         out.clear();
         out.cells.push(point.cell);
         for (corner, place) in point.corners.iter().enumerate() {
-            let cell = grid.locate(place, Some(point.cell)).ok_or_else(|| off_grid(corner, place))?;
+            let cell = cell_of_corner(grid, corner, place, point.cell)?;
             out.cells.push(cell);
             let basis = grid.basis_at(cell, place);
             for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
@@ -51,8 +51,32 @@ impl<const D: usize> Basis<D> for Cpdi {
     }
 }
 
-fn off_grid<const D: usize>(corner: usize, place: &[f64; D]) -> SupportError {
-    SupportError::CornerOffGrid { corner, position: padded(place), dimension: D }
+/// How far outside the grid a corner may be, in cells. The corners of CPDI1 follow the deformation of their point, not
+/// that of the border, and leave the grid by a little where a body slides along a wall.
+pub const CORNER_MARGIN: f64 = 0.1;
+
+/// The cell that holds a place, or the nearest, and how far outside the place is, in cells: the sum of the negative
+/// values of its continued basis there.
+pub fn nearest_with_distance<const D: usize>(grid: &dyn Grid<D>, place: &[f64; D], hint: u32) -> (u32, f64) {
+    if let Some(cell) = grid.locate(place, Some(hint)) {
+        return (cell, 0.0);
+    }
+    let cell = grid.nearest_cell(place);
+    let basis = grid.basis_at(cell, place);
+    (cell, -basis.value().iter().map(|value| value.min(0.0)).sum::<f64>())
+}
+
+/// The cell whose basis a corner gets; just outside the grid it is continued, so that linear fields stay exact.
+fn cell_of_corner<const D: usize>(
+    grid: &dyn Grid<D>,
+    corner: usize,
+    place: &[f64; D],
+    hint: u32,
+) -> Result<u32, SupportError> {
+    match nearest_with_distance(grid, place, hint) {
+        (cell, outside) if outside <= CORNER_MARGIN => Ok(cell),
+        _ => Err(SupportError::CornerOffGrid { corner, position: padded(place), dimension: D }),
+    }
 }
 
 /// Whether a domain given by its corners lies in the grid and is neither inverted nor crosses itself; `cell` is where
@@ -66,7 +90,7 @@ pub fn check_domain<const D: usize>(
     cell: u32,
 ) -> Result<(), SupportError> {
     for (corner, place) in corners.iter().enumerate() {
-        grid.locate(place, Some(cell)).ok_or_else(|| off_grid(corner, place))?;
+        cell_of_corner(grid, corner, place, cell)?;
     }
     CornerWeights::new(corners).map(|_| ())
 }

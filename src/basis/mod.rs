@@ -11,7 +11,7 @@ use crate::grid::Grid;
 use crate::points::coordinates;
 
 pub use connectivity::{Connectivity, Links, SupportFailure};
-pub use cpdi::{Cpdi, check_domain, domain_volume};
+pub use cpdi::{CORNER_MARGIN, Cpdi, check_domain, domain_volume, nearest_with_distance};
 pub use gimp::Gimp;
 pub use mpm::Mpm;
 

@@ -77,6 +77,14 @@ where
     }
 }
 
+/// The load curve that a deck gives; from 0 to 1 over the analysis where it gives none.
+pub(super) fn load_curve(curve: Option<&CurveDeck>, end_time: f64) -> LoadCurve {
+    match curve {
+        Some(CurveDeck(pairs)) => LoadCurve::table(pairs.clone()),
+        None => LoadCurve::ramp(end_time),
+    }
+}
+
 /// The law of a material.
 fn law(material: &MaterialDeck) -> Box<dyn Material> {
     match *material {
@@ -151,7 +159,7 @@ where
         let boundary_conditions = self.boundary_conditions(grid.as_ref());
         let loads = self.loads(grid.as_ref(), &points);
         if revolved {
-            self.found.extend(axisymmetry::faults(self.loaded, grid.as_ref(), &boundary_conditions));
+            self.found.extend(axisymmetry::faults(self.loaded, grid.as_ref()));
         }
         let probes = self.probes(grid.as_ref(), &points);
         let model = Model {
@@ -334,13 +342,6 @@ where
         }
     }
 
-    fn curve(&self, curve: &Option<CurveDeck>) -> LoadCurve {
-        match curve {
-            Some(CurveDeck(pairs)) => LoadCurve::table(pairs.clone()),
-            None => LoadCurve::ramp(self.deck.steps.end_time),
-        }
-    }
-
     fn faulty_formulas(&mut self, pointer: &str, faults: Vec<formulas::Fault>) {
         for fault in faults {
             let help = "see the reference of formulas".to_owned();
@@ -369,7 +370,7 @@ where
                 name: condition.name.clone(),
                 nodes,
                 displacement,
-                curve: self.curve(&condition.curve),
+                curve: load_curve(condition.curve.as_ref(), self.deck.steps.end_time),
             });
         }
         conditions
@@ -472,7 +473,7 @@ where
                     name: name.clone(),
                     action: Action::Gravity(array(acceleration)),
                     acts_on: self.acts_on(bodies.as_deref()),
-                    curve: self.curve(curve),
+                    curve: load_curve(curve.as_ref(), self.deck.steps.end_time),
                 },
                 LoadDeck::BodyForce { name, force, intermediate, bodies, curve } => {
                     match at_points::<D>(force, intermediate, &self.loaded.parameters) {
@@ -480,7 +481,7 @@ where
                             name: name.clone(),
                             action: Action::BodyForce(formula),
                             acts_on: self.acts_on(bodies.as_deref()),
-                            curve: self.curve(curve),
+                            curve: load_curve(curve.as_ref(), self.deck.steps.end_time),
                         },
                         Err(faults) => {
                             self.faulty_formulas(&pointer, faults);
@@ -500,7 +501,7 @@ where
                             force: array::<D>(total).map(|f| f * share),
                         },
                         acts_on: self.acts_on(Some(std::slice::from_ref(body))),
-                        curve: self.curve(curve),
+                        curve: load_curve(curve.as_ref(), self.deck.steps.end_time),
                     }
                 }
             });

@@ -8,7 +8,7 @@ use super::load::LoadedDeck;
 use super::source::escape;
 use super::{AXES, Expression, LoadDeck, Parameter};
 use crate::basis::{Connectivity, Method, SupportFailure};
-use crate::constraints::{ConstraintError, DofMap, NodeSet};
+use crate::constraints::{ConstraintError, DofMap, HOLD_THE_AXIS, NodeSet};
 use crate::loads::{LoadNotFinite, external_force};
 use crate::model::Model;
 use crate::points::{Points, coordinates};
@@ -133,6 +133,10 @@ impl Check<'_> {
                 let pointer = format!("/boundary_conditions/{}/u{axis}", number(name));
                 let found = self.at("D043", &pointer, error.to_string());
                 found.help("the formula divides by zero or leaves its domain there")
+            }
+            ConstraintError::LooseAxis { .. } => {
+                let found = self.at("D046", "/boundary_conditions", error.to_string());
+                found.help(HOLD_THE_AXIS)
             }
         };
         self.found.push(found);

@@ -5,6 +5,7 @@
 
 mod geometry;
 mod loading;
+mod prescribed_motion;
 mod shape;
 mod suspicions;
 mod units;

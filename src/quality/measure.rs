@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::motion::{Objection, rotation_of_turn, shear, turn};
-use crate::basis::{Connectivity, DomainKind, domain_volume};
+use crate::basis::{CORNER_MARGIN, Connectivity, DomainKind, domain_volume, nearest_with_distance};
 use crate::grid::{Grid, MAX_CORNERS};
 use crate::model::Model;
 use crate::points::Points;
@@ -100,7 +100,7 @@ impl Measures {
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Measures {
         let objections: Vec<Option<Objection>> = (model.bodies.iter())
             .map(|body| match body.method.domain() {
-                DomainKind::Box => Objection::to(body.domain_update),
+                DomainKind::Box => Objection::to::<D>(body.domain_update),
                 DomainKind::None | DomainKind::Corners => None,
             })
             .collect();
@@ -159,8 +159,8 @@ impl Measures {
             let sum: f64 = links.links(p).value.iter().sum();
             keep(&mut body.partition_of_unity_loss, (1.0 - sum).max(0.0));
             let gradient = &points.trial.deformation_gradient[p];
-            keep(&mut body.rotation, turn(gradient));
-            keep(&mut body.shear, shear(gradient));
+            keep(&mut body.rotation, turn::<D>(gradient));
+            keep(&mut body.shear, shear::<D>(gradient));
             if let Some(objection) = &objections[number] {
                 keep(&mut body.objection, objection.measure(gradient));
             }
@@ -225,10 +225,10 @@ fn share_of_box_outside<const D: usize>(grid: &dyn Grid<D>, x: &[f64; D], half_l
     1.0 - inside
 }
 
-/// Share of the corners of a domain outside the grid.
+/// Share of the corners of a domain outside the grid. Up to the distance that CPDI allows for, a corner counts in part.
 fn share_of_corners_outside<const D: usize>(grid: &dyn Grid<D>, corners: &[[f64; D]], hint: u32) -> f64 {
-    let outside = corners.iter().filter(|corner| grid.locate(corner, Some(hint)).is_none()).count();
-    outside as f64 / corners.len().max(1) as f64
+    let part = |corner| (nearest_with_distance(grid, corner, hint).1 / CORNER_MARGIN).min(1.0);
+    corners.iter().map(part).sum::<f64>() / corners.len().max(1) as f64
 }
 
 /// Residuals below this are round-off.

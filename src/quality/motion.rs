@@ -1,54 +1,93 @@
-//! The motion of a point in the plane of the first two axes, and what Table 2 holds against a domain update in it.
+//! The motion of a point, and what Table 2 holds against a domain update in it.
+//!
+//! In the plane (`D` = 2) the third direction is no axis of a domain, whatever F_zz is.
 #![allow(non_snake_case)]
 
 use crate::domain::DomainUpdate;
-use crate::tensor::Mat3;
+use crate::tensor::spectral::Spectrum;
+use crate::tensor::{Mat3, Sym3};
 
-/// Rotation of the polar decomposition F = R U, counterclockwise, [degrees].
-pub fn rotation(F: &Mat3) -> f64 {
-    (F[(1, 0)] - F[(0, 1)]).atan2(F[(0, 0)] + F[(1, 1)]).to_degrees()
-}
-
-/// A number from 0 to 2 that grows with the magnitude of the rotation and costs less.
+/// A number from 0 to 2 that grows with the angle of the rotation in F = R U and costs less.
 #[inline]
-pub fn turn(F: &Mat3) -> f64 {
-    let (c, s) = (F[(0, 0)] + F[(1, 1)], (F[(1, 0)] - F[(0, 1)]).abs());
+pub fn turn<const D: usize>(F: &Mat3) -> f64 {
+    let (c, s) = cosine_and_sine::<D>(F);
     let part = s / (c.abs() + s);
     if c >= 0.0 { part } else { 2.0 - part }
 }
 
-/// The rotation of a [`turn`], [degrees].
+/// The angle of a [`turn`], from 0 to 180, [degrees].
 pub fn rotation_of_turn(turn: f64) -> f64 {
     let (s, c) = if turn <= 1.0 { (turn, 1.0 - turn) } else { (2.0 - turn, 1.0 - turn) };
     s.atan2(c).to_degrees()
 }
 
-/// Tangent of the angle by which the axes of the original configuration have left the right angle: γ in simple shear,
-/// zero in stretch along the axes, and the same whatever rotation comes on top, [-].
+/// Angle of the rotation of the polar decomposition F = R U, whatever its axis, from 0 to 180, [degrees].
+fn rotation<const D: usize>(F: &Mat3) -> f64 {
+    let (c, s) = cosine_and_sine::<D>(F);
+    s.atan2(c).to_degrees()
+}
+
+/// Cosine and sine of the angle of the rotation in F, both times the same positive number.
 #[inline]
-pub fn shear(F: &Mat3) -> f64 {
-    let [_, C_xy, _] = right_cauchy_green(F);
-    C_xy.abs() / area_ratio(F).abs()
+fn cosine_and_sine<const D: usize>(F: &Mat3) -> (f64, f64) {
+    if D == 2 {
+        return (F[(0, 0)] + F[(1, 1)], (F[(1, 0)] - F[(0, 1)]).abs());
+    }
+    let R = rotation_tensor(F);
+    let axis = [R[(2, 1)] - R[(1, 2)], R[(0, 2)] - R[(2, 0)], R[(1, 0)] - R[(0, 1)]];
+    (R.trace() - 1.0, (axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]).sqrt())
 }
 
-/// Ratio of the larger to the smaller principal stretch, [-].
-pub fn stretch_ratio(F: &Mat3) -> f64 {
-    let [C_xx, C_xy, C_yy] = right_cauchy_green(F);
-    let (mean, radius) = (0.5 * (C_xx + C_yy), (0.5 * (C_xx - C_yy)).hypot(C_xy));
-    let largest = mean + radius;
-    // The product of both is (det F)².
-    largest / area_ratio(F).abs()
+/// R of F = R U for det F > 0, by Newton's method for Rᵀ R = I: R ← (R + R⁻ᵀ)/2, which halves large stretches and then
+/// converges quadratically (Higham 1986, doi 10.1137/0907079).
+fn rotation_tensor(F: &Mat3) -> Mat3 {
+    /// Enough for principal stretches of any finite number.
+    const MOST: usize = 2000;
+    let mut R = *F;
+    for _ in 0..MOST {
+        let Some(inverse) = R.try_inverse() else { break };
+        let change = 0.5 * (inverse.transpose() - R);
+        R += change;
+        // The next change is of the order of the square.
+        if change.norm_squared() < 1e-16 || !change.norm_squared().is_finite() {
+            break;
+        }
+    }
+    R
 }
 
-/// C = Fᵀ F: xx, xy, yy.
-fn right_cauchy_green(F: &Mat3) -> [f64; 3] {
-    let product = |i: usize, j: usize| F[(0, i)] * F[(0, j)] + F[(1, i)] * F[(1, j)];
-    [product(0, 0), product(0, 1), product(1, 1)]
+/// Tangent of the angle by which two axes of the original configuration have left the right angle, the largest of all
+/// pairs: γ in simple shear, zero in stretch along the axes, and the same whatever rotation comes on top, [-].
+#[inline]
+pub fn shear<const D: usize>(F: &Mat3) -> f64 {
+    let C = |i, j| right_cauchy_green::<D>(F, i, j);
+    let tangent = |i, j| C(i, j).abs() / (C(i, i) * C(j, j) - C(i, j) * C(i, j)).sqrt();
+    if D == 2 { tangent(0, 1) } else { tangent(0, 1).max(tangent(0, 2)).max(tangent(1, 2)) }
 }
 
-/// Determinant of F in the plane.
-fn area_ratio(F: &Mat3) -> f64 {
-    F[(0, 0)] * F[(1, 1)] - F[(0, 1)] * F[(1, 0)]
+/// Ratio of the largest to the smallest principal stretch, [-].
+fn stretch_ratio<const D: usize>(F: &Mat3) -> f64 {
+    if D == 2 {
+        let C = |i, j| right_cauchy_green::<2>(F, i, j);
+        let (mean, radius) = (0.5 * (C(0, 0) + C(1, 1)), (0.5 * (C(0, 0) - C(1, 1))).hypot(C(0, 1)));
+        // The product of both is (det F)².
+        return (mean + radius) / ratio_of_volume::<2>(F).abs();
+    }
+    let squares = Spectrum::new(&Sym3::symmetric_part(&(F.transpose() * F))).values;
+    let largest = squares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let smallest = squares.iter().copied().fold(f64::INFINITY, f64::min);
+    (largest / smallest).sqrt()
+}
+
+/// A component of C = Fᵀ F among the axes of a domain.
+#[inline]
+fn right_cauchy_green<const D: usize>(F: &Mat3, i: usize, j: usize) -> f64 {
+    (0..D).map(|k| F[(k, i)] * F[(k, j)]).sum()
+}
+
+/// Determinant of F among the axes of a domain.
+fn ratio_of_volume<const D: usize>(F: &Mat3) -> f64 {
+    if D == 2 { F[(0, 0)] * F[(1, 1)] - F[(0, 1)] * F[(1, 0)] } else { F.determinant() }
 }
 
 /// Rotation beyond which the update with F_ii is objected to, [degrees].
@@ -71,8 +110,8 @@ pub struct Objection {
 }
 
 impl Objection {
-    /// The objection to an update, if there is any.
-    pub fn to(update: DomainUpdate) -> Option<Objection> {
+    /// The objection to an update of domains with `D` axes, if there is any.
+    pub fn to<const D: usize>(update: DomainUpdate) -> Option<Objection> {
         match update {
             DomainUpdate::None => Some(Objection {
                 measure: |F| (F.determinant() - 1.0).abs(),
@@ -80,23 +119,29 @@ impl Objection {
                 describe: |value| format!("changed its volume by {:.1} %", 100.0 * value),
             }),
             DomainUpdate::Determinant => Some(Objection {
-                measure: |F| if axes_differ(F) { stretch_ratio(F) } else { 1.0 },
+                measure: |F| if axes_differ::<D>(F) { stretch_ratio::<D>(F) } else { 1.0 },
                 limit: MOST_STRETCH_RATIO,
                 describe: |value| format!("principal stretches in the ratio {value:.2}"),
             }),
-            DomainUpdate::Diagonal => Some(Objection {
-                measure: |F| if diagonal_misses_volume(F) { rotation(F).abs() } else { 0.0 },
-                limit: MOST_ROTATION,
-                describe: |value| format!("turned by {value:.1}°"),
-            }),
+            DomainUpdate::Diagonal => Some(Objection::to_rotation::<D>()),
+            // The correction of the volume undoes what a rotation does to two lengths, unless it spreads over three.
+            DomainUpdate::DiagonalCorrected if D == 3 => Some(Objection::to_rotation::<D>()),
             DomainUpdate::Stretch => Some(Objection {
-                measure: shear,
+                measure: shear::<D>,
                 limit: MOST_SHEAR,
                 describe: |value| format!("been sheared by {value:.2}"),
             }),
             DomainUpdate::Corners | DomainUpdate::DiagonalCorrected | DomainUpdate::DiagonalIncremental => {
                 None
             }
+        }
+    }
+
+    fn to_rotation<const D: usize>() -> Objection {
+        Objection {
+            measure: |F| if diagonal_misses_volume::<D>(F) { rotation::<D>(F) } else { 0.0 },
+            limit: MOST_ROTATION,
+            describe: |value| format!("turned by {value:.1}°"),
         }
     }
 
@@ -108,53 +153,112 @@ impl Objection {
 
 /// Whether the lengths along the axes change differently. They do not in simple shear, which the update with det F
 /// stands, though its principal stretches differ.
-fn axes_differ(F: &Mat3) -> bool {
-    let (x, y) = (F[(0, 0)].abs(), F[(1, 1)].abs());
-    x.max(y) > MOST_STRETCH_RATIO * x.min(y)
+fn axes_differ<const D: usize>(F: &Mat3) -> bool {
+    let lengths = || (0..D).map(|d| F[(d, d)].abs());
+    lengths().fold(0.0, f64::max) > MOST_STRETCH_RATIO * lengths().fold(f64::INFINITY, f64::min)
 }
 
 /// Whether the product of the F_ii is off det F. It is not in simple shear, which the update with F_ii stands, though
 /// its polar decomposition holds a rotation.
-fn diagonal_misses_volume(F: &Mat3) -> bool {
-    (F[(0, 0)] * F[(1, 1)] / area_ratio(F) - 1.0).abs() > MOST_VOLUME_CHANGE
+fn diagonal_misses_volume<const D: usize>(F: &Mat3) -> bool {
+    let product: f64 = (0..D).map(|d| F[(d, d)]).product();
+    (product / ratio_of_volume::<D>(F) - 1.0).abs() > MOST_VOLUME_CHANGE
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::{Rotation3, Unit, Vector3};
+
+    const ALL: [DomainUpdate; 7] = {
+        use DomainUpdate::*;
+        [None, Determinant, Diagonal, Stretch, Corners, DiagonalCorrected, DiagonalIncremental]
+    };
 
     fn plane(xx: f64, xy: f64, yx: f64, yy: f64) -> Mat3 {
         Mat3::new(xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, 1.0)
     }
 
     fn rotated(degrees: f64) -> Mat3 {
-        let (s, c) = degrees.to_radians().sin_cos();
-        plane(c, -s, s, c)
+        turned([0.0, 0.0, 1.0], degrees)
     }
 
-    fn objects(update: DomainUpdate, F: Mat3) -> bool {
-        Objection::to(update).is_some_and(|objection| objection.measure(&F) > objection.limit)
+    fn turned(axis: [f64; 3], degrees: f64) -> Mat3 {
+        *Rotation3::from_axis_angle(&Unit::new_normalize(Vector3::from(axis)), degrees.to_radians()).matrix()
+    }
+
+    /// The same motion with other names of the axes.
+    fn permuted(F: &Mat3, shift: usize) -> Mat3 {
+        Mat3::from_fn(|i, j| F[((i + shift) % 3, (j + shift) % 3)])
+    }
+
+    fn objects<const D: usize>(update: DomainUpdate, F: &Mat3) -> bool {
+        Objection::to::<D>(update).is_some_and(|objection| objection.measure(F) > objection.limit)
+    }
+
+    fn near(a: f64, b: f64) {
+        assert!((a - b).abs() < 1e-11, "{a} {b}");
     }
 
     #[test]
     fn measures_of_the_motion() {
-        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
         let stretch = plane(1.5, 0.0, 0.0, 0.5);
         for angle in [-170.0, -20.0, 0.0, 35.0, 120.0] {
-            near(rotation(&(rotated(angle) * stretch)), angle);
-            near(rotation_of_turn(turn(&(rotated(angle) * stretch))), angle.abs());
-            near(shear(&(rotated(angle) * stretch)), 0.0);
-            near(stretch_ratio(&(rotated(angle) * stretch)), 3.0);
-            near(shear(&(rotated(angle) * plane(1.0, 0.7, 0.0, 1.0))), 0.7);
+            let F = rotated(angle) * stretch;
+            near(rotation::<2>(&F), f64::abs(angle));
+            near(rotation_of_turn(turn::<2>(&F)), angle.abs());
+            near(shear::<2>(&F), 0.0);
+            near(stretch_ratio::<2>(&F), 3.0);
+            near(shear::<2>(&(rotated(angle) * plane(1.0, 0.7, 0.0, 1.0))), 0.7);
         }
-        near(rotation(&plane(1.0, 0.8, 0.0, 1.0)), -f64::atan(0.4).to_degrees());
-        near(stretch_ratio(&plane(1.0, 1.5, 0.0, 1.0)), 4.0);
+        near(rotation::<2>(&plane(1.0, 0.8, 0.0, 1.0)), f64::atan(0.4).to_degrees());
+        near(stretch_ratio::<2>(&plane(1.0, 1.5, 0.0, 1.0)), 4.0);
+    }
+
+    #[test]
+    fn measures_in_space_do_not_depend_on_the_axis() {
+        for axis in [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [1.0, 2.0, -3.0]] {
+            for angle in [0.0, 1e-6, 20.0, 120.0, 179.0] {
+                let R = turned(axis, angle);
+                for U in [
+                    Mat3::identity(),
+                    Mat3::from_diagonal(&Vector3::new(1.5, 0.5, 4.0)),
+                    Mat3::from_diagonal(&Vector3::new(1e-3, 1.0, 1e3)),
+                    Mat3::new(1.2, 0.3, 0.1, 0.3, 0.8, -0.2, 0.1, -0.2, 1.5),
+                ] {
+                    near(rotation::<3>(&(R * U)), angle);
+                    near(rotation_of_turn(turn::<3>(&(R * U))), angle);
+                }
+                for shift in 0..3 {
+                    near(shear::<3>(&(R * permuted(&plane(1.0, -0.7, 0.0, 1.0), shift))), 0.7);
+                    let F = R * permuted(&Mat3::from_diagonal(&Vector3::new(1.5, 0.5, 2.0)), shift);
+                    near(shear::<3>(&F), 0.0);
+                    near(stretch_ratio::<3>(&F), 4.0);
+                }
+            }
+        }
+    }
+
+    /// What is plane strain in space is measured as in the plane, which axis ever is the third.
+    #[test]
+    fn plane_motions_in_space_are_measured_as_in_the_plane() {
+        for F in [
+            plane(1.3, 0.4, -0.2, 0.9),
+            plane(0.2, 0.9, -1.1, 0.3),
+            rotated(160.0) * plane(1.0, 0.3, 0.0, 1.0),
+        ] {
+            for shift in 0..3 {
+                let in_space = permuted(&F, shift);
+                near(shear::<3>(&in_space), shear::<2>(&F));
+                near(rotation::<3>(&in_space), rotation::<2>(&F));
+                near(turn::<3>(&in_space), turn::<2>(&F));
+            }
+        }
     }
 
     #[test]
     fn objections_are_those_of_table_2() {
         use DomainUpdate::*;
-        let all = [None, Determinant, Diagonal, Stretch, Corners, DiagonalCorrected, DiagonalIncremental];
         // Simple stretch, hydrostatic compression, simple shear, pure rotation.
         let motions: [(Mat3, &[DomainUpdate]); 4] = [
             (plane(0.7, 0.0, 0.0, 1.0), &[None, Determinant]),
@@ -163,8 +267,28 @@ mod tests {
             (rotated(40.0), &[Diagonal]),
         ];
         for (F, unsuitable) in motions {
-            for update in all {
-                assert_eq!(objects(update, F), unsuitable.contains(&update), "{update:?} {F}");
+            for update in ALL {
+                assert_eq!(objects::<2>(update, &F), unsuitable.contains(&update), "{update:?} {F}");
+            }
+        }
+    }
+
+    #[test]
+    fn objections_in_space_hold_for_every_axis() {
+        use DomainUpdate::*;
+        let squeeze = Mat3::identity() * 0.7;
+        let motions: [(Mat3, &[DomainUpdate]); 4] = [
+            (plane(0.7, 0.0, 0.0, 1.0), &[None, Determinant]),
+            (squeeze, &[None]),
+            (plane(1.0, 2.0, 0.0, 1.0), &[Stretch]),
+            (rotated(40.0), &[Diagonal, DiagonalCorrected]),
+        ];
+        for (F, unsuitable) in motions {
+            for update in ALL {
+                for shift in 0..3 {
+                    let F = permuted(&F, shift);
+                    assert_eq!(objects::<3>(update, &F), unsuitable.contains(&update), "{update:?} {F}");
+                }
             }
         }
     }
@@ -177,7 +301,8 @@ mod tests {
             (DomainUpdate::Diagonal, rotated(14.9), rotated(-15.1)),
             (DomainUpdate::Stretch, plane(1.0, 0.29, 0.0, 1.0), plane(1.0, -0.31, 0.0, 1.0)),
         ] {
-            assert!(!objects(update, below) && objects(update, above), "{update:?}");
+            assert!(!objects::<2>(update, &below) && objects::<2>(update, &above), "{update:?}");
+            assert!(!objects::<3>(update, &below) && objects::<3>(update, &above), "{update:?}");
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::assembly::PointFailure;
 use crate::basis::{Connectivity, SupportError, SupportFailure};
-use crate::constraints::{ConstraintError, DofMap};
+use crate::constraints::{ConstraintError, DofMap, HOLD_THE_AXIS};
 use crate::domain::Collapsed;
 use crate::linear::LinearError;
 use crate::loads::LoadNotFinite;
@@ -216,9 +216,10 @@ impl SolveError {
             SolveError::Collapsed { .. } => {
                 Some("use `domain_update: corners`, or more load steps with `diagonal-incremental`")
             }
-            SolveError::Singular { .. } => {
-                Some("check that boundary conditions hold every body, and that enough points fill each cell")
-            }
+            SolveError::Singular { .. } => Some(
+                "see that boundary conditions hold every body; where a cell hardly holds any material, move or refine the grid, \
+                     use more points per cell, or another method",
+            ),
             SolveError::OutOfMemory { .. } => Some("use a coarser grid"),
             SolveError::Unheld { .. } => Some(
                 "fix or prescribe the displacement along that axis at one node of each separate part at least",
@@ -229,6 +230,7 @@ impl SolveError {
             SolveError::Constraint { error: ConstraintError::NotFinite { .. }, .. } => {
                 Some("the formula divides by zero or leaves its domain there")
             }
+            SolveError::Constraint { error: ConstraintError::LooseAxis { .. }, .. } => Some(HOLD_THE_AXIS),
             SolveError::Load { .. } => Some("the formula divides by zero or leaves its domain there"),
             SolveError::Interrupted { .. } | SolveError::Output(_) => None,
         }

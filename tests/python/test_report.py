@@ -210,6 +210,32 @@ def test_standard_points_are_drawn_as_discs(page_of, collapse):
     assert (picture[:, :, 3] > 200).mean() > 0.2
 
 
+def test_bodies_in_space_are_seen_from_above(page_of, analyse):
+    """The outline of the domains of a box covers the shadow that the box casts along the line of sight: the sum of the
+    areas of its three visible sides, each times the cosine of its inclination."""
+    results = analyse("inputs/block/block.yaml", h=1, n=2, method="gimp", every=1)
+    page = page_of(results.directory, steps="first", units="m,N,s")
+    (picture,) = pictures(page.read_text())
+    azimuth, elevation = np.radians([-52, 24])
+    towards = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0])
+    up = np.cross(towards, right)
+    corners = 4.0 * np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    span = np.array([np.ptp(corners @ right), np.ptp(corners @ up)])
+    span = span + 2 * 0.02 * span.max()
+    rows, columns = picture.shape[:2]
+    assert span[0] / span[1] == pytest.approx(columns / rows, rel=0.01)
+    area = (picture[:, :, 3] > 200).sum() * span[0] / columns * span[1] / rows
+    assert area == pytest.approx(16 * np.abs(towards).sum(), rel=0.01)
+    assert "between (0, 0, 0) and (4, 4, 4) m." in text_of(page.read_text())
+
+
+def test_points_in_space_without_domain_are_cubes(page_of, analyse):
+    results = analyse("inputs/block/block.yaml", h=1, n=2, method="mpm", every=3)
+    text = text_of(page_of(results.directory, steps="last").read_text())
+    assert "Deformed material points, as cubes of their volume, coloured by von Mises stress" in text
+
+
 def test_a_failed_run_says_so(page_of, failed):
     text = text_of(page_of(failed).read_text())
     summary = json.loads((failed / "summary.json").read_text())

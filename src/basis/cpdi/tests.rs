@@ -210,3 +210,37 @@ fn inverted_and_crossing_hexahedra_are_refused() {
     assert!(is_refused(&[cube[1], cube[0], cube[2], cube[4]]));
     assert!(is_refused(&[cube[0], cube[1], cube[2], cube[3]]), "a flat tetrahedron");
 }
+
+/// A domain with one side outside the grid: what the basis reproduces inside, it reproduces there, until the limit.
+#[test]
+fn a_corner_just_outside_the_grid_loses_nothing() {
+    use crate::grid::Structured;
+    let grid = Structured::<2>::new([0.0; 2], [0.5, 0.5], [4, 4]);
+    let support = |outside: f64| {
+        let (low, high) = (-0.5 * outside, 0.3);
+        let corners = [[low, 0.6], [high, 0.6], [low, 0.9], [high, 0.9]];
+        let position = [0.5 * (low + high), 0.75];
+        let cell = grid.locate(&position, None).unwrap();
+        let point = PointGeometry { position: &position, half_lengths: &[0.0; 2], corners: &corners, cell };
+        let mut support = Support::default();
+        Cpdi.support(&grid, &point, &mut support).map(|()| (position, support))
+    };
+    for outside in [0.0, 1e-5, 0.099] {
+        let (position, support) = support(outside).unwrap();
+        let mut sums = ([0.0; 3], [[0.0; 2]; 3]);
+        for (k, &node) in support.nodes.iter().enumerate() {
+            let x = grid.node_position(node as usize);
+            for (f, field) in [1.0, x[0], x[1]].into_iter().enumerate() {
+                sums.0[f] += support.value[k] * field;
+                (0..2).for_each(|d| sums.1[f][d] += support.gradient[k][d] * field);
+            }
+        }
+        for (f, (value, gradient)) in
+            [(1.0, [0.0, 0.0]), (position[0], [1.0, 0.0]), (position[1], [0.0, 1.0])].into_iter().enumerate()
+        {
+            assert!((sums.0[f] - value).abs() < 1e-14, "{outside}: {sums:?}");
+            assert!((0..2).all(|d| (sums.1[f][d] - gradient[d]).abs() < 1e-13), "{outside}: {sums:?}");
+        }
+    }
+    assert!(matches!(support(0.101), Err(SupportError::CornerOffGrid { corner: 0, .. })));
+}

@@ -192,7 +192,7 @@ impl Check<'_> {
         }
         if matches!(self.deck.grid, GridDeck::Gmsh { .. }) && body.method == Method::Gimp {
             let message = "method `gimp` needs a structured grid";
-            let help = "use method `mpm` or `cpdi2`";
+            let help = "use method `mpm`, `cpdi1` or `cpdi2`";
             self.error_with_help("D034", &format!("{pointer}/method"), message, help);
         }
         true

@@ -3,18 +3,13 @@
 use std::collections::BTreeSet;
 
 use super::Check;
-use super::geometry::Extent;
-use crate::basis::DomainKind;
 use crate::deck::build::per_axis;
 use crate::deck::diagnostic::{Diagnostic, Severity, quote};
-use crate::deck::formulas::at_nodes;
 use crate::deck::source::escape;
 use crate::deck::{
-    BodyDeck, BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, PerAxis,
+    BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, PerAxis,
 };
 use crate::formula::{Formula, names};
-use crate::quality::Objection;
-use crate::tensor::Mat3;
 
 /// Poisson's ratio from which on cells of low order lock.
 const NEARLY_INCOMPRESSIBLE: f64 = 0.49;
@@ -22,8 +17,6 @@ const NEARLY_INCOMPRESSIBLE: f64 = 0.49;
 const LOOSE: f64 = 1e-4;
 /// Tolerance below which round-off keeps a step from it.
 const OUT_OF_REACH: f64 = 1e-14;
-/// Places along each axis of a side of a box where a prescribed displacement is looked at.
-const SAMPLES: usize = 16;
 
 impl Check<'_> {
     /// Warnings about a deck without errors.
@@ -169,83 +162,6 @@ impl Check<'_> {
                 self.warn("D038", &format!("/bodies/{index}/{key}"), message, help);
             }
         }
-    }
-
-    /// Bodies whose whole outer layer follows a prescribed motion that their domain update does not stand. Other
-    /// motions are known only when the run shows them; its quality report then warns.
-    fn prescribed_motion(&mut self) {
-        for condition in &self.deck.boundary_conditions {
-            let Some(name) = &condition.nodes.outer_layer else { continue };
-            let Some(index) = self.deck.bodies.iter().position(|body| body.name == *name) else { continue };
-            let body = &self.deck.bodies[index];
-            let update = body.domain_update.unwrap_or_default();
-            let is_box = body.method.domain() == DomainKind::Box;
-            let Some(objection) = Objection::to(update).filter(|_| is_box) else { continue };
-            let Some(motion) = self.mean_motion(condition, body) else { continue };
-            let measure = objection.measure(&motion);
-            if measure.is_finite() && measure > objection.limit {
-                let message = format!(
-                    "the domain update `{}` does not suit the motion: where the boundary condition {} takes it, the \
-                     body {} has on average {}",
-                    update.name(),
-                    quote(&condition.name),
-                    quote(name),
-                    (objection.describe)(measure)
-                );
-                // Where it is not written down it has a default, and the body is to blame.
-                let help = "use `domain_update: corners`, which stands every motion";
-                self.warn("D044", &format!("/bodies/{index}/domain_update"), message, help);
-            }
-        }
-    }
-
-    /// Mean deformation gradient of a body when the displacement prescribed on its border is largest, from the means
-    /// over the sides of the box around it.
-    fn mean_motion(&self, condition: &BoundaryConditionDeck, body: &BodyDeck) -> Option<Mat3> {
-        let Extent { min: low, max: high } = self.bounds("", &body.shape).ok()?;
-        let n = self.dimensions();
-        let displacement = at_nodes(condition, &self.deck.parameters, n).ok()?;
-        let displacement: Vec<Formula> = displacement.into_iter().take(n).collect::<Option<_>>()?;
-        let factor = self.largest_factor(condition.curve.as_ref());
-        let u = |axis: usize, mut x: Vec<f64>| {
-            let formula = &displacement[axis];
-            x.push(factor);
-            let value = formula.evaluate(&x);
-            if formula.depends_on(n) { value } else { value * factor }
-        };
-        // Places spread evenly over a side, by the digits of a number.
-        let places = SAMPLES.pow(n as u32 - 1);
-        let mean = |axis: usize, side: usize, at: f64| {
-            let along = |place: usize| {
-                let mut rest = place;
-                let coordinate = |d: usize| {
-                    if d == side {
-                        return at;
-                    }
-                    let k = rest % SAMPLES;
-                    rest /= SAMPLES;
-                    low[d] + (high[d] - low[d]) * (k as f64 + 0.5) / SAMPLES as f64
-                };
-                u(axis, (0..n).map(coordinate).collect())
-            };
-            (0..places).map(along).sum::<f64>() / places as f64
-        };
-        let mut motion = Mat3::identity();
-        for axis in 0..n {
-            for side in 0..n {
-                let difference = mean(axis, side, high[side]) - mean(axis, side, low[side]);
-                motion[(axis, side)] += difference / (high[side] - low[side]);
-            }
-        }
-        motion.iter().all(|f| f.is_finite()).then_some(motion)
-    }
-
-    /// The load factor of largest magnitude that an analysis reaches.
-    fn largest_factor(&self, curve: Option<&LoadCurve>) -> f64 {
-        let Some(LoadCurve(pairs)) = curve else { return 1.0 };
-        let end = self.deck.steps.end_time;
-        let reached = pairs.iter().filter(|pair| pair[0] <= end).map(|pair| pair[1]);
-        reached.fold(0.0, |largest: f64, f| if f.abs() > largest.abs() { f } else { largest })
     }
 
     fn tolerance(&mut self) {
