@@ -74,7 +74,7 @@ impl Lane for f64 {
         let stored = bits.wrapping_add(one.wrapping_sub(FRAC_1_SQRT_2.to_bits())) >> MANTISSA;
         let m = f64::from_bits(bits.wrapping_sub(stored << MANTISSA).wrapping_add(one));
         let e = f64::from_bits(WHOLE.to_bits() | stored) - (WHOLE + BIAS as f64);
-        let normal = self >= f64::MIN_POSITIVE && self < f64::INFINITY;
+        let normal = (f64::MIN_POSITIVE..f64::INFINITY).contains(&self);
         (if normal { m } else { f64::NAN }, e)
     }
 }
