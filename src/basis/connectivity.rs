@@ -301,18 +301,7 @@ impl<const D: usize> Piece<D> {
             piece.group_node_start.push(piece.group_nodes.len());
             nodes.sort_unstable();
             nodes.dedup();
-            // The nodes of the group ascend, and so do those of each point: from one to the next is a short walk.
-            let (mut place, mut last) = (0, 0);
-            for &node in &touched {
-                if node < last {
-                    place = 0;
-                }
-                last = node;
-                while nodes[place] < node {
-                    place += 1;
-                }
-                piece.local.push(place as u32);
-            }
+            piece.local.extend(touched.iter().map(|n| nodes.partition_point(|m| m < n) as u32));
             piece.group_nodes.extend_from_slice(&nodes);
         }
         Ok(piece)

@@ -36,7 +36,7 @@ pub fn exp(e: &Sym3) -> Sym3 {
     let (m, d, _, r) = mohr(&components(e));
     let scale = m.exp();
     let slope = sinh_over_x(r);
-    let c = (1.0 + slope * slope * r * r).sqrt(); // cosh r
+    let c = r.cosh();
     tensor([scale * (c + slope * d), scale * (c - slope * d), e.0[2].exp(), scale * slope * e.0[5]])
 }
 
