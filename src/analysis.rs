@@ -19,6 +19,7 @@ use serde_json::{Value, json};
 
 use crate::closing::Closing;
 use crate::progress::{View, Watch};
+use crate::resume;
 use crate::{DeckArgs, Format, print_json};
 
 /// A deck and the analysis built from it.
@@ -129,10 +130,11 @@ pub struct Ended {
     pub closing: Option<Closing>,
 }
 
-/// Runs an analysis into a directory; `set_up` is the time that went into making it ready.
+/// Runs an analysis into a directory, from the last checkpoint there if it is to `resume`; `set_up` is the time that
+/// went into making it ready.
 ///
 /// # Errors
-/// When the directory cannot be written, or another run writes there.
+/// When the directory cannot be written, another run writes there, or there is nothing to go on from.
 pub fn run_into(
     directory: &Path,
     ready: Ready,
@@ -140,21 +142,31 @@ pub fn run_into(
     set_up: Timings,
     view: View,
     stop: &Arc<AtomicBool>,
+    resume: bool,
 ) -> anyhow::Result<Ended> {
     let Ready { loaded, mut analysis, .. } = ready;
+    let from = if resume { Some(resume::find(directory, &loaded, &mut analysis)?) } else { None };
     let every = loaded.deck.output.every as usize;
     let account = Account {
         start,
         deck_file: loaded.source.name().to_owned(),
         deck_text: loaded.source.text().to_owned(),
         deck_hash: loaded.hash(),
+        files_hash: loaded.hash_of_files(),
+        deck: Some(loaded.deck),
         parameters: loaded.parameters,
         set_up,
         threads: rayon::current_num_threads(),
     };
-    let results = match &analysis {
-        Analysis::Plane(parts) => Results::create(directory, every, &parts.0, account),
-        Analysis::Solid(parts) => Results::create(directory, every, &parts.0, account),
+    let results = match (&analysis, &from) {
+        (Analysis::Plane(parts), None) => Results::create(directory, every, &parts.0, account),
+        (Analysis::Solid(parts), None) => Results::create(directory, every, &parts.0, account),
+        (Analysis::Plane(parts), Some((checkpoint, reached))) => {
+            Results::go_on(directory, every, &parts.0, account, checkpoint, reached.step)
+        }
+        (Analysis::Solid(parts), Some((checkpoint, reached))) => {
+            Results::go_on(directory, every, &parts.0, account, checkpoint, reached.step)
+        }
     };
     let results = results
         .with_context(|| format!("the results directory `{}` cannot be written", directory.display()))?;
@@ -163,7 +175,14 @@ pub fn run_into(
         Analysis::Plane(parts) => Watch::new(results, &parts.0, &parts.1, start, view, stop),
         Analysis::Solid(parts) => Watch::new(results, &parts.0, &parts.1, start, view, stop),
     };
-    let outcome = analysis.run(&mut watch);
+    let reached = match from {
+        Some((checkpoint, reached)) => {
+            watch.goes_on(&checkpoint, &reached);
+            reached
+        }
+        None => analysis.beginning(),
+    };
+    let outcome = analysis.go_on(reached, &mut watch);
     Ok(Ended { outcome, closing: watch.end() })
 }
 

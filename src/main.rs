@@ -12,6 +12,7 @@ mod new;
 mod progress;
 mod quantities;
 mod report;
+mod resume;
 mod run;
 mod status;
 mod sweep;

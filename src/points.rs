@@ -211,6 +211,42 @@ impl<const D: usize> Points<D> {
         self.commit();
     }
 
+    /// Puts the points into another order, `id` being their permanent numbers in it, and into a converged state with the
+    /// cells that held them.
+    ///
+    /// # Errors
+    /// When the numbers are not those of all points, or the arrays have not one entry for each.
+    pub fn restore(&mut self, id: &[u32], cell: Vec<u32>, state: State<D>) -> Result<(), String> {
+        let mut seen = vec![false; self.len()];
+        for &number in id {
+            match seen.get_mut(number as usize) {
+                Some(seen) if !*seen => *seen = true,
+                _ => return Err("the numbers of its points are not those of all points".to_owned()),
+            }
+        }
+        let lengths = |state: &State<D>| {
+            [
+                state.position.len(),
+                state.half_lengths.len(),
+                state.corners.len(),
+                state.deformation_gradient.len(),
+                state.elastic_strain.len(),
+                state.kirchhoff_stress.len(),
+                state.history.len(),
+            ]
+        };
+        if [id.len(), cell.len()] != [self.len(); 2] || lengths(&state) != lengths(&self.converged) {
+            return Err("its arrays have not one entry for each point".to_owned());
+        }
+        let place = self.by_id();
+        let order: Vec<u32> = id.iter().map(|&number| place[number as usize] as u32).collect();
+        self.reorder(&order);
+        self.cell = cell;
+        self.trial = state.clone();
+        self.converged = state;
+        Ok(())
+    }
+
     /// Where the corners of the domain of a point stand in the arrays of corners; empty when its domain is not given
     /// by corners.
     pub fn corner_range(&self, p: usize) -> std::ops::Range<usize> {

@@ -7,11 +7,12 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use mpm::model::Model;
+use mpm::output::checkpoint::Checkpoint;
 use mpm::output::results::Results;
 use mpm::output::status::{Progress, Status, StatusFile};
 use mpm::output::summary::Start;
 use mpm::points::Points;
-use mpm::solver::{Observer, SolveError, Step, StepReport, Summary};
+use mpm::solver::{Observer, Reached, SolveError, Step, StepReport, Summary};
 
 use crate::closing::Closing;
 use crate::log::LogFile;
@@ -107,6 +108,16 @@ impl Watch {
             ));
         }
         watch
+    }
+
+    /// Tells that the run goes on from a checkpoint.
+    pub fn goes_on(&mut self, checkpoint: &Checkpoint, reached: &Reached) {
+        self.progress.goes_on(reached);
+        self.warned = reached.summary.warnings.len();
+        if let Display::Bar { bar, .. } = &self.display {
+            bar.set_position(reached.step.index as u64);
+        }
+        self.say(&format!("going on after step {} from {}", reached.step.index, checkpoint.path.display()));
     }
 
     /// Prints a line, above the bar if there is one.

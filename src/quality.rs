@@ -16,6 +16,8 @@ pub use measure::{AtPoint, Measures, OfBody, newton_order};
 pub use motion::Objection;
 use overlap::domain_overlap;
 
+use serde::{Deserialize, Serialize};
+
 use crate::basis::DomainKind;
 use crate::domain::DomainUpdate;
 use crate::model::Model;
@@ -27,7 +29,7 @@ const MOST_LOSS: f64 = 1e-3;
 const MOST_OUTSIDE: f64 = 0.01;
 
 /// The worst value of a measure so far, and where it was.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Worst {
     /// The value.
     pub value: f64,
@@ -40,7 +42,7 @@ pub struct Worst {
 }
 
 /// Smallest filling of a cell so far.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Filling {
     /// Volume of the points in the cell by that of the cell, [-].
     pub value: f64,
@@ -51,7 +53,7 @@ pub struct Filling {
 }
 
 /// A total now, and what has become of it since the start.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Balance {
     /// At the start of the run.
     pub start: f64,
@@ -67,7 +69,7 @@ impl Balance {
 }
 
 /// What a step shows, over all bodies.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct OfStep {
     /// Largest 1 − Σ S_vp, [-].
     pub partition_of_unity_loss: f64,
@@ -113,7 +115,7 @@ impl OfStep {
 }
 
 /// Which warnings a body has had.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 struct Raised {
     update: bool,
     outside: bool,
@@ -121,7 +123,7 @@ struct Raised {
 }
 
 /// The quality of a run so far. Measures that no step has shown are `None`.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// Largest 1 − Σ S_vp, [-].
     pub partition_of_unity_loss: Option<Worst>,

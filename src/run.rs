@@ -25,6 +25,9 @@ pub struct RunArgs {
     /// Directory for the results [default: results/<deck name>].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Go on from the last checkpoint in the directory for the results.
+    #[arg(long)]
+    resume: bool,
     /// Number of threads [default: all cores]. The results are the same for any number.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -54,7 +57,8 @@ pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
     let stop = stop_on_interrupt()?;
     let view = View::Run { log: log.clone() };
     let start = Start::of_program(began);
-    let Ended { outcome, closing } = run_into(&directory, ready, start, timings.clone(), view, &stop)?;
+    let Ended { outcome, closing } =
+        run_into(&directory, ready, start, timings.clone(), view, &stop, args.resume)?;
     if let Some(closing) = closing {
         let table = closing.table(began.elapsed().as_secs_f64());
         write_down(&table);
@@ -100,7 +104,8 @@ fn conclude(error: &SolveError, directory: &Path) -> (String, u8) {
     let directory = directory.display();
     if let SolveError::Interrupted { step } = error {
         let text = format!(
-            "interrupted: all steps before step {step} are in equilibrium and written to {directory}"
+            "interrupted: all steps before step {step} are in equilibrium and written to {directory}; the same command \
+             with `--resume` goes on from there"
         );
         return (text, INTERRUPTED);
     }

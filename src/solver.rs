@@ -4,6 +4,8 @@ mod error;
 mod report;
 mod update;
 
+use serde::{Deserialize, Serialize};
+
 use crate::assembly::{FreeEntries, System};
 use crate::basis::{Connectivity, Method};
 use crate::constraints::DofMap;
@@ -11,18 +13,18 @@ use crate::linear::{Direct, Factorisation, LinearSolver, ordering};
 use crate::loads::{ExternalForce, external_force};
 use crate::model::{Model, Newton};
 use crate::points::Points;
-use crate::quality::{Measures, Quality};
+use crate::quality::Measures;
 use crate::stress::{Axisymmetric, Mechanics, PlaneStrain};
 use crate::timing::{Phase, Timings};
 
 pub use error::{CODES, SolveError};
-pub use report::{GridFields, Observer, Silent, StepReport, Summary};
+pub use report::{GridFields, Observer, Reached, Silent, StepReport, Summary};
 
 use error::locate_failure;
 use report::{balance_of_energy, reactions_of};
 
 /// A load step: the time it starts from and the time it reaches.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Step {
     /// Number, from 1.
     pub index: usize,
@@ -44,11 +46,25 @@ pub fn run<const D: usize, M: Mechanics<D>>(
     points: &mut Points<D>,
     observer: &mut dyn Observer<D>,
 ) -> Result<Summary, SolveError> {
-    let summary = Summary { quality: Quality::new(model, points), ..Summary::default() };
+    let nothing = Reached::nothing(model, points);
+    go_on::<D, M>(model, points, nothing, observer)
+}
+
+/// Runs an analysis from the step that has been reached, in whose state `points` are, to the end.
+///
+/// # Errors
+/// As [`run`].
+pub fn go_on<const D: usize, M: Mechanics<D>>(
+    model: &Model<D>,
+    points: &mut Points<D>,
+    reached: Reached,
+    observer: &mut dyn Observer<D>,
+) -> Result<Summary, SolveError> {
+    let Reached { step: Step { index: last, .. }, summary } = reached;
     let mut solver = Solver { linear: Direct::default(), links: Connectivity::default(), summary };
     let started = solver.observe(|| observer.started(model, points));
     let mut outcome = started;
-    for index in 1..=model.n_steps {
+    for index in last + 1..=model.n_steps {
         if outcome.is_err() {
             break;
         }
@@ -72,10 +88,24 @@ pub fn run_in_plane(
     points: &mut Points<2>,
     observer: &mut dyn Observer<2>,
 ) -> Result<Summary, SolveError> {
+    let nothing = Reached::nothing(model, points);
+    go_on_in_plane(model, points, nothing, observer)
+}
+
+/// As [`go_on`], with the mechanics of the idealisation.
+///
+/// # Errors
+/// As [`run`].
+pub fn go_on_in_plane(
+    model: &Model<2>,
+    points: &mut Points<2>,
+    reached: Reached,
+    observer: &mut dyn Observer<2>,
+) -> Result<Summary, SolveError> {
     if model.revolved {
-        run::<2, Axisymmetric>(model, points, observer)
+        go_on::<2, Axisymmetric>(model, points, reached, observer)
     } else {
-        run::<2, PlaneStrain>(model, points, observer)
+        go_on::<2, PlaneStrain>(model, points, reached, observer)
     }
 }
 

@@ -133,7 +133,7 @@ impl Sweep {
                 return Row { member, outcome: Outcome::Invalid(in_one_line(&failure)), record: None };
             }
         };
-        let ended = run_into(&directory, ready, start, set_up, View::Member(label), &self.stop);
+        let ended = run_into(&directory, ready, start, set_up, View::Member(label), &self.stop, false);
         let record = ended.as_ref().ok().and_then(|_| Record::read(&directory).ok());
         let outcome = match ended {
             Err(error) => {

@@ -83,7 +83,8 @@ fn codes(deck: &str, set: &[(String, String)]) -> Codes {
         Err(found) => take(&found),
         Ok(mut ready) => {
             take(&ready.notes);
-            if let Err(error) = ready.analysis.run(&mut Silent) {
+            let nothing = ready.analysis.beginning();
+            if let Err(error) = ready.analysis.go_on(nothing, &mut Silent) {
                 codes[0].insert(error.code().unwrap());
             }
         }

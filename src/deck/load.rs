@@ -35,6 +35,18 @@ impl LoadedDeck {
         let mut bytes = self.source.text().as_bytes().to_vec();
         bytes.push(0);
         bytes.extend(parameters.as_bytes());
+        self.add_files(&mut bytes);
+        format!("{:032x}", fnv1a(&bytes))
+    }
+
+    /// A hash of the files that the deck names.
+    pub fn hash_of_files(&self) -> String {
+        let mut bytes = Vec::new();
+        self.add_files(&mut bytes);
+        format!("{:032x}", fnv1a(&bytes))
+    }
+
+    fn add_files(&self, bytes: &mut Vec<u8>) {
         let surfaces = self.deck.bodies.iter().flat_map(|body| body.shape.files());
         let surfaces = surfaces.map(|file| self.directory.join(file));
         for file in self.mesh_path().into_iter().chain(surfaces).filter(|path| path.is_file()) {
@@ -42,7 +54,6 @@ impl LoadedDeck {
             // A file that cannot be read has no analysis that could be mistaken for another.
             bytes.extend(std::fs::read(file).unwrap_or_default());
         }
-        format!("{:032x}", fnv1a(&bytes))
     }
 
     /// Path of the mesh file, if the grid comes from one.

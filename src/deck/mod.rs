@@ -19,6 +19,7 @@ pub use region::{Direction, Shape};
 
 mod axisymmetry;
 pub mod build;
+pub mod changes;
 pub mod diagnostic;
 pub mod first_step;
 pub mod formulas;
@@ -108,6 +109,9 @@ pub struct Deck {
     /// Control of the Newton iterations.
     #[serde(default)]
     pub solver: SolverDeck,
+    /// How often the run is secured against whatever may end it; without it, only when it ends early.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub checkpoint: Option<CheckpointDeck>,
     /// What is written, and how often.
     #[serde(default)]
     pub output: OutputDeck,
@@ -550,6 +554,15 @@ impl Default for SolverDeck {
     fn default() -> Self {
         SolverDeck { tolerance: 1e-9, max_iterations: 20 }
     }
+}
+
+/// How often everything is written that a run needs to go on with `mpm run --resume`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CheckpointDeck {
+    /// Checkpoints are written every so many load steps.
+    #[schemars(range(min = 1, max = 10_000_000), extend("examples" = [10]))]
+    pub every: u32,
 }
 
 /// What is written, and how often.

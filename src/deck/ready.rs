@@ -9,7 +9,7 @@ use crate::memory::Memory;
 use crate::model::Model;
 use crate::points::Points;
 use crate::region::Region;
-use crate::solver::{self, Observer, SolveError, Summary};
+use crate::solver::{self, Observer, Reached, SolveError, Summary};
 use crate::stress::Solid;
 
 /// A model and its points.
@@ -95,14 +95,26 @@ where
 }
 
 impl Analysis {
-    /// Runs the analysis.
+    /// Nothing has been reached yet.
+    pub fn beginning(&self) -> Reached {
+        match self {
+            Analysis::Plane(parts) => Reached::nothing(&parts.0, &parts.1),
+            Analysis::Solid(parts) => Reached::nothing(&parts.0, &parts.1),
+        }
+    }
+
+    /// Runs the analysis from what has been reached, in whose state the points are.
     ///
     /// # Errors
     /// As [`solver::run`].
-    pub fn run<O: Observer<2> + Observer<3>>(&mut self, observer: &mut O) -> Result<Summary, SolveError> {
+    pub fn go_on<O: Observer<2> + Observer<3>>(
+        &mut self,
+        reached: Reached,
+        observer: &mut O,
+    ) -> Result<Summary, SolveError> {
         match self {
-            Analysis::Plane(parts) => solver::run_in_plane(&parts.0, &mut parts.1, observer),
-            Analysis::Solid(parts) => solver::run::<3, Solid>(&parts.0, &mut parts.1, observer),
+            Analysis::Plane(parts) => solver::go_on_in_plane(&parts.0, &mut parts.1, reached, observer),
+            Analysis::Solid(parts) => solver::go_on::<3, Solid>(&parts.0, &mut parts.1, reached, observer),
         }
     }
 }

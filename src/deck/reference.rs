@@ -34,6 +34,7 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`points` of a load", "PointSelector"),
     ("`steps`", "StepsDeck"),
     ("`solver`", "SolverDeck"),
+    ("`checkpoint`", "CheckpointDeck"),
     ("`output`", "OutputDeck"),
     ("`output.probes`, each", "ProbeDeck"),
 ];

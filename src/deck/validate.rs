@@ -10,6 +10,8 @@ mod shape;
 mod suspicions;
 mod units;
 
+pub(super) use suspicions::expressions;
+
 use std::collections::HashMap;
 
 use super::diagnostic::{Diagnostic, Gate, Severity, assign, quote};

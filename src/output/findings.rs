@@ -2,6 +2,7 @@
 //! iterations went.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::model::Model;
 use crate::points::Points;
@@ -10,7 +11,7 @@ use crate::solver::StepReport;
 use super::fields::{cauchy_stress, displacement, pressure, von_mises_stress};
 
 /// All external forces on the bodies at the end of a step.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ForceBalance {
     /// Sum of the loads along each axis, [force].
     pub applied: Vec<f64>,
@@ -54,7 +55,7 @@ impl ForceBalance {
 }
 
 /// A value of a field, and where it is.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Extreme {
     /// The value.
     pub value: f64,
@@ -67,7 +68,7 @@ pub struct Extreme {
 }
 
 /// The largest values of the fields of the points in their converged state.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Extremes {
     /// Largest magnitude of the displacement, [length].
     pub displacement: Extreme,
@@ -107,7 +108,7 @@ impl Extremes {
 }
 
 /// What a run found.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Findings {
     /// Fewest and most linear solves of a step.
     pub iterations: Option<[usize; 2]>,

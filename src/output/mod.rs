@@ -5,6 +5,7 @@
 //! meets a half-written one, because a file is written under a temporary name and then renamed, and a table is
 //! extended by whole rows; a killed run therefore stays readable up to its last step.
 
+pub mod checkpoint;
 mod fields;
 pub mod findings;
 mod lock;

@@ -5,6 +5,9 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+/// What is added to the name of a file that is not yet complete.
+pub(crate) const TEMPORARY: &str = ".tmp";
+
 /// Writes a file through `fill` under the temporary name `<name>.tmp` beside it, then renames it to `path`.
 ///
 /// The old file, if any, stays untouched until then. On failure the temporary file is removed.
@@ -16,7 +19,7 @@ pub(crate) fn replace_file(
     let name =
         path.file_name().ok_or_else(|| super::invalid(format!("{} does not name a file", path.display())))?;
     let mut temporary_name = OsString::from(name);
-    temporary_name.push(".tmp");
+    temporary_name.push(TEMPORARY);
     let temporary = path.with_file_name(temporary_name);
     let written = File::create(&temporary).and_then(|file| {
         let mut writer = BufWriter::with_capacity(1 << 18, file);

@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 use crate::basis::{Connectivity, DomainKind};
 use crate::model::Model;
 use crate::points::Points;
-use crate::solver::{GridFields, Observer, SolveError, Step, StepReport, Summary};
+use crate::solver::{GridFields, Observer, Reached, SolveError, Step, StepReport, Summary};
 use crate::tensor::padded;
 
+use super::checkpoint::{self, Checkpoint};
 use super::fields::{OwnedField, domain_mesh, grid_mesh, point_fields};
 use super::findings::{Extremes, Findings};
 use super::lock::Lock;
+use super::replace::TEMPORARY;
 use super::series::Series;
 use super::status;
 use super::summary::{Account, Outcome};
@@ -30,6 +32,9 @@ const QUALITY: [&str; 9] = [
     "mass",
     "volume",
 ];
+
+/// Columns of `convergence.csv`.
+const CONVERGENCE: [&str; 3] = ["step", "iteration", "residual"];
 
 /// Names of the series.
 const SERIES: [&str; 3] = ["points", "domains", "grid"];
@@ -50,6 +55,8 @@ pub struct Results {
     findings: Findings,
     all_have_domains: bool,
     last: Step,
+    /// The last step of which there is a checkpoint.
+    secured: usize,
     /// Kept until the end of the run.
     _lock: Lock,
 }
@@ -73,33 +80,90 @@ impl Results {
             return Err(io::Error::new(io::ErrorKind::AlreadyExists, what));
         }
         remove_earlier_results(directory)?;
-        let axes = &["x", "y", "z"][..D];
-        let mut columns: Vec<String> = ["step", "time", "iterations", "residual"].map(String::from).to_vec();
-        for condition in &model.boundary_conditions {
-            columns.extend(axes.iter().map(|axis| format!("{}_r{axis}", condition.name)));
-        }
-        for probe in &model.probes {
-            columns.extend(axes.iter().map(|axis| format!("{}_u{axis}", probe.name)));
-        }
-        columns.extend(["external_work", "strain_energy"].map(String::from));
         Ok(Results {
             directory: directory.to_owned(),
             every,
-            history: Table::create(directory.join("history.csv"), &columns)?,
+            history: Table::create(directory.join("history.csv"), &columns_of_history(model))?,
             quality: Table::create(directory.join("quality.csv"), &QUALITY)?,
-            convergence: Table::create(
-                directory.join("convergence.csv"),
-                &["step", "iteration", "residual"],
-            )?,
+            convergence: Table::create(directory.join("convergence.csv"), &CONVERGENCE)?,
             series: SERIES.map(|name| Series::new(directory.join(format!("{name}.pvd")))),
             written: None,
             failure: None,
             account,
             findings: Findings::default(),
-            all_have_domains: model.bodies.iter().all(|b| b.method.domain() != DomainKind::None),
+            all_have_domains: all_have_domains(model),
             last: Step { index: 0, start: 0.0, end: 0.0 },
+            secured: 0,
             _lock: lock,
         })
+    }
+
+    /// Prepares a directory for a run that goes on from a checkpoint in it: what was written after the step of the
+    /// checkpoint is removed. `reached` is that step, with its number in this run.
+    ///
+    /// # Errors
+    /// When the directory cannot be written, or does not hold the results up to the checkpoint; `ResourceBusy` when
+    /// another run writes there.
+    pub fn go_on<const D: usize>(
+        directory: &Path,
+        every: usize,
+        model: &Model<D>,
+        account: Account,
+        checkpoint: &Checkpoint,
+        reached: Step,
+    ) -> io::Result<Results> {
+        let lock = Lock::take(directory)?;
+        let last = checkpoint.step().index;
+        let table = |name: &str, columns: &[String]| Table::reopen(directory.join(name), columns, last);
+        let history = table("history.csv", &columns_of_history(model))?;
+        let quality = table("quality.csv", &QUALITY.map(String::from))?;
+        let convergence = table("convergence.csv", &CONVERGENCE.map(String::from))?;
+        // A run that is stopped writes its last step, due or not.
+        let is_kept = |name: &str| {
+            step_of_file(name)
+                .is_some_and(|step| step < last || step == last && every > 0 && step.is_multiple_of(every))
+        };
+        let mut series = Vec::new();
+        for name in SERIES {
+            series.push(Series::reopen(directory.join(format!("{name}.pvd")), reached.end, is_kept)?);
+        }
+        remove_later_results(directory, last, is_kept)?;
+        let series: [Series; 3] = series.try_into().map_err(|_| io::Error::other("three series"))?;
+        Ok(Results {
+            directory: directory.to_owned(),
+            every,
+            written: series[0].last().and_then(step_of_file),
+            history,
+            quality,
+            convergence,
+            series,
+            failure: None,
+            account,
+            findings: checkpoint.head.findings.clone(),
+            all_have_domains: all_have_domains(model),
+            last: reached,
+            secured: reached.index,
+            _lock: lock,
+        })
+    }
+
+    /// After how many steps checkpoints are written, if they are.
+    fn checkpoints(&self) -> Option<usize> {
+        let deck = self.account.deck.as_ref()?;
+        deck.checkpoint.map(|checkpoint| checkpoint.every.max(1) as usize)
+    }
+
+    /// Writes a checkpoint of the last step in equilibrium, if there is none yet.
+    fn secure<const D: usize>(&mut self, points: &Points<D>, summary: &Summary) -> io::Result<()> {
+        if let Some(deck) = &self.account.deck
+            && self.last.index > self.secured
+        {
+            let reached = Reached { step: self.last, summary: summary.clone() };
+            let identity = (deck, self.account.files_hash.as_str());
+            checkpoint::write(&self.directory, identity, &reached, &self.findings, points)?;
+            self.secured = self.last.index;
+        }
+        Ok(())
     }
 
     /// The directory.
@@ -243,18 +307,65 @@ fn file_name(series: &str, step: usize) -> String {
     format!("{series}_{step:04}.vtu")
 }
 
-/// Removes the series, summary and status that an earlier run left in the directory, so that none of its files are
-/// mistaken for ours.
+/// The number in the name of a file that [`file_name`] has made.
+fn step_of_file(name: &str) -> Option<usize> {
+    name.strip_suffix(".vtu")?.rsplit_once('_')?.1.parse().ok()
+}
+
+fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
+    let axes = &["x", "y", "z"][..D];
+    let mut columns: Vec<String> = ["step", "time", "iterations", "residual"].map(String::from).to_vec();
+    for condition in &model.boundary_conditions {
+        columns.extend(axes.iter().map(|axis| format!("{}_r{axis}", condition.name)));
+    }
+    for probe in &model.probes {
+        columns.extend(axes.iter().map(|axis| format!("{}_u{axis}", probe.name)));
+    }
+    columns.extend(["external_work", "strain_energy"].map(String::from));
+    columns
+}
+
+fn all_have_domains<const D: usize>(model: &Model<D>) -> bool {
+    model.bodies.iter().all(|b| b.method.domain() != DomainKind::None)
+}
+
+/// Removes the series, summary, status and checkpoints that an earlier run left in the directory, so that none of its
+/// files are mistaken for ours.
 fn remove_earlier_results(directory: &Path) -> io::Result<()> {
+    remove(directory, |name| {
+        is_of_series(name) || OF_RUN.contains(&name) || checkpoint::step_of(name).is_some()
+    })
+}
+
+/// Removes what a run has written after a step, and what it wrote because it ended there.
+fn remove_later_results(directory: &Path, last: usize, is_kept: impl Fn(&str) -> bool) -> io::Result<()> {
+    remove(directory, |name| {
+        let is_later = is_of_series(name) && name.ends_with(".vtu") && !is_kept(name);
+        is_later || OF_RUN.contains(&name) || checkpoint::step_of(name).is_some_and(|step| step > last)
+    })
+}
+
+/// Removes files by their names, and with them what a run that was killed has not renamed to such a name.
+fn remove(directory: &Path, is_old: impl Fn(&str) -> bool) -> io::Result<()> {
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
-        if is_of_series(name) || OF_RUN.contains(&name) {
+        let half = name.strip_suffix(TEMPORARY);
+        let is_half = half.is_some_and(|name| {
+            is_of_series(name)
+                || OF_RUN.contains(&name)
+                || TABLES.contains(&name)
+                || checkpoint::step_of(name).is_some()
+        });
+        if is_old(name) || is_half {
             std::fs::remove_file(&path)?;
         }
     }
     Ok(())
 }
+
+/// The tables of a run.
+const TABLES: [&str; 3] = ["history.csv", "convergence.csv", "quality.csv"];
 
 /// Files that tell of a run as a whole.
 const OF_RUN: [&str; 3] = ["summary.json", "run.json", status::NAME];
@@ -278,7 +389,7 @@ fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
         // A run that was killed at its very beginning leaves a table behind.
         let is_table = || std::fs::read(&path).is_ok_and(|bytes| bytes.starts_with(b"step,"));
-        let ours = ["history.csv", "convergence.csv", "quality.csv"].contains(&name);
+        let ours = TABLES.contains(&name);
         if is_of_series(name) || ours && !is_table() {
             return Ok(Some(name.to_owned()));
         }
@@ -289,7 +400,7 @@ fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
 impl<const D: usize> Observer<D> for Results {
     fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
         self.account.write_start(&self.directory.join("run.json"), model, points)?;
-        if self.every == 0 {
+        if self.every == 0 || self.last.index > 0 {
             return Ok(());
         }
         self.write_points(model, points, self.last)?;
@@ -325,7 +436,11 @@ impl<const D: usize> Observer<D> for Results {
             self.write_points(model, points, report.step)?;
             self.write_grid(model, &report.grid, report.step)?;
         }
-        self.write_history(model, points, report, summary)
+        self.write_history(model, points, report, summary)?;
+        if self.checkpoints().is_some_and(|every| report.step.index.is_multiple_of(every)) {
+            self.secure(points, summary)?;
+        }
+        Ok(())
     }
 
     fn finished(
@@ -338,6 +453,10 @@ impl<const D: usize> Observer<D> for Results {
         // The last equilibrated step is never lost, whatever `every` says.
         if self.every > 0 && self.written.is_some_and(|w| w < self.last.index) {
             self.write_points(model, points, self.last)?;
+        }
+        // Whatever ended the run early, it can go on from there.
+        if self.checkpoints().is_some() || !matches!(error, None | Some(SolveError::Output(_))) {
+            self.secure(points, summary)?;
         }
         let outcome = match error {
             None => Outcome::Completed,

@@ -22,6 +22,37 @@ impl Series {
         Series { path: path.into(), entries: Vec::new() }
     }
 
+    /// A series that goes on: the entries of the file up to a time, [time], whose data files `is_kept`. None where there
+    /// is no file.
+    ///
+    /// Errors: those of [`read`] and of the file system.
+    pub fn reopen(
+        path: impl Into<PathBuf>,
+        until: f64,
+        is_kept: impl Fn(&str) -> bool,
+    ) -> io::Result<Series> {
+        let path = path.into();
+        let before = match read(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Series::new(path)),
+            found => found?,
+        };
+        let mut entries = Vec::new();
+        for DataSet { time, path } in before.into_iter().filter(|entry| entry.time <= until) {
+            let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+            if path.is_file() && is_kept(name) {
+                entries.push((time, name.to_owned()));
+            }
+        }
+        let series = Series { path, entries };
+        series.write()?;
+        Ok(series)
+    }
+
+    /// Name of the last data file.
+    pub fn last(&self) -> Option<&str> {
+        self.entries.last().map(|(_, name)| name.as_str())
+    }
+
     /// Adds the data file of a time, [time], named relative to the directory of the series, and rewrites the series.
     ///
     /// Errors: those of the file system; `InvalidInput` if the time is not finite or not later than the last one.

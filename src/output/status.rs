@@ -12,7 +12,7 @@ use crate::loads::LoadCurve;
 use crate::memory;
 use crate::model::Model;
 use crate::points::Points;
-use crate::solver::{SolveError, Step, StepReport, Summary};
+use crate::solver::{Reached, SolveError, Step, StepReport, Summary};
 
 use super::lock::Lock;
 use super::replace::replace_file;
@@ -158,6 +158,17 @@ impl Progress {
         let began = Instant::now();
         let curve = model.common_curve().cloned();
         Progress { start, status, curve, began, recent: VecDeque::from([(0.0, began)]) }
+    }
+
+    /// The run goes on from a step that an earlier one has reached.
+    pub fn goes_on(&mut self, reached: &Reached) {
+        let end = reached.step.end;
+        self.status.steps = reached.summary.steps;
+        self.status.step = reached.step.index;
+        self.status.time = end;
+        self.status.load_factor = self.curve.as_ref().map(|curve| curve.factor(end));
+        self.status.warnings = reached.summary.warnings.len();
+        self.recent = VecDeque::from([(end, self.began)]);
     }
 
     /// An evaluation of the out-of-balance force.

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use cpu_time::ProcessTime;
 use serde_json::{Map, Value, json};
 
-use crate::deck::Parameter;
+use crate::deck::{Deck, Parameter};
 use crate::model::Model;
 use crate::points::Points;
 use crate::quality::{Balance, Quality, Worst};
@@ -77,6 +77,10 @@ pub struct Account {
     pub deck_text: String,
     /// Hash of the deck, [`crate::deck::load::LoadedDeck::hash`].
     pub deck_hash: String,
+    /// The deck, if there is one; without it there are no checkpoints.
+    pub deck: Option<Deck>,
+    /// Hash of the files that it names, [`crate::deck::load::LoadedDeck::hash_of_files`].
+    pub files_hash: String,
     /// Parameters of the deck with their final values.
     pub parameters: BTreeMap<String, Parameter>,
     /// Time spent so far, reading the deck and building the model.

@@ -4,6 +4,7 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use super::replace::replace_file;
 use super::{invalid, shortest};
 
 /// An entry of a table.
@@ -48,10 +49,47 @@ impl Table {
         if let Some(index) = (1..columns.len()).find(|&i| columns[..i].contains(&columns[i])) {
             return Err(invalid(format!("{} would have two columns `{}`", path.display(), columns[index])));
         }
-        let mut file = File::create(&path)?;
         let header: Vec<String> = columns.iter().map(|name| quoted(name)).collect();
-        file.write_all(format!("{}\n", header.join(",")).as_bytes())?;
+        Table::begin(path, columns, &format!("{}\n", header.join(",")))
+    }
+
+    /// A file with this text, to be extended; whoever kills the run leaves none without header.
+    fn begin(path: PathBuf, columns: Vec<String>, text: &str) -> io::Result<Table> {
+        replace_file(&path, |file| file.write_all(text.as_bytes()))?;
+        let file = fs::OpenOptions::new().append(true).open(&path)?;
         Ok(Table { path, file, columns })
+    }
+
+    /// Opens a file with these columns again, without the rows whose first entry is greater than `last`.
+    ///
+    /// Errors: those of the file system; `InvalidData` if the file has other columns, is damaged, or has no row with
+    /// `last` although that is not 0. The file then stays as it is.
+    pub fn reopen(path: impl AsRef<Path>, columns: &[impl AsRef<str>], last: usize) -> io::Result<Table> {
+        let path = path.as_ref().to_owned();
+        let columns: Vec<String> = columns.iter().map(|name| name.as_ref().to_owned()).collect();
+        let text = fs::read_to_string(&path).map_err(|error| {
+            io::Error::new(error.kind(), format!("{} cannot be read: {error}", path.display()))
+        })?;
+        let wrong =
+            |what: &str| io::Error::new(io::ErrorKind::InvalidData, format!("{} {what}", path.display()));
+        let (header, rows) = text.split_once('\n').ok_or_else(|| wrong("is empty"))?;
+        if unquoted(header) != columns {
+            return Err(wrong("has other columns"));
+        }
+        let mut kept = format!("{header}\n");
+        let mut reached = 0;
+        for row in rows.split_inclusive('\n').filter(|row| row.ends_with('\n')) {
+            let step = row.split(',').next().and_then(|entry| entry.parse::<usize>().ok());
+            let step = step.ok_or_else(|| wrong("has a row without a step"))?;
+            if step <= last {
+                kept.push_str(row);
+                reached = step;
+            }
+        }
+        if reached != last {
+            return Err(wrong(&format!("does not reach step {last}")));
+        }
+        Table::begin(path, columns, &kept)
     }
 
     /// Appends a row with one entry per column; it is in the file when this returns.

@@ -1,5 +1,7 @@
 //! What a run tells about itself.
 
+use serde::{Deserialize, Serialize};
+
 use crate::basis::Connectivity;
 use crate::constraints::DofMap;
 use crate::linear::Factorisation;
@@ -105,7 +107,7 @@ pub struct StepReport<const D: usize> {
 }
 
 /// The account of a run.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// Equilibrated steps.
     pub steps: usize,
@@ -127,6 +129,23 @@ pub struct Summary {
     pub warnings: Vec<String>,
     /// Time spent by phase.
     pub timings: Timings,
+}
+
+/// How far a run has come: what it goes on from beside the points.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Reached {
+    /// The last step in equilibrium; of number 0 and time 0 where there is none.
+    pub step: Step,
+    /// The account of the run so far.
+    pub summary: Summary,
+}
+
+impl Reached {
+    /// Nothing: a run that begins.
+    pub fn nothing<const D: usize>(model: &Model<D>, points: &Points<D>) -> Reached {
+        let summary = Summary { quality: Quality::new(model, points), ..Summary::default() };
+        Reached { step: Step { index: 0, start: 0.0, end: 0.0 }, summary }
+    }
 }
 
 impl Summary {

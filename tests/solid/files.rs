@@ -45,6 +45,8 @@ fn results(
     let increment = Mat3::new(1.05, -0.2, 0.02, 0.2, 0.95, 0.0, 0.0, 0.05, 1.1);
     model.boundary_conditions = vec![homogeneous(NodeSet::OuterLayer(0), &increment, [4.0; 3], 2)];
     let account = Account {
+        deck: None,
+        files_hash: String::new(),
         start: Start::now(),
         deck_hash: String::new(),
         deck_file: String::new(),

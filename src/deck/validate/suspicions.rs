@@ -192,7 +192,7 @@ fn is_zero(expression: &Expression) -> bool {
 }
 
 /// All expressions of a deck that may be formulas.
-fn expressions(deck: &Deck) -> impl Iterator<Item = &Expression> {
+pub(in crate::deck) fn expressions(deck: &Deck) -> impl Iterator<Item = &Expression> {
     let displacements = deck.boundary_conditions.iter().flat_map(BoundaryConditionDeck::displacements);
     let displacements = displacements.filter_map(|(_, u)| u.as_ref());
     let given = deck.boundary_conditions.iter().flat_map(|condition| condition.intermediate.values());

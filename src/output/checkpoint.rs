@@ -1,0 +1,258 @@
+//! Checkpoints: everything that a run needs to go on, bit for bit, from a step in equilibrium.
+//!
+//! A file holds a line with the version of the format, blocks of compressed bytes, and a checksum of all that (`blocks`).
+//! The bytes are a JSON text with the deck and the account of the run so far, and the arrays of the points. What follows
+//! from the deck alone, such as the masses, is built again. A file is written beside its place and renamed, and the one
+//! before it stays until the next is complete, so that there is always a whole one.
+
+mod blocks;
+
+use std::fmt;
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::deck::Deck;
+use crate::points::{Points, State};
+use crate::solver::{Reached, Step};
+use crate::tensor::{Mat3, Sym3};
+
+use super::findings::Findings;
+use super::replace::replace_file;
+use super::summary::VERSION;
+
+/// How many checkpoints are kept: the last, and the one before for the case that the last is damaged.
+const KEPT: usize = 2;
+
+/// What a checkpoint knows beside the points.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Head {
+    /// Version of the program that wrote it.
+    pub program: String,
+    /// The deck, its parameters inserted.
+    pub deck: Deck,
+    /// Hash of the meshes and surfaces that the deck names.
+    pub files: String,
+    /// The last step in equilibrium, and the account of the run so far.
+    pub reached: Reached,
+    /// What the run has found so far.
+    pub findings: Findings,
+    /// Number of axes, of points, of history variables per point, and of places for corners per point.
+    shape: [usize; 4],
+}
+
+/// A checkpoint that cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Refused {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub reason: String,
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the checkpoint `{}` cannot be used: {}", self.path.display(), self.reason)
+    }
+}
+
+/// A checkpoint that has been read.
+#[derive(Debug)]
+pub struct Checkpoint {
+    /// The file.
+    pub path: PathBuf,
+    /// All but the points.
+    pub head: Head,
+    /// The arrays of the points, not yet made sense of.
+    arrays: Vec<u8>,
+}
+
+/// Writes the checkpoint of a step in equilibrium and removes those that are no longer needed.
+///
+/// # Errors
+/// Those of the file system; the checkpoints before it are then still there.
+pub(super) fn write<const D: usize>(
+    directory: &Path,
+    identity: (&Deck, &str),
+    reached: &Reached,
+    findings: &Findings,
+    points: &Points<D>,
+) -> io::Result<()> {
+    let head = Head {
+        program: VERSION.to_owned(),
+        deck: identity.0.clone(),
+        files: identity.1.to_owned(),
+        reached: reached.clone(),
+        findings: findings.clone(),
+        shape: [D, points.len(), points.history_len, points.corners_per_point],
+    };
+    let head = serde_json::to_vec(&head)?;
+    let path = directory.join(file_name(reached.step.index));
+    replace_file(&path, |file| {
+        blocks::write(file, |out| {
+            out.write_all(&(head.len() as u64).to_le_bytes())?;
+            out.write_all(&head)?;
+            write_points(out, points)
+        })
+    })?;
+    for old in find(directory)?.into_iter().skip(KEPT) {
+        fs::remove_file(old)?;
+    }
+    Ok(())
+}
+
+fn file_name(step: usize) -> String {
+    format!("checkpoint_{step:04}.mpm")
+}
+
+/// The step of a checkpoint by the name of its file; `None` for other files.
+pub(super) fn step_of(name: &str) -> Option<usize> {
+    let number = name.strip_prefix("checkpoint_")?.strip_suffix(".mpm")?;
+    (number.len() >= 4 && number.bytes().all(|b| b.is_ascii_digit())).then(|| number.parse().ok())?
+}
+
+/// The checkpoints in a directory by their names, the last one first.
+fn find(directory: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(directory)? {
+        let path = entry?.path();
+        let step = path.file_name().and_then(|name| name.to_str()).and_then(step_of);
+        found.extend(step.map(|step| (step, path)));
+    }
+    found.sort();
+    Ok(found.into_iter().rev().map(|(_, path)| path).collect())
+}
+
+/// The last checkpoint in a directory that can be read, and those after it that cannot.
+///
+/// # Errors
+/// Those of the file system. `NotFound` where there is no checkpoint.
+pub fn latest(directory: &Path) -> io::Result<(Option<Checkpoint>, Vec<Refused>)> {
+    let paths = find(directory)?;
+    if paths.is_empty() {
+        return Err(io::Error::new(io::ErrorKind::NotFound, "there is no checkpoint"));
+    }
+    let mut refused = Vec::new();
+    for path in paths {
+        match read(&path) {
+            Ok(checkpoint) => return Ok((Some(checkpoint), refused)),
+            Err(reason) => refused.push(Refused { path, reason }),
+        }
+    }
+    Ok((None, refused))
+}
+
+/// Reads a file.
+///
+/// # Errors
+/// Why it cannot be used.
+pub fn read(path: &Path) -> Result<Checkpoint, String> {
+    let bytes = blocks::read(path)?;
+    let damaged = || "its content does not fit together".to_owned();
+    let (length, rest) = bytes.split_at_checked(8).ok_or_else(damaged)?;
+    let length = length.try_into().map(u64::from_le_bytes).map_err(|_| damaged())?;
+    let (head, arrays) =
+        usize::try_from(length).ok().and_then(|length| rest.split_at_checked(length)).ok_or_else(damaged)?;
+    let head: Head =
+        serde_json::from_slice(head).map_err(|error| format!("its account cannot be read: {error}"))?;
+    Ok(Checkpoint { path: path.to_owned(), arrays: arrays.to_vec(), head })
+}
+
+impl Checkpoint {
+    /// Puts the points of a freshly built model into the state and the order that the checkpoint holds.
+    ///
+    /// # Errors
+    /// When they are not the same points.
+    pub fn restore<const D: usize>(&self, points: &mut Points<D>) -> Result<(), String> {
+        let wanted = [D, points.len(), points.history_len, points.corners_per_point];
+        if self.head.shape != wanted {
+            return Err("it belongs to other points".to_owned());
+        }
+        let mut rest = Arrays { bytes: &self.arrays };
+        let n = points.len();
+        let id: Vec<u32> = rest.words(n)?;
+        let cell: Vec<u32> = rest.words(n)?;
+        let state = State {
+            position: rest.vectors(n)?,
+            half_lengths: rest.vectors(n)?,
+            corners: rest.vectors(n * points.corners_per_point)?,
+            deformation_gradient: rest
+                .vectors(n)?
+                .iter()
+                .map(|f: &[f64; 9]| Mat3::from_column_slice(f))
+                .collect(),
+            elastic_strain: rest.vectors(n)?.into_iter().map(Sym3).collect(),
+            kirchhoff_stress: rest.vectors(n)?.into_iter().map(Sym3).collect(),
+            history: rest.numbers(n * points.history_len)?,
+        };
+        if !rest.bytes.is_empty() {
+            return Err("it is longer than its points".to_owned());
+        }
+        points.restore(&id, cell, state)
+    }
+
+    /// The last step in equilibrium.
+    pub fn step(&self) -> Step {
+        self.head.reached.step
+    }
+}
+
+/// Writes the arrays that [`Checkpoint::restore`] reads.
+fn write_points<const D: usize>(out: &mut dyn Write, points: &Points<D>) -> io::Result<()> {
+    for words in [&points.id, &points.cell] {
+        for word in words {
+            out.write_all(&word.to_le_bytes())?;
+        }
+    }
+    let mut numbers = |values: &mut dyn Iterator<Item = f64>| -> io::Result<()> {
+        for value in values {
+            out.write_all(&value.to_le_bytes())?;
+        }
+        Ok(())
+    };
+    let state = &points.converged;
+    numbers(&mut state.position.as_flattened().iter().copied())?;
+    numbers(&mut state.half_lengths.as_flattened().iter().copied())?;
+    numbers(&mut state.corners.as_flattened().iter().copied())?;
+    numbers(&mut state.deformation_gradient.iter().flat_map(|f| f.iter().copied()))?;
+    numbers(&mut state.elastic_strain.iter().flat_map(|e| e.0))?;
+    numbers(&mut state.kirchhoff_stress.iter().flat_map(|t| t.0))?;
+    numbers(&mut state.history.iter().copied())
+}
+
+/// Arrays in a row of bytes.
+struct Arrays<'a> {
+    bytes: &'a [u8],
+}
+
+impl Arrays<'_> {
+    fn take(&mut self, n: usize) -> Result<&[u8], String> {
+        let (taken, rest) =
+            self.bytes.split_at_checked(n).ok_or_else(|| "it is shorter than its points".to_owned())?;
+        self.bytes = rest;
+        Ok(taken)
+    }
+
+    fn words(&mut self, n: usize) -> Result<Vec<u32>, String> {
+        Ok(self.take(4 * n)?.as_chunks::<4>().0.iter().map(|b| u32::from_le_bytes(*b)).collect())
+    }
+
+    fn numbers(&mut self, n: usize) -> Result<Vec<f64>, String> {
+        let numbers: Vec<f64> =
+            self.take(8 * n)?.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
+        if numbers.iter().all(|x| x.is_finite()) {
+            Ok(numbers)
+        } else {
+            Err("a number is not finite".to_owned())
+        }
+    }
+
+    fn vectors<const N: usize>(&mut self, n: usize) -> Result<Vec<[f64; N]>, String> {
+        Ok(self.numbers(n * N)?.as_chunks::<N>().0.to_vec())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,102 @@
+use super::*;
+use crate::deck::load::load;
+use crate::deck::ready::{Analysis, ready};
+use crate::solver::Summary;
+
+/// The beam with a domain and a history, its points somewhere.
+fn points() -> (Deck, Points<2>) {
+    let set = [("h", "1"), ("n", "2"), ("method", "cpdi2")].map(|(k, v)| (k.to_owned(), v.to_owned()));
+    let loaded = load(Path::new("inputs/collapse.yaml"), &set).unwrap();
+    let Analysis::Plane(parts) = ready(&loaded, None).unwrap().analysis else { panic!() };
+    (loaded.deck, parts.1)
+}
+
+fn reached(step: usize) -> Reached {
+    let summary = Summary { steps: step, external_work: 0.1 + 0.2, ..Summary::default() };
+    Reached { step: Step { index: step, start: 0.1, end: 1.0 / 3.0 }, summary }
+}
+
+fn names(directory: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        fs::read_dir(directory).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn the_last_two_are_kept_and_read_back_exactly() {
+    let directory = tempfile::tempdir().unwrap();
+    let (deck, mut points) = points();
+    for (step, stress) in [(9, 0.1), (10, 1.0 / 3.0), (10000, -5e-324)] {
+        points.converged.kirchhoff_stress[7].0[2] = stress;
+        points.converged.position[3] = [stress, 0.25];
+        write(directory.path(), (&deck, "f"), &reached(step), &Findings::default(), &points).unwrap();
+    }
+    assert_eq!(names(directory.path()), ["checkpoint_0010.mpm", "checkpoint_10000.mpm"]);
+    let (found, refused) = latest(directory.path()).unwrap();
+    let found = found.unwrap();
+    assert!(refused.is_empty());
+    assert_eq!((found.head.reached.clone(), &found.head.deck), (reached(10000), &deck));
+    // Into points in another order.
+    let mut others = self::points().1;
+    let mut order: Vec<u32> = (0..others.len() as u32).rev().collect();
+    order.swap(1, 5);
+    let (cell, state) = (others.cell.clone(), others.converged.clone());
+    others.restore(&order, cell, state).unwrap();
+    found.restore(&mut others).unwrap();
+    assert_eq!((&others.id, &others.cell), (&points.id, &points.cell));
+    assert_eq!(others.converged, points.converged);
+    assert_eq!((&others.mass, &others.original_position), (&points.mass, &points.original_position));
+    assert_eq!(others.original_corners, points.original_corners);
+}
+
+#[test]
+fn damaged_files_are_refused_by_name_and_the_one_before_is_used() {
+    let directory = tempfile::tempdir().unwrap();
+    let (deck, points) = points();
+    for step in [1, 2] {
+        write(directory.path(), (&deck, "f"), &reached(step), &Findings::default(), &points).unwrap();
+    }
+    let path = directory.path().join("checkpoint_0002.mpm");
+    let good = fs::read(&path).unwrap();
+    let refused = |bytes: &[u8]| {
+        fs::write(&path, bytes).unwrap();
+        let (found, refused) = latest(directory.path()).unwrap();
+        assert_eq!(found.unwrap().step().index, 1);
+        assert_eq!(refused.len(), 1);
+        let text = refused[0].to_string();
+        assert!(text.contains("checkpoint_0002.mpm"), "{text}");
+        refused[0].reason.clone()
+    };
+    for end in (0..good.len()).step_by(97) {
+        refused(&good[..end]);
+    }
+    for (place, bit) in (0..good.len()).step_by(61).zip((0..8).cycle()) {
+        let mut bytes = good.clone();
+        bytes[place] ^= 1 << bit;
+        refused(&bytes);
+    }
+    assert!(refused(b"").contains("checksum"));
+    assert!(refused(b"PNG").contains("no checkpoint") || refused(b"PNG").contains("checksum"));
+    let mut other = good.clone();
+    other[NAME_LENGTH] = b'7';
+    assert_eq!(refused(&other), "it has version 7 of the format, and this program reads 1");
+    fs::write(&path, &good).unwrap();
+    assert_eq!(latest(directory.path()).unwrap().0.unwrap().step().index, 2);
+}
+
+/// Where the version stands.
+const NAME_LENGTH: usize = "mpm checkpoint ".len();
+
+#[test]
+fn points_of_another_kind_are_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let (deck, points) = points();
+    write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
+    let found = latest(directory.path()).unwrap().0.unwrap();
+    let mut other = Points::<2>::new(&[]);
+    assert!(found.restore(&mut other).unwrap_err().contains("other points"));
+    let mut solid = Points::<3>::new(&[]);
+    assert!(found.restore(&mut solid).unwrap_err().contains("other points"));
+    assert_eq!(latest(tempfile::tempdir().unwrap().path()).unwrap_err().kind(), io::ErrorKind::NotFound);
+}
