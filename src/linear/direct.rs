@@ -3,8 +3,10 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltError;
 use faer::perm::PermRef;
+use faer::sparse::linalg::cholesky::supernodal::SupernodalLltRef;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky,
 };
 use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
@@ -15,8 +17,27 @@ use super::{Factorisation, LinearError, LinearSolver, Pattern};
 /// Largest relative residual of a solution that is accepted from a factorisation without pivoting.
 const UNPIVOTED_RESIDUAL: f64 = 1e-8;
 
+/// A pivot of LLᵀ below this multiple of the diagonal entry it comes from is round-off.
+const LEAST_PIVOT: f64 = 1e-13;
+
+/// Unknowns whose diagonal entry is below this multiple of the largest are weak: they belong to nodes that points hardly
+/// touch.
+const WEAK: f64 = 1e-4;
+
+/// What is added to the diagonal entries of weak unknowns, relative to them, where they leave the matrix singular.
+const SHIFT: f64 = 1e-9;
+
+/// Steps of iterative refinement that mend a shift, and the relative residual that they must reach.
+const REFINEMENTS: usize = 4;
+const REFINED_RESIDUAL: f64 = 1e-12;
+
 /// A direct solver. Symmetric matrices get LLᵀ, LDLᵀ when they are not positive definite, LU when that is not
-/// accurate; others LU. Runs on one thread, so that results do not depend on their number.
+/// accurate; others LU.
+///
+/// Where weak unknowns leave the matrix singular to working precision, their diagonal entries are shifted and solutions
+/// refined until they solve the equations as they are given. That happens where a corner of a domain is all that touches
+/// two nodes: their basis functions are the same to every point, so that one combination of them strains nothing, moves
+/// nothing and carries no load. Runs on one thread, so that results do not depend on their number.
 #[derive(Default)]
 pub struct Direct {
     pattern: Pattern,
@@ -26,6 +47,8 @@ pub struct Direct {
     work: Vec<f64>,
     memory: Option<MemBuffer>,
     kind: Option<Factorisation>,
+    /// Whether the factor is that of a shifted matrix.
+    shifted: bool,
     /// The unknown at which a factorisation without pivoting met a zero pivot.
     suspect: Option<usize>,
     full: Option<FullMatrix>,
@@ -87,13 +110,23 @@ impl LinearSolver for Direct {
     fn factorise(&mut self, values: &[f64]) -> Result<Factorisation, LinearError> {
         self.kind = None;
         self.suspect = None;
-        let kind = if self.pattern.n == 0 || self.pattern.symmetric && self.factorise_llt(values)? {
+        self.shifted = false;
+        let definite = self.pattern.n == 0 || self.pattern.symmetric && self.factorise_llt(values)?;
+        let kind = if definite && self.least_pivot(values) > LEAST_PIVOT {
             Factorisation::Cholesky
         } else {
             // What follows may need them again.
             self.values.clear();
             self.values.extend_from_slice(values);
-            if self.pattern.symmetric { self.factorise_ldlt()? } else { self.factorise_lu()? }
+            if self.pattern.symmetric && self.factorise_shifted()?
+                || definite && self.factorise_llt(values)?
+            {
+                Factorisation::Cholesky
+            } else if self.pattern.symmetric {
+                self.factorise_ldlt()?
+            } else {
+                self.factorise_lu()?
+            }
         };
         self.kind = Some(kind);
         Ok(kind)
@@ -116,6 +149,7 @@ impl LinearSolver for Direct {
                 }
                 true
             }
+            Some(Factorisation::Cholesky) if self.shifted => self.refine(rhs) <= UNPIVOTED_RESIDUAL,
             Some(_) => {
                 self.back_substitute(rhs);
                 true
@@ -148,6 +182,86 @@ impl Direct {
         Ok(llt.is_ok())
     }
 
+    /// Smallest pivot of LLᵀ relative to the diagonal entry that it comes from.
+    fn least_pivot(&self, values: &[f64]) -> f64 {
+        let Some(symbolic) = &self.symbolic else { return f64::INFINITY };
+        let order = symbolic.perm().map(|perm| perm.arrays().0);
+        let relative = |place: usize, l: f64| {
+            let unknown = order.map_or(place, |order| order[place]);
+            // The diagonal entry is the first of its column.
+            l * l / values[self.pattern.column_start[unknown]]
+        };
+        match symbolic.raw() {
+            SymbolicCholeskyRaw::Simplicial(simplicial) => {
+                (simplicial.col_ptr().iter().take(self.pattern.n).enumerate())
+                    .map(|(place, &first)| relative(place, self.factor[first]))
+                    .fold(f64::INFINITY, f64::min)
+            }
+            SymbolicCholeskyRaw::Supernodal(supernodal) => {
+                let factor = SupernodalLltRef::new(supernodal, &self.factor);
+                let mut least = f64::INFINITY;
+                for s in 0..supernodal.n_supernodes() {
+                    let (start, block) = (factor.supernode(s).start(), factor.supernode(s).val());
+                    for j in 0..block.ncols() {
+                        least = least.min(relative(start + j, block[(j, j)]));
+                    }
+                }
+                least
+            }
+        }
+    }
+
+    /// LLᵀ with the diagonal entries of weak unknowns shifted; false where there are none, or where that does not solve
+    /// the equations for a right-hand side that has a solution.
+    fn factorise_shifted(&mut self) -> Result<bool, LinearError> {
+        let n = self.pattern.n;
+        let diagonal = |j: usize| self.pattern.column_start[j];
+        let largest = (0..n).map(|j| self.values[diagonal(j)]).fold(0.0, f64::max);
+        let mut values = self.values.clone();
+        let mut weak = 0;
+        for j in 0..n {
+            let value = &mut values[diagonal(j)];
+            if *value > 0.0 && *value < WEAK * largest {
+                *value *= 1.0 + SHIFT;
+                weak += 1;
+            }
+        }
+        if weak == 0 || !self.factorise_llt(&values)? {
+            return Ok(false);
+        }
+        self.kind = Some(Factorisation::Cholesky);
+        // Some vector times the matrix.
+        let some: Vec<f64> = (0..n).map(|j| 1.0 + (j % 7) as f64).collect();
+        let mut trial = vec![0.0; n];
+        self.residual(&trial, &some);
+        trial.copy_from_slice(&self.work);
+        self.shifted = self.refine(&mut trial) <= UNPIVOTED_RESIDUAL;
+        self.kind = None;
+        Ok(self.shifted)
+    }
+
+    /// Replaces the right-hand side by the solution of the equations without the shift; returns its relative residual.
+    fn refine(&mut self, rhs: &mut [f64]) -> f64 {
+        let given = rhs.to_vec();
+        self.back_substitute(rhs);
+        let mut residual = self.residual(&given, rhs);
+        for _ in 0..REFINEMENTS {
+            if residual <= REFINED_RESIDUAL {
+                break;
+            }
+            let mut correction: Vec<f64> = self.work.iter().map(|r| -r).collect();
+            self.back_substitute(&mut correction);
+            let better: Vec<f64> = rhs.iter().zip(&correction).map(|(x, dx)| x + dx).collect();
+            let now = self.residual(&given, &better);
+            if now >= residual {
+                break;
+            }
+            residual = now;
+            rhs.copy_from_slice(&better);
+        }
+        residual
+    }
+
     fn factorise_ldlt(&mut self) -> Result<Factorisation, LinearError> {
         let (Some(symbolic), Some(memory)) = (&self.symbolic, &mut self.memory) else {
             return Err(LinearError::Singular { unknown: None });
@@ -167,10 +281,8 @@ impl Direct {
             Err(LdltError::ZeroPivot { index }) => {
                 // faer counts pivots from 1 in its simplicial factorisation and from 0 in the supernodal one.
                 let place = match symbolic.raw() {
-                    faer::sparse::linalg::cholesky::SymbolicCholeskyRaw::Simplicial(_) => {
-                        index.saturating_sub(1)
-                    }
-                    faer::sparse::linalg::cholesky::SymbolicCholeskyRaw::Supernodal(_) => index,
+                    SymbolicCholeskyRaw::Simplicial(_) => index.saturating_sub(1),
+                    SymbolicCholeskyRaw::Supernodal(_) => index,
                 };
                 self.suspect = symbolic.perm().and_then(|perm| perm.arrays().0.get(place).copied());
                 match self.empty_column() {
