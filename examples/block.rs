@@ -16,6 +16,7 @@ use mpm::constraints::{BoundaryCondition, NodeSet};
 use mpm::domain::DomainUpdate;
 use mpm::formula::Formula;
 use mpm::grid::{Grid, Structured};
+use mpm::linear::Choice;
 use mpm::loads::{Action, Load, LoadCurve};
 use mpm::material::{Hencky, Material, NeoHookean, VonMises};
 use mpm::model::{Body, Model, NamedMaterial, Newton};
@@ -128,7 +129,7 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
         }],
         n_steps: 3,
         end_time: 1.0,
-        newton: Newton { tolerance: 1e-9, max_iterations: 20 },
+        newton: Newton { tolerance: 1e-9, max_iterations: 20, linear: Choice::Auto },
         probes: Vec::new(),
     };
     (model, points)

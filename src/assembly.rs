@@ -16,6 +16,7 @@ use pulp::{Arch, Simd, WithSimd};
 use crate::basis::Connectivity;
 use crate::constraints::DofMap;
 use crate::kinematics::Increment;
+use crate::linear::{Block, BlockMatrix, Division};
 use crate::material::Material;
 use crate::model::Model;
 use crate::points::Points;
@@ -35,13 +36,11 @@ const GRAIN: usize = 4;
 /// Most history variables of points that are evaluated side by side.
 const MOST_HISTORY: usize = 4;
 
-/// A node-pair block of K, `[i][k]`: row component i, column component k.
-type Block<const D: usize> = [[f64; D]; D];
-
 /// The discrete equilibrium of one load step: its pattern, and the values of the current iteration.
 pub struct System<const D: usize> {
     pairs: NodePairs,
     blocks: Vec<Block<D>>,
+    division: Division<D>,
     f_int: Vec<[f64; D]>,
     /// What is fixed for each point at the start of the step.
     start: Vec<StartOfStep>,
@@ -91,6 +90,7 @@ impl<const D: usize> System<D> {
             .collect();
         System {
             blocks: vec![[[0.0; D]; D]; pairs.n_pairs()],
+            division: pairs.division(),
             f_int: vec![[0.0; D]; links.n_active()],
             start,
             dense: vec![[[0.0; D]; D]; n_dense],
@@ -195,27 +195,14 @@ impl<const D: usize> System<D> {
         reach
     }
 
-    /// `out = K x` over all active nodes, constrained ones included, on the nodes that are `wanted`; zero elsewhere.
-    pub fn multiply(&self, x: &[[f64; D]], out: &mut [[f64; D]], wanted: impl Fn(usize) -> bool) {
-        out.fill([0.0; D]);
-        let symmetric = self.pairs.symmetric();
-        self.pairs.for_each(|row, column, place| {
-            let block = &self.blocks[place];
-            if wanted(row) {
-                for i in 0..D {
-                    for k in 0..D {
-                        out[row][i] += block[i][k] * x[column][k];
-                    }
-                }
-            }
-            if symmetric && row != column && wanted(column) {
-                for i in 0..D {
-                    for k in 0..D {
-                        out[column][k] += block[i][k] * x[row][i];
-                    }
-                }
-            }
-        });
+    /// K over all active nodes, constrained ones included.
+    pub fn matrix(&self) -> BlockMatrix<'_, D> {
+        self.pairs.matrix(&self.blocks)
+    }
+
+    /// `out = K x` over all active nodes, constrained ones included.
+    pub fn multiply(&mut self, x: &[[f64; D]], out: &mut [[f64; D]]) {
+        self.pairs.matrix(&self.blocks).multiply(&mut self.division, x, out);
     }
 
     /// Diagonal of K, per node.

@@ -28,6 +28,9 @@ pub struct Closing {
     bodies: usize,
     unknowns: usize,
     evaluations: usize,
+    linear_solves: usize,
+    iterative_solves: usize,
+    linear_iterations: usize,
     tolerance: f64,
     newton_order: Option<f64>,
     quality: String,
@@ -64,6 +67,9 @@ impl Closing {
             bodies: model.bodies.len(),
             unknowns: summary.unknowns,
             evaluations: summary.evaluations,
+            linear_solves: summary.linear_solves,
+            iterative_solves: summary.iterative_solves,
+            linear_iterations: summary.linear_iterations,
             tolerance: model.newton.tolerance,
             newton_order: summary.quality.median_newton_order(),
             quality: summary.quality.to_string(),
@@ -110,6 +116,20 @@ impl Closing {
             table.row(
                 "iterations",
                 &format!("{range} in a step{order}; {} evaluations in all", self.evaluations),
+            );
+        }
+        if self.iterative_solves > 0 {
+            let factorised = match self.linear_solves - self.iterative_solves {
+                0 => String::new(),
+                more => format!("; {more} factorised"),
+            };
+            let each = self.linear_iterations as f64 / self.iterative_solves as f64;
+            table.row(
+                "linear equations",
+                &format!(
+                    "{} solved by conjugate gradients, in {each:.1} iterations each{factorised}",
+                    self.iterative_solves
+                ),
             );
         }
         if let Some((residual, step)) = self.findings.worst_residual {

@@ -4,6 +4,7 @@ use crate::basis::{DomainKind, Method, domain_volume};
 use crate::constraints::BoundaryCondition;
 use crate::domain::DomainUpdate;
 use crate::grid::Grid;
+use crate::linear::Choice;
 use crate::loads::{Load, LoadCurve};
 use crate::material::Material;
 use crate::points::{PointVolume, Points};
@@ -47,6 +48,8 @@ pub struct Newton {
     pub tolerance: f64,
     /// Largest number of linear solves in a step.
     pub max_iterations: usize,
+    /// How their linear equations are solved.
+    pub linear: Choice,
 }
 
 /// An analysis in `D` dimensions; immutable after construction.

@@ -1,15 +1,17 @@
 //! The analysis: load steps and, within each, Newton iterations to equilibrium (sections 5 and 6.3).
 
+mod equations;
 mod error;
+mod forcing;
 mod report;
 mod update;
 
 use serde::{Deserialize, Serialize};
 
-use crate::assembly::{FreeEntries, System};
+use crate::assembly::System;
 use crate::basis::{Connectivity, Method};
 use crate::constraints::DofMap;
-use crate::linear::{Direct, Factorisation, LinearSolver, ordering};
+use crate::linear::LinearError;
 use crate::loads::{ExternalForce, external_force};
 use crate::model::{Model, Newton};
 use crate::points::Points;
@@ -20,7 +22,9 @@ use crate::timing::{Phase, Timings};
 pub use error::{CODES, SolveError};
 pub use report::{GridFields, Observer, Reached, Silent, StepReport, Summary};
 
+use equations::{Equations, Place, Solved};
 use error::locate_failure;
+use forcing::Forcing;
 use report::{balance_of_energy, reactions_of};
 
 /// A load step: the time it starts from and the time it reaches.
@@ -61,7 +65,7 @@ pub fn go_on<const D: usize, M: Mechanics<D>>(
     observer: &mut dyn Observer<D>,
 ) -> Result<Summary, SolveError> {
     let Reached { step: Step { index: last, .. }, summary } = reached;
-    let mut solver = Solver { linear: Direct::default(), links: Connectivity::default(), summary };
+    let mut solver = Solver { equations: Equations::default(), links: Connectivity::default(), summary };
     let started = solver.observe(|| observer.started(model, points));
     let mut outcome = started;
     for index in last + 1..=model.n_steps {
@@ -109,9 +113,9 @@ pub fn go_on_in_plane(
     }
 }
 
-/// What lives from step to step: the linear solver with its analysis, and the account of the run.
+/// What lives from step to step: the linear solvers with their analyses, and the account of the run.
 struct Solver<const D: usize> {
-    linear: Direct,
+    equations: Equations<D>,
     /// Links of the step before, for their memory.
     links: Connectivity<D>,
     summary: Summary,
@@ -153,6 +157,12 @@ impl<const D: usize> Solver<D> {
             quality.accept(model, report.step.index, &measures, &report.residuals)
         });
         warnings.extend(raised);
+        if let Some(error) = self.equations.news() {
+            let step = report.step.index;
+            warnings.push(format!(
+                "step {step}: conjugate gradients cannot solve the equations, which are factorised instead: {error}"
+            ));
+        }
     }
 
     /// Newton iterations until the out-of-balance force of eq. (40) meets the tolerance. Writes the trial state only.
@@ -163,7 +173,7 @@ impl<const D: usize> Solver<D> {
         step: Step,
         observer: &mut dyn Observer<D>,
     ) -> Result<StepReport<D>, SolveError> {
-        let Newton { tolerance, max_iterations } = model.newton;
+        let Newton { tolerance, max_iterations, .. } = model.newton;
         let timings = &mut self.summary.timings;
         // The grid is undeformed: S_vp, ∇S_vp and the pattern of K are fixed for the step (section 5.1).
         let methods: Vec<Method> = model.bodies.iter().map(|b| b.method).collect();
@@ -172,16 +182,16 @@ impl<const D: usize> Solver<D> {
             .measure(Phase::Basis, || old.renew(model.grid.as_ref(), points, &methods))
             .map_err(|failure| SolveError::unsupported(model, points, failure, step))?;
         let set_up = timings.measure(Phase::SetUp, || StepSystem::new::<M>(model, points, &links, step));
-        let StepSystem { dofs, mut system, mut entries, f_ext, f_ext_start, applied } = set_up?;
-        let analysed = timings.measure(Phase::Analyse, || {
-            let order = || elimination_order(model, &links, &system, &dofs);
-            self.linear.analyse(std::mem::take(&mut entries.pattern), &order)
-        });
-        analysed.map_err(|e| SolveError::linear(e, model, &links, &dofs, step))?;
+        let StepSystem { dofs, mut system, f_ext, f_ext_start, applied } = set_up?;
+        let place = Place { model, links: &links, dofs: &dofs };
+        timings
+            .measure(Phase::Analyse, || self.equations.prepare(place, &system))
+            .map_err(|e| SolveError::linear(e, place, step))?;
 
         let mut unknowns = Unknowns::new(model, &links);
         let mut residuals = Vec::new();
-        let mut factorisations = Vec::new();
+        let mut solved = Vec::new();
+        let mut forcing = Forcing::default();
         let mut f_int_start = Vec::new();
         for iteration in 0..=max_iterations {
             let timings = &mut self.summary.timings;
@@ -215,78 +225,87 @@ impl<const D: usize> Solver<D> {
                     unknowns: dofs.n_free(),
                     grid: GridFields { links, delta_d: unknowns.delta_d, reaction: reaction_field },
                     residuals,
-                    factorisations,
+                    factorisations: solved.iter().map(|s: &Solved| s.factorisation).collect(),
+                    linear_iterations: solved.iter().map(|s| s.iterations).sum(),
                 });
             }
             if iteration == max_iterations || !residual.is_finite() {
                 return Err(SolveError::not_converged(model, &links, step, residuals, &out_of_balance));
             }
+            let iterate = Iterate { out_of_balance: &out_of_balance, residual, iteration };
             let used = self
-                .newton_step(&mut unknowns, &system, &entries, &dofs, &out_of_balance, iteration)
-                .map_err(|e| SolveError::linear(e, model, &links, &dofs, step))?;
-            factorisations.push(used);
+                .newton_step(&mut unknowns, &mut system, place, &iterate, &mut forcing)
+                .map_err(|e| SolveError::linear(e, place, step))?;
+            solved.push(used);
         }
         Err(SolveError::not_converged(model, &links, step, residuals, &[])) // max_iterations ≥ 1: not reached
     }
 
     /// Eq. (26): K δd = f_ext − f_int on the free degrees of freedom, with the whole prescribed increment in the
     /// first iteration; eq. (30) for the sum, and the linearised change of the reactions.
+    ///
+    /// Where δd is not exact, what it leaves of the equations of the free degrees of freedom stays in their
+    /// out-of-balance force: only prescribed ones have a reaction, and that is the one which K and this δd give.
     fn newton_step(
         &mut self,
         unknowns: &mut Unknowns<D>,
-        system: &System<D>,
-        entries: &FreeEntries,
-        dofs: &DofMap<D>,
-        out_of_balance: &Nodal<D>,
-        iteration: usize,
-    ) -> Result<Factorisation, crate::linear::LinearError> {
+        system: &mut System<D>,
+        place: Place<D>,
+        iterate: &Iterate<D>,
+        forcing: &mut Forcing,
+    ) -> Result<Solved, LinearError> {
+        let Place { dofs, .. } = place;
+        let Iterate { out_of_balance, residual, iteration } = *iterate;
+        let Unknowns { iterative: delta, k_delta, rhs, .. } = unknowns;
         let timings = &mut self.summary.timings;
-        let mut values = std::mem::take(&mut unknowns.values);
-        let used = timings.measure(Phase::Factorise, || {
-            system.free_values(entries, &mut values);
-            self.linear.factorise(&values)
-        })?;
-        unknowns.values = values;
-        self.summary.linear_solves += 1;
-        timings.measure(Phase::Solve, || {
-            let delta = &mut unknowns.iterative;
+        let tolerance = timings.measure(Phase::Solve, || {
             delta.fill([0.0; D]);
-            unknowns.k_delta.fill([0.0; D]);
+            k_delta.fill([0.0; D]);
             if iteration == 0 {
                 // The motion of the prescribed degrees of freedom loads the free ones through K.
+                let mut moves = false;
                 for_each_dof(dofs, |node, axis, _| {
                     delta[node][axis] = dofs.prescribed(node, axis).map_or(0.0, |(increment, _)| increment);
+                    moves |= delta[node][axis] != 0.0;
                 });
-                system.multiply(delta, &mut unknowns.k_delta, |_| true);
+                if moves {
+                    system.multiply(delta, k_delta);
+                }
             }
-            let rhs = &mut unknowns.rhs;
-            rhs.clear();
             for_each_dof(dofs, |node, axis, free| {
-                if free.is_some() {
-                    rhs.push(out_of_balance[node][axis] - unknowns.k_delta[node][axis]);
-                }
+                let force = out_of_balance[node][axis] - k_delta[node][axis];
+                rhs[node][axis] = if free.is_some() { force } else { 0.0 };
             });
-            self.linear.solve(rhs)?;
-            for_each_dof(dofs, |node, axis, free| {
-                if let Some(unknown) = free {
-                    delta[node][axis] = rhs[unknown];
-                }
-            });
+            forcing.next(norm(rhs.iter().flatten().copied()), residual, place.model.newton.tolerance)
+        });
+        let solved = self.equations.solve(place, system, rhs, delta, tolerance, timings)?;
+        self.summary.linear_solves += 1;
+        timings.measure(Phase::Solve, || {
             // Only a motion that nothing resists carries a node that far.
-            if let Some(unknown) = rhs.iter().position(|u| u.abs() > unknowns.far) {
-                return Err(crate::linear::LinearError::Singular { unknown: Some(unknown) });
+            let far = |u: &f64| u.abs() > unknowns.far;
+            let carried = (0..delta.len())
+                .find_map(|node| delta[node].iter().position(far).and_then(|axis| dofs.free(node, axis)));
+            if let Some(unknown) = carried {
+                return Err(LinearError::Singular { unknown: Some(unknown) });
             }
-            system.multiply(delta, &mut unknowns.k_delta, |node| dofs.is_held(node));
+            system.multiply(delta, k_delta);
             for_each_dof(dofs, |node, axis, free| {
                 unknowns.delta_d[node][axis] += delta[node][axis]; // (30)
                 if free.is_none() {
-                    unknowns.reaction[node][axis] +=
-                        unknowns.k_delta[node][axis] - out_of_balance[node][axis];
+                    unknowns.reaction[node][axis] += k_delta[node][axis] - out_of_balance[node][axis];
                 }
             });
-            Ok(used)
+            Ok(solved)
         })
     }
+}
+
+/// Where the Newton iterations stand.
+struct Iterate<'a, const D: usize> {
+    out_of_balance: &'a Nodal<D>,
+    /// Eq. (40).
+    residual: f64,
+    iteration: usize,
 }
 
 fn for_each_dof<const D: usize>(dofs: &DofMap<D>, mut visit: impl FnMut(usize, usize, Option<usize>)) {
@@ -301,7 +320,6 @@ fn for_each_dof<const D: usize>(dofs: &DofMap<D>, mut visit: impl FnMut(usize, u
 struct StepSystem<const D: usize> {
     dofs: DofMap<D>,
     system: System<D>,
-    entries: FreeEntries,
     f_ext: Nodal<D>,
     /// External force of the state the step starts from, on the nodes of this step.
     f_ext_start: Nodal<D>,
@@ -319,7 +337,6 @@ impl<const D: usize> StepSystem<D> {
         let dofs = DofMap::new(model, points, links, step.start, step.end)
             .map_err(|error| SolveError::Constraint { step: step.index, error })?;
         let system = System::new::<M>(model, points, links);
-        let entries = system.free_entries(&dofs);
         // A ring resists its own motion outwards.
         let rigid = usize::from(M::REVOLVED)..D;
         if let Some((node, axis)) = dofs.unheld(&links.parts(), rigid) {
@@ -334,7 +351,7 @@ impl<const D: usize> StepSystem<D> {
         // At time 0 nothing is loaded yet, whatever the curves say.
         let f_ext_start =
             if step.start > 0.0 { load(step.start)?.nodal } else { vec![[0.0; D]; f_ext.len()] };
-        Ok(StepSystem { dofs, system, entries, f_ext, f_ext_start, applied })
+        Ok(StepSystem { dofs, system, f_ext, f_ext_start, applied })
     }
 }
 
@@ -346,8 +363,7 @@ struct Unknowns<const D: usize> {
     reaction: Nodal<D>,
     iterative: Nodal<D>,
     k_delta: Nodal<D>,
-    rhs: Vec<f64>,
-    values: Vec<f64>,
+    rhs: Nodal<D>,
     /// A displacement that no equilibrium in this grid can have, [length].
     far: f64,
 }
@@ -367,9 +383,8 @@ impl<const D: usize> Unknowns<D> {
             delta_d: zero.clone(),
             reaction: zero.clone(),
             iterative: zero.clone(),
-            k_delta: zero,
-            rhs: Vec::new(),
-            values: Vec::new(),
+            k_delta: zero.clone(),
+            rhs: zero,
             far: FAR * diameter,
         }
     }
@@ -414,17 +429,4 @@ impl<const D: usize> Unknowns<D> {
 
 fn norm(values: impl Iterator<Item = f64>) -> f64 {
     values.map(|x| x * x).sum::<f64>().sqrt()
-}
-
-/// Order of elimination of the unknowns: nested dissection of the active nodes by their place in the grid.
-fn elimination_order<const D: usize>(
-    model: &Model<D>,
-    links: &Connectivity<D>,
-    system: &System<D>,
-    dofs: &DofMap<D>,
-) -> Vec<usize> {
-    let lattice = |active: usize| model.grid.lattice(links.active_nodes()[active] as usize);
-    let coordinates: Vec<[u32; D]> = (0..links.n_active()).map(lattice).collect();
-    let nodes = ordering::nested_dissection(&coordinates, system.reach(lattice));
-    nodes.iter().flat_map(|&node| (0..D).filter_map(move |axis| dofs.free(node, axis))).collect()
 }

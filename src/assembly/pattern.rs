@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::basis::Connectivity;
 use crate::constraints::DofMap;
-use crate::linear::Pattern;
+use crate::linear::{Block, BlockMatrix, Division, Pattern};
 
 /// Marks a pair of nodes of a group that no point couples.
 pub(super) const UNCOUPLED: u32 = u32::MAX;
@@ -21,6 +21,7 @@ pub(super) struct NodePairs {
 }
 
 /// The entries of K on the free degrees of freedom.
+#[derive(Default)]
 pub struct FreeEntries {
     /// Their pattern, for the linear solver to take.
     pub pattern: Pattern,
@@ -169,6 +170,16 @@ impl NodePairs {
     /// Places of the dense pairs of a group.
     pub(super) fn positions(&self, group: usize) -> &[u32] {
         &self.position[self.group_start[group]..self.group_start[group + 1]]
+    }
+
+    /// The matrix with these blocks on the pairs.
+    pub(super) fn matrix<'a, const D: usize>(&'a self, blocks: &'a [Block<D>]) -> BlockMatrix<'a, D> {
+        BlockMatrix { symmetric: self.symmetric, column_start: &self.column_start, row: &self.row, blocks }
+    }
+
+    /// How its columns are shared out in a product with a vector.
+    pub(super) fn division<const D: usize>(&self) -> Division<D> {
+        Division::new(&self.column_start, &self.row)
     }
 
     /// Calls `visit(row, column, place)` for every pair.

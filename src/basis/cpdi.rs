@@ -53,7 +53,7 @@ impl<const D: usize> Basis<D> for Cpdi {
 
 /// How far outside the grid a corner may be, in cells. The corners of CPDI1 follow the deformation of their point, not
 /// that of the border, and leave the grid by a little where a body slides along a wall.
-pub const CORNER_MARGIN: f64 = 0.1;
+pub const CORNER_MARGIN: f64 = 0.05;
 
 /// The cell that holds a place, or the nearest, and how far outside the place is, in cells: the sum of the negative
 /// values of its continued basis there.

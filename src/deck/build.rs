@@ -177,6 +177,7 @@ where
             newton: Newton {
                 tolerance: deck.solver.tolerance,
                 max_iterations: deck.solver.max_iterations as usize,
+                linear: deck.solver.linear,
             },
             probes,
         };

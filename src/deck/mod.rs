@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::basis::Method;
 pub use crate::domain::DomainUpdate;
+pub use crate::linear::Choice as LinearChoice;
 pub use crate::points::PointVolume;
 pub use crate::stress::Formulation;
 pub use region::{Direction, Shape};
@@ -548,11 +549,13 @@ pub struct SolverDeck {
     /// Largest number of linear solves in a step.
     #[schemars(range(min = 1, max = 1000))]
     pub max_iterations: u32,
+    /// How their linear equations are solved.
+    pub linear: LinearChoice,
 }
 
 impl Default for SolverDeck {
     fn default() -> Self {
-        SolverDeck { tolerance: 1e-9, max_iterations: 20 }
+        SolverDeck { tolerance: 1e-9, max_iterations: 20, linear: LinearChoice::Auto }
     }
 }
 

@@ -4,9 +4,10 @@ use super::build::per_axis;
 use super::diagnostic::{Diagnostic, Severity};
 use super::region::volume;
 use super::source::Source;
-use super::{BodyDeck, Deck, GridDeck};
+use super::{BodyDeck, Deck, GridDeck, LinearChoice};
 use crate::basis::{DomainKind, Method};
 use crate::grid::Grid;
+use crate::linear::Extent;
 use crate::memory::{Bound, Memory, in_words};
 use crate::region::{Accuracy, Region};
 
@@ -14,6 +15,9 @@ use crate::region::{Accuracy, Region};
 const PROGRAM: f64 = 10e6;
 /// Memory per grid node, [byte].
 const PER_NODE: f64 = 10.0;
+/// Memory of the stiffness and of the preconditioner for an iterative solution per unknown, [byte], with points that
+/// reach the nodes of their cell and with domains that reach beyond: in the plane, counted, and in space, measured.
+const ITERATIVE: [[f64; 2]; 2] = [[450.0, 850.0], [1200.0, 4500.0]];
 /// How well the volume of a region is to be known.
 const ROUGHLY: Accuracy = Accuracy { relative: 1e-2, lines: 20_000 };
 /// Part of the memory from which on there is a warning.
@@ -25,7 +29,7 @@ const MUCH: f64 = 0.8;
 fn costs<const D: usize>(method: Method) -> (f64, f64, f64) {
     if D > 2 {
         return match method {
-            Method::Mpm => (1400.0, 400.0, 290.0),
+            Method::Mpm => (1300.0, 400.0, 290.0),
             Method::Gimp => (1400.0, 1000.0, 720.0),
             Method::Cpdi1 | Method::Cpdi2 => (2000.0, 1100.0, 720.0),
         };
@@ -80,13 +84,27 @@ impl Size {
         let unknowns = D as f64 * active;
         // Fill of a nested dissection: the separators of a square, the faces of a cube.
         let fill = if D > 2 { unknowns.powf(4.0 / 3.0) } else { unknowns * unknowns.max(2.0).log2() };
+        let reach = if border > 1.0 { 2.0 } else { 1.0 };
+        let is_iterative = match deck.solver.linear {
+            _ if grid.structured().is_none() => false,
+            LinearChoice::Direct => false,
+            LinearChoice::Iterative => true,
+            LinearChoice::Auto => {
+                let near = (2.0_f64 * reach + 1.0).powi(D as i32);
+                Extent { nodes: active, reach, pairs: 0.5 * (near + 1.0) * active }.is_large::<D>()
+            }
+        };
         Size {
             points,
             nodes,
             unknowns,
             memory_of_grid: PER_NODE * nodes,
             memory_of_points,
-            memory_of_stiffness: factor * fill,
+            memory_of_stiffness: if is_iterative {
+                ITERATIVE[usize::from(D > 2)][usize::from(reach > 1.0)] * unknowns
+            } else {
+                factor * fill
+            },
             largest_body: largest.1,
         }
     }

@@ -28,6 +28,7 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.boundary_conditions();
     check.loads();
     check.probes();
+    check.linear_solver();
     assign(Gate::Meaning, &mut check.found);
     check.found
 }

@@ -3,7 +3,6 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltError;
 use faer::perm::PermRef;
-use faer::sparse::linalg::cholesky::supernodal::SupernodalLltRef;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky,
@@ -12,17 +11,22 @@ use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side};
 
+use crate::memory::Memory;
+
 use super::{Factorisation, LinearError, LinearSolver, Pattern};
 
 /// Largest relative residual of a solution that is accepted from a factorisation without pivoting.
 const UNPIVOTED_RESIDUAL: f64 = 1e-8;
 
-/// A pivot of LLᵀ below this multiple of the diagonal entry it comes from is round-off.
-const LEAST_PIVOT: f64 = 1e-13;
+/// A factor of fewer bytes is taken without asking whether there are as many.
+const LITTLE: u64 = 64 << 20;
 
 /// Unknowns whose diagonal entry is below this multiple of the largest are weak: they belong to nodes that points hardly
 /// touch.
-const WEAK: f64 = 1e-4;
+const WEAK: f64 = 1e-2;
+
+/// Weak unknowns that move so many times as far as the others are lost.
+const LOST: f64 = 1e5;
 
 /// What is added to the diagonal entries of weak unknowns, relative to them, where they leave the matrix singular.
 const SHIFT: f64 = 1e-9;
@@ -37,7 +41,9 @@ const REFINED_RESIDUAL: f64 = 1e-12;
 /// Where weak unknowns leave the matrix singular to working precision, their diagonal entries are shifted and solutions
 /// refined until they solve the equations as they are given. That happens where a corner of a domain is all that touches
 /// two nodes: their basis functions are the same to every point, so that one combination of them strains nothing, moves
-/// nothing and carries no load. Runs on one thread, so that results do not depend on their number.
+/// nothing and carries no load.
+///
+/// Runs on one thread, so that results do not depend on their number.
 #[derive(Default)]
 pub struct Direct {
     pattern: Pattern,
@@ -49,6 +55,8 @@ pub struct Direct {
     kind: Option<Factorisation>,
     /// Whether the factor is that of a shifted matrix.
     shifted: bool,
+    /// Norm of the largest right-hand side of such a matrix since the last call for analysis.
+    largest: f64,
     /// The unknown at which a factorisation without pivoting met a zero pivot.
     suspect: Option<usize>,
     full: Option<FullMatrix>,
@@ -64,7 +72,7 @@ struct FullMatrix {
 }
 
 fn out_of_memory<E>(_: E) -> LinearError {
-    LinearError::OutOfMemory
+    LinearError::OutOfMemory { needed: None }
 }
 
 fn view<'a>(pattern: &'a Pattern, values: &'a [f64]) -> SparseColMatRef<'a, usize, f64> {
@@ -78,6 +86,7 @@ fn symbolic_view(pattern: &Pattern) -> SymbolicSparseColMatRef<'_, usize> {
 impl LinearSolver for Direct {
     fn analyse(&mut self, pattern: Pattern, order: &dyn Fn() -> Vec<usize>) -> Result<bool, LinearError> {
         if self.pattern == pattern && (self.symbolic.is_some() || !pattern.symmetric) {
+            self.largest = 0.0; // a run that goes on from a checkpoint knows nothing of earlier steps
             return Ok(false);
         }
         *self = Direct { pattern, ..Direct::default() };
@@ -96,11 +105,15 @@ impl LinearSolver for Direct {
                 CholeskySymbolicParams::default(),
             )
             .map_err(out_of_memory)?;
-            self.factor = vec![0.0; symbolic.len_val()];
             let scratch = symbolic
                 .factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default())
                 .or(symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default()))
                 .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
+            let needed = 8 * symbolic.len_val() as u64 + scratch.unaligned_bytes_required() as u64;
+            if needed > LITTLE && Memory::of_this_machine().is_some_and(|memory| needed > memory.available) {
+                return Err(LinearError::OutOfMemory { needed: Some(needed) });
+            }
+            self.factor = vec![0.0; symbolic.len_val()];
             self.memory = Some(MemBuffer::try_new(scratch).map_err(out_of_memory)?);
             self.symbolic = Some(symbolic);
         }
@@ -111,19 +124,17 @@ impl LinearSolver for Direct {
         self.kind = None;
         self.suspect = None;
         self.shifted = false;
-        let definite = self.pattern.n == 0 || self.pattern.symmetric && self.factorise_llt(values)?;
-        let kind = if definite && self.least_pivot(values) > LEAST_PIVOT {
+        let kind = if self.pattern.n == 0 || self.pattern.symmetric && self.factorise_llt(values)? {
             Factorisation::Cholesky
         } else {
             // What follows may need them again.
             self.values.clear();
             self.values.extend_from_slice(values);
-            if self.pattern.symmetric && self.factorise_shifted()?
-                || definite && self.factorise_llt(values)?
-            {
-                Factorisation::Cholesky
-            } else if self.pattern.symmetric {
-                self.factorise_ldlt()?
+            if self.pattern.symmetric {
+                match self.factorise_ldlt() {
+                    Err(LinearError::Singular { .. }) if self.factorise_shifted()? => Factorisation::Cholesky,
+                    other => other?,
+                }
             } else {
                 self.factorise_lu()?
             }
@@ -137,19 +148,22 @@ impl LinearSolver for Direct {
             return Ok(());
         }
         let solved = match self.kind {
-            Some(Factorisation::Ldlt) => {
+            Some(Factorisation::Cholesky) if self.shifted => self.solve_shifted(rhs),
+            Some(Factorisation::Ldlt | Factorisation::Lu) if self.pattern.symmetric => {
                 let given = rhs.to_vec();
                 self.back_substitute(rhs);
                 // No pivoting took place: believe the solution only if it solves the system.
-                if self.residual(&given, rhs) > UNPIVOTED_RESIDUAL {
+                if self.kind == Some(Factorisation::Ldlt) && self.residual(&given, rhs) > UNPIVOTED_RESIDUAL {
                     self.factorise_lu()?;
                     self.kind = Some(Factorisation::Lu);
                     rhs.copy_from_slice(&given);
                     self.back_substitute(rhs);
                 }
+                if self.is_lost(rhs) {
+                    self.find(rhs, &given)?;
+                }
                 true
             }
-            Some(Factorisation::Cholesky) if self.shifted => self.refine(rhs) <= UNPIVOTED_RESIDUAL,
             Some(_) => {
                 self.back_substitute(rhs);
                 true
@@ -182,33 +196,52 @@ impl Direct {
         Ok(llt.is_ok())
     }
 
-    /// Smallest pivot of LLᵀ relative to the diagonal entry that it comes from.
-    fn least_pivot(&self, values: &[f64]) -> f64 {
-        let Some(symbolic) = &self.symbolic else { return f64::INFINITY };
-        let order = symbolic.perm().map(|perm| perm.arrays().0);
-        let relative = |place: usize, l: f64| {
-            let unknown = order.map_or(place, |order| order[place]);
-            // The diagonal entry is the first of its column.
-            l * l / values[self.pattern.column_start[unknown]]
-        };
-        match symbolic.raw() {
-            SymbolicCholeskyRaw::Simplicial(simplicial) => {
-                (simplicial.col_ptr().iter().take(self.pattern.n).enumerate())
-                    .map(|(place, &first)| relative(place, self.factor[first]))
-                    .fold(f64::INFINITY, f64::min)
-            }
-            SymbolicCholeskyRaw::Supernodal(supernodal) => {
-                let factor = SupernodalLltRef::new(supernodal, &self.factor);
-                let mut least = f64::INFINITY;
-                for s in 0..supernodal.n_supernodes() {
-                    let (start, block) = (factor.supernode(s).start(), factor.supernode(s).val());
-                    for j in 0..block.ncols() {
-                        least = least.min(relative(start + j, block[(j, j)]));
-                    }
-                }
-                least
+    /// The diagonal entry below which an unknown is weak.
+    fn limit_of_weakness(&self) -> f64 {
+        let diagonal = |j: usize| self.values[self.pattern.column_start[j]];
+        WEAK * (0..self.pattern.n).map(diagonal).fold(0.0, f64::max)
+    }
+
+    /// Whether a solution carries weak unknowns so far beyond the others that only a singular matrix can have done it.
+    fn is_lost(&self, x: &[f64]) -> bool {
+        let limit = self.limit_of_weakness();
+        let (mut weak, mut strong) = (0.0f64, 0.0f64);
+        for (j, x) in x.iter().enumerate() {
+            let group =
+                if self.values[self.pattern.column_start[j]] < limit { &mut weak } else { &mut strong };
+            *group = group.max(x.abs());
+            if !x.is_finite() {
+                return true;
             }
         }
+        weak > LOST * strong
+    }
+
+    /// Replaces a lost solution by that with the factor of the shifted matrix, if that solves the equations.
+    fn find(&mut self, solution: &mut [f64], given: &[f64]) -> Result<(), LinearError> {
+        let kind = self.kind;
+        if self.factorise_shifted()? {
+            self.kind = Some(Factorisation::Cholesky);
+            let mut other = given.to_vec();
+            if self.solve_shifted(&mut other) {
+                solution.copy_from_slice(&other);
+                return Ok(());
+            }
+        }
+        self.shifted = false;
+        self.kind = kind;
+        if kind == Some(Factorisation::Ldlt) {
+            self.factorise_ldlt()?; // its place was taken
+        }
+        Ok(())
+    }
+
+    /// Replaces the right-hand side by the solution with the factor of the shifted matrix; whether it solves the equations.
+    fn solve_shifted(&mut self, rhs: &mut [f64]) -> bool {
+        let size = norm(rhs);
+        self.largest = self.largest.max(size);
+        // Near equilibrium a right-hand side is round-off of larger ones.
+        self.refine(rhs) * size <= UNPIVOTED_RESIDUAL * self.largest
     }
 
     /// LLᵀ with the diagonal entries of weak unknowns shifted; false where there are none, or where that does not solve
@@ -216,12 +249,12 @@ impl Direct {
     fn factorise_shifted(&mut self) -> Result<bool, LinearError> {
         let n = self.pattern.n;
         let diagonal = |j: usize| self.pattern.column_start[j];
-        let largest = (0..n).map(|j| self.values[diagonal(j)]).fold(0.0, f64::max);
+        let limit = self.limit_of_weakness();
         let mut values = self.values.clone();
         let mut weak = 0;
         for j in 0..n {
             let value = &mut values[diagonal(j)];
-            if *value > 0.0 && *value < WEAK * largest {
+            if *value > 0.0 && *value < limit {
                 *value *= 1.0 + SHIFT;
                 weak += 1;
             }
@@ -313,7 +346,7 @@ impl Direct {
             let symbolic = SymbolicLu::try_new(symbolic_view(&pattern)).map_err(out_of_memory)?;
             self.full = Some(FullMatrix { pattern, source, symbolic });
         }
-        let Some(full) = &self.full else { return Err(LinearError::OutOfMemory) };
+        let Some(full) = &self.full else { return Err(LinearError::OutOfMemory { needed: None }) };
         let values: Vec<f64> = full.source.iter().map(|&s| self.values[s]).collect();
         let matrix = view(&full.pattern, &values);
         let lu = Lu::try_new_with_symbolic(full.symbolic.clone(), matrix)
@@ -356,7 +389,6 @@ impl Direct {
                 }
             }
         }
-        let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let residual = norm(&self.work) / norm(b);
         if residual.is_nan() {
             if b.iter().all(|v| *v == 0.0) { 0.0 } else { f64::INFINITY }
@@ -364,6 +396,10 @@ impl Direct {
             residual
         }
     }
+}
+
+fn norm(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// The full pattern of a matrix, and for each of its entries the place in the given one.

@@ -258,6 +258,7 @@ impl Results {
             report.step.end.into(),
             (report.residuals.len() as i64 - 1).into(),
             residual.into(),
+            (report.linear_iterations as i64).into(),
         ];
         row.extend(report.reactions.iter().flatten().map(|r| Entry::from(*r)));
         let place = points.by_id();
@@ -314,7 +315,8 @@ fn step_of_file(name: &str) -> Option<usize> {
 
 fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
     let axes = &["x", "y", "z"][..D];
-    let mut columns: Vec<String> = ["step", "time", "iterations", "residual"].map(String::from).to_vec();
+    let mut columns: Vec<String> =
+        ["step", "time", "iterations", "residual", "linear_iterations"].map(String::from).to_vec();
     for condition in &model.boundary_conditions {
         columns.extend(axes.iter().map(|axis| format!("{}_r{axis}", condition.name)));
     }

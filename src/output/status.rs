@@ -332,7 +332,7 @@ steps: {count: 4}";
         assert_eq!(read(directory.path()).unwrap(), first, "not more than once a second");
         drop(lock);
         assert_eq!(read(directory.path()).unwrap().state, State::Died);
-        progress.finished(Some(&SolveError::OutOfMemory { step: 1 }));
+        progress.finished(Some(&SolveError::OutOfMemory { step: 1, needed: None }));
         file.update(&progress).unwrap();
         let last = read(directory.path()).unwrap();
         assert_eq!((last.state, last.iteration, last.residual), (State::Failed, 2, None));

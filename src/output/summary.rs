@@ -134,6 +134,8 @@ impl Account {
             "steps_requested": model.n_steps,
             "evaluations": summary.evaluations,
             "linear_solves": summary.linear_solves,
+            "iterative_solves": summary.iterative_solves,
+            "linear_iterations": summary.linear_iterations,
             "indefinite_solves": summary.indefinite_solves,
             "external_work": summary.external_work,
             "strain_energy": summary.strain_energy,

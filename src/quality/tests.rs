@@ -2,6 +2,7 @@ use super::*;
 use crate::basis::{Connectivity, Method};
 use crate::domain::DomainUpdate;
 use crate::grid::Structured;
+use crate::linear::Choice;
 use crate::model::{Body, Newton};
 use crate::points::{PointVolume, Seed};
 use crate::stress::Formulation;
@@ -27,7 +28,7 @@ fn model(bodies: &[(Method, DomainUpdate)]) -> Model<2> {
         loads: Vec::new(),
         n_steps: 1,
         end_time: 1.0,
-        newton: Newton { tolerance: 1e-9, max_iterations: 10 },
+        newton: Newton { tolerance: 1e-9, max_iterations: 10, linear: Choice::Auto },
         probes: Vec::new(),
     }
 }

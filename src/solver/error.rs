@@ -2,15 +2,17 @@
 
 use crate::assembly::PointFailure;
 use crate::basis::{Connectivity, SupportError, SupportFailure};
-use crate::constraints::{ConstraintError, DofMap, HOLD_THE_AXIS};
+use crate::constraints::{ConstraintError, HOLD_THE_AXIS};
 use crate::domain::Collapsed;
 use crate::linear::LinearError;
 use crate::loads::LoadNotFinite;
+use crate::memory::in_words;
 use crate::model::Model;
 use crate::points::{Points, coordinates};
 use crate::stress::PointError;
 
 use super::Step;
+use super::equations::Place as Equation;
 
 /// A material point, as an error names it.
 #[derive(Debug, Clone, PartialEq)]
@@ -109,10 +111,22 @@ pub enum SolveError {
         axis: usize,
     },
     /// The factor of the stiffness does not fit into memory.
-    #[error("step {step}: the factor of the stiffness does not fit into memory")]
+    #[error("step {step}: the factor of the stiffness does not fit into memory{}", of_size(needed))]
     OutOfMemory {
         /// The step.
         step: usize,
+        /// What it takes, [byte], where that is known.
+        needed: Option<u64>,
+    },
+    /// The iterative solver has failed, and the factor for the direct one does not fit into memory.
+    #[error(
+        "step {step}: conjugate gradients have failed and the stiffness is too large to factorise: {error}"
+    )]
+    Iterative {
+        /// The step.
+        step: usize,
+        /// How.
+        error: LinearError,
     },
     /// The boundary conditions cannot be applied.
     #[error("step {step}: {error}")]
@@ -154,6 +168,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("S009", "boundary conditions that cannot be applied"),
     ("S010", "a load without a value"),
     ("S011", "results that cannot be written"),
+    ("S012", "equations that conjugate gradients cannot solve"),
 ];
 
 fn worst_node(worst: &Option<(Vec<f64>, Vec<f64>)>) -> String {
@@ -166,6 +181,10 @@ fn worst_node(worst: &Option<(Vec<f64>, Vec<f64>)>) -> String {
 fn exponents(force: &[f64]) -> String {
     let numbers: Vec<String> = force.iter().map(|x| format!("{x:.3e}")).collect();
     format!("({})", numbers.join(", "))
+}
+
+fn of_size(needed: &Option<u64>) -> String {
+    needed.map_or(String::new(), |bytes| format!(": it takes {}", in_words(bytes as f64)))
 }
 
 fn at_node(node: &Option<(Vec<f64>, usize)>) -> String {
@@ -196,6 +215,7 @@ impl SolveError {
             SolveError::Constraint { .. } => "S009",
             SolveError::Load { .. } => "S010",
             SolveError::Output(_) => "S011",
+            SolveError::Iterative { .. } => "S012",
             SolveError::Interrupted { .. } => return None,
         })
     }
@@ -220,7 +240,12 @@ impl SolveError {
                 "see that boundary conditions hold every body; where a cell hardly holds any material, move or refine the grid, \
                      use more points per cell, or another method",
             ),
-            SolveError::OutOfMemory { .. } => Some("use a coarser grid"),
+            SolveError::OutOfMemory { .. } => {
+                Some("use a coarser grid, or on a structured one `solver: {linear: iterative}`")
+            }
+            SolveError::Iterative { .. } => {
+                Some("use more load steps (`steps: count`), a coarser grid, or a computer with more memory")
+            }
             SolveError::Unheld { .. } => Some(
                 "fix or prescribe the displacement along that axis at one node of each separate part at least",
             ),
@@ -244,6 +269,7 @@ impl SolveError {
                 | SolveError::Point { .. }
                 | SolveError::Collapsed { .. }
                 | SolveError::Singular { .. }
+                | SolveError::Iterative { .. }
         )
     }
 
@@ -317,20 +343,17 @@ impl SolveError {
         SolveError::NotConverged { step: step.index, residuals, worst }
     }
 
-    pub(super) fn linear<const D: usize>(
-        error: LinearError,
-        model: &Model<D>,
-        links: &Connectivity<D>,
-        dofs: &DofMap<D>,
-        step: Step,
-    ) -> Self {
+    pub(super) fn linear<const D: usize>(error: LinearError, at: Equation<D>, step: Step) -> Self {
+        let step = step.index;
         match error {
-            LinearError::OutOfMemory => SolveError::OutOfMemory { step: step.index },
+            LinearError::OutOfMemory { needed } => SolveError::OutOfMemory { step, needed },
+            LinearError::NotPositiveDefinite => SolveError::Iterative { step, error },
+            LinearError::NotConverged { .. } => SolveError::Iterative { step, error },
             LinearError::Singular { unknown } => {
-                let node = unknown.and_then(|u| dofs.place_of(u)).map(|(node, axis)| {
-                    (model.grid.node_position(links.active_nodes()[node] as usize).to_vec(), axis)
+                let node = unknown.and_then(|u| at.dofs.place_of(u)).map(|(node, axis)| {
+                    (at.model.grid.node_position(at.links.active_nodes()[node] as usize).to_vec(), axis)
                 });
-                SolveError::Singular { step: step.index, node }
+                SolveError::Singular { step, node }
             }
         }
     }

@@ -94,6 +94,8 @@ pub struct StepReport<const D: usize> {
     pub residuals: Vec<f64>,
     /// Factorisation used in each iteration.
     pub factorisations: Vec<Factorisation>,
+    /// Iterations of the linear solver in all of them, none where it is direct.
+    pub linear_iterations: usize,
     /// Reaction of each boundary condition, [force].
     pub reactions: Vec<[f64; D]>,
     /// Sum of all loads on the points, [force].
@@ -115,6 +117,10 @@ pub struct Summary {
     pub evaluations: usize,
     /// Linear solves.
     pub linear_solves: usize,
+    /// Linear solves by conjugate gradients.
+    pub iterative_solves: usize,
+    /// Iterations of conjugate gradients.
+    pub linear_iterations: usize,
     /// Linear solves whose matrix was not positive definite.
     pub indefinite_solves: usize,
     /// Most unknowns in a step.
@@ -154,8 +160,12 @@ impl Summary {
         self.unknowns = self.unknowns.max(report.unknowns);
         self.external_work += report.energy.external_work;
         self.strain_energy = report.energy.strain_energy;
-        let indefinite = report.factorisations.iter().filter(|f| **f != Factorisation::Cholesky);
-        self.indefinite_solves += indefinite.count();
+        self.linear_iterations += report.linear_iterations;
+        for used in &report.factorisations {
+            self.iterative_solves += usize::from(*used == Factorisation::Multigrid);
+            let indefinite = !matches!(used, Factorisation::Cholesky | Factorisation::Multigrid);
+            self.indefinite_solves += usize::from(indefinite);
+        }
     }
 }
 

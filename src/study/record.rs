@@ -23,7 +23,7 @@ pub(super) const MEASURES: [(&str, &str); 7] = [
 ];
 
 /// Columns of `history.csv` that describe the step rather than the state it reached.
-const STEP_COLUMNS: [&str; 4] = ["step", "time", "iterations", "residual"];
+const STEP_COLUMNS: [&str; 5] = ["step", "time", "iterations", "residual", "linear_iterations"];
 
 /// The results of a run, read from its directory. The table of a study is made from these alone, so that it is the
 /// same whether a member was run just now or earlier.

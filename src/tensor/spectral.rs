@@ -30,11 +30,21 @@ impl Spectrum {
     #[inline]
     pub fn new(t: &Sym3) -> Spectrum {
         let [xx, yy, zz, ..] = t.0;
-        let mean = (xx + yy + zz) / 3.0;
-        let d = [xx - mean, yy - mean, zz - mean];
+        let mut mean = (xx + yy + zz) / 3.0;
+        let mut d = [xx - mean, yy - mean, zz - mean];
         let o = [t.0[3] * FRAC_1_SQRT_2, t.0[4] * FRAC_1_SQRT_2, t.0[5] * FRAC_1_SQRT_2];
-        let size = d[0].abs() + d[1].abs() + d[2].abs() + o[0].abs() + o[1].abs() + o[2].abs();
-        if size < f64::MIN_POSITIVE {
+        let shears = o[0].abs() + o[1].abs() + o[2].abs();
+        let mut size = d[0].abs() + d[1].abs() + d[2].abs() + shears;
+        let mut least = f64::MIN_POSITIVE;
+        let trace = d[0] + d[1] + d[2];
+        if trace.abs() > 1e-3 * size {
+            // Where the entries differ by units in their last place, the mean was rounded by as much.
+            least = least.max(1e-8 * size);
+            d = std::array::from_fn(|k| d[k] - trace / 3.0);
+            mean += trace / 3.0;
+            size = d[0].abs() + d[1].abs() + d[2].abs() + shears;
+        }
+        if size < least {
             return Spectrum {
                 values: [xx, yy, zz],
                 vectors: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],

@@ -3,6 +3,7 @@
 use mpm::basis::{Connectivity, DomainKind, Method};
 use mpm::domain::DomainUpdate;
 use mpm::grid::Structured;
+use mpm::linear::Choice;
 use mpm::material::{
     Elasticity, Hencky, Material, MaterialError, NeoHookean, Response, StateField, StrainMeasure, VonMises,
 };
@@ -185,7 +186,7 @@ fn state_on<const D: usize, M: Mechanics<D>>(
         loads: Vec::new(),
         n_steps: 1,
         end_time: 1.0,
-        newton: Newton { tolerance: 1e-9, max_iterations: 20 },
+        newton: Newton { tolerance: 1e-9, max_iterations: 20, linear: Choice::Auto },
         probes: Vec::new(),
     };
     let mut points = Points::new(&seeds);

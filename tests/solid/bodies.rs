@@ -8,6 +8,7 @@ use mpm::domain::DomainUpdate;
 use mpm::formula::Formula;
 use mpm::grid::subdivide::{Part, subdivide_box, subdivide_tetrahedron};
 use mpm::grid::{Grid, Mesh, Structured, gmsh};
+use mpm::linear::Choice;
 use mpm::loads::LoadCurve;
 use mpm::material::Material;
 use mpm::model::{Body, Model, NamedMaterial, Newton};
@@ -111,7 +112,7 @@ pub fn model(
         loads: Vec::new(),
         n_steps,
         end_time: 1.0,
-        newton: Newton { tolerance: 1e-9, max_iterations: 20 },
+        newton: Newton { tolerance: 1e-9, max_iterations: 20, linear: Choice::Auto },
         probes: Vec::new(),
     }
 }

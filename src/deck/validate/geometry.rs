@@ -3,7 +3,7 @@
 use super::Check;
 use crate::deck::diagnostic::{Diagnostic, quote};
 use crate::deck::seeding::placed_in_cells;
-use crate::deck::{AXES, BodyDeck, GridDeck, Method, PerAxis};
+use crate::deck::{AXES, BodyDeck, GridDeck, LinearChoice, Method, PerAxis};
 
 /// Most cells of a grid, and most points of a body: far beyond what can be computed.
 const MOST: f64 = 1e8;
@@ -196,6 +196,15 @@ impl Check<'_> {
             self.error_with_help("D034", &format!("{pointer}/method"), message, help);
         }
         true
+    }
+
+    /// Conjugate gradients need a grid that can be made coarser.
+    pub(super) fn linear_solver(&mut self) {
+        let iterative = self.deck.solver.linear == LinearChoice::Iterative;
+        if iterative && matches!(self.deck.grid, GridDeck::Gmsh { .. }) {
+            let message = "an iterative solution of the linear equations needs a structured grid";
+            self.error_with_help("D034", "/solver/linear", message, "use `auto` or `direct`");
+        }
     }
 
     pub(super) fn points(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: Option<&GridBox>) {

@@ -39,6 +39,32 @@ fn logarithm_exponential_and_derivatives_equal_those_in_60_digits() {
     assert!(worst_log < 1e-12 && worst_exp < 1e-12, "{worst_log:e} {worst_exp:e}");
 }
 
+/// Tensors that are the identity up to some units in the last place of their entries.
+#[test]
+fn tensors_that_differ_from_the_identity_by_round_off_are_decomposed() {
+    let unit = f64::EPSILON / 2.0;
+    let steps = [-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 6.0];
+    for size in [1.0, 0.7, 3.0] {
+        for k in 0..steps.len().pow(3) {
+            let step = |power: u32| steps[k / steps.len().pow(power) % steps.len()];
+            for shear in [0.0, unit, 1e-20] {
+                let diagonal = [0, 1, 2].map(|power| 1.0 + step(power) * unit);
+                let t = Sym3([diagonal[0], diagonal[1], diagonal[2], shear, 0.0, -shear]) * size;
+                let s = t.spectrum();
+                assert!((s.compose(s.values) - t).norm() < 3e-15 * size, "{t:?} {s:?}");
+                for a in 0..3 {
+                    for b in 0..3 {
+                        let expected = f64::from(u8::from(a == b));
+                        assert!((dot(&s.vectors[a], &s.vectors[b]) - expected).abs() < 2e-15, "{t:?} {s:?}");
+                    }
+                }
+                let (log, L) = log_with_derivative(&t);
+                assert!((log - Sym3::IDENTITY * size.ln()).norm() < 1e-14 && L.iter().all(|l| l.is_finite()));
+            }
+        }
+    }
+}
+
 /// A tensor with eigenvalues that differ by gaps of any order, in any direction.
 fn nearly_equal() -> impl Strategy<Value = Sym3> {
     let (base, exponents) = (0.3..3.0f64, prop::array::uniform2(0.0..17.0f64));

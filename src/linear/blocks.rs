@@ -1,0 +1,204 @@
+//! A matrix of blocks on pairs of grid nodes, and its product with a vector.
+
+use std::ops::Range;
+
+use pulp::Arch;
+
+/// A block of a pair of nodes, `[i][k]`: row component i, column component k.
+pub type Block<const D: usize> = [[f64; D]; D];
+
+/// A task has at least this many columns.
+const COLUMNS: usize = 2048;
+
+/// Rows of a sum that one thread adds up.
+const ROWS: usize = 1024;
+
+/// A square matrix of D×D blocks by columns, as assembly leaves it; of a symmetric one the blocks with row ≥ column.
+#[derive(Debug, Clone, Copy)]
+pub struct BlockMatrix<'a, const D: usize> {
+    /// Whether only the lower triangle is given.
+    pub symmetric: bool,
+    /// Where each column starts in `row` and `blocks`; one entry more than there are columns.
+    pub column_start: &'a [usize],
+    /// Row of each block, ascending within a column.
+    pub row: &'a [u32],
+    /// The blocks.
+    pub blocks: &'a [Block<D>],
+}
+
+/// How the columns of a matrix are shared out: a fixed division, whose tasks add into rooms of their own, so that a
+/// product has the same bits for any number of threads.
+#[derive(Debug, Clone, Default)]
+pub struct Division<const D: usize> {
+    tasks: Vec<Task>,
+    room: Vec<[f64; D]>,
+}
+
+/// Some consecutive columns and the rows that they reach.
+#[derive(Debug, Clone)]
+struct Task {
+    columns: Range<usize>,
+    rows: Range<usize>,
+    /// Where its rows stand in the room of all.
+    place: usize,
+}
+
+impl<const D: usize> Division<D> {
+    /// Of a matrix with these columns.
+    pub fn new(column_start: &[usize], row: &[u32]) -> Self {
+        let n = column_start.len().saturating_sub(1);
+        let rows_of = |c: usize| &row[column_start[c]..column_start[c + 1]];
+        let reach = |c: usize| rows_of(c).last().map_or(0, |&r| (r as usize).saturating_sub(c));
+        // Rooms that overlap little cost little.
+        let size = COLUMNS.max(2 * (0..n).map(reach).max().unwrap_or(0));
+        let mut tasks = Vec::new();
+        let mut place = 0;
+        for first in (0..n).step_by(size) {
+            let columns = first..(first + size).min(n);
+            let mut rows = columns.clone();
+            for c in columns.clone() {
+                if let [low, ..] = *rows_of(c) {
+                    rows.start = rows.start.min(low as usize);
+                }
+                rows.end = rows.end.max(c + reach(c) + 1);
+            }
+            let length = rows.len();
+            tasks.push(Task { columns, rows, place });
+            place += length;
+        }
+        Division { tasks, room: vec![[0.0; D]; place] }
+    }
+}
+
+impl<const D: usize> BlockMatrix<'_, D> {
+    /// `out = A x`; `division` is that of this pattern.
+    pub fn multiply(&self, division: &mut Division<D>, x: &[[f64; D]], out: &mut [[f64; D]]) {
+        let Division { tasks, room } = division;
+        self.run(tasks, x, room);
+        collect(tasks, room, 0, out);
+    }
+
+    fn run(&self, tasks: &[Task], x: &[[f64; D]], room: &mut [[f64; D]]) {
+        match tasks {
+            [] => {}
+            [task] => Arch::new().dispatch(
+                #[inline(always)]
+                || self.add_columns(task, x, room),
+            ),
+            _ => {
+                let (left, right) = tasks.split_at(tasks.len() / 2);
+                let (room_l, room_r) = room.split_at_mut(right[0].place - left[0].place);
+                rayon::join(|| self.run(left, x, room_l), || self.run(right, x, room_r));
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn add_columns(&self, task: &Task, x: &[[f64; D]], room: &mut [[f64; D]]) {
+        room.fill([0.0; D]);
+        let first = task.rows.start;
+        for c in task.columns.clone() {
+            let here = &x[c];
+            let mut own = [0.0; D];
+            let places = self.column_start[c]..self.column_start[c + 1];
+            for (&row, block) in self.row[places.clone()].iter().zip(&self.blocks[places]) {
+                let row = row as usize;
+                let sum = &mut room[row - first];
+                for i in 0..D {
+                    let mut force = 0.0;
+                    for k in 0..D {
+                        force += block[i][k] * here[k];
+                    }
+                    sum[i] += force;
+                }
+                if self.symmetric && row != c {
+                    let there = &x[row];
+                    for k in 0..D {
+                        let mut force = 0.0;
+                        for i in 0..D {
+                            force += block[i][k] * there[i];
+                        }
+                        own[k] += force;
+                    }
+                }
+            }
+            for k in 0..D {
+                room[c - first][k] += own[k];
+            }
+        }
+    }
+}
+
+/// Adds up the rooms of all tasks on the rows of `out`, the first of which is `first`, in the order of the tasks.
+fn collect<const D: usize>(tasks: &[Task], room: &[[f64; D]], first: usize, out: &mut [[f64; D]]) {
+    if out.len() > ROWS {
+        let middle = out.len() / 2;
+        let (left, right) = out.split_at_mut(middle);
+        rayon::join(|| collect(tasks, room, first, left), || collect(tasks, room, first + middle, right));
+        return;
+    }
+    out.fill([0.0; D]);
+    for task in tasks {
+        let low = task.rows.start.max(first);
+        let high = task.rows.end.min(first + out.len());
+        for row in low..high {
+            let part = &room[task.place + row - task.rows.start];
+            for d in 0..D {
+                out[row - first][d] += part[d];
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A banded matrix of several tasks, once by its lower triangle and once whole, against a plain sum.
+    #[test]
+    fn products_agree_with_a_plain_sum() {
+        let n = 3 * COLUMNS + 17;
+        let entry = |r: usize, c: usize| {
+            let (a, b) = (r.max(c) as f64, r.min(c) as f64);
+            let off = 0.1 * (a - b);
+            let block = [[2.0 + (a * 0.7).sin(), off], [(b * 0.3).cos(), 1.0 - off]];
+            // Of a symmetric matrix.
+            if r >= c { block } else { [[block[0][0], block[1][0]], [block[0][1], block[1][1]]] }
+        };
+        let x: Vec<[f64; 2]> = (0..n).map(|i| [(i as f64).sin(), (i as f64).cos()]).collect();
+        let mut plain = vec![[0.0; 2]; n];
+        for symmetric in [true, false] {
+            let (mut column_start, mut row, mut blocks) = (vec![0], Vec::new(), Vec::new());
+            plain.fill([0.0; 2]);
+            for c in 0..n {
+                for r in c.saturating_sub(40)..(c + 41).min(n) {
+                    if (r + c) % 3 == 1 && r != c {
+                        continue;
+                    }
+                    let mut block = entry(r, c);
+                    if r == c {
+                        block[0][1] = block[1][0];
+                    }
+                    for i in 0..2 {
+                        for k in 0..2 {
+                            plain[r][i] += block[i][k] * x[c][k];
+                        }
+                    }
+                    if r >= c || !symmetric {
+                        row.push(r as u32);
+                        blocks.push(block);
+                    }
+                }
+                column_start.push(row.len());
+            }
+            let matrix = BlockMatrix { symmetric, column_start: &column_start, row: &row, blocks: &blocks };
+            let mut division = Division::new(&column_start, &row);
+            assert!(division.tasks.len() > 2);
+            let mut out = vec![[f64::NAN; 2]; n];
+            matrix.multiply(&mut division, &x, &mut out);
+            for (a, b) in out.iter().flatten().zip(plain.iter().flatten()) {
+                assert!((a - b).abs() < 1e-12, "{a} {b}");
+            }
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! Nodes on a lattice and the coarser lattice above them: which nodes there are, and how a field is handed on.
+
+/// Marks a place of the lattice without a node.
+const NOTHING: u32 = u32::MAX;
+
+/// Nodes at places of a lattice, and how far along each axis nodes are coupled.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Lattice<const D: usize> {
+    /// Place of each node; the lowest along each axis is 0.
+    pub place: Vec<[u32; D]>,
+    /// Largest distance along each axis between two nodes that are coupled.
+    pub reach: [u32; D],
+    /// Number of places along each axis.
+    extent: [u32; D],
+    /// Node at each place, the first axis fastest.
+    node: Vec<u32>,
+}
+
+impl<const D: usize> Lattice<D> {
+    /// Of nodes at different places.
+    pub(super) fn new(mut place: Vec<[u32; D]>, reach: [u32; D]) -> Self {
+        let mut low = [u32::MAX; D];
+        for p in &place {
+            for d in 0..D {
+                low[d] = low[d].min(p[d]);
+            }
+        }
+        let mut extent = [1; D];
+        for p in &mut place {
+            for d in 0..D {
+                p[d] -= low[d];
+                extent[d] = extent[d].max(p[d] + 1);
+            }
+        }
+        let all = extent.iter().map(|&n| n as usize).product();
+        let mut lattice = Lattice { place, reach, extent, node: vec![NOTHING; all] };
+        for n in 0..lattice.place.len() {
+            let number = lattice.number(lattice.place[n]);
+            lattice.node[number] = n as u32;
+        }
+        lattice
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.place.len()
+    }
+
+    fn number(&self, place: [u32; D]) -> usize {
+        (0..D).rev().fold(0, |number, d| number * self.extent[d] as usize + place[d] as usize)
+    }
+
+    /// Calls `visit(node)` for all nodes within the reach of a place, in the order of the lattice.
+    pub(super) fn for_each_near(&self, place: [u32; D], reach: [u32; D], mut visit: impl FnMut(u32)) {
+        let low: [u32; D] = std::array::from_fn(|d| place[d].saturating_sub(reach[d]));
+        let high: [u32; D] = std::array::from_fn(|d| (place[d] + reach[d]).min(self.extent[d] - 1));
+        if (0..D).any(|d| low[d] > high[d]) {
+            return;
+        }
+        let mut at = low;
+        loop {
+            let node = self.node[self.number(at)];
+            if node != NOTHING {
+                visit(node);
+            }
+            let Some(d) = (0..D).find(|&d| at[d] < high[d]) else { return };
+            at[..d].copy_from_slice(&low[..d]);
+            at[d] += 1;
+        }
+    }
+
+    /// Nodes of each colour, ascending; no two of a colour are coupled.
+    pub(super) fn colours(&self) -> Vec<Vec<u32>> {
+        let period = self.reach.map(|r| r + 1);
+        let count = period.iter().map(|&p| p as usize).product();
+        let mut colours = vec![Vec::new(); count];
+        for (n, place) in self.place.iter().enumerate() {
+            let colour = (0..D).rev().fold(0, |c, d| c * period[d] + place[d] % period[d]);
+            colours[colour as usize].push(n as u32);
+        }
+        colours.retain(|nodes| !nodes.is_empty());
+        colours
+    }
+
+    /// The nodes of the lattice of twice the spacing from which these nodes can be interpolated, and the
+    /// interpolation.
+    pub(super) fn coarsen(&self) -> (Lattice<D>, Transfer) {
+        let extent = self.extent.map(|n| n / 2 + 1);
+        // A reach of r along an axis ends at most (r + 2) / 2 farther on the coarse lattice.
+        let reach = self.reach.map(|r| (r + 2) / 2);
+        let mut coarse = Lattice { place: Vec::new(), reach, extent, node: Vec::new() };
+        coarse.node = vec![NOTHING; extent.iter().map(|&n| n as usize).product()];
+        for place in &self.place {
+            for_each_parent(place, |parent, _| {
+                let number = coarse.number(parent);
+                coarse.node[number] = 0;
+            });
+        }
+        let mut at = [0; D];
+        for number in 0..coarse.node.len() {
+            if coarse.node[number] != NOTHING {
+                coarse.node[number] = coarse.place.len() as u32;
+                coarse.place.push(at);
+            }
+            for d in 0..D {
+                at[d] += 1;
+                if at[d] < extent[d] {
+                    break;
+                }
+                at[d] = 0;
+            }
+        }
+        let transfer = Transfer::new(self, &coarse);
+        (coarse, transfer)
+    }
+}
+
+/// Calls `visit(place, weight)` for the places of the coarse lattice around a place of the fine one.
+fn for_each_parent<const D: usize>(place: &[u32; D], mut visit: impl FnMut([u32; D], f32)) {
+    for corner in 0..1usize << D {
+        let upper = |d: usize| (corner >> d & 1) as u32;
+        if (0..D).any(|d| place[d].is_multiple_of(2) && upper(d) == 1) {
+            continue;
+        }
+        let weight = (0..D).map(|d| if place[d].is_multiple_of(2) { 1.0 } else { 0.5 }).product();
+        visit(std::array::from_fn(|d| place[d] / 2 + upper(d)), weight);
+    }
+}
+
+/// Bilinear or trilinear interpolation between a lattice and the coarser one. The weights of every node sum to one,
+/// at the border of the body too: linear fields are handed on unchanged.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Transfer {
+    parent_start: Vec<u32>,
+    parent: Vec<(u32, f32)>,
+    child_start: Vec<u32>,
+    child: Vec<(u32, f32)>,
+}
+
+impl Transfer {
+    fn new<const D: usize>(fine: &Lattice<D>, coarse: &Lattice<D>) -> Self {
+        let mut parent_start = vec![0];
+        let mut parent = Vec::new();
+        let mut child_start = vec![0u32; coarse.len() + 1];
+        for place in &fine.place {
+            for_each_parent(place, |at, weight| {
+                let node = coarse.node[coarse.number(at)];
+                parent.push((node, weight));
+                child_start[node as usize + 1] += 1;
+            });
+            parent_start.push(parent.len() as u32);
+        }
+        for n in 0..coarse.len() {
+            child_start[n + 1] += child_start[n];
+        }
+        let mut next = child_start.clone();
+        let mut child = vec![(0, 0.0); parent.len()];
+        for n in 0..fine.len() {
+            for &(above, weight) in &parent[parent_start[n] as usize..parent_start[n + 1] as usize] {
+                child[next[above as usize] as usize] = (n as u32, weight);
+                next[above as usize] += 1;
+            }
+        }
+        Transfer { parent_start, parent, child_start, child }
+    }
+
+    /// The coarse nodes that a fine one is interpolated from, with their weights.
+    pub(super) fn parents(&self, fine: usize) -> &[(u32, f32)] {
+        &self.parent[self.parent_start[fine] as usize..self.parent_start[fine + 1] as usize]
+    }
+
+    /// The fine nodes that are interpolated from a coarse one, with its weight in each.
+    pub(super) fn children(&self, coarse: usize) -> &[(u32, f32)] {
+        &self.child[self.child_start[coarse] as usize..self.child_start[coarse + 1] as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ball(radius: i32) -> Vec<[u32; 3]> {
+        let mut places = Vec::new();
+        for z in -radius..=radius {
+            for y in -radius..=radius {
+                for x in -radius..=radius {
+                    if x * x + y * y + z * z <= radius * radius + 3 {
+                        places.push([x, y, z].map(|c| (c + radius + 5) as u32));
+                    }
+                }
+            }
+        }
+        places
+    }
+
+    #[test]
+    fn linear_fields_are_interpolated_exactly_on_every_level() {
+        let mut fine = Lattice::new(ball(7), [1, 1, 1]);
+        while fine.len() > 27 {
+            let (coarse, transfer) = fine.coarsen();
+            assert!(coarse.len() < fine.len());
+            for (n, place) in fine.place.iter().enumerate() {
+                for d in 0..3 {
+                    let at = |&(node, w): &(u32, f32)| w * 2.0 * coarse.place[node as usize][d] as f32;
+                    let value: f32 = transfer.parents(n).iter().map(at).sum();
+                    assert_eq!(value, place[d] as f32);
+                }
+            }
+            fine = coarse;
+        }
+    }
+
+    /// Two coarse nodes are coupled where nodes below them are.
+    #[test]
+    fn the_reach_of_a_coarse_lattice_covers_all_couplings() {
+        for reach in 1..6 {
+            let fine = Lattice::new((0..60).map(|x| [x]).collect(), [reach]);
+            let (coarse, transfer) = fine.coarsen();
+            let mut largest = 0;
+            for i in 0..60 {
+                fine.for_each_near([i], [reach], |j| {
+                    for (a, _) in transfer.parents(i as usize) {
+                        for (b, _) in transfer.parents(j as usize) {
+                            largest = largest.max(a.abs_diff(*b));
+                        }
+                    }
+                });
+            }
+            assert_eq!(coarse.reach, [largest], "{reach}");
+        }
+    }
+
+    #[test]
+    fn nodes_of_a_colour_are_not_coupled() {
+        let lattice = Lattice::new(ball(4), [1, 2, 1]);
+        let colours = lattice.colours();
+        assert_eq!(colours.iter().map(Vec::len).sum::<usize>(), lattice.len());
+        for nodes in colours {
+            for (k, &a) in nodes.iter().enumerate() {
+                for &b in &nodes[..k] {
+                    let (a, b) = (lattice.place[a as usize], lattice.place[b as usize]);
+                    assert!((0..3).any(|d| a[d].abs_diff(b[d]) > lattice.reach[d]), "{a:?} {b:?}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! Geometric multigrid on the active nodes of a structured grid: one symmetric cycle as an approximate inverse.
+//!
+//! Coarser levels are lattices of twice the spacing, with the nodes from which active ones are interpolated. Their
+//! matrices are the Galerkin products of the finer ones, so a cell that a body hardly fills counts on every level for
+//! what it is. Block Gauss–Seidel sweeps over colours, forwards before and backwards after the coarser levels, smooth
+//! the error; the coarsest level is solved directly.
+
+mod level;
+mod rows;
+
+use super::blocks::BlockMatrix;
+use super::lattice::{Lattice, Transfer};
+use super::{Direct, Factorisation, LinearError, LinearSolver, Pattern, ordering};
+
+use level::Level;
+
+/// A level of so many nodes is solved directly.
+const COARSEST: usize = 300;
+
+/// A coarser level with more than this part of the nodes is not worth it.
+const WORTH: f64 = 0.7;
+
+/// The hierarchy for one pattern, with the values of one matrix.
+#[derive(Default)]
+pub(super) struct Multigrid<const D: usize> {
+    levels: Vec<Level<D>>,
+    /// From each level to the next.
+    transfers: Vec<Transfer>,
+    coarsest: Direct,
+    values: Vec<f64>,
+}
+
+impl<const D: usize> Multigrid<D> {
+    /// Lays out the levels for a matrix on nodes at these places of a lattice, some of whose degrees of freedom are
+    /// held; returns whether there was anything to do.
+    pub(super) fn analyse(
+        &mut self,
+        matrix: &BlockMatrix<D>,
+        places: Vec<[u32; D]>,
+        held: Vec<[bool; D]>,
+    ) -> Result<bool, LinearError> {
+        let reach = reach_of(matrix, &places);
+        let lattice = Lattice::new(places, reach);
+        if self.levels.first().is_some_and(|finest| finest.is_of(&lattice, matrix, &held)) {
+            return Ok(false);
+        }
+        *self = Multigrid::default(); // gives the memory back before more is taken
+        let mut level = Level::finest(lattice, matrix, held);
+        while level.lattice.len() > COARSEST {
+            let (coarser, transfer) = level.coarser();
+            if coarser.lattice.len() as f64 > WORTH * level.lattice.len() as f64 {
+                break;
+            }
+            self.levels.push(std::mem::replace(&mut level, coarser));
+            self.transfers.push(transfer);
+        }
+        let order = || {
+            let nodes = ordering::nested_dissection(&level.lattice.place, level.lattice.reach);
+            nodes.iter().flat_map(|&node| (0..D).map(move |d| D * node + d)).collect()
+        };
+        self.coarsest.analyse(lower_triangle(&level), &order)?;
+        self.levels.push(level);
+        Ok(true)
+    }
+
+    /// Takes the values of a matrix.
+    ///
+    /// # Errors
+    /// [`LinearError::NotPositiveDefinite`] as far as that shows.
+    pub(super) fn factorise(&mut self, matrix: &BlockMatrix<D>) -> Result<(), LinearError> {
+        let Multigrid { levels, transfers, coarsest, values } = self;
+        if !levels[0].take(matrix) {
+            return Err(LinearError::NotPositiveDefinite);
+        }
+        for (k, transfer) in transfers.iter().enumerate() {
+            let (fine, coarse) = levels.split_at_mut(k + 1);
+            coarse[0].take_product(&fine[k], transfer);
+        }
+        let Some(last) = levels.last() else { return Ok(()) };
+        values.clear();
+        for_each_entry(last, |row, place, i, k| {
+            values.push(f64::from(last.rows.component(row, i)[place * D + k]));
+        });
+        match coarsest.factorise(values)? {
+            Factorisation::Cholesky => Ok(()),
+            _ => Err(LinearError::NotPositiveDefinite),
+        }
+    }
+
+    /// Replaces `z` by an approximation of A⁻¹ r.
+    pub(super) fn precondition(&mut self, r: &[[f64; D]], z: &mut [[f64; D]]) -> Result<(), LinearError> {
+        let Some(finest) = self.levels.first_mut() else { return Ok(()) };
+        let Level { scale, b, .. } = finest;
+        for (n, b) in b.iter_mut().enumerate() {
+            *b = std::array::from_fn(|d| scale[n][d] * r[n][d]);
+        }
+        cycle(&mut self.levels, &self.transfers, &mut self.coarsest)?;
+        let Level { scale, x, .. } = &self.levels[0];
+        for (n, z) in z.iter_mut().enumerate() {
+            *z = std::array::from_fn(|d| scale[n][d] * x[n][d]);
+        }
+        Ok(())
+    }
+
+    /// Number of nodes of each level.
+    pub(super) fn sizes(&self) -> Vec<usize> {
+        self.levels.iter().map(|level| level.lattice.len()).collect()
+    }
+}
+
+/// One V-cycle from the first of the levels on, with the right-hand side there.
+fn cycle<const D: usize>(
+    levels: &mut [Level<D>],
+    transfers: &[Transfer],
+    coarsest: &mut Direct,
+) -> Result<(), LinearError> {
+    let Some((fine, coarser)) = levels.split_first_mut() else { return Ok(()) };
+    let (Some((transfer, above)), Some(_)) = (transfers.split_first(), coarser.first()) else {
+        fine.x.copy_from_slice(&fine.b);
+        return coarsest.solve(fine.x.as_flattened_mut());
+    };
+    fine.sweep(true, true);
+    fine.restrict(transfer, &mut coarser[0]);
+    cycle(coarser, above, coarsest)?;
+    fine.prolong(transfer, &coarser[0]);
+    fine.sweep(false, false);
+    Ok(())
+}
+
+/// Largest distance along each axis between nodes that are coupled.
+fn reach_of<const D: usize>(matrix: &BlockMatrix<D>, places: &[[u32; D]]) -> [u32; D] {
+    let mut reach = [0; D];
+    for c in 0..places.len() {
+        for &row in &matrix.row[matrix.column_start[c]..matrix.column_start[c + 1]] {
+            for d in 0..D {
+                reach[d] = reach[d].max(places[row as usize][d].abs_diff(places[c][d]));
+            }
+        }
+    }
+    reach
+}
+
+/// Calls `visit(row, place of the column in it, i, k)` for the entries of the lower triangle of a level, by columns;
+/// as the matrix is symmetric, row and column have changed places.
+fn for_each_entry<const D: usize>(level: &Level<D>, mut visit: impl FnMut(usize, usize, usize, usize)) {
+    for node in 0..level.rows.len() {
+        for i in 0..D {
+            for (place, &other) in level.rows.columns(node).iter().enumerate() {
+                let first = match (other as usize).cmp(&node) {
+                    std::cmp::Ordering::Less => continue,
+                    std::cmp::Ordering::Equal => i,
+                    std::cmp::Ordering::Greater => 0,
+                };
+                for k in first..D {
+                    visit(node, place, i, k);
+                }
+            }
+        }
+    }
+}
+
+fn lower_triangle<const D: usize>(level: &Level<D>) -> Pattern {
+    let n = D * level.rows.len();
+    let mut pattern = Pattern { n, column_start: vec![0; n + 1], row: Vec::new(), symmetric: true };
+    for_each_entry(level, |node, place, i, k| {
+        pattern.row.push(D * level.rows.columns(node)[place] as usize + k);
+        pattern.column_start[D * node + i + 1] = pattern.row.len();
+    });
+    pattern
+}

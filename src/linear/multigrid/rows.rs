@@ -1,0 +1,145 @@
+//! The matrix of a level by rows, in single precision: every cycle reads it several times.
+
+/// Entries that are worked on at once.
+const LANES: usize = 4;
+
+/// Rows of a task that is not divided further.
+const GRAIN: usize = 128;
+
+/// A square matrix of D×D blocks by rows. Of a row, the entries of its first component stand side by side, those of
+/// the second follow; each is filled up with zeros to a multiple of [`LANES`].
+#[derive(Debug, Clone, Default)]
+pub(super) struct Rows<const D: usize> {
+    start: Vec<usize>,
+    column: Vec<u32>,
+    value_start: Vec<usize>,
+    value: Vec<f32>,
+    /// Most entries of a component of a row.
+    width: usize,
+}
+
+impl<const D: usize> Rows<D> {
+    /// A matrix of zeros with these columns, ascending in each row; `start` has one entry more than there are rows.
+    pub(super) fn new(start: Vec<usize>, column: Vec<u32>) -> Self {
+        let mut value_start = vec![0];
+        let (mut end, mut width) = (0, 0);
+        for row in start.windows(2) {
+            let own = ((row[1] - row[0]) * D).next_multiple_of(LANES);
+            width = width.max(own);
+            end += D * own;
+            value_start.push(end);
+        }
+        Rows { start, column, value_start, value: vec![0.0; end], width }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.start.len() - 1
+    }
+
+    pub(super) fn columns(&self, row: usize) -> &[u32] {
+        &self.column[self.start[row]..self.start[row + 1]]
+    }
+
+    /// Entries of component i of a row: of the first column, of the second, and so on.
+    #[inline(always)]
+    pub(super) fn component(&self, row: usize, i: usize) -> &[f32] {
+        let values = &self.value[self.value_start[row]..self.value_start[row + 1]];
+        let width = values.len() / D;
+        &values[i * width..(i + 1) * width]
+    }
+
+    /// The block on the diagonal.
+    pub(super) fn diagonal(&self, row: usize) -> [[f64; D]; D] {
+        let place = self.columns(row).binary_search(&(row as u32)).unwrap_or_default();
+        std::array::from_fn(|i| std::array::from_fn(|k| f64::from(self.component(row, i)[place * D + k])))
+    }
+
+    /// Has `work` write the rows, one after the other in each piece; a piece is `(first row, its values)`.
+    pub(super) fn fill(&mut self, work: &(impl Fn(Piece<D>) + Sync)) {
+        let n = self.len();
+        let piece = Piece {
+            first: 0,
+            start: &self.start,
+            column: &self.column,
+            value_start: &self.value_start[..n + 1],
+            value: &mut self.value,
+        };
+        piece.divide(work);
+    }
+
+    /// A row times a vector; `entries` is room for [`Rows::width`] numbers.
+    #[inline(always)]
+    pub(super) fn times(&self, row: usize, x: &[[f64; D]], entries: &mut [f64]) -> [f64; D] {
+        let columns = self.columns(row);
+        for (place, &column) in entries.chunks_exact_mut(D).zip(columns) {
+            place.copy_from_slice(&x[column as usize]);
+        }
+        let width = (columns.len() * D).next_multiple_of(LANES);
+        entries[columns.len() * D..width].fill(0.0);
+        let entries = &entries[..width];
+        let mut product = [0.0; D];
+        // Plain loops, which are compiled for the same vector instructions as what they stand in.
+        for i in 0..D {
+            let mut lanes = [0.0; LANES];
+            for (a, x) in self.component(row, i).chunks_exact(LANES).zip(entries.chunks_exact(LANES)) {
+                for l in 0..LANES {
+                    lanes[l] += f64::from(a[l]) * x[l];
+                }
+            }
+            product[i] = (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]);
+        }
+        product
+    }
+
+    /// Most entries of a component of a row.
+    pub(super) fn width(&self) -> usize {
+        self.width
+    }
+}
+
+/// Some consecutive rows that are written.
+pub(super) struct Piece<'a, const D: usize> {
+    first: usize,
+    start: &'a [usize],
+    column: &'a [u32],
+    value_start: &'a [usize],
+    value: &'a mut [f32],
+}
+
+impl<'a, const D: usize> Piece<'a, D> {
+    fn divide(self, work: &(impl Fn(Piece<D>) + Sync)) {
+        let n = self.value_start.len() - 1;
+        if n <= GRAIN {
+            return work(self);
+        }
+        let middle = n / 2;
+        let (left, right) = self.value.split_at_mut(self.value_start[middle] - self.value_start[0]);
+        let (first, start, column) = (self.first, self.start, self.column);
+        let left = Piece { first, start, column, value_start: &self.value_start[..=middle], value: left };
+        let value_start = &self.value_start[middle..];
+        let right = Piece { first: first + middle, start, column, value_start, value: right };
+        rayon::join(|| left.divide(work), || right.divide(work));
+    }
+
+    /// Calls `work(row, its columns, its values)` for every row; the values of component i are the i-th of D parts.
+    #[inline(always)]
+    pub(super) fn for_each(self, mut work: impl FnMut(usize, &[u32], &mut [f32])) {
+        let mut value = self.value;
+        for k in 0..self.value_start.len() - 1 {
+            let (own, rest) = value.split_at_mut(self.value_start[k + 1] - self.value_start[k]);
+            value = rest;
+            let row = self.first + k;
+            work(row, &self.column[self.start[row]..self.start[row + 1]], own);
+        }
+    }
+}
+
+/// Has `work(first, part)` write all parts of a vector; the division into parts has no influence on the result.
+pub(super) fn in_parts<T: Send>(first: usize, out: &mut [T], work: &(impl Fn(usize, &mut [T]) + Sync)) {
+    if out.len() <= GRAIN {
+        return work(first, out);
+    }
+    let middle = out.len() / 2;
+    let (left, right) = out.split_at_mut(middle);
+    rayon::join(|| in_parts(first, left, work), || in_parts(first + middle, right, work));
+}

@@ -1,0 +1,206 @@
+//! The linear equations of an iteration, eq. (26), and the choice of how to solve them.
+
+use crate::assembly::{FreeEntries, System};
+use crate::basis::Connectivity;
+use crate::constraints::DofMap;
+use crate::linear::{
+    Choice, ConjugateGradients, Direct, Extent, Factorisation, LinearError, LinearSolver, ordering,
+};
+use crate::model::Model;
+use crate::timing::{Phase, Timings};
+
+use super::for_each_dof;
+
+/// Solves K δd = r on the free degrees of freedom, directly or iteratively, with all that is kept from step to step.
+#[derive(Default)]
+pub(super) struct Equations<const D: usize> {
+    method: Method,
+    direct: Direct,
+    entries: FreeEntries,
+    /// Values of the entries, or the right-hand side.
+    values: Vec<f64>,
+    iterative: ConjugateGradients<D>,
+    solution: Vec<[f64; D]>,
+    /// Why equations that should have been solved iteratively were not, the first time.
+    turned: Option<LinearError>,
+    told: bool,
+}
+
+/// How the equations of a step are solved.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+enum Method {
+    #[default]
+    Direct,
+    Iterative,
+}
+
+/// How a system was solved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Solved {
+    pub factorisation: Factorisation,
+    /// Iterations, none where it was solved directly.
+    pub iterations: usize,
+}
+
+/// What the equations of a step belong to.
+#[derive(Clone, Copy)]
+pub(super) struct Place<'a, const D: usize> {
+    pub model: &'a Model<D>,
+    pub links: &'a Connectivity<D>,
+    pub dofs: &'a DofMap<D>,
+}
+
+impl<const D: usize> Place<'_, D> {
+    fn lattice(&self, active: usize) -> [u32; D] {
+        self.model.grid.lattice(self.links.active_nodes()[active] as usize)
+    }
+
+    fn extent(&self, system: &System<D>) -> Extent {
+        let reach = system.reach(|active| self.lattice(active));
+        Extent {
+            nodes: self.links.n_active() as f64,
+            reach: f64::from(reach.into_iter().max().unwrap_or(0)),
+            pairs: system.matrix().blocks.len() as f64,
+        }
+    }
+
+    /// Order of elimination of the unknowns: nested dissection of the active nodes by their place in the grid.
+    fn elimination_order(&self, system: &System<D>) -> Vec<usize> {
+        let lattice = |active: usize| self.lattice(active);
+        let coordinates: Vec<[u32; D]> = (0..self.links.n_active()).map(lattice).collect();
+        let nodes = ordering::nested_dissection(&coordinates, system.reach(lattice));
+        nodes.iter().flat_map(|&node| (0..D).filter_map(move |axis| self.dofs.free(node, axis))).collect()
+    }
+}
+
+impl<const D: usize> Equations<D> {
+    /// Chooses the method for a step and analyses the pattern of its equations.
+    ///
+    /// # Errors
+    /// [`LinearError`].
+    pub(super) fn prepare(&mut self, place: Place<D>, system: &System<D>) -> Result<(), LinearError> {
+        let choice = place.model.newton.linear;
+        let possible = place.model.grid.structured().is_some() && system.matrix().symmetric;
+        let iterative = match choice {
+            Choice::Direct => false,
+            Choice::Iterative => possible,
+            Choice::Auto => possible && place.extent(system).is_large::<D>(),
+        };
+        if choice == Choice::Iterative && !possible {
+            self.turned.get_or_insert(LinearError::NotPositiveDefinite);
+        }
+        if iterative {
+            return self.prepare_iterative(place, system);
+        }
+        match self.prepare_direct(place, system) {
+            Err(LinearError::OutOfMemory { .. }) if possible && choice == Choice::Auto => {
+                self.prepare_iterative(place, system)
+            }
+            outcome => outcome,
+        }
+    }
+
+    /// Why equations that should have been solved iteratively were factorised; told once.
+    pub(super) fn news(&mut self) -> Option<LinearError> {
+        let news = self.turned.filter(|_| !self.told);
+        self.told |= news.is_some();
+        news
+    }
+
+    fn prepare_iterative(&mut self, place: Place<D>, system: &System<D>) -> Result<(), LinearError> {
+        self.method = Method::Iterative;
+        (self.direct, self.entries, self.values) = Default::default();
+        let n = place.links.n_active();
+        let places = (0..n).map(|active| place.lattice(active)).collect();
+        let held =
+            (0..n).map(|node| std::array::from_fn(|axis| place.dofs.free(node, axis).is_none())).collect();
+        self.solution.resize(n, [0.0; D]);
+        self.iterative.analyse(&system.matrix(), places, held).map(|_| ())
+    }
+
+    fn prepare_direct(&mut self, place: Place<D>, system: &System<D>) -> Result<(), LinearError> {
+        self.method = Method::Direct;
+        self.iterative = ConjugateGradients::default();
+        self.entries = system.free_entries(place.dofs);
+        let pattern = std::mem::take(&mut self.entries.pattern);
+        self.direct.analyse(pattern, &|| place.elimination_order(system)).map(|_| ())
+    }
+
+    /// Solves for the free entries of `delta`, with a right-hand side that counts where free, to a residual of
+    /// `tolerance` relative to it. Where the iterative solver cannot, the direct one does for the rest of the step.
+    ///
+    /// # Errors
+    /// [`LinearError`]; that of the iterative solver where the factor does not fit into memory.
+    pub(super) fn solve(
+        &mut self,
+        place: Place<D>,
+        system: &mut System<D>,
+        rhs: &[[f64; D]],
+        delta: &mut [[f64; D]],
+        tolerance: f64,
+        timings: &mut Timings,
+    ) -> Result<Solved, LinearError> {
+        if self.method == Method::Iterative {
+            match self.solve_iterative(place, system, rhs, delta, tolerance, timings) {
+                Err(error @ (LinearError::NotPositiveDefinite | LinearError::NotConverged { .. })) => {
+                    let turn = timings.measure(Phase::Analyse, || self.prepare_direct(place, system));
+                    turn.map_err(|_| error)?;
+                    self.turned.get_or_insert(error);
+                }
+                outcome => return outcome,
+            }
+        }
+        self.solve_direct(place, system, rhs, delta, timings)
+    }
+
+    fn solve_iterative(
+        &mut self,
+        place: Place<D>,
+        system: &mut System<D>,
+        rhs: &[[f64; D]],
+        delta: &mut [[f64; D]],
+        tolerance: f64,
+        timings: &mut Timings,
+    ) -> Result<Solved, LinearError> {
+        timings.measure(Phase::Factorise, || self.iterative.factorise(&system.matrix()))?;
+        timings.measure(Phase::Solve, || {
+            let multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| system.multiply(x, out);
+            let iterations = self.iterative.solve(multiply, rhs, &mut self.solution, tolerance)?;
+            for_each_dof(place.dofs, |node, axis, free| {
+                if free.is_some() {
+                    delta[node][axis] = self.solution[node][axis];
+                }
+            });
+            Ok(Solved { factorisation: Factorisation::Multigrid, iterations })
+        })
+    }
+
+    fn solve_direct(
+        &mut self,
+        place: Place<D>,
+        system: &System<D>,
+        rhs: &[[f64; D]],
+        delta: &mut [[f64; D]],
+        timings: &mut Timings,
+    ) -> Result<Solved, LinearError> {
+        let factorisation = timings.measure(Phase::Factorise, || {
+            system.free_values(&self.entries, &mut self.values);
+            self.direct.factorise(&self.values)
+        })?;
+        timings.measure(Phase::Solve, || {
+            self.values.clear();
+            for_each_dof(place.dofs, |node, axis, free| {
+                if free.is_some() {
+                    self.values.push(rhs[node][axis]);
+                }
+            });
+            self.direct.solve(&mut self.values)?;
+            for_each_dof(place.dofs, |node, axis, free| {
+                if let Some(unknown) = free {
+                    delta[node][axis] = self.values[unknown];
+                }
+            });
+            Ok(Solved { factorisation, iterations: 0 })
+        })
+    }
+}

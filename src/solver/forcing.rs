@@ -1,0 +1,63 @@
+//! How well linear equations need to be solved within Newton iterations: choice 2 of Eisenstat and Walker (1996).
+
+/// Tolerance of the first solve in a step, of which nothing is known yet, [-].
+const FIRST: f64 = 1e-3;
+/// Largest tolerance, [-].
+const LARGEST: f64 = 1e-2;
+/// γ and α of choice 2.
+const GAMMA: f64 = 0.9;
+const ALPHA: i32 = 2;
+/// The tolerance does not fall at once where that of the solve before says that this is more than `SAFE`.
+const SAFE: f64 = 0.1;
+/// No solve needs to leave less than this part of what the Newton iterations tolerate.
+const ENOUGH: f64 = 0.01;
+
+/// The tolerances of the linear solves of a step.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Forcing {
+    /// Norm of the right-hand side and tolerance of the solve before.
+    last: Option<[f64; 2]>,
+}
+
+impl Forcing {
+    /// Relative tolerance of the next linear solve, given the norm of its right-hand side, [force], the residual of
+    /// eq. (40) there and the largest that is equilibrium, [-].
+    pub(super) fn next(&mut self, norm: f64, residual: f64, tolerance: f64) -> f64 {
+        let mut eta = match self.last {
+            None => FIRST,
+            Some([before, eta]) => {
+                let safeguard = GAMMA * eta.powi(ALPHA);
+                let wanted = GAMMA * (norm / before).powi(ALPHA);
+                let wanted = if safeguard > SAFE { wanted.max(safeguard) } else { wanted };
+                // The first residual does not contain the reactions yet.
+                wanted.max(ENOUGH * tolerance / residual)
+            }
+        };
+        if eta.is_nan() {
+            eta = FIRST;
+        }
+        eta = eta.min(LARGEST);
+        self.last = Some([norm, eta]);
+        eta
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where each step leaves what the linear solve does and half the square of the residual, the tolerance is
+    /// reached in few iterations and not by far.
+    #[test]
+    fn newton_iterations_stay_nearly_quadratic() {
+        let (mut forcing, mut residual, mut history) = (Forcing::default(), 0.3f64, Vec::new());
+        while residual > 1e-9 {
+            history.push(residual);
+            let eta = forcing.next(residual, residual, 1e-9);
+            residual = 0.5 * residual * residual + eta * residual;
+            assert!(history.len() < 10, "{history:?}");
+        }
+        assert_eq!(history.len(), 4, "{history:?}");
+        assert!(residual > 1e-12, "{residual:e}");
+    }
+}

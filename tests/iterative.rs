@@ -1,0 +1,360 @@
+//! Conjugate gradients with the multigrid preconditioner: the answer of the factorisation, in few iterations however
+//! fine the grid is and however little of a cell the body fills, and the same bits for any number of threads.
+#![allow(clippy::unwrap_used)]
+#![allow(clippy::print_stdout, reason = "the counts belong to the test")]
+
+use std::path::Path;
+
+use mpm::assembly::System;
+use mpm::basis::Connectivity;
+use mpm::constraints::DofMap;
+use mpm::deck::build::build;
+use mpm::deck::load::{LoadedDeck, load, load_text};
+use mpm::linear::{
+    BlockMatrix, Choice, ConjugateGradients, Direct, Factorisation, LinearError, LinearSolver,
+};
+use mpm::loads::external_force;
+use mpm::model::Model;
+use mpm::points::Points;
+use mpm::solver::{self, Observer, StepReport, Summary};
+use mpm::stress::{Mechanics, PlaneStrain, Solid};
+
+/// Pseudo-random numbers in [−1, 1).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+fn deck(path: &str, set: &[(&str, &str)]) -> LoadedDeck {
+    let set: Vec<(String, String)> = set.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs").join(path);
+    load(&path, &set).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The equations of the first load step of a model.
+struct Equations<const D: usize> {
+    system: System<D>,
+    dofs: DofMap<D>,
+    places: Vec<[u32; D]>,
+    held: Vec<[bool; D]>,
+    /// External force of the step.
+    f_ext: Vec<[f64; D]>,
+}
+
+/// The stiffness of the first step at an increment of up to `wobble` at every node, [length].
+fn equations<const D: usize, M: Mechanics<D>>(
+    model: &Model<D>,
+    points: &mut Points<D>,
+    wobble: f64,
+) -> Equations<D> {
+    let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
+    let links = Connectivity::new(model.grid.as_ref(), points, &methods).unwrap();
+    let dofs = DofMap::new(model, points, &links, 0.0, model.end_time / model.n_steps as f64).unwrap();
+    let mut system = System::new::<M>(model, points, &links);
+    let mut random = Random(3);
+    let delta_d: Vec<[f64; D]> =
+        (0..links.n_active()).map(|_| std::array::from_fn(|_| wobble * random.next())).collect();
+    system.assemble::<M>(model, points, &links, &delta_d).unwrap();
+    let places = links.active_nodes().iter().map(|&node| model.grid.lattice(node as usize)).collect();
+    let held = (0..links.n_active())
+        .map(|node| std::array::from_fn(|axis| dofs.free(node, axis).is_none()))
+        .collect();
+    let f_ext = external_force(model, points, &links, model.end_time / model.n_steps as f64).unwrap().nodal;
+    Equations { system, dofs, places, held, f_ext }
+}
+
+impl<const D: usize> Equations<D> {
+    /// The external force or, where `rough`, random forces; zero where held.
+    fn load(&self, rough: bool) -> Vec<[f64; D]> {
+        let mut random = Random(5);
+        let mut load = vec![[0.0; D]; self.places.len()];
+        for (n, load) in load.iter_mut().enumerate() {
+            for d in 0..D {
+                let force = if rough { random.next() } else { self.f_ext[n][d] };
+                load[d] = if self.held[n][d] { 0.0 } else { force };
+            }
+        }
+        load
+    }
+
+    fn solve(&mut self, load: &[[f64; D]], tolerance: f64) -> (Vec<[f64; D]>, usize) {
+        let mut solver = ConjugateGradients::default();
+        solver.analyse(&self.system.matrix(), self.places.clone(), self.held.clone()).unwrap();
+        solver.factorise(&self.system.matrix()).unwrap();
+        let mut x = vec![[0.0; D]; load.len()];
+        let multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| self.system.multiply(x, out);
+        let iterations = solver.solve(multiply, load, &mut x, tolerance).unwrap();
+        (x, iterations)
+    }
+
+    fn solve_directly(&self, load: &[[f64; D]]) -> Vec<[f64; D]> {
+        let entries = self.system.free_entries(&self.dofs);
+        let mut values = Vec::new();
+        self.system.free_values(&entries, &mut values);
+        let mut direct = Direct::default();
+        let n = self.dofs.n_free();
+        direct.analyse(entries.pattern, &|| (0..n).collect()).unwrap();
+        assert_eq!(direct.factorise(&values).unwrap(), Factorisation::Cholesky);
+        let mut x = vec![0.0; n];
+        for (node, load) in load.iter().enumerate() {
+            for d in 0..D {
+                if let Some(unknown) = self.dofs.free(node, d) {
+                    x[unknown] = load[d];
+                }
+            }
+        }
+        direct.solve(&mut x).unwrap();
+        let at = |node: usize, d: usize| self.dofs.free(node, d).map_or(0.0, |unknown| x[unknown]);
+        (0..load.len()).map(|node| std::array::from_fn(|d| at(node, d))).collect()
+    }
+}
+
+fn norm<const D: usize>(x: &[[f64; D]]) -> f64 {
+    x.iter().flatten().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+fn distance<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
+    let difference: Vec<[f64; D]> =
+        a.iter().zip(b).map(|(a, b)| std::array::from_fn(|d| a[d] - b[d])).collect();
+    norm(&difference)
+}
+
+fn check_against_direct<const D: usize>(name: &str, mut equations: Equations<D>) {
+    for rough in [false, true] {
+        let load = equations.load(rough);
+        let (x, iterations) = equations.solve(&load, 1e-12);
+        let exact = equations.solve_directly(&load);
+        let error = distance(&x, &exact) / norm(&exact);
+        println!("{name}, rough {rough}: {iterations} iterations, error {error:.1e}");
+        assert!(error < 1e-8, "{name}: {error:e}");
+    }
+}
+
+#[test]
+fn solutions_are_those_of_the_factorisation() {
+    for (method, h) in [("mpm", "1"), ("mpm", "0.5"), ("gimp", "0.5"), ("cpdi2", "0.5")] {
+        let (model, mut points) =
+            build::<3>(&deck("block/block.yaml", &[("h", h), ("method", method)])).unwrap();
+        let equations = equations::<3, Solid>(&model, &mut points, 0.01);
+        check_against_direct(&format!("block {method} {h}"), equations);
+    }
+    for (method, h) in [("mpm", "0.5"), ("gimp", "0.25")] {
+        let (model, mut points) = build::<2>(&deck("beam.yaml", &[("h", h), ("method", method)])).unwrap();
+        let equations = equations::<2, PlaneStrain>(&model, &mut points, 0.001);
+        check_against_direct(&format!("beam {method} {h}"), equations);
+    }
+}
+
+/// Eight times as many cells each time, and hardly more iterations.
+#[test]
+fn iterations_hardly_grow_with_refinement() {
+    let counts = ["0.5", "0.25", "0.125"].map(|h| {
+        let deck = deck("block/block.yaml", &[("h", h), ("n", "2")]);
+        let (model, mut points) = build::<3>(&deck).unwrap();
+        let mut equations = equations::<3, Solid>(&model, &mut points, 0.0);
+        let load = equations.load(false);
+        equations.solve(&load, 1e-8).1
+    });
+    println!("{counts:?} iterations");
+    assert!(counts[2] <= counts[0] + 6 && counts[2] <= 20, "{counts:?}");
+}
+
+/// A block that fills its outermost cells by a part of each side only.
+fn cut(method: &str, part: f64) -> LoadedDeck {
+    let side = 4.0 + 0.5 * part;
+    let text = format!(
+        "
+version: 1
+analysis: {{idealisation: solid}}
+grid: {{type: structured, origin: [0, 0, 0], size: [6, 6, 6], spacing: 0.5}}
+materials: {{rubber: {{model: neo-hookean, young: 1e6, poisson: 0.3, density: 1000}}}}
+bodies:
+  - {{name: block, material: rubber, shape: {{type: box, min: [0, 0, 0], max: [{side}, {side}, {side}]}},
+     method: {method}, point_spacing: {}}}
+boundary_conditions:
+  - {{name: symmetry_x, nodes: {{x: 0}}, fix: [x]}}
+  - {{name: symmetry_y, nodes: {{y: 0}}, fix: [y]}}
+  - {{name: floor, nodes: {{z: 0}}, fix: [x, y, z]}}
+loads:
+  - {{name: weight, type: gravity, acceleration: [0, 0, -10]}}
+steps: {{count: 2}}
+solver: {{linear: iterative}}
+output: {{every: 0}}
+",
+        side / 24.0
+    );
+    load_text("cut.yaml", text.as_bytes(), &[]).unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn cells_that_are_hardly_filled_cost_few_iterations() {
+    for method in ["mpm", "gimp"] {
+        let mut counts = Vec::new();
+        for part in [1.0, 0.5, 1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8] {
+            let (model, mut points) = build::<3>(&cut(method, part)).unwrap();
+            let mut equations = equations::<3, Solid>(&model, &mut points, 0.0);
+            let load = equations.load(false);
+            counts.push(equations.solve(&load, 1e-8).1);
+        }
+        println!("{method}: {counts:?} iterations");
+        assert!(counts.iter().all(|&n| n <= 40), "{method}: {counts:?}");
+    }
+}
+
+#[test]
+fn what_is_not_positive_definite_is_noticed() {
+    let (model, mut points) = build::<3>(&deck("block/block.yaml", &[("h", "0.5")])).unwrap();
+    let equations = equations::<3, Solid>(&model, &mut points, 0.0);
+    let matrix = equations.system.matrix();
+    let load = equations.load(true);
+    // The first with negative stiffness of single nodes, the second with that of motions of many nodes only.
+    for factor in [-1.0, 0.5] {
+        let mut blocks = matrix.blocks.to_vec();
+        for c in 0..equations.places.len() {
+            let own = &mut blocks[matrix.column_start[c]];
+            own.iter_mut().flatten().for_each(|entry| *entry *= factor);
+        }
+        let matrix = BlockMatrix { blocks: &blocks, ..matrix };
+        let mut division = mpm::linear::Division::new(matrix.column_start, matrix.row);
+        let mut solver = ConjugateGradients::default();
+        solver.analyse(&matrix, equations.places.clone(), equations.held.clone()).unwrap();
+        let mut x = load.clone();
+        let multiply = |x: &[[f64; 3]], out: &mut [[f64; 3]]| matrix.multiply(&mut division, x, out);
+        let outcome = solver.factorise(&matrix).and_then(|()| solver.solve(multiply, &load, &mut x, 1e-8));
+        assert_eq!(outcome, Err(LinearError::NotPositiveDefinite), "{factor}");
+    }
+}
+
+/// What a run does, step by step.
+#[derive(Default)]
+struct Record {
+    residuals: Vec<Vec<f64>>,
+    factorisations: Vec<Factorisation>,
+    reactions: Vec<f64>,
+    positions: Vec<f64>,
+}
+
+impl<const D: usize> Observer<D> for Record {
+    fn converged(
+        &mut self,
+        _: &Model<D>,
+        points: &Points<D>,
+        report: &StepReport<D>,
+        _: &Summary,
+    ) -> std::io::Result<()> {
+        self.residuals.push(report.residuals.clone());
+        self.factorisations.extend(&report.factorisations);
+        self.reactions.extend(report.reactions.iter().flatten());
+        self.positions = points.converged.position.iter().flatten().copied().collect();
+        Ok(())
+    }
+}
+
+fn run<const D: usize, M: Mechanics<D>>(
+    mut built: (Model<D>, Points<D>),
+    linear: Choice,
+    threads: usize,
+) -> (Record, Summary) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    built.0.newton.linear = linear;
+    pool.install(|| {
+        let mut record = Record::default();
+        let summary = solver::run::<D, M>(&built.0, &mut built.1, &mut record).unwrap();
+        (record, summary)
+    })
+}
+
+/// Newton iterations with inexact solves take as many iterations as with exact ones, reach the same equilibrium, and
+/// reactions balance the loads as well.
+#[test]
+fn equilibrium_is_reached_as_with_exact_solves() {
+    for method in ["mpm", "gimp"] {
+        let set = [("h", "0.5"), ("method", method), ("steps", "2")];
+        let built = || build::<3>(&deck("block/block.yaml", &set)).unwrap();
+        let (exact, _) = run::<3, Solid>(built(), Choice::Direct, 1);
+        let (inexact, summary) = run::<3, Solid>(built(), Choice::Iterative, 1);
+        assert_eq!(summary.iterative_solves, summary.linear_solves);
+        assert!(summary.linear_iterations > summary.linear_solves);
+        for (a, b) in exact.residuals.iter().zip(&inexact.residuals) {
+            println!("{method}: {a:?} {b:?}");
+            assert_eq!(a.len(), b.len(), "{method}: {a:?} {b:?}");
+            assert!(b[b.len() - 1] <= 1e-9);
+            // Of nearly second order: an error of 1e-2 becomes one of 1e-6.
+            assert!(b[2] < 1e-3 * b[1] && b[3] < 1e-3 * b[2], "{b:?}");
+        }
+        for (a, b) in exact.positions.iter().zip(&inexact.positions) {
+            assert!((a - b).abs() < 1e-8, "{a} {b}");
+        }
+        let weight = 640e3;
+        for (a, b) in exact.reactions.iter().zip(&inexact.reactions) {
+            assert!((a - b).abs() < 1e-8 * weight, "{a} {b}");
+        }
+    }
+}
+
+/// Everything comes from reactions where a motion is prescribed; they are those of exact solves.
+#[test]
+fn prescribed_motion_loads_the_body_through_inexact_solves() {
+    let text = "
+version: 1
+analysis: {idealisation: solid}
+grid: {type: structured, origin: [0, 0, 0], size: [5, 5, 5], spacing: 0.5}
+materials: {rubber: {model: neo-hookean, young: 1e6, poisson: 0.3}}
+bodies:
+  - {name: block, material: rubber, shape: {type: box, min: [0, 0, 0], max: [4, 4, 4]}, points_per_cell: 2}
+boundary_conditions:
+  - {name: floor, nodes: {z: 0}, fix: [x, y, z]}
+  - {name: plate, nodes: {z: 4}, fix: [x, y], uz: -0.2}
+steps: {count: 2}
+";
+    let loaded = load_text("plate.yaml", text.as_bytes(), &[]).unwrap_or_else(|e| panic!("{e}"));
+    let built = || build::<3>(&loaded).unwrap();
+    let (exact, _) = run::<3, Solid>(built(), Choice::Direct, 1);
+    let (inexact, _) = run::<3, Solid>(built(), Choice::Iterative, 1);
+    let force = exact.reactions.iter().fold(0.0, |most: f64, f| most.max(f.abs()));
+    assert!(force > 1e5, "{force:e}");
+    for (a, b) in exact.reactions.iter().zip(&inexact.reactions) {
+        assert!((a - b).abs() < 1e-8 * force, "{a} {b}");
+    }
+    for (a, b) in exact.residuals.iter().zip(&inexact.residuals) {
+        println!("{a:?} {b:?}");
+        assert_eq!(a.len(), b.len(), "{a:?} {b:?}");
+    }
+}
+
+/// A beam under so large steps that its stiffness is not positive definite on the way.
+#[test]
+fn what_conjugate_gradients_cannot_solve_is_factorised_and_told() {
+    let built = || build::<2>(&deck("beam.yaml", &[("method", "mpm"), ("steps", "5")])).unwrap();
+    let (exact, account) = run::<2, PlaneStrain>(built(), Choice::Direct, 1);
+    assert!(account.indefinite_solves > 0);
+    let (inexact, summary) = run::<2, PlaneStrain>(built(), Choice::Iterative, 1);
+    assert!((1..summary.linear_solves).contains(&summary.iterative_solves), "{summary:?}");
+    assert!(summary.warnings.iter().any(|text| text.contains("conjugate gradients")), "{summary:?}");
+    for (a, b) in exact.positions.iter().zip(&inexact.positions) {
+        assert!((a - b).abs() < 1e-6, "{a} {b}");
+    }
+}
+
+#[test]
+fn threads_change_no_bit() {
+    for method in ["mpm", "gimp"] {
+        let set = [("h", "0.25"), ("n", "2"), ("steps", "1"), ("method", method)];
+        let built = || build::<3>(&deck("block/block.yaml", &set)).unwrap();
+        let (one, _) = run::<3, Solid>(built(), Choice::Iterative, 1);
+        assert!(one.factorisations.iter().all(|f| *f == Factorisation::Multigrid));
+        for threads in [2, 3] {
+            let (more, _) = run::<3, Solid>(built(), Choice::Iterative, threads);
+            let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits(&one.reactions), bits(&more.reactions), "{method}, {threads} threads");
+            assert!(bits(&one.positions) == bits(&more.positions), "{method}, {threads} threads");
+            for (a, b) in one.residuals.iter().zip(&more.residuals) {
+                assert_eq!(bits(a), bits(b), "{method}, {threads} threads");
+            }
+        }
+    }
+}
