@@ -22,6 +22,7 @@ use mpm::material::{Hencky, Material, NeoHookean, VonMises};
 use mpm::model::{Body, Model, NamedMaterial, Newton};
 use mpm::points::{PointVolume, Points, Seed};
 use mpm::solver::{self, Silent};
+use mpm::stepping::Stepping;
 use mpm::stress::{Formulation, Solid};
 use mpm::timing::Phase;
 
@@ -127,8 +128,8 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
             acts_on: vec![true],
             curve: LoadCurve::ramp(1.0),
         }],
-        n_steps: 3,
-        end_time: 1.0,
+        stabilisation: Default::default(),
+        stepping: Stepping::fixed(3, 1.0),
         newton: Newton { tolerance: 1e-9, max_iterations: 20, linear: Choice::Auto },
         probes: Vec::new(),
     };

@@ -20,6 +20,7 @@ use crate::linear::{Block, BlockMatrix, Division};
 use crate::material::Material;
 use crate::model::Model;
 use crate::points::Points;
+use crate::stabilisation::Ghost;
 use crate::stress::{Formulation, Mechanics, PointError, PointResponse, StartOfStep, WeakForm};
 use crate::tensor::{Lanes, Sym3};
 
@@ -39,6 +40,7 @@ const MOST_HISTORY: usize = 4;
 /// The discrete equilibrium of one load step: its pattern, and the values of the current iteration.
 pub struct System<const D: usize> {
     pairs: NodePairs,
+    ghost: Ghost,
     blocks: Vec<Block<D>>,
     division: Division<D>,
     f_int: Vec<[f64; D]>,
@@ -64,7 +66,8 @@ impl<const D: usize> System<D> {
     /// Lays out the system of a load step.
     pub fn new<M: Mechanics<D>>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Self {
         let symmetric = model.materials.iter().all(|m| m.law.tangent_is_symmetric());
-        let pairs = NodePairs::new(links, symmetric);
+        let ghost = Ghost::new(model, points, links);
+        let pairs = NodePairs::new(links, &ghost, symmetric);
         let mut batches = Vec::new();
         let mut first = 0;
         for group in 0..links.n_groups() {
@@ -98,10 +101,16 @@ impl<const D: usize> System<D> {
             mapped: vec![[0.0; D]; n_force],
             batches,
             pairs,
+            ghost,
         }
     }
 
-    /// Internal force on the active nodes, [force].
+    /// Number of faces that are stabilised.
+    pub fn stabilised_faces(&self) -> usize {
+        self.ghost.n_faces()
+    }
+
+    /// Internal force on the active nodes, that of stabilised faces included, [force].
     pub fn internal_force(&self) -> &[[f64; D]] {
         &self.f_int
     }
@@ -148,6 +157,8 @@ impl<const D: usize> System<D> {
             task.run(batch.clone(), work)?;
             self.merge(links, batch);
         }
+        self.pairs.add_ghost(&self.ghost, &mut self.blocks);
+        self.ghost.add_force(delta_d, &mut self.f_int);
         Ok(())
     }
 

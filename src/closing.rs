@@ -51,13 +51,24 @@ impl Closing {
         results: &Results,
         error: Option<&SolveError>,
     ) -> Option<Closing> {
-        let (steps, asked) = (summary.steps, model.n_steps);
+        let (steps, asked) = (summary.steps, model.stepping.count);
         let outcome = match error {
+            None if summary.failed_attempts > 0 => format!(
+                "completed: {steps} steps in equilibrium, {} at first too large",
+                counted(summary.failed_attempts, "attempt", "attempts")
+            ),
             None => format!("completed: {steps} steps in equilibrium"),
             Some(SolveError::Interrupted { .. }) => {
                 format!("interrupted: {steps} of {asked} steps in equilibrium")
             }
-            Some(_) => format!("failed: {steps} of {asked} steps in equilibrium"),
+            Some(_) => match &summary.diagnosis {
+                Some(diagnosis) if summary.failed_attempts > 1 => format!(
+                    "failed: {steps} steps in equilibrium, up to time {} of {}",
+                    significant(diagnosis.time, 4),
+                    significant(model.stepping.end_time, 4)
+                ),
+                _ => format!("failed: {steps} of {asked} steps in equilibrium"),
+            },
         };
         (steps > 0).then(|| Closing {
             title: model.title.clone(),

@@ -89,6 +89,8 @@ pub mod quality;
 pub mod region;
 pub mod rigid;
 pub mod solver;
+pub mod stabilisation;
+pub mod stepping;
 pub mod stress;
 pub mod study;
 pub mod tensor;

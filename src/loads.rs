@@ -20,6 +20,12 @@ impl LoadCurve {
         LoadCurve(pairs)
     }
 
+    /// The times at which it has a kink, ascending, [time].
+    pub fn knots(&self) -> impl Iterator<Item = f64> + '_ {
+        let slope = |a: &[f64; 2], b: &[f64; 2]| (b[1] - a[1]) / (b[0] - a[0]);
+        self.0.windows(3).filter(move |w| slope(&w[0], &w[1]) != slope(&w[1], &w[2])).map(|w| w[1][0])
+    }
+
     /// The factor at a time; constant before the first and after the last pair.
     pub fn factor(&self, time: f64) -> f64 {
         let after = self.0.partition_point(|pair| pair[0] <= time);
@@ -167,7 +173,27 @@ pub fn external_force<const D: usize>(
     links: &Connectivity<D>,
     time: f64,
 ) -> Result<ExternalForce<D>, LoadNotFinite> {
-    let at_points = forces_on_points(model, points, time)?;
+    forces_on_points(model, points, |load| load.curve.factor(time)).map(|forces| on_nodes(links, &forces))
+}
+
+/// The external force where all loads have the same factor, whatever their curves say.
+///
+/// # Errors
+/// As [`external_force`].
+pub fn external_force_of_factor<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    factor: f64,
+) -> Result<ExternalForce<D>, LoadNotFinite> {
+    forces_on_points(model, points, |_| factor).map(|forces| on_nodes(links, &forces))
+}
+
+/// Eq. (29) for forces on the points, [force].
+fn on_nodes<const D: usize>(
+    links: &Connectivity<D>,
+    at_points: &[[f64; D]],
+) -> ExternalForce<D> {
     let applied = std::array::from_fn(|d| at_points.iter().map(|force| force[d]).sum());
     let mut force = vec![[0.0; D]; links.n_active()];
     for group in 0..links.n_groups() {
@@ -185,18 +211,18 @@ pub fn external_force<const D: usize>(
             }
         }
     }
-    Ok(ExternalForce { nodal: force, applied })
+    ExternalForce { nodal: force, applied }
 }
 
 /// Sum of all loads on each point, [force].
 fn forces_on_points<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
-    time: f64,
+    factor_of: impl Fn(&Load<D>) -> f64,
 ) -> Result<Vec<[f64; D]>, LoadNotFinite> {
     let mut forces = vec![[0.0; D]; points.len()];
     for load in &model.loads {
-        let factor = load.curve.factor(time);
+        let factor = factor_of(load);
         let acts_on = |p: usize| load.acts_on[points.body[p] as usize];
         match &load.action {
             Action::Gravity(acceleration) => {

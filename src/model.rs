@@ -8,6 +8,8 @@ use crate::linear::Choice;
 use crate::loads::{Load, LoadCurve};
 use crate::material::Material;
 use crate::points::{PointVolume, Points};
+use crate::stabilisation::Stabilisation;
+use crate::stepping::{Control, Stepping};
 use crate::stress::Formulation;
 
 /// A material under its name.
@@ -66,6 +68,8 @@ pub struct Model<const D: usize> {
     pub formulation: Formulation,
     /// Where the current volume of a point comes from.
     pub point_volume: PointVolume,
+    /// Where cells that hold hardly any material are stabilised.
+    pub stabilisation: Stabilisation,
     /// Materials.
     pub materials: Vec<NamedMaterial>,
     /// Bodies.
@@ -74,10 +78,8 @@ pub struct Model<const D: usize> {
     pub boundary_conditions: Vec<BoundaryCondition<D>>,
     /// External forces.
     pub loads: Vec<Load<D>>,
-    /// Number of load steps.
-    pub n_steps: usize,
-    /// Time at the end, [time].
-    pub end_time: f64,
+    /// How the loading is divided into steps.
+    pub stepping: Stepping,
     /// Control of the Newton iterations.
     pub newton: Newton,
     /// Places whose displacement is recorded.
@@ -96,6 +98,11 @@ impl<const D: usize> Model<D> {
         let mut curves = self.loads.iter().map(|load| &load.curve).chain(moving);
         let first = curves.next()?;
         curves.all(|curve| curve == first).then_some(first)
+    }
+
+    /// Whether there is one load factor for all loads and prescribed motions.
+    pub fn has_one_load_factor(&self) -> bool {
+        self.stepping.control != Control::Load || self.common_curve().is_some()
     }
 
     /// The law of a point.

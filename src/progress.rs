@@ -12,7 +12,9 @@ use mpm::output::results::Results;
 use mpm::output::status::{Progress, Status, StatusFile};
 use mpm::output::summary::Start;
 use mpm::points::Points;
-use mpm::solver::{Observer, Reached, SolveError, Step, StepReport, Summary};
+use mpm::solver::{
+    Diagnosis, FailedAttempt, Observer, Reached, SolveError, Step, StepReport, Summary,
+};
 
 use crate::closing::Closing;
 use crate::log::LogFile;
@@ -74,7 +76,7 @@ impl Watch {
             View::Member(label) => format!("{label} "),
         };
         let display = if io::stderr().is_terminal() {
-            let bar = ProgressBar::new(model.n_steps as u64).with_prefix(label);
+            let bar = ProgressBar::new(model.stepping.count as u64).with_prefix(label);
             if let Ok(style) = ProgressStyle::with_template("{prefix}{bar:20} {msg}") {
                 bar.set_style(style);
             }
@@ -104,7 +106,7 @@ impl Watch {
                 "{} points, {} cells, {} load steps",
                 points.len(),
                 model.grid.n_cells(),
-                model.n_steps
+                model.stepping.count
             ));
         }
         watch
@@ -142,6 +144,17 @@ impl Watch {
             self.log_works = false;
             self.print(&format!("warning: the log cannot be written: {error}"));
         }
+    }
+
+    /// Says what a run that ends here probably suffers from.
+    fn diagnosis(&mut self, diagnosis: &Diagnosis) {
+        self.say(&format!("diagnosis: {diagnosis}"));
+        let factor = diagnosis.largest_load_factor.map_or(String::new(), |factor| {
+            format!("; the largest load factor is {}", significant(factor, 6))
+        });
+        let time = significant(diagnosis.time, 6);
+        self.say(&format!("  in equilibrium up to time {time}{factor}"));
+        self.say(&format!("  try: {}", diagnosis.advice));
     }
 
     fn update_status(&mut self) {
@@ -218,7 +231,7 @@ impl<const D: usize> Observer<D> for Watch {
             let loss = summary.quality.latest.partition_of_unity_loss;
             self.log(&format!(
                 "{}{}, loss of partition of unity {loss:.1e}",
-                in_equilibrium(report, model.n_steps),
+                in_equilibrium(report, model.stepping.count),
                 in_the_log(&status)
             ));
         }
@@ -230,6 +243,26 @@ impl<const D: usize> Observer<D> for Watch {
         self.update_status();
         self.draw();
         written
+    }
+
+    fn failed(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        attempt: &FailedAttempt<D>,
+        diagnosis: Option<&Diagnosis>,
+    ) -> io::Result<()> {
+        let Step { start, end, .. } = attempt.step;
+        let part = (end - start) / model.stepping.end_time * model.stepping.count as f64;
+        let code = attempt.error.code().unwrap_or_default();
+        self.log(&format!("attempt failed [{code}]: {}", attempt.error));
+        match diagnosis {
+            None => self.log(&format!("a step of {} of a requested one is too large", significant(part, 3))),
+            Some(diagnosis) => self.diagnosis(diagnosis),
+        }
+        self.update_status();
+        self.draw();
+        self.results.failed(model, points, attempt, diagnosis)
     }
 
     fn interrupted(&self) -> bool {

@@ -44,7 +44,7 @@ fn after_one_solve() -> (Vec<Imbalance>, f64) {
     let mut system = System::new::<PlaneStrain>(&model, &points, &links);
     let at_rest = vec![[0.0; 2]; n];
     system.assemble::<PlaneStrain>(&model, &mut points, &links, &at_rest).unwrap();
-    let f_ext = external_force(&model, &points, &links, model.end_time / model.n_steps as f64).unwrap().nodal;
+    let f_ext = external_force(&model, &points, &links, model.stepping.end_time / model.stepping.count as f64).unwrap().nodal;
     let mut times = |x: &[[f64; 2]]| {
         let mut out = at_rest.clone();
         system.multiply(x, &mut out);

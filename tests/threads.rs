@@ -62,8 +62,8 @@ fn run<const D: usize, M: Mechanics<D>>(
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs").join(deck);
     let set: Vec<(String, String)> = set.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
     let (mut model, mut points) = build(&load(&path, &set).unwrap()).unwrap();
-    model.end_time *= steps as f64 / model.n_steps as f64;
-    model.n_steps = steps;
+    model.stepping.end_time *= steps as f64 / model.stepping.count as f64;
+    model.stepping.count = steps;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
         assert_eq!(rayon::current_num_threads(), threads);

@@ -193,7 +193,7 @@ fn measure<const D: usize, M: Mechanics<D>>(
         system.assemble::<M>(&model, &mut points, &links, &delta_d).expect("the motion is possible")
     });
 
-    let end = model.end_time / model.n_steps as f64;
+    let end = model.stepping.end_time / model.stepping.count as f64;
     let dofs = DofMap::new(&model, &points, &links, 0.0, end).expect("conditions agree");
     let entries = system.free_entries(&dofs);
     let mut values = Vec::new();

@@ -87,7 +87,9 @@ impl Run {
             let path = directory.join(name);
             Columns::read(&path).map_err(|error| ReportError::unreadable(&path, error))
         };
-        let (history, convergence) = (table("history.csv")?, table("convergence.csv")?);
+        // Attempts that failed are no steps.
+        let history = table("history.csv")?.where_column("converged", |value| value == 1.0);
+        let convergence = table("convergence.csv")?;
         for (file, table, names) in [
             ("history.csv", &history, &["step", "time", "iterations", "residual"][..]),
             ("convergence.csv", &convergence, &["step", "iteration", "residual"]),
@@ -199,14 +201,21 @@ impl Run {
         self.deck.as_ref().map(|deck| deck.steps.end_time)
     }
 
-    /// The residuals of every step that was begun, the first being that before the first solve.
+    /// The residuals of the last attempt at every step that was begun, the first being that before the first solve.
     pub fn residuals(&self) -> Vec<(usize, Vec<f64>)> {
         let column = |name| self.convergence.column(name).unwrap_or_default();
         let mut steps: Vec<(usize, Vec<f64>)> = Vec::new();
-        for (step, residual) in column("step").iter().zip(column("residual")) {
+        for ((step, iteration), residual) in
+            column("step").iter().zip(column("iteration")).zip(column("residual"))
+        {
             let step = *step as usize;
             match steps.last_mut() {
-                Some((last, residuals)) if *last == step => residuals.push(*residual),
+                Some((last, residuals)) if *last == step => {
+                    if *iteration == 0.0 {
+                        residuals.clear(); // a further attempt
+                    }
+                    residuals.push(*residual);
+                }
                 _ => steps.push((step, vec![*residual])),
             }
         }

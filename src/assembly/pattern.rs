@@ -5,6 +5,7 @@ use std::ops::Range;
 use crate::basis::Connectivity;
 use crate::constraints::DofMap;
 use crate::linear::{Block, BlockMatrix, Division, Pattern};
+use crate::stabilisation::Ghost;
 
 /// Marks a pair of nodes of a group that no point couples.
 pub(super) const UNCOUPLED: u32 = u32::MAX;
@@ -18,6 +19,9 @@ pub(super) struct NodePairs {
     group_start: Vec<usize>,
     /// For each dense pair of each group, its place among the pairs, or [`UNCOUPLED`].
     position: Vec<u32>,
+    /// For each entry of the stiffness of each stabilised face, by rows of its lower triangle, its place among the pairs
+    /// and, where both triangles are kept, that of its mirror image.
+    ghost: Vec<[u32; 2]>,
 }
 
 /// The entries of K on the free degrees of freedom.
@@ -35,7 +39,7 @@ fn dense_pair(symmetric: bool, n: usize, a: usize, b: usize) -> usize {
 }
 
 impl NodePairs {
-    pub(super) fn new<const D: usize>(links: &Connectivity<D>, symmetric: bool) -> Self {
+    pub(super) fn new<const D: usize>(links: &Connectivity<D>, ghost: &Ghost, symmetric: bool) -> Self {
         let mut group_start = vec![0];
         for group in 0..links.n_groups() {
             let n = links.nodes_of(group).len();
@@ -47,11 +51,13 @@ impl NodePairs {
             column_start: Vec::new(),
             row: Vec::new(),
             position: vec![UNCOUPLED; group_start[links.n_groups()]],
+            ghost: Vec::new(),
             group_start,
         };
         pairs.mark_coupled(links);
-        pairs.collect_columns(links);
+        pairs.collect_columns(links, ghost);
         pairs.place(links);
+        pairs.ghost = pairs.places_of(ghost);
         pairs
     }
 
@@ -96,13 +102,52 @@ impl NodePairs {
         }
     }
 
-    /// Merges the pairs of all groups into sorted columns.
-    fn collect_columns<const D: usize>(&mut self, links: &Connectivity<D>) {
+    /// Calls `visit(row, column)` for the pairs that stabilised faces couple.
+    fn coupled_by(&self, ghost: &Ghost, mut visit: impl FnMut(usize, usize)) {
+        for face in 0..ghost.n_faces() {
+            let nodes = ghost.nodes_of(face);
+            for (a, &row) in nodes.iter().enumerate() {
+                for &column in &nodes[..=a] {
+                    visit(row as usize, column as usize);
+                    if !self.symmetric && row != column {
+                        visit(column as usize, row as usize);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The places of the entries of all faces, and of their mirror images.
+    fn places_of(&self, ghost: &Ghost) -> Vec<[u32; 2]> {
+        let place = |row: u32, column: u32| {
+            let first = self.column_start[column as usize];
+            let rows = &self.row[first..self.column_start[column as usize + 1]];
+            (first + rows.partition_point(|r| *r < row)) as u32
+        };
+        let mut places = Vec::new();
+        for face in 0..ghost.n_faces() {
+            let nodes = ghost.nodes_of(face);
+            for (a, &row) in nodes.iter().enumerate() {
+                for &column in &nodes[..=a] {
+                    let mirrored = !self.symmetric && row != column;
+                    places.push([
+                        place(row, column),
+                        if mirrored { place(column, row) } else { UNCOUPLED },
+                    ]);
+                }
+            }
+        }
+        places
+    }
+
+    /// Merges the pairs of all groups and faces into sorted columns.
+    fn collect_columns<const D: usize>(&mut self, links: &Connectivity<D>, ghost: &Ghost) {
         let n = links.n_active();
         let mut count = vec![0usize; n + 1];
         for group in 0..links.n_groups() {
             self.coupled_in(links, group, |_, column, _| count[column + 1] += 1);
         }
+        self.coupled_by(ghost, |_, column| count[column + 1] += 1);
         for c in 0..n {
             count[c + 1] += count[c];
         }
@@ -114,6 +159,10 @@ impl NodePairs {
                 next[column] += 1;
             });
         }
+        self.coupled_by(ghost, |row, column| {
+            rows[next[column]] = row as u32;
+            next[column] += 1;
+        });
         self.column_start.push(0);
         for c in 0..n {
             let column = &mut rows[count[c]..count[c + 1]];
@@ -152,6 +201,18 @@ impl NodePairs {
             }
         }
         self.position = position;
+    }
+
+    /// Adds the stiffness of stabilised faces to the blocks on the pairs.
+    pub(super) fn add_ghost<const D: usize>(&self, ghost: &Ghost, blocks: &mut [Block<D>]) {
+        let stiffness = (0..ghost.n_faces()).flat_map(|face| ghost.stiffness_of(face));
+        for (places, stiffness) in self.ghost.iter().zip(stiffness) {
+            for &place in places.iter().filter(|place| **place != UNCOUPLED) {
+                for d in 0..D {
+                    blocks[place as usize][d][d] += stiffness;
+                }
+            }
+        }
     }
 
     pub(super) fn symmetric(&self) -> bool {

@@ -11,8 +11,8 @@ use super::region::{FromFiles, Groups, OfDeck, Refusal, region};
 use super::seeding::{Filled, Filling};
 use super::size::Size;
 use super::{
-    AXES, BoundaryConditionDeck, Deck, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
-    MaterialDeck, NodeSelector, PerAxis,
+    AXES, BoundaryConditionDeck, ControlDeck, Deck, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
+    MaterialDeck, NodeSelector, PerAxis, StepsDeck,
 };
 use super::{axisymmetry, placing};
 use crate::constraints::{BoundaryCondition, NodeSet};
@@ -25,6 +25,7 @@ use crate::memory::Memory;
 use crate::model::{Body, Model, NamedMaterial, Newton, Probe};
 use crate::points::{Points, Seed};
 use crate::region::Region;
+use crate::stepping::{Control, Stepping};
 
 /// Relative distance to a grid line within which a selected coordinate counts as lying on it.
 const ON_LINE: f64 = 1e-6;
@@ -162,18 +163,19 @@ where
             self.found.extend(axisymmetry::faults(self.loaded, grid.as_ref()));
         }
         let probes = self.probes(grid.as_ref(), &points);
+        let stepping = self.stepping(&boundary_conditions, &loads);
         let model = Model {
             title: deck.title.clone().unwrap_or_default(),
             grid,
             revolved,
             formulation: deck.analysis.formulation,
             point_volume: deck.analysis.point_volume,
+            stabilisation: deck.analysis.stabilisation,
             materials,
             bodies,
             boundary_conditions,
             loads,
-            n_steps: deck.steps.count as usize,
-            end_time: deck.steps.end_time,
+            stepping,
             newton: Newton {
                 tolerance: deck.solver.tolerance,
                 max_iterations: deck.solver.max_iterations as usize,
@@ -182,6 +184,36 @@ where
             probes,
         };
         Some((model, points))
+    }
+
+    fn stepping(&self, conditions: &[BoundaryCondition<D>], loads: &[Load<D>]) -> Stepping {
+        let StepsDeck { count, end_time, smallest, largest, ref control } = self.deck.steps;
+        let mut stepping = Stepping {
+            smallest,
+            largest,
+            stops: self.deck.output.every.max(1) as usize,
+            control: match control {
+                ControlDeck::Load {} => Control::Load,
+                ControlDeck::ArcLength {} => Control::ArcLength,
+                ControlDeck::Displacement { probe, axis, to } => Control::Displacement {
+                    probe: self.deck.output.probes.iter().position(|p| p.name == *probe).unwrap_or(0),
+                    axis: *axis as usize,
+                    to: *to,
+                },
+            },
+            ..Stepping::fixed(count as usize, end_time)
+        };
+        // Without output but at the end steps may grow as they like.
+        if self.deck.output.every == 0 {
+            stepping.stops = stepping.count;
+        }
+        let curves = loads.iter().map(|load| &load.curve).chain(conditions.iter().map(|c| &c.curve));
+        // What a requested step meets anyway does not count.
+        let between = |t: &f64| *t > 0.0 && *t < end_time && stepping.requested(*t).is_none();
+        let mut knots: Vec<f64> = curves.flat_map(|curve| curve.knots()).filter(between).collect();
+        knots.sort_by(f64::total_cmp);
+        knots.dedup();
+        Stepping { knots, ..stepping }
     }
 
     fn error(&mut self, code: &'static str, pointer: &str, message: String, help: String) {

@@ -60,7 +60,7 @@ impl Check<'_> {
                 return None;
             }
         };
-        let end = model.end_time * (1.0 / model.n_steps as f64);
+        let end = model.stepping.end_time * (1.0 / model.stepping.count as f64);
         if let Err(error) = external_force(model, points, &links, end) {
             self.load_without_value(&error);
         }

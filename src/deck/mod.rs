@@ -15,8 +15,10 @@ pub use crate::basis::Method;
 pub use crate::domain::DomainUpdate;
 pub use crate::linear::Choice as LinearChoice;
 pub use crate::points::PointVolume;
+pub use crate::stabilisation::Stabilisation;
 pub use crate::stress::Formulation;
 pub use region::{Direction, Shape};
+pub use steps::{ControlDeck, StepsDeck};
 
 mod axisymmetry;
 pub mod build;
@@ -36,6 +38,7 @@ mod seeding;
 mod shape;
 pub mod size;
 pub mod source;
+mod steps;
 pub mod validate;
 mod yaml;
 
@@ -129,7 +132,7 @@ pub enum Parameter {
 }
 
 /// Kind of analysis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Analysis {
     /// How the geometry represents the three-dimensional body, and with it the number of axes: one entry of every
@@ -139,6 +142,8 @@ pub struct Analysis {
     pub formulation: Formulation,
     /// Where the current volume of a point comes from.
     pub point_volume: PointVolume,
+    /// Stabilisation of cells that hold hardly any material.
+    pub stabilisation: Stabilisation,
 }
 
 /// How the geometry represents the three-dimensional body.
@@ -520,23 +525,6 @@ pub struct PointSelector {
 
 fn one() -> u32 {
     1
-}
-
-/// Division of the loading into load steps.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct StepsDeck {
-    /// Number of equal load steps.
-    #[schemars(range(min = 1, max = 10_000_000), extend("examples" = [50]))]
-    pub count: u32,
-    /// Time at the end of the analysis, [time]; it only orders the loading.
-    #[serde(default = "unit_time")]
-    #[schemars(range(min = 1e-100, max = 1e100))]
-    pub end_time: f64,
-}
-
-fn unit_time() -> f64 {
-    1.0
 }
 
 /// Control of the Newton iterations.

@@ -81,7 +81,7 @@ where
                 bodies: model.bodies.len(),
                 points: points.len(),
                 cells: model.grid.n_cells(),
-                steps: model.n_steps,
+                steps: model.stepping.count,
                 first,
                 memory,
             };

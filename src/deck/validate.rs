@@ -7,6 +7,7 @@ mod geometry;
 mod loading;
 mod prescribed_motion;
 mod shape;
+mod steps;
 mod suspicions;
 mod units;
 
@@ -29,6 +30,7 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.loads();
     check.probes();
     check.linear_solver();
+    check.control();
     assign(Gate::Meaning, &mut check.found);
     check.found
 }

@@ -2,11 +2,10 @@
 
 use rayon::prelude::*;
 
-use crate::basis::DomainKind;
+use crate::basis::{Connectivity, DomainKind};
 use crate::grid::vtk_corner;
 use crate::model::Model;
 use crate::points::Points;
-use crate::solver::GridFields;
 use crate::tensor::{Mat3, Sym3, padded};
 
 use super::vtu::{CellKind, Field, SYMMETRIC_TENSOR, TENSOR, VECTOR, Values};
@@ -31,7 +30,7 @@ enum OwnedValues {
 }
 
 impl OwnedField {
-    fn float(name: &str, names: &'static [&'static str], values: Vec<f64>) -> OwnedField {
+    pub(super) fn float(name: &str, names: &'static [&'static str], values: Vec<f64>) -> OwnedField {
         OwnedField {
             name: name.to_owned(),
             names,
@@ -40,7 +39,7 @@ impl OwnedField {
         }
     }
 
-    fn integer(name: &str, values: Vec<i32>) -> OwnedField {
+    pub(super) fn integer(name: &str, values: Vec<i32>) -> OwnedField {
         OwnedField { name: name.to_owned(), names: &[], components: 1, values: OwnedValues::Integer(values) }
     }
 
@@ -213,13 +212,16 @@ pub struct GridMesh {
     pub corners: Vec<i64>,
     /// Kinds of the active cells.
     pub kinds: Vec<CellKind>,
-    /// Displacement increment and reaction of the nodes.
+    /// Fields of the nodes.
     pub fields: Vec<OwnedField>,
 }
 
-/// The active part of the grid in a load step.
-pub fn grid_mesh<const D: usize>(model: &Model<D>, grid: &GridFields<D>) -> GridMesh {
-    let links = &grid.links;
+/// The active part of the grid in a load step, with vectors on its nodes.
+pub fn grid_mesh<const D: usize>(
+    model: &Model<D>,
+    links: &Connectivity<D>,
+    fields: &[(&str, &[[f64; D]])],
+) -> GridMesh {
     let (mut corners, mut kinds) = (Vec::new(), Vec::new());
     for &cell in links.active_cells() {
         let nodes = model.grid.corners(cell as usize);
@@ -234,14 +236,10 @@ pub fn grid_mesh<const D: usize>(model: &Model<D>, grid: &GridFields<D>) -> Grid
         nodes: links.active_nodes().iter().map(position).collect(),
         corners,
         kinds,
-        fields: vec![
-            OwnedField::float(
-                "displacement_increment",
-                &VECTOR,
-                grid.delta_d.iter().flat_map(padded).collect(),
-            ),
-            OwnedField::float("reaction", &VECTOR, grid.reaction.iter().flat_map(padded).collect()),
-        ],
+        fields: fields
+            .iter()
+            .map(|(name, field)| OwnedField::float(name, &VECTOR, field.iter().flat_map(padded).collect()))
+            .collect(),
     }
 }
 

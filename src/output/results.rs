@@ -6,10 +6,13 @@ use std::path::{Path, PathBuf};
 use crate::basis::{Connectivity, DomainKind};
 use crate::model::Model;
 use crate::points::Points;
-use crate::solver::{GridFields, Observer, Reached, SolveError, Step, StepReport, Summary};
+use crate::solver::{
+    Diagnosis, FailedAttempt, GridFields, Observer, Reached, SolveError, Step, StepReport, Summary,
+};
 use crate::tensor::padded;
 
 use super::checkpoint::{self, Checkpoint};
+use super::failed;
 use super::fields::{OwnedField, domain_mesh, grid_mesh, point_fields};
 use super::findings::{Extremes, Findings};
 use super::lock::Lock;
@@ -239,7 +242,8 @@ impl Results {
         grid: &GridFields<D>,
         step: Step,
     ) -> io::Result<()> {
-        let active = grid_mesh(model, grid);
+        let fields = [("displacement_increment", &grid.delta_d[..]), ("reaction", &grid.reaction[..])];
+        let active = grid_mesh(model, &grid.links, &fields);
         let mesh =
             Mesh { points: &active.nodes, kinds: Kinds::Each(&active.kinds), connectivity: &active.corners };
         self.write_series(2, step, &mesh, &active.fields, &[])
@@ -259,7 +263,9 @@ impl Results {
             (report.residuals.len() as i64 - 1).into(),
             residual.into(),
             (report.linear_iterations as i64).into(),
+            1.into(),
         ];
+        row.extend(report.load_factor.map(Entry::from));
         row.extend(report.reactions.iter().flatten().map(|r| Entry::from(*r)));
         let place = points.by_id();
         for probe in &model.probes {
@@ -290,8 +296,26 @@ impl Results {
         self.quality.push(&row)
     }
 
-    fn is_due<const D: usize>(&self, model: &Model<D>, step: usize) -> bool {
-        self.every > 0 && (step.is_multiple_of(self.every) || step == model.n_steps)
+    /// Writes the row of an attempt that has failed: what does not exist is left empty.
+    fn write_attempt<const D: usize>(&mut self, attempt: &FailedAttempt<D>) -> io::Result<()> {
+        let residual = attempt.residuals.last().copied().filter(|r| r.is_finite());
+        let mut row: Vec<Entry> = vec![
+            (attempt.step.index as i64).into(),
+            attempt.step.end.into(),
+            (attempt.residuals.len().saturating_sub(1) as i64).into(),
+            residual.into(),
+            (attempt.linear_iterations as i64).into(),
+            0.into(),
+        ];
+        row.resize(self.history.width(), Entry::Missing);
+        self.history.push(&row)
+    }
+
+    /// Whether the points of a step are to be written.
+    fn is_due<const D: usize>(&self, model: &Model<D>, step: Step) -> bool {
+        let requested = model.stepping.requested(step.end);
+        let is_due = |number: usize| number.is_multiple_of(self.every) || number == model.stepping.count;
+        self.every > 0 && requested.is_some_and(is_due)
     }
 }
 
@@ -316,7 +340,10 @@ fn step_of_file(name: &str) -> Option<usize> {
 fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
     let axes = &["x", "y", "z"][..D];
     let mut columns: Vec<String> =
-        ["step", "time", "iterations", "residual", "linear_iterations"].map(String::from).to_vec();
+        ["step", "time", "iterations", "residual", "linear_iterations", "converged"].map(String::from).to_vec();
+    if model.has_one_load_factor() {
+        columns.push("load_factor".to_owned());
+    }
     for condition in &model.boundary_conditions {
         columns.extend(axes.iter().map(|axis| format!("{}_r{axis}", condition.name)));
     }
@@ -335,7 +362,10 @@ fn all_have_domains<const D: usize>(model: &Model<D>) -> bool {
 /// files are mistaken for ours.
 fn remove_earlier_results(directory: &Path) -> io::Result<()> {
     remove(directory, |name| {
-        is_of_series(name) || OF_RUN.contains(&name) || checkpoint::step_of(name).is_some()
+        is_of_series(name)
+            || OF_RUN.contains(&name)
+            || failed::FILES.contains(&name)
+            || checkpoint::step_of(name).is_some()
     })
 }
 
@@ -343,7 +373,8 @@ fn remove_earlier_results(directory: &Path) -> io::Result<()> {
 fn remove_later_results(directory: &Path, last: usize, is_kept: impl Fn(&str) -> bool) -> io::Result<()> {
     remove(directory, |name| {
         let is_later = is_of_series(name) && name.ends_with(".vtu") && !is_kept(name);
-        is_later || OF_RUN.contains(&name) || checkpoint::step_of(name).is_some_and(|step| step > last)
+        let of_end = OF_RUN.contains(&name) || failed::FILES.contains(&name);
+        is_later || of_end || checkpoint::step_of(name).is_some_and(|step| step > last)
     })
 }
 
@@ -356,6 +387,7 @@ fn remove(directory: &Path, is_old: impl Fn(&str) -> bool) -> io::Result<()> {
         let is_half = half.is_some_and(|name| {
             is_of_series(name)
                 || OF_RUN.contains(&name)
+                || failed::FILES.contains(&name)
                 || TABLES.contains(&name)
                 || checkpoint::step_of(name).is_some()
         });
@@ -434,7 +466,7 @@ impl<const D: usize> Observer<D> for Results {
         if let Some(error) = self.failure.take() {
             return Err(error);
         }
-        if self.is_due(model, report.step.index) {
+        if self.is_due(model, report.step) {
             self.write_points(model, points, report.step)?;
             self.write_grid(model, &report.grid, report.step)?;
         }
@@ -443,6 +475,23 @@ impl<const D: usize> Observer<D> for Results {
             self.secure(points, summary)?;
         }
         Ok(())
+    }
+
+    fn failed(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        attempt: &FailedAttempt<D>,
+        diagnosis: Option<&Diagnosis>,
+    ) -> io::Result<()> {
+        if let Some(error) = self.failure.take() {
+            return Err(error);
+        }
+        self.write_attempt(attempt)?;
+        match diagnosis {
+            Some(_) if self.every > 0 => failed::write(&self.directory, model, points, attempt),
+            _ => Ok(()),
+        }
     }
 
     fn finished(

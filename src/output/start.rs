@@ -36,7 +36,7 @@ impl Account {
             },
             "points": points.len(),
             "cells": model.grid.n_cells(),
-            "steps_requested": model.n_steps,
+            "steps_requested": model.stepping.count,
             "threads": self.threads,
             "machine": machine(),
         });

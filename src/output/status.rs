@@ -12,6 +12,7 @@ use crate::loads::LoadCurve;
 use crate::memory;
 use crate::model::Model;
 use crate::points::Points;
+use crate::stepping::Control;
 use crate::solver::{Reached, SolveError, Step, StepReport, Summary};
 
 use super::lock::Lock;
@@ -137,14 +138,14 @@ impl Progress {
             started: to_milliseconds(now.checked_sub(before).unwrap_or(now)),
             updated: to_milliseconds(now),
             steps: 0,
-            steps_requested: model.n_steps,
+            steps_requested: model.stepping.count,
             step: 0,
             iteration: 0,
             residual: None,
             tolerance: model.newton.tolerance,
             time: 0.0,
-            end_time: model.end_time,
-            load_factor: model.common_curve().map(|_| 0.0),
+            end_time: model.stepping.end_time,
+            load_factor: model.has_one_load_factor().then_some(0.0),
             points: points.len(),
             unknowns: 0,
             evaluations: 0,
@@ -156,7 +157,7 @@ impl Progress {
             warnings: 0,
         };
         let began = Instant::now();
-        let curve = model.common_curve().cloned();
+        let curve = model.common_curve().filter(|_| model.stepping.control == Control::Load).cloned();
         Progress { start, status, curve, began, recent: VecDeque::from([(0.0, began)]) }
     }
 
@@ -166,7 +167,7 @@ impl Progress {
         self.status.steps = reached.summary.steps;
         self.status.step = reached.step.index;
         self.status.time = end;
-        self.status.load_factor = self.curve.as_ref().map(|curve| curve.factor(end));
+        self.status.load_factor = reached.summary.load_factor;
         self.status.warnings = reached.summary.warnings.len();
         self.recent = VecDeque::from([(end, self.began)]);
     }
@@ -178,7 +179,10 @@ impl Progress {
         status.iteration = iteration;
         status.residual = residual.is_finite().then_some(residual);
         status.time = step.end;
-        status.load_factor = self.curve.as_ref().map(|curve| curve.factor(step.end));
+        // An unknown load factor is that of the last step in equilibrium.
+        if let Some(curve) = &self.curve {
+            status.load_factor = Some(curve.factor(step.end));
+        }
         status.evaluations += 1;
     }
 
@@ -186,6 +190,7 @@ impl Progress {
     pub fn converged<const D: usize>(&mut self, report: &StepReport<D>, summary: &Summary) {
         self.status.steps = summary.steps;
         self.status.unknowns = report.unknowns;
+        self.status.load_factor = report.load_factor;
         self.status.warnings = summary.warnings.len();
         self.recent.push_back((report.step.end, Instant::now()));
         if self.recent.len() > RECENT + 1 {

@@ -114,6 +114,7 @@ impl Account {
             }
             Value::Object(map)
         };
+        let load_factor = summary.load_factor.filter(|_| summary.steps > 0);
         let spent = self.start.elapsed();
         let (wall, cpu) = (spent.wall.as_secs_f64(), spent.cpu.as_secs_f64());
         let solved = cpu - timings.of(Phase::Output).cpu.as_secs_f64();
@@ -131,7 +132,12 @@ impl Account {
             "cells": model.grid.n_cells(),
             "unknowns": summary.unknowns,
             "steps": summary.steps,
-            "steps_requested": model.n_steps,
+            "steps_requested": model.stepping.count,
+            "failed_attempts": summary.failed_attempts,
+            "load_factor": load_factor,
+            "largest_load_factor": summary.largest_load_factor,
+            "diagnosis": summary.diagnosis,
+            "stabilised_faces": summary.stabilised_faces,
             "evaluations": summary.evaluations,
             "linear_solves": summary.linear_solves,
             "iterative_solves": summary.iterative_solves,

@@ -14,11 +14,19 @@ pub enum Entry {
     Integer(i64),
     /// A finite number, written so that it reads back exactly.
     Number(f64),
+    /// Nothing: a value that does not exist.
+    Missing,
 }
 
 impl From<i64> for Entry {
     fn from(value: i64) -> Entry {
         Entry::Integer(value)
+    }
+}
+
+impl From<Option<f64>> for Entry {
+    fn from(value: Option<f64>) -> Entry {
+        value.map_or(Entry::Missing, Entry::Number)
     }
 }
 
@@ -92,6 +100,11 @@ impl Table {
         Table::begin(path, columns, &kept)
     }
 
+    /// Number of columns.
+    pub fn width(&self) -> usize {
+        self.columns.len()
+    }
+
     /// Appends a row with one entry per column; it is in the file when this returns.
     ///
     /// Errors: those of the file system; `InvalidInput` if the number of entries is wrong or one is not finite, and
@@ -102,12 +115,13 @@ impl Table {
             return Err(invalid(format!("{path} has {wanted} columns, the row has {}", row.len())));
         }
         let mut line = String::new();
-        for (entry, column) in row.iter().zip(&self.columns) {
-            if !line.is_empty() {
+        for (number, (entry, column)) in row.iter().zip(&self.columns).enumerate() {
+            if number > 0 {
                 line.push(',');
             }
             match entry {
                 Entry::Integer(value) => line.push_str(&value.to_string()),
+                Entry::Missing => {}
                 Entry::Number(value) if value.is_finite() => line.push_str(&shortest(*value)),
                 Entry::Number(value) => {
                     return Err(invalid(format!("{value} for column `{column}` of {}", self.path.display())));
@@ -133,7 +147,7 @@ pub(crate) fn quoted(name: &str) -> String {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Columns {
     names: Vec<String>,
-    /// The values of the first column, of the second, and so on.
+    /// The values of the first column, of the second, and so on; not a number where there is none.
     values: Vec<Vec<f64>>,
 }
 
@@ -161,6 +175,7 @@ impl Columns {
             }
             for (entry, column) in entries.iter().zip(&mut values) {
                 match entry.parse::<f64>() {
+                    Err(_) if entry.is_empty() => column.push(f64::NAN),
                     Ok(value) if value.is_finite() => column.push(value),
                     _ => return Err(format!("line {number}: {entry:?} is no number")),
                 }
@@ -170,6 +185,18 @@ impl Columns {
             return Err(format!("line {} is cut off", body.lines().count() + 1));
         }
         Ok(Columns { names, values })
+    }
+
+    /// The rows in which a column has a value; all where there is no such column.
+    pub fn where_column(mut self, name: &str, has: impl Fn(f64) -> bool) -> Columns {
+        let Some(kept) = self.column(name).map(|column| column.iter().map(|v| has(*v)).collect::<Vec<_>>()) else {
+            return self;
+        };
+        for column in &mut self.values {
+            let mut kept = kept.iter();
+            column.retain(|_| kept.next() == Some(&true));
+        }
+        self
     }
 
     /// Names of the columns.

@@ -5,6 +5,7 @@ use crate::grid::Structured;
 use crate::linear::Choice;
 use crate::model::{Body, Newton};
 use crate::points::{PointVolume, Seed};
+use crate::stepping::Stepping;
 use crate::stress::Formulation;
 use crate::tensor::Mat3;
 
@@ -22,12 +23,12 @@ fn model(bodies: &[(Method, DomainUpdate)]) -> Model<2> {
         revolved: false,
         formulation: Formulation::PreviouslyConverged,
         point_volume: PointVolume::Deformation,
+        stabilisation: Default::default(),
         materials: Vec::new(),
         bodies: bodies.iter().enumerate().map(body).collect(),
         boundary_conditions: Vec::new(),
         loads: Vec::new(),
-        n_steps: 1,
-        end_time: 1.0,
+        stepping: Stepping::fixed(1, 1.0),
         newton: Newton { tolerance: 1e-9, max_iterations: 10, linear: Choice::Auto },
         probes: Vec::new(),
     }

@@ -9,7 +9,7 @@ use crate::linear::{
 use crate::model::Model;
 use crate::timing::{Phase, Timings};
 
-use super::for_each_dof;
+use super::newton::for_each_dof;
 
 /// Solves K δd = r on the free degrees of freedom, directly or iteratively, with all that is kept from step to step.
 #[derive(Default)]
@@ -153,6 +153,30 @@ impl<const D: usize> Equations<D> {
         self.solve_direct(place, system, rhs, delta, timings)
     }
 
+    /// Solves with another right-hand side and the matrix that the last [`Equations::solve`] has factorised.
+    ///
+    /// # Errors
+    /// [`LinearError`].
+    pub(super) fn solve_again(
+        &mut self,
+        place: Place<D>,
+        system: &mut System<D>,
+        rhs: &[[f64; D]],
+        delta: &mut [[f64; D]],
+        tolerance: f64,
+        timings: &mut Timings,
+    ) -> Result<Solved, LinearError> {
+        match self.method {
+            Method::Iterative => {
+                timings.measure(Phase::Solve, || self.iterate(place, system, rhs, delta, tolerance))
+            }
+            Method::Direct => {
+                timings.measure(Phase::Solve, || self.substitute(place, rhs, delta))?;
+                Ok(Solved { factorisation: Factorisation::Cholesky, iterations: 0 })
+            }
+        }
+    }
+
     fn solve_iterative(
         &mut self,
         place: Place<D>,
@@ -163,16 +187,26 @@ impl<const D: usize> Equations<D> {
         timings: &mut Timings,
     ) -> Result<Solved, LinearError> {
         timings.measure(Phase::Factorise, || self.iterative.factorise(&system.matrix()))?;
-        timings.measure(Phase::Solve, || {
-            let multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| system.multiply(x, out);
-            let iterations = self.iterative.solve(multiply, rhs, &mut self.solution, tolerance)?;
-            for_each_dof(place.dofs, |node, axis, free| {
-                if free.is_some() {
-                    delta[node][axis] = self.solution[node][axis];
-                }
-            });
-            Ok(Solved { factorisation: Factorisation::Multigrid, iterations })
-        })
+        timings.measure(Phase::Solve, || self.iterate(place, system, rhs, delta, tolerance))
+    }
+
+    /// Conjugate gradients for one right-hand side.
+    fn iterate(
+        &mut self,
+        place: Place<D>,
+        system: &mut System<D>,
+        rhs: &[[f64; D]],
+        delta: &mut [[f64; D]],
+        tolerance: f64,
+    ) -> Result<Solved, LinearError> {
+        let multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| system.multiply(x, out);
+        let iterations = self.iterative.solve(multiply, rhs, &mut self.solution, tolerance)?;
+        for_each_dof(place.dofs, |node, axis, free| {
+            if free.is_some() {
+                delta[node][axis] = self.solution[node][axis];
+            }
+        });
+        Ok(Solved { factorisation: Factorisation::Multigrid, iterations })
     }
 
     fn solve_direct(
@@ -187,20 +221,29 @@ impl<const D: usize> Equations<D> {
             system.free_values(&self.entries, &mut self.values);
             self.direct.factorise(&self.values)
         })?;
-        timings.measure(Phase::Solve, || {
-            self.values.clear();
-            for_each_dof(place.dofs, |node, axis, free| {
-                if free.is_some() {
-                    self.values.push(rhs[node][axis]);
-                }
-            });
-            self.direct.solve(&mut self.values)?;
-            for_each_dof(place.dofs, |node, axis, free| {
-                if let Some(unknown) = free {
-                    delta[node][axis] = self.values[unknown];
-                }
-            });
-            Ok(Solved { factorisation, iterations: 0 })
-        })
+        timings.measure(Phase::Solve, || self.substitute(place, rhs, delta))?;
+        Ok(Solved { factorisation, iterations: 0 })
+    }
+
+    /// Forward and backward substitution for one right-hand side.
+    fn substitute(
+        &mut self,
+        place: Place<D>,
+        rhs: &[[f64; D]],
+        delta: &mut [[f64; D]],
+    ) -> Result<(), LinearError> {
+        self.values.clear();
+        for_each_dof(place.dofs, |node, axis, free| {
+            if free.is_some() {
+                self.values.push(rhs[node][axis]);
+            }
+        });
+        self.direct.solve(&mut self.values)?;
+        for_each_dof(place.dofs, |node, axis, free| {
+            if let Some(unknown) = free {
+                delta[node][axis] = self.values[unknown];
+            }
+        });
+        Ok(())
     }
 }

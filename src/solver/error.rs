@@ -128,6 +128,12 @@ pub enum SolveError {
         /// How.
         error: LinearError,
     },
+    /// No load factor meets the condition that determines it.
+    #[error("step {step}: no load factor gives the displacement or the length of the path that the step asks for")]
+    NoPath {
+        /// The step.
+        step: usize,
+    },
     /// The boundary conditions cannot be applied.
     #[error("step {step}: {error}")]
     Constraint {
@@ -169,6 +175,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("S010", "a load without a value"),
     ("S011", "results that cannot be written"),
     ("S012", "equations that conjugate gradients cannot solve"),
+    ("S013", "a path that cannot be followed"),
 ];
 
 fn worst_node(worst: &Option<(Vec<f64>, Vec<f64>)>) -> String {
@@ -216,6 +223,7 @@ impl SolveError {
             SolveError::Load { .. } => "S010",
             SolveError::Output(_) => "S011",
             SolveError::Iterative { .. } => "S012",
+            SolveError::NoPath { .. } => "S013",
             SolveError::Interrupted { .. } => return None,
         })
     }
@@ -224,9 +232,9 @@ impl SolveError {
     pub fn help(&self) -> Option<&'static str> {
         match self {
             SolveError::NotConverged { .. } => {
-                Some("use more load steps (`steps: count`), or check loads and boundary conditions")
+                Some("use smaller steps (`steps: {count, smallest}`), or check loads and boundary conditions")
             }
-            SolveError::Point { .. } => Some("use more load steps (`steps: count`)"),
+            SolveError::Point { .. } => Some("use smaller steps (`steps: {count, smallest}`)"),
             SolveError::OffGrid { .. } => {
                 Some("make the grid larger where the body moves, or hold the body with boundary conditions")
             }
@@ -246,6 +254,9 @@ impl SolveError {
             SolveError::Iterative { .. } => {
                 Some("use more load steps (`steps: count`), a coarser grid, or a computer with more memory")
             }
+            SolveError::NoPath { .. } => Some(
+                "use smaller steps (`steps: {count, smallest}`), and see that the loads move the probe",
+            ),
             SolveError::Unheld { .. } => Some(
                 "fix or prescribe the displacement along that axis at one node of each separate part at least",
             ),
@@ -270,6 +281,9 @@ impl SolveError {
                 | SolveError::Collapsed { .. }
                 | SolveError::Singular { .. }
                 | SolveError::Iterative { .. }
+                | SolveError::OffGrid { .. }
+                | SolveError::Domain { .. }
+                | SolveError::NoPath { .. }
         )
     }
 

@@ -10,7 +10,8 @@ use crate::points::Points;
 use crate::quality::Quality;
 use crate::timing::Timings;
 
-use super::{Nodal, SolveError, Step};
+use super::{Diagnosis, FailedAttempt, Nodal, Path, SolveError, Step};
+use crate::stepping::Pace;
 
 /// Everything that watches a run: writers, progress, and the recorder used by tests.
 pub trait Observer<const D: usize> {
@@ -35,6 +36,21 @@ pub trait Observer<const D: usize> {
         _points: &Points<D>,
         _report: &StepReport<D>,
         _summary: &Summary,
+    ) -> std::io::Result<()> {
+        Ok(())
+    }
+
+    /// A step is not in equilibrium; the converged state is that before it. With a diagnosis the run ends here, otherwise a
+    /// smaller step follows.
+    ///
+    /// # Errors
+    /// Any error stops the run.
+    fn failed(
+        &mut self,
+        _model: &Model<D>,
+        _points: &Points<D>,
+        _attempt: &FailedAttempt<D>,
+        _diagnosis: Option<&Diagnosis>,
     ) -> std::io::Result<()> {
         Ok(())
     }
@@ -102,8 +118,12 @@ pub struct StepReport<const D: usize> {
     pub applied: [f64; D],
     /// Work and energy.
     pub energy: Energy,
+    /// Load factor at the end of the step, where there is one for all loads and prescribed motions, [-].
+    pub load_factor: Option<f64>,
     /// Number of free degrees of freedom.
     pub unknowns: usize,
+    /// Number of faces that are stabilised.
+    pub stabilised_faces: usize,
     /// Fields of the grid.
     pub grid: GridFields<D>,
 }
@@ -113,6 +133,20 @@ pub struct StepReport<const D: usize> {
 pub struct Summary {
     /// Equilibrated steps.
     pub steps: usize,
+    /// Attempts at a step that did not reach equilibrium.
+    pub failed_attempts: usize,
+    /// How large steps are at the moment.
+    pub pace: Pace,
+    /// Where the run is on its path, if its load factor is unknown.
+    pub path: Path,
+    /// Load factor of the last step in equilibrium, where there is one for all loads and prescribed motions, [-].
+    pub load_factor: Option<f64>,
+    /// Largest load factor in equilibrium, where there is one for all loads and prescribed motions, [-].
+    pub largest_load_factor: Option<f64>,
+    /// Why the run could not go on.
+    pub diagnosis: Option<Diagnosis>,
+    /// Most faces that were stabilised in a step.
+    pub stabilised_faces: usize,
     /// Evaluations of internal force and stiffness, those of failed steps included.
     pub evaluations: usize,
     /// Linear solves.
@@ -157,6 +191,12 @@ impl Reached {
 impl Summary {
     pub(super) fn accept<const D: usize>(&mut self, report: &StepReport<D>) {
         self.steps += 1;
+        self.stabilised_faces = self.stabilised_faces.max(report.stabilised_faces);
+        self.load_factor = report.load_factor;
+        if let Some(factor) = report.load_factor {
+            let largest = self.largest_load_factor.map_or(factor, |largest| largest.max(factor));
+            self.largest_load_factor = Some(largest);
+        }
         self.unknowns = self.unknowns.max(report.unknowns);
         self.external_work += report.energy.external_work;
         self.strain_energy = report.energy.strain_energy;

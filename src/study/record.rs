@@ -23,7 +23,7 @@ pub(super) const MEASURES: [(&str, &str); 7] = [
 ];
 
 /// Columns of `history.csv` that describe the step rather than the state it reached.
-const STEP_COLUMNS: [&str; 5] = ["step", "time", "iterations", "residual", "linear_iterations"];
+const STEP_COLUMNS: [&str; 6] = ["step", "time", "iterations", "residual", "linear_iterations", "converged"];
 
 /// The results of a run, read from its directory. The table of a study is made from these alone, so that it is the
 /// same whether a member was run just now or earlier.
@@ -41,7 +41,8 @@ impl Record {
     /// When one of them is missing or not understood.
     pub fn read(directory: &Path) -> io::Result<Record> {
         let summary = serde_json::from_slice(&fs::read(directory.join("summary.json"))?)?;
-        let history = Columns::read(&directory.join("history.csv"))?;
+        let history = Columns::read(&directory.join("history.csv"))?
+            .where_column("converged", |value| value == 1.0);
         Ok(Record { summary, history: last_row(&history) })
     }
 

@@ -9,6 +9,7 @@ use mpm::material::{
 };
 use mpm::model::{Body, Model, NamedMaterial, Newton};
 use mpm::points::{PointVolume, Points, Seed};
+use mpm::stepping::Stepping;
 use mpm::stress::{Formulation, Mechanics};
 use mpm::tensor::{Mat3, Sym3, Tangent};
 
@@ -180,12 +181,12 @@ fn state_on<const D: usize, M: Mechanics<D>>(
         revolved: M::REVOLVED,
         formulation: Formulation::PreviouslyConverged,
         point_volume: PointVolume::Deformation,
+        stabilisation: Default::default(),
         materials: laws.into_iter().map(|law| NamedMaterial { name: "law".into(), law }).collect(),
         bodies,
         boundary_conditions: Vec::new(),
         loads: Vec::new(),
-        n_steps: 1,
-        end_time: 1.0,
+        stepping: Stepping::fixed(1, 1.0),
         newton: Newton { tolerance: 1e-9, max_iterations: 20, linear: Choice::Auto },
         probes: Vec::new(),
     };

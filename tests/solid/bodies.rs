@@ -14,6 +14,7 @@ use mpm::material::Material;
 use mpm::model::{Body, Model, NamedMaterial, Newton};
 use mpm::points::{PointVolume, Points, Seed};
 use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
+use mpm::stepping::Stepping;
 use mpm::stress::{Formulation, Solid};
 use mpm::tensor::{Mat3, Sym3};
 
@@ -105,13 +106,13 @@ pub fn model(
         grid: Box::new(grid),
         formulation: Formulation::PreviouslyConverged,
         point_volume: PointVolume::Deformation,
+        stabilisation: Default::default(),
         revolved: false,
         materials: vec![NamedMaterial { name: "law".into(), law: Box::new(law) }],
         bodies: vec![Body { name: "body".into(), material: 0, method, domain_update }],
         boundary_conditions: Vec::new(),
         loads: Vec::new(),
-        n_steps,
-        end_time: 1.0,
+        stepping: Stepping::fixed(n_steps, 1.0),
         newton: Newton { tolerance: 1e-9, max_iterations: 20, linear: Choice::Auto },
         probes: Vec::new(),
     }

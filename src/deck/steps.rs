@@ -1,0 +1,70 @@
+//! The division of the loading into load steps, as a deck states it.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Axis;
+
+/// Division of the loading into load steps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StepsDeck {
+    /// Number of equal load steps.
+    #[schemars(range(min = 1, max = 10_000_000), extend("examples" = [50]))]
+    pub count: u32,
+    /// Time at the end of the analysis, [time]; it only orders the loading.
+    #[serde(default = "unit_time")]
+    #[schemars(range(min = 1e-100, max = 1e100))]
+    pub end_time: f64,
+    /// A step without equilibrium is tried again in halves, down to this part of a step, [-]; with 1 it is not.
+    #[serde(default = "thousandth")]
+    #[schemars(range(min = 1e-6, max = 1.0), extend("examples" = [0.001]))]
+    pub smallest: f64,
+    /// Steps that converge in few iterations grow up to this many times a step, [-]; with 1 they only grow back to that. Times
+    /// of output and kinks of load curves are met exactly.
+    #[serde(default = "whole")]
+    #[schemars(range(min = 1.0, max = 1e6), extend("examples" = [1, 8]))]
+    pub largest: f64,
+    /// What is prescribed along the steps.
+    #[serde(default)]
+    pub control: ControlDeck,
+}
+
+/// What is prescribed along the steps, and what follows from equilibrium.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum ControlDeck {
+    /// Loads and prescribed displacements by their curves; the displacements follow.
+    Load {},
+    /// The displacement of a probe grows in proportion to time; one factor of all loads follows, which may fall again.
+    Displacement {
+        /// Name of the probe, one of `output: {probes: ...}`.
+        probe: String,
+        /// The axis along which it moves.
+        axis: Axis,
+        /// Its displacement at the end of the analysis, [length].
+        #[schemars(extend("examples" = [-0.5]))]
+        to: f64,
+    },
+    /// The length of the path of all displacements grows in proportion to time; one factor of all loads follows, which may
+    /// fall again. The first step takes the part of the loads that it has of the time.
+    ArcLength {},
+}
+
+impl Default for ControlDeck {
+    fn default() -> Self {
+        ControlDeck::Load {}
+    }
+}
+
+fn unit_time() -> f64 {
+    1.0
+}
+
+fn thousandth() -> f64 {
+    1e-3
+}
+
+fn whole() -> f64 {
+    1.0
+}

@@ -1,0 +1,76 @@
+//! An unknown load factor, and what goes with it.
+
+use super::Check;
+use crate::deck::diagnostic::{list, quote};
+use crate::deck::{ControlDeck, Expression, LoadDeck};
+use crate::formula::names;
+
+impl Check<'_> {
+    /// Where the load factor follows from a displacement or from the length of the path, all loads have that one factor and
+    /// nothing else moves.
+    pub(super) fn control(&mut self) {
+        let deck = self.deck;
+        match &deck.steps.control {
+            ControlDeck::Load {} => return,
+            ControlDeck::Displacement { probe, to, .. } => {
+                let probes: Vec<&str> = deck.output.probes.iter().map(|probe| probe.name.as_str()).collect();
+                if !probes.contains(&probe.as_str()) {
+                    let message = format!("there is no probe {}", quote(probe));
+                    let help = if probes.is_empty() {
+                        "add one: `output: {probes: [{name, body, nearest}]}`".to_owned()
+                    } else {
+                        format!("there are {}", list(probes))
+                    };
+                    self.error_with_help("D049", "/steps/control/probe", message, help);
+                }
+                if *to == 0.0 {
+                    let message = "a displacement of 0 leaves the load factor open";
+                    self.error("D049", "/steps/control/to", message);
+                }
+            }
+            ControlDeck::ArcLength {} => {}
+        }
+        if deck.loads.is_empty() {
+            self.error("D049", "/steps/control", "there is no load whose factor could follow");
+        }
+        for (number, load) in deck.loads.iter().enumerate() {
+            let pointer = format!("/loads/{number}");
+            let (LoadDeck::Gravity { curve, .. }
+            | LoadDeck::BodyForce { curve, .. }
+            | LoadDeck::PointForce { curve, .. }) = load;
+            if curve.is_some() {
+                let message = format!(
+                    "the load {} follows a curve, but its factor follows from `steps: {{control: ...}}`",
+                    quote(load.name())
+                );
+                self.error_with_help("D049", &format!("{pointer}/curve"), message, "remove the curve");
+            }
+            if let LoadDeck::BodyForce { force, intermediate, .. } = load {
+                let factor = |e: &Expression| {
+                    matches!(e, Expression::Formula(text) if names(text).iter().any(|(_, name)| *name == "factor"))
+                };
+                if force.iter().chain(intermediate.values()).any(factor) {
+                    let message = format!(
+                        "the load {} depends on `factor`, but with `steps: {{control: ...}}` it has to be in proportion to it",
+                        quote(load.name())
+                    );
+                    self.error_with_help("D049", &format!("{pointer}/force"), message, "write it at load factor 1");
+                }
+            }
+        }
+        for (number, condition) in deck.boundary_conditions.iter().enumerate() {
+            for (key, displacement) in condition.displacements() {
+                let holds = |e: &Expression| matches!(e, Expression::Number(value) if *value == 0.0);
+                if displacement.as_ref().is_some_and(|e| !holds(e)) {
+                    let message = format!(
+                        "the condition {} moves its nodes, which does not go with `steps: {{control: ...}}`",
+                        quote(&condition.name)
+                    );
+                    let help = "hold the nodes (`fix`), or leave the control to the loads (`control: {type: load}`)";
+                    let pointer = format!("/boundary_conditions/{number}/{key}");
+                    self.error_with_help("D049", &pointer, message, help);
+                }
+            }
+        }
+    }
+}

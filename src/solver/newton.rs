@@ -1,0 +1,560 @@
+//! Newton iterations to equilibrium within one load step: eqs. (26), (28), (30) and (40).
+
+use crate::assembly::System;
+use crate::basis::{Connectivity, Method};
+use crate::constraints::DofMap;
+use crate::linear::LinearError;
+use crate::loads::{ExternalForce, external_force, external_force_of_factor};
+use crate::model::{Model, Newton};
+use crate::points::Points;
+use crate::stepping::Control;
+use crate::stress::Mechanics;
+use crate::timing::Phase;
+
+use super::control::{Condition, NoIntersection, Path, on_free};
+use super::equations::{Place, Solved};
+use super::error::locate_failure;
+use super::forcing::Forcing;
+use super::report::{self, GridFields, Observer, StepReport, balance_of_energy, reactions_of};
+use super::{FailedAttempt, Iterate, Nodal, SolveError, Solver, Step, update};
+
+/// A step on which a point turns inside out is halved up to so many times.
+const MOST_HALVINGS: usize = 5;
+/// Most evaluations of a line search.
+const MOST_SEARCHES: usize = 3;
+/// A line search is content with this part of the slope of the potential.
+const FLAT: f64 = 0.5;
+/// No line search before so many iterations.
+const FIRST_SEARCH: usize = 3;
+
+/// What the iterations of a step leave behind beside the unknowns.
+#[derive(Default)]
+struct Course<const D: usize> {
+    residuals: Vec<f64>,
+    solved: Vec<Solved>,
+    /// Of the last evaluation.
+    out_of_balance: Nodal<D>,
+    /// Internal force of the state that the step starts from.
+    f_int_start: Nodal<D>,
+}
+
+impl<const D: usize> Solver<D> {
+    /// Newton iterations until the out-of-balance force of eq. (40) meets the tolerance. Writes the trial state only.
+    pub(super) fn solve_step<M: Mechanics<D>>(
+        &mut self,
+        model: &Model<D>,
+        points: &mut Points<D>,
+        step: Step,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<(StepReport<D>, Path), Box<FailedAttempt<D>>> {
+        // What fails before the iterations has nothing to do with the size of the step.
+        let at_once = |error: SolveError| {
+            Box::new(FailedAttempt {
+                step,
+                error,
+                may_succeed_if_smaller: false,
+                residuals: Vec::new(),
+                linear_iterations: 0,
+                load_factor: None,
+                iterate: None,
+            })
+        };
+        let timings = &mut self.reached.summary.timings;
+        // The grid is undeformed: S_vp, ∇S_vp and the pattern of K are fixed for the step (section 5.1).
+        let methods: Vec<Method> = model.bodies.iter().map(|b| b.method).collect();
+        let old = std::mem::take(&mut self.links);
+        let links = timings
+            .measure(Phase::Basis, || old.renew(model.grid.as_ref(), points, &methods))
+            .map_err(|failure| at_once(SolveError::unsupported(model, points, failure, step)))?;
+        let path = &self.reached.summary.path;
+        let set_up =
+            timings.measure(Phase::SetUp, || StepSystem::new::<M>(model, points, &links, step, path));
+        let mut system = set_up.map_err(at_once)?;
+        let mut unknowns = Unknowns::new(model, &links, path.factor);
+        let mut course = Course::default();
+        let solved = self.iterate::<M>(model, points, &links, &mut system, &mut unknowns, &mut course, step, observer);
+        let load_factor = match model.stepping.control {
+            Control::Load => model.common_curve().map(|curve| curve.factor(step.end)),
+            Control::Displacement { .. } | Control::ArcLength => Some(unknowns.factor),
+        };
+        let linear_iterations = course.solved.iter().map(|s| s.iterations).sum();
+        if let Err(error) = solved {
+            return Err(Box::new(FailedAttempt {
+                step,
+                may_succeed_if_smaller: error.is_retryable(),
+                error,
+                residuals: course.residuals,
+                linear_iterations,
+                load_factor,
+                iterate: Some(Iterate {
+                    links,
+                    delta_d: unknowns.delta_d,
+                    out_of_balance: course.out_of_balance,
+                }),
+            }));
+        }
+        let StepSystem { dofs, system, loading, condition } = system;
+        let reaction_field = reactions_of(&loading.f_ext, system.internal_force(), &dofs);
+        let reaction_start = reactions_of(&loading.f_ext_start, &course.f_int_start, &dofs);
+        let path = condition.map_or_else(Path::default, |condition| {
+            condition.advance(&links, step, &unknowns.delta_d, unknowns.factor)
+        });
+        let report = StepReport {
+            step,
+            reactions: report::named_reactions(model, &reaction_field, &dofs),
+            applied: loading.applied,
+            energy: balance_of_energy(
+                model,
+                points,
+                &unknowns.delta_d,
+                [(&loading.f_ext_start, &reaction_start), (&loading.f_ext, &reaction_field)],
+            ),
+            load_factor,
+            unknowns: dofs.n_free(),
+            stabilised_faces: system.stabilised_faces(),
+            grid: GridFields { links, delta_d: unknowns.delta_d, reaction: reaction_field },
+            residuals: course.residuals,
+            factorisations: course.solved.iter().map(|s: &Solved| s.factorisation).collect(),
+            linear_iterations,
+        };
+        Ok((report, path))
+    }
+
+    /// The iterations, and the motion of the points once they have reached equilibrium.
+    #[expect(clippy::too_many_arguments, reason = "what a step is made of")]
+    fn iterate<M: Mechanics<D>>(
+        &mut self,
+        model: &Model<D>,
+        points: &mut Points<D>,
+        links: &Connectivity<D>,
+        set_up: &mut StepSystem<D>,
+        unknowns: &mut Unknowns<D>,
+        course: &mut Course<D>,
+        step: Step,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<(), SolveError> {
+        let Newton { tolerance, max_iterations, .. } = model.newton;
+        let StepSystem { dofs, system, loading, condition } = set_up;
+        let place = Place { model, links, dofs };
+        let timings = &mut self.reached.summary.timings;
+        timings
+            .measure(Phase::Analyse, || self.equations.prepare(place, system))
+            .map_err(|e| SolveError::linear(e, place, step))?;
+        let mut forcing = Forcing::default();
+        for iteration in 0..=max_iterations {
+            let residual = self
+                .evaluate::<M>(model, points, links, system, loading, unknowns, course, iteration)
+                .map_err(|f| locate_failure(f, model, points, step, iteration, &course.residuals))?;
+            course.residuals.push(residual);
+            observer.iteration(step, iteration, residual);
+            if iteration == 0 {
+                course.f_int_start = system.internal_force().to_vec();
+            }
+            if iteration > 0 && residual <= tolerance && unknowns.follows(dofs) {
+                let timings = &mut self.reached.summary.timings;
+                return timings.measure(Phase::Update, || {
+                    update::move_points::<D, M>(model, points, links, &unknowns.delta_d, step)
+                });
+            }
+            if iteration == max_iterations || !residual.is_finite() {
+                break;
+            }
+            let used = self
+                .newton_step(unknowns, system, place, (loading, condition.as_mut()), course, &mut forcing)
+                .map_err(|e| match e {
+                    Obstacle::Linear(error) => SolveError::linear(error, place, step),
+                    Obstacle::Path(NoIntersection) => SolveError::NoPath { step: step.index },
+                })?;
+            course.solved.push(used);
+        }
+        let residuals = course.residuals.clone();
+        Err(SolveError::not_converged(model, links, step, residuals, &course.out_of_balance))
+    }
+
+    /// The residual of eq. (40). A point that turns inside out halves the last iterative displacement; one that climbs the
+    /// potential on its far side is shortened by a line search.
+    #[expect(clippy::too_many_arguments, reason = "what a step is made of")]
+    fn evaluate<M: Mechanics<D>>(
+        &mut self,
+        model: &Model<D>,
+        points: &mut Points<D>,
+        links: &Connectivity<D>,
+        system: &mut System<D>,
+        loading: &mut Loading<D>,
+        unknowns: &mut Unknowns<D>,
+        course: &mut Course<D>,
+        iteration: usize,
+    ) -> Result<f64, crate::assembly::PointFailure> {
+        let tolerance = model.newton.tolerance;
+        let summary = &mut self.reached.summary;
+        let (mut halvings, mut searches) = (0, 0);
+        loop {
+            summary.evaluations += 1;
+            loading.set_factor(unknowns.factor);
+            let assembled = summary
+                .timings
+                .measure(Phase::Assembly, || system.assemble::<M>(model, points, links, &unknowns.delta_d));
+            match assembled {
+                Err(_) if iteration > 0 && halvings < MOST_HALVINGS => {
+                    halvings += 1;
+                    unknowns.shorten(0.5, loading);
+                    continue;
+                }
+                outcome => outcome?,
+            }
+            course.out_of_balance = unknowns.balance(&loading.f_ext, system.internal_force());
+            let residual =
+                unknowns.relative_norm(&course.out_of_balance, &loading.f_ext, system, tolerance);
+            let before = course.residuals.last().copied().unwrap_or(f64::INFINITY);
+            let may_search = iteration >= FIRST_SEARCH && searches < MOST_SEARCHES && loading.unit.is_none();
+            if may_search && residual > before && residual > tolerance {
+                let slope = unknowns.slope(&course.out_of_balance);
+                if let Some(shorter) = unknowns.flatter(slope) {
+                    searches += 1;
+                    unknowns.shorten(shorter, loading);
+                    continue;
+                }
+            }
+            return Ok(residual);
+        }
+    }
+
+    /// Eq. (26): K δd = f_ext − f_int on the free degrees of freedom, with the whole prescribed increment in the
+    /// first iteration; eq. (30) for the sum, and the linearised change of the reactions.
+    ///
+    /// Where δd is not exact, what it leaves of the equations of the free degrees of freedom stays in their
+    /// out-of-balance force: only prescribed ones have a reaction, and that is the one which K and this δd give.
+    fn newton_step(
+        &mut self,
+        unknowns: &mut Unknowns<D>,
+        system: &mut System<D>,
+        place: Place<D>,
+        (loading, condition): (&Loading<D>, Option<&mut Condition<D>>),
+        course: &Course<D>,
+        forcing: &mut Forcing,
+    ) -> Result<Solved, Obstacle> {
+        let Place { dofs, .. } = place;
+        let out_of_balance = &course.out_of_balance;
+        let residual = course.residuals.last().copied().unwrap_or(1.0);
+        let timings = &mut self.reached.summary.timings;
+        let tolerance = timings.measure(Phase::Solve, || {
+            let Unknowns { iterative: delta, k_delta, rhs, delta_d, .. } = &mut *unknowns;
+            delta.fill([0.0; D]);
+            k_delta.fill([0.0; D]);
+            // The motion of the prescribed degrees of freedom loads the free ones through K.
+            let mut moves = false;
+            for_each_dof(dofs, |node, axis, _| {
+                if let Some((increment, _)) = dofs.prescribed(node, axis) {
+                    delta[node][axis] = increment - delta_d[node][axis];
+                    moves |= delta[node][axis] != 0.0;
+                }
+            });
+            if moves {
+                system.multiply(delta, k_delta);
+            }
+            for_each_dof(dofs, |node, axis, free| {
+                let force = out_of_balance[node][axis] - k_delta[node][axis];
+                rhs[node][axis] = if free.is_some() { force } else { 0.0 };
+            });
+            forcing.next(norm(rhs.iter().flatten().copied()), residual, place.model.newton.tolerance)
+        });
+        let mut solved =
+            self.equations.solve(place, system, &unknowns.rhs, &mut unknowns.iterative, tolerance, timings)?;
+        self.reached.summary.linear_solves += 1;
+        unknowns.iterative_factor = 0.0;
+        if let (Some(unit), Some(condition)) = (&loading.unit, condition) {
+            let mut of_load = vec![[0.0; D]; unit.len()];
+            let mut rhs = of_load.clone();
+            on_free(dofs, unit, &mut rhs);
+            solved.iterations +=
+                self.equations.solve_again(place, system, &rhs, &mut of_load, tolerance, timings)?.iterations;
+            let change = condition
+                .change(&unknowns.delta_d, &unknowns.iterative, &of_load)
+                .map_err(Obstacle::Path)?;
+            for (delta, of_load) in unknowns.iterative.iter_mut().flatten().zip(of_load.iter().flatten()) {
+                *delta += change * of_load;
+            }
+            unknowns.iterative_factor = change;
+        }
+        timings.measure(Phase::Solve, || unknowns.advance(system, dofs, loading, out_of_balance))?;
+        Ok(solved)
+    }
+}
+
+/// What keeps an iteration from its displacement.
+enum Obstacle {
+    Linear(LinearError),
+    Path(NoIntersection),
+}
+
+impl From<LinearError> for Obstacle {
+    fn from(error: LinearError) -> Self {
+        Obstacle::Linear(error)
+    }
+}
+
+pub(super) fn for_each_dof<const D: usize>(
+    dofs: &DofMap<D>,
+    mut visit: impl FnMut(usize, usize, Option<usize>),
+) {
+    for node in 0..dofs.n_nodes() {
+        for axis in 0..D {
+            visit(node, axis, dofs.free(node, axis));
+        }
+    }
+}
+
+/// The external force of a step.
+struct Loading<const D: usize> {
+    f_ext: Nodal<D>,
+    /// External force of the state the step starts from, on the nodes of this step.
+    f_ext_start: Nodal<D>,
+    /// Sum of the loads at the end of the step, [force].
+    applied: [f64; D],
+    /// Force at load factor 1 where that factor is unknown, and its sum.
+    unit: Option<Nodal<D>>,
+    unit_applied: [f64; D],
+}
+
+impl<const D: usize> Loading<D> {
+    fn new(
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+        step: Step,
+        path: &Path,
+    ) -> Result<Self, SolveError> {
+        let no_value = |error| SolveError::Load { step: step.index, error: Box::new(error) };
+        if model.stepping.control != Control::Load {
+            let ExternalForce { nodal: unit, applied: unit_applied } =
+                external_force_of_factor(model, points, links, 1.0).map_err(no_value)?;
+            let mut loading = Loading {
+                f_ext: vec![[0.0; D]; unit.len()],
+                f_ext_start: Vec::new(),
+                applied: [0.0; D],
+                unit: Some(unit),
+                unit_applied,
+            };
+            loading.set_factor(path.factor);
+            loading.f_ext_start = loading.f_ext.clone();
+            return Ok(loading);
+        }
+        let load = |time| external_force(model, points, links, time).map_err(no_value); // (24), (25), (29)
+        let ExternalForce { nodal: f_ext, applied } = load(step.end)?;
+        // At time 0 nothing is loaded yet, whatever the curves say.
+        let f_ext_start =
+            if step.start > 0.0 { load(step.start)?.nodal } else { vec![[0.0; D]; f_ext.len()] };
+        Ok(Loading { f_ext, f_ext_start, applied, unit: None, unit_applied: [0.0; D] })
+    }
+
+    /// The force at a load factor, where that is unknown.
+    fn set_factor(&mut self, factor: f64) {
+        let Some(unit) = &self.unit else { return };
+        for (force, unit) in self.f_ext.iter_mut().flatten().zip(unit.iter().flatten()) {
+            *force = factor * unit;
+        }
+        self.applied = self.unit_applied.map(|force| factor * force);
+    }
+}
+
+/// What is set up once per step.
+struct StepSystem<const D: usize> {
+    dofs: DofMap<D>,
+    system: System<D>,
+    loading: Loading<D>,
+    /// What determines the load factor where that is unknown.
+    condition: Option<Condition<D>>,
+}
+
+impl<const D: usize> StepSystem<D> {
+    fn new<M: Mechanics<D>>(
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+        step: Step,
+        path: &Path,
+    ) -> Result<Self, SolveError> {
+        let dofs = DofMap::new(model, points, links, step.start, step.end)
+            .map_err(|error| SolveError::Constraint { step: step.index, error })?;
+        let system = System::new::<M>(model, points, links);
+        // A ring resists its own motion outwards.
+        let rigid = usize::from(M::REVOLVED)..D;
+        if let Some((node, axis)) = dofs.unheld(&links.parts(), rigid) {
+            let place = model.grid.node_position(links.active_nodes()[node] as usize);
+            return Err(SolveError::Unheld { step: step.index, node: place.to_vec(), axis });
+        }
+        let loading = Loading::new(model, points, links, step, path)?;
+        let condition = Condition::new(model, points, links, step, path);
+        Ok(StepSystem { dofs, system, loading, condition })
+    }
+}
+
+/// The unknowns of a load step and the vectors that an iteration works with.
+struct Unknowns<const D: usize> {
+    /// Displacement increment Δd of the active nodes, [length].
+    delta_d: Nodal<D>,
+    /// Load factor, where that is unknown, [-].
+    factor: f64,
+    /// Reactions, from the linearised equations of the iterations so far, [force].
+    reaction: Nodal<D>,
+    /// The last iterative displacement δd, [length], …
+    iterative: Nodal<D>,
+    /// … the change of the load factor that belongs to it, …
+    iterative_factor: f64,
+    /// … and K δd, [force].
+    k_delta: Nodal<D>,
+    rhs: Nodal<D>,
+    /// (δd, rhs) where δd was found: the slope of the potential there, [energy].
+    slope: f64,
+    /// How much of δd has been taken, [-].
+    taken: f64,
+    /// A displacement that no equilibrium in this grid can have, [length].
+    far: f64,
+}
+
+/// An iterative displacement of so many diameters of the grid is the work of a singular stiffness.
+const FAR: f64 = 1e6;
+
+/// Forces below this multiple of round-off in K Δd are no measure of the load.
+const ROUND_OFF: f64 = 64.0 * f64::EPSILON;
+
+/// A prescribed displacement that differs by less than this, relative to its size, is reached.
+const REACHED: f64 = 1e-12;
+
+impl<const D: usize> Unknowns<D> {
+    fn new(model: &Model<D>, links: &Connectivity<D>, factor: f64) -> Self {
+        let zero = vec![[0.0; D]; links.n_active()];
+        let [low, high] = model.grid.bounds();
+        let diameter = norm((0..D).map(|d| high[d] - low[d]));
+        Unknowns {
+            delta_d: zero.clone(),
+            factor,
+            reaction: zero.clone(),
+            iterative: zero.clone(),
+            iterative_factor: 0.0,
+            k_delta: zero.clone(),
+            rhs: zero,
+            slope: 0.0,
+            taken: 1.0,
+            far: FAR * diameter,
+        }
+    }
+
+    /// Takes the iterative displacement, eq. (30), with the linearised change of the reactions.
+    fn advance(
+        &mut self,
+        system: &mut System<D>,
+        dofs: &DofMap<D>,
+        loading: &Loading<D>,
+        out_of_balance: &[[f64; D]],
+    ) -> Result<(), LinearError> {
+        // Only a motion that nothing resists carries a node that far.
+        let far = |u: &f64| u.abs() > self.far;
+        let delta = &self.iterative;
+        let carried = (0..delta.len())
+            .find_map(|node| delta[node].iter().position(far).and_then(|axis| dofs.free(node, axis)));
+        if let Some(unknown) = carried {
+            return Err(LinearError::Singular { unknown: Some(unknown) });
+        }
+        system.multiply(&self.iterative, &mut self.k_delta);
+        let change = self.iterative_factor;
+        for_each_dof(dofs, |node, axis, free| {
+            self.delta_d[node][axis] += self.iterative[node][axis]; // (30)
+            if free.is_none() {
+                let load = loading.unit.as_ref().map_or(0.0, |unit| change * unit[node][axis]);
+                let unbalanced = out_of_balance[node][axis];
+                self.k_delta[node][axis] -= load;
+                self.reaction[node][axis] += self.k_delta[node][axis] - unbalanced;
+            } else {
+                self.k_delta[node][axis] = 0.0;
+            }
+        });
+        self.factor += change;
+        self.taken = 1.0;
+        self.slope = self.slope(&self.rhs);
+        Ok(())
+    }
+
+    /// Takes only a part of what is taken of the last iterative displacement.
+    fn shorten(&mut self, part: f64, loading: &mut Loading<D>) {
+        let back = 1.0 - part;
+        for (u, delta) in self.delta_d.iter_mut().flatten().zip(self.iterative.iter_mut().flatten()) {
+            *u -= back * *delta;
+            *delta *= part;
+        }
+        // Not zero on prescribed degrees of freedom only.
+        for (reaction, change) in self.reaction.iter_mut().flatten().zip(self.k_delta.iter_mut().flatten()) {
+            *reaction -= back * *change;
+            *change *= part;
+        }
+        self.factor -= back * self.iterative_factor;
+        self.iterative_factor *= part;
+        self.taken *= part;
+        loading.set_factor(self.factor);
+    }
+
+    /// The work of a force on the whole last iterative displacement, [energy].
+    fn slope(&self, force: &[[f64; D]]) -> f64 {
+        let work = force.iter().flatten().zip(self.iterative.iter().flatten()).map(|(f, u)| f * u);
+        work.sum::<f64>() / self.taken
+    }
+
+    /// The part of what is taken at which the potential is flatter, given its slope here; `None` where it is flat enough or
+    /// falls on.
+    fn flatter(&self, slope: f64) -> Option<f64> {
+        let climbs = self.slope > 0.0 && slope < -FLAT * self.slope;
+        climbs.then(|| (self.slope / (self.slope - slope)).clamp(0.1, 0.9))
+    }
+
+    /// Whether all prescribed displacements have been reached.
+    fn follows(&self, dofs: &DofMap<D>) -> bool {
+        let mut follows = true;
+        for_each_dof(dofs, |node, axis, _| {
+            if let Some((increment, _)) = dofs.prescribed(node, axis) {
+                follows &= (increment - self.delta_d[node][axis]).abs() <= REACHED * increment.abs();
+            }
+        });
+        follows
+    }
+
+    /// f_ext − f_int + f_react over all degrees of freedom, constrained ones included; eq. (28) with the sign that
+    /// eq. (26) needs.
+    fn balance(&self, f_ext: &Nodal<D>, f_int: &[[f64; D]]) -> Nodal<D> {
+        (0..f_ext.len())
+            .map(|n| std::array::from_fn(|d| f_ext[n][d] - f_int[n][d] + self.reaction[n][d]))
+            .collect()
+    }
+
+    /// Eq. (40): the out-of-balance force relative to external forces and reactions together.
+    ///
+    /// Where neither exists (a free body that moves rigidly, or is unloaded) the forces that remain are round-off of
+    /// K Δd, and they are measured against that.
+    fn relative_norm(
+        &self,
+        out_of_balance: &Nodal<D>,
+        f_ext: &Nodal<D>,
+        system: &System<D>,
+        tolerance: f64,
+    ) -> f64 {
+        let out = norm(out_of_balance.iter().flatten().copied());
+        let total = f_ext.iter().flatten().zip(self.reaction.iter().flatten());
+        let force = norm(total.map(|(f, r)| f + r));
+        if out <= tolerance * force || out == 0.0 {
+            return if out == 0.0 { 0.0 } else { out / force };
+        }
+        let stiff = system.diagonal();
+        let motion = stiff.iter().flatten().zip(self.delta_d.iter().flatten());
+        let scale = ROUND_OFF / tolerance * norm(motion.map(|(k, u)| k * u));
+        let reference = force.max(scale);
+        if reference > 0.0 {
+            out / reference
+        } else {
+            // Nothing moves and nothing pulls: measured against the internal force itself.
+            out / norm(system.internal_force().iter().flatten().copied())
+        }
+    }
+}
+
+pub(super) fn norm(values: impl Iterator<Item = f64>) -> f64 {
+    values.map(|x| x * x).sum::<f64>().sqrt()
+}
