@@ -202,13 +202,12 @@ fn on_nodes<const D: usize>(
             if at_points[p] == [0.0; D] {
                 continue; // most points, where forces act on some
             }
-            let of_point = links.links(p);
-            for (&local, value) in of_point.local.iter().zip(of_point.value) {
-                let node = &mut force[nodes[local as usize] as usize];
+            links.for_each_value(p, |local, value| {
+                let node = &mut force[nodes[local] as usize];
                 for d in 0..D {
                     node[d] += value * at_points[p][d];
                 }
-            }
+            });
         }
     }
     ExternalForce { nodal: force, applied }

@@ -172,11 +172,12 @@ impl Checkpoint {
         }
         let mut rest = Arrays { bytes: &self.arrays };
         let n = points.len();
+        let without_boxes = points.converged.half_lengths.is_empty();
         let id: Vec<u32> = rest.words(n)?;
         let cell: Vec<u32> = rest.words(n)?;
         let state = State {
             position: rest.vectors(n)?,
-            half_lengths: rest.vectors(n)?,
+            half_lengths: rest.vectors(n).map(|lengths| if without_boxes { Vec::new() } else { lengths })?,
             corners: rest.vectors(n * points.corners_per_point)?,
             deformation_gradient: rest
                 .vectors(n)?
@@ -214,7 +215,7 @@ fn write_points<const D: usize>(out: &mut dyn Write, points: &Points<D>) -> io::
     };
     let state = &points.converged;
     numbers(&mut state.position.as_flattened().iter().copied())?;
-    numbers(&mut state.half_lengths.as_flattened().iter().copied())?;
+    numbers(&mut (0..points.len()).flat_map(|p| points.half_lengths(p)))?;
     numbers(&mut state.corners.as_flattened().iter().copied())?;
     numbers(&mut state.deformation_gradient.iter().flat_map(|f| f.iter().copied()))?;
     numbers(&mut state.elastic_strain.iter().flat_map(|e| e.0))?;

@@ -106,6 +106,8 @@ pub enum PointError {
 pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     /// Whether the body is one of revolution about the axis where the first coordinate vanishes.
     const REVOLVED: bool = false;
+    /// Whether [`Mechanics::respond_side_by_side`] has something to say.
+    const SIDE_BY_SIDE: bool = false;
 
     /// A point in the previously converged formulation.
     type Previous: WeakForm<D>;

@@ -94,6 +94,8 @@ fn answer(
 }
 
 impl Mechanics<2> for PlaneStrain {
+    const SIDE_BY_SIDE: bool = true;
+
     type Previous = InPlane;
     type Isotropic = InPlane;
     type Updated = Contribution<2, 2>;
