@@ -107,7 +107,7 @@ pub struct Points<const D: usize> {
     /// Number of places for domain corners kept per point: the most that any of them has.
     pub corners_per_point: usize,
     /// Number of corners of the domain of the point: 2^D for quadrilaterals and hexahedra, D + 1 for triangles and
-    /// tetrahedra, none for points whose domain is not given by corners.
+    /// tetrahedra, none for points whose domain is not given by corners; no entries where there are no corners.
     pub corner_count: Vec<u8>,
     /// The cell that held the point when the points were last grouped.
     pub cell: Vec<u32>,
@@ -176,7 +176,11 @@ impl<const D: usize> Points<D> {
             history_len,
             original_corners: corners,
             corners_per_point,
-            corner_count: seeds.iter().map(|s| s.corners.len() as u8).collect(),
+            corner_count: if corners_per_point > 0 {
+                seeds.iter().map(|s| s.corners.len() as u8).collect()
+            } else {
+                Vec::new()
+            },
             cell: vec![0; seeds.len()],
         }
     }
@@ -247,7 +251,9 @@ impl<const D: usize> Points<D> {
         self.original_volume = gather(&self.original_volume, order);
         self.mass = gather(&self.mass, order);
         self.outer_layer = gather(&self.outer_layer, order);
-        self.corner_count = gather(&self.corner_count, order);
+        if !self.corner_count.is_empty() {
+            self.corner_count = gather(&self.corner_count, order);
+        }
         let state = &mut self.converged;
         state.position = gather(&state.position, order);
         if !state.half_lengths.is_empty() {
@@ -303,7 +309,7 @@ impl<const D: usize> Points<D> {
     /// by corners.
     pub fn corner_range(&self, p: usize) -> std::ops::Range<usize> {
         let start = p * self.corners_per_point;
-        start..start + usize::from(self.corner_count[p])
+        start..start + self.corner_count.get(p).map_or(0, |n| usize::from(*n))
     }
 
     /// Corners of the domain of a point in the converged state; none when it is not given by corners.

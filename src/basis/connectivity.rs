@@ -13,6 +13,17 @@ const PIECE: usize = 16;
 /// Number of pieces that are linked before they are put together, while they are still in the cache.
 const ROUND: usize = 32;
 
+/// Number of points, as a power of two, whose starts are told from a common one.
+const BLOCK: u32 = 12;
+
+/// Where the numbers of the first point of a block start, whichever they are.
+#[derive(Debug, Clone, Copy)]
+struct Block {
+    link: usize,
+    factor: usize,
+    local: usize,
+}
+
 /// Marks a grid node that no point touches.
 const INACTIVE: u32 = u32::MAX;
 
@@ -29,10 +40,12 @@ pub struct Connectivity<const D: usize> {
     /// Whether all points of a group touch all its nodes.
     whole: Vec<bool>,
     /// Where the numbers of each point start: in `value` and `gradient`, or in `factor`.
-    start: Vec<usize>,
+    start: Vec<u32>,
     form: Vec<Form>,
     /// Where the places of the nodes of each point start in `local`; neighbours that touch the same nodes share them.
-    local_start: Vec<usize>,
+    local_start: Vec<u32>,
+    /// What is to be added to these starts, for each block of points.
+    blocks: Vec<Block>,
     local: Vec<u32>,
     value: Vec<f64>,
     gradient: Vec<[f64; D]>,
@@ -138,6 +151,7 @@ impl<const D: usize> Connectivity<D> {
         self.start.clear();
         self.form.clear();
         self.local_start.clear();
+        self.blocks.clear();
         self.local.clear();
         self.value.clear();
         self.gradient.clear();
@@ -155,11 +169,25 @@ impl<const D: usize> Connectivity<D> {
         self.group_node_start.extend(piece.group_node_start.iter().map(|s| s + nodes));
         self.group_nodes.extend(piece.group_nodes);
         self.whole.extend(piece.whole);
-        let starts = piece.start.iter().zip(&piece.form);
-        self.start.extend(starts.map(|(s, form)| s + if form.is_as_they_are() { links } else { factors }));
+        // Where the numbers of each kind go on.
+        let mut next = Block { link: links, factor: factors, local: 0 };
+        for ((&start, form), &local) in piece.start.iter().zip(&piece.form).zip(&piece.local_start) {
+            let kept_as_they_are = form.is_as_they_are();
+            let begin = if kept_as_they_are { &mut next.link } else { &mut next.factor };
+            *begin = start + if kept_as_they_are { links } else { factors };
+            let begin = *begin;
+            next.local = local + places;
+            if self.start.len().is_multiple_of(1 << BLOCK) {
+                self.blocks.push(next);
+            }
+            let block = self.blocks[self.start.len() >> BLOCK];
+            let from = if kept_as_they_are { block.link } else { block.factor };
+            // Within a block they are few: a point reaches some hundred nodes at most.
+            self.start.push((begin - from) as u32);
+            self.local_start.push((next.local - block.local) as u32);
+        }
         self.n_links += piece.form.iter().map(|form| form.nodes::<D>()).sum::<usize>();
         self.form.extend(piece.form);
-        self.local_start.extend(piece.local_start.iter().map(|s| s + places));
         self.local.extend(piece.local);
         self.value.extend(piece.value);
         self.gradient.extend(piece.gradient);
@@ -202,20 +230,21 @@ impl<const D: usize> Connectivity<D> {
     /// Places of the nodes of a point in the node list of its group, ascending.
     #[inline(always)]
     pub fn places(&self, point: usize) -> &[u32] {
-        &self.local[self.local_start[point]..][..self.form[point].nodes::<D>()]
+        let start = self.blocks[point >> BLOCK].local + self.local_start[point] as usize;
+        &self.local[start..][..self.form[point].nodes::<D>()]
     }
 
     /// The links of a point.
     #[inline(always)]
     pub fn links<'a>(&'a self, point: usize, room: &'a mut Room<'_, D>) -> Links<'a, D> {
         let local = self.places(point);
-        let start = self.start[point];
+        let (block, start) = (&self.blocks[point >> BLOCK], self.start[point] as usize);
         if D < 3 || self.form[point].is_as_they_are() {
-            let range = start..start + local.len();
+            let range = block.link + start..block.link + start + local.len();
             return Links { local, value: &self.value[range.clone()], gradient: &self.gradient[range] };
         }
         let (value, gradient) = (&mut room.value[..local.len()], &mut room.gradient[..local.len()]);
-        multiply(self.form[point], &self.factor[start..], &self.per_length(), value, gradient);
+        multiply(self.form[point], &self.factor[block.factor + start..], &self.per_length(), value, gradient);
         Links { local, value, gradient }
     }
 
