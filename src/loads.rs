@@ -190,10 +190,7 @@ pub fn external_force_of_factor<const D: usize>(
 }
 
 /// Eq. (29) for forces on the points, [force].
-fn on_nodes<const D: usize>(
-    links: &Connectivity<D>,
-    at_points: &[[f64; D]],
-) -> ExternalForce<D> {
+fn on_nodes<const D: usize>(links: &Connectivity<D>, at_points: &[[f64; D]]) -> ExternalForce<D> {
     let applied = std::array::from_fn(|d| at_points.iter().map(|force| force[d]).sum());
     let mut force = vec![[0.0; D]; links.n_active()];
     for group in 0..links.n_groups() {

@@ -12,9 +12,7 @@ use mpm::output::results::Results;
 use mpm::output::status::{Progress, Status, StatusFile};
 use mpm::output::summary::Start;
 use mpm::points::Points;
-use mpm::solver::{
-    Diagnosis, FailedAttempt, Observer, Reached, SolveError, Step, StepReport, Summary,
-};
+use mpm::solver::{Diagnosis, FailedAttempt, Observer, Reached, SolveError, Step, StepReport, Summary};
 
 use crate::closing::Closing;
 use crate::log::LogFile;

@@ -113,7 +113,9 @@ impl Ghost {
         let mut nodes: Vec<u32> = Vec::with_capacity(12);
         for cell in cells {
             let corners = grid.corners(cell as usize);
-            nodes.extend(corners.nodes().iter().filter_map(|n| links.active_number(*n as usize)).map(|n| n as u32));
+            nodes.extend(
+                corners.nodes().iter().filter_map(|n| links.active_number(*n as usize)).map(|n| n as u32),
+            );
         }
         nodes.sort_unstable();
         nodes.dedup();
@@ -194,8 +196,10 @@ pub(crate) struct HeldMaterial {
 
 impl HeldMaterial {
     pub(crate) fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Self {
-        let moduli: Vec<f64> = model.materials.iter().map(|m| shear_modulus_at_rest(m.law.as_ref())).collect();
-        let mut held = HeldMaterial { volume: vec![0.0; links.n_active()], stiffness: vec![0.0; links.n_active()] };
+        let moduli: Vec<f64> =
+            model.materials.iter().map(|m| shear_modulus_at_rest(m.law.as_ref())).collect();
+        let mut held =
+            HeldMaterial { volume: vec![0.0; links.n_active()], stiffness: vec![0.0; links.n_active()] };
         for group in 0..links.n_groups() {
             let nodes = links.nodes_of(group);
             for p in links.points_of(group) {
@@ -212,7 +216,12 @@ impl HeldMaterial {
     }
 
     /// The material of the weakest node of a cell relative to its share of the full cell, [-].
-    pub(crate) fn filling<const D: usize>(&self, model: &Model<D>, links: &Connectivity<D>, cell: u32) -> f64 {
+    pub(crate) fn filling<const D: usize>(
+        &self,
+        model: &Model<D>,
+        links: &Connectivity<D>,
+        cell: u32,
+    ) -> f64 {
         let grid = model.grid.as_ref();
         let corners = grid.corners(cell as usize);
         let n = corners.nodes().len() as f64;

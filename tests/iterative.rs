@@ -53,7 +53,8 @@ fn equations<const D: usize, M: Mechanics<D>>(
 ) -> Equations<D> {
     let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
     let links = Connectivity::new(model.grid.as_ref(), points, &methods).unwrap();
-    let dofs = DofMap::new(model, points, &links, 0.0, model.stepping.end_time / model.stepping.count as f64).unwrap();
+    let dofs = DofMap::new(model, points, &links, 0.0, model.stepping.end_time / model.stepping.count as f64)
+        .unwrap();
     let mut system = System::new::<M>(model, points, &links);
     let mut random = Random(3);
     let delta_d: Vec<[f64; D]> =
@@ -63,7 +64,9 @@ fn equations<const D: usize, M: Mechanics<D>>(
     let held = (0..links.n_active())
         .map(|node| std::array::from_fn(|axis| dofs.free(node, axis).is_none()))
         .collect();
-    let f_ext = external_force(model, points, &links, model.stepping.end_time / model.stepping.count as f64).unwrap().nodal;
+    let f_ext = external_force(model, points, &links, model.stepping.end_time / model.stepping.count as f64)
+        .unwrap()
+        .nodal;
     Equations { system, dofs, places, held, f_ext }
 }
 

@@ -130,10 +130,7 @@ impl NodePairs {
             for (a, &row) in nodes.iter().enumerate() {
                 for &column in &nodes[..=a] {
                     let mirrored = !self.symmetric && row != column;
-                    places.push([
-                        place(row, column),
-                        if mirrored { place(column, row) } else { UNCOUPLED },
-                    ]);
+                    places.push([place(row, column), if mirrored { place(column, row) } else { UNCOUPLED }]);
                 }
             }
         }

@@ -131,6 +131,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D046", "a body of revolution whose axis is free or inside the grid, or whose weight is not along it"),
     ("D047", "a surface file that cannot be used, or looks wrong"),
     ("D048", "something that exists in the plane or in space only"),
+    ("D049", "a control of the steps that does not fit"),
 ];
 
 impl Diagnostic {

@@ -23,6 +23,7 @@ a text such as `gamma*y`. Expressions and formulas know `+ - * / ^`, the compari
 /// Sections in the order of the document: title and definition in the schema; the deck itself comes first.
 const SECTIONS: &[(&str, &str)] = &[
     ("`analysis`", "Analysis"),
+    ("`stabilisation` of an analysis", "Stabilisation"),
     ("`grid`", "GridDeck"),
     ("`materials`, each by its name", "MaterialDeck"),
     ("`bodies`, each", "BodyDeck"),
@@ -33,6 +34,7 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`loads`, each", "LoadDeck"),
     ("`points` of a load", "PointSelector"),
     ("`steps`", "StepsDeck"),
+    ("`control` of the steps", "ControlDeck"),
     ("`solver`", "SolverDeck"),
     ("`checkpoint`", "CheckpointDeck"),
     ("`output`", "OutputDeck"),

@@ -65,14 +65,17 @@ fn moved_points<const D: usize>(
         }
     }
     let order = points.by_id();
-    let moved =
-        |p: usize| std::array::from_fn(|d| points.converged.position[p][d] + increments[p][d]);
+    let moved = |p: usize| std::array::from_fn(|d| points.converged.position[p][d] + increments[p][d]);
     let positions: Vec<[f64; D]> = order.iter().map(|&p| moved(p)).collect();
     let since_start = |(place, &p): (&[f64; D], &usize)| {
         padded(&std::array::from_fn::<f64, D, _>(|d| place[d] - points.original_position[p][d]))
     };
     let fields = vec![
-        OwnedField::float("displacement", &VECTOR, positions.iter().zip(&order).flat_map(since_start).collect()),
+        OwnedField::float(
+            "displacement",
+            &VECTOR,
+            positions.iter().zip(&order).flat_map(since_start).collect(),
+        ),
         OwnedField::float(
             "displacement_increment",
             &VECTOR,

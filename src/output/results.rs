@@ -351,7 +351,9 @@ fn step_of_file(name: &str) -> Option<usize> {
 fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
     let axes = &["x", "y", "z"][..D];
     let mut columns: Vec<String> =
-        ["step", "time", "iterations", "residual", "linear_iterations", "converged"].map(String::from).to_vec();
+        ["step", "time", "iterations", "residual", "linear_iterations", "converged"]
+            .map(String::from)
+            .to_vec();
     if model.has_one_load_factor() {
         columns.push("load_factor".to_owned());
     }

@@ -12,8 +12,8 @@ use crate::loads::LoadCurve;
 use crate::memory;
 use crate::model::Model;
 use crate::points::Points;
-use crate::stepping::Control;
 use crate::solver::{Reached, SolveError, Step, StepReport, Summary};
+use crate::stepping::Control;
 
 use super::lock::Lock;
 use super::replace::replace_file;

@@ -189,7 +189,8 @@ impl Columns {
 
     /// The rows in which a column has a value; all where there is no such column.
     pub fn where_column(mut self, name: &str, has: impl Fn(f64) -> bool) -> Columns {
-        let Some(kept) = self.column(name).map(|column| column.iter().map(|v| has(*v)).collect::<Vec<_>>()) else {
+        let Some(kept) = self.column(name).map(|column| column.iter().map(|v| has(*v)).collect::<Vec<_>>())
+        else {
             return self;
         };
         for column in &mut self.values {

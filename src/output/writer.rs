@@ -153,7 +153,10 @@ mod tests {
     }
 
     fn writer(directory: &Path) -> Writer {
-        Writer::new(directory, ["points", "domains", "grid"].map(|s| Series::new(directory.join(format!("{s}.pvd")))))
+        Writer::new(
+            directory,
+            ["points", "domains", "grid"].map(|s| Series::new(directory.join(format!("{s}.pvd")))),
+        )
     }
 
     #[test]

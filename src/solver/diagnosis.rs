@@ -12,8 +12,10 @@ use super::{FailedAttempt, SolveError, Summary};
 
 /// A cell whose weakest node carries less than this of its share of a full cell is a small cut cell.
 const SMALL: f64 = 0.1;
-/// Where more than this share of the points flows, plastic flow is what fails.
+/// Where more than this share of the points has yielded, plastic flow is what fails.
 const FLOWS: f64 = 0.02;
+/// Where more than this share has flowed, a point that turns inside out in a step however small is a part of a mechanism.
+const MUCH: f64 = 0.2;
 /// Pressures that vary within cells by more than this multiple of the deviatoric stress are those of locking.
 const OSCILLATES: f64 = 1.0;
 
@@ -47,7 +49,9 @@ impl Kind {
         match self {
             Kind::RigidBodyMode => "a rigid-body mode is free",
             Kind::SmallCutCell => "a cell that holds hardly any material",
-            Kind::PlasticCollapse => "plastic collapse: the load is beyond what the bodies can carry",
+            Kind::PlasticCollapse => {
+                "plastic collapse: the load is probably beyond what the bodies can carry"
+            }
             Kind::Locking => "volumetric locking",
             Kind::ElementInversion => "a point turns inside out",
             Kind::LostDomain => "a point or its domain leaves the grid or loses its shape",
@@ -68,7 +72,9 @@ impl Kind {
                 "the largest load factor in equilibrium is a lower bound of the limit load on this grid; prescribe \
                  displacements, or use `steps: {control: {type: arc-length}}`, to go beyond it"
             }
-            Kind::Locking => "use a finer grid with fewer points per cell, or a law that is less incompressible",
+            Kind::Locking => {
+                "use a finer grid with fewer points per cell, or a law that is less incompressible"
+            }
             Kind::ElementInversion => "use smaller steps (`steps: {count, smallest}`) or a coarser grid",
             Kind::LostDomain => "make the grid larger, or use another method or domain update",
             Kind::LostPath => "use smaller steps (`steps: {count, smallest}`)",
@@ -101,7 +107,7 @@ pub struct Diagnosis {
     pub node: Option<Vec<f64>>,
     /// Filling ratio of the emptiest cell around that place, [-].
     pub filling: Option<f64>,
-    /// Share of the points that flow, [-].
+    /// Share of the points that have yielded, [-].
     pub flowing: f64,
     /// What to try.
     pub advice: String,
@@ -126,7 +132,7 @@ impl std::fmt::Display for Diagnosis {
             write!(f, ", point {point}")?;
         }
         if self.flowing > 0.0 {
-            write!(f, ", {:.0} % of the points flow", 100.0 * self.flowing)?;
+            write!(f, ", {:.0} % of the points have yielded", 100.0 * self.flowing)?;
         }
         Ok(())
     }
@@ -146,11 +152,12 @@ impl Diagnosis {
             let at = node.clone().or_else(|| place.map(|place| place.position.clone()))?;
             emptiest_cell(model, points, links, &at)
         });
-        let flowing = links.map_or(0.0, |_| share_that_flows(points));
+        let flowing = links.map_or(0.0, |_| share_that_flows(model, points));
         let kind = kind_of(&failed.error, around, flowing, || oscillation(points, links));
         let mut advice = kind.advice().to_owned();
         if kind == Kind::SmallCutCell && model.stabilisation.mode != Where::Off {
-            advice = "use a larger `stabilisation: {parameter}`, more points per cell, or another grid".to_owned();
+            advice =
+                "use a larger `stabilisation: {parameter}`, more points per cell, or another grid".to_owned();
         }
         let is_cell = matches!(kind, Kind::SmallCutCell);
         Diagnosis {
@@ -182,6 +189,7 @@ fn kind_of(
         SolveError::Singular { .. } if flowing > FLOWS => Kind::PlasticCollapse,
         SolveError::Singular { .. } => Kind::RigidBodyMode,
         SolveError::Point { .. } if small => Kind::SmallCutCell,
+        SolveError::Point { .. } if flowing > MUCH => Kind::PlasticCollapse,
         SolveError::Point { .. } => Kind::ElementInversion,
         SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. } => {
             Kind::LostDomain
@@ -248,10 +256,15 @@ fn emptiest_cell<const D: usize>(
     fillings.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Share of the points whose history changes in the step in hand.
-fn share_that_flows<const D: usize>(points: &Points<D>) -> f64 {
+/// Share of the points whose history has changed since the start of the analysis, or does in the step in hand.
+fn share_that_flows<const D: usize>(model: &Model<D>, points: &Points<D>) -> f64 {
     let n = points.history_len;
-    let flows = |p: &usize| points.trial.history[p * n..][..n] != points.converged.history[p * n..][..n];
+    let flows = |p: &usize| {
+        let of = |history: &[f64]| history[p * n..][..n].to_vec();
+        let fields = model.law(points, *p).state_fields();
+        let begun = |history: &[f64]| fields.iter().zip(of(history)).any(|(field, now)| field.initial != now);
+        begun(&points.trial.history) || begun(&points.converged.history)
+    };
     (0..points.len()).filter(flows).count() as f64 / points.len().max(1) as f64
 }
 

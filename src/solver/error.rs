@@ -129,7 +129,9 @@ pub enum SolveError {
         error: LinearError,
     },
     /// No load factor meets the condition that determines it.
-    #[error("step {step}: no load factor gives the displacement or the length of the path that the step asks for")]
+    #[error(
+        "step {step}: no load factor gives the displacement or the length of the path that the step asks for"
+    )]
     NoPath {
         /// The step.
         step: usize,
@@ -254,9 +256,9 @@ impl SolveError {
             SolveError::Iterative { .. } => {
                 Some("use more load steps (`steps: count`), a coarser grid, or a computer with more memory")
             }
-            SolveError::NoPath { .. } => Some(
-                "use smaller steps (`steps: {count, smallest}`), and see that the loads move the probe",
-            ),
+            SolveError::NoPath { .. } => {
+                Some("use smaller steps (`steps: {count, smallest}`), and see that the loads move the probe")
+            }
             SolveError::Unheld { .. } => Some(
                 "fix or prescribe the displacement along that axis at one node of each separate part at least",
             ),

@@ -24,8 +24,11 @@ const MOST_HALVINGS: usize = 5;
 const MOST_SEARCHES: usize = 3;
 /// A line search is content with this part of the slope of the potential.
 const FLAT: f64 = 0.5;
-/// No line search before so many iterations.
+/// No line search before so many iterations …
 const FIRST_SEARCH: usize = 3;
+/// … where an attempt has failed before, otherwise before this part of those that are allowed: iterations that go well are
+/// left alone.
+const LATE: f64 = 0.75;
 
 /// What the iterations of a step leave behind beside the unknowns.
 #[derive(Default)]
@@ -72,7 +75,8 @@ impl<const D: usize> Solver<D> {
         let mut system = set_up.map_err(at_once)?;
         let mut unknowns = Unknowns::new(model, &links, path.factor);
         let mut course = Course::default();
-        let solved = self.iterate::<M>(model, points, &links, &mut system, &mut unknowns, &mut course, step, observer);
+        let solved =
+            self.iterate::<M>(model, points, &links, &mut system, &mut unknowns, &mut course, step, observer);
         let load_factor = match model.stepping.control {
             Control::Load => model.common_curve().map(|curve| curve.factor(step.end)),
             Control::Displacement { .. } | Control::ArcLength => Some(unknowns.factor),
@@ -204,10 +208,14 @@ impl<const D: usize> Solver<D> {
                 outcome => outcome?,
             }
             course.out_of_balance = unknowns.balance(&loading.f_ext, system.internal_force());
-            let residual =
-                unknowns.relative_norm(&course.out_of_balance, &loading.f_ext, system, tolerance);
+            let residual = unknowns.relative_norm(&course.out_of_balance, &loading.f_ext, system, tolerance);
             let before = course.residuals.last().copied().unwrap_or(f64::INFINITY);
-            let may_search = iteration >= FIRST_SEARCH && searches < MOST_SEARCHES && loading.unit.is_none();
+            let first = if summary.pace.is_careful() {
+                FIRST_SEARCH
+            } else {
+                ((LATE * model.newton.max_iterations as f64) as usize).max(FIRST_SEARCH)
+            };
+            let may_search = iteration >= first && searches < MOST_SEARCHES && loading.unit.is_none();
             if may_search && residual > before && residual > tolerance {
                 let slope = unknowns.slope(&course.out_of_balance);
                 if let Some(shorter) = unknowns.flatter(slope) {
@@ -259,8 +267,14 @@ impl<const D: usize> Solver<D> {
             });
             forcing.next(norm(rhs.iter().flatten().copied()), residual, place.model.newton.tolerance)
         });
-        let mut solved =
-            self.equations.solve(place, system, &unknowns.rhs, &mut unknowns.iterative, tolerance, timings)?;
+        let mut solved = self.equations.solve(
+            place,
+            system,
+            &unknowns.rhs,
+            &mut unknowns.iterative,
+            tolerance,
+            timings,
+        )?;
         self.reached.summary.linear_solves += 1;
         unknowns.iterative_factor = 0.0;
         if let (Some(unit), Some(condition)) = (&loading.unit, condition) {
@@ -269,9 +283,8 @@ impl<const D: usize> Solver<D> {
             on_free(dofs, unit, &mut rhs);
             solved.iterations +=
                 self.equations.solve_again(place, system, &rhs, &mut of_load, tolerance, timings)?.iterations;
-            let change = condition
-                .change(&unknowns.delta_d, &unknowns.iterative, &of_load)
-                .map_err(Obstacle::Path)?;
+            let change =
+                condition.change(&unknowns.delta_d, &unknowns.iterative, &of_load).map_err(Obstacle::Path)?;
             for (delta, of_load) in unknowns.iterative.iter_mut().flatten().zip(of_load.iter().flatten()) {
                 *delta += change * of_load;
             }

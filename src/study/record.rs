@@ -41,8 +41,8 @@ impl Record {
     /// When one of them is missing or not understood.
     pub fn read(directory: &Path) -> io::Result<Record> {
         let summary = serde_json::from_slice(&fs::read(directory.join("summary.json"))?)?;
-        let history = Columns::read(&directory.join("history.csv"))?
-            .where_column("converged", |value| value == 1.0);
+        let history =
+            Columns::read(&directory.join("history.csv"))?.where_column("converged", |value| value == 1.0);
         Ok(Record { summary, history: last_row(&history) })
     }
 

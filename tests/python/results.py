@@ -36,15 +36,17 @@ class Results:
             rows = list(csv.reader(file))
         header, rows = rows[0], rows[1:]
         assert all(len(row) == len(header) for row in rows), f"ragged rows in {name}.csv"
-        values = np.array(rows, dtype=float).reshape(len(rows), len(header))
+        # What does not exist is empty: entries of attempts that failed.
+        values = np.array([[entry or "nan" for entry in row] for row in rows], dtype=float)
+        values = values.reshape(len(rows), len(header))
         return dict(zip(header, values.T))
 
     @property
     def history(self):
-        """history.csv without the initial state, so that row k belongs to load step k + 1."""
+        """history.csv without attempts that failed, so that row k belongs to load step k + 1."""
         columns = self.table("history")
-        steps = columns["step"]
-        return {name: values[steps > 0] for name, values in columns.items()}
+        converged = columns["converged"] == 1
+        return {name: values[converged] for name, values in columns.items()}
 
     def reactions(self):
         """Sum of the reactions of all boundary conditions: one (x, y) row per load step."""

@@ -85,7 +85,9 @@ pub fn run(deck: &str, set: &[(&str, &str)]) -> Analysis {
     finish(model, points)
 }
 
-fn finish(model: Model<2>, mut points: Points<2>) -> Analysis {
+fn finish(mut model: Model<2>, mut points: Points<2>) -> Analysis {
+    // The steps are those of the paper.
+    model.stepping.smallest = 1.0;
     let mut recorder = Recorder::default();
     let summary = solver::run_in_plane(&model, &mut points, &mut recorder);
     Analysis { model, points, steps: recorder.steps, summary }

@@ -46,15 +46,18 @@ impl Check<'_> {
                 self.error_with_help("D049", &format!("{pointer}/curve"), message, "remove the curve");
             }
             if let LoadDeck::BodyForce { force, intermediate, .. } = load {
-                let factor = |e: &Expression| {
-                    matches!(e, Expression::Formula(text) if names(text).iter().any(|(_, name)| *name == "factor"))
-                };
+                let factor = |e: &Expression| matches!(e, Expression::Formula(text) if names(text).iter().any(|(_, name)| *name == "factor"));
                 if force.iter().chain(intermediate.values()).any(factor) {
                     let message = format!(
                         "the load {} depends on `factor`, but with `steps: {{control: ...}}` it has to be in proportion to it",
                         quote(load.name())
                     );
-                    self.error_with_help("D049", &format!("{pointer}/force"), message, "write it at load factor 1");
+                    self.error_with_help(
+                        "D049",
+                        &format!("{pointer}/force"),
+                        message,
+                        "write it at load factor 1",
+                    );
                 }
             }
         }
@@ -66,7 +69,8 @@ impl Check<'_> {
                         "the condition {} moves its nodes, which does not go with `steps: {{control: ...}}`",
                         quote(&condition.name)
                     );
-                    let help = "hold the nodes (`fix`), or leave the control to the loads (`control: {type: load}`)";
+                    let help =
+                        "hold the nodes (`fix`), or leave the control to the loads (`control: {type: load}`)";
                     let pointer = format!("/boundary_conditions/{number}/{key}");
                     self.error_with_help("D049", &pointer, message, help);
                 }

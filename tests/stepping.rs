@@ -1,0 +1,288 @@
+//! Analyses with large steps, beyond limit loads and through snaps.
+#![allow(clippy::unwrap_used)]
+#![allow(clippy::print_stdout, reason = "the measured numbers are part of the verification")]
+
+use std::f64::consts::PI;
+use std::path::Path;
+
+use mpm::deck::build::build;
+use mpm::deck::load::{load, load_text};
+use mpm::model::Model;
+use mpm::points::Points;
+use mpm::solver::{
+    self, Diagnosis, FailedAttempt, Kind, Observer, Reached, SolveError, Step, StepReport, Summary,
+};
+use mpm::stabilisation::Where;
+use mpm::stepping::Control;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// One step in equilibrium.
+#[derive(Debug, Clone, PartialEq)]
+struct Record {
+    step: Step,
+    factor: Option<f64>,
+    residual: f64,
+    reactions: Vec<[f64; 2]>,
+    /// Displacement of the first probe.
+    probe: [f64; 2],
+}
+
+#[derive(Default)]
+struct Recorder {
+    steps: Vec<Record>,
+    failed: Vec<(Step, &'static str)>,
+    diagnosis: Option<Diagnosis>,
+    /// The run stops after this step, …
+    stop_after: Option<usize>,
+    /// … here.
+    reached: Option<(Points<2>, Reached)>,
+}
+
+impl Observer<2> for Recorder {
+    fn converged(
+        &mut self,
+        model: &Model<2>,
+        points: &Points<2>,
+        report: &StepReport<2>,
+        summary: &Summary,
+    ) -> std::io::Result<()> {
+        let place = points.by_id();
+        let mut probe = [0.0; 2];
+        if let Some(chosen) = model.probes.first() {
+            for &id in &chosen.points {
+                let p = place[id as usize];
+                for d in 0..2 {
+                    let moved = points.converged.position[p][d] - points.original_position[p][d];
+                    probe[d] += moved / chosen.points.len() as f64;
+                }
+            }
+        }
+        self.steps.push(Record {
+            step: report.step,
+            factor: report.load_factor,
+            residual: *report.residuals.last().unwrap(),
+            reactions: report.reactions.clone(),
+            probe,
+        });
+        if self.stop_after == Some(report.step.index) {
+            let reached = Reached { step: report.step, summary: summary.clone() };
+            // As a checkpoint keeps it.
+            let text = serde_json::to_string(&reached).unwrap();
+            self.reached = Some((points.clone(), serde_json::from_str(&text).unwrap()));
+        }
+        Ok(())
+    }
+
+    fn failed(
+        &mut self,
+        _: &Model<2>,
+        _: &Points<2>,
+        attempt: &FailedAttempt<2>,
+        diagnosis: Option<&Diagnosis>,
+    ) -> std::io::Result<()> {
+        self.failed.push((attempt.step, attempt.error.code().unwrap_or_default()));
+        self.diagnosis = diagnosis.cloned();
+        Ok(())
+    }
+
+    fn interrupted(&self) -> bool {
+        self.reached.is_some()
+    }
+}
+
+fn deck(name: &str, set: &[(&str, &str)]) -> (Model<2>, Points<2>) {
+    let set: Vec<_> = set.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
+    build(&load(&Path::new(ROOT).join("inputs").join(name), &set).unwrap()).unwrap()
+}
+
+fn text(text: &str) -> (Model<2>, Points<2>) {
+    build(&load_text("deck", text.as_bytes(), &[]).unwrap()).unwrap()
+}
+
+fn run((model, mut points): (Model<2>, Points<2>)) -> (Result<Summary, SolveError>, Recorder, Points<2>) {
+    let mut recorder = Recorder::default();
+    let outcome = solver::run_in_plane(&model, &mut points, &mut recorder);
+    for record in &recorder.steps {
+        assert!(record.residual <= model.newton.tolerance);
+    }
+    (outcome, recorder, points)
+}
+
+/// Lowest and highest coordinates of the points.
+fn extent(points: &Points<2>) -> [f64; 2] {
+    [0, 1].map(|d| points.converged.position.iter().map(|x| x[d]).fold(f64::NEG_INFINITY, f64::max))
+}
+
+/// Section 7.5 in 5 steps instead of 40, and section 7.3 in 3 instead of 50: both end by themselves, the collapse with
+/// smaller steps where it needs them.
+#[test]
+fn the_collapse_in_five_steps_and_the_beam_in_three_end_by_themselves() {
+    for method in ["gimp", "cpdi2"] {
+        let fine = run(deck("collapse.yaml", &[("h", "0.25"), ("n", "3"), ("method", method)]));
+        fine.0.unwrap();
+        for mode in [Where::Off, Where::Auto] {
+            let mut parts =
+                deck("collapse.yaml", &[("h", "0.25"), ("n", "3"), ("method", method), ("steps", "5")]);
+            parts.0.stabilisation.mode = mode;
+            let (outcome, recorder, points) = run(parts);
+            let summary = outcome.unwrap();
+            let (coarse, fine) = (extent(&points), extent(&fine.2));
+            println!(
+                "collapse, {method}, {mode:?}: {} steps, {} failed attempts, extent {coarse:.3?}, in 40 steps {fine:.3?}",
+                summary.steps, summary.failed_attempts
+            );
+            let times: Vec<f64> = recorder.steps.iter().map(|r| r.step.end).collect();
+            assert!((1..=5).all(|k| times.contains(&(f64::from(k) / 5.0))), "{times:?}");
+            assert!(summary.steps >= 5 && summary.steps < 20);
+            assert!((coarse[0] / fine[0] - 1.0).abs() < 0.03 && (coarse[1] / fine[1] - 1.0).abs() < 0.03);
+        }
+    }
+    for method in ["gimp", "cpdi2", "mpm"] {
+        let fine = run(deck("beam.yaml", &[("method", method)]));
+        let coarse = run(deck("beam.yaml", &[("method", method), ("steps", "3")]));
+        coarse.0.unwrap();
+        let [a, b] = [&coarse.1, &fine.1].map(|r| r.steps.last().unwrap().probe);
+        println!("beam, {method}: {} steps, tip {a:.4?}, in 50 steps {b:.4?}", coarse.1.steps.len());
+        assert_eq!(coarse.1.steps.last().unwrap().step.end, 1.0);
+        assert!((a[1] - b[1]).abs() < 0.02 * b[1].abs(), "{a:?} {b:?}");
+    }
+}
+
+/// A strip of von Mises material, half as wide as 1 and long as 4, hangs from its upper end. In plane strain a stress field
+/// in which every section carries what hangs below it says that the limit load is at least that of a stress of √2 ρ_y at
+/// the top; a slip line from the top downwards, at 45°, that it is at most 4 / 3.5 of that. The run ends in between, and says
+/// why.
+#[test]
+fn a_load_beyond_the_limit_ends_with_the_limit_load() {
+    let lower = 2f64.sqrt() * 1e3 / 4.0;
+    for (spacing, points) in [(0.5, 1), (0.25, 1), (0.125, 1)] {
+        let (outcome, recorder, _) = run(text(&format!(
+            "version: 1
+analysis: {{stabilisation: {{mode: auto}}}}
+grid: {{type: structured, origin: [0, -2], size: [2, 6], spacing: {spacing}}}
+materials: {{m: {{model: von-mises, young: 1e6, poisson: 0.3, deviatoric_yield_stress: 1e3}}}}
+bodies: [{{name: strip, material: m, shape: {{type: box, min: [0, 0], max: [1, 4]}}, points_per_cell: {points}}}]
+boundary_conditions:
+  - {{name: top, nodes: {{y: 4}}, fix: [y]}}
+  - {{name: axis, nodes: {{x: 0}}, fix: [x]}}
+loads: [{{name: pull, type: body-force, force: [0, {}]}}]
+steps: {{count: 10}}",
+            -2.0 * lower
+        )));
+        let error = outcome.unwrap_err();
+        let diagnosis = recorder.diagnosis.clone().unwrap();
+        let reached = diagnosis.largest_load_factor.unwrap();
+        println!("h = {spacing}: {error}\n{diagnosis}\n{:.4} of the lower bound", 2.0 * reached);
+        assert_eq!(diagnosis.kind, Kind::PlasticCollapse, "{error}");
+        assert!((1.0..4.0 / 3.5).contains(&(2.0 * reached)), "{reached}");
+        assert_eq!(reached, recorder.steps.last().unwrap().factor.unwrap());
+        assert!(recorder.failed.len() >= 10, "it was approached by smaller and smaller steps");
+        assert!(diagnosis.flowing > 0.1);
+    }
+}
+
+/// The same path by its length and by the displacement of the apex, through the limit point, the snap and the stiffening.
+#[test]
+fn a_truss_is_followed_through_its_snap() {
+    let (outcome, by_length, _) = run(deck("arch.yaml", &[]));
+    outcome.unwrap();
+    let mut parts = deck("arch.yaml", &[]);
+    parts.0.stepping.control = Control::Displacement { probe: 0, axis: 1, to: -3.0 };
+    let (outcome, by_apex, _) = run(parts);
+    outcome.unwrap();
+    let path = |recorder: &Recorder| -> Vec<[f64; 2]> {
+        let start = [[0.0; 2]];
+        start.into_iter().chain(recorder.steps.iter().map(|r| [-r.probe[1], r.factor.unwrap()])).collect()
+    };
+    let (a, b) = (path(&by_length), path(&by_apex));
+    // Displacement control meets what it prescribes.
+    for record in &by_apex.steps {
+        assert!((record.probe[1] + 3.0 * record.step.end).abs() < 1e-9, "{record:?}");
+    }
+    let at = |path: &[[f64; 2]], apex: f64| {
+        let k = path.windows(2).position(|w| w[0][0] <= apex && apex < w[1][0]).unwrap();
+        let [p, q] = [path[k], path[k + 1]];
+        p[1] + (q[1] - p[1]) * (apex - p[0]) / (q[0] - p[0])
+    };
+    let peak = |path: &[[f64; 2]]| path.iter().map(|p| p[1]).take(path.len() / 2).fold(0.0, f64::max);
+    let valley =
+        |path: &[[f64; 2]]| path.iter().filter(|p| p[0] > 1.0).map(|p| p[1]).fold(f64::INFINITY, f64::min);
+    println!(
+        "limit {:.5} and {:.5}, valley {:.5} and {:.5}, at the end {:.4?} and {:.4?}",
+        peak(&a),
+        peak(&b),
+        valley(&a),
+        valley(&b),
+        a.last().unwrap(),
+        b.last().unwrap()
+    );
+    assert!((peak(&a) / peak(&b) - 1.0).abs() < 0.02);
+    assert!(valley(&b) < 0.15 * peak(&b) && valley(&a) < 0.2 * peak(&a), "it snaps through");
+    assert!(a.last().unwrap()[1] > 2.0 * peak(&a) && b.last().unwrap()[1] > 2.0 * peak(&b), "and stiffens");
+    for apex in [0.2, 0.5, 0.8, 1.2, 2.2, 2.5] {
+        let [f, g] = [at(&a, apex), at(&b, apex)];
+        assert!((f - g).abs() < 0.03 * peak(&b).max(g), "{apex}: {f} {g}");
+    }
+    // Loads cannot follow it: the largest they reach is the limit.
+    let mut parts = deck("arch.yaml", &[("steps", "100")]);
+    parts.0.stepping.control = Control::Load;
+    let (_, by_load, _) = run(parts);
+    let jump = by_load.steps.windows(2).find(|w| w[1].probe[1] < -1.8 && w[0].probe[1] > -0.9);
+    let limit = jump.map(|w| w[0].factor.unwrap());
+    println!("under a growing load: {} steps, snap from {limit:?}", by_load.steps.len());
+    assert!(
+        by_load.steps.iter().all(|r| {
+            let apex = -r.probe[1];
+            !(1.0..1.9).contains(&apex)
+        }),
+        "there is no equilibrium under that load on the way"
+    );
+}
+
+/// A run that stops anywhere goes on with the same bits, cut steps and unknown load factors included.
+#[test]
+fn a_run_goes_on_where_it_stopped() {
+    let mut cases = vec![("arch", deck("arch.yaml", &[("steps", "20"), ("h", "0.5")]), 7)];
+    cases.push(("collapse", deck("collapse.yaml", &[("h", "0.5"), ("n", "2"), ("steps", "4")]), 2));
+    for (name, (model, points), stop) in cases {
+        let (mut whole, mut all) = (Recorder::default(), points.clone());
+        let _ = solver::run_in_plane(&model, &mut all, &mut whole);
+        let mut first = Recorder { stop_after: Some(stop), ..Recorder::default() };
+        let mut some = points.clone();
+        let stopped = solver::run_in_plane(&model, &mut some, &mut first);
+        assert!(matches!(stopped, Err(SolveError::Interrupted { .. })), "{name}");
+        let (mut points, reached) = first.reached.take().unwrap();
+        let mut rest = Recorder::default();
+        let _ = solver::go_on_in_plane(&model, &mut points, reached, &mut rest);
+        let joined: Vec<Record> = first.steps.into_iter().chain(rest.steps).collect();
+        assert_eq!(joined, whole.steps, "{name}");
+        assert_eq!(points.converged, all.converged, "{name}");
+    }
+}
+
+/// Penetrations up to a tenth of the width: the force on a rough strip is between (2 + π) c and what the row of cells beside
+/// the footing that moves along adds to it, and comes closer on a finer grid; points that do not let the material flow
+/// without changing its volume show a force that is far too large.
+#[test]
+fn a_footing_carries_what_prandtl_says_unless_it_locks() {
+    let pressure = |h: &str, n: &str, depth: &str, steps: &str| {
+        let set = [("h", h), ("n", n), ("depth", depth), ("steps", steps)];
+        let (outcome, recorder, _) = run(deck("footing.yaml", &set));
+        outcome.unwrap();
+        // Of the last third, which is a plateau; half a footing of width 1, c = 10e3.
+        let forces: Vec<f64> = recorder.steps.iter().map(|r| -r.reactions[3][1] / 10e3).collect();
+        let last = &forces[2 * forces.len() / 3..];
+        last.iter().sum::<f64>() / last.len() as f64
+    };
+    let exact = 2.0 + PI;
+    let coarse = pressure("0.25", "1", "0.1", "10");
+    let fine = pressure("0.125", "1", "0.06", "12");
+    let locked = pressure("0.25", "3", "0.1", "10");
+    println!(
+        "q/c = {coarse:.3} and {fine:.3} with h = 0.25 and 0.125 m, locked {locked:.3}, exact {exact:.3}"
+    );
+    assert!(exact < fine && fine < coarse && coarse < exact * 1.25, "{coarse} {fine}");
+    assert!(fine < exact * 1.125);
+    assert!(locked > 1.35 * exact);
+}
