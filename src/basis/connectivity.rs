@@ -169,14 +169,13 @@ impl<const D: usize> Connectivity<D> {
         self.group_node_start.extend(piece.group_node_start.iter().map(|s| s + nodes));
         self.group_nodes.extend(piece.group_nodes);
         self.whole.extend(piece.whole);
-        // Where the numbers of each kind go on.
-        let mut next = Block { link: links, factor: factors, local: 0 };
+        // Where the numbers of each kind go on. Places are shared within a group, not only one after the other.
+        let mut next = Block { link: links, factor: factors, local: places };
         for ((&start, form), &local) in piece.start.iter().zip(&piece.form).zip(&piece.local_start) {
             let kept_as_they_are = form.is_as_they_are();
             let begin = if kept_as_they_are { &mut next.link } else { &mut next.factor };
             *begin = start + if kept_as_they_are { links } else { factors };
             let begin = *begin;
-            next.local = local + places;
             if self.start.len().is_multiple_of(1 << BLOCK) {
                 self.blocks.push(next);
             }
@@ -184,7 +183,7 @@ impl<const D: usize> Connectivity<D> {
             let from = if kept_as_they_are { block.link } else { block.factor };
             // Within a block they are few: a point reaches some hundred nodes at most.
             self.start.push((begin - from) as u32);
-            self.local_start.push((next.local - block.local) as u32);
+            self.local_start.push((local + places - block.local) as u32);
         }
         self.n_links += piece.form.iter().map(|form| form.nodes::<D>()).sum::<usize>();
         self.form.extend(piece.form);
@@ -405,5 +404,69 @@ impl<const D: usize> Piece<D> {
             piece.whole.push(n_links == range.len() * nodes.len());
         }
         Ok(piece)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::Structured;
+    use crate::points::Seed;
+
+    /// Many points of two methods, some with domains that end at the sides of cells, so that their nodes are among those of
+    /// their neighbours.
+    fn check<const D: usize>(grid: &Structured<D>, n: usize) {
+        let methods = [Method::Mpm, Method::Gimp];
+        let mut state = 1u64;
+        let mut next = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let seeds: Vec<Seed<D>> = (0..n)
+            .map(|k| Seed {
+                body: (k % 2) as u16,
+                position: std::array::from_fn(|_| 0.5 + 2.0 * (8.0 * next()).floor() / 8.0 + 0.125),
+                half_lengths: if k % 2 == 0 { [0.0; D] } else { [0.125; D] },
+                corners: Vec::new(),
+                volume: 1.0,
+                mass: 1.0,
+                outer_layer: false,
+                history: Vec::new(),
+            })
+            .collect();
+        let mut points = Points::new(&seeds);
+        let links = Connectivity::new(grid, &mut points, &methods).unwrap();
+        let mut support = Support::default();
+        let mut total = 0;
+        for group in 0..links.n_groups() {
+            let nodes = links.nodes_of(group);
+            let (mut value, mut gradient) = (vec![0.0; nodes.len()], vec![[0.0; D]; nodes.len()]);
+            let mut room = Room { value: &mut value, gradient: &mut gradient };
+            let mut whole = true;
+            for p in links.points_of(group) {
+                let point = PointGeometry {
+                    cell: points.cell[p],
+                    position: &points.converged.position[p],
+                    half_lengths: &points.half_lengths(p),
+                    corners: &[],
+                };
+                methods[points.body[p] as usize].basis().support(grid, &point, &mut support).unwrap();
+                let found = links.links(p, &mut room);
+                let touched: Vec<u32> =
+                    found.local.iter().map(|l| links.active_nodes()[nodes[*l as usize] as usize]).collect();
+                assert_eq!(touched, support.nodes, "point {p}");
+                assert_eq!((found.value, found.gradient), (&support.value[..], &support.gradient[..]));
+                whole &= touched.len() == nodes.len();
+                total += touched.len();
+            }
+            assert_eq!(links.is_whole(group), whole);
+        }
+        assert_eq!(links.n_links(), total);
+    }
+
+    #[test]
+    fn links_are_those_of_the_basis() {
+        check(&Structured::<2>::new([0.0; 2], [0.5; 2], [6, 6]), 20_000);
+        check(&Structured::<3>::new([0.0; 3], [0.5; 3], [6, 6, 6]), 20_000);
     }
 }
