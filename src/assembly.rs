@@ -13,7 +13,7 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::basis::{Connectivity, Links};
+use crate::basis::{Connectivity, Links, Room};
 use crate::constraints::DofMap;
 use crate::kinematics::Increment;
 use crate::linear::{Block, BlockMatrix, Division};
@@ -22,9 +22,9 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::stabilisation::Ghost;
 use crate::stress::{Formulation, Mechanics, PointError, PointResponse, StartOfStep, WeakForm};
-use crate::tensor::Sym3;
+use crate::tensor::{Lanes, Sym3};
 
-use group::{Cell, Dense, Square, Triangle};
+use group::{Cell, Dense, Square, Triangle, Whole};
 pub use pattern::FreeEntries;
 use pattern::{NodePairs, UNCOUPLED};
 
@@ -33,6 +33,9 @@ const BATCH: usize = 1 << 15;
 
 /// A task of this many groups or fewer is not split between threads.
 const GRAIN: usize = 4;
+
+/// Most history variables of points that are evaluated side by side.
+const MOST_HISTORY: usize = 4;
 
 /// The discrete equilibrium of one load step: its pattern, and the values of the current iteration.
 pub struct System<const D: usize> {
@@ -46,6 +49,9 @@ pub struct System<const D: usize> {
     batches: Vec<Range<usize>>,
     dense: Vec<Block<D>>,
     dense_force: Vec<[f64; D]>,
+    /// Room for the basis functions of one point of each group.
+    value: Vec<f64>,
+    gradient: Vec<[f64; D]>,
     /// Room for the gradients of one point of each group in the current configuration, eq. (8).
     mapped: Vec<[f64; D]>,
 }
@@ -95,6 +101,8 @@ impl<const D: usize> System<D> {
             start,
             dense: vec![[[0.0; D]; D]; n_dense],
             dense_force: vec![[0.0; D]; n_force],
+            value: vec![0.0; n_force],
+            gradient: vec![[0.0; D]; n_force],
             mapped: vec![[0.0; D]; n_force],
             batches,
             pairs,
@@ -155,13 +163,23 @@ impl<const D: usize> System<D> {
                 history: &mut points.trial.history[first * n..last * n],
                 mapped: &mut self.mapped,
             };
-            let work = Work { trial, dense: &mut self.dense, force: &mut self.dense_force };
+            let room = Room { value: &mut self.value, gradient: &mut self.gradient };
+            let work = Work { trial, dense: &mut self.dense, force: &mut self.dense_force, room };
             task.run(batch.clone(), work)?;
             self.merge(links, batch);
         }
         self.pairs.add_ghost(&self.ghost, &mut self.blocks);
         self.ghost.add_force(delta_d, &mut self.f_int);
         Ok(())
+    }
+
+    /// Frees what only further evaluations would need.
+    pub fn conclude(&mut self) {
+        self.start = Vec::new();
+        self.blocks = Vec::new();
+        self.dense = Vec::new();
+        self.dense_force = Vec::new();
+        (self.value, self.gradient, self.mapped) = Default::default();
     }
 
     /// Adds the dense blocks of a batch to the system, in the order of its groups.
@@ -291,6 +309,7 @@ struct Work<'a, const D: usize> {
     trial: Trial<'a, D>,
     dense: &'a mut [Block<D>],
     force: &'a mut [[f64; D]],
+    room: Room<'a, D>,
 }
 
 impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
@@ -309,8 +328,12 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         let (trial_l, trial_r) = work.trial.split(cut, n_nodes, self.history_len);
         let (dense_l, dense_r) = work.dense.split_at_mut(self.pairs.dense_range(left.clone()).len());
         let (force_l, force_r) = work.force.split_at_mut(n_nodes);
-        let work_l = Work { trial: trial_l, dense: dense_l, force: force_l };
-        let work_r = Work { trial: trial_r, dense: dense_r, force: force_r };
+        let (value_l, value_r) = work.room.value.split_at_mut(n_nodes);
+        let (gradient_l, gradient_r) = work.room.gradient.split_at_mut(n_nodes);
+        let (room_l, room_r) =
+            (Room { value: value_l, gradient: gradient_l }, Room { value: value_r, gradient: gradient_r });
+        let work_l = Work { trial: trial_l, dense: dense_l, force: force_l, room: room_l };
+        let work_r = Work { trial: trial_r, dense: dense_r, force: force_r, room: room_r };
         let (a, b) = rayon::join(|| self.run(left, work_l), || self.run(right, work_r));
         a.and(b)
     }
@@ -321,7 +344,8 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         groups: Range<usize>,
         work: Work<D>,
     ) -> Result<(), PointFailure> {
-        let Work { mut trial, mut dense, mut force } = work;
+        let Work { mut trial, mut dense, mut force, mut room } = work;
+        let room = &mut room;
         let symmetric = self.pairs.symmetric();
         for group in groups {
             let n = self.links.nodes_of(group).len();
@@ -331,38 +355,36 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
             force = rest;
             match (D, n) {
                 (3, 8) if self.links.is_whole(group) => {
-                    self.run_cell::<UPDATED, 8, 2>(group, &mut trial, f, k)?;
+                    let cell = &mut Cell::<D, 8, 2>::zero(symmetric);
+                    self.run_group::<UPDATED>(group, &mut trial, room, f, cell)?;
+                    cell.store(k);
                 }
-                (_, 4) if self.links.is_whole(group) => {
-                    self.run_cell::<UPDATED, 4, 1>(group, &mut trial, f, k)?;
+                (3, 4) if self.links.is_whole(group) => {
+                    let cell = &mut Cell::<D, 4, 1>::zero(symmetric);
+                    self.run_group::<UPDATED>(group, &mut trial, room, f, cell)?;
+                    cell.store(k);
                 }
-                (2, 3) if self.links.is_whole(group) => {
-                    self.run_cell::<UPDATED, 3, 1>(group, &mut trial, f, k)?;
+                (2, 4) if symmetric && self.links.is_whole(group) => {
+                    let whole = &mut Whole::<D, 4>::zero();
+                    self.run_group::<UPDATED>(group, &mut trial, room, f, whole)?;
+                    whole.store(k);
+                }
+                (2, 3) if symmetric && self.links.is_whole(group) => {
+                    let whole = &mut Whole::<D, 3>::zero();
+                    self.run_group::<UPDATED>(group, &mut trial, room, f, whole)?;
+                    whole.store(k);
                 }
                 _ => {
                     k.fill([[0.0; D]; D]);
                     if symmetric {
-                        self.run_group::<UPDATED>(group, &mut trial, f, &mut Triangle(k))?;
+                        self.run_group::<UPDATED>(group, &mut trial, room, f, &mut Triangle(k))?;
                     } else {
                         let square = &mut Square { blocks: k, nodes: n };
-                        self.run_group::<UPDATED>(group, &mut trial, f, square)?;
+                        self.run_group::<UPDATED>(group, &mut trial, room, f, square)?;
                     }
                 }
             }
         }
-        Ok(())
-    }
-
-    fn run_cell<const UPDATED: bool, const N: usize, const C: usize>(
-        &self,
-        group: usize,
-        trial: &mut Trial<D>,
-        force: &mut [[f64; D]],
-        dense: &mut [Block<D>],
-    ) -> Result<(), PointFailure> {
-        let mut cell = Cell::<D, N, C>::zero(self.pairs.symmetric());
-        self.run_group::<UPDATED>(group, trial, force, &mut cell)?;
-        cell.store(dense);
         Ok(())
     }
 
@@ -371,11 +393,12 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         &self,
         group: usize,
         trial: &mut Trial<D>,
+        room: &mut Room<D>,
         force: &mut [[f64; D]],
         dense: &mut impl Dense<D>,
     ) -> Result<(), PointFailure> {
         force.fill([0.0; D]);
-        Arch::new().dispatch(Vectorised::<D, M, _, UPDATED> { task: self, group, trial, force, dense })
+        Arch::new().dispatch(Vectorised::<D, M, _, UPDATED> { task: self, group, trial, room, force, dense })
     }
 
     #[inline]
@@ -387,71 +410,132 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
 
 /// The points of one group, to be compiled for several sets of instructions. None of them changes the result: products
 /// and sums are rounded one by one.
-struct Vectorised<'t, 'a, 's, const D: usize, M, K, const UPDATED: bool> {
+struct Vectorised<'t, 'a, 's, 'r, const D: usize, M, K, const UPDATED: bool> {
     task: &'t Task<'a, D, M>,
     group: usize,
     trial: &'t mut Trial<'s, D>,
+    room: &'t mut Room<'r, D>,
     force: &'t mut [[f64; D]],
     dense: &'t mut K,
 }
 
 impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
-    for Vectorised<'_, '_, '_, D, M, K, UPDATED>
+    for Vectorised<'_, '_, '_, '_, D, M, K, UPDATED>
 {
     type Output = Result<(), PointFailure>;
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
-        let task = self.task;
-        let nodes = task.links.nodes_of(self.group);
-        for p in task.links.points_of(self.group) {
-            let links = task.links.links(p);
-            let increment = Increment::new::<M>(nodes, &links, task.delta_d, &task.position[p]);
-            let (start, law) = (&task.start[p], task.law(p));
-            let isotropic = if UPDATED { None } else { M::respond_isotropic(start, &increment, law) };
-            if let Some(response) = &isotropic {
-                self.keep(p, &links, response)?;
-                continue;
-            }
-            let (n, here) = (task.history_len, p - self.trial.first);
-            let kept = law.state_fields().len();
-            let old = &task.old_history[p * n..][..kept];
-            let new = &mut self.trial.history[here * n..][..kept];
-            if UPDATED {
-                let response = M::respond_updated(start, &increment, law, old, new);
-                self.keep(p, &links, &response)?;
-            } else {
-                let response = M::respond(start, &increment, law, old, new);
-                self.keep(p, &links, &response)?;
-            }
+        let points = self.task.links.points_of(self.group);
+        let mut p = points.start;
+        while p < points.end {
+            p += match self.add_side_by_side(p..points.end)? {
+                Some(count) => count,
+                None => {
+                    self.add_one(p)?;
+                    1
+                }
+            };
         }
         Ok(())
     }
 }
 
-impl<const D: usize, M, K: Dense<D>, const UPDATED: bool> Vectorised<'_, '_, '_, D, M, K, UPDATED> {
-    /// Keeps the response of a point and adds its part.
+impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
+    Vectorised<'_, '_, '_, '_, D, M, K, UPDATED>
+{
     #[inline(always)]
-    fn keep<W: WeakForm<D>>(
-        &mut self,
-        point: usize,
-        links: &Links<D>,
-        response: &Result<PointResponse<W>, PointError>,
-    ) -> Result<(), PointFailure> {
-        let PointResponse { weak, tau, elastic_strain } = match response {
-            Ok(response) => response,
-            Err(error) => return Err(PointFailure { point, error: *error }),
+    fn increment(&mut self, p: usize) -> Increment<D> {
+        let task = self.task;
+        let nodes = task.links.nodes_of(self.group);
+        Increment::new::<M>(nodes, &task.links.links(p, self.room), task.delta_d, &task.position[p])
+    }
+
+    /// Adds the first points of a range side by side, where they have one law that can be evaluated so; returns how many.
+    #[inline(always)]
+    fn add_side_by_side(&mut self, points: Range<usize>) -> Result<Option<usize>, PointFailure> {
+        let task = self.task;
+        let p = points.start;
+        let law = task.law(p);
+        let kept = law.state_fields().len();
+        if UPDATED || !M::SIDE_BY_SIDE || law.side_by_side().is_none() || kept > MOST_HISTORY {
+            return Ok(None);
+        }
+        let alike = task.body[points].iter().take_while(|&&body| body == task.body[p]);
+        let count = alike.take(Lanes::WIDTH).count();
+        // Lanes that are left over repeat the last point.
+        let last = p + count - 1;
+        let of_lane = [p, last.min(p + 1), last.min(p + 2), last.min(p + 3)];
+        let [a, b, c, d] = of_lane;
+        let starts = [&task.start[a], &task.start[b], &task.start[c], &task.start[d]];
+        // Not by a closure, which might not be inlined and compiled for vector instructions.
+        let increments = [self.increment(a), self.increment(b), self.increment(c), self.increment(d)];
+        let n = task.history_len;
+        let mut history = [Lanes::ZERO; MOST_HISTORY];
+        for (h, lanes) in history[..kept].iter_mut().enumerate() {
+            *lanes = Lanes::gather(|l| task.old_history[of_lane[l] * n + h]);
+        }
+        let Some(responses) = M::respond_side_by_side(starts, &increments, law, &mut history[..kept]) else {
+            return Ok(None);
         };
-        let here = point - self.trial.first;
-        self.trial.elastic_strain[here] = *elastic_strain;
-        self.trial.kirchhoff_stress[here] = *tau;
-        let gradients = match weak.inverse() {
-            None => links.gradient,
-            Some(inverse) => map_gradients(inverse, links.gradient, self.trial.mapped),
-        };
-        self.dense.add(weak, links, gradients, self.force);
+        for (l, response) in responses[..count].iter().enumerate() {
+            let here = p + l - self.trial.first;
+            for (h, lanes) in history[..kept].iter().enumerate() {
+                self.trial.history[here * n + h] = lanes.0[l];
+            }
+            let links = task.links.links(p + l, self.room);
+            keep(p + l, response, &links, self.trial, self.dense, self.force);
+        }
+        Ok(Some(count))
+    }
+
+    #[inline(always)]
+    fn add_one(&mut self, p: usize) -> Result<(), PointFailure> {
+        let Vectorised { task, group, trial, room, force, dense } = self;
+        let failure = |error| PointFailure { point: p, error };
+        let (start, law) = (&task.start[p], task.law(p));
+        let links = task.links.links(p, room);
+        let nodes = task.links.nodes_of(*group);
+        let increment = Increment::new::<M>(nodes, &links, task.delta_d, &task.position[p]);
+        let isotropic = if UPDATED { None } else { M::respond_isotropic(start, &increment, law) };
+        if let Some(response) = isotropic {
+            keep(p, response.as_ref().map_err(|e| failure(*e))?, &links, trial, *dense, force);
+            return Ok(());
+        }
+        let (n, here) = (task.history_len, p - trial.first);
+        let kept = law.state_fields().len();
+        let old = &task.old_history[p * n..][..kept];
+        let new = &mut trial.history[here * n..][..kept];
+        if UPDATED {
+            let response = M::respond_updated(start, &increment, law, old, new);
+            keep(p, response.as_ref().map_err(|e| failure(*e))?, &links, trial, *dense, force);
+        } else {
+            let response = M::respond(start, &increment, law, old, new);
+            keep(p, response.as_ref().map_err(|e| failure(*e))?, &links, trial, *dense, force);
+        }
         Ok(())
     }
+}
+
+/// Keeps the response of a point and adds its part.
+#[inline(always)]
+fn keep<const D: usize, W: WeakForm<D>>(
+    p: usize,
+    response: &PointResponse<W>,
+    links: &Links<D>,
+    trial: &mut Trial<D>,
+    dense: &mut impl Dense<D>,
+    force: &mut [[f64; D]],
+) {
+    let PointResponse { weak, tau, elastic_strain } = response;
+    let here = p - trial.first;
+    trial.elastic_strain[here] = *elastic_strain;
+    trial.kirchhoff_stress[here] = *tau;
+    let gradients = match weak.inverse() {
+        None => links.gradient,
+        Some(inverse) => map_gradients(inverse, links.gradient, trial.mapped),
+    };
+    dense.add(weak, links, gradients, force);
 }
 
 /// ∂S/∂x = ∂S/∂X̃ ΔF⁻¹, eq. (8), for one point.

@@ -277,7 +277,7 @@ impl<const D: usize> BoundaryCondition<D> {
                     let nodes = links.nodes_of(group);
                     for p in links.points_of(group) {
                         if points.outer_layer[p] && points.body[p] == *body {
-                            for &local in links.links(p).local {
+                            for &local in links.places(p) {
                                 touched[nodes[local as usize] as usize] = true;
                             }
                         }

@@ -25,7 +25,10 @@ impl<const D: usize> Increment<D> {
         delta_d: &[[f64; D]],
         position: &[f64; D],
     ) -> Self {
-        let mut dF: [[f64; D]; D] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j)));
+        let mut dF = [[0.0; D]; D];
+        for i in 0..D {
+            dF[i][i] = 1.0;
+        }
         for (&local, gradient) in links.local.iter().zip(links.gradient) {
             let du = &delta_d[nodes[local as usize] as usize];
             for i in 0..D {

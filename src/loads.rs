@@ -196,13 +196,15 @@ fn on_nodes<const D: usize>(links: &Connectivity<D>, at_points: &[[f64; D]]) -> 
     for group in 0..links.n_groups() {
         let nodes = links.nodes_of(group);
         for p in links.points_of(group) {
-            let of_point = links.links(p);
-            for (&local, value) in of_point.local.iter().zip(of_point.value) {
-                let node = &mut force[nodes[local as usize] as usize];
+            if at_points[p] == [0.0; D] {
+                continue; // most points, where forces act on some
+            }
+            links.for_each_value(p, |local, value| {
+                let node = &mut force[nodes[local] as usize];
                 for d in 0..D {
                     node[d] += value * at_points[p][d];
                 }
-            }
+            });
         }
     }
     ExternalForce { nodal: force, applied }

@@ -32,7 +32,8 @@ pub enum PointVolume {
 pub struct State<const D: usize> {
     /// Position x_p, [length].
     pub position: Vec<[f64; D]>,
-    /// Half lengths l_p of the domain along the axes, [length]; zero for points without domain.
+    /// Half lengths l_p of the domain along the axes, [length]; zero for points without domain, and none at all where no
+    /// point has such a domain.
     pub half_lengths: Vec<[f64; D]>,
     /// Corners of the domains given by corners, [length]; those of a point are at [`Points::corner_range`].
     pub corners: Vec<[f64; D]>,
@@ -44,6 +45,33 @@ pub struct State<const D: usize> {
     pub kirchhoff_stress: Vec<Sym3>,
     /// History variables of the law, `Points::history_len` per point.
     pub history: Vec<f64>,
+}
+
+impl<const D: usize> State<D> {
+    /// The trial state of a step that begins in this state.
+    fn in_hand(&self) -> Self {
+        State {
+            elastic_strain: self.elastic_strain.clone(),
+            kirchhoff_stress: self.kirchhoff_stress.clone(),
+            history: self.history.clone(),
+            ..State::default()
+        }
+    }
+
+    /// Exchanges what laws answer: strain, stress and history.
+    fn swap_answers(&mut self, other: &mut Self) {
+        std::mem::swap(&mut self.elastic_strain, &mut other.elastic_strain);
+        std::mem::swap(&mut self.kirchhoff_stress, &mut other.kirchhoff_stress);
+        std::mem::swap(&mut self.history, &mut other.history);
+    }
+
+    /// Forgets where points are and how they are deformed.
+    pub(crate) fn forget_motion(&mut self) {
+        self.position = Vec::new();
+        self.half_lengths = Vec::new();
+        self.corners = Vec::new();
+        self.deformation_gradient = Vec::new();
+    }
 }
 
 /// All material points of an analysis, as structure of arrays.
@@ -59,7 +87,7 @@ pub struct Points<const D: usize> {
     pub body: Vec<u16>,
     /// Original position, [length].
     pub original_position: Vec<[f64; D]>,
-    /// Original half lengths l_p0 of the domain, [length].
+    /// Original half lengths l_p0 of the domain, [length]; none where no point has such a domain.
     pub original_half_lengths: Vec<[f64; D]>,
     /// Original corners of the domains given by corners, [length]; those of a point are at [`Points::corner_range`].
     pub original_corners: Vec<[f64; D]>,
@@ -71,14 +99,15 @@ pub struct Points<const D: usize> {
     pub outer_layer: Vec<bool>,
     /// State at the end of the last equilibrated step.
     pub converged: State<D>,
-    /// State of the step in hand.
+    /// State of the step in hand. Positions, deformation and domains are there from the motion of the points at the end of
+    /// the step until it is committed, and take no memory before.
     pub trial: State<D>,
     /// Number of history variables kept per point: the most that any law needs.
     pub history_len: usize,
     /// Number of places for domain corners kept per point: the most that any of them has.
     pub corners_per_point: usize,
     /// Number of corners of the domain of the point: 2^D for quadrilaterals and hexahedra, D + 1 for triangles and
-    /// tetrahedra, none for points whose domain is not given by corners.
+    /// tetrahedra, none for points whose domain is not given by corners; no entries where there are no corners.
     pub corner_count: Vec<u8>,
     /// The cell that held the point when the points were last grouped.
     pub cell: Vec<u32>,
@@ -120,10 +149,15 @@ impl<const D: usize> Points<D> {
         for (p, seed) in seeds.iter().enumerate() {
             corners[p * corners_per_point..][..seed.corners.len()].copy_from_slice(&seed.corners);
         }
+        let half_lengths: Vec<[f64; D]> = if seeds.iter().any(|s| s.half_lengths != [0.0; D]) {
+            seeds.iter().map(|s| s.half_lengths).collect()
+        } else {
+            Vec::new()
+        };
         let state = State {
             corners: corners.clone(),
             position: seeds.iter().map(|s| s.position).collect(),
-            half_lengths: seeds.iter().map(|s| s.half_lengths).collect(),
+            half_lengths: half_lengths.clone(),
             deformation_gradient: vec![Mat3::identity(); seeds.len()],
             elastic_strain: vec![Sym3::ZERO; seeds.len()],
             kirchhoff_stress: vec![Sym3::ZERO; seeds.len()],
@@ -133,16 +167,20 @@ impl<const D: usize> Points<D> {
             id: (0..seeds.len() as u32).collect(),
             body: seeds.iter().map(|s| s.body).collect(),
             original_position: seeds.iter().map(|s| s.position).collect(),
-            original_half_lengths: seeds.iter().map(|s| s.half_lengths).collect(),
+            original_half_lengths: half_lengths,
             original_volume: seeds.iter().map(|s| s.volume).collect(),
             mass: seeds.iter().map(|s| s.mass).collect(),
             outer_layer: seeds.iter().map(|s| s.outer_layer).collect(),
-            trial: state.clone(),
+            trial: state.in_hand(),
             converged: state,
             history_len,
             original_corners: corners,
             corners_per_point,
-            corner_count: seeds.iter().map(|s| s.corners.len() as u8).collect(),
+            corner_count: if corners_per_point > 0 {
+                seeds.iter().map(|s| s.corners.len() as u8).collect()
+            } else {
+                Vec::new()
+            },
             cell: vec![0; seeds.len()],
         }
     }
@@ -159,7 +197,20 @@ impl<const D: usize> Points<D> {
 
     /// The trial state becomes the converged state.
     pub fn commit(&mut self) {
-        std::mem::swap(&mut self.converged, &mut self.trial);
+        self.converged.swap_answers(&mut self.trial);
+        let (old, new) = (&mut self.converged, &mut self.trial);
+        if new.position.len() == old.position.len() {
+            old.position = std::mem::take(&mut new.position);
+            old.half_lengths = std::mem::take(&mut new.half_lengths);
+            old.corners = std::mem::take(&mut new.corners);
+            old.deformation_gradient = std::mem::take(&mut new.deformation_gradient);
+        }
+    }
+
+    /// Half lengths of the domain of a point in the converged state, [length]; zero for points without.
+    #[inline]
+    pub fn half_lengths(&self, p: usize) -> [f64; D] {
+        self.converged.half_lengths.get(p).copied().unwrap_or([0.0; D])
     }
 
     /// Volume J V_p0 of a point in the converged state, eq. (22), [volume].
@@ -193,22 +244,29 @@ impl<const D: usize> Points<D> {
         self.body = gather(&self.body, order);
         self.cell = gather(&self.cell, order);
         self.original_position = gather(&self.original_position, order);
-        self.original_half_lengths = gather(&self.original_half_lengths, order);
+        if !self.original_half_lengths.is_empty() {
+            self.original_half_lengths = gather(&self.original_half_lengths, order);
+        }
         self.original_corners = gather_blocks(&self.original_corners, order, self.corners_per_point);
         self.original_volume = gather(&self.original_volume, order);
         self.mass = gather(&self.mass, order);
         self.outer_layer = gather(&self.outer_layer, order);
-        self.corner_count = gather(&self.corner_count, order);
+        if !self.corner_count.is_empty() {
+            self.corner_count = gather(&self.corner_count, order);
+        }
+        let state = &mut self.converged;
+        state.position = gather(&state.position, order);
+        if !state.half_lengths.is_empty() {
+            state.half_lengths = gather(&state.half_lengths, order);
+        }
+        state.corners = gather_blocks(&state.corners, order, self.corners_per_point);
+        state.deformation_gradient = gather(&state.deformation_gradient, order);
         // Into the trial state, which the step in hand has yet to write.
         let (old, new) = (&self.converged, &mut self.trial);
-        gather_into(&old.position, order, 1, &mut new.position);
-        gather_into(&old.half_lengths, order, 1, &mut new.half_lengths);
-        gather_into(&old.corners, order, self.corners_per_point, &mut new.corners);
-        gather_into(&old.deformation_gradient, order, 1, &mut new.deformation_gradient);
         gather_into(&old.elastic_strain, order, 1, &mut new.elastic_strain);
         gather_into(&old.kirchhoff_stress, order, 1, &mut new.kirchhoff_stress);
         gather_into(&old.history, order, self.history_len, &mut new.history);
-        self.commit();
+        self.converged.swap_answers(&mut self.trial);
     }
 
     /// Puts the points into another order, `id` being their permanent numbers in it, and into a converged state with the
@@ -242,7 +300,7 @@ impl<const D: usize> Points<D> {
         let order: Vec<u32> = id.iter().map(|&number| place[number as usize] as u32).collect();
         self.reorder(&order);
         self.cell = cell;
-        self.trial = state.clone();
+        self.trial = state.in_hand();
         self.converged = state;
         Ok(())
     }
@@ -251,7 +309,7 @@ impl<const D: usize> Points<D> {
     /// by corners.
     pub fn corner_range(&self, p: usize) -> std::ops::Range<usize> {
         let start = p * self.corners_per_point;
-        start..start + usize::from(self.corner_count[p])
+        start..start + self.corner_count.get(p).map_or(0, |n| usize::from(*n))
     }
 
     /// Corners of the domain of a point in the converged state; none when it is not given by corners.

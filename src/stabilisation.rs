@@ -215,12 +215,11 @@ impl HeldMaterial {
             for p in links.points_of(group) {
                 let volume = model.volume(points, p);
                 let modulus = moduli[model.bodies[points.body[p] as usize].material];
-                let of_point = links.links(p);
-                for (&local, value) in of_point.local.iter().zip(of_point.value) {
-                    let node = nodes[local as usize] as usize;
+                links.for_each_value(p, |local, value| {
+                    let node = nodes[local] as usize;
                     held.volume[node] += value * volume;
                     held.stiffness[node] += value * volume * modulus;
-                }
+                });
             }
         }
         held

@@ -6,7 +6,8 @@ use std::hint::black_box;
 use mpm::kinematics::Increment;
 use mpm::material::{Hencky, Material, NeoHookean, VonMises};
 use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid, StartOfStep};
-use mpm::tensor::{Sym3, exp_derivative, log_with_derivative, plane};
+use mpm::tensor::{Lanes, Sym3, exp_derivative, log_with_derivative, plane};
+use pulp::{Arch, Simd, WithSimd};
 
 use crate::clock::least;
 
@@ -60,8 +61,7 @@ fn functions() {
         let b: Vec<Sym3> = e.iter().map(|e| e.map_eigenvalues(|x| (2.0 * x).exp())).collect();
         if in_plane {
             row("plane: exp", |p| plane::exp(&e[p]));
-            row("plane: log", |p| plane::log(&b[p]));
-            row("plane: log and its derivative", |p| plane::log_with_derivative(&b[p]));
+            row("plane: log and its derivative", |p| plane::log_with_derivative(&plane::components(&b[p])));
         } else {
             row("space: spectral decomposition", |p| b[p].spectrum());
             row("space: exp", |p| e[p].map_eigenvalues(f64::exp));
@@ -82,19 +82,22 @@ fn laws() {
     for (name, law) in &laws {
         let law = law.as_ref();
         kernel::<2, PlaneStrain>(&format!("plane strain: stress and tangent, {name}"), law, true);
+        if law.side_by_side().is_some() {
+            side_by_side(&format!("plane strain, four side by side: stress and tangent, {name}"), law);
+        }
         kernel::<2, Axisymmetric>(&format!("axisymmetric: stress and tangent, {name}"), law, true);
         kernel::<3, Solid>(&format!("solid: stress and tangent, {name}"), law, false);
     }
 }
 
-fn kernel<const D: usize, M: Mechanics<D>>(name: &str, law: &dyn Material, in_plane: bool) {
+/// States and increments of points; the third direction of bodies of revolution is stretched.
+fn states<const D: usize>(in_plane: bool) -> (Vec<StartOfStep>, Vec<Increment<D>>) {
     let mut number = numbers();
-    let strains = strains(in_plane);
-    let starts: Vec<StartOfStep> = strains
+    let starts = strains(in_plane)
         .iter()
         .map(|e| StartOfStep { b_n: e.map_eigenvalues(|x| (2.0 * x).exp()), J_n: 1.0, volume_n: 1.0 })
         .collect();
-    let increments: Vec<Increment<D>> = (0..N)
+    let increments = (0..N)
         .map(|_| {
             let dF = std::array::from_fn(|i| {
                 std::array::from_fn(|j| f64::from(u8::from(i == j)) + 0.05 * number())
@@ -102,6 +105,11 @@ fn kernel<const D: usize, M: Mechanics<D>>(name: &str, law: &dyn Material, in_pl
             Increment { hoop: 1.02, radius: 1.0, ..Increment::of(dF) }
         })
         .collect();
+    (starts, increments)
+}
+
+fn kernel<const D: usize, M: Mechanics<D>>(name: &str, law: &dyn Material, in_plane: bool) {
+    let (starts, increments) = states::<D>(in_plane);
     let old = vec![0.0; law.state_fields().len()];
     let mut new = old.clone();
     if M::respond_isotropic(&starts[0], &increments[0], law).is_some() {
@@ -109,4 +117,35 @@ fn kernel<const D: usize, M: Mechanics<D>>(name: &str, law: &dyn Material, in_pl
     } else {
         row(name, |p| M::respond(&starts[p], &increments[p], law, &old, &mut new));
     }
+}
+
+/// Points in the plane, four at a time, with the vector instructions of the machine.
+struct All<'a> {
+    starts: &'a [StartOfStep],
+    increments: &'a [Increment<2>],
+    law: &'a dyn Material,
+}
+
+impl WithSimd for All<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let mut history = vec![Lanes::ZERO; self.law.state_fields().len()];
+        for (starts, increments) in self.starts.as_chunks().0.iter().zip(self.increments.as_chunks().0) {
+            let [a, b, c, d] = starts;
+            history.fill(Lanes::ZERO);
+            black_box(PlaneStrain::respond_side_by_side([a, b, c, d], increments, self.law, &mut history));
+        }
+    }
+}
+
+fn side_by_side(name: &str, law: &dyn Material) {
+    let (starts, increments) = states::<2>(true);
+    let seconds = least(|| {
+        for _ in 0..TIMES {
+            Arch::new().dispatch(All { starts: &starts, increments: &increments, law });
+        }
+    });
+    println!("| {name} | {:.1} |", seconds * 1e9 / (N * TIMES) as f64);
 }

@@ -164,13 +164,11 @@ impl Example {
         let broken = "a deck of this repository can be built";
         match self.deck {
             "block/block.yaml" if self.law[1] == NEO_HOOKEAN => {
-                measure::<3, Solid>(Kernel::Isotropic, build(&deck).expect(broken), spacing)
+                measure::<3, Solid>(Kernel::Isotropic, build(&deck).expect(broken))
             }
-            "block/block.yaml" => measure::<3, Solid>(Kernel::Solid, build(&deck).expect(broken), spacing),
-            "cylinder.yaml" => {
-                measure::<2, Axisymmetric>(Kernel::Revolved, build(&deck).expect(broken), spacing)
-            }
-            _ => measure::<2, PlaneStrain>(Kernel::Plane, build(&deck).expect(broken), spacing),
+            "block/block.yaml" => measure::<3, Solid>(Kernel::Solid, build(&deck).expect(broken)),
+            "cylinder.yaml" => measure::<2, Axisymmetric>(Kernel::Revolved, build(&deck).expect(broken)),
+            _ => measure::<2, PlaneStrain>(Kernel::Plane, build(&deck).expect(broken)),
         }
     }
 }
@@ -178,9 +176,8 @@ impl Example {
 fn measure<const D: usize, M: Mechanics<D>>(
     kernel: Kernel,
     (model, mut points): (Model<D>, Points<D>),
-    spacing: f64,
 ) -> Measured {
-    shift(model.grid.as_ref(), &mut points, spacing);
+    shrink(model.grid.as_ref(), &mut points);
     let methods: Vec<Method> = model.bodies.iter().map(|b| b.method).collect();
     let grid = model.grid.as_ref();
     let mut kept = Some(Connectivity::new(grid, &mut points, &methods).expect("points lie in the grid"));
@@ -231,18 +228,17 @@ fn measure<const D: usize, M: Mechanics<D>>(
     }
 }
 
-/// Moves all points by a part of a cell, so that domains do not end at its sides, as in no step but the first.
-fn shift<const D: usize>(grid: &dyn Grid<D>, points: &mut Points<D>, spacing: f64) {
-    let [_, high] = grid.bounds();
-    let parts = [0.37, 0.21, 0.43];
-    for d in 0..D {
-        let top = points.converged.position.iter().fold(f64::NEG_INFINITY, |top, x| top.max(x[d]));
-        let room = high[d] - top > spacing;
-        let by = if room { parts[d] * spacing } else { -parts[d] * spacing };
-        for x in points.converged.position.iter_mut().chain(&mut points.converged.corners) {
-            x[d] += by;
+/// Shrinks the bodies towards the lowest corner of the grid, so that domains do not end at the sides of cells, as in no
+/// step but the first.
+fn shrink<const D: usize>(grid: &dyn Grid<D>, points: &mut Points<D>) {
+    const BY: f64 = 0.96;
+    let [low, _] = grid.bounds();
+    for x in points.converged.position.iter_mut().chain(&mut points.converged.corners) {
+        for d in 0..D {
+            x[d] = low[d] + BY * (x[d] - low[d]);
         }
     }
+    points.converged.half_lengths.iter_mut().flatten().for_each(|l| *l *= BY);
 }
 
 /// Displacement that strains the bodies by up to three parts in a hundred, von Mises points of the examples beyond yield

@@ -2,7 +2,8 @@
 
 use super::Block;
 use crate::basis::Links;
-use crate::stress::{Lanes, WeakForm};
+use crate::stress::WeakForm;
+use crate::tensor::Lanes;
 
 /// The dense stiffness of a group, to which its points add.
 pub(super) trait Dense<const D: usize> {
@@ -38,6 +39,48 @@ impl<const D: usize> Dense<D> for Triangle<'_, D> {
                 let row = local[a] as usize;
                 let gradient = weak.gradient(&gradients[a], value[a]);
                 W::add_block(&column, &gradient, &mut self.0[row * (row + 1) / 2 + column_node]);
+            }
+        }
+    }
+}
+
+/// The same of a group in the plane whose points all touch its `N` nodes, as standard points do: with everything in
+/// its place, a block is one vector of numbers, and there is nothing to look up.
+pub(super) struct Whole<const D: usize, const N: usize> {
+    /// `[b][a]`, b the column.
+    blocks: [[Block<D>; N]; N],
+}
+
+impl<const D: usize, const N: usize> Whole<D, N> {
+    pub fn zero() -> Self {
+        Whole { blocks: [[[[0.0; D]; D]; N]; N] }
+    }
+
+    /// Writes the blocks in the order of [`Triangle`].
+    pub fn store(&self, blocks: &mut [Block<D>]) {
+        for a in 0..N {
+            for b in 0..=a {
+                blocks[a * (a + 1) / 2 + b] = self.blocks[b][a];
+            }
+        }
+    }
+}
+
+impl<const D: usize, const N: usize> Dense<D> for Whole<D, N> {
+    #[inline(always)]
+    fn add<W: WeakForm<D>>(
+        &mut self,
+        weak: &W,
+        links: &Links<D>,
+        gradients: &[[f64; D]],
+        force: &mut [[f64; D]],
+    ) {
+        let (value, gradients, force) = (&links.value[..N], &gradients[..N], &mut force[..N]);
+        for b in 0..N {
+            let column = weak.column(&weak.gradient(&gradients[b], value[b]), &mut force[b]);
+            for a in b..N {
+                let gradient = weak.gradient(&gradients[a], value[a]);
+                W::add_block(&column, &gradient, &mut self.blocks[b][a]);
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::factors::{Form, multiply};
 use super::{Basis, Method, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
 use crate::points::Points;
@@ -11,6 +12,17 @@ const PIECE: usize = 16;
 
 /// Number of pieces that are linked before they are put together, while they are still in the cache.
 const ROUND: usize = 32;
+
+/// Number of points, as a power of two, whose starts are told from a common one.
+const BLOCK: u32 = 12;
+
+/// Where the numbers of the first point of a block start, whichever they are.
+#[derive(Debug, Clone, Copy)]
+struct Block {
+    link: usize,
+    factor: usize,
+    local: usize,
+}
 
 /// Marks a grid node that no point touches.
 const INACTIVE: u32 = u32::MAX;
@@ -25,12 +37,24 @@ pub struct Connectivity<const D: usize> {
     group_points: Vec<usize>,
     group_node_start: Vec<usize>,
     group_nodes: Vec<u32>,
-    link_start: Vec<usize>,
+    /// Whether all points of a group touch all its nodes.
+    whole: Vec<bool>,
+    /// Where the numbers of each point start: in `value` and `gradient`, or in `factor`.
+    start: Vec<u32>,
+    form: Vec<Form>,
     /// Where the places of the nodes of each point start in `local`; neighbours that touch the same nodes share them.
-    local_start: Vec<usize>,
+    local_start: Vec<u32>,
+    /// What is to be added to these starts, for each block of points.
+    blocks: Vec<Block>,
     local: Vec<u32>,
     value: Vec<f64>,
     gradient: Vec<[f64; D]>,
+    /// In space, what the values and gradients of points on a regular grid are products of. In the plane the products are
+    /// kept: they are hardly more than their factors.
+    factor: Vec<f64>,
+    /// 1/h of a regular grid along each axis, [1/length].
+    per_length: Vec<f64>,
+    n_links: usize,
     active_nodes: Vec<u32>,
     active_of: Vec<u32>,
     active_cells: Vec<u32>,
@@ -54,6 +78,14 @@ pub struct Links<'a, const D: usize> {
     pub value: &'a [f64],
     /// ∂S_vp/∂X̃, [1/length].
     pub gradient: &'a [[f64; D]],
+}
+
+/// Where the values and gradients of one point are multiplied out: as many places as its group has nodes.
+pub struct Room<'a, const D: usize> {
+    /// For S_vp.
+    pub value: &'a mut [f64],
+    /// For ∂S_vp/∂X̃.
+    pub gradient: &'a mut [[f64; D]],
 }
 
 impl<const D: usize> Connectivity<D> {
@@ -80,6 +112,9 @@ impl<const D: usize> Connectivity<D> {
         methods: &[Method],
     ) -> Result<Self, SupportFailure> {
         self.clear();
+        if let Some(grid) = grid.structured() {
+            self.per_length.extend(grid.spacing().map(|h| 1.0 / h));
+        }
         let group_points = points
             .group_by_cell(grid)
             .map_err(|point| SupportFailure { point, error: SupportError::OffGrid })?;
@@ -102,7 +137,6 @@ impl<const D: usize> Connectivity<D> {
         }
         all.group_points = group_points;
         all.group_node_start.push(all.group_nodes.len());
-        all.link_start.push(all.value.len());
         all.number_active_nodes(grid.n_nodes());
         all.active_cells.sort_unstable();
         all.active_cells.dedup();
@@ -113,25 +147,50 @@ impl<const D: usize> Connectivity<D> {
     fn clear(&mut self) {
         self.group_node_start.clear();
         self.group_nodes.clear();
-        self.link_start.clear();
+        self.whole.clear();
+        self.start.clear();
+        self.form.clear();
         self.local_start.clear();
+        self.blocks.clear();
         self.local.clear();
         self.value.clear();
         self.gradient.clear();
+        self.factor.clear();
+        self.per_length.clear();
+        self.n_links = 0;
         self.active_nodes.clear();
         self.active_of.clear();
         self.active_cells.clear();
     }
 
     fn append(&mut self, piece: Piece<D>) {
-        let (nodes, links, places) = (self.group_nodes.len(), self.value.len(), self.local.len());
+        let (nodes, places) = (self.group_nodes.len(), self.local.len());
+        let (links, factors) = (self.value.len(), self.factor.len());
         self.group_node_start.extend(piece.group_node_start.iter().map(|s| s + nodes));
         self.group_nodes.extend(piece.group_nodes);
-        self.link_start.extend(piece.link_start.iter().map(|s| s + links));
-        self.local_start.extend(piece.local_start.iter().map(|s| s + places));
+        self.whole.extend(piece.whole);
+        // Where the numbers of each kind go on. Places are shared within a group, not only one after the other.
+        let mut next = Block { link: links, factor: factors, local: places };
+        for ((&start, form), &local) in piece.start.iter().zip(&piece.form).zip(&piece.local_start) {
+            let kept_as_they_are = form.is_as_they_are();
+            let begin = if kept_as_they_are { &mut next.link } else { &mut next.factor };
+            *begin = start + if kept_as_they_are { links } else { factors };
+            let begin = *begin;
+            if self.start.len().is_multiple_of(1 << BLOCK) {
+                self.blocks.push(next);
+            }
+            let block = self.blocks[self.start.len() >> BLOCK];
+            let from = if kept_as_they_are { block.link } else { block.factor };
+            // Within a block they are few: a point reaches some hundred nodes at most.
+            self.start.push((begin - from) as u32);
+            self.local_start.push((local + places - block.local) as u32);
+        }
+        self.n_links += piece.form.iter().map(|form| form.nodes::<D>()).sum::<usize>();
+        self.form.extend(piece.form);
         self.local.extend(piece.local);
         self.value.extend(piece.value);
         self.gradient.extend(piece.gradient);
+        self.factor.extend(piece.factor);
         self.active_cells.extend(piece.cells);
     }
 
@@ -167,33 +226,56 @@ impl<const D: usize> Connectivity<D> {
         &self.group_nodes[self.group_node_start[group]..self.group_node_start[group + 1]]
     }
 
+    /// Places of the nodes of a point in the node list of its group, ascending.
+    #[inline(always)]
+    pub fn places(&self, point: usize) -> &[u32] {
+        let start = self.blocks[point >> BLOCK].local + self.local_start[point] as usize;
+        &self.local[start..][..self.form[point].nodes::<D>()]
+    }
+
     /// The links of a point.
-    #[inline]
-    pub fn links(&self, point: usize) -> Links<'_, D> {
-        let range = self.link_start[point]..self.link_start[point + 1];
-        Links {
-            local: &self.local[self.local_start[point]..][..range.len()],
-            value: &self.value[range.clone()],
-            gradient: &self.gradient[range],
+    #[inline(always)]
+    pub fn links<'a>(&'a self, point: usize, room: &'a mut Room<'_, D>) -> Links<'a, D> {
+        let local = self.places(point);
+        let (block, start) = (&self.blocks[point >> BLOCK], self.start[point] as usize);
+        if D < 3 || self.form[point].is_as_they_are() {
+            let range = block.link + start..block.link + start + local.len();
+            return Links { local, value: &self.value[range.clone()], gradient: &self.gradient[range] };
+        }
+        let (value, gradient) = (&mut room.value[..local.len()], &mut room.gradient[..local.len()]);
+        multiply(self.form[point], &self.factor[block.factor + start..], &self.per_length(), value, gradient);
+        Links { local, value, gradient }
+    }
+
+    /// Calls `visit` with the place of each node of a point in the node list of its group, and S_vp.
+    pub fn for_each_value(&self, point: usize, mut visit: impl FnMut(usize, f64)) {
+        const FEW: usize = 64;
+        let n = self.places(point).len();
+        let (mut value, mut gradient) = ([0.0; FEW], [[0.0; D]; FEW]);
+        // Points with more nodes are kept as they are and need no room.
+        let mut room = Room { value: &mut value[..n.min(FEW)], gradient: &mut gradient[..n.min(FEW)] };
+        let links = self.links(point, &mut room);
+        for (&local, value) in links.local.iter().zip(links.value) {
+            visit(local as usize, *value);
         }
     }
 
-    /// Number of links before a point: where its first link stands in arrays that run over all links.
-    pub fn link_start(&self, point: usize) -> usize {
-        self.link_start[point]
+    #[inline(always)]
+    fn per_length(&self) -> [f64; D] {
+        let mut per_length = [0.0; D];
+        per_length.copy_from_slice(&self.per_length);
+        per_length
     }
 
     /// Number of links of all points.
     pub fn n_links(&self) -> usize {
-        self.value.len()
+        self.n_links
     }
 
     /// Whether all points of a group touch all its nodes.
     #[inline]
     pub fn is_whole(&self, group: usize) -> bool {
-        let points = self.points_of(group);
-        let n_links = self.link_start[points.end] - self.link_start[points.start];
-        n_links == points.len() * self.nodes_of(group).len()
+        self.whole[group]
     }
 
     /// Number of active nodes.
@@ -227,7 +309,7 @@ impl<const D: usize> Connectivity<D> {
             let nodes = self.nodes_of(group);
             let mut last: &[u32] = &[];
             for p in self.points_of(group) {
-                let local = self.links(p).local;
+                let local = self.places(p);
                 if local == last {
                     continue; // neighbours in a cell mostly touch the same nodes
                 }
@@ -255,11 +337,14 @@ impl<const D: usize> Connectivity<D> {
 struct Piece<const D: usize> {
     group_node_start: Vec<usize>,
     group_nodes: Vec<u32>,
-    link_start: Vec<usize>,
+    whole: Vec<bool>,
+    start: Vec<usize>,
+    form: Vec<Form>,
     local_start: Vec<usize>,
     local: Vec<u32>,
     value: Vec<f64>,
     gradient: Vec<[f64; D]>,
+    factor: Vec<f64>,
     cells: Vec<u32>,
 }
 
@@ -277,33 +362,111 @@ impl<const D: usize> Piece<D> {
         for range in groups.windows(2).map(|w| w[0]..w[1]) {
             touched.clear();
             nodes.clear();
-            for p in range {
+            let mut n_links = 0;
+            for p in range.clone() {
+                let half_lengths = points.half_lengths(p);
                 let basis: &dyn Basis<D> = methods[points.body[p] as usize].basis();
                 let point = PointGeometry {
                     cell: points.cell[p],
                     position: &points.converged.position[p],
-                    half_lengths: &points.converged.half_lengths[p],
+                    half_lengths: &half_lengths,
                     corners: points.corners(p),
                 };
                 basis
                     .support(grid, &point, &mut support)
                     .map_err(|error| SupportFailure { point: p, error })?;
-                piece.link_start.push(piece.value.len());
+                n_links += support.nodes.len();
+                match (&support.factors, grid.structured()) {
+                    (Some(factors), Some(grid)) => {
+                        piece.start.push(piece.factor.len());
+                        let per_length = grid.spacing().map(|h| 1.0 / h);
+                        piece.form.push(factors.keep(&per_length, &mut piece.factor));
+                    }
+                    _ => {
+                        piece.start.push(piece.value.len());
+                        piece.form.push(Form::as_they_are(support.nodes.len()));
+                        piece.value.extend_from_slice(&support.value);
+                        piece.gradient.extend_from_slice(&support.gradient);
+                    }
+                }
                 if !touched.ends_with(&support.nodes) {
                     nodes.extend_from_slice(&support.nodes);
                     piece.cells.extend_from_slice(&support.cells);
                     touched.extend_from_slice(&support.nodes);
                 }
                 piece.local_start.push(piece.local.len() + touched.len() - support.nodes.len());
-                piece.value.extend_from_slice(&support.value);
-                piece.gradient.extend_from_slice(&support.gradient);
             }
             piece.group_node_start.push(piece.group_nodes.len());
             nodes.sort_unstable();
             nodes.dedup();
             piece.local.extend(touched.iter().map(|n| nodes.partition_point(|m| m < n) as u32));
             piece.group_nodes.extend_from_slice(&nodes);
+            piece.whole.push(n_links == range.len() * nodes.len());
         }
         Ok(piece)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::Structured;
+    use crate::points::Seed;
+
+    /// Many points of two methods, some with domains that end at the sides of cells, so that their nodes are among those of
+    /// their neighbours.
+    fn check<const D: usize>(grid: &Structured<D>, n: usize) {
+        let methods = [Method::Mpm, Method::Gimp];
+        let mut state = 1u64;
+        let mut next = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let seeds: Vec<Seed<D>> = (0..n)
+            .map(|k| Seed {
+                body: (k % 2) as u16,
+                position: std::array::from_fn(|_| 0.5 + 2.0 * (8.0 * next()).floor() / 8.0 + 0.125),
+                half_lengths: if k % 2 == 0 { [0.0; D] } else { [0.125; D] },
+                corners: Vec::new(),
+                volume: 1.0,
+                mass: 1.0,
+                outer_layer: false,
+                history: Vec::new(),
+            })
+            .collect();
+        let mut points = Points::new(&seeds);
+        let links = Connectivity::new(grid, &mut points, &methods).unwrap();
+        let mut support = Support::default();
+        let mut total = 0;
+        for group in 0..links.n_groups() {
+            let nodes = links.nodes_of(group);
+            let (mut value, mut gradient) = (vec![0.0; nodes.len()], vec![[0.0; D]; nodes.len()]);
+            let mut room = Room { value: &mut value, gradient: &mut gradient };
+            let mut whole = true;
+            for p in links.points_of(group) {
+                let point = PointGeometry {
+                    cell: points.cell[p],
+                    position: &points.converged.position[p],
+                    half_lengths: &points.half_lengths(p),
+                    corners: &[],
+                };
+                methods[points.body[p] as usize].basis().support(grid, &point, &mut support).unwrap();
+                let found = links.links(p, &mut room);
+                let touched: Vec<u32> =
+                    found.local.iter().map(|l| links.active_nodes()[nodes[*l as usize] as usize]).collect();
+                assert_eq!(touched, support.nodes, "point {p}");
+                assert_eq!((found.value, found.gradient), (&support.value[..], &support.gradient[..]));
+                whole &= touched.len() == nodes.len();
+                total += touched.len();
+            }
+            assert_eq!(links.is_whole(group), whole);
+        }
+        assert_eq!(links.n_links(), total);
+    }
+
+    #[test]
+    fn links_are_those_of_the_basis() {
+        check(&Structured::<2>::new([0.0; 2], [0.5; 2], [6, 6]), 20_000);
+        check(&Structured::<3>::new([0.0; 3], [0.5; 3], [6, 6, 6]), 20_000);
     }
 }

@@ -1,5 +1,6 @@
 //! The generalised interpolation material point method (Bardenhagen and Kober, 2004) on a regular grid.
 
+use super::factors::Factors;
 use super::{Basis, PointGeometry, Support, SupportError};
 use crate::grid::{Grid, Structured};
 
@@ -19,7 +20,11 @@ impl<const D: usize> Basis<D> for Gimp {
         for d in 0..D {
             axes[d] = mean_hats(grid, d, point.position[d], point.half_lengths[d]);
         }
-        tensor_product(grid, &std::array::from_fn(|d| (axes[d].0, axes[d].1.entries())), out);
+        let axes = std::array::from_fn(|d| (axes[d].0, axes[d].1.entries()));
+        tensor_product(grid, &axes, out);
+        if D > 2 {
+            out.factors = Factors::new(&axes);
+        }
         Ok(())
     }
 }

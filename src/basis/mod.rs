@@ -2,6 +2,7 @@
 
 mod connectivity;
 mod cpdi;
+mod factors;
 mod gimp;
 mod mpm;
 
@@ -10,7 +11,9 @@ use serde::{Deserialize, Serialize};
 use crate::grid::Grid;
 use crate::points::coordinates;
 
-pub use connectivity::{Connectivity, Links, SupportFailure};
+use factors::Factors;
+
+pub use connectivity::{Connectivity, Links, Room, SupportFailure};
 pub use cpdi::{CORNER_MARGIN, Cpdi, check_domain, domain_volume, nearest_with_distance};
 pub use gimp::Gimp;
 pub use mpm::Mpm;
@@ -97,6 +100,8 @@ pub struct Support<const D: usize> {
     pub gradient: Vec<[f64; D]>,
     /// Cells that the point or its domain meets, in no order, perhaps repeated.
     pub cells: Vec<u32>,
+    /// What the values and gradients are products of, where they are.
+    factors: Option<Factors<D>>,
 }
 
 impl<const D: usize> Support<D> {
@@ -106,6 +111,7 @@ impl<const D: usize> Support<D> {
         self.value.clear();
         self.gradient.clear();
         self.cells.clear();
+        self.factors = None;
     }
 
     /// Adds to the value and gradient of a node.

@@ -1,5 +1,6 @@
 //! The standard material point method: the finite element basis at the position of the point.
 
+use super::factors::Factors;
 use super::{Basis, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
 
@@ -17,6 +18,13 @@ impl<const D: usize> Basis<D> for Mpm {
         out.clear();
         out.cells.push(point.cell);
         let basis = grid.basis_at(point.cell, point.position);
+        if D > 2
+            && let Some(grid) = grid.structured()
+        {
+            let base = grid.cell_index(point.cell as usize);
+            let xi = std::array::from_fn(|d| grid.cell_coordinate(d, point.position[d]) - base[d] as f64);
+            out.factors = Some(Factors::in_cell(&xi, &grid.spacing().map(|h| 1.0 / h)));
+        }
         if basis.nodes().is_sorted() {
             out.nodes.extend_from_slice(basis.nodes());
             out.value.extend_from_slice(basis.value());

@@ -12,7 +12,7 @@ use crate::memory::{Bound, Memory, in_words};
 use crate::region::{Accuracy, Region};
 
 /// Memory of the program itself, [byte].
-const PROGRAM: f64 = 10e6;
+const PROGRAM: f64 = 16e6;
 /// Memory per grid node, [byte].
 const PER_NODE: f64 = 10.0;
 /// Memory of the stiffness and of the preconditioner for an iterative solution per unknown, [byte], with points that
@@ -29,15 +29,15 @@ const MUCH: f64 = 0.8;
 fn costs<const D: usize>(method: Method) -> (f64, f64, f64) {
     if D > 2 {
         return match method {
-            Method::Mpm => (1300.0, 400.0, 290.0),
-            Method::Gimp => (1400.0, 1000.0, 720.0),
-            Method::Cpdi1 | Method::Cpdi2 => (2000.0, 1100.0, 720.0),
+            Method::Mpm => (550.0, 550.0, 290.0),
+            Method::Gimp => (950.0, 760.0, 720.0),
+            Method::Cpdi1 | Method::Cpdi2 => (2150.0, 750.0, 720.0),
         };
     }
     match method {
-        Method::Mpm => (950.0, 750.0, 120.0),
-        Method::Gimp => (950.0, 1000.0, 290.0),
-        Method::Cpdi1 | Method::Cpdi2 => (1160.0, 1250.0, 290.0),
+        Method::Mpm => (900.0, 650.0, 120.0),
+        Method::Gimp => (1000.0, 700.0, 290.0),
+        Method::Cpdi1 | Method::Cpdi2 => (1200.0, 850.0, 290.0),
     }
 }
 

@@ -59,7 +59,7 @@ impl<const D: usize> Structured<D> {
     /// Position in units of cells from the lowest corner, along one axis; snapped to a grid line that it lies on.
     pub fn cell_coordinate(&self, axis: usize, x: f64) -> f64 {
         let xi = (x - self.origin[axis]) / self.spacing[axis];
-        let line = xi.round();
+        let line = nearest_whole(xi);
         if (xi - line).abs() < ON_LINE { line } else { xi }
     }
 
@@ -101,6 +101,14 @@ impl<const D: usize> Structured<D> {
         });
         indices(ranges).map(|index| self.cell(index))
     }
+}
+
+/// The nearest whole number of one below 2⁵¹ in size, by what round-off does beyond 2⁵²: without the call that older
+/// sets of instructions need.
+#[inline]
+fn nearest_whole(x: f64) -> f64 {
+    const SHIFT: f64 = 6_755_399_441_055_744.0; // 1.5 × 2⁵²
+    (x + SHIFT) - SHIFT
 }
 
 /// All places with indices in these ranges, first axis fastest.
@@ -170,7 +178,10 @@ impl<const D: usize> Grid<D> for Structured<D> {
         let xi: [f64; D] = std::array::from_fn(|d| self.cell_coordinate(d, position[d]) - base[d] as f64);
         let mut basis = CellBasis::default();
         let hats = xi.map(|xi| [1.0 - xi, xi]);
-        let slopes = self.spacing.map(|h| [-1.0 / h, 1.0 / h]);
+        let slopes = self.spacing.map(|h| {
+            let slope = 1.0 / h;
+            [-slope, slope]
+        });
         for corner in 0..1usize << D {
             let upper = |d: usize| corner >> d & 1;
             let (hat, slope) = (|d: usize| hats[d][upper(d)], |d: usize| slopes[d][upper(d)]);

@@ -124,20 +124,18 @@ impl LinearSolver for Direct {
         self.kind = None;
         self.suspect = None;
         self.shifted = false;
-        let kind = if self.pattern.n == 0 || self.pattern.symmetric && self.factorise_llt(values)? {
+        self.values.clear();
+        self.values.extend_from_slice(values);
+        // A matrix that so little makes positive definite is singular to working precision: the sign of its least pivot,
+        // and how far LDLᵀ would carry weak unknowns, are round-off.
+        let definite = self.pattern.n == 0
+            || self.pattern.symmetric && (self.factorise_llt(values)? || self.factorise_shifted()?);
+        let kind = if definite {
             Factorisation::Cholesky
+        } else if self.pattern.symmetric {
+            self.factorise_ldlt()?
         } else {
-            // What follows may need them again.
-            self.values.clear();
-            self.values.extend_from_slice(values);
-            if self.pattern.symmetric {
-                match self.factorise_ldlt() {
-                    Err(LinearError::Singular { .. }) if self.factorise_shifted()? => Factorisation::Cholesky,
-                    other => other?,
-                }
-            } else {
-                self.factorise_lu()?
-            }
+            self.factorise_lu()?
         };
         self.kind = Some(kind);
         Ok(kind)
@@ -148,19 +146,11 @@ impl LinearSolver for Direct {
             return Ok(());
         }
         let solved = match self.kind {
-            Some(Factorisation::Cholesky) if self.shifted => self.solve_shifted(rhs),
-            Some(Factorisation::Ldlt | Factorisation::Lu) if self.pattern.symmetric => {
+            Some(_) if self.pattern.symmetric => {
                 let given = rhs.to_vec();
-                self.back_substitute(rhs);
-                // No pivoting took place: believe the solution only if it solves the system.
-                if self.kind == Some(Factorisation::Ldlt) && self.residual(&given, rhs) > UNPIVOTED_RESIDUAL {
-                    self.factorise_lu()?;
-                    self.kind = Some(Factorisation::Lu);
+                if !(self.shifted && self.solve_shifted(rhs)) {
                     rhs.copy_from_slice(&given);
-                    self.back_substitute(rhs);
-                }
-                if self.is_lost(rhs) {
-                    self.find(rhs, &given)?;
+                    self.solve_unshifted(rhs)?;
                 }
                 true
             }
@@ -194,6 +184,28 @@ impl Direct {
             Default::default(),
         );
         Ok(llt.is_ok())
+    }
+
+    /// Replaces the right-hand side of symmetric equations by their solution.
+    fn solve_unshifted(&mut self, rhs: &mut [f64]) -> Result<(), LinearError> {
+        let given = rhs.to_vec();
+        if self.shifted {
+            // Something loads what nothing resists, or nearly so.
+            self.shifted = false;
+            self.kind = Some(self.factorise_ldlt()?);
+        }
+        self.back_substitute(rhs);
+        // No pivoting took place: believe the solution only if it solves the system.
+        if self.kind == Some(Factorisation::Ldlt) && self.residual(&given, rhs) > UNPIVOTED_RESIDUAL {
+            self.factorise_lu()?;
+            self.kind = Some(Factorisation::Lu);
+            rhs.copy_from_slice(&given);
+            self.back_substitute(rhs);
+        }
+        if self.is_lost(rhs) {
+            self.find(rhs, &given)?;
+        }
+        Ok(())
     }
 
     /// The diagonal entry below which an unknown is weak.
@@ -230,10 +242,17 @@ impl Direct {
         }
         self.shifted = false;
         self.kind = kind;
-        if kind == Some(Factorisation::Ldlt) {
-            self.factorise_ldlt()?; // its place was taken
+        // Its place was taken.
+        match kind {
+            Some(Factorisation::Cholesky) => {
+                let values = std::mem::take(&mut self.values);
+                let outcome = self.factorise_llt(&values);
+                self.values = values;
+                outcome.map(|_| ())
+            }
+            Some(Factorisation::Ldlt) => self.factorise_ldlt().map(|_| ()),
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// Replaces the right-hand side by the solution with the factor of the shifted matrix; whether it solves the equations.

@@ -1,7 +1,7 @@
 //! Hencky elasticity.
 
-use super::{Elasticity, Material, MaterialError, Response, StateField};
-use crate::tensor::{Sym3, Tangent};
+use super::{Elasticity, Material, MaterialError, Response, ShortResponse, SideBySide, StateField};
+use crate::tensor::{Lane, Lanes, Sym3, Tangent};
 
 /// Hencky elasticity: Kirchhoff stress linear in the elastic logarithmic strain (section 2).
 #[derive(Debug, Clone)]
@@ -31,7 +31,24 @@ impl Material for Hencky {
         Ok(Response { tau, elastic_strain: *trial, tangent: self.tangent })
     }
 
+    fn side_by_side(&self) -> Option<&dyn SideBySide> {
+        Some(self)
+    }
+
     fn energy(&self, elastic_strain: &Sym3) -> f64 {
         self.elasticity.energy(elastic_strain)
+    }
+}
+
+impl SideBySide for Hencky {
+    fn respond(&self, trial: &[Lanes; 4], _history: &mut [Lanes]) -> ShortResponse<Lanes, 4> {
+        ShortResponse {
+            tau: self.elasticity.stress_components(trial),
+            elastic_strain: *trial,
+            lambda: Lanes::splat(self.elasticity.lambda()),
+            mu: Lanes::splat(self.elasticity.shear),
+            along: Lanes::ZERO,
+            n: [Lanes::ZERO; 4],
+        }
     }
 }

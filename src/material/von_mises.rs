@@ -1,7 +1,7 @@
 //! Von Mises plasticity.
 
-use super::{Elasticity, Material, MaterialError, Response, StateField};
-use crate::tensor::{Sym3, Tangent, dyad};
+use super::{Elasticity, Material, MaterialError, Response, ShortResponse, SideBySide, StateField};
+use crate::tensor::{Lane, Lanes, Sym3, Tangent, dyad};
 
 /// A stress this little beyond the yield surface, relative to its radius, is still elastic.
 ///
@@ -40,6 +40,66 @@ impl VonMises {
     }
 }
 
+/// What the return mapping finds.
+struct Returned<T, const N: usize> {
+    short: ShortResponse<T, N>,
+    /// Norm of the trial deviator, [stress].
+    rho: T,
+    /// |Δε^p|, [-].
+    flow: T,
+}
+
+impl VonMises {
+    /// Radial return: the trial deviator s = 2 G dev(ε) is scaled back along n = s/|s| by the flow |Δε^p|, with
+    /// |s| − 2 G |Δε^p| = ρ_y + H κ =: ρ and h = √(2/3) H the growth of ρ per |Δε^p|;
+    /// D^alg = K I⊗I + 2 G (ρ/|s|) (𝟙_dev − n⊗n) + (2 G h/(2 G + h)) n⊗n. `kappa` is replaced by its new value.
+    #[inline(always)]
+    fn radial_return<T: Lane, const N: usize>(&self, trial: &[T; N], kappa: &mut T) -> Returned<T, N> {
+        let Elasticity { bulk, shear } = self.elasticity;
+        let (zero, one) = (T::splat(0.0), T::splat(1.0));
+        let trace = trial[0] + trial[1] + trial[2];
+        let mut s = *trial;
+        for normal in &mut s[..3] {
+            *normal = *normal - trace * (1.0 / 3.0);
+        }
+        let mut square = zero;
+        for x in &mut s {
+            *x = *x * (2.0 * shear);
+            square += *x * *x;
+        }
+        let rho = square.sqrt();
+        let reached = *kappa * self.hardening + T::splat(self.yield_radius);
+        let limit = reached * (1.0 + ON_SURFACE);
+        let where_elastic = |yes: T, no: T| rho.where_below(limit, yes, no);
+
+        let growth = EQUIVALENT * self.hardening;
+        let flow = where_elastic(zero, (rho - reached) / T::splat(2.0 * shear + growth)); // |Δε^p|
+        let per_rho = where_elastic(zero, one / rho);
+        let ratio = where_elastic(one, (reached + flow * growth) * per_rho); // ρ/|s|
+        let n = s.map(|x| x * per_rho);
+        let mut tau = s.map(|x| x * ratio);
+        for normal in &mut tau[..3] {
+            *normal += trace * bulk;
+        }
+        let mut elastic_strain = *trial;
+        for (e, n) in elastic_strain.iter_mut().zip(&n) {
+            *e = *e - *n * flow;
+        }
+        *kappa += flow * EQUIVALENT;
+        let mu = ratio * shear;
+        let kept = T::splat(2.0 * shear * growth / (2.0 * shear + growth));
+        let short = ShortResponse {
+            tau,
+            elastic_strain,
+            lambda: T::splat(bulk) - mu * (2.0 / 3.0),
+            mu,
+            along: where_elastic(zero, mu * 2.0 - kept),
+            n,
+        };
+        Returned { short, rho, flow }
+    }
+}
+
 /// √(2/3): growth of the equivalent plastic strain per norm of the plastic strain.
 const EQUIVALENT: f64 = 0.816_496_580_927_726;
 
@@ -48,35 +108,24 @@ impl Material for VonMises {
         &[StateField { name: "equivalent_plastic_strain", unit: "-", initial: 0.0 }]
     }
 
-    /// Radial return: the trial deviator s = 2 G dev(ε) is scaled back along n = s/|s| by the flow |Δε^p|, with
-    /// |s| − 2 G |Δε^p| = ρ_y + H κ =: ρ and h = √(2/3) H the growth of ρ per |Δε^p|;
-    /// D^alg = K I⊗I + 2 G (ρ/|s|) (𝟙_dev − n⊗n) + (2 G h/(2 G + h)) n⊗n.
     fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
-        let Elasticity { bulk, shear } = self.elasticity;
-        let s = trial.deviator() * (2.0 * shear);
-        let rho = s.norm();
+        new.copy_from_slice(old);
+        let Returned { short, rho, flow } = self.radial_return(&trial.0, &mut new[0]);
         if !(rho + trial.trace()).is_finite() {
             return Err(MaterialError::NotFinite);
         }
-        new.copy_from_slice(old);
-        let reached = self.yield_radius + self.hardening * old[0];
-        if rho <= reached * (1.0 + ON_SURFACE) {
-            let tau = self.elasticity.stress(trial);
-            return Ok(Response { tau, elastic_strain: *trial, tangent: self.elastic_tangent });
-        }
-        let growth = EQUIVALENT * self.hardening;
-        let flow = (rho - reached) / (2.0 * shear + growth); // |Δε^p|
-        let radius = reached + growth * flow;
-        let n = s * (1.0 / rho);
-        new[0] = old[0] + EQUIVALENT * flow;
-        let shear_now = shear * (radius / rho);
-        let along = 2.0 * shear_now - 2.0 * shear * growth / (2.0 * shear + growth);
-        let tangent = Elasticity { bulk, shear: shear_now }.tangent() - dyad(&n, &n) * along;
-        Ok(Response {
-            tau: Sym3::IDENTITY * (bulk * trial.trace()) + n * radius,
-            elastic_strain: *trial - n * flow,
-            tangent,
-        })
+        let n = Sym3(short.n);
+        let tangent = if flow > 0.0 {
+            let Elasticity { bulk, .. } = self.elasticity;
+            Elasticity { bulk, shear: short.mu }.tangent() - dyad(&n, &n) * short.along
+        } else {
+            self.elastic_tangent
+        };
+        Ok(Response { tau: Sym3(short.tau), elastic_strain: Sym3(short.elastic_strain), tangent })
+    }
+
+    fn side_by_side(&self) -> Option<&dyn SideBySide> {
+        Some(self)
     }
 
     fn energy(&self, elastic_strain: &Sym3) -> f64 {
@@ -115,5 +164,11 @@ mod tests {
         assert!(history[0] > 0.05 && work > 1e3, "{history:?} {work}");
         assert!((law.plastic_work(&history) / work - 1.0).abs() < 1e-4, "{work}");
         assert_eq!(law.plastic_work(&[0.0]), 0.0);
+    }
+}
+
+impl SideBySide for VonMises {
+    fn respond(&self, trial: &[Lanes; 4], history: &mut [Lanes]) -> ShortResponse<Lanes, 4> {
+        self.radial_return(trial, &mut history[0]).short
     }
 }

@@ -185,11 +185,12 @@ impl Checkpoint {
         }
         let mut rest = Arrays { bytes: &self.arrays };
         let n = points.len();
+        let without_boxes = points.converged.half_lengths.is_empty();
         let id: Vec<u32> = rest.words(n)?;
         let cell: Vec<u32> = rest.words(n)?;
         let state = State {
             position: rest.vectors(n)?,
-            half_lengths: rest.vectors(n)?,
+            half_lengths: rest.vectors(n).map(|lengths| if without_boxes { Vec::new() } else { lengths })?,
             corners: rest.vectors(n * points.corners_per_point)?,
             deformation_gradient: rest
                 .vectors(n)?
@@ -239,7 +240,7 @@ fn write_points<const D: usize>(out: &mut dyn Write, points: &Points<D>) -> io::
         };
     let state = &points.converged;
     numbers("position", &mut state.position.as_flattened().iter().copied(), D)?;
-    numbers("half length", &mut state.half_lengths.as_flattened().iter().copied(), D)?;
+    numbers("half length", &mut (0..points.len()).flat_map(|p| points.half_lengths(p)), D)?;
     let corners = points.corners_per_point * D;
     numbers("domain", &mut state.corners.as_flattened().iter().copied(), corners)?;
     let gradients = state.deformation_gradient.iter();

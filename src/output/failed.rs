@@ -57,12 +57,11 @@ fn moved_points<const D: usize>(
     for group in 0..links.n_groups() {
         let nodes = links.nodes_of(group);
         for p in links.points_of(group) {
-            let of_point = links.links(p);
-            for (&local, value) in of_point.local.iter().zip(of_point.value) {
+            links.for_each_value(p, |local, value| {
                 for d in 0..D {
-                    increments[p][d] += value * delta_d[nodes[local as usize] as usize][d];
+                    increments[p][d] += value * delta_d[nodes[local] as usize][d];
                 }
-            }
+            });
         }
     }
     let order = points.by_id();

@@ -18,6 +18,7 @@ pub mod status;
 pub mod summary;
 pub mod table;
 pub mod vtu;
+mod writer;
 
 use std::io;
 

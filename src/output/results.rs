@@ -2,6 +2,7 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::basis::{Connectivity, DomainKind};
 use crate::model::Model;
@@ -13,7 +14,7 @@ use crate::tensor::padded;
 
 use super::checkpoint::{self, Checkpoint};
 use super::failed;
-use super::fields::{OwnedField, domain_mesh, grid_mesh, point_fields};
+use super::fields::{domain_mesh, grid_mesh, point_fields};
 use super::findings::{Extremes, Findings};
 use super::lock::Lock;
 use super::replace::TEMPORARY;
@@ -21,7 +22,7 @@ use super::series::Series;
 use super::status;
 use super::summary::{Account, Outcome};
 use super::table::{Entry, Table};
-use super::vtu::{self, CellKind, Field, Kinds, Mesh};
+use super::writer::{Cells, Fields, Frame, Writer};
 
 /// Columns of `quality.csv`.
 const QUALITY: [&str; 15] = [
@@ -55,9 +56,11 @@ pub struct Results {
     history: Table,
     quality: Table,
     convergence: Table,
-    series: [Series; 3],
+    writer: Writer,
     /// The last step whose points were written.
     written: Option<usize>,
+    /// The step that is being written.
+    shown: Option<usize>,
     /// The first failure of a table that could not be reported at once.
     failure: Option<io::Error>,
     account: Account,
@@ -95,8 +98,12 @@ impl Results {
             history: Table::create(directory.join("history.csv"), &columns_of_history(model))?,
             quality: Table::create(directory.join("quality.csv"), &QUALITY)?,
             convergence: Table::create(directory.join("convergence.csv"), &CONVERGENCE)?,
-            series: SERIES.map(|name| Series::new(directory.join(format!("{name}.pvd")))),
+            writer: Writer::new(
+                directory,
+                SERIES.map(|name| Series::new(directory.join(format!("{name}.pvd")))),
+            ),
             written: None,
+            shown: None,
             failure: None,
             account,
             findings: Findings::default(),
@@ -141,10 +148,11 @@ impl Results {
             directory: directory.to_owned(),
             every,
             written: series[0].last().and_then(|(_, name)| step_of_file(name)),
+            shown: None,
+            writer: Writer::new(directory, series),
             history,
             quality,
             convergence,
-            series,
             failure: None,
             account,
             findings: checkpoint.head.findings.clone(),
@@ -163,6 +171,8 @@ impl Results {
 
     /// Writes a checkpoint of the last step in equilibrium, if there is none yet.
     fn secure<const D: usize>(&mut self, points: &Points<D>, summary: &Summary) -> io::Result<()> {
+        // A run that goes on from there does not write again what came before.
+        self.settle()?;
         if let Some(deck) = &self.account.deck
             && self.last.index > self.secured
         {
@@ -194,64 +204,20 @@ impl Results {
         })
     }
 
-    fn write_series(
-        &mut self,
-        which: usize,
-        step: Step,
-        mesh: &Mesh,
-        point_data: &[OwnedField],
-        cell_data: &[OwnedField],
-    ) -> io::Result<()> {
-        let name = file_name(SERIES[which], step.index);
-        let point_data: Vec<Field> = point_data.iter().map(OwnedField::as_field).collect();
-        let cell_data: Vec<Field> = cell_data.iter().map(OwnedField::as_field).collect();
-        let path = self.directory.join(&name);
-        vtu::write(&path, step.end, step.index as i64, mesh, &point_data, &cell_data)?;
-        self.series[which].push(step.end, &name)
+    /// Begins to write what shows a step.
+    fn show(&mut self, step: Step, frames: Vec<Frame>) -> io::Result<()> {
+        self.settle()?;
+        self.writer.begin(frames)?;
+        self.shown = Some(step.index);
+        if self.writer.is_at_work() { Ok(()) } else { self.settle() }
     }
 
-    fn write_points<const D: usize>(
-        &mut self,
-        model: &Model<D>,
-        points: &Points<D>,
-        step: Step,
-    ) -> io::Result<()> {
-        let order = points.by_id();
-        let positions: Vec<[f64; 3]> = order.iter().map(|&p| padded(&points.converged.position[p])).collect();
-        let vertices: Vec<i64> = (0..order.len() as i64).collect();
-        let fields = point_fields(model, points, &order);
-        let mesh = Mesh { points: &positions, kinds: Kinds::All(CellKind::Vertex), connectivity: &vertices };
-        self.write_series(0, step, &mesh, &fields, &[])?;
-
-        let has_domain =
-            |p: &usize| model.bodies[points.body[*p] as usize].method.domain() != DomainKind::None;
-        let with_domain: Vec<usize> = order.into_iter().filter(has_domain).collect();
-        if !with_domain.is_empty() {
-            let domains = domain_mesh(model, points, &with_domain);
-            let connectivity: Vec<i64> = (0..domains.corners.len() as i64).collect();
-            let fields = point_fields(model, points, &with_domain);
-            let mesh = Mesh {
-                points: &domains.corners,
-                kinds: Kinds::Each(&domains.kinds),
-                connectivity: &connectivity,
-            };
-            self.write_series(1, step, &mesh, &[], &fields)?;
-        }
-        self.written = Some(step.index);
+    /// Waits for what is being written.
+    fn settle(&mut self) -> io::Result<()> {
+        let shown = self.shown.take();
+        self.writer.settle()?;
+        self.written = shown.or(self.written);
         Ok(())
-    }
-
-    fn write_grid<const D: usize>(
-        &mut self,
-        model: &Model<D>,
-        grid: &GridFields<D>,
-        step: Step,
-    ) -> io::Result<()> {
-        let fields = [("displacement_increment", &grid.delta_d[..]), ("reaction", &grid.reaction[..])];
-        let active = grid_mesh(model, &grid.links, &fields);
-        let mesh =
-            Mesh { points: &active.nodes, kinds: Kinds::Each(&active.kinds), connectivity: &active.corners };
-        self.write_series(2, step, &mesh, &active.fields, &[])
     }
 
     fn write_history<const D: usize>(
@@ -328,6 +294,51 @@ fn is_due<const D: usize>(every: usize, model: &Model<D>, step: Step) -> bool {
     let requested = model.stepping.requested(step.end);
     let is_due = |number: usize| number.is_multiple_of(every) || number == model.stepping.count;
     every > 0 && requested.is_some_and(is_due)
+}
+
+/// The points of the converged state, and their domains if they have any.
+fn frames_of_points<const D: usize>(model: &Model<D>, points: &Points<D>, step: Step) -> Vec<Frame> {
+    let order = points.by_id();
+    let fields = Arc::new(point_fields(model, points, &order));
+    let mut frames = vec![Frame {
+        series: 0,
+        name: file_name(SERIES[0], step.index),
+        step,
+        points: order.iter().map(|&p| padded(&points.converged.position[p])).collect(),
+        cells: Cells::Vertices,
+        fields: Fields::OfPoints(Arc::clone(&fields)),
+    }];
+    let has_domain = |p: &usize| model.bodies[points.body[*p] as usize].method.domain() != DomainKind::None;
+    let n = order.len();
+    let with_domain: Vec<usize> = order.into_iter().filter(has_domain).collect();
+    if !with_domain.is_empty() {
+        let all = with_domain.len() == n;
+        let fields = if all { fields } else { Arc::new(point_fields(model, points, &with_domain)) };
+        let domains = domain_mesh(model, points, &with_domain);
+        frames.push(Frame {
+            series: 1,
+            name: file_name(SERIES[1], step.index),
+            step,
+            points: domains.corners,
+            cells: Cells::InOrder(domains.kinds),
+            fields: Fields::OfCells(fields),
+        });
+    }
+    frames
+}
+
+/// The active part of the grid.
+fn frame_of_grid<const D: usize>(model: &Model<D>, grid: &GridFields<D>, step: Step) -> Frame {
+    let fields = [("displacement_increment", &grid.delta_d[..]), ("reaction", &grid.reaction[..])];
+    let active = grid_mesh(model, &grid.links, &fields);
+    Frame {
+        series: 2,
+        name: file_name(SERIES[2], step.index),
+        step,
+        points: active.nodes,
+        cells: Cells::Between(active.kinds, active.corners),
+        fields: Fields::OfPoints(Arc::new(active.fields)),
+    }
 }
 
 /// A time series, and its last file.
@@ -451,14 +462,17 @@ impl<const D: usize> Observer<D> for Results {
         if self.every == 0 || self.last.index > 0 {
             return Ok(());
         }
-        self.write_points(model, points, self.last)?;
+        let mut frames = frames_of_points(model, points, self.last);
         // The links of the undeformed points, only to show which cells are active.
         let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
         let mut copy = points.clone();
-        let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut copy, &methods) else { return Ok(()) };
-        let zero = vec![[0.0; D]; links.n_active()];
-        let grid = GridFields { links, delta_d: zero.clone(), reaction: zero };
-        self.write_grid(model, &grid, self.last)
+        if let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut copy, &methods) {
+            let zero = vec![[0.0; D]; links.n_active()];
+            let grid = GridFields { links, delta_d: zero.clone(), reaction: zero };
+            frames.push(frame_of_grid(model, &grid, self.last));
+        }
+        drop(copy);
+        self.show(self.last, frames)
     }
 
     fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
@@ -481,8 +495,12 @@ impl<const D: usize> Observer<D> for Results {
             return Err(error);
         }
         if is_due(self.every, model, report.step) {
-            self.write_points(model, points, report.step)?;
-            self.write_grid(model, &report.grid, report.step)?;
+            self.settle()?; // before the next frames take memory
+            let mut frames = frames_of_points(model, points, report.step);
+            frames.push(frame_of_grid(model, &report.grid, report.step));
+            self.show(report.step, frames)?;
+        } else if !self.writer.is_at_work() {
+            self.settle()?;
         }
         self.write_history(model, points, report, summary)?;
         if self.checkpoints().is_some_and(|every| report.step.index.is_multiple_of(every)) {
@@ -515,11 +533,16 @@ impl<const D: usize> Observer<D> for Results {
         summary: &Summary,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
+        let lost = self.settle().err().map(SolveError::Output);
+        let error = error.or(lost.as_ref());
         let rows = self.failure.take().map_or(Ok(()), Err);
         // The last equilibrated step is never lost, whatever `every` says.
-        let is_missing = self.series[0].last().is_some_and(|(time, _)| time < self.last.end);
-        let mesh =
-            if self.every > 0 && is_missing { self.write_points(model, points, self.last) } else { Ok(()) };
+        let is_missing = self.writer.reached().is_some_and(|time| time < self.last.end);
+        let mesh = if self.every > 0 && is_missing {
+            self.show(self.last, frames_of_points(model, points, self.last)).and_then(|()| self.settle())
+        } else {
+            Ok(())
+        };
         // Whatever ended the run early, it can go on from there; but not where the files of that step are missing.
         let secured = match error {
             Some(SolveError::Output(_)) => Ok(()),
@@ -534,7 +557,11 @@ impl<const D: usize> Observer<D> for Results {
         self.findings.extremes = Extremes::new(model, points);
         let path = self.directory.join("summary.json");
         let told = self.account.write(&path, model, points, summary, &self.findings, &outcome);
+        let lost = match lost {
+            Some(SolveError::Output(error)) => Err(error),
+            _ => Ok(()),
+        };
         // What can be written is, even where something else could not.
-        rows.and(mesh).and(secured).and(told)
+        lost.and(rows).and(mesh).and(secured).and(told)
     }
 }

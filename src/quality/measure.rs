@@ -156,7 +156,8 @@ impl Measures {
             let keep = |kept: &mut Option<AtPoint>, value: f64| {
                 keep_largest(kept, Some(AtPoint { value, point: points.id[p] }));
             };
-            let sum: f64 = links.links(p).value.iter().sum();
+            let mut sum = 0.0;
+            links.for_each_value(p, |_, value| sum += value);
             keep(&mut body.partition_of_unity_loss, (1.0 - sum).max(0.0));
             let gradient = &points.trial.deformation_gradient[p];
             keep(&mut body.rotation, turn::<D>(gradient));

@@ -67,10 +67,9 @@ impl<const D: usize> Condition<D> {
                 for group in 0..links.n_groups() {
                     let nodes = links.nodes_of(group);
                     for p in links.points_of(group).filter(|&p| is_chosen[points.id[p] as usize]) {
-                        let of_point = links.links(p);
-                        for (&local, value) in of_point.local.iter().zip(of_point.value) {
-                            weight[nodes[local as usize] as usize][axis] += value / chosen.len() as f64;
-                        }
+                        links.for_each_value(p, |local, value| {
+                            weight[nodes[local] as usize][axis] += value / chosen.len() as f64;
+                        });
                     }
                 }
                 Some(Condition::Displacement { weight, by: to * share })
@@ -80,10 +79,10 @@ impl<const D: usize> Condition<D> {
                 for group in 0..links.n_groups() {
                     let nodes = links.nodes_of(group);
                     for p in links.points_of(group) {
-                        let of_point = links.links(p);
-                        for (&local, value) in of_point.local.iter().zip(of_point.value) {
-                            volume[nodes[local as usize] as usize] += value * model.volume(points, p);
-                        }
+                        let volume_n = model.volume(points, p);
+                        links.for_each_value(p, |local, value| {
+                            volume[nodes[local] as usize] += value * volume_n;
+                        });
                     }
                 }
                 let length = path.rate.map(|rate| rate * (step.end - step.start));

@@ -159,6 +159,7 @@ impl<const D: usize> Solver<D> {
             }
             if iteration > 0 && residual <= tolerance && unknowns.follows(dofs) {
                 let timings = &mut self.reached.summary.timings;
+                system.conclude();
                 return timings.measure(Phase::Update, || {
                     update::move_points::<D, M>(model, points, links, &unknowns.delta_d, step)
                 });

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::{SolveError, Step};
-use crate::basis::{Connectivity, DomainKind, Method, check_domain};
+use crate::basis::{Connectivity, DomainKind, Method, Room as Products, check_domain};
 use crate::domain::Motion;
 use crate::grid::interpolate;
 use crate::kinematics::Increment;
@@ -41,8 +41,13 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
     let displacement = |place: &[f64; D]| interpolate(model.grid.as_ref(), place, &nodal);
     let mut trial = std::mem::take(&mut points.trial);
     let state = &*points;
-    let move_point = |nodes: &[u32], p: usize| {
-        move_point::<D, M>(model, state, links, nodes, delta_d, &displacement, p, step)
+    let n = points.len();
+    trial.position.resize(n, [0.0; D]);
+    trial.deformation_gradient.resize(n, Mat3::identity());
+    trial.half_lengths.resize(points.converged.half_lengths.len(), [0.0; D]);
+    trial.corners.resize(points.converged.corners.len(), [0.0; D]);
+    let move_point = |nodes: &[u32], products: &mut Products<D>, p: usize| {
+        move_point::<D, M>(model, state, links, nodes, products, delta_d, &displacement, p, step)
     };
     let room = Room {
         first: 0,
@@ -52,6 +57,9 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
         corners: &mut trial.corners,
     };
     let outcome = room.fill(points, links, 0..links.n_groups(), &move_point);
+    if outcome.is_err() {
+        trial.forget_motion();
+    }
     points.trial = trial;
     outcome
 }
@@ -72,12 +80,15 @@ impl<const D: usize> Room<'_, D> {
         points: &Points<D>,
         links: &Connectivity<D>,
         groups: Range<usize>,
-        move_point: &(impl Fn(&[u32], usize) -> Result<Moved<D>, SolveError> + Sync),
+        move_point: &(impl Fn(&[u32], &mut Products<D>, usize) -> Result<Moved<D>, SolveError> + Sync),
     ) -> Result<(), SolveError> {
         if groups.len() <= GRAIN {
+            let most = groups.clone().map(|g| links.nodes_of(g).len()).max().unwrap_or(0);
+            let (mut value, mut gradient) = (vec![0.0; most], vec![[0.0; D]; most]);
+            let mut products = Products { value: &mut value, gradient: &mut gradient };
             for group in groups {
                 for p in links.points_of(group) {
-                    self.keep(points, p, &move_point(links.nodes_of(group), p)?);
+                    self.keep(points, p, &move_point(links.nodes_of(group), &mut products, p)?);
                 }
             }
             return Ok(());
@@ -96,7 +107,7 @@ impl<const D: usize> Room<'_, D> {
         let n = point - self.first;
         let (position_l, position_r) = self.position.split_at_mut(n);
         let (gradient_l, gradient_r) = self.deformation_gradient.split_at_mut(n);
-        let (lengths_l, lengths_r) = self.half_lengths.split_at_mut(n);
+        let (lengths_l, lengths_r) = self.half_lengths.split_at_mut(n.min(self.half_lengths.len()));
         let (corners_l, corners_r) = self.corners.split_at_mut(n * corners_per_point);
         let left = Room {
             first: self.first,
@@ -119,7 +130,9 @@ impl<const D: usize> Room<'_, D> {
         let here = p - self.first;
         self.position[here] = moved.position;
         self.deformation_gradient[here] = moved.deformation_gradient;
-        self.half_lengths[here] = moved.half_lengths;
+        if let Some(half_lengths) = self.half_lengths.get_mut(here) {
+            *half_lengths = moved.half_lengths;
+        }
         let corners = points.corner_range(p);
         let n = corners.len();
         self.corners[here * points.corners_per_point..][..n].copy_from_slice(&moved.corners[..n]);
@@ -132,12 +145,13 @@ fn move_point<const D: usize, M: Mechanics<D>>(
     points: &Points<D>,
     links: &Connectivity<D>,
     nodes: &[u32],
+    products: &mut Products<D>,
     delta_d: &[[f64; D]],
     displacement: &dyn Fn(&[f64; D]) -> [f64; D],
     p: usize,
     step: Step,
 ) -> Result<Moved<D>, SolveError> {
-    let of_point = links.links(p);
+    let of_point = links.links(p, products);
     let mut position = points.converged.position[p];
     for (&local, value) in of_point.local.iter().zip(of_point.value) {
         let du = &delta_d[nodes[local as usize] as usize];
@@ -155,7 +169,7 @@ fn move_point<const D: usize, M: Mechanics<D>>(
     let mut moved = Moved {
         position,
         deformation_gradient: F,
-        half_lengths: points.converged.half_lengths[p],
+        half_lengths: points.half_lengths(p),
         corners: [[0.0; D]; 8],
     };
     match body.method.domain() {

@@ -7,7 +7,7 @@
 use super::solid::PLACE;
 use super::{
     Contribution, Lane, Lanes, Mechanics, PointError, PointResponse, Solid, Spatial, StartOfStep, WeakForm,
-    lane::transposed,
+    transposed,
 };
 use crate::kinematics::Increment;
 use crate::material::Material;

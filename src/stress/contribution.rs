@@ -1,6 +1,6 @@
 //! The weak form of a point as a stress and a full tangent.
 
-use super::{Lane, Lanes, WeakForm, lane::transposed};
+use super::{Lane, Lanes, WeakForm, transposed};
 
 /// A point given by its stress and the derivative of it, with `E` components of the gradient of a basis function: those
 /// along the `D` axes and, for a body of revolution, S/r, which works with the first component of the displacement.

@@ -1,7 +1,7 @@
 //! A point in three dimensions whose law has isotropic moduli in the current configuration.
 
 use super::solid::{full, times};
-use super::{Lane, Lanes, WeakForm, lane::transposed};
+use super::{Lane, Lanes, WeakForm, transposed};
 use crate::material::IsotropicResponse;
 
 /// A point of the previously converged formulation with gradients in the current configuration, g = ∂S/∂X̃ ΔF⁻¹.

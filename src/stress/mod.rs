@@ -9,8 +9,8 @@
 
 mod axisymmetric;
 mod contribution;
+mod in_plane;
 mod isotropic;
-mod lane;
 mod plane_strain;
 mod solid;
 #[cfg(test)]
@@ -20,12 +20,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::kinematics::Increment;
 use crate::material::{Material, MaterialError, StrainMeasure};
-use crate::tensor::{Mat3, Sym3};
+use crate::tensor::lane::transposed;
+use crate::tensor::{Lane, Lanes, Mat3, Sym3};
 
 pub use axisymmetric::{Axisymmetric, Revolved};
 pub use contribution::Contribution;
+pub use in_plane::InPlane;
 pub use isotropic::Isotropic;
-pub use lane::{Lane, Lanes};
 pub use plane_strain::PlaneStrain;
 pub use solid::{Solid, Spatial};
 
@@ -105,6 +106,8 @@ pub enum PointError {
 pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     /// Whether the body is one of revolution about the axis where the first coordinate vanishes.
     const REVOLVED: bool = false;
+    /// Whether [`Mechanics::respond_side_by_side`] has something to say.
+    const SIDE_BY_SIDE: bool = false;
 
     /// A point in the previously converged formulation.
     type Previous: WeakForm<D>;
@@ -124,6 +127,18 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
         old: &[f64],
         new: &mut [f64],
     ) -> Result<PointResponse<Self::Previous>, PointError>;
+
+    /// The same for several points of one law side by side; `history` holds their variables and receives the new ones.
+    /// `None` where mechanics or law have no such form, and where a point fails: then they are evaluated one by one.
+    #[inline(always)]
+    fn respond_side_by_side(
+        _starts: [&StartOfStep; Lanes::WIDTH],
+        _increments: &[Increment<D>; Lanes::WIDTH],
+        _material: &dyn Material,
+        _history: &mut [Lanes],
+    ) -> Option<[PointResponse<Self::Previous>; Lanes::WIDTH]> {
+        None
+    }
 
     /// The same for a law with isotropic spatial moduli, of which nothing of fourth order is formed; `None` for all
     /// others, and where nothing is gained.

@@ -1,84 +1,103 @@
 //! The kernel in closed form for plane strain.
 //!
 //! z stays a principal direction and ΔF_33 = 1, so the in-plane 2×2 blocks decouple and only the in-plane block of
-//! D^alg enters the tangent. In-plane symmetric tensors are three numbers `xx, yy, √2 xy`.
+//! D^alg enters the tangent. In-plane symmetric tensors are three numbers `xx, yy, √2 xy`. The equations are written on
+//! numbers that may be several points side by side.
 
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
-use super::{Contribution, Mechanics, PointError, PointResponse, StartOfStep};
+use super::{Contribution, InPlane, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep};
 use crate::kinematics::Increment;
-use crate::material::{Material, StrainMeasure};
-use crate::tensor::{Mat3, Sym3, Tangent, Tensor4, plane};
+use crate::material::{Material, ShortResponse, StrainMeasure};
+use crate::tensor::{Mat3, Sym3, Tensor4, plane};
 
 /// Plane strain in x, y.
 #[derive(Debug, Clone, Copy)]
 pub struct PlaneStrain;
 
-/// The trial state and what the law answers to it.
-struct Answer {
-    dJ: f64,
+/// A tensor in the plane, all of it.
+type Rows<T> = [[T; 2]; 2];
+
+/// The trial state.
+struct Trial<T> {
+    dJ: T,
     /// ΔF b_n.
-    A: [[f64; 2]; 2],
-    b: Sym3,
+    A: Rows<T>,
+    /// `xx, yy, zz, √2 xy`.
+    b: [T; 4],
+}
+
+impl<T: Lane> Trial<T> {
+    #[inline(always)]
+    fn new(b_n: &[T; 4], dF: &Rows<T>) -> Self {
+        let xy = b_n[3] * FRAC_1_SQRT_2;
+        let mut A = [[b_n[0]; 2]; 2];
+        for i in 0..2 {
+            A[i] = [dF[i][0] * b_n[0] + dF[i][1] * xy, dF[i][0] * xy + dF[i][1] * b_n[1]];
+        }
+        Trial {
+            dJ: dF[0][0] * dF[1][1] - dF[0][1] * dF[1][0],
+            b: [
+                A[0][0] * dF[0][0] + A[0][1] * dF[0][1],
+                A[1][0] * dF[1][0] + A[1][1] * dF[1][1],
+                b_n[2],
+                (A[0][0] * dF[1][0] + A[0][1] * dF[1][1]) * SQRT_2,
+            ],
+            A,
+        }
+    }
+}
+
+/// What the law answers to the trial state.
+struct Answer {
+    trial: Trial<f64>,
     /// τ and the elastic strain of the law.
     law: (Sym3, Sym3),
     /// Derivative of τ with respect to b on the in-plane components.
     C: [[f64; 3]; 3],
-    tau: [[f64; 2]; 2],
+    tau: Rows<f64>,
 }
 
 #[inline(always)]
 fn answer(
     start: &StartOfStep,
-    dF: &[[f64; 2]; 2],
+    dF: &Rows<f64>,
     material: &dyn Material,
     old: &[f64],
     new: &mut [f64],
 ) -> Result<Answer, PointError> {
-    let dJ = dF[0][0] * dF[1][1] - dF[0][1] * dF[1][0];
-    if dJ.is_nan() || dJ <= 0.0 {
-        return Err(PointError::Inverted { determinant: dJ });
+    let trial = Trial::new(&plane::components(&start.b_n), dF);
+    if trial.dJ.is_nan() || trial.dJ <= 0.0 {
+        return Err(PointError::Inverted { determinant: trial.dJ });
     }
-    // A = ΔF b_n and the trial b = A ΔFᵀ.
-    let b_n = &start.b_n.0;
-    let xy = b_n[5] * FRAC_1_SQRT_2;
-    let A: [[f64; 2]; 2] =
-        std::array::from_fn(|i| [dF[i][0] * b_n[0] + dF[i][1] * xy, dF[i][0] * xy + dF[i][1] * b_n[1]]);
-    let b = Sym3([
-        A[0][0] * dF[0][0] + A[0][1] * dF[0][1],
-        A[1][0] * dF[1][0] + A[1][1] * dF[1][1],
-        b_n[2],
-        0.0,
-        0.0,
-        (A[0][0] * dF[1][0] + A[0][1] * dF[1][1]) * SQRT_2,
-    ]);
     let measure = material.strain_measure();
-    let (trial, L) = match measure {
+    let (strain, L) = match measure {
         StrainMeasure::Logarithmic => {
-            let (log_b, L) = plane::log_with_derivative(&b);
-            (log_b * 0.5, L)
+            let (log_b, L) = plane::log_with_derivative(&trial.b);
+            (plane::tensor(log_b) * 0.5, L)
         }
-        StrainMeasure::LeftCauchyGreen => ((b - Sym3::IDENTITY) * 0.5, [[0.0; 3]; 3]),
+        StrainMeasure::LeftCauchyGreen => ((plane::tensor(trial.b) - Sym3::IDENTITY) * 0.5, [[0.0; 3]; 3]),
     };
     // By reference: the tangent of six by six entries is better not moved about.
-    let answer = material.update(&trial, old, new);
+    let answer = material.update(&strain, old, new);
     let law = match &answer {
         Ok(law) => law,
         Err(error) => return Err((*error).into()),
     };
+    let D = IN_PLANE.map(|r| IN_PLANE.map(|c| law.tangent[(r, c)]));
     let C = match measure {
-        StrainMeasure::Logarithmic => half_product(&law.tangent, &L),
-        StrainMeasure::LeftCauchyGreen => IN_PLANE.map(|r| IN_PLANE.map(|c| 0.5 * law.tangent[(r, c)])),
+        StrainMeasure::Logarithmic => half_product(&D, &L),
+        StrainMeasure::LeftCauchyGreen => D.map(|row| row.map(|x| 0.5 * x)),
     };
-    let tau_xy = law.tau.0[5] * FRAC_1_SQRT_2;
-    let tau = [[law.tau.0[0], tau_xy], [tau_xy, law.tau.0[1]]];
-    let law = (law.tau, law.elastic_strain);
-    Ok(Answer { dJ, A, b, law, C, tau })
+    let tau = in_plane(&plane::components(&law.tau));
+    Ok(Answer { trial, law: (law.tau, law.elastic_strain), C, tau })
 }
 
 impl Mechanics<2> for PlaneStrain {
-    type Previous = Contribution<2, 2>;
-    type Isotropic = Contribution<2, 2>;
+    const SIDE_BY_SIDE: bool = true;
+
+    type Previous = InPlane;
+    type Isotropic = InPlane;
     type Updated = Contribution<2, 2>;
 
     #[inline(always)]
@@ -88,12 +107,48 @@ impl Mechanics<2> for PlaneStrain {
         material: &dyn Material,
         old: &[f64],
         new: &mut [f64],
-    ) -> Result<PointResponse<Contribution<2, 2>>, PointError> {
+    ) -> Result<PointResponse<InPlane>, PointError> {
         let dF = &increment.dF;
-        let Answer { dJ, A, law, C, tau, .. } = answer(start, dF, material, old, new)?;
-        let (stress, tangent) = previous(&C, &tau, dF, dJ, &A, start.J_n);
-        let weak = Contribution { stress, tangent, volume: start.volume_n, inverse: None, per_radius: 0.0 };
+        let Answer { trial, law, C, tau } = answer(start, dF, material, old, new)?;
+        let weak = previous(&C, &tau, dF, &trial, start.volume_n / start.J_n);
         Ok(PointResponse { weak, tau: law.0, elastic_strain: law.1 })
+    }
+
+    #[inline(always)]
+    fn respond_side_by_side(
+        starts: [&StartOfStep; Lanes::WIDTH],
+        increments: &[Increment<2>; Lanes::WIDTH],
+        material: &dyn Material,
+        history: &mut [Lanes],
+    ) -> Option<[PointResponse<InPlane>; Lanes::WIDTH]> {
+        let law = material.side_by_side()?;
+        let (mut b_n, mut dF) = ([Lanes::ZERO; 4], [[Lanes::ZERO; 2]; 2]);
+        let (mut volume_n, mut J_n) = (Lanes::ZERO, Lanes::ZERO);
+        for p in 0..Lanes::WIDTH {
+            let [xx, yy, zz, _, _, xy] = starts[p].b_n.0;
+            (b_n[0].0[p], b_n[1].0[p], b_n[2].0[p], b_n[3].0[p]) = (xx, yy, zz, xy);
+            (volume_n.0[p], J_n.0[p]) = (starts[p].volume_n, starts[p].J_n);
+            for i in 0..2 {
+                for j in 0..2 {
+                    dF[i][j].0[p] = increments[p].dF[i][j];
+                }
+            }
+        }
+        let trial = Trial::new(&b_n, &dF);
+        let (log_b, L) = plane::log_with_derivative(&trial.b);
+        let answer = law.respond(&[log_b[0] * 0.5, log_b[1] * 0.5, log_b[2] * 0.5, log_b[3] * 0.5], history);
+        let size = answer.tau[0] + answer.tau[1] + answer.tau[2] + answer.tau[3];
+        if !trial.dJ.is_positive() || !(size * size).is_below(f64::INFINITY) {
+            return None;
+        }
+        let C = half_product(&tangent(&answer), &L);
+        let weak = previous(&C, &in_plane(&answer.tau), &dF, &trial, volume_n / J_n);
+        Some([
+            point(&weak, &answer, 0),
+            point(&weak, &answer, 1),
+            point(&weak, &answer, 2),
+            point(&weak, &answer, 3),
+        ])
     }
 
     fn respond_updated(
@@ -104,14 +159,13 @@ impl Mechanics<2> for PlaneStrain {
         new: &mut [f64],
     ) -> Result<PointResponse<Contribution<2, 2>>, PointError> {
         let dF = &increment.dF;
-        let Answer { dJ, b, law, C, tau, .. } = answer(start, dF, material, old, new)?;
-        let in_plane = [[b.0[0], b.0[5] * FRAC_1_SQRT_2], [b.0[5] * FRAC_1_SQRT_2, b.0[1]]];
-        let (stress, tangent) = updated(&C, &tau, &in_plane, dJ * start.J_n);
+        let Answer { trial, law, C, tau } = answer(start, dF, material, old, new)?;
+        let (stress, tangent) = updated(&C, &tau, &in_plane(&trial.b), trial.dJ * start.J_n);
         let weak = Contribution {
             stress,
             tangent,
-            volume: dJ * start.volume_n,
-            inverse: Some(invert(dF, dJ)),
+            volume: trial.dJ * start.volume_n,
+            inverse: Some(invert(dF, trial.dJ)),
             per_radius: 0.0,
         };
         Ok(PointResponse { weak, tau: law.0, elastic_strain: law.1 })
@@ -130,77 +184,121 @@ impl Mechanics<2> for PlaneStrain {
     }
 }
 
+// What is compiled for vector instructions has no closures: those are not always inlined, and then are not.
+
+/// One of several points.
+#[inline(always)]
+fn point(weak: &InPlane<Lanes>, answer: &ShortResponse<Lanes, 4>, lane: usize) -> PointResponse<InPlane> {
+    let ShortResponse { tau, elastic_strain: e, .. } = answer;
+    PointResponse {
+        weak: weak.point(lane),
+        tau: plane::tensor([tau[0].0[lane], tau[1].0[lane], tau[2].0[lane], tau[3].0[lane]]),
+        elastic_strain: plane::tensor([e[0].0[lane], e[1].0[lane], e[2].0[lane], e[3].0[lane]]),
+    }
+}
+
 /// Rows of the in-plane components in the Mandel layout.
 const IN_PLANE: [usize; 3] = [0, 1, 5];
 
+/// Which of these is component (i, j).
+const PLACE: [[usize; 2]; 2] = [[0, 2], [2, 1]];
+
+/// The in-plane block of `xx, yy, zz, √2 xy`.
 #[inline(always)]
-fn invert(dF: &[[f64; 2]; 2], dJ: f64) -> [[f64; 2]; 2] {
-    [[dF[1][1] / dJ, -dF[0][1] / dJ], [-dF[1][0] / dJ, dF[0][0] / dJ]]
+fn in_plane<T: Lane>(t: &[T; 4]) -> Rows<T> {
+    let xy = t[3] * FRAC_1_SQRT_2;
+    [[t[0], xy], [xy, t[1]]]
+}
+
+#[inline(always)]
+fn invert<T: Lane>(dF: &Rows<T>, dJ: T) -> Rows<T> {
+    let per_dJ = T::splat(1.0) / dJ;
+    [[dF[1][1] * per_dJ, dF[0][1] * per_dJ * -1.0], [dF[1][0] * per_dJ * -1.0, dF[0][0] * per_dJ]]
+}
+
+/// D^alg on the in-plane components `xx, yy, √2 xy`.
+#[inline(always)]
+fn tangent<T: Lane>(answer: &ShortResponse<T, 4>) -> [[T; 3]; 3] {
+    let ShortResponse { lambda, mu, along, n, .. } = answer;
+    let (lambda, twice_mu) = (*lambda, *mu * 2.0);
+    let [x, y, s] = [n[0], n[1], n[3]];
+    let [of_x, of_y, of_s] = [*along * x, *along * y, *along * s];
+    let (xx, yy) = (lambda + twice_mu - of_x * x, lambda + twice_mu - of_y * y);
+    let (xy, xs, ys) = (lambda - of_x * y, of_x * s * -1.0, of_y * s * -1.0);
+    [[xx, xy, xs], [xy, yy, ys], [xs, ys, twice_mu - of_s * s]]
 }
 
 /// C = ½ D^alg L on the in-plane components `xx, yy, √2 xy`: the derivative of τ with respect to b.
 #[inline(always)]
-fn half_product(D: &Tangent, L: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
-    IN_PLANE.map(|r| {
-        std::array::from_fn(|c| 0.5 * (D[(r, 0)] * L[0][c] + D[(r, 1)] * L[1][c] + D[(r, 5)] * L[2][c]))
-    })
+fn half_product<T: Lane>(D: &[[T; 3]; 3], L: &[[T; 3]; 3]) -> [[T; 3]; 3] {
+    let mut C = *D;
+    for r in 0..3 {
+        for c in 0..3 {
+            C[r][c] = (D[r][0] * L[0][c] + D[r][1] * L[1][c] + D[r][2] * L[2][c]) * 0.5;
+        }
+    }
+    C
 }
 
 /// C : B as `[component][k][l]`, with B_ijkl = δ_ik A_jl + A_il δ_jk the derivative of b, eqs. (A.2) and (A.5);
 /// components xx, yy, xy of the result.
 #[inline(always)]
-fn contract(C: &[[f64; 3]; 3], A: &[[f64; 2]; 2]) -> [[[f64; 2]; 2]; 3] {
-    std::array::from_fn(|r| {
-        let scale = if r == 2 { FRAC_1_SQRT_2 } else { 1.0 };
-        let (xx, yy, xy) = (2.0 * scale * C[r][0], 2.0 * scale * C[r][1], SQRT_2 * scale * C[r][2]);
-        [
-            std::array::from_fn(|l| xx * A[0][l] + xy * A[1][l]),
-            std::array::from_fn(|l| yy * A[1][l] + xy * A[0][l]),
-        ]
-    })
+fn contract<T: Lane>(C: &[[T; 3]; 3], A: &Rows<T>) -> [Rows<T>; 3] {
+    let mut product = [[[C[0][0]; 2]; 2]; 3];
+    for (r, scale) in [1.0, 1.0, FRAC_1_SQRT_2].into_iter().enumerate() {
+        let (xx, yy, xy) = (C[r][0] * (2.0 * scale), C[r][1] * (2.0 * scale), C[r][2] * (SQRT_2 * scale));
+        for l in 0..2 {
+            product[r][0][l] = xx * A[0][l] + xy * A[1][l];
+            product[r][1][l] = yy * A[1][l] + xy * A[0][l];
+        }
+    }
+    product
 }
 
-/// P̃ of eq. (18) and its derivative Ã of eqs. (A.3)-(A.6).
+/// V P̃ of eq. (18) and its derivative V Ã of eqs. (A.3)-(A.6); `weight` is V/J_n.
 #[inline(always)]
-fn previous(
-    C: &[[f64; 3]; 3],
-    tau: &[[f64; 2]; 2],
-    dF: &[[f64; 2]; 2],
-    dJ: f64,
-    A: &[[f64; 2]; 2],
-    J_n: f64,
-) -> ([[f64; 2]; 2], Tensor4<2>) {
-    let inverse = invert(dF, dJ);
-    let per_J = 1.0 / J_n;
-    let P: [[f64; 2]; 2] = std::array::from_fn(|i| {
-        std::array::from_fn(|j| per_J * (tau[i][0] * inverse[j][0] + tau[i][1] * inverse[j][1]))
-    });
-    let dtau = contract(C, A); // (A.4)
-    let row = |i: usize, m: usize| if i == m { i } else { 2 };
-    let tangent = std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            let (first, second) = (&dtau[row(i, 0)], &dtau[row(i, 1)]);
-            let (w0, w1) = (per_J * inverse[j][0], per_J * inverse[j][1]);
-            // (A.3) with (A.6): τ_im ∂ΔF⁻¹_jm/∂ΔF_kl = −τ_im ΔF⁻¹_lm ΔF⁻¹_jk.
-            std::array::from_fn(|k| {
-                std::array::from_fn(|l| w0 * first[k][l] + w1 * second[k][l] - P[i][l] * inverse[j][k])
-            })
-        })
-    });
-    (P, tangent)
+fn previous<T: Lane>(
+    C: &[[T; 3]; 3],
+    tau: &Rows<T>,
+    dF: &Rows<T>,
+    trial: &Trial<T>,
+    weight: T,
+) -> InPlane<T> {
+    let inverse = invert(dF, trial.dJ);
+    let (mut weighted, mut stress) = (inverse, inverse);
+    for j in 0..2 {
+        weighted[j] = [inverse[j][0] * weight, inverse[j][1] * weight];
+        for i in 0..2 {
+            stress[j][i] = tau[i][0] * weighted[j][0] + tau[i][1] * weighted[j][1];
+        }
+    }
+    let dtau = contract(C, &trial.A); // (A.4)
+    let mut tangent = [[inverse; 2]; 2];
+    for l in 0..2 {
+        for j in 0..2 {
+            for i in 0..2 {
+                let [first, second] = [&dtau[PLACE[i][0]], &dtau[PLACE[i][1]]];
+                for k in 0..2 {
+                    // (A.3) with (A.6): τ_im ∂ΔF⁻¹_jm/∂ΔF_kl = −τ_im ΔF⁻¹_lm ΔF⁻¹_jk.
+                    tangent[l][j][i][k] = weighted[j][0] * first[k][l] + weighted[j][1] * second[k][l]
+                        - stress[l][i] * inverse[j][k];
+                }
+            }
+        }
+    }
+    InPlane { stress, tangent }
 }
 
 /// σ and the spatial modulus a of eqs. (A.1)-(A.2), with S_ijkl = σ_il δ_jk.
 fn updated(C: &[[f64; 3]; 3], tau: &[[f64; 2]; 2], b: &[[f64; 2]; 2], J: f64) -> ([[f64; 2]; 2], Tensor4<2>) {
     let sigma = tau.map(|row| row.map(|x| x / J));
     let CB = contract(C, b);
-    let row = |i: usize, j: usize| if i == j { i } else { 2 };
     let tangent = std::array::from_fn(|i| {
         std::array::from_fn(|j| {
             std::array::from_fn(|k| {
                 std::array::from_fn(|l| {
                     let geometric = if j == k { sigma[i][l] } else { 0.0 };
-                    CB[row(i, j)][k][l] / J - geometric
+                    CB[PLACE[i][j]][k][l] / J - geometric
                 })
             })
         })

@@ -2,7 +2,7 @@
 
 use super::{
     Contribution, Isotropic, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep, WeakForm,
-    lane::transposed,
+    transposed,
 };
 use crate::kinematics::Increment;
 use crate::material::{Material, StrainMeasure};

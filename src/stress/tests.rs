@@ -206,10 +206,11 @@ proptest! {
             let increment = plane_increment(&dF);
             let s = Solid::respond(&start, &Increment::of(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
             let (P, A) = tensors(&s.weak);
-            let check = |p: PointResponse<Contribution<2, 2>>| -> Result<(), TestCaseError> {
+            type Moduli = (Vec<[f64; 2]>, Blocks<2>);
+            let check = |p: PointResponse<Moduli>| -> Result<(), TestCaseError> {
                 prop_assert!((p.tau - s.tau).norm() <= 1e-12 * s.tau.norm().max(1e3));
                 prop_assert!((p.elastic_strain - s.elastic_strain).norm() < 1e-13 * (1.0 + s.elastic_strain.norm()));
-                let (force, blocks) = moduli(&p.weak, &axes());
+                let (force, blocks) = &p.weak;
                 for j in 0..2 {
                     for i in 0..2 {
                         prop_assert!((force[j][i] - P[i][j]).abs() <= 1e-9 * 12e6 * 1e-3);
@@ -223,8 +224,20 @@ proptest! {
                 }
                 Ok(())
             };
-            check(PlaneStrain::respond(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap())?;
-            check(PlaneStrain::respond_updated(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap())?;
+            let PointResponse { weak, tau, elastic_strain } =
+                PlaneStrain::respond(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap();
+            check(PointResponse { weak: moduli(&weak, &axes()), tau, elastic_strain })?;
+            let PointResponse { weak, tau, elastic_strain } =
+                PlaneStrain::respond_updated(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap();
+            check(PointResponse { weak: moduli(&weak, &axes()), tau, elastic_strain })?;
+            // Beside others, one of them at rest.
+            let mut lanes: Vec<Lanes> = old.iter().map(|h| Lanes::splat(*h)).collect();
+            let increments = [Increment::of([[1.0, 0.0], [0.0, 1.0]]), increment, increment, increment];
+            let beside = PlaneStrain::respond_side_by_side([&start; 4], &increments, law.as_ref(), &mut lanes);
+            prop_assert_eq!(beside.is_some(), law.side_by_side().is_some());
+            for PointResponse { weak, tau, elastic_strain } in beside.iter().flatten().skip(1) {
+                check(PointResponse { weak: moduli(weak, &axes()), tau: *tau, elastic_strain: *elastic_strain })?;
+            }
         }
     }
 
@@ -296,6 +309,8 @@ fn a_point_turned_inside_out_is_an_error() {
     assert!(matches!(solid, Err(PointError::Inverted { determinant: -1.0 })));
     let plane = PlaneStrain::respond(&start, &plane_increment(&inverted), &law, &[], &mut []);
     assert!(matches!(plane, Err(PointError::Inverted { determinant: -1.0 })));
+    let inside_out = [0, 1, 2, 3].map(|_| plane_increment(&inverted));
+    assert!(PlaneStrain::respond_side_by_side([&start; 4], &inside_out, &law, &mut []).is_none());
     // Through the axis and inverted in the plane: the determinant alone would not tell.
     let ring = Increment { hoop: -0.5, radius: 1.0, ..plane_increment(&inverted) };
     let ring = Axisymmetric::respond(&start, &ring, &law, &[], &mut []);

@@ -6,6 +6,7 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
+use super::logarithm::{SERIES, artanh_over_x};
 use super::{Sym3, Tangent};
 
 /// The pairs of eigenvalues, in the order of the shear components of the Mandel layout.
@@ -229,29 +230,13 @@ pub fn exp_derivative(e: &Sym3) -> Tangent {
 pub fn log_divided_difference(a: f64, b: f64) -> f64 {
     let m = 0.5 * (a + b);
     let x = 0.5 * (a - b) / m;
-    if x * x < SERIES { artanh_over_x(x) / m } else { (a / b).ln() / (a - b) }
+    if x * x < SERIES { artanh_over_x(x.abs()) / m } else { (a / b).ln() / (a - b) }
 }
 
 /// The divided difference (eᵃ − eᵇ)/(a − b) of the exponential, exact to round-off for any gap.
 #[inline]
 fn exp_divided_difference(a: f64, b: f64) -> f64 {
     (0.5 * (a + b)).exp() * sinh_over_x(0.5 * (a - b))
-}
-
-/// Below this x² the series of artanh(x)/x is used.
-const SERIES: f64 = 2.5e-3;
-
-/// artanh(x)/x for |x| < 1.
-#[inline]
-pub(super) fn artanh_over_x(x: f64) -> f64 {
-    let y = x * x;
-    if y < SERIES {
-        // 1 + y/3 + y²/5 + …; the first neglected term is below 3e-20.
-        1.0 + y * (1.0 / 3.0 + y * (0.2 + y * (1.0 / 7.0 + y * (1.0 / 9.0 + y * (1.0 / 11.0 + y / 13.0)))))
-    } else {
-        let x = y.sqrt();
-        x.atanh() / x
-    }
 }
 
 /// sinh(x)/x.

@@ -114,7 +114,7 @@ fn basis_of_point<const D: usize>(state: &State<D>, p: usize) -> Vec<(f64, [f64;
         }
         let along: [(f64, f64); D] = std::array::from_fn(|d| {
             let x = points.converged.position[p][d] - place[d];
-            basis(method, grid.spacing()[d], x, points.converged.half_lengths[p][d])
+            basis(method, grid.spacing()[d], x, points.half_lengths(p)[d])
         });
         let product = |of: usize| (0..D).map(|d| if d == of { along[d].1 } else { along[d].0 }).product();
         (product(D), std::array::from_fn(product))

@@ -3,7 +3,7 @@
 use mpm::assembly::System;
 use mpm::basis::Method;
 use mpm::kinematics::Increment;
-use mpm::stress::{Axisymmetric, Contribution, Formulation, Mechanics, PlaneStrain, Solid, StartOfStep};
+use mpm::stress::{Axisymmetric, Formulation, InPlane, Mechanics, PlaneStrain, Solid, StartOfStep};
 
 use crate::states::{FORMULATIONS, Law, Random, State, cases, cases_without_corners, random_state};
 
@@ -144,8 +144,7 @@ fn point_tangents_and_stiffness_are_symmetric() {
                 random_state::<2, PlaneStrain>(method, law, 200, 42);
             for group in 0..links.n_groups() {
                 for p in links.points_of(group) {
-                    let Contribution { tangent: t, .. } =
-                        contribution(&model, &points, &links, &delta_d, formulation, group, p);
+                    let t = point_tangent(&model, &points, &links, &delta_d, formulation, group, p);
                     let scale = t.as_flattened().as_flattened().as_flattened();
                     let scale = scale.iter().fold(0.0f64, |m, x| m.max(x.abs()));
                     let index = |n: usize| [n >> 3 & 1, n >> 2 & 1, n >> 1 & 1, n & 1];
@@ -159,8 +158,8 @@ fn point_tangents_and_stiffness_are_symmetric() {
     }
 }
 
-/// The answer of a point in plane strain.
-fn contribution(
+/// The tangent of a point in plane strain, `[i][j][k][l]`.
+fn point_tangent(
     model: &mpm::model::Model<2>,
     points: &mpm::points::Points<2>,
     links: &mpm::basis::Connectivity<2>,
@@ -168,9 +167,11 @@ fn contribution(
     formulation: Formulation,
     group: usize,
     p: usize,
-) -> Contribution<2, 2> {
+) -> [[[[f64; 2]; 2]; 2]; 2] {
     let place = &points.converged.position[p];
-    let increment = Increment::new::<PlaneStrain>(links.nodes_of(group), &links.links(p), delta_d, place);
+    let mut room = mpm::basis::Room { value: &mut [], gradient: &mut [] }; // in the plane none is needed
+    let increment =
+        Increment::new::<PlaneStrain>(links.nodes_of(group), &links.links(p, &mut room), delta_d, place);
     let f_n = points.converged.deformation_gradient[p];
     let law = model.law(points, p);
     let strain = &points.converged.elastic_strain[p];
@@ -180,9 +181,16 @@ fn contribution(
         volume_n: f_n.determinant() * points.original_volume[p],
     };
     let old = &points.converged.history[p * points.history_len..][..law.state_fields().len()];
-    let respond = match formulation {
-        Formulation::PreviouslyConverged => PlaneStrain::respond,
-        Formulation::UpdatedLagrangian => PlaneStrain::respond_updated,
-    };
-    respond(&start, &increment, law, old, &mut old.to_vec()).unwrap().weak
+    let new = &mut old.to_vec();
+    match formulation {
+        Formulation::PreviouslyConverged => {
+            let InPlane { tangent, .. } =
+                PlaneStrain::respond(&start, &increment, law, old, new).unwrap().weak;
+            let index = [0, 1];
+            index.map(|i| index.map(|j| index.map(|k| index.map(|l| tangent[l][j][i][k]))))
+        }
+        Formulation::UpdatedLagrangian => {
+            PlaneStrain::respond_updated(&start, &increment, law, old, new).unwrap().weak.tangent
+        }
+    }
 }

@@ -30,7 +30,7 @@ fn drawn_out(points: &Points<2>, thickness: f64) -> Vec<Seed<3>> {
     let layer = |p: usize, layer: usize| {
         let low = layer as f64 * part;
         let [x, y] = points.original_position[p];
-        let [lx, ly] = points.original_half_lengths[p];
+        let [lx, ly] = points.original_half_lengths.get(p).copied().unwrap_or([0.0; 2]);
         let corners = points.corners(p);
         let at = |c: usize| [corners[c & 3][0], corners[c & 3][1], low + if c > 3 { part } else { 0.0 }];
         Seed {

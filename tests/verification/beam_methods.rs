@@ -125,12 +125,14 @@ fn cpdi2_responds_like_gimp() {
     }
 }
 
-/// GIMP (37) with 3² points beside CPDI2 with 3² as far as it gets: nearly empty cells leave step 41 without equilibrium
-/// for h = 0.5 m, and step 7 for h = 0.125 m. Until then the two
-/// are up to 2.2 %, 1.9 % and 0.06 % of the length of the beam apart.
+/// GIMP (37) with 3² points beside CPDI2 with 3² as far as it gets. Nearly empty cells leave steps without equilibrium, and
+/// which ones is round-off: with stress and load times 24 factors between 0.6 and 7, which change nothing but that, the
+/// analysis ends after step 20, 40 or 50 for h = 0.5 m, between 15 and 50 for h = 0.25 m and after 5 or 6 for h = 0.125 m.
+/// So the steps that all of them reach must be reached. As far as it goes the two are up to 2.2 %, 1.9 % and 0.06 % of the
+/// length of the beam apart.
 #[test]
 fn gimp_with_few_points_responds_like_cpdi2_as_far_as_it_gets() {
-    for (h, reached, bound) in [("0.5", 40, 0.023), ("0.25", 50, 0.02), ("0.125", 6, 0.001)] {
+    for (h, reached, bound) in [("0.5", 20, 0.023), ("0.25", 15, 0.02), ("0.125", 5, 0.001)] {
         let gimp = beam("gimp", h, "3", "1e-9");
         let cpdi2 = beam("cpdi2", h, "3", "1e-9").completed();
         let (largest, steps) = largest_distance(&gimp, &cpdi2);

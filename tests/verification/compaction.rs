@@ -29,7 +29,7 @@ fn stress_error(a: &Analysis) -> f64 {
 /// Highest end of a domain.
 fn top(a: &Analysis) -> f64 {
     let state = &a.points.converged;
-    (0..a.points.len()).map(|p| state.position[p][1] + state.half_lengths[p][1]).fold(f64::MIN, f64::max)
+    (0..a.points.len()).map(|p| state.position[p][1] + a.points.half_lengths(p)[1]).fold(f64::MIN, f64::max)
 }
 
 /// Height of the compressed column. With ν = 0 and fixed sides σ = τ/J = E ln(λ)/λ, which eq. (41) gives at every
@@ -151,7 +151,9 @@ fn a_soft_column_is_compressed_to_less_than_half() {
     let soft = |update| column(&[("young", "10e3"), ("update", update), ("nx", "2")], 32);
     let lowest = |a: &Analysis| {
         let state = &a.points.converged;
-        (0..a.points.len()).map(|p| state.position[p][1] - state.half_lengths[p][1]).fold(f64::MAX, f64::min)
+        (0..a.points.len())
+            .map(|p| state.position[p][1] - a.points.half_lengths(p)[1])
+            .fold(f64::MAX, f64::min)
     };
     for update in ["stretch", "diagonal", "corners"] {
         let a = soft(update);

@@ -39,7 +39,12 @@ fn shear(gamma: f64, steps: usize, set: &[(&str, &str)]) -> Shear {
     let (mut stresses, mut unity) = (Vec::new(), Vec::new());
     let outcome = watch(&model, &mut points, |points, report| {
         stresses.push(points.converged.kirchhoff_stress.clone());
-        let sums = (0..points.len()).map(|p| report.grid.links.links(p).value.iter().sum::<f64>());
+        let sum_at = |p| {
+            let mut sum = 0.0;
+            report.grid.links.for_each_value(p, |_, value| sum += value);
+            sum
+        };
+        let sums = (0..points.len()).map(sum_at);
         unity.push(sums.fold([f64::MAX, f64::MIN], |[low, high], s| [low.min(s), high.max(s)]));
     });
     Shear { stresses, unity, completed: outcome.is_ok() }

@@ -1,0 +1,220 @@
+//! Basis functions on a regular grid as what they are products of: one function along each axis.
+
+/// Most nodes along an axis; domains that reach farther are kept by their products.
+const MOST: usize = 4;
+
+/// A basis function along one axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Line {
+    /// Number of nodes.
+    n: usize,
+    value: [f64; MOST],
+    slope: [f64; MOST],
+}
+
+/// The basis functions of a point along all axes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Factors<const D: usize>([Line; D]);
+
+/// How many numbers are kept of each axis, and of how many nodes: in bits, four for the nodes of each axis and one more
+/// where they are those of one cell, of which only the place in the cell is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Form(u32);
+
+const NODES: u32 = 0b1111;
+const IN_CELL: u32 = 0b1_0000;
+const BITS: usize = 5;
+/// Marks values and gradients kept as they are; the other bits are their number.
+const AS_THEY_ARE: u32 = 1 << 31;
+
+impl Form {
+    /// Of a point of `n` nodes whose values and gradients are kept as they are.
+    pub fn as_they_are(n: usize) -> Form {
+        Form(AS_THEY_ARE | n as u32)
+    }
+
+    /// Whether values and gradients are kept as they are.
+    #[inline(always)]
+    pub fn is_as_they_are(self) -> bool {
+        self.0 & AS_THEY_ARE != 0
+    }
+
+    #[inline(always)]
+    fn axis(self, d: usize) -> u32 {
+        self.0 >> (BITS * d)
+    }
+
+    #[inline(always)]
+    fn nodes_along(self, d: usize) -> usize {
+        (self.axis(d) & NODES) as usize
+    }
+
+    /// Number of nodes.
+    #[inline(always)]
+    pub fn nodes<const D: usize>(self) -> usize {
+        if self.is_as_they_are() {
+            return (self.0 & !AS_THEY_ARE) as usize;
+        }
+        (0..D).map(|d| self.nodes_along(d)).product()
+    }
+
+    /// Along all axes the two nodes of one cell.
+    fn of_cell<const D: usize>() -> Form {
+        Form((0..D).fold(0, |form, d| form | (IN_CELL | 2) << (BITS * d)))
+    }
+}
+
+impl<const D: usize> Factors<D> {
+    /// Values and slopes of consecutive nodes along each axis; `None` where they are too many.
+    pub fn new(axes: &[(usize, &[(f64, f64)]); D]) -> Option<Self> {
+        if axes.iter().any(|(_, line)| line.len() > MOST) {
+            return None;
+        }
+        Some(Factors(axes.map(|(_, entries)| {
+            let mut line = Line { n: entries.len(), value: [0.0; MOST], slope: [0.0; MOST] };
+            for (k, &(value, slope)) in entries.iter().enumerate() {
+                (line.value[k], line.slope[k]) = (value, slope);
+            }
+            line
+        })))
+    }
+
+    /// Of a point at a place in its cell, each coordinate from 0 to 1; `per_length` is 1/h along each axis.
+    pub fn in_cell(xi: &[f64; D], per_length: &[f64; D]) -> Self {
+        Factors(std::array::from_fn(|d| Line {
+            n: 2,
+            value: [1.0 - xi[d], xi[d], 0.0, 0.0],
+            slope: [-per_length[d], per_length[d], 0.0, 0.0],
+        }))
+    }
+
+    /// Keeps them in as few numbers as give them back bit for bit.
+    pub fn keep(&self, per_length: &[f64; D], numbers: &mut Vec<f64>) -> Form {
+        let mut form = 0;
+        for (d, line) in self.0.iter().enumerate() {
+            let ([low, high, ..], [down, up, ..]) = (line.value, line.slope);
+            let is_in_cell = line.n == 2
+                && low.to_bits() == (1.0 - high).to_bits()
+                && (down, up) == (-per_length[d], per_length[d]);
+            if is_in_cell {
+                numbers.push(high);
+                form |= (IN_CELL | 2) << (BITS * d);
+            } else {
+                numbers.extend_from_slice(&line.value[..line.n]);
+                numbers.extend_from_slice(&line.slope[..line.n]);
+                form |= (line.n as u32) << (BITS * d);
+            }
+        }
+        Form(form)
+    }
+
+    /// What has been kept.
+    #[inline(always)]
+    fn kept(form: Form, mut numbers: &[f64], per_length: &[f64; D]) -> Self {
+        let mut lines = [Line { n: 2, value: [0.0; MOST], slope: [0.0; MOST] }; D];
+        for (d, line) in lines.iter_mut().enumerate() {
+            if form.axis(d) & IN_CELL != 0 {
+                (line.value[0], line.value[1]) = (1.0 - numbers[0], numbers[0]);
+                (line.slope[0], line.slope[1]) = (-per_length[d], per_length[d]);
+                numbers = &numbers[1..];
+            } else {
+                line.n = form.nodes_along(d).min(MOST);
+                let (values, rest) = numbers.split_at(line.n);
+                let (slopes, rest) = rest.split_at(line.n);
+                line.value[..line.n].copy_from_slice(values);
+                line.slope[..line.n].copy_from_slice(slopes);
+                numbers = rest;
+            }
+        }
+        Factors(lines)
+    }
+}
+
+/// The products of what has been kept, nodes along the first axis fastest.
+#[inline(always)]
+pub(super) fn multiply<const D: usize>(
+    form: Form,
+    numbers: &[f64],
+    per_length: &[f64; D],
+    value: &mut [f64],
+    gradient: &mut [[f64; D]],
+) {
+    if form == Form::of_cell::<D>() {
+        let mut hats = [[0.0; 2]; D];
+        for d in 0..D {
+            hats[d] = [1.0 - numbers[d], numbers[d]];
+        }
+        let (value, gradient) = (&mut value[..1 << D], &mut gradient[..1 << D]);
+        for corner in 0..1 << D {
+            let mut product = 1.0;
+            let mut slopes = [1.0; D];
+            for d in 0..D {
+                let upper = corner >> d & 1;
+                let (s, ds) = (hats[d][upper], if upper == 1 { per_length[d] } else { -per_length[d] });
+                product *= s;
+                for e in 0..D {
+                    slopes[e] *= if e == d { ds } else { s };
+                }
+            }
+            value[corner] = product;
+            gradient[corner] = slopes;
+        }
+        return;
+    }
+    let Factors(lines) = Factors::kept(form, numbers, per_length);
+    let mut place = [0; D];
+    for (value, gradient) in value.iter_mut().zip(gradient).take(form.nodes::<D>()) {
+        let mut product = 1.0;
+        let mut slopes = [1.0; D];
+        for d in 0..D {
+            let (s, ds) = (lines[d].value[place[d]], lines[d].slope[place[d]]);
+            product *= s;
+            for e in 0..D {
+                slopes[e] *= if e == d { ds } else { s };
+            }
+        }
+        (*value, *gradient) = (product, slopes);
+        for d in 0..D {
+            place[d] += 1;
+            if place[d] < lines[d].n {
+                break;
+            }
+            place[d] = 0;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::basis::{Basis, Gimp, Mpm, PointGeometry, Support};
+    use crate::grid::{Grid, Structured};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn products_are_those_of_the_basis(
+            x in prop::array::uniform3(0.2..3.8f64),
+            l in prop::array::uniform3(0.0..0.9f64),
+        ) {
+            let grid = Structured::<3>::new([0.0; 3], [1.0, 0.7, 1.3], [4, 6, 3]);
+            let cell = grid.locate(&x, None).unwrap_or_else(|| grid.nearest_cell(&x));
+            let per_length = grid.spacing().map(|h| 1.0 / h);
+            let mut support = Support::default();
+            for (basis, numbers_of_cell) in [(&Mpm as &dyn Basis<3>, true), (&Gimp, false)] {
+                let point = PointGeometry { cell, position: &x, half_lengths: &l, corners: &[] };
+                basis.support(&grid, &point, &mut support).unwrap();
+                let factors = support.factors.unwrap();
+                let mut numbers = Vec::new();
+                let form = factors.keep(&per_length, &mut numbers);
+                let n = support.nodes.len();
+                prop_assert_eq!(form.nodes::<3>(), n);
+                prop_assert!(!numbers_of_cell || numbers.len() == 3);
+                let (mut value, mut gradient) = (vec![0.0; n], vec![[0.0; 3]; n]);
+                multiply(form, &numbers, &per_length, &mut value, &mut gradient);
+                prop_assert_eq!(&value, &support.value);
+                prop_assert_eq!(&gradient, &support.gradient);
+            }
+        }
+    }
+}
