@@ -12,6 +12,7 @@ mod pattern;
 use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
 
 use crate::basis::{Connectivity, Links, Room};
 use crate::constraints::DofMap;
@@ -30,6 +31,9 @@ use pattern::{NodePairs, UNCOUPLED};
 
 /// Groups are assembled in batches of about this many node-pair blocks, so that the dense blocks stay in cache.
 const BATCH: usize = 1 << 15;
+
+/// Points that one thread prepares for a step at least.
+const PIECE: usize = 1 << 10;
 
 /// A task of this many groups or fewer is not split between threads.
 const GRAIN: usize = 4;
@@ -84,6 +88,8 @@ impl<const D: usize> System<D> {
         let n_dense = largest(&|b| pairs.dense_range(b.clone()).len());
         let n_force = largest(&|b| b.clone().map(|g| links.nodes_of(g).len()).sum());
         let start = (0..points.len())
+            .into_par_iter()
+            .with_min_len(PIECE)
             .map(|p| {
                 let J_n = points.converged.deformation_gradient[p].determinant();
                 let measure = model.law(points, p).strain_measure();

@@ -1,7 +1,12 @@
 //! The material points: what they are, their converged state, and the trial state of the load step in hand.
 
+use rayon::prelude::*;
+
 use crate::grid::Grid;
 use crate::tensor::{Mat3, Sym3};
+
+/// Points that one thread locates at least.
+const PIECE: usize = 1 << 10;
 
 /// A position as messages show it.
 pub(crate) fn coordinates(position: &[f64]) -> String {
@@ -224,8 +229,18 @@ impl<const D: usize> Points<D> {
     /// # Errors
     /// The index of the first point that lies outside the grid.
     pub fn group_by_cell(&mut self, grid: &dyn Grid<D>) -> Result<Vec<usize>, usize> {
-        for (p, position) in self.converged.position.iter().enumerate() {
-            self.cell[p] = grid.locate(position, Some(self.cell[p])).ok_or(p)?;
+        let places = self.converged.position.par_iter();
+        let outside = (self.cell.par_iter_mut().zip(places).enumerate().with_min_len(PIECE))
+            .filter_map(|(p, (cell, position))| match grid.locate(position, Some(*cell)) {
+                Some(found) => {
+                    *cell = found;
+                    None
+                }
+                None => Some(p),
+            })
+            .min();
+        if let Some(p) = outside {
+            return Err(p);
         }
         let key = |points: &Self, p: usize| (points.cell[p], points.body[p]);
         if !(1..self.len()).all(|p| key(self, p - 1) <= key(self, p)) {
