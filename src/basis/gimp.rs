@@ -93,11 +93,13 @@ impl Line {
 /// exist are left out and the partition of unity is lost by that much.
 fn mean_hats<const D: usize>(grid: &Structured<D>, axis: usize, x: f64, half_length: f64) -> (usize, Line) {
     let h = grid.spacing()[axis];
+    let n = grid.cells()[axis] as f64;
     let n_cells = grid.cells()[axis] as i64;
     let a = grid.cell_coordinate(axis, x - half_length);
     let b = grid.cell_coordinate(axis, x + half_length);
-    let first = (a.floor() as i64).max(-1);
-    let last = (b.ceil() as i64 - 1).clamp(first, n_cells); // cells −1 and n_cells touch one node of the grid
+    // Cells −1 and n_cells touch one node of the grid. The bounds come first: any number may be a coordinate.
+    let first = a.floor().clamp(-1.0, n) as i64;
+    let last = ((b.ceil() - 1.0).clamp(-1.0, n) as i64).max(first);
     let (low, high) = (first.max(0), (last + 1).min(n_cells));
     let mut line = Line::with_len((high - low + 1) as usize);
     let entries = line.entries_mut();

@@ -206,6 +206,9 @@ impl Checkpoint {
         if cell.iter().any(|&cell| cell as usize >= model.grid.n_cells()) {
             return Err("a point is in a cell that does not exist".to_owned());
         }
+        if state.half_lengths.as_flattened().iter().any(|length| *length < 0.0) {
+            return Err("a domain has a negative length".to_owned());
+        }
         if state.deformation_gradient.iter().any(|f| f.determinant() <= 0.0) {
             return Err("a point is turned inside out".to_owned());
         }

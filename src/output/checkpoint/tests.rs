@@ -118,6 +118,9 @@ fn a_state_that_no_run_has_reached_is_refused() {
     points.converged.deformation_gradient[2][(0, 0)] = -1.0;
     assert!(refused(&points, &reached(2), &nothing).contains("inside out"));
     let mut points = good.clone();
+    points.converged.half_lengths[4][1] = -1e300;
+    assert!(refused(&points, &reached(2), &nothing).contains("negative length"));
+    let mut points = good.clone();
     points.id[1] = points.id[0];
     assert!(refused(&points, &reached(3), &nothing).contains("numbers of its points"));
     let mut account = reached(4);
