@@ -173,3 +173,22 @@ fn a_gimp_point_averages_the_linear_basis_over_its_domain() {
     let grid = Structured::<3>::new([0.0; 3], [0.1, 0.2, 0.3], [10, 10, 4]);
     averages(&grid, [0.47, 0.93, 0.55], [0.055, 0.13, 0.2], 120);
 }
+
+/// Whatever a damaged file says of a domain.
+#[test]
+fn gimp_domains_of_any_length_are_survived() {
+    let grid = Structured::<2>::new([0.0; 2], [0.1, 0.2], [10, 10]);
+    let mut out = Support::default();
+    for length in [0.0, 5e-324, 3.0, 1e300, f64::MAX, f64::INFINITY, -0.05, -3.0, -1e300, f64::MIN] {
+        for half_lengths in [[length, 0.05], [0.05, length], [length; 2]] {
+            let point = PointGeometry {
+                cell: 44,
+                position: &[0.47, 0.93],
+                half_lengths: &half_lengths,
+                corners: &[],
+            };
+            // What it gives is another matter: such points are refused when they are read.
+            let _ = Method::Gimp.basis::<2>().support(&grid, &point, &mut out);
+        }
+    }
+}

@@ -139,6 +139,12 @@ impl Material for VonMises {
     }
 }
 
+impl SideBySide for VonMises {
+    fn respond(&self, trial: &[Lanes; 4], history: &mut [Lanes]) -> ShortResponse<Lanes, 4> {
+        self.radial_return(trial, &mut history[0]).short
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -164,11 +170,5 @@ mod tests {
         assert!(history[0] > 0.05 && work > 1e3, "{history:?} {work}");
         assert!((law.plastic_work(&history) / work - 1.0).abs() < 1e-4, "{work}");
         assert_eq!(law.plastic_work(&[0.0]), 0.0);
-    }
-}
-
-impl SideBySide for VonMises {
-    fn respond(&self, trial: &[Lanes; 4], history: &mut [Lanes]) -> ShortResponse<Lanes, 4> {
-        self.radial_return(trial, &mut history[0]).short
     }
 }

@@ -60,6 +60,7 @@ impl<const D: usize> Condition<D> {
         match model.stepping.control {
             Control::Load => None,
             Control::Displacement { probe, axis, to } => {
+                let axis = axis.min(D - 1); // decks with another one are refused
                 let mut weight = vec![[0.0; D]; links.n_active()];
                 let chosen = model.probes.get(probe).map_or(&[][..], |probe| &probe.points);
                 let mut is_chosen = vec![false; points.len()];

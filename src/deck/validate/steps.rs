@@ -12,7 +12,10 @@ impl Check<'_> {
         let deck = self.deck;
         match &deck.steps.control {
             ControlDeck::Load {} => return,
-            ControlDeck::Displacement { probe, to, .. } => {
+            ControlDeck::Displacement { probe, axis, to } => {
+                if *axis as usize >= deck.dimensions() {
+                    self.of_other_dimension("/steps/control/axis", "the axis `z`", 3);
+                }
                 let probes: Vec<&str> = deck.output.probes.iter().map(|probe| probe.name.as_str()).collect();
                 if !probes.contains(&probe.as_str()) {
                     let message = format!("there is no probe {}", quote(probe));
