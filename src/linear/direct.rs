@@ -31,6 +31,10 @@ const LOST: f64 = 1e5;
 /// What is added to the diagonal entries of weak unknowns, relative to them, where they leave the matrix singular.
 const SHIFT: f64 = 1e-9;
 
+/// Relative residual that shows that the shift has only made up for round-off. Where it is not reached the shift is as
+/// large as a curvature that the matrix has, which may be negative.
+const SINGULAR_RESIDUAL: f64 = 1e-10;
+
 /// Steps of iterative refinement that mend a shift, and the relative residual that they must reach.
 const REFINEMENTS: usize = 4;
 const REFINED_RESIDUAL: f64 = 1e-12;
@@ -126,8 +130,8 @@ impl LinearSolver for Direct {
         self.shifted = false;
         self.values.clear();
         self.values.extend_from_slice(values);
-        // A matrix that so little makes positive definite is singular to working precision: the sign of its least pivot,
-        // and how far LDLᵀ would carry weak unknowns, are round-off.
+        // A matrix that so little makes positive definite may be singular to working precision: the sign of its least
+        // pivot, and how far LDLᵀ would carry weak unknowns, then are round-off.
         let definite = self.pattern.n == 0
             || self.pattern.symmetric && (self.factorise_llt(values)? || self.factorise_shifted()?);
         let kind = if definite {
@@ -148,7 +152,7 @@ impl LinearSolver for Direct {
         let solved = match self.kind {
             Some(_) if self.pattern.symmetric => {
                 let given = rhs.to_vec();
-                if !(self.shifted && self.solve_shifted(rhs)) {
+                if !(self.shifted && self.solve_shifted(rhs) <= SINGULAR_RESIDUAL) {
                     rhs.copy_from_slice(&given);
                     self.solve_unshifted(rhs)?;
                 }
@@ -190,7 +194,7 @@ impl Direct {
     fn solve_unshifted(&mut self, rhs: &mut [f64]) -> Result<(), LinearError> {
         let given = rhs.to_vec();
         if self.shifted {
-            // Something loads what nothing resists, or nearly so.
+            // Something loads what nothing resists, or it does resist a little, or the reverse.
             self.shifted = false;
             self.kind = Some(self.factorise_ldlt()?);
         }
@@ -235,7 +239,8 @@ impl Direct {
         if self.factorise_shifted()? {
             self.kind = Some(Factorisation::Cholesky);
             let mut other = given.to_vec();
-            if self.solve_shifted(&mut other) {
+            // Near equilibrium a right-hand side is round-off of larger ones.
+            if self.solve_shifted(&mut other) * norm(given) <= UNPIVOTED_RESIDUAL * self.largest {
                 solution.copy_from_slice(&other);
                 return Ok(());
             }
@@ -255,12 +260,10 @@ impl Direct {
         }
     }
 
-    /// Replaces the right-hand side by the solution with the factor of the shifted matrix; whether it solves the equations.
-    fn solve_shifted(&mut self, rhs: &mut [f64]) -> bool {
-        let size = norm(rhs);
-        self.largest = self.largest.max(size);
-        // Near equilibrium a right-hand side is round-off of larger ones.
-        self.refine(rhs) * size <= UNPIVOTED_RESIDUAL * self.largest
+    /// Replaces the right-hand side by the solution with the factor of the shifted matrix; returns its relative residual.
+    fn solve_shifted(&mut self, rhs: &mut [f64]) -> f64 {
+        self.largest = self.largest.max(norm(rhs));
+        self.refine(rhs)
     }
 
     /// LLᵀ with the diagonal entries of weak unknowns shifted; false where there are none, or where that does not solve
