@@ -74,6 +74,8 @@ struct Origin {
     analysis: Analysis,
     fresh: Fresh,
     directory: PathBuf,
+    /// The tables of its results: going on cuts them to the step of the checkpoint.
+    tables: Vec<(PathBuf, Vec<u8>)>,
     bytes: Vec<u8>,
 }
 
@@ -108,7 +110,9 @@ impl Origin {
         let nothing = analysis.beginning();
         analysis.go_on(nothing, &mut results).unwrap_or_else(|error| panic!("{error}"));
         let bytes = std::fs::read(directory.join("checkpoint_0001.mpm")).unwrap();
-        Origin { loaded, analysis, fresh, directory, bytes }
+        let tables = ["history.csv", "quality.csv", "convergence.csv"].map(|name| directory.join(name));
+        let tables = tables.map(|path| (path.clone(), std::fs::read(path).unwrap())).to_vec();
+        Origin { loaded, analysis, fresh, directory, tables, bytes }
     }
 
     /// What the program does with a checkpoint; how far it came.
@@ -141,6 +145,9 @@ impl Origin {
         if let Err(reason) = restored {
             assert!(!reason.is_empty());
             return "4 refused as not of this analysis".into();
+        }
+        for (path, content) in &self.tables {
+            std::fs::write(path, content).unwrap();
         }
         let mut reached = checkpoint.head.reached.clone();
         reached.step.index = index;

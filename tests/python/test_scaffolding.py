@@ -128,7 +128,7 @@ def test_messages_are_explained(here):
     process = here("explain")
     assert process.returncode == 0
     codes = [line.split()[0] for line in process.stdout.splitlines()]
-    assert codes == sorted(codes) and {"D001", "D034", "S001"} <= set(codes)
+    assert codes == sorted(codes, key=lambda code: ("DSR".index(code[0]), code)) and {"D001", "D034", "S001"} <= set(codes)
     for code in codes:
         page = here("explain", code)
         assert page.returncode == 0 and page.stdout.startswith(f"# {code}: ")
