@@ -148,7 +148,7 @@ impl Closing {
             table.row(
                 "linear equations",
                 &format!(
-                    "{} solved by conjugate gradients, in {each:.1} iterations each{factorised}",
+                    "{} solved iteratively, in {each:.1} iterations each{factorised}",
                     self.iterative_solves
                 ),
             );

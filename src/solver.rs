@@ -10,8 +10,10 @@ mod diagnosis;
 mod equations;
 mod error;
 mod forcing;
+mod loading;
 mod newton;
 mod report;
+mod unknowns;
 mod update;
 
 use serde::{Deserialize, Serialize};
@@ -208,7 +210,7 @@ impl<const D: usize> Solver<D> {
         if let Some(error) = self.equations.news() {
             let step = report.step.index;
             warnings.push(format!(
-                "step {step}: conjugate gradients cannot solve the equations, which are factorised instead: {error}"
+                "step {step}: iterations cannot solve the equations, which are factorised instead: {error}"
             ));
         }
     }

@@ -13,7 +13,8 @@ pub enum Choice {
     Auto,
     /// By a factorisation.
     Direct,
-    /// By conjugate gradients with a multigrid preconditioner, on a structured grid only.
+    /// By conjugate gradients, or GMRES where the stiffness is not positive definite, with a multigrid preconditioner; on a
+    /// structured grid only.
     Iterative,
 }
 

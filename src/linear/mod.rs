@@ -2,16 +2,16 @@
 
 mod blocks;
 mod choice;
-mod conjugate;
 mod direct;
+mod krylov;
 mod lattice;
 mod multigrid;
 pub mod ordering;
 
 pub use blocks::{Block, BlockMatrix, Division};
 pub use choice::{Choice, Extent};
-pub use conjugate::ConjugateGradients;
 pub use direct::Direct;
+pub use krylov::Krylov;
 
 /// Pattern of a sparse square matrix by columns; of a symmetric one only the lower triangle, diagonal included.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -37,6 +37,20 @@ pub enum Factorisation {
     Lu,
     /// None: conjugate gradients with a multigrid preconditioner, which have found the matrix positive definite.
     Multigrid,
+    /// None: generalised minimal residuals with a multigrid preconditioner; the matrix is not positive definite.
+    MultigridIndefinite,
+}
+
+impl Factorisation {
+    /// Whether the matrix was positive definite.
+    pub fn is_definite(self) -> bool {
+        matches!(self, Factorisation::Cholesky | Factorisation::Multigrid)
+    }
+
+    /// Whether nothing was factorised.
+    pub fn is_iterative(self) -> bool {
+        matches!(self, Factorisation::Multigrid | Factorisation::MultigridIndefinite)
+    }
 }
 
 /// A linear system could not be solved.
@@ -54,9 +68,9 @@ pub enum LinearError {
         /// What the factor takes, [byte], where it is known.
         needed: Option<u64>,
     },
-    /// An iterative solver that needs a symmetric positive definite matrix has met another.
-    #[error("the matrix is not symmetric and positive definite")]
-    NotPositiveDefinite,
+    /// The iterative solver, which needs a symmetric matrix, has met another.
+    #[error("the matrix is not symmetric")]
+    Unsymmetric,
     /// An iterative solver has not reached its tolerance.
     #[error("a relative residual of {residual:.1e} is left after {iterations} iterations")]
     NotConverged {

@@ -10,7 +10,7 @@ mod rows;
 
 use super::blocks::BlockMatrix;
 use super::lattice::{Lattice, Transfer};
-use super::{Direct, Factorisation, LinearError, LinearSolver, Pattern, ordering};
+use super::{Direct, LinearError, LinearSolver, Pattern, ordering};
 
 use level::Level;
 
@@ -63,28 +63,23 @@ impl<const D: usize> Multigrid<D> {
         Ok(true)
     }
 
-    /// Takes the values of a matrix.
+    /// Takes the values of a matrix; returns whether nothing here shows that it is not positive definite.
     ///
     /// # Errors
-    /// [`LinearError::NotPositiveDefinite`] as far as that shows.
-    pub(super) fn factorise(&mut self, matrix: &BlockMatrix<D>) -> Result<(), LinearError> {
+    /// [`LinearError::Singular`] where a free degree of freedom, or the coarsest level, has no stiffness.
+    pub(super) fn factorise(&mut self, matrix: &BlockMatrix<D>) -> Result<bool, LinearError> {
         let Multigrid { levels, transfers, coarsest, values } = self;
-        if !levels[0].take(matrix) {
-            return Err(LinearError::NotPositiveDefinite);
-        }
+        let positive = levels[0].take(matrix)?;
         for (k, transfer) in transfers.iter().enumerate() {
             let (fine, coarse) = levels.split_at_mut(k + 1);
             coarse[0].take_product(&fine[k], transfer);
         }
-        let Some(last) = levels.last() else { return Ok(()) };
+        let Some(last) = levels.last() else { return Ok(positive) };
         values.clear();
         for_each_entry(last, |row, place, i, k| {
             values.push(f64::from(last.rows.component(row, i)[place * D + k]));
         });
-        match coarsest.factorise(values)? {
-            Factorisation::Cholesky => Ok(()),
-            _ => Err(LinearError::NotPositiveDefinite),
-        }
+        Ok(coarsest.factorise(values)?.is_definite() && positive)
     }
 
     /// Replaces `z` by an approximation of A⁻¹ r.

@@ -3,9 +3,7 @@
 use crate::assembly::{FreeEntries, System};
 use crate::basis::Connectivity;
 use crate::constraints::DofMap;
-use crate::linear::{
-    Choice, ConjugateGradients, Direct, Extent, Factorisation, LinearError, LinearSolver, ordering,
-};
+use crate::linear::{Choice, Direct, Extent, Factorisation, Krylov, LinearError, LinearSolver, ordering};
 use crate::model::Model;
 use crate::timing::{Phase, Timings};
 
@@ -19,7 +17,7 @@ pub(super) struct Equations<const D: usize> {
     entries: FreeEntries,
     /// Values of the entries, or the right-hand side.
     values: Vec<f64>,
-    iterative: ConjugateGradients<D>,
+    iterative: Krylov<D>,
     solution: Vec<[f64; D]>,
     /// Why equations that should have been solved iteratively were not, the first time.
     turned: Option<LinearError>,
@@ -87,7 +85,7 @@ impl<const D: usize> Equations<D> {
             Choice::Auto => possible && place.extent(system).is_large::<D>(),
         };
         if choice == Choice::Iterative && !possible {
-            self.turned.get_or_insert(LinearError::NotPositiveDefinite);
+            self.turned.get_or_insert(LinearError::Unsymmetric);
         }
         if iterative {
             return self.prepare_iterative(place, system);
@@ -120,7 +118,7 @@ impl<const D: usize> Equations<D> {
 
     fn prepare_direct(&mut self, place: Place<D>, system: &System<D>) -> Result<(), LinearError> {
         self.method = Method::Direct;
-        self.iterative = ConjugateGradients::default();
+        self.iterative = Krylov::default();
         self.entries = system.free_entries(place.dofs);
         let pattern = std::mem::take(&mut self.entries.pattern);
         self.direct.analyse(pattern, &|| place.elimination_order(system)).map(|_| ())
@@ -142,7 +140,7 @@ impl<const D: usize> Equations<D> {
     ) -> Result<Solved, LinearError> {
         if self.method == Method::Iterative {
             match self.solve_iterative(place, system, rhs, delta, tolerance, timings) {
-                Err(error @ (LinearError::NotPositiveDefinite | LinearError::NotConverged { .. })) => {
+                Err(error @ (LinearError::Singular { .. } | LinearError::NotConverged { .. })) => {
                     let turn = timings.measure(Phase::Analyse, || self.prepare_direct(place, system));
                     turn.map_err(|_| error)?;
                     self.turned.get_or_insert(error);
@@ -190,7 +188,7 @@ impl<const D: usize> Equations<D> {
         timings.measure(Phase::Solve, || self.iterate(place, system, rhs, delta, tolerance))
     }
 
-    /// Conjugate gradients for one right-hand side.
+    /// Iterations for one right-hand side.
     fn iterate(
         &mut self,
         place: Place<D>,
@@ -200,13 +198,14 @@ impl<const D: usize> Equations<D> {
         tolerance: f64,
     ) -> Result<Solved, LinearError> {
         let multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| system.multiply(x, out);
-        let iterations = self.iterative.solve(multiply, rhs, &mut self.solution, tolerance)?;
+        let (factorisation, iterations) =
+            self.iterative.solve(multiply, rhs, &mut self.solution, tolerance)?;
         for_each_dof(place.dofs, |node, axis, free| {
             if free.is_some() {
                 delta[node][axis] = self.solution[node][axis];
             }
         });
-        Ok(Solved { factorisation: Factorisation::Multigrid, iterations })
+        Ok(Solved { factorisation, iterations })
     }
 
     fn solve_direct(

@@ -119,9 +119,7 @@ pub enum SolveError {
         needed: Option<u64>,
     },
     /// The iterative solver has failed, and the factor for the direct one does not fit into memory.
-    #[error(
-        "step {step}: conjugate gradients have failed and the stiffness is too large to factorise: {error}"
-    )]
+    #[error("step {step}: iterations have failed and the stiffness is too large to factorise: {error}")]
     Iterative {
         /// The step.
         step: usize,
@@ -176,7 +174,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("S009", "boundary conditions that cannot be applied"),
     ("S010", "a load without a value"),
     ("S011", "results that cannot be written"),
-    ("S012", "equations that conjugate gradients cannot solve"),
+    ("S012", "equations that iterations cannot solve"),
     ("S013", "a path that cannot be followed"),
 ];
 
@@ -363,7 +361,7 @@ impl SolveError {
         let step = step.index;
         match error {
             LinearError::OutOfMemory { needed } => SolveError::OutOfMemory { step, needed },
-            LinearError::NotPositiveDefinite => SolveError::Iterative { step, error },
+            LinearError::Unsymmetric => SolveError::Iterative { step, error },
             LinearError::NotConverged { .. } => SolveError::Iterative { step, error },
             LinearError::Singular { unknown } => {
                 let node = unknown.and_then(|u| at.dofs.place_of(u)).map(|(node, axis)| {

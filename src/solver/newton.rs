@@ -4,7 +4,6 @@ use crate::assembly::System;
 use crate::basis::{Connectivity, Method};
 use crate::constraints::DofMap;
 use crate::linear::LinearError;
-use crate::loads::{ExternalForce, external_force, external_force_of_factor};
 use crate::model::{Model, Newton};
 use crate::points::Points;
 use crate::stepping::Control;
@@ -16,15 +15,15 @@ use super::control::{Condition, NoIntersection, Path, on_free};
 use super::equations::{Place, Solved};
 use super::error::locate_failure;
 use super::forcing::Forcing;
+use super::loading::{Loading, StepSystem};
 use super::report::{self, GridFields, Observer, StepReport, reactions_of};
+use super::unknowns::Unknowns;
 use super::{FailedAttempt, Iterate, Nodal, SolveError, Solver, Step, update};
 
 /// A step on which a point turns inside out is halved up to so many times.
 const MOST_HALVINGS: usize = 5;
 /// Most evaluations of a line search.
 const MOST_SEARCHES: usize = 3;
-/// A line search is content with this part of the slope of the potential.
-const FLAT: f64 = 0.5;
 /// No line search before so many iterations …
 const FIRST_SEARCH: usize = 3;
 /// … where an attempt has failed before, otherwise before this part of those that are allowed: iterations that go well are
@@ -173,6 +172,7 @@ impl<const D: usize> Solver<D> {
                     Obstacle::Linear(error) => SolveError::linear(error, place, step),
                     Obstacle::Path(NoIntersection) => SolveError::NoPath { step: step.index },
                 })?;
+            self.reached.summary.count(used);
             course.solved.push(used);
         }
         let residuals = course.residuals.clone();
@@ -282,7 +282,6 @@ impl<const D: usize> Solver<D> {
             tolerance,
             timings,
         )?;
-        self.reached.summary.linear_solves += 1;
         unknowns.iterative_factor = 0.0;
         if let (Some(unit), Some(condition)) = (&loading.unit, condition) {
             let mut of_load = vec![[0.0; D]; unit.len()];
@@ -321,260 +320,6 @@ pub(super) fn for_each_dof<const D: usize>(
     for node in 0..dofs.n_nodes() {
         for axis in 0..D {
             visit(node, axis, dofs.free(node, axis));
-        }
-    }
-}
-
-/// The external force of a step.
-struct Loading<const D: usize> {
-    f_ext: Nodal<D>,
-    /// External force of the state the step starts from, on the nodes of this step.
-    f_ext_start: Nodal<D>,
-    /// Sum of the loads at the end of the step, [force].
-    applied: [f64; D],
-    /// Force at load factor 1 where that factor is unknown, and its sum.
-    unit: Option<Nodal<D>>,
-    unit_applied: [f64; D],
-}
-
-impl<const D: usize> Loading<D> {
-    fn new(
-        model: &Model<D>,
-        points: &Points<D>,
-        links: &Connectivity<D>,
-        step: Step,
-        path: &Path,
-    ) -> Result<Self, SolveError> {
-        let no_value = |error| SolveError::Load { step: step.index, error: Box::new(error) };
-        if model.stepping.control != Control::Load {
-            let ExternalForce { nodal: unit, applied: unit_applied } =
-                external_force_of_factor(model, points, links, 1.0).map_err(no_value)?;
-            let mut loading = Loading {
-                f_ext: vec![[0.0; D]; unit.len()],
-                f_ext_start: Vec::new(),
-                applied: [0.0; D],
-                unit: Some(unit),
-                unit_applied,
-            };
-            loading.set_factor(path.factor);
-            loading.f_ext_start = loading.f_ext.clone();
-            return Ok(loading);
-        }
-        let load = |time| external_force(model, points, links, time).map_err(no_value); // (24), (25), (29)
-        let ExternalForce { nodal: f_ext, applied } = load(step.end)?;
-        // At time 0 nothing is loaded yet, whatever the curves say.
-        let f_ext_start =
-            if step.start > 0.0 { load(step.start)?.nodal } else { vec![[0.0; D]; f_ext.len()] };
-        Ok(Loading { f_ext, f_ext_start, applied, unit: None, unit_applied: [0.0; D] })
-    }
-
-    /// The force at a load factor, where that is unknown.
-    fn set_factor(&mut self, factor: f64) {
-        let Some(unit) = &self.unit else { return };
-        for (force, unit) in self.f_ext.iter_mut().flatten().zip(unit.iter().flatten()) {
-            *force = factor * unit;
-        }
-        self.applied = self.unit_applied.map(|force| factor * force);
-    }
-}
-
-/// What is set up once per step.
-struct StepSystem<const D: usize> {
-    dofs: DofMap<D>,
-    system: System<D>,
-    loading: Loading<D>,
-    /// What determines the load factor where that is unknown.
-    condition: Option<Condition<D>>,
-}
-
-impl<const D: usize> StepSystem<D> {
-    fn new<M: Mechanics<D>>(
-        model: &Model<D>,
-        points: &Points<D>,
-        links: &Connectivity<D>,
-        step: Step,
-        path: &Path,
-    ) -> Result<Self, SolveError> {
-        let dofs = DofMap::new(model, points, links, step.start, step.end)
-            .map_err(|error| SolveError::Constraint { step: step.index, error })?;
-        let system = System::new::<M>(model, points, links);
-        // A ring resists its own motion outwards.
-        let rigid = usize::from(M::REVOLVED)..D;
-        if let Some((node, axis)) = dofs.unheld(&links.parts(), rigid) {
-            let place = model.grid.node_position(links.active_nodes()[node] as usize);
-            return Err(SolveError::Unheld { step: step.index, node: place.to_vec(), axis });
-        }
-        let loading = Loading::new(model, points, links, step, path)?;
-        let condition = Condition::new(model, points, links, step, path);
-        Ok(StepSystem { dofs, system, loading, condition })
-    }
-}
-
-/// The unknowns of a load step and the vectors that an iteration works with.
-struct Unknowns<const D: usize> {
-    /// Displacement increment Δd of the active nodes, [length].
-    delta_d: Nodal<D>,
-    /// Load factor, where that is unknown, [-].
-    factor: f64,
-    /// Reactions, from the linearised equations of the iterations so far, [force].
-    reaction: Nodal<D>,
-    /// The last iterative displacement δd, [length], …
-    iterative: Nodal<D>,
-    /// … the change of the load factor that belongs to it, …
-    iterative_factor: f64,
-    /// … and K δd, [force].
-    k_delta: Nodal<D>,
-    /// Whether δd contains a prescribed motion, of which a part would be no step towards equilibrium.
-    prescribes: bool,
-    rhs: Nodal<D>,
-    /// (δd, rhs) where δd was found: the slope of the potential there, [energy].
-    slope: f64,
-    /// How much of δd has been taken, [-].
-    taken: f64,
-    /// A displacement that no equilibrium in this grid can have, [length].
-    far: f64,
-}
-
-/// An iterative displacement of so many diameters of the grid is the work of a singular stiffness.
-const FAR: f64 = 1e6;
-
-/// Forces below this multiple of round-off in K Δd are no measure of the load.
-const ROUND_OFF: f64 = 64.0 * f64::EPSILON;
-
-/// A prescribed displacement that differs by less than this, relative to its size, is reached.
-const REACHED: f64 = 1e-12;
-
-impl<const D: usize> Unknowns<D> {
-    fn new(model: &Model<D>, links: &Connectivity<D>, factor: f64) -> Self {
-        let zero = vec![[0.0; D]; links.n_active()];
-        let [low, high] = model.grid.bounds();
-        let diameter = norm((0..D).map(|d| high[d] - low[d]));
-        Unknowns {
-            delta_d: zero.clone(),
-            factor,
-            reaction: zero.clone(),
-            iterative: zero.clone(),
-            iterative_factor: 0.0,
-            k_delta: zero.clone(),
-            prescribes: false,
-            rhs: zero,
-            slope: 0.0,
-            taken: 1.0,
-            far: FAR * diameter,
-        }
-    }
-
-    /// Takes the iterative displacement, eq. (30), with the linearised change of the reactions.
-    fn advance(
-        &mut self,
-        system: &mut System<D>,
-        dofs: &DofMap<D>,
-        loading: &Loading<D>,
-        out_of_balance: &[[f64; D]],
-    ) -> Result<(), LinearError> {
-        // Only a motion that nothing resists carries a node that far.
-        let far = |u: &f64| u.abs() > self.far;
-        let delta = &self.iterative;
-        let carried = (0..delta.len())
-            .find_map(|node| delta[node].iter().position(far).and_then(|axis| dofs.free(node, axis)));
-        if let Some(unknown) = carried {
-            return Err(LinearError::Singular { unknown: Some(unknown) });
-        }
-        system.multiply(&self.iterative, &mut self.k_delta);
-        let change = self.iterative_factor;
-        for_each_dof(dofs, |node, axis, free| {
-            self.delta_d[node][axis] += self.iterative[node][axis]; // (30)
-            if free.is_none() {
-                let load = loading.unit.as_ref().map_or(0.0, |unit| change * unit[node][axis]);
-                let unbalanced = out_of_balance[node][axis];
-                self.k_delta[node][axis] -= load;
-                self.reaction[node][axis] += self.k_delta[node][axis] - unbalanced;
-            } else {
-                self.k_delta[node][axis] = 0.0;
-            }
-        });
-        self.factor += change;
-        self.taken = 1.0;
-        self.slope = self.slope(&self.rhs);
-        Ok(())
-    }
-
-    /// Takes only a part of what is taken of the last iterative displacement.
-    fn shorten(&mut self, part: f64, loading: &mut Loading<D>) {
-        let back = 1.0 - part;
-        for (u, delta) in self.delta_d.iter_mut().flatten().zip(self.iterative.iter_mut().flatten()) {
-            *u -= back * *delta;
-            *delta *= part;
-        }
-        // Not zero on prescribed degrees of freedom only.
-        for (reaction, change) in self.reaction.iter_mut().flatten().zip(self.k_delta.iter_mut().flatten()) {
-            *reaction -= back * *change;
-            *change *= part;
-        }
-        self.factor -= back * self.iterative_factor;
-        self.iterative_factor *= part;
-        self.taken *= part;
-        loading.set_factor(self.factor);
-    }
-
-    /// The work of a force on the whole last iterative displacement, [energy].
-    fn slope(&self, force: &[[f64; D]]) -> f64 {
-        let work = force.iter().flatten().zip(self.iterative.iter().flatten()).map(|(f, u)| f * u);
-        work.sum::<f64>() / self.taken
-    }
-
-    /// The part of what is taken at which the potential is flatter, given its slope here; `None` where it is flat enough or
-    /// falls on.
-    fn flatter(&self, slope: f64) -> Option<f64> {
-        let climbs = self.slope > 0.0 && slope < -FLAT * self.slope;
-        climbs.then(|| (self.slope / (self.slope - slope)).clamp(0.1, 0.9))
-    }
-
-    /// Whether all prescribed displacements have been reached.
-    fn follows(&self, dofs: &DofMap<D>) -> bool {
-        let mut follows = true;
-        for_each_dof(dofs, |node, axis, _| {
-            if let Some((increment, _)) = dofs.prescribed(node, axis) {
-                follows &= (increment - self.delta_d[node][axis]).abs() <= REACHED * increment.abs();
-            }
-        });
-        follows
-    }
-
-    /// f_ext − f_int + f_react over all degrees of freedom, constrained ones included; eq. (28) with the sign that
-    /// eq. (26) needs.
-    fn balance(&self, f_ext: &Nodal<D>, f_int: &[[f64; D]]) -> Nodal<D> {
-        (0..f_ext.len())
-            .map(|n| std::array::from_fn(|d| f_ext[n][d] - f_int[n][d] + self.reaction[n][d]))
-            .collect()
-    }
-
-    /// Eq. (40): the out-of-balance force relative to external forces and reactions together.
-    ///
-    /// Where neither exists (a free body that moves rigidly, or is unloaded) the forces that remain are round-off of
-    /// K Δd, and they are measured against that.
-    fn relative_norm(
-        &self,
-        out_of_balance: &Nodal<D>,
-        f_ext: &Nodal<D>,
-        system: &System<D>,
-        tolerance: f64,
-    ) -> f64 {
-        let out = norm(out_of_balance.iter().flatten().copied());
-        let total = f_ext.iter().flatten().zip(self.reaction.iter().flatten());
-        let force = norm(total.map(|(f, r)| f + r));
-        if out <= tolerance * force || out == 0.0 {
-            return if out == 0.0 { 0.0 } else { out / force };
-        }
-        let stiff = system.diagonal();
-        let motion = stiff.iter().flatten().zip(self.delta_d.iter().flatten());
-        let scale = ROUND_OFF / tolerance * norm(motion.map(|(k, u)| k * u));
-        let reference = force.max(scale);
-        if reference > 0.0 {
-            out / reference
-        } else {
-            // Nothing moves and nothing pulls: measured against the internal force itself.
-            out / norm(system.internal_force().iter().flatten().copied())
         }
     }
 }

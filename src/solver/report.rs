@@ -11,6 +11,7 @@ use crate::quality::Quality;
 use crate::timing::Timings;
 
 use super::balance::Energy;
+use super::equations::Solved;
 use super::{Diagnosis, FailedAttempt, Nodal, Path, SolveError, Step};
 use crate::stepping::Pace;
 
@@ -143,11 +144,11 @@ pub struct Summary {
     pub stabilised_faces: usize,
     /// Evaluations of internal force and stiffness, those of failed steps included.
     pub evaluations: usize,
-    /// Linear solves.
+    /// Linear solves, those of failed steps included.
     pub linear_solves: usize,
-    /// Linear solves by conjugate gradients.
+    /// Linear solves by conjugate gradients or GMRES.
     pub iterative_solves: usize,
-    /// Iterations of conjugate gradients.
+    /// Their iterations.
     pub linear_iterations: usize,
     /// Linear solves whose matrix was not positive definite.
     pub indefinite_solves: usize,
@@ -243,12 +244,14 @@ impl Summary {
         self.gross_work += (external_work + regridding_work).abs();
         self.strain_energy = strain_energy;
         self.plastic_work = plastic_work;
-        self.linear_iterations += report.linear_iterations;
-        for used in &report.factorisations {
-            self.iterative_solves += usize::from(*used == Factorisation::Multigrid);
-            let indefinite = !matches!(used, Factorisation::Cholesky | Factorisation::Multigrid);
-            self.indefinite_solves += usize::from(indefinite);
-        }
+    }
+
+    /// Counts a linear solve.
+    pub(super) fn count(&mut self, solved: Solved) {
+        self.linear_solves += 1;
+        self.linear_iterations += solved.iterations;
+        self.iterative_solves += usize::from(solved.factorisation.is_iterative());
+        self.indefinite_solves += usize::from(!solved.factorisation.is_definite());
     }
 }
 

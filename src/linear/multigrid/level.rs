@@ -2,6 +2,7 @@
 
 use pulp::Arch;
 
+use super::super::LinearError;
 use super::super::blocks::{Block, BlockMatrix};
 use super::super::lattice::{Lattice, Transfer};
 use super::rows::{Rows, in_parts};
@@ -110,9 +111,12 @@ impl<const D: usize> Level<D> {
         self.held == held && self.lattice == *lattice && same_columns()
     }
 
-    /// Takes the values of the matrix; false where a free degree of freedom has no stiffness of its own.
-    pub(super) fn take(&mut self, matrix: &BlockMatrix<D>) -> bool {
-        let mut definite = true;
+    /// Takes the values of the matrix; returns whether all of its diagonal is positive.
+    ///
+    /// # Errors
+    /// [`LinearError::Singular`] where a free degree of freedom has no stiffness of its own.
+    pub(super) fn take(&mut self, matrix: &BlockMatrix<D>) -> Result<bool, LinearError> {
+        let mut positive = true;
         for n in 0..self.lattice.len() {
             let places = matrix.column_start[n]..matrix.column_start[n + 1];
             let own =
@@ -122,13 +126,13 @@ impl<const D: usize> Level<D> {
                     continue;
                 }
                 let stiffness = own.map_or(0.0, |block| block[d][d]);
-                definite &= stiffness > 0.0 && stiffness.is_finite();
-                self.unscale[n][d] = stiffness.sqrt();
+                if stiffness == 0.0 || !stiffness.is_finite() {
+                    return Err(LinearError::Singular { unknown: None });
+                }
+                positive &= stiffness > 0.0;
+                self.unscale[n][d] = stiffness.abs().sqrt();
                 self.scale[n][d] = 1.0 / self.unscale[n][d];
             }
-        }
-        if !definite {
-            return false;
         }
         let scale = &self.scale;
         self.rows.fill(&|piece| {
@@ -152,7 +156,7 @@ impl<const D: usize> Level<D> {
             });
         });
         self.invert();
-        true
+        Ok(positive)
     }
 
     /// Takes the values of the Galerkin product Tᵀ A T of a finer level.
@@ -375,12 +379,12 @@ impl Stencil {
     }
 }
 
-/// The inverse of a symmetric block whose pivots are held away from zero.
+/// The inverse of a symmetric block whose pivots are held away from zero, on the side of its diagonal.
 fn inverse_of<const D: usize>(block: &Block<D>) -> Block<D> {
     let mut factor = *block; // L below the diagonal, pivots on it
     for k in 0..D {
-        let largest = block[k][k].abs().max(f64::MIN_POSITIVE);
-        factor[k][k] = factor[k][k].max(WEAKEST * largest);
+        let weakest = WEAKEST * block[k][k].abs().max(f64::MIN_POSITIVE);
+        factor[k][k] = if block[k][k] < 0.0 { factor[k][k].min(-weakest) } else { factor[k][k].max(weakest) };
         for i in k + 1..D {
             let l = factor[i][k] / factor[k][k];
             for j in k + 1..=i {

@@ -1,0 +1,85 @@
+//! Preconditioned conjugate gradients (Hestenes and Stiefel, 1952).
+
+use super::{LinearError, MOST, add, dot};
+
+/// Conjugate gradients have ended without a solution.
+pub(super) enum Failure {
+    /// A direction, or the preconditioner, has shown that the matrix is not positive definite.
+    NotPositiveDefinite {
+        /// Iterations so far.
+        iterations: usize,
+    },
+    /// They do not converge, or cannot be preconditioned.
+    Linear(LinearError),
+}
+
+impl From<LinearError> for Failure {
+    fn from(error: LinearError) -> Self {
+        Failure::Linear(error)
+    }
+}
+
+/// The vectors of the iterations.
+#[derive(Default)]
+pub(super) struct ConjugateGradients<const D: usize> {
+    residual: Vec<[f64; D]>,
+    preconditioned: Vec<[f64; D]>,
+    direction: Vec<[f64; D]>,
+    product: Vec<[f64; D]>,
+}
+
+impl<const D: usize> ConjugateGradients<D> {
+    /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations.
+    pub(super) fn solve(
+        &mut self,
+        multiply: &mut impl FnMut(&[[f64; D]], &mut [[f64; D]]),
+        precondition: &mut impl FnMut(&[[f64; D]], &mut [[f64; D]]) -> Result<(), LinearError>,
+        b: &[[f64; D]],
+        x: &mut [[f64; D]],
+        tolerance: f64,
+    ) -> Result<usize, Failure> {
+        let Self { residual: r, preconditioned: z, direction: p, product: q } = self;
+        for vector in [&mut *r, &mut *z, &mut *p, &mut *q] {
+            vector.clear();
+            vector.resize(b.len(), [0.0; D]);
+        }
+        x.fill([0.0; D]);
+        r.copy_from_slice(b);
+        let size = dot(r, r).sqrt();
+        let mut rz_before = 0.0;
+        let mut norm = size;
+        for iteration in 0..=MOST {
+            if norm <= tolerance * size {
+                return Ok(iteration);
+            }
+            if iteration == MOST || !norm.is_finite() {
+                break;
+            }
+            precondition(r, z)?;
+            let rz = dot(r, z);
+            if rz.is_nan() || rz <= 0.0 {
+                return Err(Failure::NotPositiveDefinite { iterations: iteration });
+            }
+            let beta = if iteration == 0 { 0.0 } else { rz / rz_before };
+            rz_before = rz;
+            combine(p, beta, z);
+            multiply(p, q);
+            let curvature = dot(p, q);
+            if curvature.is_nan() || curvature <= 0.0 {
+                return Err(Failure::NotPositiveDefinite { iterations: iteration + 1 });
+            }
+            let alpha = rz / curvature;
+            add(x, alpha, p);
+            add(r, -alpha, q);
+            norm = dot(r, r).sqrt();
+        }
+        Err(LinearError::NotConverged { iterations: MOST, residual: norm / size }.into())
+    }
+}
+
+/// p ← z + β p.
+fn combine<const D: usize>(p: &mut [[f64; D]], beta: f64, z: &[[f64; D]]) {
+    for (p, z) in p.as_flattened_mut().iter_mut().zip(z.as_flattened()) {
+        *p = z + beta * *p;
+    }
+}

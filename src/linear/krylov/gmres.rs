@@ -1,0 +1,148 @@
+//! Generalised minimal residuals (Saad and Schultz, 1986), preconditioned from the right and restarted.
+
+use super::{LinearError, MOST, add, dot};
+
+/// Directions after which the iterations start again from their solution, which bounds the memory.
+const RESTART: usize = 40;
+
+/// The vectors of the iterations.
+#[derive(Default)]
+pub(super) struct Gmres<const D: usize> {
+    /// Orthonormal basis of the Krylov space, as long as any has been.
+    basis: Vec<Vec<[f64; D]>>,
+    work: Vec<[f64; D]>,
+    preconditioned: Vec<[f64; D]>,
+}
+
+impl<const D: usize> Gmres<D> {
+    /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations. Preconditioned from
+    /// the right, so that the residual is that of the equations.
+    ///
+    /// # Errors
+    /// [`LinearError::NotConverged`]; what the preconditioner says.
+    pub(super) fn solve(
+        &mut self,
+        multiply: &mut impl FnMut(&[[f64; D]], &mut [[f64; D]]),
+        precondition: &mut impl FnMut(&[[f64; D]], &mut [[f64; D]]) -> Result<(), LinearError>,
+        b: &[[f64; D]],
+        x: &mut [[f64; D]],
+        tolerance: f64,
+    ) -> Result<usize, LinearError> {
+        let Self { basis, work, preconditioned } = self;
+        work.resize(b.len(), [0.0; D]);
+        preconditioned.resize(b.len(), [0.0; D]);
+        basis.iter_mut().for_each(|vector| vector.resize(b.len(), [0.0; D]));
+        x.fill([0.0; D]);
+        let size = dot(b, b).sqrt();
+        let mut iterations = 0;
+        loop {
+            multiply(x, work);
+            work.iter_mut().zip(b).for_each(|(r, b)| *r = std::array::from_fn(|d| b[d] - r[d]));
+            let norm = dot(work, work).sqrt();
+            if norm <= tolerance * size {
+                return Ok(iterations);
+            }
+            if iterations >= MOST || !norm.is_finite() {
+                return Err(LinearError::NotConverged { iterations, residual: norm / size });
+            }
+            let mut projection = Projection::new(norm);
+            put(basis, 0, work, norm);
+            while projection.columns() < RESTART
+                && iterations < MOST
+                && projection.residual() > tolerance * size
+            {
+                let j = projection.columns();
+                precondition(&basis[j], preconditioned)?;
+                multiply(preconditioned, work);
+                iterations += 1;
+                let mut column = Vec::with_capacity(j + 2);
+                for vector in &basis[..=j] {
+                    let along = dot(work, vector);
+                    add(work, -along, vector);
+                    column.push(along);
+                }
+                let rest = dot(work, work).sqrt();
+                column.push(rest);
+                if column.iter().any(|entry| !entry.is_finite()) {
+                    return Err(LinearError::NotConverged { iterations, residual: norm / size });
+                }
+                projection.append(column);
+                if rest == 0.0 {
+                    break;
+                }
+                put(basis, j + 1, work, rest);
+            }
+            work.fill([0.0; D]);
+            for (vector, y) in basis.iter().zip(projection.solution()) {
+                add(work, y, vector);
+            }
+            precondition(work, preconditioned)?;
+            add(x, 1.0, preconditioned);
+        }
+    }
+}
+
+/// Puts a vector, divided by its norm, at this place of the basis.
+fn put<const D: usize>(basis: &mut Vec<Vec<[f64; D]>>, place: usize, vector: &[[f64; D]], norm: f64) {
+    let unit = vector.iter().map(|v| v.map(|v| v / norm));
+    match basis.get_mut(place) {
+        Some(there) => there.iter_mut().zip(unit).for_each(|(a, b)| *a = b),
+        None => basis.push(unit.collect()),
+    }
+}
+
+/// The equations in the Krylov space: an upper Hessenberg matrix, made triangular by rotations as it grows.
+struct Projection {
+    /// Columns of the triangle.
+    triangle: Vec<Vec<f64>>,
+    rotations: Vec<[f64; 2]>,
+    rhs: Vec<f64>,
+}
+
+impl Projection {
+    fn new(norm: f64) -> Self {
+        Projection { triangle: Vec::new(), rotations: Vec::new(), rhs: vec![norm] }
+    }
+
+    fn columns(&self) -> usize {
+        self.triangle.len()
+    }
+
+    /// Norm of what the best solution in the space leaves.
+    fn residual(&self) -> f64 {
+        self.rhs.last().map_or(0.0, |last| last.abs())
+    }
+
+    /// Takes the next column of the Hessenberg matrix, with the entry below the diagonal.
+    fn append(&mut self, mut column: Vec<f64>) {
+        for (k, [c, s]) in self.rotations.iter().enumerate() {
+            [column[k], column[k + 1]] =
+                [c * column[k] + s * column[k + 1], c * column[k + 1] - s * column[k]];
+        }
+        let k = self.rotations.len();
+        let below = column[k + 1];
+        let length = column[k].hypot(below);
+        let [c, s] = if length > 0.0 { [column[k] / length, below / length] } else { [1.0, 0.0] };
+        column[k] = length;
+        column.truncate(k + 1);
+        self.triangle.push(column);
+        self.rotations.push([c, s]);
+        let rest = self.rhs[k];
+        self.rhs[k] = c * rest;
+        self.rhs.push(-s * rest);
+    }
+
+    /// Coefficients of the solution in the basis.
+    fn solution(&self) -> Vec<f64> {
+        let n = self.columns();
+        let mut y = self.rhs[..n].to_vec();
+        for k in (0..n).rev() {
+            // A direction that the matrix does not see adds nothing.
+            y[k] = if self.triangle[k][k] > 0.0 { y[k] / self.triangle[k][k] } else { 0.0 };
+            for i in 0..k {
+                y[i] -= self.triangle[k][i] * y[k];
+            }
+        }
+        y
+    }
+}

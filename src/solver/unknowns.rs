@@ -1,0 +1,183 @@
+//! The unknowns of a load step: displacement increments, reactions and load factor, eqs. (28), (30) and (40).
+
+use crate::assembly::System;
+use crate::basis::Connectivity;
+use crate::constraints::DofMap;
+use crate::linear::LinearError;
+use crate::model::Model;
+
+use super::Nodal;
+use super::loading::Loading;
+use super::newton::{for_each_dof, norm};
+
+/// The unknowns of a load step and the vectors that an iteration works with.
+pub(super) struct Unknowns<const D: usize> {
+    /// Displacement increment Δd of the active nodes, [length].
+    pub(super) delta_d: Nodal<D>,
+    /// Load factor, where that is unknown, [-].
+    pub(super) factor: f64,
+    /// Reactions, from the linearised equations of the iterations so far, [force].
+    pub(super) reaction: Nodal<D>,
+    /// The last iterative displacement δd, [length], …
+    pub(super) iterative: Nodal<D>,
+    /// … the change of the load factor that belongs to it, …
+    pub(super) iterative_factor: f64,
+    /// … and K δd, [force].
+    pub(super) k_delta: Nodal<D>,
+    /// Whether δd contains a prescribed motion, of which a part would be no step towards equilibrium.
+    pub(super) prescribes: bool,
+    pub(super) rhs: Nodal<D>,
+    /// (δd, rhs) where δd was found: the slope of the potential there, [energy].
+    slope: f64,
+    /// How much of δd has been taken, [-].
+    taken: f64,
+    /// A displacement that no equilibrium in this grid can have, [length].
+    far: f64,
+}
+
+/// An iterative displacement of so many diameters of the grid is the work of a singular stiffness.
+const FAR: f64 = 1e6;
+
+/// Forces below this multiple of round-off in K Δd are no measure of the load.
+const ROUND_OFF: f64 = 64.0 * f64::EPSILON;
+
+/// A line search is content with this part of the slope of the potential.
+const FLAT: f64 = 0.5;
+
+/// A prescribed displacement that differs by less than this, relative to its size, is reached.
+const REACHED: f64 = 1e-12;
+
+impl<const D: usize> Unknowns<D> {
+    pub(super) fn new(model: &Model<D>, links: &Connectivity<D>, factor: f64) -> Self {
+        let zero = vec![[0.0; D]; links.n_active()];
+        let [low, high] = model.grid.bounds();
+        let diameter = norm((0..D).map(|d| high[d] - low[d]));
+        Unknowns {
+            delta_d: zero.clone(),
+            factor,
+            reaction: zero.clone(),
+            iterative: zero.clone(),
+            iterative_factor: 0.0,
+            k_delta: zero.clone(),
+            prescribes: false,
+            rhs: zero,
+            slope: 0.0,
+            taken: 1.0,
+            far: FAR * diameter,
+        }
+    }
+
+    /// Takes the iterative displacement, eq. (30), with the linearised change of the reactions.
+    pub(super) fn advance(
+        &mut self,
+        system: &mut System<D>,
+        dofs: &DofMap<D>,
+        loading: &Loading<D>,
+        out_of_balance: &[[f64; D]],
+    ) -> Result<(), LinearError> {
+        // Only a motion that nothing resists carries a node that far.
+        let far = |u: &f64| u.abs() > self.far;
+        let delta = &self.iterative;
+        let carried = (0..delta.len())
+            .find_map(|node| delta[node].iter().position(far).and_then(|axis| dofs.free(node, axis)));
+        if let Some(unknown) = carried {
+            return Err(LinearError::Singular { unknown: Some(unknown) });
+        }
+        system.multiply(&self.iterative, &mut self.k_delta);
+        let change = self.iterative_factor;
+        for_each_dof(dofs, |node, axis, free| {
+            self.delta_d[node][axis] += self.iterative[node][axis]; // (30)
+            if free.is_none() {
+                let load = loading.unit.as_ref().map_or(0.0, |unit| change * unit[node][axis]);
+                let unbalanced = out_of_balance[node][axis];
+                self.k_delta[node][axis] -= load;
+                self.reaction[node][axis] += self.k_delta[node][axis] - unbalanced;
+            } else {
+                self.k_delta[node][axis] = 0.0;
+            }
+        });
+        self.factor += change;
+        self.taken = 1.0;
+        self.slope = self.slope(&self.rhs);
+        Ok(())
+    }
+
+    /// Takes only a part of what is taken of the last iterative displacement.
+    pub(super) fn shorten(&mut self, part: f64, loading: &mut Loading<D>) {
+        let back = 1.0 - part;
+        for (u, delta) in self.delta_d.iter_mut().flatten().zip(self.iterative.iter_mut().flatten()) {
+            *u -= back * *delta;
+            *delta *= part;
+        }
+        // Not zero on prescribed degrees of freedom only.
+        for (reaction, change) in self.reaction.iter_mut().flatten().zip(self.k_delta.iter_mut().flatten()) {
+            *reaction -= back * *change;
+            *change *= part;
+        }
+        self.factor -= back * self.iterative_factor;
+        self.iterative_factor *= part;
+        self.taken *= part;
+        loading.set_factor(self.factor);
+    }
+
+    /// The work of a force on the whole last iterative displacement, [energy].
+    pub(super) fn slope(&self, force: &[[f64; D]]) -> f64 {
+        let work = force.iter().flatten().zip(self.iterative.iter().flatten()).map(|(f, u)| f * u);
+        work.sum::<f64>() / self.taken
+    }
+
+    /// The part of what is taken at which the potential is flatter, given its slope here; `None` where it is flat enough or
+    /// falls on.
+    pub(super) fn flatter(&self, slope: f64) -> Option<f64> {
+        let climbs = self.slope > 0.0 && slope < -FLAT * self.slope;
+        climbs.then(|| (self.slope / (self.slope - slope)).clamp(0.1, 0.9))
+    }
+
+    /// Whether all prescribed displacements have been reached.
+    pub(super) fn follows(&self, dofs: &DofMap<D>) -> bool {
+        let mut follows = true;
+        for_each_dof(dofs, |node, axis, _| {
+            if let Some((increment, _)) = dofs.prescribed(node, axis) {
+                follows &= (increment - self.delta_d[node][axis]).abs() <= REACHED * increment.abs();
+            }
+        });
+        follows
+    }
+
+    /// f_ext − f_int + f_react over all degrees of freedom, constrained ones included; eq. (28) with the sign that
+    /// eq. (26) needs.
+    pub(super) fn balance(&self, f_ext: &Nodal<D>, f_int: &[[f64; D]]) -> Nodal<D> {
+        (0..f_ext.len())
+            .map(|n| std::array::from_fn(|d| f_ext[n][d] - f_int[n][d] + self.reaction[n][d]))
+            .collect()
+    }
+
+    /// Eq. (40): the out-of-balance force relative to external forces and reactions together.
+    ///
+    /// Where neither exists (a free body that moves rigidly, or is unloaded) the forces that remain are round-off of
+    /// K Δd, and they are measured against that.
+    pub(super) fn relative_norm(
+        &self,
+        out_of_balance: &Nodal<D>,
+        f_ext: &Nodal<D>,
+        system: &System<D>,
+        tolerance: f64,
+    ) -> f64 {
+        let out = norm(out_of_balance.iter().flatten().copied());
+        let total = f_ext.iter().flatten().zip(self.reaction.iter().flatten());
+        let force = norm(total.map(|(f, r)| f + r));
+        if out <= tolerance * force || out == 0.0 {
+            return if out == 0.0 { 0.0 } else { out / force };
+        }
+        let stiff = system.diagonal();
+        let motion = stiff.iter().flatten().zip(self.delta_d.iter().flatten());
+        let scale = ROUND_OFF / tolerance * norm(motion.map(|(k, u)| k * u));
+        let reference = force.max(scale);
+        if reference > 0.0 {
+            out / reference
+        } else {
+            // Nothing moves and nothing pulls: measured against the internal force itself.
+            out / norm(system.internal_force().iter().flatten().copied())
+        }
+    }
+}
