@@ -13,6 +13,9 @@ use rayon::prelude::*;
 /// Strides are multiples of this, and as many numbers follow the last column.
 pub(super) const PAD: usize = 8;
 
+/// With so many registers, three vectors of rows are worked on at once, otherwise two.
+const MANY_REGISTERS: usize = 32;
+
 /// Columns that are eliminated together in registers.
 const WIDTH: usize = 4;
 
@@ -224,13 +227,16 @@ impl Product<'_> {
     fn write<S: Simd, const N: usize>(self, simd: S, out: &mut [f64], height: usize, first: usize) {
         let mut row = first;
         let lanes = S::F64_LANES;
-        while row + 3 * lanes <= height {
+        while S::REGISTER_COUNT >= MANY_REGISTERS && row + 3 * lanes <= height {
             self.write_tile::<S, 3, N>(simd, out, height, row);
             row += 3 * lanes;
         }
-        while row < height {
+        while row + 2 * lanes <= height {
+            self.write_tile::<S, 2, N>(simd, out, height, row);
+            row += 2 * lanes;
+        }
+        if row < height {
             self.write_tile::<S, 1, N>(simd, out, height, row);
-            row += lanes;
         }
     }
 
@@ -291,17 +297,25 @@ impl Columns<'_> {
     fn eliminate<S: Simd, const N: usize>(&mut self, simd: S, first: usize) -> bool {
         let lanes = S::F64_LANES;
         let start = first / lanes * lanes;
-        // The vectors that hold the diagonal block.
-        let mut updated = start;
-        while updated < first + N {
-            self.update::<S, 1, N>(simd, first, updated);
-            updated += lanes;
+        // The vectors that hold the diagonal block, and others below that cost no more.
+        let mut row = start;
+        if S::REGISTER_COUNT >= MANY_REGISTERS && start + 3 * lanes <= self.rows {
+            self.update::<S, 3, N>(simd, first, start);
+            row += 3 * lanes;
+        } else if start + 2 * lanes <= self.rows {
+            self.update::<S, 2, N>(simd, first, start);
+            row += 2 * lanes;
+        }
+        while row < first + N {
+            self.update::<S, 1, N>(simd, first, row);
+            row += lanes;
         }
         let Some(diagonal) = self.diagonal::<N>(first) else { return false };
-        let mut row = start;
+        let updated = row;
+        row = start;
         while row < updated {
-            let sum = self.load::<S, 1, N>(row, first);
-            self.finish::<S, 1, N>(simd, first, row, sum, &diagonal);
+            let values = self.load::<S, 1, N>(simd, row, first);
+            self.finish::<S, 1, N>(simd, first, row, values, &diagonal);
             row += lanes;
         }
         for c in 0..N {
@@ -309,26 +323,39 @@ impl Columns<'_> {
                 self.panel[(first + c) * self.stride + first + r] = diagonal[c][r];
             }
         }
-        while row + 3 * lanes <= self.rows {
-            let sum = self.reduced::<S, 3, N>(simd, first, row);
-            self.finish::<S, 3, N>(simd, first, row, sum, &diagonal);
+        while S::REGISTER_COUNT >= MANY_REGISTERS && row + 3 * lanes <= self.rows {
+            let values = self.reduced::<S, 3, N>(simd, first, row);
+            self.finish::<S, 3, N>(simd, first, row, values, &diagonal);
             row += 3 * lanes;
         }
-        while row < self.rows {
-            let sum = self.reduced::<S, 1, N>(simd, first, row);
-            self.finish::<S, 1, N>(simd, first, row, sum, &diagonal);
-            row += lanes;
+        while row + 2 * lanes <= self.rows {
+            let values = self.reduced::<S, 2, N>(simd, first, row);
+            self.finish::<S, 2, N>(simd, first, row, values, &diagonal);
+            row += 2 * lanes;
+        }
+        if row < self.rows {
+            let values = self.reduced::<S, 1, N>(simd, first, row);
+            self.finish::<S, 1, N>(simd, first, row, values, &diagonal);
         }
         true
     }
 
     #[inline(always)]
-    fn load<S: Simd, const M: usize, const N: usize>(&self, row: usize, first: usize) -> [[S::f64s; M]; N] {
-        std::array::from_fn(|c| {
+    fn load<S: Simd, const M: usize, const N: usize>(
+        &self,
+        simd: S,
+        row: usize,
+        first: usize,
+    ) -> [[S::f64s; M]; N] {
+        let mut values = [[simd.splat_f64s(0.0); M]; N];
+        for c in 0..N {
             let place = (first + c) * self.stride + row;
             let column = S::as_simd_f64s(&self.panel[place..place + M * S::F64_LANES]).0;
-            std::array::from_fn(|v| column[v])
-        })
+            for v in 0..M {
+                values[c][v] = column[v];
+            }
+        }
+        values
     }
 
     #[inline(always)]
@@ -358,7 +385,7 @@ impl Columns<'_> {
         let product =
             Product { panel: self.panel, stride: self.stride, terms: first, offset: 0, column: first };
         let taken = product.tile::<S, M, N>(simd, row);
-        let mut values = self.load::<S, M, N>(row, first);
+        let mut values = self.load::<S, M, N>(simd, row, first);
         for c in 0..N {
             for v in 0..M {
                 values[c][v] = simd.sub_f64s(values[c][v], taken[c][v]);
