@@ -36,9 +36,8 @@ pub(super) struct Multifrontal {
 }
 
 impl Multifrontal {
-    /// Lays out the factor of a symmetric pattern, whose unknowns are eliminated in about this order: every unknown
-    /// before those that it would precede in a factorisation in this order. `None` where an index takes more than 32
-    /// bits.
+    /// Lays out the factor of a symmetric pattern. Unknowns are eliminated in this order, except that those which are
+    /// independent of each other may change places. `None` where an index takes more than 32 bits.
     pub fn new(pattern: &Pattern, order: &[usize]) -> Option<Multifrontal> {
         if pattern.n.max(pattern.row.len()) >= NONE as usize {
             return None;

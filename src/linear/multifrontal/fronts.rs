@@ -26,12 +26,13 @@ pub(super) struct Front {
     pub update: usize,
     /// Where that is in the working space of the task of its parent.
     pub passed: usize,
+    /// Its parent, or [`NONE`].
     pub parent: u32,
-    /// Where the list of its children starts.
+    /// Where the list of its children is.
     pub children: Range<usize>,
     /// About the time that it takes with all its descendants, [ns].
     pub cost: f64,
-    /// First of its descendants.
+    /// First of its descendants; all of them lie between.
     pub descendants: usize,
 }
 
@@ -64,6 +65,7 @@ pub(super) struct Entry {
 /// The fronts of a pattern, children before their parents.
 pub(super) struct Fronts {
     pub front: Vec<Front>,
+    /// The children of all fronts.
     pub children: Vec<u32>,
     /// Unknowns in the order of elimination.
     pub unknown: Vec<u32>,
@@ -73,6 +75,7 @@ pub(super) struct Fronts {
     pub relative: Vec<u32>,
     /// Where the entries of each column start.
     pub column_start: Vec<usize>,
+    /// The entries of the matrix by the columns that they are in.
     pub entry: Vec<Entry>,
 }
 

@@ -6,14 +6,14 @@ use std::ops::Range;
 use super::NONE;
 use super::fronts::{Front, Fronts};
 
-/// A part of the tree is a task of its own if it takes so long, [ns].
+/// A part of the tree is a task of its own if it takes longer, [ns]: much longer than waking a thread.
 const LEAST: f64 = 60e3;
 
 /// Working space that tasks may have because they run at the same time: so many numbers, or
-const LITTLE: usize = 1 << 20;
+const LITTLE: usize = 1 << 19;
 
 /// this part of their factor.
-const SPARE: f64 = 0.5;
+const SPARE: f64 = 0.2;
 
 /// Tasks within tasks, at most.
 const DEEPEST: usize = 12;
@@ -23,6 +23,7 @@ const DEEPEST: usize = 12;
 pub(super) struct Task {
     /// All its fronts, those of the tasks within included.
     pub fronts: Range<usize>,
+    /// Those that are done first.
     pub within: Vec<Task>,
     /// The fronts that are in none of them.
     pub own: Vec<Range<usize>>,
