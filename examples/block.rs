@@ -16,7 +16,6 @@ use mpm::constraints::{BoundaryCondition, NodeSet};
 use mpm::domain::DomainUpdate;
 use mpm::formula::Formula;
 use mpm::grid::{Grid, Structured};
-use mpm::linear::Choice;
 use mpm::loads::{Action, Load, LoadCurve};
 use mpm::material::{Hencky, Material, NeoHookean, VonMises};
 use mpm::model::{Body, Model, NamedMaterial, Newton};
@@ -130,7 +129,7 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
         }],
         stabilisation: Default::default(),
         stepping: Stepping::fixed(3, 1.0),
-        newton: Newton { tolerance: 1e-9, max_iterations: 20, linear: Choice::Auto },
+        newton: Newton::default(),
         probes: Vec::new(),
     };
     (model, points)

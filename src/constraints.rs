@@ -265,6 +265,11 @@ pub(crate) fn displacement_increment<const D: usize>(
 }
 
 impl<const D: usize> BoundaryCondition<D> {
+    /// Whether it moves its nodes, rather than hold them.
+    pub fn moves(&self) -> bool {
+        self.displacement.iter().flatten().any(|formula| formula.as_constant() != Some(0.0))
+    }
+
     /// The active nodes it acts on in this step, ascending.
     pub fn active_nodes(&self, points: &Points<D>, links: &Connectivity<D>) -> Vec<usize> {
         match &self.nodes {

@@ -8,6 +8,7 @@ use crate::linear::Choice;
 use crate::loads::{Load, LoadCurve};
 use crate::material::Material;
 use crate::points::{PointVolume, Points};
+use crate::solver::{Predictor, Tangent};
 use crate::stabilisation::Stabilisation;
 use crate::stepping::{Control, Stepping};
 use crate::stress::Formulation;
@@ -52,6 +53,22 @@ pub struct Newton {
     pub max_iterations: usize,
     /// How their linear equations are solved.
     pub linear: Choice,
+    /// Where the iterations begin.
+    pub predictor: Predictor,
+    /// When the stiffness is factorised.
+    pub tangent: Tangent,
+}
+
+impl Default for Newton {
+    fn default() -> Self {
+        Newton {
+            tolerance: 1e-9,
+            max_iterations: 20,
+            linear: Choice::Auto,
+            predictor: Predictor::None,
+            tangent: Tangent::Fresh,
+        }
+    }
 }
 
 /// An analysis in `D` dimensions; immutable after construction.
@@ -91,10 +108,7 @@ impl<const D: usize> Model<D> {
     /// none.
     pub fn common_curve(&self) -> Option<&LoadCurve> {
         // Conditions that only hold their nodes have a curve without effect.
-        let moves = |condition: &&BoundaryCondition<D>| {
-            condition.displacement.iter().flatten().any(|formula| formula.as_constant() != Some(0.0))
-        };
-        let moving = self.boundary_conditions.iter().filter(moves).map(|condition| &condition.curve);
+        let moving = self.boundary_conditions.iter().filter(|c| c.moves()).map(|condition| &condition.curve);
         let mut curves = self.loads.iter().map(|load| &load.curve).chain(moving);
         let first = curves.next()?;
         curves.all(|curve| curve == first).then_some(first)

@@ -11,6 +11,7 @@ mod equations;
 mod error;
 mod forcing;
 mod loading;
+mod motion;
 mod newton;
 mod report;
 mod unknowns;
@@ -26,9 +27,11 @@ use crate::stress::{Axisymmetric, Mechanics, PlaneStrain};
 use crate::timing::{Phase, Timings};
 
 pub use attempt::{FailedAttempt, Iterate};
-pub use control::Path;
+pub use control::{NoPath, Path};
 pub use diagnosis::{Diagnosis, Kind};
+pub use equations::Tangent;
 pub use error::{CODES, SolveError};
+pub use motion::{Motion, Predictor};
 pub use report::{GridFields, Observer, Reached, Silent, StepReport, Summary};
 
 use equations::Equations;

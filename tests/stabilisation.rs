@@ -328,7 +328,9 @@ fn the_beam_does_not_stumble_over_nearly_empty_cells() {
             tip(&with)
         );
         assert!(most(&with) <= 6, "{method} {n}²: {}", most(&with));
-        assert_eq!(plain.is_err(), method == "gimp" && n != "6", "{method} {n}²");
+        // Whether a run that stumbles goes on is round-off: a change of Young's modulus by 1e-15 decides.
+        let stumbles = plain.is_err() || most(&without) > 6;
+        assert_eq!(stumbles, method == "gimp" && n != "6", "{method} {n}²");
         if plain.is_ok() {
             // 10 m long: the deflection changes by less than 0.2 % of the length.
             let [a, b] = [tip(&with), tip(&without)];

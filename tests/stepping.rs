@@ -10,7 +10,8 @@ use mpm::deck::load::{load, load_text};
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::{
-    self, Diagnosis, FailedAttempt, Kind, Observer, Reached, SolveError, Step, StepReport, Summary,
+    self, Diagnosis, FailedAttempt, Kind, Observer, Predictor, Reached, SolveError, Step, StepReport,
+    Summary, Tangent,
 };
 use mpm::stabilisation::Where;
 use mpm::stepping::Control;
@@ -285,4 +286,153 @@ fn a_footing_carries_what_prandtl_says_unless_it_locks() {
     assert!(exact < fine && fine < coarse && coarse < exact * 1.25, "{coarse} {fine}");
     assert!(fine < exact * 1.125);
     assert!(locked > 1.35 * exact);
+}
+
+const BAR: &str = "
+version: 1
+grid: {type: structured, origin: [0, 0], size: [2, 4], spacing: 0.5}
+materials: {m: {model: hencky, young: 1e6, poisson: 0.3, density: 100}}
+bodies:
+  - {name: b, material: m, method: METHOD, shape: {type: box, min: [0, 0], max: [1, 3]}, points_per_cell: 2}
+boundary_conditions:
+  - {name: floor, nodes: {y: 0}, fix: [y]}
+  - {name: side, nodes: {x: 0}, fix: [x]}
+loads:
+  - {name: w, type: gravity, acceleration: [0, -10], curve: [[0, 0], [0.6, 1], [1, 0]]}
+steps: {count: 50, LARGEST}
+output: {every: 50, probes: [{name: top, body: b, nearest: [0.1, 2.9]}]}
+";
+
+/// Kinks that end a requested step and others, with steps that grow over both.
+#[test]
+fn kinks_are_met_by_steps_that_grow() {
+    for kink in [0.6, 0.603] {
+        let deck =
+            BAR.replace("METHOD", "mpm").replace("LARGEST", "largest: 16").replace("0.6", &kink.to_string());
+        let (outcome, recorder, _) = run(text(&deck));
+        let summary = outcome.unwrap();
+        assert!(summary.steps < 15, "{}", summary.steps);
+        assert_eq!(summary.largest_load_factor, Some(1.0));
+        assert!(recorder.steps.iter().any(|r| r.step.end == kink && r.factor == Some(1.0)), "{kink}");
+    }
+}
+
+/// Without load nothing is left but round-off, by which a relative residual cannot fall.
+#[test]
+fn a_body_is_unloaded_to_nothing() {
+    for method in ["mpm", "gimp", "cpdi2"] {
+        for count in ["50", "400"] {
+            let deck = BAR.replace("METHOD", method).replace("50, LARGEST", count);
+            let (outcome, _, points) = run(text(&deck));
+            assert_eq!(outcome.unwrap().failed_attempts, 0, "{method}, {count} steps");
+            let stress = points.converged.kirchhoff_stress.iter().map(|s| s.dot(s).sqrt());
+            let largest = stress.fold(0.0, f64::max);
+            println!("{method}, {count} steps: {largest:.1e} Pa are left of {:.1e} Pa", 3e3);
+            assert!(largest < 30.0, "{method}: {largest:e}");
+        }
+    }
+}
+
+/// The path of a higher arch is the same with coarse steps and with fine ones, in which what a fresh grid leaves out of
+/// balance is more than what the load adds; no run turns back.
+#[test]
+fn the_length_of_the_path_may_be_coarse_or_fine() {
+    let limits: Vec<f64> = ["23", "60", "500"]
+        .iter()
+        .map(|steps| {
+            let (outcome, recorder, _) = run(deck("arch.yaml", &[("rise", "2"), ("steps", steps)]));
+            outcome.unwrap();
+            let apex: Vec<f64> = recorder.steps.iter().map(|r| r.probe[1]).collect();
+            assert!(apex.is_sorted_by(|a, b| a > b), "{steps}: {apex:?}");
+            let until_snap = recorder.steps.iter().take_while(|r| r.probe[1] > -1.5);
+            let limit = until_snap.filter_map(|r| r.factor).fold(0.0, f64::max);
+            let end = recorder.steps.last().and_then(|r| r.factor).unwrap();
+            println!("{steps} steps: limit {limit:.5}, at the end {end:.5}");
+            limit
+        })
+        .collect();
+    assert!((limits[0] / limits[2] - 1.0).abs() < 0.04 && (limits[1] / limits[2] - 1.0).abs() < 0.02);
+}
+
+/// The beam under its dead load has no limit load: its path goes on and up.
+#[test]
+fn the_length_of_the_path_leads_a_cantilever_on() {
+    for steps in ["50", "100"] {
+        let mut parts = deck("beam.yaml", &[("h", "0.5"), ("n", "4"), ("method", "gimp"), ("steps", steps)]);
+        parts.0.stepping.control = Control::ArcLength;
+        // It leaves the grid in the end.
+        let (_, recorder, _) = run(parts);
+        let factors: Vec<f64> = recorder.steps.iter().filter_map(|r| r.factor).collect();
+        println!("{steps} steps: up to {:?}", factors.last());
+        assert!(factors.is_sorted() && *factors.last().unwrap() > 2.0, "{factors:?}");
+    }
+}
+
+#[test]
+fn a_load_that_does_not_move_the_probe_is_told_at_once() {
+    let bar = BAR.replace("METHOD", "mpm").replace(", LARGEST", "").replace("poisson: 0.3", "poisson: 0");
+    let mut parts = text(&bar);
+    parts.0.stepping.control = Control::Displacement { probe: 0, axis: 0, to: 1.0 };
+    let (outcome, recorder, _) = run(parts);
+    let error = outcome.unwrap_err();
+    println!("{error}: {:?}", recorder.diagnosis);
+    assert_eq!((error.code(), recorder.failed.len()), (Some("S013"), 1));
+}
+
+#[test]
+fn the_largest_load_factor_may_be_negative() {
+    let mut parts = deck("arch.yaml", &[("steps", "10")]);
+    parts.0.stepping.control = Control::Displacement { probe: 0, axis: 1, to: 0.2 };
+    let (outcome, recorder, _) = run(parts);
+    let factors: Vec<f64> = recorder.steps.iter().filter_map(|r| r.factor).collect();
+    let least = factors.iter().copied().fold(0.0, f64::min);
+    assert!(least < -0.01, "{factors:?}");
+    assert_eq!(outcome.unwrap().largest_load_factor, Some(least));
+}
+
+/// A predicted start and kept tangents lead to the same equilibria with fewer factorisations, and a run that stops goes on
+/// to the same bits.
+#[test]
+fn a_prediction_and_a_kept_tangent_change_the_way_only() {
+    let start = || {
+        let mut parts = text(
+            &BAR.replace("METHOD", "gimp").replace(", LARGEST", "").replace("density: 100", "density: 1e4"),
+        );
+        parts.0.stepping.count = 20;
+        parts
+    };
+    let (outcome, plain, _) = run(start());
+    let plain_solves = outcome.unwrap().linear_solves;
+    for (predictor, tangent) in [
+        (Predictor::LastStep, Tangent::Fresh),
+        (Predictor::None, Tangent::Kept),
+        (Predictor::LastStep, Tangent::Kept),
+    ] {
+        let with = || {
+            let mut parts = start();
+            parts.0.newton.predictor = predictor;
+            parts.0.newton.tangent = tangent;
+            parts
+        };
+        let (outcome, recorder, points) = run(with());
+        let summary = outcome.unwrap();
+        println!(
+            "{predictor:?}, {tangent:?}: {} solves, {} evaluations",
+            summary.linear_solves, summary.evaluations
+        );
+        if tangent == Tangent::Fresh {
+            assert!(summary.linear_solves < plain_solves);
+        }
+        for (a, b) in plain.steps.iter().zip(&recorder.steps) {
+            for (a, b) in a.reactions.iter().flatten().zip(b.reactions.iter().flatten()) {
+                assert!((a - b).abs() < 1e-3, "{a} {b}");
+            }
+        }
+        let (model, mut stopped) = with();
+        let mut recorder = Recorder { stop_after: Some(9), ..Recorder::default() };
+        solver::run_in_plane(&model, &mut stopped, &mut recorder).unwrap_err();
+        let (mut stopped, reached) = recorder.reached.unwrap();
+        solver::go_on_in_plane(&model, &mut stopped, reached, &mut Recorder::default()).unwrap();
+        assert!(stopped.converged.position == points.converged.position, "{predictor:?}, {tangent:?}");
+    }
 }

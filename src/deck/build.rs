@@ -192,6 +192,8 @@ where
                 tolerance: deck.solver.tolerance,
                 max_iterations: deck.solver.max_iterations as usize,
                 linear: deck.solver.linear,
+                predictor: deck.solver.predictor,
+                tangent: deck.solver.tangent,
             },
             probes,
         };
@@ -220,9 +222,10 @@ where
             stepping.stops = stepping.count;
         }
         let curves = loads.iter().map(|load| &load.curve).chain(conditions.iter().map(|c| &c.curve));
-        // What a requested step meets anyway does not count.
-        let between = |t: &f64| *t > 0.0 && *t < end_time && stepping.requested(*t).is_none();
-        let mut knots: Vec<f64> = curves.flat_map(|curve| curve.knots()).filter(between).collect();
+        let between = |t: &f64| *t > 0.0 && *t < end_time;
+        // Those that end a requested step do so to the last bit.
+        let of_step = |t: f64| stepping.requested(t).map_or(t, |step| stepping.time(step));
+        let mut knots: Vec<f64> = curves.flat_map(|c| c.knots()).filter(between).map(of_step).collect();
         knots.sort_by(f64::total_cmp);
         knots.dedup();
         Stepping { knots, ..stepping }

@@ -14,7 +14,9 @@ use serde::{Deserialize, Serialize};
 pub use crate::basis::Method;
 pub use crate::domain::DomainUpdate;
 pub use crate::linear::Choice as LinearChoice;
+use crate::model::Newton;
 pub use crate::points::PointVolume;
+pub use crate::solver::{Predictor, Tangent};
 pub use crate::stabilisation::Stabilisation;
 pub use crate::stress::Formulation;
 pub use region::{Direction, Shape};
@@ -539,11 +541,16 @@ pub struct SolverDeck {
     pub max_iterations: u32,
     /// How their linear equations are solved.
     pub linear: LinearChoice,
+    /// Where the iterations of a step begin, where loads are prescribed.
+    pub predictor: Predictor,
+    /// When the stiffness is factorised within a step.
+    pub tangent: Tangent,
 }
 
 impl Default for SolverDeck {
     fn default() -> Self {
-        SolverDeck { tolerance: 1e-9, max_iterations: 20, linear: LinearChoice::Auto }
+        let Newton { tolerance, max_iterations, linear, predictor, tangent } = Newton::default();
+        SolverDeck { tolerance, max_iterations: max_iterations as u32, linear, predictor, tangent }
     }
 }
 

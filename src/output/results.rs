@@ -67,6 +67,8 @@ pub struct Results {
     findings: Findings,
     all_have_domains: bool,
     last: Step,
+    /// The account of the run up to that step, once this run has made one.
+    accepted: Option<Summary>,
     /// The last step of which there is a checkpoint.
     secured: usize,
     /// Kept until the end of the run.
@@ -109,6 +111,7 @@ impl Results {
             findings: Findings::default(),
             all_have_domains: all_have_domains(model),
             last: Step { index: 0, start: 0.0, end: 0.0 },
+            accepted: None,
             secured: 0,
             _lock: lock,
         })
@@ -158,6 +161,7 @@ impl Results {
             findings: checkpoint.head.findings.clone(),
             all_have_domains: all_have_domains(model),
             last: reached,
+            accepted: None,
             secured: reached.index,
             _lock: lock,
         })
@@ -169,11 +173,13 @@ impl Results {
         deck.checkpoint.map(|checkpoint| checkpoint.every.max(1) as usize)
     }
 
-    /// Writes a checkpoint of the last step in equilibrium, if there is none yet.
-    fn secure<const D: usize>(&mut self, points: &Points<D>, summary: &Summary) -> io::Result<()> {
+    /// Writes a checkpoint of the last step in equilibrium, if there is none yet. Attempts that have failed after it are not
+    /// part of it: whoever goes on from there makes them again.
+    fn secure<const D: usize>(&mut self, points: &Points<D>) -> io::Result<()> {
         // A run that goes on from there does not write again what came before.
         self.settle()?;
         if let Some(deck) = &self.account.deck
+            && let Some(summary) = &self.accepted
             && self.last.index > self.secured
         {
             let reached = Reached { step: self.last, summary: summary.clone() };
@@ -490,6 +496,7 @@ impl<const D: usize> Observer<D> for Results {
         summary: &Summary,
     ) -> io::Result<()> {
         self.last = report.step;
+        self.accepted = Some(summary.clone());
         self.findings.accept(model, report, summary);
         if let Some(error) = self.failure.take() {
             return Err(error);
@@ -504,7 +511,7 @@ impl<const D: usize> Observer<D> for Results {
         }
         self.write_history(model, points, report, summary)?;
         if self.checkpoints().is_some_and(|every| report.step.index.is_multiple_of(every)) {
-            self.secure(points, summary)?;
+            self.secure(points)?;
         }
         Ok(())
     }
@@ -547,7 +554,7 @@ impl<const D: usize> Observer<D> for Results {
         let secured = match error {
             Some(SolveError::Output(_)) => Ok(()),
             None if self.checkpoints().is_none() => Ok(()),
-            _ => self.secure(points, summary),
+            _ => self.secure(points),
         };
         let outcome = match error {
             None => Outcome::Completed,

@@ -2,7 +2,6 @@ use super::*;
 use crate::basis::{Connectivity, Method};
 use crate::domain::DomainUpdate;
 use crate::grid::Structured;
-use crate::linear::Choice;
 use crate::model::{Body, Newton};
 use crate::points::{PointVolume, Seed};
 use crate::stepping::Stepping;
@@ -29,7 +28,7 @@ fn model(bodies: &[(Method, DomainUpdate)]) -> Model<2> {
         boundary_conditions: Vec::new(),
         loads: Vec::new(),
         stepping: Stepping::fixed(1, 1.0),
-        newton: Newton { tolerance: 1e-9, max_iterations: 10, linear: Choice::Auto },
+        newton: Newton { max_iterations: 10, ..Newton::default() },
         probes: Vec::new(),
     }
 }

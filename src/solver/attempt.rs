@@ -30,6 +30,8 @@ pub struct FailedAttempt<const D: usize> {
     pub linear_iterations: usize,
     /// Load factor of the attempt, where there is one for all loads and prescribed motions, [-].
     pub load_factor: Option<f64>,
+    /// Whether an iteration has met a stiffness that is not positive definite.
+    pub indefinite: bool,
     /// Where the iterations ended, if they began.
     pub iterate: Option<Iterate<D>>,
 }

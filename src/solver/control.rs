@@ -13,25 +13,24 @@ use crate::points::Points;
 use crate::stepping::Control;
 
 use super::Step;
-use super::newton::for_each_dof;
+use super::motion::Motion;
+use super::newton::{for_each_dof, norm};
 
-/// Where a run with an unknown load factor is.
+/// Where a run is, as far as its next step builds on it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Path {
-    /// Load factor at the end of the last step in equilibrium, [-].
+    /// Load factor at the end of the last step in equilibrium, where it is unknown, [-].
     pub factor: f64,
     /// Length of the path per time, [length·volume^½/time]; known from the first step on.
     pub rate: Option<f64>,
-    /// Grid nodes of that step, ascending.
-    nodes: Vec<u32>,
-    /// Its displacement increment, one number per axis and node, [length].
-    direction: Vec<f64>,
+    /// The motion in that step, where the next one builds on it.
+    pub(super) motion: Motion,
 }
 
 impl Path {
     /// Whether a run in so many dimensions can have come to this.
     pub(super) fn can_be_of<const D: usize>(&self) -> bool {
-        self.direction.len() == D * self.nodes.len() && self.nodes.is_sorted()
+        self.motion.can_be_of::<D>()
     }
 }
 
@@ -39,13 +38,45 @@ impl Path {
 pub(super) enum Condition<const D: usize> {
     /// Σ c·Δd over the nodes is the increment `by`.
     Displacement { weight: Vec<[f64; D]>, by: f64 },
-    /// (Δd, Δd) is the square of `length`, in the product weighted by the volume that each node carries.
-    ArcLength { volume: Vec<f64>, length: Option<f64>, ahead: Vec<[f64; D]>, share: f64 },
+    /// (Δd − c, Δd − c) is the square of `length`, in the product weighted by the volume that each node carries. The centre
+    /// c is what the forces that a fresh grid leaves out of balance move, as far as the loads would not; it would hide the
+    /// path where steps are small.
+    ArcLength {
+        volume: Vec<f64>,
+        length: Option<f64>,
+        ahead: Vec<[f64; D]>,
+        share: f64,
+        centre: Option<Vec<[f64; D]>>,
+        /// Whether the last change of the load factor has met the condition, rather than come as near as it could.
+        met: bool,
+    },
 }
 
-/// The condition cannot be met: the load has no influence, or the path turns back within the step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct NoIntersection;
+/// Part of the largest displacement that it could have below which a load has no influence on a probe, [-].
+const NO_INFLUENCE: f64 = 1e-10;
+
+/// Why no load factor meets the condition that determines it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NoPath {
+    /// The loads do not move what is prescribed.
+    #[error("the loads do not move the probe along its axis")]
+    NoInfluence,
+    /// There is none at the length of the step.
+    #[error("no load factor gives the displacement or the length of the path that the step asks for")]
+    NoIntersection,
+    /// The equilibrium that was found lies on the way back.
+    #[error("the step has turned back on the path that it came along")]
+    Reversed,
+}
+
+/// Σ V (a·b) over the nodes.
+fn weighted<const D: usize>(volume: &[f64], a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
+    (0..a.len()).map(|n| volume[n] * (0..D).map(|d| a[n][d] * b[n][d]).sum::<f64>()).sum()
+}
+
+fn difference<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> Vec<[f64; D]> {
+    a.iter().zip(b).map(|(a, b)| std::array::from_fn(|d| a[d] - b[d])).collect()
+}
 
 impl<const D: usize> Condition<D> {
     /// The condition of a step; none where the loads are prescribed.
@@ -87,7 +118,14 @@ impl<const D: usize> Condition<D> {
                     }
                 }
                 let length = path.rate.map(|rate| rate * (step.end - step.start));
-                Some(Condition::ArcLength { volume, length, ahead: path.direction(links), share })
+                Some(Condition::ArcLength {
+                    volume,
+                    length,
+                    ahead: path.motion.direction(links),
+                    share,
+                    centre: None,
+                    met: true,
+                })
             }
         }
     }
@@ -95,26 +133,36 @@ impl<const D: usize> Condition<D> {
     /// The change δλ of the load factor for which Δd + δd_r + δλ δd_f meets the condition.
     ///
     /// # Errors
-    /// [`NoIntersection`].
+    /// [`NoPath`].
     pub(super) fn change(
         &mut self,
         delta_d: &[[f64; D]],
         of_residual: &[[f64; D]],
         of_load: &[[f64; D]],
-    ) -> Result<f64, NoIntersection> {
-        let finite = |x: f64| if x.is_finite() { Ok(x) } else { Err(NoIntersection) };
+    ) -> Result<f64, NoPath> {
+        let finite = |x: f64| if x.is_finite() { Ok(x) } else { Err(NoPath::NoIntersection) };
         match self {
             Condition::Displacement { weight, by } => {
                 let along = |field: &[[f64; D]]| -> f64 {
                     weight.iter().zip(field).flat_map(|(w, u)| (0..D).map(|d| w[d] * u[d])).sum()
                 };
-                finite((*by - along(delta_d) - along(of_residual)) / along(of_load))
+                let influence = along(of_load);
+                let far = |field: &[[f64; D]]| norm(field.iter().flatten().copied());
+                if influence.abs() <= NO_INFLUENCE * far(weight) * far(of_load) {
+                    return Err(NoPath::NoInfluence);
+                }
+                finite((*by - along(delta_d) - along(of_residual)) / influence)
             }
-            Condition::ArcLength { volume, length, ahead, share } => {
-                let product = |a: &[[f64; D]], b: &[[f64; D]]| -> f64 {
-                    (0..a.len()).map(|n| volume[n] * (0..D).map(|d| a[n][d] * b[n][d]).sum::<f64>()).sum()
-                };
-                let base: Vec<[f64; D]> = delta_d
+            Condition::ArcLength { volume, length, ahead, share, centre, met } => {
+                let product = |a: &[[f64; D]], b: &[[f64; D]]| weighted(volume, a, b);
+                let is_first = centre.is_none();
+                let centre = centre.get_or_insert_with(|| {
+                    let along = product(of_residual, of_load) / product(of_load, of_load);
+                    let aside = |(r, f): (&[f64; D], &[f64; D])| std::array::from_fn(|d| r[d] - along * f[d]);
+                    of_residual.iter().zip(of_load).map(aside).collect()
+                });
+                let so_far = difference(delta_d, centre);
+                let base: Vec<[f64; D]> = so_far
                     .iter()
                     .zip(of_residual)
                     .map(|(u, r)| std::array::from_fn(|d| u[d] + r[d]))
@@ -126,15 +174,44 @@ impl<const D: usize> Condition<D> {
                     *length = Some((c + 2.0 * change * b + change * change * a).sqrt());
                     return finite(change);
                 };
-                // a δλ² + 2 b δλ + c = length²; of the two roots the one that leads on.
+                // a δλ² + 2 b δλ + c = length²; of the two roots the one that leads on. Where there is none, the nearest
+                // point, from which the next iteration goes on.
                 let root = (b * b - a * (c - length * length)).sqrt();
+                *met = !root.is_nan();
+                if !*met {
+                    return finite(-b / a);
+                }
                 let far = -(b + root.copysign(b));
                 let roots = [far / a, (c - length * length) / far];
-                let so_far = if delta_d.iter().flatten().any(|u| *u != 0.0) { delta_d } else { &ahead[..] };
-                let onwards = |change: f64| product(so_far, &base) + change * product(so_far, of_load);
+                if a == 0.0 {
+                    return Err(NoPath::NoInfluence);
+                }
+                if is_first {
+                    let change = length / a.sqrt();
+                    return finite(change.copysign(product(ahead, of_load)) - b / a);
+                }
+                let onwards = |change: f64| product(&so_far, &base) + change * product(&so_far, of_load);
                 let [first, second] = roots.map(onwards);
                 finite(if first >= second { roots[0] } else { roots[1] })
             }
+        }
+    }
+
+    /// Whether it is met; otherwise another iteration is needed, whatever the balance of forces.
+    pub(super) fn is_met(&self) -> bool {
+        !matches!(self, Condition::ArcLength { met: false, .. })
+    }
+
+    /// Whether a step with this displacement increment has gone on along the path, not back to where the one before it came
+    /// from.
+    pub(super) fn goes_on(&self, delta_d: &[[f64; D]]) -> bool {
+        match self {
+            Condition::ArcLength { volume, ahead, centre: Some(centre), .. } => {
+                let step = difference(delta_d, centre);
+                let along = weighted(volume, ahead, &step);
+                along >= 0.0
+            }
+            _ => true,
         }
     }
 
@@ -148,25 +225,15 @@ impl<const D: usize> Condition<D> {
     ) -> Path {
         match self {
             Condition::Displacement { .. } => Path { factor, ..Path::default() },
-            Condition::ArcLength { length, .. } => Path {
+            Condition::ArcLength { length, centre, .. } => Path {
                 factor,
                 rate: length.map(|length| length / (step.end - step.start)),
-                nodes: links.active_nodes().to_vec(),
-                direction: delta_d.as_flattened().to_vec(),
+                motion: match centre {
+                    Some(centre) => Motion::new(links, step, &difference(delta_d, centre)),
+                    None => Motion::new(links, step, delta_d),
+                },
             },
         }
-    }
-}
-
-impl Path {
-    /// The displacement increment of the last step on the nodes of this one; zero where they were not active.
-    fn direction<const D: usize>(&self, links: &Connectivity<D>) -> Vec<[f64; D]> {
-        let (directions, _) = self.direction.as_chunks::<D>();
-        let at = |node: &u32| {
-            let place = self.nodes.binary_search(node).ok();
-            place.and_then(|place| directions.get(place)).copied().unwrap_or([0.0; D])
-        };
-        links.active_nodes().iter().map(at).collect()
     }
 }
 

@@ -6,6 +6,7 @@ use crate::basis::Connectivity;
 use crate::model::Model;
 use crate::points::{Points, coordinates};
 use crate::stabilisation::{HeldMaterial, Where};
+use crate::stepping::Control;
 
 use super::error::PointPlace;
 use super::{FailedAttempt, SolveError, Summary};
@@ -29,6 +30,8 @@ pub enum Kind {
     SmallCutCell,
     /// The load is beyond what the bodies can carry.
     PlasticCollapse,
+    /// The bodies buckle or snap through without yielding.
+    Instability,
     /// Volume-preserving deformation that the grid cannot represent.
     Locking,
     /// A point turns inside out.
@@ -52,11 +55,12 @@ impl Kind {
             Kind::PlasticCollapse => {
                 "plastic collapse: the load is probably beyond what the bodies can carry"
             }
+            Kind::Instability => "instability: the stiffness is not positive definite, though nothing yields",
             Kind::Locking => "volumetric locking",
             Kind::ElementInversion => "a point turns inside out",
             Kind::LostDomain => "a point or its domain leaves the grid or loses its shape",
-            Kind::LostPath => "the path turns back within the step",
-            Kind::Setting => "the deck",
+            Kind::LostPath => "the path cannot be followed",
+            Kind::Setting => "what is asked for cannot be done",
             Kind::Unknown => "none of the known causes is in sight",
         }
     }
@@ -72,13 +76,18 @@ impl Kind {
                 "the largest load factor in equilibrium is a lower bound of the limit load on this grid; prescribe \
                  displacements, or use `steps: {control: {type: arc-length}}`, to go beyond it"
             }
+            Kind::Instability => {
+                "follow the path with `steps: {control: {type: arc-length}}`, or prescribe displacements"
+            }
             Kind::Locking => {
                 "use a finer grid with fewer points per cell, or a law that is less incompressible"
             }
             Kind::ElementInversion => "use smaller steps (`steps: {count, smallest}`) or a coarser grid",
             Kind::LostDomain => "make the grid larger, or use another method or domain update",
-            Kind::LostPath => "use smaller steps (`steps: {count, smallest}`)",
-            Kind::Setting => "mend the deck as the message says",
+            Kind::LostPath => {
+                "use another number of steps, or prescribe what follows (`type: displacement` with another probe, or `arc-length`)"
+            }
+            Kind::Setting => "see the message",
             Kind::Unknown => {
                 "use smaller steps (`steps: {count, smallest}`), and see that the loads and conditions fit together"
             }
@@ -153,12 +162,20 @@ impl Diagnosis {
             emptiest_cell(model, points, links, &at)
         });
         let flowing = links.map_or(0.0, |_| share_that_flows(model, points));
-        let kind = kind_of(&failed.error, around, flowing, || oscillation(points, links));
-        let mut advice = kind.advice().to_owned();
-        if kind == Kind::SmallCutCell && model.stabilisation.mode != Where::Off {
-            advice =
-                "use a larger `stabilisation: {parameter}`, more points per cell, or another grid".to_owned();
-        }
+        let kind = kind_of(failed, around, flowing, || oscillation(points, links));
+        let is_driven = model.stepping.control != Control::Load
+            || model.boundary_conditions.iter().any(|condition| condition.moves());
+        let advice = match kind {
+            Kind::SmallCutCell if model.stabilisation.mode != Where::Off => {
+                "use a larger `stabilisation: {parameter}`, more points per cell, or another grid"
+            }
+            Kind::PlasticCollapse | Kind::Instability if is_driven => {
+                "use smaller steps (`steps: {count, smallest}`) or a coarser grid; nothing but what is prescribed keeps the \
+                 bodies from flowing"
+            }
+            Kind::Setting => failed.error.help().unwrap_or(kind.advice()),
+            _ => kind.advice(),
+        };
         let is_cell = matches!(kind, Kind::SmallCutCell);
         Diagnosis {
             kind,
@@ -171,26 +188,29 @@ impl Diagnosis {
             filling: around.map(|(_, filling)| filling).filter(|_| is_cell),
             node,
             flowing,
-            advice,
+            advice: advice.to_owned(),
         }
     }
 }
 
-fn kind_of(
-    error: &SolveError,
+fn kind_of<const D: usize>(
+    failed: &FailedAttempt<D>,
     around: Option<(u32, f64)>,
     flowing: f64,
     oscillation: impl Fn() -> f64,
 ) -> Kind {
     let small = around.is_some_and(|(_, filling)| filling < SMALL);
-    match error {
+    match &failed.error {
         SolveError::Unheld { .. } => Kind::RigidBodyMode,
         SolveError::Singular { .. } if small => Kind::SmallCutCell,
         SolveError::Singular { .. } if flowing > FLOWS => Kind::PlasticCollapse,
+        SolveError::Singular { .. } if failed.step.index > 1 && failed.indefinite => Kind::Instability,
         SolveError::Singular { .. } => Kind::RigidBodyMode,
         SolveError::Point { .. } if small => Kind::SmallCutCell,
         SolveError::Point { .. } if flowing > MUCH => Kind::PlasticCollapse,
         SolveError::Point { .. } => Kind::ElementInversion,
+        // However small the step is, the points fly off.
+        SolveError::OffGrid { .. } if flowing > MUCH => Kind::PlasticCollapse,
         SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. } => {
             Kind::LostDomain
         }
@@ -200,6 +220,8 @@ fn kind_of(
                 Kind::Locking
             } else if flowing > FLOWS {
                 Kind::PlasticCollapse
+            } else if failed.indefinite {
+                Kind::Instability
             } else if small {
                 Kind::SmallCutCell
             } else if oscillation() > OSCILLATES {

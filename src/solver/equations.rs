@@ -1,5 +1,8 @@
 //! The linear equations of an iteration, eq. (26), and the choice of how to solve them.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::assembly::{FreeEntries, System};
 use crate::basis::Connectivity;
 use crate::constraints::DofMap;
@@ -18,6 +21,8 @@ pub(super) struct Equations<const D: usize> {
     /// Values of the entries, or the right-hand side.
     values: Vec<f64>,
     iterative: Krylov<D>,
+    /// How the last system was solved.
+    last: Option<Factorisation>,
     solution: Vec<[f64; D]>,
     /// Why equations that should have been solved iteratively were not, the first time.
     turned: Option<LinearError>,
@@ -30,6 +35,18 @@ enum Method {
     #[default]
     Direct,
     Iterative,
+}
+
+/// When the stiffness is factorised within a step. A preconditioner is always set up as with `kept`, which does not change
+/// what the equations are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Tangent {
+    /// In each iteration.
+    #[default]
+    Fresh,
+    /// In the first iteration, and after one that has not made the out-of-balance force ten times smaller.
+    Kept,
 }
 
 /// How a system was solved.
@@ -98,6 +115,11 @@ impl<const D: usize> Equations<D> {
         }
     }
 
+    /// Whether the equations of the step are solved iteratively.
+    pub(super) fn is_iterative(&self) -> bool {
+        self.method == Method::Iterative
+    }
+
     /// Why equations that should have been solved iteratively were factorised; told once.
     pub(super) fn news(&mut self) -> Option<LinearError> {
         let news = self.turned.filter(|_| !self.told);
@@ -138,6 +160,20 @@ impl<const D: usize> Equations<D> {
         tolerance: f64,
         timings: &mut Timings,
     ) -> Result<Solved, LinearError> {
+        let solved = self.solve_fresh(place, system, rhs, delta, tolerance, timings);
+        self.last = solved.as_ref().ok().map(|solved| solved.factorisation);
+        solved
+    }
+
+    fn solve_fresh(
+        &mut self,
+        place: Place<D>,
+        system: &mut System<D>,
+        rhs: &[[f64; D]],
+        delta: &mut [[f64; D]],
+        tolerance: f64,
+        timings: &mut Timings,
+    ) -> Result<Solved, LinearError> {
         if self.method == Method::Iterative {
             match self.solve_iterative(place, system, rhs, delta, tolerance, timings) {
                 Err(error @ (LinearError::Singular { .. } | LinearError::NotConverged { .. })) => {
@@ -151,7 +187,8 @@ impl<const D: usize> Equations<D> {
         self.solve_direct(place, system, rhs, delta, timings)
     }
 
-    /// Solves with another right-hand side and the matrix that the last [`Equations::solve`] has factorised.
+    /// Solves with another right-hand side and the matrix that the last [`Equations::solve`] has factorised; iteratively
+    /// with the preconditioner that it has set up.
     ///
     /// # Errors
     /// [`LinearError`].
@@ -170,7 +207,8 @@ impl<const D: usize> Equations<D> {
             }
             Method::Direct => {
                 timings.measure(Phase::Solve, || self.substitute(place, rhs, delta))?;
-                Ok(Solved { factorisation: Factorisation::Cholesky, iterations: 0 })
+                let factorisation = self.last.ok_or(LinearError::Singular { unknown: None })?;
+                Ok(Solved { factorisation, iterations: 0 })
             }
         }
     }

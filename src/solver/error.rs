@@ -12,6 +12,7 @@ use crate::points::{Points, coordinates};
 use crate::stress::PointError;
 
 use super::Step;
+use super::control::NoPath;
 use super::equations::Place as Equation;
 
 /// A material point, as an error names it.
@@ -127,12 +128,12 @@ pub enum SolveError {
         error: LinearError,
     },
     /// No load factor meets the condition that determines it.
-    #[error(
-        "step {step}: no load factor gives the displacement or the length of the path that the step asks for"
-    )]
+    #[error("step {step}: {reason}")]
     NoPath {
         /// The step.
         step: usize,
+        /// Why.
+        reason: NoPath,
     },
     /// The boundary conditions cannot be applied.
     #[error("step {step}: {error}")]
@@ -254,9 +255,10 @@ impl SolveError {
             SolveError::Iterative { .. } => {
                 Some("use more load steps (`steps: count`), a coarser grid, or a computer with more memory")
             }
-            SolveError::NoPath { .. } => {
-                Some("use smaller steps (`steps: {count, smallest}`), and see that the loads move the probe")
+            SolveError::NoPath { reason: NoPath::NoInfluence, .. } => {
+                Some("choose a probe and an axis along which the loads move it")
             }
+            SolveError::NoPath { .. } => Some("use smaller steps (`steps: {count, smallest}`)"),
             SolveError::Unheld { .. } => Some(
                 "fix or prescribe the displacement along that axis at one node of each separate part at least",
             ),
@@ -283,7 +285,7 @@ impl SolveError {
                 | SolveError::Iterative { .. }
                 | SolveError::OffGrid { .. }
                 | SolveError::Domain { .. }
-                | SolveError::NoPath { .. }
+                | SolveError::NoPath { reason: NoPath::NoIntersection | NoPath::Reversed, .. }
         )
     }
 

@@ -11,11 +11,12 @@ use crate::stress::Mechanics;
 use crate::timing::Phase;
 
 use super::balance::{Energy, moment_error};
-use super::control::{Condition, NoIntersection, Path, on_free};
-use super::equations::{Place, Solved};
+use super::control::{Condition, NoPath, Path, on_free};
+use super::equations::{Equations, Place, Solved, Tangent};
 use super::error::locate_failure;
 use super::forcing::Forcing;
 use super::loading::{Loading, StepSystem};
+use super::motion::{Motion, Predictor};
 use super::report::{self, GridFields, Observer, StepReport, reactions_of};
 use super::unknowns::Unknowns;
 use super::{FailedAttempt, Iterate, Nodal, SolveError, Solver, Step, update};
@@ -29,6 +30,8 @@ const FIRST_SEARCH: usize = 3;
 /// … where an attempt has failed before, otherwise before this part of those that are allowed: iterations that go well are
 /// left alone.
 const LATE: f64 = 0.75;
+/// A tangent may be kept after an iteration that leaves at most this part of what was out of balance.
+const FAST: f64 = 0.1;
 
 /// What the iterations of a step leave behind beside the unknowns.
 #[derive(Default)]
@@ -59,6 +62,7 @@ impl<const D: usize> Solver<D> {
                 residuals: Vec::new(),
                 linear_iterations: 0,
                 load_factor: None,
+                indefinite: false,
                 iterate: None,
             })
         };
@@ -74,6 +78,9 @@ impl<const D: usize> Solver<D> {
             timings.measure(Phase::SetUp, || StepSystem::new::<M>(model, points, &links, step, path));
         let mut system = set_up.map_err(at_once)?;
         let mut unknowns = Unknowns::new(model, &links, path.factor);
+        if model.newton.predictor == Predictor::LastStep && model.stepping.control == Control::Load {
+            unknowns.predicted = path.motion.go_on(&links, step);
+        }
         let mut course = Course::default();
         let solved =
             self.iterate::<M>(model, points, &links, &mut system, &mut unknowns, &mut course, step, observer);
@@ -90,6 +97,7 @@ impl<const D: usize> Solver<D> {
                 residuals: course.residuals,
                 linear_iterations,
                 load_factor,
+                indefinite: course.solved.iter().any(|s| !s.factorisation.is_definite()),
                 iterate: Some(Iterate {
                     links,
                     delta_d: unknowns.delta_d,
@@ -100,9 +108,14 @@ impl<const D: usize> Solver<D> {
         let StepSystem { dofs, system, loading, condition } = system;
         let reaction_field = reactions_of(&loading.f_ext, system.internal_force(), &dofs);
         let reaction_start = reactions_of(&loading.f_ext_start, &course.f_int_start, &dofs);
-        let path = condition.map_or_else(Path::default, |condition| {
-            condition.advance(&links, step, &unknowns.delta_d, unknowns.factor)
-        });
+        let motion = || match model.newton.predictor {
+            Predictor::None => Motion::default(),
+            Predictor::LastStep => Motion::new(&links, step, &unknowns.delta_d),
+        };
+        let path = match condition {
+            None => Path { motion: motion(), ..Path::default() },
+            Some(condition) => condition.advance(&links, step, &unknowns.delta_d, unknowns.factor),
+        };
         let report = StepReport {
             step,
             reactions: report::named_reactions(model, &reaction_field, &dofs),
@@ -147,16 +160,28 @@ impl<const D: usize> Solver<D> {
             .measure(Phase::Analyse, || self.equations.prepare(place, system))
             .map_err(|e| SolveError::linear(e, place, step))?;
         let mut forcing = Forcing::default();
+        let mut predicted = false;
         for iteration in 0..=max_iterations {
-            let residual = self
-                .evaluate::<M>(model, points, links, system, loading, unknowns, course, iteration)
+            let mut evaluated =
+                self.evaluate::<M>(model, points, links, system, loading, unknowns, course, iteration);
+            if predicted && !evaluated.as_ref().is_ok_and(|residual| *residual < course.residuals[0]) {
+                unknowns.start_again();
+                evaluated =
+                    self.evaluate::<M>(model, points, links, system, loading, unknowns, course, iteration);
+            }
+            let residual = evaluated
                 .map_err(|f| locate_failure(f, model, points, step, iteration, &course.residuals))?;
             course.residuals.push(residual);
             observer.iteration(step, iteration, residual);
             if iteration == 0 {
                 course.f_int_start = system.internal_force().to_vec();
             }
-            if iteration > 0 && residual <= tolerance && unknowns.follows(dofs) {
+            let is_met =
+                unknowns.follows(dofs) && condition.as_ref().is_none_or(|condition| condition.is_met());
+            if iteration > 0 && residual <= tolerance && is_met {
+                if condition.as_ref().is_some_and(|condition| !condition.goes_on(&unknowns.delta_d)) {
+                    return Err(SolveError::NoPath { step: step.index, reason: NoPath::Reversed });
+                }
                 let timings = &mut self.reached.summary.timings;
                 system.conclude();
                 return timings.measure(Phase::Update, || {
@@ -166,14 +191,17 @@ impl<const D: usize> Solver<D> {
             if iteration == max_iterations || !residual.is_finite() {
                 break;
             }
+            predicted = unknowns.predicted.is_some();
             let used = self
                 .newton_step(unknowns, system, place, (loading, condition.as_mut()), course, &mut forcing)
                 .map_err(|e| match e {
                     Obstacle::Linear(error) => SolveError::linear(error, place, step),
-                    Obstacle::Path(NoIntersection) => SolveError::NoPath { step: step.index },
+                    Obstacle::Path(reason) => SolveError::NoPath { step: step.index, reason },
                 })?;
-            self.reached.summary.count(used);
-            course.solved.push(used);
+            if let Some(used) = used {
+                self.reached.summary.count(used);
+                course.solved.push(used);
+            }
         }
         let residuals = course.residuals.clone();
         Err(SolveError::not_converged(model, links, step, residuals, &course.out_of_balance))
@@ -247,7 +275,7 @@ impl<const D: usize> Solver<D> {
         (loading, condition): (&Loading<D>, Option<&mut Condition<D>>),
         course: &Course<D>,
         forcing: &mut Forcing,
-    ) -> Result<Solved, Obstacle> {
+    ) -> Result<Option<Solved>, Obstacle> {
         let Place { dofs, .. } = place;
         let out_of_balance = &course.out_of_balance;
         let residual = course.residuals.last().copied().unwrap_or(1.0);
@@ -274,14 +302,22 @@ impl<const D: usize> Solver<D> {
             });
             forcing.next(norm(rhs.iter().flatten().copied()), residual, place.model.newton.tolerance)
         });
-        let mut solved = self.equations.solve(
-            place,
-            system,
-            &unknowns.rhs,
-            &mut unknowns.iterative,
-            tolerance,
-            timings,
-        )?;
+        if let Some(predicted) = unknowns.predicted.take() {
+            for_each_dof(dofs, |node, axis, free| {
+                if free.is_some() {
+                    unknowns.iterative[node][axis] = predicted[node][axis];
+                }
+            });
+            timings.measure(Phase::Solve, || unknowns.advance(system, dofs, loading, out_of_balance))?;
+            return Ok(None);
+        }
+        // A preconditioner may be that of an earlier iteration, without harm to the solution.
+        let keeps = (place.model.newton.tangent == Tangent::Kept || self.equations.is_iterative())
+            && course.falls_fast()
+            && !(unknowns.prescribes || course.solved.is_empty());
+        let Unknowns { rhs, iterative, .. } = &mut *unknowns;
+        let solve = if keeps { Equations::solve_again } else { Equations::solve };
+        let mut solved = solve(&mut self.equations, place, system, rhs, iterative, tolerance, timings)?;
         unknowns.iterative_factor = 0.0;
         if let (Some(unit), Some(condition)) = (&loading.unit, condition) {
             let mut of_load = vec![[0.0; D]; unit.len()];
@@ -297,14 +333,22 @@ impl<const D: usize> Solver<D> {
             unknowns.iterative_factor = change;
         }
         timings.measure(Phase::Solve, || unknowns.advance(system, dofs, loading, out_of_balance))?;
-        Ok(solved)
+        Ok(Some(solved))
+    }
+}
+
+impl<const D: usize> Course<D> {
+    /// Whether the last iteration has left little of what was out of balance.
+    fn falls_fast(&self) -> bool {
+        let [.., before, now] = self.residuals[..] else { return false };
+        now <= FAST * before
     }
 }
 
 /// What keeps an iteration from its displacement.
 enum Obstacle {
     Linear(LinearError),
-    Path(NoIntersection),
+    Path(NoPath),
 }
 
 impl From<LinearError> for Obstacle {

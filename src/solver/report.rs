@@ -136,7 +136,7 @@ pub struct Summary {
     pub path: Path,
     /// Load factor of the last step in equilibrium, where there is one for all loads and prescribed motions, [-].
     pub load_factor: Option<f64>,
-    /// Largest load factor in equilibrium, where there is one for all loads and prescribed motions, [-].
+    /// Load factor of the largest magnitude in equilibrium, where there is one for all loads and prescribed motions, [-].
     pub largest_load_factor: Option<f64>,
     /// Why the run could not go on.
     pub diagnosis: Option<Diagnosis>,
@@ -232,8 +232,8 @@ impl Summary {
         self.stabilised_faces = self.stabilised_faces.max(report.stabilised_faces);
         self.load_factor = report.load_factor;
         if let Some(factor) = report.load_factor {
-            let largest = self.largest_load_factor.map_or(factor, |largest| largest.max(factor));
-            self.largest_load_factor = Some(largest);
+            let before = self.largest_load_factor.filter(|largest| largest.abs() >= factor.abs());
+            self.largest_load_factor = before.or(Some(factor));
         }
         self.unknowns = self.unknowns.max(report.unknowns);
         let Energy { external_work, regridding_work, stabilisation_work, strain_energy, plastic_work } =

@@ -27,16 +27,23 @@ pub(super) struct Unknowns<const D: usize> {
     /// Whether δd contains a prescribed motion, of which a part would be no step towards equilibrium.
     pub(super) prescribes: bool,
     pub(super) rhs: Nodal<D>,
+    /// What the first iterative displacement is predicted to be, in place of a solution, [length].
+    pub(super) predicted: Option<Nodal<D>>,
     /// (δd, rhs) where δd was found: the slope of the potential there, [energy].
     slope: f64,
     /// How much of δd has been taken, [-].
     taken: f64,
     /// A displacement that no equilibrium in this grid can have, [length].
     far: f64,
+    /// Size of a cell, [length].
+    cell: f64,
 }
 
 /// An iterative displacement of so many diameters of the grid is the work of a singular stiffness.
 const FAR: f64 = 1e6;
+
+/// Round-off in strains, whose stretches are about one.
+const ROUND_OFF_IN_STRAIN: f64 = 2.0 * f64::EPSILON;
 
 /// Forces below this multiple of round-off in K Δd are no measure of the load.
 const ROUND_OFF: f64 = 64.0 * f64::EPSILON;
@@ -61,9 +68,11 @@ impl<const D: usize> Unknowns<D> {
             k_delta: zero.clone(),
             prescribes: false,
             rhs: zero,
+            predicted: None,
             slope: 0.0,
             taken: 1.0,
             far: FAR * diameter,
+            cell: model.grid.size(0),
         }
     }
 
@@ -100,6 +109,13 @@ impl<const D: usize> Unknowns<D> {
         self.taken = 1.0;
         self.slope = self.slope(&self.rhs);
         Ok(())
+    }
+
+    /// Forgets all iterations.
+    pub(super) fn start_again(&mut self) {
+        self.delta_d.fill([0.0; D]);
+        self.reaction.fill([0.0; D]);
+        self.iterative.fill([0.0; D]);
     }
 
     /// Takes only a part of what is taken of the last iterative displacement.
@@ -155,7 +171,7 @@ impl<const D: usize> Unknowns<D> {
     /// Eq. (40): the out-of-balance force relative to external forces and reactions together.
     ///
     /// Where neither exists (a free body that moves rigidly, or is unloaded) the forces that remain are round-off of
-    /// K Δd, and they are measured against that.
+    /// K Δd and of the strains, and they are measured against that.
     pub(super) fn relative_norm(
         &self,
         out_of_balance: &Nodal<D>,
@@ -171,8 +187,9 @@ impl<const D: usize> Unknowns<D> {
         }
         let stiff = system.diagonal();
         let motion = stiff.iter().flatten().zip(self.delta_d.iter().flatten());
-        let scale = ROUND_OFF / tolerance * norm(motion.map(|(k, u)| k * u));
-        let reference = force.max(scale);
+        let of_motion = ROUND_OFF * norm(motion.map(|(k, u)| k * u));
+        let of_strain = ROUND_OFF_IN_STRAIN * self.cell * norm(stiff.iter().flatten().copied());
+        let reference = force.max(of_motion.max(of_strain) / tolerance);
         if reference > 0.0 {
             out / reference
         } else {

@@ -3,7 +3,6 @@
 use mpm::basis::{Connectivity, DomainKind, Method};
 use mpm::domain::DomainUpdate;
 use mpm::grid::Structured;
-use mpm::linear::Choice;
 use mpm::material::{
     Elasticity, Hencky, Material, MaterialError, NeoHookean, Response, StateField, StrainMeasure, VonMises,
 };
@@ -216,7 +215,7 @@ fn state_on<const D: usize, M: Mechanics<D>>(
         boundary_conditions: Vec::new(),
         loads: Vec::new(),
         stepping: Stepping::fixed(1, 1.0),
-        newton: Newton { tolerance: 1e-9, max_iterations: 20, linear: Choice::Auto },
+        newton: Newton::default(),
         probes: Vec::new(),
     };
     let mut points = Points::new(&seeds);

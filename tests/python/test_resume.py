@@ -141,6 +141,29 @@ def test_a_run_without_the_key_is_secured_when_it_is_interrupted(mpm, stopped, w
     assert results(directory) == expected
 
 
+@pytest.mark.parametrize("kind", [signal.SIGTERM, signal.SIGINT], ids=lambda kind: kind.name)
+def test_interrupts_amid_failed_attempts_leave_no_trace(mpm, program, tmp_path, kind):
+    """Attempts after the last equilibrium are made again, with the size and the counts that they had."""
+    deck = deck_of(tmp_path, ("checkpoint: {every: 3}\n", ""))
+    words = settings(h=0.5, n=3, method="gimp", steps=3, every=1)
+    deck, expected, duration = undisturbed(mpm, tmp_path, deck, words)
+    failed = (tmp_path / "whole" / "history.csv").read_text()
+    assert ",0," in failed, "some attempts fail"
+    rng = random.Random(5)
+    for number in range(8):
+        directory = tmp_path / f"run{number}"
+        process = subprocess.Popen(
+            [program, "run", deck, "--out", directory, *words], stderr=subprocess.PIPE, text=True
+        )
+        time.sleep(duration * rng.uniform(0.1, 0.9))
+        process.send_signal(kind)
+        process.communicate()
+        process = mpm("run", deck, "--out", directory, *words, "--resume")
+        assert process.returncode == 0 or "there is no checkpoint" in process.stderr, process.stderr
+        if process.returncode == 0:
+            assert results(directory) == expected
+
+
 def test_steps_may_become_finer_after_a_failure(mpm, tmp_path):
     """The third of three steps is too large; each halved, they find equilibrium."""
     deck = deck_of(tmp_path, ("checkpoint: {every: 3}\n", ""))

@@ -8,7 +8,6 @@ use mpm::domain::DomainUpdate;
 use mpm::formula::Formula;
 use mpm::grid::subdivide::{Part, subdivide_box, subdivide_tetrahedron};
 use mpm::grid::{Grid, Mesh, Structured, gmsh};
-use mpm::linear::Choice;
 use mpm::loads::LoadCurve;
 use mpm::material::Material;
 use mpm::model::{Body, Model, NamedMaterial, Newton};
@@ -113,7 +112,7 @@ pub fn model(
         boundary_conditions: Vec::new(),
         loads: Vec::new(),
         stepping: Stepping::fixed(n_steps, 1.0),
-        newton: Newton { tolerance: 1e-9, max_iterations: 20, linear: Choice::Auto },
+        newton: Newton::default(),
         probes: Vec::new(),
     }
 }

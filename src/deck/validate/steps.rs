@@ -1,9 +1,13 @@
 //! An unknown load factor, and what goes with it.
 
 use super::Check;
+use super::suspicions::{is_zero, load_is_zero};
 use crate::deck::diagnostic::{list, quote};
-use crate::deck::{ControlDeck, Expression, LoadDeck};
+use crate::deck::{ControlDeck, Expression, GridDeck, LoadDeck};
 use crate::formula::names;
+
+/// A displacement of less than this part of the grid is round-off, [-].
+const LEAST: f64 = 1e-12;
 
 impl Check<'_> {
     /// Where the load factor follows from a displacement or from the length of the path, all loads have that one factor and
@@ -26,15 +30,19 @@ impl Check<'_> {
                     };
                     self.error_with_help("D049", "/steps/control/probe", message, help);
                 }
-                if *to == 0.0 {
-                    let message = "a displacement of 0 leaves the load factor open";
+                let extent = match &deck.grid {
+                    GridDeck::Structured { size, .. } => size.iter().fold(0.0f64, |most, l| most.max(*l)),
+                    _ => 0.0,
+                };
+                if to.abs() <= LEAST * extent {
+                    let message = format!("a displacement of {to} leaves the load factor open");
                     self.error("D049", "/steps/control/to", message);
                 }
             }
             ControlDeck::ArcLength {} => {}
         }
-        if deck.loads.is_empty() {
-            self.error("D049", "/steps/control", "there is no load whose factor could follow");
+        if deck.loads.iter().all(load_is_zero) {
+            self.error("D049", "/steps/control", "there is no load but zero whose factor could follow");
         }
         for (number, load) in deck.loads.iter().enumerate() {
             let pointer = format!("/loads/{number}");
@@ -66,8 +74,7 @@ impl Check<'_> {
         }
         for (number, condition) in deck.boundary_conditions.iter().enumerate() {
             for (key, displacement) in condition.displacements() {
-                let holds = |e: &Expression| matches!(e, Expression::Number(value) if *value == 0.0);
-                if displacement.as_ref().is_some_and(|e| !holds(e)) {
+                if displacement.as_ref().is_some_and(|e| !is_zero(e)) {
                     let message = format!(
                         "the condition {} moves its nodes, which does not go with `steps: {{control: ...}}`",
                         quote(&condition.name)

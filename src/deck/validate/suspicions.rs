@@ -68,17 +68,13 @@ impl Check<'_> {
         let deck = self.deck;
         let mut any = false;
         for (index, load) in deck.loads.iter().enumerate() {
-            let (key, is_zero, curve) = match load {
-                LoadDeck::Gravity { acceleration, curve, .. } => {
-                    ("acceleration", acceleration.iter().all(|a| *a == 0.0), curve)
-                }
-                LoadDeck::BodyForce { force, curve, .. } => ("force", force.iter().all(is_zero), curve),
-                LoadDeck::PointForce { total, curve, .. } => {
-                    ("total", total.iter().all(|f| *f == 0.0), curve)
-                }
+            let (key, curve) = match load {
+                LoadDeck::Gravity { curve, .. } => ("acceleration", curve),
+                LoadDeck::BodyForce { curve, .. } => ("force", curve),
+                LoadDeck::PointForce { curve, .. } => ("total", curve),
             };
             let name = quote(load.name());
-            if is_zero {
+            if load_is_zero(load) {
                 let at = format!("/loads/{index}/{key}");
                 self.warn("D037", &at, format!("the load {name} is zero"), "");
             } else if self.stays_zero(curve.as_ref()) {
@@ -181,8 +177,17 @@ impl Check<'_> {
     }
 }
 
+/// Whether a load is zero, whatever its factor.
+pub(super) fn load_is_zero(load: &LoadDeck) -> bool {
+    match load {
+        LoadDeck::Gravity { acceleration, .. } => acceleration.iter().all(|a| *a == 0.0),
+        LoadDeck::BodyForce { force, .. } => force.iter().all(is_zero),
+        LoadDeck::PointForce { total, .. } => total.iter().all(|f| *f == 0.0),
+    }
+}
+
 /// Whether an expression is zero everywhere.
-fn is_zero(expression: &Expression) -> bool {
+pub(super) fn is_zero(expression: &Expression) -> bool {
     match expression {
         Expression::Number(value) => *value == 0.0,
         Expression::Formula(text) => {
