@@ -351,9 +351,7 @@ impl Columns<'_> {
         for c in 0..N {
             let place = (first + c) * self.stride + row;
             let column = S::as_simd_f64s(&self.panel[place..place + M * S::F64_LANES]).0;
-            for v in 0..M {
-                values[c][v] = column[v];
-            }
+            values[c].copy_from_slice(column);
         }
         values
     }
@@ -368,9 +366,7 @@ impl Columns<'_> {
         for c in 0..N {
             let place = (first + c) * self.stride + row;
             let column = S::as_mut_simd_f64s(&mut self.panel[place..place + M * S::F64_LANES]).0;
-            for v in 0..M {
-                column[v] = values[c][v];
-            }
+            column.copy_from_slice(&values[c]);
         }
     }
 

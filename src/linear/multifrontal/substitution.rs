@@ -81,7 +81,7 @@ impl Substitution<'_> {
         y[front.rows..].fill(0.0);
         let mut end = front.pivots;
         while end > 0 {
-            let width = if end % 4 == 0 { 4 } else { end % 4 };
+            let width = if end.is_multiple_of(4) { 4 } else { end % 4 };
             let first = end - width;
             let columns = &panel[first * stride..];
             match width {

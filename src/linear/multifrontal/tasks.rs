@@ -52,16 +52,14 @@ fn divide(fronts: &Fronts, range: Range<usize>, mut tops: Vec<usize>, depth: usi
         fronts.children[fronts.front[f].children.clone()].iter().map(|&child| child as usize).collect()
     };
     let mut within: Vec<Task> = Vec::new();
-    while depth > 0 {
-        tops.retain(|&f| fronts.front[f].cost > LEAST);
-        if let [only] = tops[..] {
-            tops = children(only);
-        } else {
-            let part =
-                |&f: &usize| divide(fronts, fronts.front[f].descendants..f + 1, children(f), depth - 1);
-            within = tops.iter().map(part).collect();
-            break;
-        }
+    let heavy = |f: &usize| depth > 0 && fronts.front[*f].cost > LEAST;
+    tops.retain(heavy);
+    while let [only] = tops[..] {
+        tops = children(only);
+        tops.retain(heavy);
+    }
+    for f in tops {
+        within.push(divide(fronts, fronts.front[f].descendants..f + 1, children(f), depth - 1));
     }
     let mut own = Vec::new();
     let mut next = range.start;
