@@ -328,7 +328,13 @@ fn the_beam_does_not_stumble_over_nearly_empty_cells() {
             tip(&with)
         );
         assert!(most(&with) <= 6, "{method} {n}²: {}", most(&with));
-        assert_eq!(plain.is_err(), method == "gimp" && n != "6", "{method} {n}²");
+        match (method, n) {
+            ("gimp", "2") => assert!(plain.is_err()),
+            // Stumbles too, but whether it falls is round-off: Young's modulus changed by 1e-15 lets one run in four
+            // through.
+            ("gimp", "3") => continue,
+            _ => assert!(plain.is_ok(), "{method} {n}²"),
+        }
         if plain.is_ok() {
             // 10 m long: the deflection changes by less than 0.2 % of the length.
             let [a, b] = [tip(&with), tip(&without)];

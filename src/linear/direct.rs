@@ -1,10 +1,10 @@
-//! Sparse direct solver: supernodal LLᵀ, LDLᵀ and LU of the faer library behind one face.
+//! Sparse direct solver: LLᵀ by fronts, and LDLᵀ and LU of the faer library, behind one face.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltError;
 use faer::perm::PermRef;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    CholeskySymbolicParams, LdltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky,
 };
 use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
@@ -13,6 +13,7 @@ use faer::{Conj, MatMut, Par, Side};
 
 use crate::memory::Memory;
 
+use super::multifrontal::Multifrontal;
 use super::{Factorisation, LinearError, LinearSolver, Pattern};
 
 /// Largest relative residual of a solution that is accepted from a factorisation without pivoting.
@@ -47,15 +48,18 @@ const REFINED_RESIDUAL: f64 = 1e-12;
 /// two nodes: their basis functions are the same to every point, so that one combination of them strains nothing, moves
 /// nothing and carries no load.
 ///
-/// Runs on one thread, so that results do not depend on their number.
+/// Threads share the fronts of LLᵀ in a way that does not change its bits; everything else runs on one.
 #[derive(Default)]
 pub struct Direct {
     pattern: Pattern,
-    symbolic: Option<SymbolicCholesky<usize>>,
+    /// The unknowns of a symmetric matrix in the order of elimination.
+    order: Vec<usize>,
+    llt: Option<Multifrontal>,
+    ldlt: Option<Ldlt>,
     values: Vec<f64>,
+    /// The factor of a symmetric matrix, of whichever kind.
     factor: Vec<f64>,
     work: Vec<f64>,
-    memory: Option<MemBuffer>,
     kind: Option<Factorisation>,
     /// Whether the factor is that of a shifted matrix.
     shifted: bool,
@@ -65,6 +69,12 @@ pub struct Direct {
     suspect: Option<usize>,
     full: Option<FullMatrix>,
     lu: Option<Lu<usize, f64>>,
+}
+
+/// The layout of LDLᵀ, and its working space.
+struct Ldlt {
+    symbolic: SymbolicCholesky<usize>,
+    memory: MemBuffer,
 }
 
 /// Both triangles of the matrix, which LU needs.
@@ -79,6 +89,14 @@ fn out_of_memory<E>(_: E) -> LinearError {
     LinearError::OutOfMemory { needed: None }
 }
 
+/// An error if so many bytes are not available.
+fn ask_for(needed: u64) -> Result<(), LinearError> {
+    if needed > LITTLE && Memory::of_this_machine().is_some_and(|memory| needed > memory.available) {
+        return Err(LinearError::OutOfMemory { needed: Some(needed) });
+    }
+    Ok(())
+}
+
 fn view<'a>(pattern: &'a Pattern, values: &'a [f64]) -> SparseColMatRef<'a, usize, f64> {
     SparseColMatRef::new(symbolic_view(pattern), values)
 }
@@ -89,37 +107,18 @@ fn symbolic_view(pattern: &Pattern) -> SymbolicSparseColMatRef<'_, usize> {
 
 impl LinearSolver for Direct {
     fn analyse(&mut self, pattern: Pattern, order: &dyn Fn() -> Vec<usize>) -> Result<bool, LinearError> {
-        if self.pattern == pattern && (self.symbolic.is_some() || !pattern.symmetric) {
+        if self.pattern == pattern && (self.llt.is_some() || !pattern.symmetric) {
             self.largest = 0.0; // a run that goes on from a checkpoint knows nothing of earlier steps
             return Ok(false);
         }
         *self = Direct { pattern, ..Direct::default() };
         let pattern = &self.pattern;
         if pattern.symmetric && pattern.n > 0 {
-            let order = order();
-            let mut inverse = vec![0; order.len()];
-            for (place, &unknown) in order.iter().enumerate() {
-                inverse[unknown] = place;
-            }
-            let permutation = PermRef::new_checked(&order, &inverse, pattern.n);
-            let symbolic = factorize_symbolic_cholesky(
-                symbolic_view(pattern),
-                Side::Lower,
-                SymmetricOrdering::Custom(permutation),
-                CholeskySymbolicParams::default(),
-            )
-            .map_err(out_of_memory)?;
-            let scratch = symbolic
-                .factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default())
-                .or(symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default()))
-                .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
-            let needed = 8 * symbolic.len_val() as u64 + scratch.unaligned_bytes_required() as u64;
-            if needed > LITTLE && Memory::of_this_machine().is_some_and(|memory| needed > memory.available) {
-                return Err(LinearError::OutOfMemory { needed: Some(needed) });
-            }
-            self.factor = vec![0.0; symbolic.len_val()];
-            self.memory = Some(MemBuffer::try_new(scratch).map_err(out_of_memory)?);
-            self.symbolic = Some(symbolic);
+            self.order = order();
+            let llt = Multifrontal::new(pattern, &self.order).ok_or_else(|| out_of_memory(()))?;
+            ask_for(llt.bytes())?;
+            self.factor = vec![0.0; llt.factor_len()];
+            self.llt = Some(llt);
         }
         Ok(true)
     }
@@ -175,19 +174,8 @@ impl LinearSolver for Direct {
 impl Direct {
     /// LLᵀ; false if the matrix is not positive definite.
     fn factorise_llt(&mut self, values: &[f64]) -> Result<bool, LinearError> {
-        let (Some(symbolic), Some(memory)) = (&self.symbolic, &mut self.memory) else {
-            return Err(LinearError::Singular { unknown: None });
-        };
-        let llt = symbolic.factorize_numeric_llt(
-            &mut self.factor,
-            view(&self.pattern, values),
-            Side::Lower,
-            Default::default(),
-            Par::Seq,
-            MemStack::new(memory),
-            Default::default(),
-        );
-        Ok(llt.is_ok())
+        let Some(llt) = &mut self.llt else { return Err(LinearError::Singular { unknown: None }) };
+        Ok(llt.factorise(values, &mut self.factor))
     }
 
     /// Replaces the right-hand side of symmetric equations by their solution.
@@ -317,13 +305,43 @@ impl Direct {
         residual
     }
 
+    /// Lays LDLᵀ out, once for a pattern.
+    fn analyse_ldlt(&mut self) -> Result<(), LinearError> {
+        if self.ldlt.is_some() {
+            return Ok(());
+        }
+        let mut inverse = vec![0; self.order.len()];
+        for (place, &unknown) in self.order.iter().enumerate() {
+            inverse[unknown] = place;
+        }
+        let symbolic = factorize_symbolic_cholesky(
+            symbolic_view(&self.pattern),
+            Side::Lower,
+            SymmetricOrdering::Custom(PermRef::new_checked(&self.order, &inverse, self.pattern.n)),
+            CholeskySymbolicParams::default(),
+        )
+        .map_err(out_of_memory)?;
+        let scratch = symbolic
+            .factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Default::default())
+            .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
+        let more = symbolic.len_val().saturating_sub(self.factor.len());
+        ask_for(8 * more as u64 + scratch.unaligned_bytes_required() as u64)?;
+        if more > 0 {
+            self.factor = vec![0.0; symbolic.len_val()];
+        }
+        let memory = MemBuffer::try_new(scratch).map_err(out_of_memory)?;
+        self.ldlt = Some(Ldlt { symbolic, memory });
+        Ok(())
+    }
+
     fn factorise_ldlt(&mut self) -> Result<Factorisation, LinearError> {
-        let (Some(symbolic), Some(memory)) = (&self.symbolic, &mut self.memory) else {
+        self.analyse_ldlt()?;
+        let Some(Ldlt { symbolic, memory }) = &mut self.ldlt else {
             return Err(LinearError::Singular { unknown: None });
         };
         let matrix = view(&self.pattern, &self.values);
         let ldlt = symbolic.factorize_numeric_ldlt(
-            &mut self.factor,
+            &mut self.factor[..symbolic.len_val()],
             matrix,
             Side::Lower,
             Default::default(),
@@ -379,15 +397,11 @@ impl Direct {
 
     fn back_substitute(&mut self, rhs: &mut [f64]) {
         let n = self.pattern.n;
-        match (self.kind, &self.symbolic, &mut self.memory, &self.lu) {
-            (Some(Factorisation::Cholesky), Some(symbolic), Some(memory), _) => {
+        match (self.kind, &mut self.llt, &mut self.ldlt, &self.lu) {
+            (Some(Factorisation::Cholesky), Some(llt), _, _) => llt.solve(&self.factor, rhs),
+            (Some(Factorisation::Ldlt), _, Some(Ldlt { symbolic, memory }), _) => {
                 let x = MatMut::from_column_major_slice_mut(rhs, n, 1);
-                let factor = LltRef::new(symbolic, &self.factor);
-                factor.solve_in_place_with_conj(Conj::No, x, Par::Seq, MemStack::new(memory));
-            }
-            (Some(Factorisation::Ldlt), Some(symbolic), Some(memory), _) => {
-                let x = MatMut::from_column_major_slice_mut(rhs, n, 1);
-                let factor = LdltRef::new(symbolic, &self.factor);
+                let factor = LdltRef::new(symbolic, &self.factor[..symbolic.len_val()]);
                 factor.solve_in_place_with_conj(Conj::No, x, Par::Seq, MemStack::new(memory));
             }
             (Some(Factorisation::Lu), _, _, Some(lu)) => {

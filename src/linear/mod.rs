@@ -5,6 +5,7 @@ mod choice;
 mod direct;
 mod krylov;
 mod lattice;
+mod multifrontal;
 mod multigrid;
 pub mod ordering;
 

@@ -3,58 +3,91 @@
 //! The background grid is known, so no graph partitioner is needed: the set of nodes is cut across its longest side,
 //! the two halves are ordered first and the separator between them last.
 
+use std::ops::Range;
+
 /// Below this many nodes a part is not cut further.
-const LEAF: usize = 32;
+const LEAF: usize = 16;
 
 /// Orders nodes given by integer coordinates; `reach[d]` is the largest distance along axis d at which two nodes
 /// are coupled, which is how thick a separator must be. Returns the nodes in the order of elimination.
 pub fn nested_dissection<const D: usize>(coordinates: &[[u32; D]], reach: [u32; D]) -> Vec<usize> {
     let mut nodes: Vec<usize> = (0..coordinates.len()).collect();
     let mut order = Vec::with_capacity(nodes.len());
-    dissect(coordinates, reach, &mut nodes, &mut order);
+    Dissection { coordinates, reach, order: &mut order, along: vec![], within: vec![], above: vec![] }
+        .dissect(&mut nodes);
     order
 }
 
-fn dissect<const D: usize>(
-    coordinates: &[[u32; D]],
+struct Dissection<'a, const D: usize> {
+    coordinates: &'a [[u32; D]],
     reach: [u32; D],
-    nodes: &mut [usize],
-    order: &mut Vec<usize>,
-) {
-    if nodes.len() <= LEAF {
-        nodes.sort_unstable();
-        order.extend_from_slice(nodes);
-        return;
+    order: &'a mut Vec<usize>,
+    /// Room for coordinates of nodes along the axis of a cut, for the nodes of a separator, and for those above it.
+    along: Vec<u32>,
+    within: Vec<usize>,
+    above: Vec<usize>,
+}
+
+impl<const D: usize> Dissection<'_, D> {
+    /// Orders nodes, which are given in ascending order.
+    fn dissect(&mut self, nodes: &mut [usize]) {
+        if nodes.len() <= LEAF {
+            self.order.extend_from_slice(nodes);
+            return;
+        }
+        let axis = self.longest(nodes);
+        self.along.clear();
+        self.along.extend(nodes.iter().map(|&node| self.coordinates[node][axis]));
+        let middle = nodes.len() / 2;
+        let cut = *self.along.select_nth_unstable(middle).1;
+        let (left, right) = self.part(nodes, axis, cut..cut + self.reach[axis].max(1));
+        let (parts, separator) = nodes.split_at_mut(right);
+        if parts.is_empty() {
+            self.order.extend_from_slice(separator);
+            return;
+        }
+        let (low, high) = parts.split_at_mut(left);
+        self.dissect(low);
+        self.dissect(high);
+        self.order.extend_from_slice(separator);
     }
-    // The axis that holds the most separators' thicknesses side by side.
-    let extent = |d: usize| {
-        let along = nodes.iter().map(|&n| coordinates[n][d]);
-        let (low, high) = along.fold((u32::MAX, 0), |(l, h), c| (l.min(c), h.max(c)));
-        f64::from(high - low + 1) / f64::from(reach[d].max(1))
-    };
-    let axis = (0..D).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0);
-    let middle = nodes.len() / 2;
-    let (_, &mut median, _) = nodes.select_nth_unstable_by_key(middle, |&n| (coordinates[n][axis], n));
-    let cut = coordinates[median][axis];
-    let thickness = reach[axis].max(1);
-    let side = |n: usize| match coordinates[n][axis] {
-        c if c < cut => 0,
-        c if c < cut + thickness => 2,
-        _ => 1,
-    };
-    nodes.sort_unstable_by_key(|&n| (side(n), n));
-    let left = nodes.partition_point(|&n| side(n) < 1);
-    let right = nodes.partition_point(|&n| side(n) < 2);
-    if left == 0 && right == 0 {
-        // Everything lies in the separator.
-        order.extend_from_slice(nodes);
-        return;
+
+    /// The axis that holds the most separators' thicknesses side by side.
+    fn longest(&self, nodes: &[usize]) -> usize {
+        let (mut low, mut high) = ([u32::MAX; D], [0; D]);
+        for &node in nodes {
+            for d in 0..D {
+                low[d] = low[d].min(self.coordinates[node][d]);
+                high[d] = high[d].max(self.coordinates[node][d]);
+            }
+        }
+        let extent = |d: usize| f64::from(high[d] - low[d] + 1) / f64::from(self.reach[d].max(1));
+        (0..D).max_by(|&a, &b| extent(a).total_cmp(&extent(b))).unwrap_or(0)
     }
-    let (parts, separator) = nodes.split_at_mut(right);
-    let (low, high) = parts.split_at_mut(left);
-    dissect(coordinates, reach, low, order);
-    dissect(coordinates, reach, high, order);
-    order.extend_from_slice(separator);
+
+    /// Puts first the nodes below a separator, then those above it, then it; returns where the second and the third
+    /// begin. Nodes of the same part keep their order.
+    fn part(&mut self, nodes: &mut [usize], axis: usize, separator: Range<u32>) -> (usize, usize) {
+        self.within.clear();
+        self.above.clear();
+        let mut left = 0;
+        for k in 0..nodes.len() {
+            let node = nodes[k];
+            let c = self.coordinates[node][axis];
+            if c < separator.start {
+                nodes[left] = node;
+                left += 1;
+            } else if c < separator.end {
+                self.within.push(node);
+            } else {
+                self.above.push(node);
+            }
+        }
+        let right = left + self.above.len();
+        nodes[left..right].copy_from_slice(&self.above);
+        nodes[right..].copy_from_slice(&self.within);
+        (left, right)
+    }
 }
 
 #[cfg(test)]

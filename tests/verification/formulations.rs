@@ -47,16 +47,16 @@ fn distance(a: &[f64; 2], b: &[f64; 2]) -> f64 {
 }
 
 /// Largest difference of a position up to the first matrix that was not definite, and of the tip in any step,
-/// relative to how far it has moved; the numbers of evaluations must be equal.
+/// relative to how far it has moved; up to that matrix the numbers of evaluations must be equal.
 fn compare(deck: &str, set: &[(&str, &str)]) -> [f64; 2] {
     let a = steps_of(Formulation::PreviouslyConverged, deck, set);
     let b = steps_of(Formulation::UpdatedLagrangian, deck, set);
     assert_eq!(a.len(), b.len());
     let (mut all, mut tip, mut definite) = (0.0f64, 0.0f64, true);
     for (a, b) in a.iter().zip(&b) {
-        assert_eq!(a.evaluations, b.evaluations, "{deck} {set:?}");
         definite &= a.definite && b.definite;
         if definite {
+            assert_eq!(a.evaluations, b.evaluations, "{deck} {set:?}");
             let differences = a.position.iter().zip(&b.position).map(|(a, b)| distance(a, b));
             all = differences.fold(all, f64::max);
         }
@@ -69,7 +69,8 @@ fn compare(deck: &str, set: &[(&str, &str)]) -> [f64; 2] {
 /// The positions agree to round-off until a cell is held by one point near its edge and K is singular to working
 /// precision (step 8 with standard points, 10 or 13 with GIMP). From then on round-off decides the displacement of
 /// that point: it has no stiffness to speak of, moves by up to 1e-4 m between the two runs with the same residuals,
-/// and the tip follows with 1e-9 m to 1e-8 m.
+/// and the tip follows with 1e-9 m to 1e-8 m. A change of Young's modulus by some 1e-15 then changes the number of
+/// evaluations of step 8 or 11 in one run of ten, whatever factorises K.
 #[test]
 fn both_formulations_bend_the_cantilever_alike() {
     let [all, tip] = compare("beam.yaml", &[("method", "gimp"), ("n", "6")]);

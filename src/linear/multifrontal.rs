@@ -1,0 +1,81 @@
+//! Sparse Cholesky factorisation LLᵀ by fronts (Duff and Reid, 1983).
+//!
+//! Unknowns with the same neighbours are eliminated together, as the pivots of a front: a small dense matrix on their
+//! rows and those of later unknowns that this involves, its border. What a front takes from its border is added to the
+//! front of the first of these, its parent. Fronts without a common descendant are independent of each other.
+//!
+//! Everything that costs time is a product of small dense matrices. Where threads share work, who gets what depends on
+//! sizes only and every sum has a fixed order, so that the factor has the same bits for any number of threads.
+
+mod dense;
+mod elimination;
+mod fronts;
+mod nodes;
+mod substitution;
+mod tasks;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+use super::Pattern;
+use elimination::Elimination;
+use fronts::Fronts;
+use tasks::Task;
+
+/// No node, no front.
+const NONE: u32 = u32::MAX;
+
+/// What is fixed for a pattern, and working space. The factor is kept by the caller.
+pub(super) struct Multifrontal {
+    fronts: Fronts,
+    task: Task,
+    /// What fronts pass to their parents.
+    passed: Vec<f64>,
+    /// A solution, and the rows of one front.
+    solution: Vec<f64>,
+}
+
+impl Multifrontal {
+    /// Lays out the factor of a symmetric pattern. Unknowns are eliminated in this order, except that those which are
+    /// independent of each other may change places. `None` where an index takes more than 32 bits.
+    pub fn new(pattern: &Pattern, order: &[usize]) -> Option<Multifrontal> {
+        if pattern.n.max(pattern.row.len()) >= NONE as usize {
+            return None;
+        }
+        let mut fronts = Fronts::new(pattern, order);
+        let task = Task::new(&mut fronts);
+        Some(Multifrontal { fronts, task, passed: Vec::new(), solution: Vec::new() })
+    }
+
+    /// Numbers in the factor.
+    pub fn factor_len(&self) -> usize {
+        self.fronts.front.last().map_or(0, |last| last.panel + last.panel_len())
+    }
+
+    /// Memory for the factor and working space, [byte].
+    pub fn bytes(&self) -> u64 {
+        8 * (self.factor_len() + self.task.room + self.solution_len()) as u64
+    }
+
+    fn solution_len(&self) -> usize {
+        let longest = self.fronts.front.iter().map(|front| front.rows).max();
+        self.fronts.unknown.len() + dense::stride(longest.unwrap_or(0))
+    }
+
+    /// Writes the factor of the matrix with these values; false if it is not positive definite.
+    pub fn factorise(&mut self, values: &[f64], factor: &mut [f64]) -> bool {
+        if self.passed.len() < self.task.room {
+            self.passed = vec![0.0; self.task.room];
+        }
+        let elimination = Elimination { fronts: &self.fronts, values };
+        self.fronts.front.is_empty() || elimination.run(&self.task, factor, &mut self.passed)
+    }
+
+    /// Replaces the right-hand side by the solution.
+    pub fn solve(&mut self, factor: &[f64], rhs: &mut [f64]) {
+        if self.solution.is_empty() {
+            self.solution = vec![0.0; self.solution_len()];
+        }
+        substitution::solve(&self.fronts, factor, rhs, &mut self.solution);
+    }
+}

@@ -1,0 +1,178 @@
+//! The numbers of a factorisation: tasks, and in them fronts, which take entries of the matrix and what their children
+//! pass to them, eliminate their unknowns and pass the rest on.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::dense;
+use super::fronts::{Front, Fronts};
+use super::tasks::Task;
+
+/// Columns that one thread fills at a time, of fronts with more numbers than this.
+const COLUMNS: usize = 32;
+const SHARED: usize = 1 << 17;
+
+/// A factorisation of the matrix with these values.
+#[derive(Clone, Copy)]
+pub(super) struct Elimination<'a> {
+    pub fronts: &'a Fronts,
+    pub values: &'a [f64],
+}
+
+impl Elimination<'_> {
+    /// Computes the columns of the fronts of a task, given their place; what the last of them passes on is then at the
+    /// start of the working space. False if a pivot is not positive.
+    pub fn run(self, task: &Task, factor: &mut [f64], room: &mut [f64]) -> bool {
+        let front = &self.fronts.front;
+        let origin = front[task.fronts.start].panel;
+        if !self.run_within(task, factor, origin, room) {
+            return false;
+        }
+        for f in task.own.iter().cloned().flatten() {
+            let panel = &mut factor[front[f].panel - origin..][..front[f].panel_len()];
+            if !self.eliminate(&front[f], panel, room) {
+                return false;
+            }
+        }
+        let top = &front[task.fronts.end - 1];
+        room.copy_within(top.update..top.update + top.update_len(), 0);
+        true
+    }
+
+    fn run_within(self, task: &Task, factor: &mut [f64], origin: usize, room: &mut [f64]) -> bool {
+        let panels = |task: &Task| {
+            let last = &self.fronts.front[task.fronts.end - 1];
+            self.fronts.front[task.fronts.start].panel..last.panel + last.panel_len()
+        };
+        let rooms = |task: &Task| task.base..task.base + task.room;
+        if !task.apart {
+            return task.within.iter().all(|task| {
+                let panels = panels(task);
+                let panels = &mut factor[panels.start - origin..panels.end - origin];
+                self.run(task, panels, &mut room[rooms(task)])
+            });
+        }
+        let factors = cut(factor, origin, task.within.iter().map(panels));
+        let rooms = cut(room, 0, task.within.iter().map(rooms));
+        let tasks = task.within.par_iter().zip(factors).zip(rooms);
+        tasks.map(|((task, factor), room)| self.run(task, factor, room)).reduce(|| true, |a, b| a && b)
+    }
+
+    fn eliminate(self, front: &Front, panel: &mut [f64], room: &mut [f64]) -> bool {
+        let (before, rest) = room.split_at_mut(front.update);
+        let (update, after) = rest.split_at_mut(front.update_len());
+        let passed = Passed { fronts: self.fronts, front, before, after };
+        let fill = |first: usize, columns: &mut [f64]| {
+            columns.fill(0.0);
+            self.take_entries(front, first, columns);
+            passed.add(first, 0, columns);
+        };
+        let border =
+            |first: usize, columns: &mut [f64]| passed.add(front.pivots + first, front.pivots, columns);
+        for_each_column(panel, dense::stride(front.rows), front.pivots, fill);
+        if !dense::eliminate(panel, front.rows, front.pivots, update) {
+            return false;
+        }
+        for_each_column(update, dense::stride(front.border_len()), front.border_len(), border);
+        true
+    }
+
+    /// Adds the entries of the matrix to columns of a front from `first` on.
+    fn take_entries(self, front: &Front, first: usize, columns: &mut [f64]) {
+        let start = &self.fronts.column_start[front.first + first..];
+        for (column, start) in columns.chunks_exact_mut(dense::stride(front.rows)).zip(start.windows(2)) {
+            for entry in &self.fronts.entry[start[0]..start[1]] {
+                column[entry.row as usize] = self.values[entry.source as usize];
+            }
+        }
+    }
+}
+
+/// Cuts these pieces out of a slice, whose first number has place `origin`.
+fn cut(slice: &mut [f64], origin: usize, pieces: impl Iterator<Item = Range<usize>>) -> Vec<&mut [f64]> {
+    let (mut rest, mut at) = (slice, origin);
+    let piece = |piece: Range<usize>| {
+        let (_, after) = std::mem::take(&mut rest).split_at_mut(piece.start - at);
+        let (own, after) = after.split_at_mut(piece.len());
+        (rest, at) = (after, piece.end);
+        own
+    };
+    pieces.map(piece).collect()
+}
+
+/// Calls `work` with the numbers of all columns, or with pieces of them, and the number of the first column.
+fn for_each_column(
+    numbers: &mut [f64],
+    stride: usize,
+    columns: usize,
+    work: impl Fn(usize, &mut [f64]) + Sync,
+) {
+    if columns == 0 {
+        return;
+    }
+    let numbers = &mut numbers[..stride * columns];
+    if numbers.len() < SHARED {
+        work(0, numbers);
+    } else {
+        let pieces = numbers.par_chunks_mut(COLUMNS * stride).enumerate();
+        pieces.for_each(|(piece, numbers)| work(piece * COLUMNS, numbers));
+    }
+}
+
+/// What the children of a front pass to it, in the working space before and after what it passes on itself.
+#[derive(Clone, Copy)]
+struct Passed<'a> {
+    fronts: &'a Fronts,
+    front: &'a Front,
+    before: &'a [f64],
+    after: &'a [f64],
+}
+
+impl Passed<'_> {
+    /// What a child passes.
+    fn of(&self, child: &Front) -> &[f64] {
+        let len = child.update_len();
+        if child.passed < self.front.update {
+            &self.before[child.passed..child.passed + len]
+        } else {
+            let place = child.passed - self.front.update - self.front.update_len();
+            &self.after[place..place + len]
+        }
+    }
+
+    /// Adds it to columns from `first` on, the first number in which is that of row `offset` of the front.
+    fn add(&self, first: usize, offset: usize, columns: &mut [f64]) {
+        let stride = dense::stride(self.front.rows - offset);
+        let end = first + columns.len() / stride;
+        for &child in &self.fronts.children[self.front.children.clone()] {
+            let child = &self.fronts.front[child as usize];
+            let border = child.border_len();
+            let height = dense::stride(border);
+            let rows = &self.fronts.relative[child.border..child.border + border];
+            let begin = rows.partition_point(|&row| (row as usize) < first);
+            for (c, &column) in rows.iter().enumerate().skip(begin) {
+                if column as usize >= end {
+                    break;
+                }
+                let source = &self.of(child)[c * height + c..c * height + border];
+                let target = &mut columns[(column as usize - first) * stride..][..stride];
+                add_rows(source, &rows[c..], offset, target);
+            }
+        }
+    }
+}
+
+/// Adds numbers to those in these rows, of which there is at least one; the first number of the target is row `offset`.
+fn add_rows(source: &[f64], rows: &[u32], offset: usize, target: &mut [f64]) {
+    let (first, last) = (rows[0] as usize, rows[rows.len() - 1] as usize);
+    if last - first + 1 == rows.len() {
+        for (target, source) in target[first - offset..].iter_mut().zip(source) {
+            *target += source;
+        }
+    } else {
+        for (source, &row) in source.iter().zip(rows) {
+            target[row as usize - offset] += source;
+        }
+    }
+}

@@ -1,0 +1,278 @@
+//! Where everything is: the rows of each front, which entries of the matrix it takes, where it adds what its children
+//! pass to it, and its place in memory.
+
+use std::ops::Range;
+
+use super::NONE;
+use super::dense;
+use super::nodes::Nodes;
+use super::tree::{self, Tree};
+use crate::linear::Pattern;
+
+/// A front: some unknowns that are eliminated together, and the border of later ones that this involves.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Front {
+    /// Place of its first unknown.
+    pub first: usize,
+    /// Number of unknowns that are eliminated.
+    pub pivots: usize,
+    /// Number of rows: pivots and border.
+    pub rows: usize,
+    /// Where its border starts in the lists of borders.
+    pub border: usize,
+    /// Where its columns start in the factor.
+    pub panel: usize,
+    /// Where what it passes to its parent starts in the working space of its task.
+    pub update: usize,
+    /// Where that is in the working space of the task of its parent.
+    pub passed: usize,
+    /// Its parent, or [`NONE`].
+    pub parent: u32,
+    /// Where the list of its children is.
+    pub children: Range<usize>,
+    /// About the time that it takes with all its descendants, [ns].
+    pub cost: f64,
+    /// First of its descendants; all of them lie between.
+    pub descendants: usize,
+}
+
+impl Front {
+    /// Numbers that its columns take.
+    pub fn panel_len(&self) -> usize {
+        dense::room(self.rows, self.pivots)
+    }
+
+    /// Rows of its border.
+    pub fn border_len(&self) -> usize {
+        self.rows - self.pivots
+    }
+
+    /// Numbers that what it passes to its parent takes.
+    pub fn update_len(&self) -> usize {
+        dense::room(self.border_len(), self.border_len())
+    }
+}
+
+/// An entry of the matrix in a column of a front.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Entry {
+    /// Row in the front.
+    pub row: u32,
+    /// Place in the values of the matrix.
+    pub source: u32,
+}
+
+/// The fronts of a pattern, children before their parents.
+pub(super) struct Fronts {
+    pub front: Vec<Front>,
+    /// The children of all fronts.
+    pub children: Vec<u32>,
+    /// Unknowns in the order of elimination.
+    pub unknown: Vec<u32>,
+    /// The borders of all fronts: places of the unknowns, ascending,
+    pub border: Vec<u32>,
+    /// and rows in the parent.
+    pub relative: Vec<u32>,
+    /// Where the entries of each column start.
+    pub column_start: Vec<usize>,
+    /// The entries of the matrix by the columns that they are in.
+    pub entry: Vec<Entry>,
+}
+
+impl Fronts {
+    pub fn new(pattern: &Pattern, order: &[usize]) -> Fronts {
+        let nodes = Nodes::new(pattern, order);
+        let tree = Tree::new(&nodes);
+        let mut fronts = Fronts::lay_out(&nodes, &tree, pattern);
+        let borders = Borders::of(&nodes, &tree);
+        fronts.fill(pattern, &nodes, &tree, &borders);
+        fronts
+    }
+
+    fn lay_out(nodes: &Nodes, tree: &Tree, pattern: &Pattern) -> Fronts {
+        let n = tree.pivots.len();
+        let mut front: Vec<Front> = Vec::with_capacity(n);
+        let (mut first, mut border, mut panel) = (0, 0, 0);
+        let mut children_start = vec![0; n + 1];
+        for f in 0..n {
+            let (pivots, rows) = (tree.pivots[f] as usize, tree.rows[f] as usize);
+            let cost = tree::cost(tree.rows[f], tree.pivots[f]);
+            let parent = tree.parent[f];
+            let new = Front {
+                first,
+                pivots,
+                rows,
+                border,
+                panel,
+                parent,
+                cost,
+                descendants: f,
+                ..Front::default()
+            };
+            first += pivots;
+            border += new.border_len();
+            panel += new.panel_len();
+            front.push(new);
+            if parent != NONE {
+                children_start[parent as usize + 1] += 1;
+            }
+        }
+        for f in 0..n {
+            children_start[f + 1] += children_start[f];
+            front[f].children = children_start[f]..children_start[f];
+        }
+        let mut children = vec![0; children_start[n]];
+        for f in 0..n {
+            if front[f].parent != NONE {
+                let (cost, descendants) = (front[f].cost, front[f].descendants);
+                let parent = &mut front[tree.parent[f] as usize];
+                parent.cost += cost;
+                parent.descendants = parent.descendants.min(descendants);
+                children[parent.children.end] = f as u32;
+                parent.children.end += 1;
+            }
+        }
+        let mut unknown = Vec::with_capacity(pattern.n);
+        for &node in &tree.node {
+            let first = nodes.first[node as usize];
+            unknown.extend(first..first + nodes.width[node as usize]);
+        }
+        let n_entries = pattern.row.len();
+        Fronts {
+            front,
+            children,
+            unknown,
+            border: Vec::with_capacity(border),
+            relative: vec![0; border],
+            column_start: Vec::with_capacity(pattern.n + 1),
+            entry: Vec::with_capacity(n_entries),
+        }
+    }
+
+    /// Lists rows, entries and where children add.
+    fn fill(&mut self, pattern: &Pattern, nodes: &Nodes, tree: &Tree, borders: &Borders) {
+        // Row of each node in the front.
+        let mut row_of = vec![0u32; nodes.len()];
+        // First unknown of each node, by place.
+        let mut place_of = vec![0u32; nodes.len()];
+        let mut place = 0;
+        for &node in &tree.node {
+            place_of[node as usize] = place;
+            place += nodes.width[node as usize];
+        }
+        self.column_start.push(0);
+        for f in 0..self.front.len() {
+            let own = &tree.node[tree.start[f]..tree.start[f + 1]];
+            let mut row = 0;
+            for &node in own {
+                row_of[node as usize] = row;
+                row += nodes.width[node as usize];
+            }
+            for &number in borders.of_front(f) {
+                let node = tree.node[number as usize] as usize;
+                row_of[node] = row;
+                row += nodes.width[node];
+                self.border.extend(place_of[node]..place_of[node] + nodes.width[node]);
+            }
+            let front = &self.front[f];
+            for &child in &self.children[front.children.clone()] {
+                let mut relative = self.relative[self.front[child as usize].border..].iter_mut();
+                for &number in borders.of_front(child as usize) {
+                    let node = tree.node[number as usize] as usize;
+                    for (k, relative) in (0..nodes.width[node]).zip(&mut relative) {
+                        *relative = row_of[node] + k;
+                    }
+                }
+            }
+            for &node in own {
+                self.take_entries(pattern, nodes, node as usize, &row_of);
+            }
+        }
+    }
+
+    /// Lists the entries of the columns of a node, given the rows of nodes in its front.
+    fn take_entries(&mut self, pattern: &Pattern, nodes: &Nodes, node: usize, row_of: &[u32]) {
+        let (first, width) = (nodes.first[node], nodes.width[node]);
+        let start = |unknown: u32| pattern.column_start[unknown as usize] as u32;
+        for k in 0..width {
+            let diagonal = start(first + k);
+            for r in k..width {
+                self.entry.push(Entry { row: row_of[node] + r, source: diagonal + r - k });
+            }
+            for coupling in nodes.coupled(node) {
+                let later = coupling.later as usize;
+                let row = row_of[later];
+                if nodes.first[later] > first {
+                    // From a column of this node.
+                    let source = coupling.entry - start(first) + diagonal - k;
+                    for r in 0..nodes.width[later] {
+                        self.entry.push(Entry { row: row + r, source: source + r });
+                    }
+                } else {
+                    // From rows of this node.
+                    let column = nodes.first[later];
+                    for r in 0..nodes.width[later] {
+                        let source = coupling.entry - start(column) + start(column + r) - r + k;
+                        self.entry.push(Entry { row: row + r, source });
+                    }
+                }
+            }
+            self.column_start.push(self.entry.len());
+        }
+    }
+}
+
+/// The borders of all fronts by nodes, which go by their places in the order of elimination.
+struct Borders {
+    start: Vec<usize>,
+    number: Vec<u32>,
+}
+
+impl Borders {
+    fn of(nodes: &Nodes, tree: &Tree) -> Borders {
+        let mut number_of = vec![0u32; nodes.len()];
+        for (number, &node) in tree.node.iter().enumerate() {
+            number_of[node as usize] = number as u32;
+        }
+        let n = tree.pivots.len();
+        let mut borders = Borders { start: vec![0], number: Vec::new() };
+        // The last front that has met a node.
+        let mut met = vec![NONE; nodes.len()];
+        let (mut child, mut sibling) = (vec![NONE; n], vec![NONE; n]);
+        for f in 0..n {
+            let begin = borders.number.len();
+            let own = tree.start[f]..tree.start[f + 1];
+            met[own.clone()].fill(f as u32);
+            for &node in &tree.node[own] {
+                for coupling in nodes.coupled(node as usize) {
+                    let number = number_of[coupling.later as usize];
+                    if met[number as usize] != f as u32 {
+                        met[number as usize] = f as u32;
+                        borders.number.push(number);
+                    }
+                }
+            }
+            let mut next = child[f];
+            while next != NONE {
+                for k in borders.start[next as usize]..borders.start[next as usize + 1] {
+                    let number = borders.number[k];
+                    if met[number as usize] != f as u32 {
+                        met[number as usize] = f as u32;
+                        borders.number.push(number);
+                    }
+                }
+                next = sibling[next as usize];
+            }
+            borders.number[begin..].sort_unstable();
+            borders.start.push(borders.number.len());
+            if tree.parent[f] != NONE {
+                sibling[f] = std::mem::replace(&mut child[tree.parent[f] as usize], f as u32);
+            }
+        }
+        borders
+    }
+
+    fn of_front(&self, front: usize) -> &[u32] {
+        &self.number[self.start[front]..self.start[front + 1]]
+    }
+}

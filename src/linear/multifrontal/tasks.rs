@@ -1,0 +1,117 @@
+//! Who computes what, and where: the tree of the fronts is cut into tasks that threads can share, and every front gets
+//! a place in the working space of its task.
+
+use std::ops::Range;
+
+use super::NONE;
+use super::fronts::{Front, Fronts};
+
+/// A part of the tree is a task of its own if it takes longer, [ns]: much longer than waking a thread.
+const LEAST: f64 = 60e3;
+
+/// Working space that tasks may have because they run at the same time: so many numbers, or
+const LITTLE: usize = 1 << 19;
+
+/// this part of their factor.
+const SPARE: f64 = 0.2;
+
+/// Tasks within tasks, at most.
+const DEEPEST: usize = 12;
+
+/// Part of the tree: some tasks that are independent of each other, then some fronts one after the other.
+#[derive(Debug, Default)]
+pub(super) struct Task {
+    /// All its fronts, those of the tasks within included.
+    pub fronts: Range<usize>,
+    /// Those that are done first.
+    pub within: Vec<Task>,
+    /// The fronts that are in none of them.
+    pub own: Vec<Range<usize>>,
+    /// Whether the tasks within may run at the same time: each then has working space of its own.
+    pub apart: bool,
+    /// Where its working space starts in that of the task around it.
+    pub base: usize,
+    /// Numbers of working space, those of the tasks within included.
+    pub room: usize,
+}
+
+impl Task {
+    /// Divides all fronts and gives each a place.
+    pub fn new(fronts: &mut Fronts) -> Task {
+        let n = fronts.front.len();
+        let roots: Vec<usize> = (0..n).filter(|&f| fronts.front[f].parent == NONE).collect();
+        let mut task = divide(fronts, 0..n, roots, DEEPEST);
+        plan(&mut task, fronts);
+        task
+    }
+}
+
+/// A task for some fronts, of which `tops` are those without a parent among them.
+fn divide(fronts: &Fronts, range: Range<usize>, mut tops: Vec<usize>, depth: usize) -> Task {
+    let children = |f: usize| -> Vec<usize> {
+        fronts.children[fronts.front[f].children.clone()].iter().map(|&child| child as usize).collect()
+    };
+    let mut within: Vec<Task> = Vec::new();
+    while depth > 0 {
+        tops.retain(|&f| fronts.front[f].cost > LEAST);
+        if let [only] = tops[..] {
+            tops = children(only);
+        } else {
+            let part =
+                |&f: &usize| divide(fronts, fronts.front[f].descendants..f + 1, children(f), depth - 1);
+            within = tops.iter().map(part).collect();
+            break;
+        }
+    }
+    let mut own = Vec::new();
+    let mut next = range.start;
+    for task in &within {
+        own.push(next..task.fronts.start);
+        next = task.fronts.end;
+    }
+    own.push(next..range.end);
+    Task { fronts: range, within, own, ..Task::default() }
+}
+
+/// Gives the fronts of a task places in its working space. Every task leaves what it passes on at the start of its own.
+fn plan(task: &mut Task, fronts: &mut Fronts) {
+    for within in &mut task.within {
+        plan(within, fronts);
+    }
+    let apart: usize = task.within.iter().map(|within| within.room).sum();
+    let panels: usize = fronts.front[task.fronts.clone()].iter().map(Front::panel_len).sum();
+    task.apart = apart <= LITTLE.max((panels as f64 * SPARE) as usize);
+    // What is in use: place and length, by place.
+    let mut used = Vec::new();
+    let mut base = 0;
+    for within in &mut task.within {
+        within.base = base;
+        task.room = task.room.max(base + within.room);
+        let top = &mut fronts.front[within.fronts.end - 1];
+        top.passed = base;
+        if top.update_len() > 0 {
+            used.push((base, top.update_len()));
+        }
+        base += if task.apart { within.room } else { top.update_len() };
+    }
+    for f in task.own.iter().cloned().flatten() {
+        let len = fronts.front[f].update_len();
+        let mut place = 0;
+        if len > 0 {
+            let mut at = 0;
+            while at < used.len() && used[at].0 < place + len {
+                place = used[at].0 + used[at].1;
+                at += 1;
+            }
+            used.insert(at, (place, len));
+            task.room = task.room.max(place + len);
+        }
+        let front = &mut fronts.front[f];
+        (front.update, front.passed) = (place, place);
+        let children = front.children.clone();
+        for &child in &fronts.children[children] {
+            let child = &fronts.front[child as usize];
+            used.retain(|u| *u != (child.passed, child.update_len()));
+        }
+    }
+}

@@ -1,0 +1,243 @@
+#![allow(clippy::unwrap_used)]
+
+use nalgebra::{DMatrix, DVector};
+
+use super::*;
+use crate::linear::ordering::nested_dissection;
+
+/// Numbers in (0, 1), the same in each run.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn shuffle(&mut self, items: &mut [usize]) {
+        for k in (1..items.len()).rev() {
+            items.swap(k, (self.next() * (k + 1) as f64) as usize);
+        }
+    }
+}
+
+/// The lower triangle of a matrix; the diagonal is always part of the pattern.
+fn sparse(a: &DMatrix<f64>) -> (Pattern, Vec<f64>) {
+    let mut pattern = Pattern { n: a.nrows(), column_start: vec![0], row: vec![], symmetric: true };
+    let mut values = vec![];
+    for j in 0..pattern.n {
+        for i in (j..pattern.n).filter(|&i| i == j || a[(i, j)] != 0.0) {
+            pattern.row.push(i);
+            values.push(a[(i, j)]);
+        }
+        pattern.column_start.push(values.len());
+    }
+    (pattern, values)
+}
+
+/// A symmetric matrix with these pairs of nodes coupled, each of `width` unknowns, and a dominant diagonal.
+fn coupled(nodes: usize, width: usize, pairs: &[(usize, usize)], numbers: &mut Numbers) -> DMatrix<f64> {
+    let n = nodes * width;
+    let mut a = DMatrix::zeros(n, n);
+    for &(p, q) in pairs.iter().chain(&(0..nodes).map(|p| (p, p)).collect::<Vec<_>>()) {
+        for i in 0..width {
+            for k in 0..width {
+                let value = numbers.next() - 0.5;
+                a[(p * width + i, q * width + k)] = value;
+                a[(q * width + k, p * width + i)] = value;
+            }
+        }
+    }
+    for i in 0..n {
+        a[(i, i)] = 0.1 + a.row(i).iter().map(|v| v.abs()).sum::<f64>();
+    }
+    a
+}
+
+fn check(a: &DMatrix<f64>, order: &[usize]) {
+    let (pattern, values) = sparse(a);
+    let mut llt = Multifrontal::new(&pattern, order).unwrap();
+    let mut factor = vec![f64::NAN; llt.factor_len()];
+    for _ in 0..2 {
+        assert!(llt.factorise(&values, &mut factor));
+        let exact = DVector::from_fn(pattern.n, |i, _| (i as f64).sin());
+        let mut x = a * &exact;
+        llt.solve(&factor, x.as_mut_slice());
+        assert!((&x - &exact).amax() < 1e-11, "{:e}", (&x - &exact).amax());
+    }
+    check_factor(&llt, a, &factor);
+}
+
+/// The factor is that of the dense matrix in the order of elimination.
+fn check_factor(llt: &Multifrontal, a: &DMatrix<f64>, factor: &[f64]) {
+    let unknown = |place: usize| llt.fronts.unknown[place] as usize;
+    let n = a.nrows();
+    let dense = DMatrix::from_fn(n, n, |i, j| a[(unknown(i), unknown(j))]).cholesky().unwrap().unpack();
+    let mut found = DMatrix::zeros(n, n);
+    for front in &llt.fronts.front {
+        let border = &llt.fronts.border[front.border..front.border + front.border_len()];
+        assert!(
+            border.is_sorted() && border.iter().all(|&place| place as usize >= front.first + front.pivots)
+        );
+        for c in 0..front.pivots {
+            let column = &factor[front.panel + c * dense::stride(front.rows)..][..front.rows];
+            for r in c..front.pivots {
+                found[(front.first + r, front.first + c)] = column[r];
+            }
+            found[(front.first + c, front.first + c)] = 1.0 / column[c];
+            for (&place, value) in border.iter().zip(&column[front.pivots..]) {
+                found[(place as usize, front.first + c)] = *value;
+            }
+        }
+    }
+    assert!((dense - found).amax() < 1e-13 * a.amax());
+}
+
+#[test]
+fn it_is_the_factor_of_the_dense_matrix_whatever_the_pattern() {
+    let mut numbers = Numbers(88172645463325252);
+    for width in [1, 2, 3] {
+        for nodes in [1usize, 2, 7, 40, 90] {
+            let chain: Vec<_> = (1..nodes).map(|p| (p, p - 1)).collect();
+            let star: Vec<_> = (1..nodes).map(|p| (p, 0)).collect();
+            let all: Vec<_> = (0..nodes).flat_map(|p| (0..p).map(move |q| (p, q))).collect();
+            let grid: Vec<_> = all
+                .iter()
+                .copied()
+                .filter(|(p, q)| p / 9 - q / 9 <= 1 && (p % 9).abs_diff(q % 9) <= 1)
+                .collect();
+            let few: Vec<_> = all.iter().copied().filter(|_| numbers.next() < 2.5 / nodes as f64).collect();
+            let apart: Vec<_> = grid.iter().copied().filter(|(p, q)| p / 18 == q / 18).collect();
+            for pairs in [&chain, &star, &all, &grid, &few, &apart, &vec![]] {
+                let a = coupled(nodes, width, pairs, &mut numbers);
+                let mut order: Vec<usize> = (0..nodes * width).collect();
+                check(&a, &order);
+                order.reverse();
+                check(&a, &order);
+                numbers.shuffle(&mut order);
+                check(&a, &order);
+                let mut by_nodes: Vec<usize> = (0..nodes).collect();
+                numbers.shuffle(&mut by_nodes);
+                order = by_nodes.iter().flat_map(|p| (0..width).map(move |k| p * width + k)).collect();
+                check(&a, &order);
+            }
+        }
+    }
+}
+
+#[test]
+fn unknowns_of_a_node_with_different_neighbours_stay_apart() {
+    let mut numbers = Numbers(1234567);
+    let mut a = coupled(30, 2, &(1..30).map(|p| (p, p - 1)).collect::<Vec<_>>(), &mut numbers);
+    for (i, j) in [(7, 20), (8, 41), (12, 40), (13, 40)] {
+        a[(i, j)] = 0.01;
+        a[(j, i)] = 0.01;
+    }
+    check(&a, &(0..60).collect::<Vec<_>>());
+    check(&a, &(0..30).rev().flat_map(|p| [2 * p, 2 * p + 1]).collect::<Vec<_>>());
+}
+
+#[test]
+fn an_empty_matrix_has_an_empty_factor() {
+    let pattern = Pattern { column_start: vec![0], symmetric: true, ..Pattern::default() };
+    let mut llt = Multifrontal::new(&pattern, &[]).unwrap();
+    assert_eq!(llt.factor_len(), 0);
+    assert!(llt.factorise(&[], &mut []));
+    llt.solve(&[], &mut []);
+}
+
+/// A lattice in space whose nodes are coupled to all around them, three unknowns to a node.
+fn lattice(m: usize, numbers: &mut Numbers) -> (Pattern, Vec<f64>, Vec<usize>) {
+    let place = |p: usize| [(p % m) as u32, (p / m % m) as u32, (p / m / m) as u32];
+    let places: Vec<[u32; 3]> = (0..m * m * m).map(place).collect();
+    let mut pattern = Pattern { n: 3 * places.len(), column_start: vec![0], row: vec![], symmetric: true };
+    let mut values = vec![];
+    for j in 0..pattern.n {
+        let near = |p: usize| (0..3).all(|d| places[p][d].abs_diff(places[j / 3][d]) <= 1);
+        for p in (j / 3..(j / 3 + m * m + m + 2).min(places.len())).filter(|&p| near(p)) {
+            for i in (3 * p..3 * p + 3).filter(|&i| i >= j) {
+                pattern.row.push(i);
+                values.push(if i == j { 45.0 } else { numbers.next() - 0.5 });
+            }
+        }
+        pattern.column_start.push(values.len());
+    }
+    let nodes = nested_dissection(&places, [1, 1, 1]);
+    (pattern, values, nodes.iter().flat_map(|&p| (0..3).map(move |d| 3 * p + d)).collect())
+}
+
+fn product(pattern: &Pattern, values: &[f64], x: &[f64]) -> Vec<f64> {
+    let mut product = vec![0.0; pattern.n];
+    for j in 0..pattern.n {
+        for e in pattern.column_start[j]..pattern.column_start[j + 1] {
+            let i = pattern.row[e];
+            product[i] += values[e] * x[j];
+            if i != j {
+                product[j] += values[e] * x[i];
+            }
+        }
+    }
+    product
+}
+
+#[test]
+fn the_number_of_threads_does_not_change_a_bit() {
+    let (pattern, values, order) = lattice(13, &mut Numbers(4711));
+    let exact: Vec<f64> = (0..pattern.n).map(|i| (i as f64).sin()).collect();
+    let rhs = product(&pattern, &values, &exact);
+    let mut first: Option<(Vec<f64>, Vec<f64>)> = None;
+    for threads in [1, 2, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut llt = Multifrontal::new(&pattern, &order).unwrap();
+        // What the test is about: tasks at the same time and one after the other, and shared fronts.
+        assert!(!llt.task.apart && llt.task.within.len() > 1);
+        assert!(llt.task.within.iter().any(|task| task.apart && task.within.len() > 1));
+        assert!(llt.fronts.front.iter().any(|front| front.pivots > 400));
+        let mut factor = vec![0.0; llt.factor_len()];
+        let mut x = rhs.clone();
+        pool.install(|| {
+            assert!(llt.factorise(&values, &mut factor));
+            llt.solve(&factor, &mut x);
+        });
+        let error = x.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(error < 1e-12, "{error:e}");
+        match &first {
+            None => first = Some((factor, x)),
+            Some((other, y)) => {
+                let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits());
+                assert!(same(&factor, other) && same(&x, y), "{threads} threads");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_matrix_that_is_not_positive_definite_is_found_wherever_that_shows() {
+    let (pattern, values, order) = lattice(9, &mut Numbers(99));
+    let mut llt = Multifrontal::new(&pattern, &order).unwrap();
+    let mut factor = vec![0.0; llt.factor_len()];
+    for place in [0, 1, pattern.n / 3, pattern.n / 2, pattern.n - 100, pattern.n - 1] {
+        let entry = pattern.column_start[order[place]];
+        for wrong in [0.0, -1.0, f64::NAN, f64::NEG_INFINITY] {
+            let mut values = values.clone();
+            values[entry] = wrong;
+            assert!(!llt.factorise(&values, &mut factor), "{place}: {wrong}");
+        }
+    }
+    assert!(llt.factorise(&values, &mut factor), "nothing is left of the failures");
+}
+
+#[test]
+fn memory_is_known_before_it_is_taken() {
+    for m in [3, 9] {
+        let (pattern, values, order) = lattice(m, &mut Numbers(5));
+        let mut llt = Multifrontal::new(&pattern, &order).unwrap();
+        let bytes = llt.bytes();
+        let mut factor = vec![0.0; llt.factor_len()];
+        assert!(llt.factorise(&values, &mut factor));
+        llt.solve(&factor, &mut vec![1.0; pattern.n]);
+        assert_eq!(bytes, 8 * (factor.len() + llt.passed.len() + llt.solution.len()) as u64);
+    }
+}

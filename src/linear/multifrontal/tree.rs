@@ -1,0 +1,176 @@
+//! Which columns are eliminated together: the fronts and their tree, from the elimination tree of the nodes.
+
+use super::NONE;
+use super::nodes::Nodes;
+
+/// What a front costs beside its operations, [ns]: that of any front, of each entry of its columns, of each entry that it
+/// passes to its parent; and the operations, sums and products, of a nanosecond. Measured; little depends on them.
+const FRONT: f64 = 200.0;
+const ENTRY: f64 = 0.1;
+const PASSED: f64 = 0.5;
+const RATE: f64 = 60.0;
+
+/// The fronts of a factorisation, children before their parents.
+pub(super) struct Tree {
+    /// Where the nodes of each front start in `node`.
+    pub start: Vec<usize>,
+    /// Nodes in the order of elimination.
+    pub node: Vec<u32>,
+    /// Number of unknowns of each front that are eliminated there.
+    pub pivots: Vec<u32>,
+    /// Number of rows of each front, those of the pivots included.
+    pub rows: Vec<u32>,
+    /// Parent of each front, or [`NONE`].
+    pub parent: Vec<u32>,
+}
+
+/// About the time that a front takes, [ns].
+pub(super) fn cost(rows: u32, pivots: u32) -> f64 {
+    let (m, k) = (f64::from(rows), f64::from(pivots));
+    let operations = k * m * m - k * k * m + k * k * k / 3.0;
+    FRONT + ENTRY * m * k + PASSED * (m - k) * (m - k) / 2.0 + operations / RATE
+}
+
+impl Tree {
+    /// Joins nodes whose columns have the same rows, and fronts with a child where that takes less time together.
+    pub fn new(nodes: &Nodes) -> Tree {
+        let parent = nodes.parents();
+        let count = nodes.counts(&parent);
+        let mut groups = Groups::chains(nodes, &parent, &count);
+        groups.amalgamate(&parent);
+        groups.into_tree(nodes, &parent)
+    }
+}
+
+/// Nodes that are eliminated together. A group goes by the number of its last node.
+struct Groups {
+    /// The group that a node belongs to, perhaps by way of others.
+    into: Vec<u32>,
+    pivots: Vec<u32>,
+    rows: Vec<u32>,
+}
+
+impl Groups {
+    /// Each node with that child, if any, whose rows are those of the node and itself.
+    fn chains(nodes: &Nodes, parent: &[u32], count: &[u32]) -> Groups {
+        let n = nodes.len();
+        let mut into: Vec<u32> = (0..n as u32).collect();
+        let mut pivots = nodes.width.clone();
+        let mut rows = count.to_vec();
+        let mut taken = vec![false; n];
+        for node in 0..n {
+            let above = parent[node];
+            if above == NONE {
+                continue;
+            }
+            let above = above as usize;
+            if !taken[above] && count[node] - nodes.width[node] == count[above] {
+                taken[above] = true;
+                into[node] = above as u32;
+                pivots[above] += pivots[node];
+                rows[above] += pivots[node];
+            }
+        }
+        Groups { into, pivots, rows }
+    }
+
+    /// The group of a node.
+    fn of(&mut self, node: u32) -> u32 {
+        let mut group = node;
+        while self.into[group as usize] != group {
+            group = self.into[group as usize];
+        }
+        let mut below = node;
+        while below != group {
+            below = std::mem::replace(&mut self.into[below as usize], group);
+        }
+        group
+    }
+
+    fn amalgamate(&mut self, parent: &[u32]) {
+        let n = parent.len();
+        let (mut child, mut sibling) = (vec![NONE; n], vec![NONE; n]);
+        for last in 0..n {
+            if self.into[last] != last as u32 {
+                continue;
+            }
+            self.join_children(last, child[last], &sibling);
+            if parent[last] != NONE {
+                let above = self.of(parent[last]) as usize;
+                sibling[last] = std::mem::replace(&mut child[above], last as u32);
+            }
+        }
+    }
+
+    /// Joins a group with those of its children with which it takes less time, whose list starts with `child`.
+    fn join_children(&mut self, group: usize, child: u32, sibling: &[u32]) {
+        let mut next = child;
+        while next != NONE {
+            let child = next as usize;
+            next = sibling[child];
+            let together = (self.rows[group] + self.pivots[child], self.pivots[group] + self.pivots[child]);
+            let apart =
+                cost(self.rows[group], self.pivots[group]) + cost(self.rows[child], self.pivots[child]);
+            if cost(together.0, together.1) < apart {
+                (self.rows[group], self.pivots[group]) = together;
+                self.into[child] = group as u32;
+            }
+        }
+    }
+
+    fn into_tree(mut self, nodes: &Nodes, parent: &[u32]) -> Tree {
+        let n = nodes.len();
+        let group: Vec<u32> = (0..n as u32).map(|node| self.of(node)).collect();
+        let (mut child, mut sibling) = (vec![NONE; n], vec![NONE; n]);
+        let mut roots = NONE;
+        let above = |last: usize| match parent[last] {
+            NONE => NONE,
+            node => group[node as usize],
+        };
+        for last in (0..n).rev().filter(|&last| group[last] == last as u32) {
+            let list = match above(last) {
+                NONE => &mut roots,
+                above => &mut child[above as usize],
+            };
+            sibling[last] = std::mem::replace(list, last as u32);
+        }
+        let mut tree =
+            Tree { start: vec![0], node: vec![0; n], pivots: vec![], rows: vec![], parent: vec![] };
+        let mut number = vec![NONE; n];
+        let mut last_nodes = Vec::new();
+        let mut path = Vec::new();
+        let mut next = roots;
+        loop {
+            while next != NONE {
+                path.push(next);
+                next = child[next as usize];
+            }
+            let Some(last) = path.pop() else { break };
+            number[last as usize] = last_nodes.len() as u32;
+            last_nodes.push(last);
+            next = sibling[last as usize];
+        }
+        tree.start.resize(last_nodes.len() + 1, 0);
+        for node in 0..n {
+            tree.start[number[group[node] as usize] as usize + 1] += 1;
+        }
+        for front in 0..last_nodes.len() {
+            tree.start[front + 1] += tree.start[front];
+        }
+        let mut place = tree.start.clone();
+        for node in 0..n {
+            let place = &mut place[number[group[node] as usize] as usize];
+            tree.node[*place] = node as u32;
+            *place += 1;
+        }
+        for &last in &last_nodes {
+            tree.pivots.push(self.pivots[last as usize]);
+            tree.rows.push(self.rows[last as usize]);
+            tree.parent.push(match above(last as usize) {
+                NONE => NONE,
+                above => number[above as usize],
+            });
+        }
+        tree
+    }
+}
