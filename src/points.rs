@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::grid::Grid;
 use crate::tensor::{Mat3, Sym3};
 
-/// Points that one thread locates at least.
+/// Points that one thread works on at least.
 const PIECE: usize = 1 << 10;
 
 /// A position as messages show it.
@@ -155,13 +155,13 @@ impl<const D: usize> Points<D> {
             corners[p * corners_per_point..][..seed.corners.len()].copy_from_slice(&seed.corners);
         }
         let half_lengths: Vec<[f64; D]> = if seeds.iter().any(|s| s.half_lengths != [0.0; D]) {
-            seeds.iter().map(|s| s.half_lengths).collect()
+            each(seeds, |s| s.half_lengths)
         } else {
             Vec::new()
         };
         let state = State {
             corners: corners.clone(),
-            position: seeds.iter().map(|s| s.position).collect(),
+            position: each(seeds, |s| s.position),
             half_lengths: half_lengths.clone(),
             deformation_gradient: vec![Mat3::identity(); seeds.len()],
             elastic_strain: vec![Sym3::ZERO; seeds.len()],
@@ -170,19 +170,19 @@ impl<const D: usize> Points<D> {
         };
         Points {
             id: (0..seeds.len() as u32).collect(),
-            body: seeds.iter().map(|s| s.body).collect(),
-            original_position: seeds.iter().map(|s| s.position).collect(),
+            body: each(seeds, |s| s.body),
+            original_position: each(seeds, |s| s.position),
             original_half_lengths: half_lengths,
-            original_volume: seeds.iter().map(|s| s.volume).collect(),
-            mass: seeds.iter().map(|s| s.mass).collect(),
-            outer_layer: seeds.iter().map(|s| s.outer_layer).collect(),
+            original_volume: each(seeds, |s| s.volume),
+            mass: each(seeds, |s| s.mass),
+            outer_layer: each(seeds, |s| s.outer_layer),
             trial: state.in_hand(),
             converged: state,
             history_len,
             original_corners: corners,
             corners_per_point,
             corner_count: if corners_per_point > 0 {
-                seeds.iter().map(|s| s.corners.len() as u8).collect()
+                each(seeds, |s| s.corners.len() as u8)
             } else {
                 Vec::new()
             },
@@ -245,7 +245,7 @@ impl<const D: usize> Points<D> {
         let key = |points: &Self, p: usize| (points.cell[p], points.body[p]);
         if !(1..self.len()).all(|p| key(self, p - 1) <= key(self, p)) {
             let mut order: Vec<u32> = (0..self.len() as u32).collect();
-            order.sort_by_key(|&p| key(self, p as usize));
+            order.par_sort_by_key(|&p| key(self, p as usize)); // stable
             self.reorder(&order);
         }
         let mut starts: Vec<usize> =
@@ -367,8 +367,13 @@ impl<const D: usize> Points<D> {
     }
 }
 
-fn gather<T: Copy>(values: &[T], order: &[u32]) -> Vec<T> {
-    order.iter().map(|&p| values[p as usize]).collect()
+fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32]) -> Vec<T> {
+    order.par_iter().with_min_len(PIECE).map(|&p| values[p as usize]).collect()
+}
+
+/// One value per point, from its seed.
+fn each<const D: usize, T: Send>(seeds: &[Seed<D>], value: impl Fn(&Seed<D>) -> T + Send + Sync) -> Vec<T> {
+    seeds.par_iter().with_min_len(PIECE).map(value).collect()
 }
 
 /// As [`gather`], for `n` values per point.
@@ -377,8 +382,7 @@ fn gather_blocks<T: Copy>(values: &[T], order: &[u32], n: usize) -> Vec<T> {
 }
 
 /// As [`gather_blocks`], into given room.
-fn gather_into<T: Copy>(values: &[T], order: &[u32], n: usize, room: &mut [T]) {
-    for (&p, place) in order.iter().zip(room.chunks_exact_mut(n.max(1))) {
-        place.copy_from_slice(&values[p as usize * n..][..n]);
-    }
+fn gather_into<T: Copy + Send + Sync>(values: &[T], order: &[u32], n: usize, room: &mut [T]) {
+    let places = room.par_chunks_exact_mut(n.max(1)).with_min_len(PIECE);
+    places.zip(order).for_each(|(place, &p)| place.copy_from_slice(&values[p as usize * n..][..n]));
 }
