@@ -340,6 +340,7 @@ impl Columns<'_> {
         true
     }
 
+    #[expect(clippy::manual_memcpy, reason = "a copy goes through memory and takes a tenth of the whole")]
     #[inline(always)]
     fn load<S: Simd, const M: usize, const N: usize>(
         &self,
@@ -351,11 +352,14 @@ impl Columns<'_> {
         for c in 0..N {
             let place = (first + c) * self.stride + row;
             let column = S::as_simd_f64s(&self.panel[place..place + M * S::F64_LANES]).0;
-            values[c].copy_from_slice(column);
+            for v in 0..M {
+                values[c][v] = column[v];
+            }
         }
         values
     }
 
+    #[expect(clippy::manual_memcpy, reason = "a copy goes through memory and takes a tenth of the whole")]
     #[inline(always)]
     fn store<S: Simd, const M: usize, const N: usize>(
         &mut self,
@@ -366,7 +370,9 @@ impl Columns<'_> {
         for c in 0..N {
             let place = (first + c) * self.stride + row;
             let column = S::as_mut_simd_f64s(&mut self.panel[place..place + M * S::F64_LANES]).0;
-            column.copy_from_slice(&values[c]);
+            for v in 0..M {
+                column[v] = values[c][v];
+            }
         }
     }
 
