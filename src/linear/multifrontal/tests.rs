@@ -182,6 +182,11 @@ fn product(pattern: &Pattern, values: &[f64], x: &[f64]) -> Vec<f64> {
     product
 }
 
+/// Whether some of the tasks within run at the same time.
+fn is_shared(task: &Task) -> bool {
+    task.apart && task.within.len() > 1 || task.within.iter().any(is_shared)
+}
+
 #[test]
 fn the_number_of_threads_does_not_change_a_bit() {
     let (pattern, values, order) = lattice(13, &mut Numbers(4711));
@@ -193,7 +198,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
         let mut llt = Multifrontal::new(&pattern, &order).unwrap();
         // What the test is about: tasks at the same time and one after the other, and shared fronts.
         assert!(!llt.task.apart && llt.task.within.len() > 1);
-        assert!(llt.task.within.iter().any(|task| task.apart && task.within.len() > 1));
+        assert!(is_shared(&llt.task));
         assert!(llt.fronts.front.iter().any(|front| front.pivots > 400));
         let mut factor = vec![0.0; llt.factor_len()];
         let mut x = rhs.clone();
