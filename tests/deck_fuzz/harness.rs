@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, SystemTime};
 
 use cap::Cap;
@@ -30,6 +31,9 @@ pub trait Bench: Send + 'static {
     fn run(&self, content: &[u8]) -> String;
 }
 
+/// Held by the test that is running.
+static ALONE: Mutex<()> = Mutex::new(());
+
 /// Goes on for as much processor time as `FUZZ_SECONDS` says, from the case that `FUZZ_SEED` says.
 pub fn fuzz_for_long<B: Bench>(make: impl FnOnce() -> B + Send + 'static) {
     let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse::<u64>().ok());
@@ -40,6 +44,8 @@ pub fn fuzz_for_long<B: Bench>(make: impl FnOnce() -> B + Send + 'static) {
 
 /// Runs cases until the time or the number is used up; returns the counts.
 pub fn fuzz<B: Bench>(make: impl FnOnce() -> B + Send + 'static, first: u64, most: u64, time: Duration) {
+    // One limit of memory for the whole process.
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!(
         "fuzz/{}_{first}_{}",
         std::process::id(),
