@@ -20,7 +20,7 @@ use crate::kinematics::Increment;
 use crate::linear::{Block, BlockMatrix, Division};
 use crate::material::Material;
 use crate::model::Model;
-use crate::points::Points;
+use crate::points::{PIECE, Points};
 use crate::stabilisation::Ghost;
 use crate::stress::{Formulation, Mechanics, PointError, PointResponse, StartOfStep, WeakForm};
 use crate::tensor::{Lanes, Sym3};
@@ -31,9 +31,6 @@ use pattern::{NodePairs, UNCOUPLED};
 
 /// Groups are assembled in batches of about this many node-pair blocks, so that the dense blocks stay in cache.
 const BATCH: usize = 1 << 15;
-
-/// Points that one thread prepares for a step at least.
-const PIECE: usize = 1 << 10;
 
 /// A task of this many groups or fewer is not split between threads.
 const GRAIN: usize = 4;

@@ -6,7 +6,7 @@ use crate::grid::Grid;
 use crate::tensor::{Mat3, Sym3};
 
 /// Points that one thread works on at least.
-const PIECE: usize = 1 << 10;
+pub(crate) const PIECE: usize = 1 << 10;
 
 /// A position as messages show it.
 pub(crate) fn coordinates(position: &[f64]) -> String {

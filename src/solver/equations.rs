@@ -21,8 +21,8 @@ pub(super) struct Equations<const D: usize> {
     /// Values of the entries, or the right-hand side.
     values: Vec<f64>,
     iterative: Krylov<D>,
-    /// How the last system was solved.
-    last: Option<Factorisation>,
+    /// How the last system that was solved directly was factorised.
+    factorised: Option<Factorisation>,
     solution: Vec<[f64; D]>,
     /// Why equations that should have been solved iteratively were not, the first time.
     turned: Option<LinearError>,
@@ -160,20 +160,6 @@ impl<const D: usize> Equations<D> {
         tolerance: f64,
         timings: &mut Timings,
     ) -> Result<Solved, LinearError> {
-        let solved = self.solve_fresh(place, system, rhs, delta, tolerance, timings);
-        self.last = solved.as_ref().ok().map(|solved| solved.factorisation);
-        solved
-    }
-
-    fn solve_fresh(
-        &mut self,
-        place: Place<D>,
-        system: &mut System<D>,
-        rhs: &[[f64; D]],
-        delta: &mut [[f64; D]],
-        tolerance: f64,
-        timings: &mut Timings,
-    ) -> Result<Solved, LinearError> {
         if self.method == Method::Iterative {
             match self.solve_iterative(place, system, rhs, delta, tolerance, timings) {
                 Err(error @ (LinearError::Singular { .. } | LinearError::NotConverged { .. })) => {
@@ -207,7 +193,7 @@ impl<const D: usize> Equations<D> {
             }
             Method::Direct => {
                 timings.measure(Phase::Solve, || self.substitute(place, rhs, delta))?;
-                let factorisation = self.last.ok_or(LinearError::Singular { unknown: None })?;
+                let factorisation = self.factorised.ok_or(LinearError::Singular { unknown: None })?;
                 Ok(Solved { factorisation, iterations: 0 })
             }
         }
@@ -258,6 +244,7 @@ impl<const D: usize> Equations<D> {
             system.free_values(&self.entries, &mut self.values);
             self.direct.factorise(&self.values)
         })?;
+        self.factorised = Some(factorisation);
         timings.measure(Phase::Solve, || self.substitute(place, rhs, delta))?;
         Ok(Solved { factorisation, iterations: 0 })
     }

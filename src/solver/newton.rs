@@ -12,7 +12,7 @@ use crate::timing::Phase;
 
 use super::balance::{Energy, moment_error};
 use super::control::{Condition, NoPath, Path, on_free};
-use super::equations::{Equations, Place, Solved, Tangent};
+use super::equations::{Place, Solved, Tangent};
 use super::error::locate_failure;
 use super::forcing::Forcing;
 use super::loading::{Loading, StepSystem};
@@ -316,8 +316,13 @@ impl<const D: usize> Solver<D> {
             && course.falls_fast()
             && !(unknowns.prescribes || course.solved.is_empty());
         let Unknowns { rhs, iterative, .. } = &mut *unknowns;
-        let solve = if keeps { Equations::solve_again } else { Equations::solve };
-        let mut solved = solve(&mut self.equations, place, system, rhs, iterative, tolerance, timings)?;
+        let equations = &mut self.equations;
+        let kept = keeps.then(|| equations.solve_again(place, system, rhs, iterative, tolerance, timings));
+        // Where what was kept does not do, everything is set up afresh.
+        let mut solved = match kept {
+            Some(Ok(solved)) => solved,
+            _ => equations.solve(place, system, rhs, iterative, tolerance, timings)?,
+        };
         unknowns.iterative_factor = 0.0;
         if let (Some(unit), Some(condition)) = (&loading.unit, condition) {
             let mut of_load = vec![[0.0; D]; unit.len()];
