@@ -106,7 +106,7 @@ impl Nodes {
     /// subtrees of rows (Gilbert, Ng and Peyton, 1994).
     pub fn counts(&self, parent: &[u32]) -> Vec<u32> {
         let n = self.len();
-        let post = postorder(parent);
+        let post = postorder(parent.len(), |_| true, |node| parent[node]);
         let mut count = vec![0i64; n];
         let mut descendant = vec![NONE; n];
         for (k, &node) in post.iter().enumerate() {
@@ -203,19 +203,23 @@ fn followers(pattern: &Pattern, order: &[usize]) -> Vec<bool> {
     follows
 }
 
-/// The nodes of a forest, each after its descendants and these without others between them.
-fn postorder(parent: &[u32]) -> Vec<u32> {
-    let n = parent.len();
+/// Those of the numbers below `n` that are nodes of a forest, each after its descendants and these without others between
+/// them.
+pub(super) fn postorder(
+    n: usize,
+    is_node: impl Fn(usize) -> bool,
+    parent: impl Fn(usize) -> u32,
+) -> Vec<u32> {
     let (mut child, mut sibling) = (vec![NONE; n], vec![NONE; n]);
     let mut roots = NONE;
-    for node in (0..n).rev() {
-        let list = match parent[node] {
+    for node in (0..n).rev().filter(|&node| is_node(node)) {
+        let list = match parent(node) {
             NONE => &mut roots,
             above => &mut child[above as usize],
         };
         sibling[node] = std::mem::replace(list, node as u32);
     }
-    let mut post = Vec::with_capacity(n);
+    let mut post = Vec::new();
     let mut path = Vec::new();
     let mut next = roots;
     loop {

@@ -1,7 +1,7 @@
 //! Which columns are eliminated together: the fronts and their tree, from the elimination tree of the nodes.
 
 use super::NONE;
-use super::nodes::Nodes;
+use super::nodes::{Nodes, postorder};
 
 /// What a front costs beside its operations, [ns]: that of any front, of each entry of its columns, of each entry that it
 /// passes to its parent; and the operations, sums and products, of a nanosecond. Measured; little depends on them.
@@ -121,34 +121,16 @@ impl Groups {
     fn into_tree(mut self, nodes: &Nodes, parent: &[u32]) -> Tree {
         let n = nodes.len();
         let group: Vec<u32> = (0..n as u32).map(|node| self.of(node)).collect();
-        let (mut child, mut sibling) = (vec![NONE; n], vec![NONE; n]);
-        let mut roots = NONE;
         let above = |last: usize| match parent[last] {
             NONE => NONE,
             node => group[node as usize],
         };
-        for last in (0..n).rev().filter(|&last| group[last] == last as u32) {
-            let list = match above(last) {
-                NONE => &mut roots,
-                above => &mut child[above as usize],
-            };
-            sibling[last] = std::mem::replace(list, last as u32);
-        }
+        let last_nodes = postorder(n, |last| group[last] == last as u32, above);
         let mut tree =
             Tree { start: vec![0], node: vec![0; n], pivots: vec![], rows: vec![], parent: vec![] };
         let mut number = vec![NONE; n];
-        let mut last_nodes = Vec::new();
-        let mut path = Vec::new();
-        let mut next = roots;
-        loop {
-            while next != NONE {
-                path.push(next);
-                next = child[next as usize];
-            }
-            let Some(last) = path.pop() else { break };
-            number[last as usize] = last_nodes.len() as u32;
-            last_nodes.push(last);
-            next = sibling[last as usize];
+        for (front, &last) in last_nodes.iter().enumerate() {
+            number[last as usize] = front as u32;
         }
         tree.start.resize(last_nodes.len() + 1, 0);
         for node in 0..n {
