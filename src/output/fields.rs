@@ -16,6 +16,9 @@ const PARAVIEW: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (
 /// The history variable that every file carries, zero for laws that do not have it.
 const EQUIVALENT_PLASTIC_STRAIN: &str = "equivalent_plastic_strain";
 
+/// Number of points whose fields are computed by one piece of work.
+const PIECE: usize = 1 << 12;
+
 /// One field, owned.
 pub struct OwnedField {
     name: String,
@@ -68,6 +71,37 @@ struct PointValues {
     von_mises: f64,
     pressure: f64,
     volume: f64,
+}
+
+impl PointValues {
+    /// Names of the fields, and of their components.
+    const FIELDS: [(&str, &[&str]); 9] = [
+        ("displacement", &VECTOR),
+        ("deformation_gradient", &TENSOR),
+        ("J", &[]),
+        ("cauchy_stress", &SYMMETRIC_TENSOR),
+        ("elastic_strain", &SYMMETRIC_TENSOR),
+        ("plastic_strain", &SYMMETRIC_TENSOR),
+        ("von_mises_stress", &[]),
+        ("pressure", &[]),
+        ("volume", &[]),
+    ];
+
+    /// The components of the fields.
+    fn components(&self) -> [&[f64]; 9] {
+        use std::slice::from_ref;
+        [
+            &self.displacement,
+            &self.deformation_gradient,
+            from_ref(&self.volume_ratio),
+            &self.cauchy_stress,
+            &self.elastic_strain,
+            &self.plastic_strain,
+            from_ref(&self.von_mises),
+            from_ref(&self.pressure),
+            from_ref(&self.volume),
+        ]
+    }
 }
 
 fn paraview(t: &Sym3) -> [f64; 6] {
@@ -133,36 +167,38 @@ pub fn point_fields<const D: usize>(
     order: &[usize],
 ) -> Vec<OwnedField> {
     let plastic = history(model, points, order, EQUIVALENT_PLASTIC_STRAIN);
-    let values: Vec<PointValues> = order
-        .par_iter()
-        .zip(&plastic)
-        .map(|(&p, plastic)| point_values(model, points, p, *plastic != 0.0))
+    let width = |field: &(&str, &[&str])| field.1.len().max(1);
+    let mut values = PointValues::FIELDS.map(|field| vec![0.0; width(&field) * order.len()]);
+    let mut pieces: Vec<Vec<&mut [f64]>> = Vec::new();
+    pieces.resize_with(order.len().div_ceil(PIECE), Vec::new);
+    for (values, field) in values.iter_mut().zip(&PointValues::FIELDS) {
+        let parts = values.chunks_mut(width(field) * PIECE);
+        pieces.iter_mut().zip(parts).for_each(|(piece, part)| piece.push(part));
+    }
+    let work = pieces.par_iter_mut().zip(order.par_chunks(PIECE)).zip(plastic.par_chunks(PIECE));
+    work.for_each(|((piece, order), plastic)| {
+        for (k, (&p, plastic)) in order.iter().zip(plastic).enumerate() {
+            let values = point_values(model, points, p, *plastic != 0.0);
+            for (part, components) in piece.iter_mut().zip(values.components()) {
+                part[k * components.len()..][..components.len()].copy_from_slice(components);
+            }
+        }
+    });
+    let mut fields: Vec<OwnedField> = values
+        .into_iter()
+        .zip(PointValues::FIELDS)
+        .map(|(values, (name, components))| OwnedField::float(name, components, values))
         .collect();
-    let scalar = |of: fn(&PointValues) -> f64| values.iter().map(of).collect::<Vec<f64>>();
-    let six = |of: fn(&PointValues) -> &[f64; 6]| values.iter().flat_map(of).copied().collect::<Vec<f64>>();
     let body = |p: &usize| points.body[*p];
-    let mut fields = vec![
-        OwnedField::float("displacement", &VECTOR, values.iter().flat_map(|v| v.displacement).collect()),
-        OwnedField::float(
-            "deformation_gradient",
-            &TENSOR,
-            values.iter().flat_map(|v| v.deformation_gradient).collect(),
-        ),
-        OwnedField::float("J", &[], scalar(|v| v.volume_ratio)),
-        OwnedField::float("cauchy_stress", &SYMMETRIC_TENSOR, six(|v| &v.cauchy_stress)),
-        OwnedField::float("elastic_strain", &SYMMETRIC_TENSOR, six(|v| &v.elastic_strain)),
-        OwnedField::float("plastic_strain", &SYMMETRIC_TENSOR, six(|v| &v.plastic_strain)),
+    fields.extend([
         OwnedField::float(EQUIVALENT_PLASTIC_STRAIN, &[], plastic),
-        OwnedField::float("von_mises_stress", &[], scalar(|v| v.von_mises)),
-        OwnedField::float("pressure", &[], scalar(|v| v.pressure)),
-        OwnedField::float("volume", &[], scalar(|v| v.volume)),
         OwnedField::integer("body_id", order.iter().map(|p| i32::from(body(p))).collect()),
         OwnedField::integer(
             "material_id",
             order.iter().map(|p| model.bodies[body(p) as usize].material as i32).collect(),
         ),
         OwnedField::integer("point_id", order.iter().map(|&p| points.id[p] as i32).collect()),
-    ];
+    ]);
     for name in other_history(model) {
         fields.push(OwnedField::float(name, &[], history(model, points, order, name)));
     }

@@ -2,11 +2,16 @@
 
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
 /// What is added to the name of a file that is not yet complete.
 pub(crate) const TEMPORARY: &str = ".tmp";
+
+/// A file that is being filled.
+pub(crate) trait WriteSeek: Write + Seek {}
+
+impl<W: Write + Seek> WriteSeek for W {}
 
 /// Writes a file through `fill` under the temporary name `<name>.tmp` beside it, then renames it to `path`.
 ///
@@ -14,7 +19,7 @@ pub(crate) const TEMPORARY: &str = ".tmp";
 /// Errors, which name the file: those of `fill` and of the file system; `InvalidInput` if `path` does not name a file.
 pub(crate) fn replace_file(
     path: &Path,
-    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    fill: impl FnOnce(&mut dyn WriteSeek) -> io::Result<()>,
 ) -> io::Result<()> {
     let name =
         path.file_name().ok_or_else(|| super::invalid(format!("{} does not name a file", path.display())))?;

@@ -1,20 +1,18 @@
 //! VTK XML unstructured grids (`.vtu`): one mesh with its fields at one time.
 //!
-//! Arrays are stored inline as base64 of zlib-compressed blocks with 64-bit headers, which ParaView, PyVista and
-//! meshio read exactly. The bytes of a file depend on its content only, not on the number of threads.
+//! Arrays are appended to the XML as zlib streams with 64-bit tables of blocks, which ParaView, PyVista and meshio read
+//! exactly. The bytes of a file depend on its content only, not on the number of threads.
 
+mod blocks;
 pub mod read;
 
-use std::io::{self, Write};
+use std::io::{self, SeekFrom};
 use std::path::Path;
 
-use base64::engine::general_purpose::STANDARD;
-use base64::write::EncoderWriter;
-use flate2::Compression;
-use flate2::write::ZlibEncoder;
 use rayon::prelude::*;
 
-use super::replace::replace_file;
+use self::blocks::Number;
+use super::replace::{WriteSeek, replace_file};
 use super::{escape_xml, invalid};
 
 /// Component names of a vector.
@@ -26,8 +24,18 @@ pub const SYMMETRIC_TENSOR: [&str; 6] = ["XX", "YY", "ZZ", "XY", "YZ", "XZ"];
 /// Component names of a general tensor, row by row.
 pub const TENSOR: [&str; 9] = ["XX", "XY", "XZ", "YX", "YY", "YZ", "ZX", "ZY", "ZZ"];
 
-/// Uncompressed size of a block, [byte]; a multiple of every size of number.
-const BLOCK: usize = 128 * 1024;
+/// What every file begins with.
+const HEAD: &str = concat!(
+    r#"<?xml version="1.0" encoding="UTF-8"?>"#,
+    "\n",
+    r#"<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64""#,
+    r#" compressor="vtkZLibDataCompressor">"#,
+    "\n"
+);
+
+/// What stands before the first appended array, and after the last.
+const BEGIN: &str = "<AppendedData encoding=\"raw\">\n_";
+const END: &str = "\n</AppendedData>\n</VTKFile>\n";
 
 /// Shape of the cells of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -110,6 +118,8 @@ pub enum Values<'a> {
     Int64(&'a [i64]),
     /// Whole numbers of half the size.
     Int32(&'a [i32]),
+    /// Small whole numbers.
+    UInt8(&'a [u8]),
 }
 
 impl Values<'_> {
@@ -118,6 +128,29 @@ impl Values<'_> {
             Values::Float64(values) => values.len(),
             Values::Int64(values) => values.len(),
             Values::Int32(values) => values.len(),
+            Values::UInt8(values) => values.len(),
+        }
+    }
+
+    /// VTK's name of their type.
+    fn kind(&self) -> &'static str {
+        fn name<T: Number>(_: &[T]) -> &'static str {
+            T::NAME
+        }
+        match self {
+            Values::Float64(values) => name(values),
+            Values::Int64(values) => name(values),
+            Values::Int32(values) => name(values),
+            Values::UInt8(values) => name(values),
+        }
+    }
+
+    fn encode(&self, place: u64) -> io::Result<Vec<Vec<u8>>> {
+        match self {
+            Values::Float64(values) => blocks::encode(values, place),
+            Values::Int64(values) => blocks::encode(values, place),
+            Values::Int32(values) => blocks::encode(values, place),
+            Values::UInt8(values) => blocks::encode(values, place),
         }
     }
 }
@@ -193,7 +226,7 @@ fn check_fields(owner: &str, count: usize, fields: &[Field]) -> Result<(), Strin
             ));
         }
         if let Values::Float64(values) = values
-            && let Some(position) = values.par_iter().position_first(|value| !value.is_finite())
+            && let Some(position) = first_not_finite(values)
         {
             return Err(format!("{owner} field `{name}` is not finite at {owner} {}", position / components));
         }
@@ -201,8 +234,47 @@ fn check_fields(owner: &str, count: usize, fields: &[Field]) -> Result<(), Strin
     Ok(())
 }
 
+/// A line of the XML: a tag, or an array among the appended ones.
+enum Line<'a> {
+    Tag(String),
+    Array(String, Values<'a>),
+}
+
+impl<'a> Line<'a> {
+    fn tag(tag: &str) -> Self {
+        Line::Tag(tag.to_owned())
+    }
+
+    fn array(attributes: &str, values: Values<'a>) -> Self {
+        Line::Array(attributes.to_owned(), values)
+    }
+
+    fn field(field: &Field<'a>) -> Self {
+        let mut attributes = format!(r#"Name="{}""#, escape_xml(field.name));
+        // One component is the default; meshio returns a flat array only where it is not stated.
+        if field.components > 1 {
+            attributes.push_str(&format!(r#" NumberOfComponents="{}""#, field.components));
+        }
+        for (index, name) in field.component_names.iter().enumerate() {
+            attributes.push_str(&format!(r#" ComponentName{index}="{}""#, escape_xml(name)));
+        }
+        Line::Array(attributes, field.values)
+    }
+}
+
+/// The place of the first number that is infinite or none.
+fn first_not_finite(values: &[f64]) -> Option<usize> {
+    const CHUNK: usize = 1 << 12;
+    const EXPONENT: u64 = 0x7ff << 52;
+    // Without a way out of the loop, so that several are looked at together.
+    let is_bad =
+        |chunk: &[f64]| chunk.iter().fold(false, |bad, x| bad | (x.to_bits() & EXPONENT == EXPONENT));
+    let chunk = values.par_chunks(CHUNK).position_first(is_bad)? * CHUNK;
+    values[chunk..].iter().position(|x| !x.is_finite()).map(|place| chunk + place)
+}
+
 fn write_file(
-    out: &mut dyn Write,
+    out: &mut dyn WriteSeek,
     time: f64,
     step: i64,
     mesh: &Mesh,
@@ -210,7 +282,7 @@ fn write_file(
     cell_data: &[Field],
 ) -> io::Result<()> {
     let kinds = mesh.kinds.of(mesh.connectivity.len()).unwrap_or_default();
-    let cells = kinds.len();
+    let (points, cells) = (mesh.points.len(), kinds.len());
     let mut end = 0;
     let mut offsets: Vec<i64> = Vec::with_capacity(cells);
     for kind in &kinds {
@@ -218,91 +290,63 @@ fn write_file(
         offsets.push(end);
     }
     let types: Vec<u8> = kinds.iter().map(|kind| kind.code()).collect();
-    writeln!(out, r#"<?xml version="1.0" encoding="UTF-8"?>"#)?;
-    write!(out, r#"<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian""#)?;
-    writeln!(out, r#" header_type="UInt64" compressor="vtkZLibDataCompressor">"#)?;
-    writeln!(out, "<UnstructuredGrid>")?;
-    writeln!(out, "<FieldData>")?;
-    array(out, r#"Name="TimeValue" NumberOfTuples="1""#, &[time])?;
-    array(out, r#"Name="Step" NumberOfTuples="1""#, &[step])?;
-    writeln!(out, "</FieldData>")?;
-    writeln!(out, r#"<Piece NumberOfPoints="{}" NumberOfCells="{cells}">"#, mesh.points.len())?;
-    writeln!(out, "<Points>")?;
-    array(out, r#"Name="Points" NumberOfComponents="3""#, mesh.points.as_flattened())?;
-    writeln!(out, "</Points>\n<Cells>")?;
-    array(out, r#"Name="connectivity""#, mesh.connectivity)?;
-    array(out, r#"Name="offsets""#, &offsets)?;
-    array(out, r#"Name="types""#, &types)?;
-    writeln!(out, "</Cells>\n<PointData>")?;
-    point_data.iter().try_for_each(|field| field_array(out, field))?;
-    writeln!(out, "</PointData>\n<CellData>")?;
-    cell_data.iter().try_for_each(|field| field_array(out, field))?;
-    writeln!(out, "</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>")
+    let (positions, time, step) = (mesh.points.as_flattened(), [time], [step]);
+    let mut lines = vec![
+        Line::tag("<UnstructuredGrid>\n<FieldData>"),
+        Line::array(r#"Name="TimeValue" NumberOfTuples="1""#, Values::Float64(&time)),
+        Line::array(r#"Name="Step" NumberOfTuples="1""#, Values::Int64(&step)),
+        Line::tag("</FieldData>"),
+        Line::Tag(format!(r#"<Piece NumberOfPoints="{points}" NumberOfCells="{cells}">"#)),
+        Line::tag("<Points>"),
+        Line::array(r#"Name="Points" NumberOfComponents="3""#, Values::Float64(positions)),
+        Line::tag("</Points>\n<Cells>"),
+        Line::array(r#"Name="connectivity""#, Values::Int64(mesh.connectivity)),
+        Line::array(r#"Name="offsets""#, Values::Int64(&offsets)),
+        Line::array(r#"Name="types""#, Values::UInt8(&types)),
+        Line::tag("</Cells>\n<PointData>"),
+    ];
+    lines.extend(point_data.iter().map(Line::field));
+    lines.push(Line::tag("</PointData>\n<CellData>"));
+    lines.extend(cell_data.iter().map(Line::field));
+    lines.push(Line::tag("</CellData>\n</Piece>\n</UnstructuredGrid>"));
+    write_lines(out, &lines)
 }
 
-fn field_array(out: &mut dyn Write, field: &Field) -> io::Result<()> {
-    let mut attributes = format!(r#"Name="{}""#, escape_xml(field.name));
-    // One component is the default; meshio returns a flat array only where it is not stated.
-    if field.components > 1 {
-        attributes.push_str(&format!(r#" NumberOfComponents="{}""#, field.components));
-    }
-    for (index, name) in field.component_names.iter().enumerate() {
-        attributes.push_str(&format!(r#" ComponentName{index}="{}""#, escape_xml(name)));
-    }
-    match field.values {
-        Values::Float64(values) => array(out, &attributes, values),
-        Values::Int64(values) => array(out, &attributes, values),
-        Values::Int32(values) => array(out, &attributes, values),
-    }
-}
-
-/// A number as VTK stores it.
-trait Number: Copy + Sync {
-    /// VTK's name of the type.
-    const NAME: &'static str;
-    /// Appends the little-endian bytes.
-    fn append(self, bytes: &mut Vec<u8>);
-}
-
-macro_rules! number {
-    ($($type:ty => $name:literal),*) => {$(
-        impl Number for $type {
-            const NAME: &'static str = $name;
-            fn append(self, bytes: &mut Vec<u8>) {
-                bytes.extend_from_slice(&self.to_le_bytes());
+/// Writes the arrays, each as soon as it is encoded, then the XML before them, which says where each begins.
+fn write_lines(out: &mut dyn WriteSeek, lines: &[Line]) -> io::Result<()> {
+    let room = xml(lines, &vec![u64::MAX; lines.len()]).len();
+    out.write_all(&vec![b' '; room])?;
+    out.write_all(BEGIN.as_bytes())?;
+    let (mut begins, mut begin) = (Vec::new(), 0);
+    for line in lines {
+        if let Line::Array(_, values) = line {
+            begins.push(begin);
+            for part in values.encode(begin)? {
+                out.write_all(&part)?;
+                begin += part.len() as u64;
             }
         }
-    )*};
-}
-number!(f64 => "Float64", i64 => "Int64", i32 => "Int32", u8 => "UInt8");
-
-/// Writes one `DataArray`: header and data are base64-encoded separately, as VTK reads them.
-fn array<T: Number>(out: &mut dyn Write, attributes: &str, values: &[T]) -> io::Result<()> {
-    let blocks: Vec<Vec<u8>> = values
-        .par_chunks(BLOCK / size_of::<T>())
-        .map(|chunk| {
-            let mut bytes = Vec::with_capacity(size_of_val(chunk));
-            chunk.iter().for_each(|value| value.append(&mut bytes));
-            let mut encoder = ZlibEncoder::new(Vec::with_capacity(bytes.len() / 2), Compression::new(1));
-            encoder.write_all(&bytes)?;
-            encoder.finish()
-        })
-        .collect::<io::Result<_>>()?;
-    // A last block that is full is written as "no partial block", size 0.
-    let partial = size_of_val(values) % BLOCK;
-    let mut header = Vec::with_capacity(8 * (3 + blocks.len()));
-    for word in [blocks.len(), BLOCK, partial].into_iter().chain(blocks.iter().map(Vec::len)) {
-        header.extend_from_slice(&(word as u64).to_le_bytes());
     }
-    writeln!(out, r#"<DataArray type="{}" {attributes} format="binary">"#, T::NAME)?;
-    base64(out, &[header])?;
-    base64(out, &blocks)?;
-    writeln!(out, "\n</DataArray>")
+    out.write_all(END.as_bytes())?;
+    out.seek(SeekFrom::Start(0))?;
+    // What is left of the room stays blank.
+    out.write_all(xml(lines, &begins).as_bytes())
 }
 
-/// Writes the concatenation of the parts as one base64 text.
-fn base64(out: &mut dyn Write, parts: &[Vec<u8>]) -> io::Result<()> {
-    let mut encoder = EncoderWriter::new(out, &STANDARD);
-    parts.iter().try_for_each(|part| encoder.write_all(part))?;
-    encoder.finish().map(|_| ())
+/// The XML before the appended arrays, which begin at these places among them.
+fn xml(lines: &[Line], begins: &[u64]) -> String {
+    let mut begins = begins.iter();
+    let mut text = String::from(HEAD);
+    for line in lines {
+        match line {
+            Line::Tag(tag) => text += tag,
+            Line::Array(attributes, values) => {
+                let (kind, begin) = (values.kind(), begins.next().copied().unwrap_or_default());
+                text +=
+                    &format!(r#"<DataArray type="{kind}" {attributes} format="appended" offset="{begin}"/>"#);
+            }
+        }
+        text.push('\n');
+    }
+    text
 }

@@ -2,18 +2,15 @@
 //! ways, are refused.
 
 use std::borrow::Cow;
-use std::io::{self, Read};
+use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
-use flate2::read::ZlibDecoder;
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 use rayon::prelude::*;
 
-use super::BLOCK;
+use super::{BEGIN, END, blocks};
 
 /// Where in a file an array stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,15 +93,17 @@ pub struct Array {
     kind: Kind,
     /// Number of tuples, if the file states it.
     tuples: Option<usize>,
-    /// Place of its text in the file.
+    /// Its place among the appended bytes.
     data: Range<usize>,
 }
 
-/// The text of a file and what stands where in it; arrays are decoded when they are asked for.
+/// The bytes of a file and what stands where in it; arrays are decoded when they are asked for.
 #[derive(Debug, Clone)]
 pub struct MeshFile {
     path: PathBuf,
-    text: String,
+    bytes: Vec<u8>,
+    /// Where the appended arrays are.
+    appended: Range<usize>,
     points: usize,
     cells: usize,
     arrays: Vec<Array>,
@@ -117,14 +116,20 @@ impl MeshFile {
     /// Those of the file system; `InvalidData` with the name of the file if it is cut off, or not as this program
     /// writes meshes.
     pub fn read(path: &Path) -> io::Result<MeshFile> {
-        MeshFile::from_text(path, std::fs::read_to_string(path)?)
+        MeshFile::from_bytes(path, std::fs::read(path)?)
     }
 
-    fn from_text(path: &Path, text: String) -> io::Result<MeshFile> {
-        let mut file =
-            MeshFile { path: path.to_owned(), text: String::new(), points: 0, cells: 0, arrays: Vec::new() };
-        let found = file.index(&text);
-        file.text = text;
+    fn from_bytes(path: &Path, bytes: Vec<u8>) -> io::Result<MeshFile> {
+        let mut file = MeshFile {
+            path: path.to_owned(),
+            bytes: Vec::new(),
+            appended: 0..0,
+            points: 0,
+            cells: 0,
+            arrays: Vec::new(),
+        };
+        let found = file.index(&bytes);
+        file.bytes = bytes;
         found.map_err(|what| file.invalid(&what))?;
         Ok(file)
     }
@@ -134,13 +139,15 @@ impl MeshFile {
     }
 
     /// Finds the arrays.
-    fn index(&mut self, text: &str) -> Result<(), String> {
+    fn index(&mut self, bytes: &[u8]) -> Result<(), String> {
+        let begin = bytes.windows(BEGIN.len()).position(|window| window == BEGIN.as_bytes());
+        let text = std::str::from_utf8(&bytes[..begin.unwrap_or(bytes.len())])
+            .map_err(|error| format!("cut off or no XML: {error}"))?;
         let mut reader = quick_xml::Reader::from_str(text);
-        let (mut section, mut seen_root, mut open) = (None, false, None::<Array>);
+        let (mut section, mut seen_root) = (None, false);
+        // The reader sees the beginning only, in which the root stays open.
         loop {
-            let event = reader.read_event().map_err(|error| format!("cut off or no XML: {error}"))?;
-            let here = usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX);
-            match event {
+            match reader.read_event().map_err(|error| format!("cut off or no XML: {error}"))? {
                 Event::Start(tag) => match tag.name().as_ref() {
                     "VTKFile" => {
                         check_root(&tag)?;
@@ -150,15 +157,16 @@ impl MeshFile {
                         self.points = count(&tag, "NumberOfPoints")?;
                         self.cells = count(&tag, "NumberOfCells")?;
                     }
-                    "DataArray" => open = Some(array(&tag, section, here)?),
                     name => section = Section::from_tag(name).or(section),
                 },
-                Event::Text(_) => {
-                    if let Some(array) = &mut open {
-                        array.data.end = here;
+                Event::Empty(tag) if tag.name().as_ref() == "DataArray" => {
+                    let array = array(&tag, section)?;
+                    // Arrays follow one another without a gap.
+                    if let Some(last) = self.arrays.last_mut() {
+                        last.data.end = array.data.start;
                     }
+                    self.arrays.push(array);
                 }
-                Event::End(tag) if tag.name().as_ref() == "DataArray" => self.arrays.extend(open.take()),
                 Event::Eof => break,
                 _ => {}
             }
@@ -166,8 +174,14 @@ impl MeshFile {
         if !seen_root {
             return Err("no VTK file".to_owned());
         }
-        if !text.trim_end().ends_with("</VTKFile>") {
-            return Err("the file is cut off".to_owned());
+        let begin = begin.ok_or("the file is cut off, or not written by this program")? + BEGIN.len();
+        let end = bytes
+            .len()
+            .checked_sub(END.len())
+            .filter(|end| *end >= begin && &bytes[*end..] == END.as_bytes());
+        self.appended = begin..end.ok_or("the file is cut off")?;
+        if let Some(last) = self.arrays.last_mut() {
+            last.data.end = self.appended.len();
         }
         Ok(())
     }
@@ -214,8 +228,10 @@ impl MeshFile {
             Some(Some(numbers)) => Some(numbers),
             Some(None) => return Err(self.invalid(&format!("array `{}` is too large", array.name))),
         };
-        let text = self.text.get(array.data.clone()).unwrap_or_default().trim();
-        let bytes = decompress(text)
+        let appended = &self.bytes[self.appended.clone()];
+        let bytes = appended
+            .get(array.data.clone())
+            .and_then(blocks::decode)
             .filter(|bytes| bytes.len().is_multiple_of(array.kind.size()))
             .filter(|bytes| expected.is_none_or(|numbers| bytes.len() / array.kind.size() == numbers))
             .ok_or_else(|| self.invalid(&format!("array `{}` is damaged", array.name)))?;
@@ -272,7 +288,7 @@ fn count(tag: &BytesStart, name: &str) -> Result<usize, String> {
     value.and_then(|value| value.parse().ok()).ok_or_else(|| format!("there is no number under `{name}`"))
 }
 
-/// That arrays are stored as [`decompress`] expects them.
+/// That arrays are stored as [`blocks::decode`] expects them.
 fn check_root(tag: &BytesStart) -> Result<(), String> {
     for (name, expected) in [
         ("type", "UnstructuredGrid"),
@@ -288,13 +304,14 @@ fn check_root(tag: &BytesStart) -> Result<(), String> {
     Ok(())
 }
 
-/// An array whose text begins at a place.
-fn array(tag: &BytesStart, section: Option<Section>, begin: usize) -> Result<Array, String> {
+/// An array; where it ends is not yet known.
+fn array(tag: &BytesStart, section: Option<Section>) -> Result<Array, String> {
     let name = attribute(tag, "Name")?.ok_or("an array has no name")?.into_owned();
     let complaint = |what: &str| format!("array `{name}` has an unknown {what}");
-    if attribute(tag, "format")?.as_deref() != Some("binary") {
+    if attribute(tag, "format")?.as_deref() != Some("appended") {
         return Err(complaint("format"));
     }
+    let begin = count(tag, "offset")?;
     let kind = attribute(tag, "type")?.and_then(|kind| Kind::from_name(&kind));
     let components = match attribute(tag, "NumberOfComponents")? {
         None => 1,
@@ -317,45 +334,9 @@ fn array(tag: &BytesStart, section: Option<Section>, begin: usize) -> Result<Arr
     })
 }
 
-/// The bytes of an array, the reverse of what the writer does; `None` if they are damaged.
-fn decompress(text: &str) -> Option<Vec<u8>> {
-    let words = |text: &str| -> Option<Vec<usize>> {
-        let bytes = STANDARD.decode(text).ok()?;
-        let (words, _) = bytes.as_chunks::<8>();
-        words.iter().map(|word| usize::try_from(u64::from_le_bytes(*word)).ok()).collect()
-    };
-    let blocks = *words(text.get(..32)?)?.first()?;
-    // Header and data are encoded separately, each padded to groups of 4 characters for 3 bytes.
-    let length = blocks.checked_add(3)?.checked_mul(8)?.div_ceil(3).checked_mul(4)?;
-    let header = words(text.get(..length)?)?;
-    let data = STANDARD.decode(text.get(length..)?).ok()?;
-    let (size, partial) = (*header.get(1)?, *header.get(2)?);
-    if size > BLOCK || partial > size {
-        return None;
-    }
-    let mut begin = 0usize;
-    let mut compressed = Vec::with_capacity(blocks);
-    for (index, length) in header.get(3..)?.iter().enumerate() {
-        let end = begin.checked_add(*length)?;
-        let is_partial = partial > 0 && index + 1 == blocks;
-        compressed.push((data.get(begin..end)?, if is_partial { partial } else { size }));
-        begin = end;
-    }
-    let whole = begin == data.len();
-    let parts: Option<Vec<Vec<u8>>> =
-        compressed.into_par_iter().map(|(block, length)| inflate(block, length)).collect();
-    parts.filter(|_| whole).map(|parts| parts.concat())
-}
-
-/// A block, if it has the length that it should have.
-fn inflate(block: &[u8], length: usize) -> Option<Vec<u8>> {
-    let mut bytes = Vec::with_capacity(length);
-    ZlibDecoder::new(block).take(length as u64 + 1).read_to_end(&mut bytes).ok()?;
-    (bytes.len() == length).then_some(bytes)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::blocks::BLOCK;
     use super::super::{CellKind, Field, Kinds, Mesh, Values, write};
     use super::*;
 
@@ -397,22 +378,23 @@ mod tests {
         }
     }
 
-    /// All that can be read of the text of a file.
-    fn all(path: &Path, text: &[u8]) -> io::Result<()> {
-        let text = String::from_utf8(text.to_vec()).map_err(io::Error::other)?;
-        let read = MeshFile::from_text(path, text)?;
+    /// All that can be read of a file.
+    fn all(path: &Path, bytes: &[u8]) -> io::Result<Vec<Vec<u64>>> {
+        let read = MeshFile::from_bytes(path, bytes.to_vec())?;
         read.positions()?;
         read.corners()?;
-        read.arrays.iter().try_for_each(|array| read.decode(array).map(|_| ()))
+        let bits = |numbers: Vec<f64>| numbers.iter().map(|x| x.to_bits()).collect();
+        read.arrays.iter().map(|array| read.decode(array).map(bits)).collect()
     }
 
     #[test]
     fn a_file_that_is_cut_off_is_refused_wherever_it_ends() {
         let directory = tempfile::tempdir().unwrap();
         let path = file(directory.path(), 5);
-        let text = std::fs::read_to_string(&path).unwrap();
-        for end in 0..text.trim_end().len() {
-            let error = all(&path, &text.as_bytes()[..end]).expect_err("the whole text is needed");
+        let bytes = std::fs::read(&path).unwrap();
+        assert_eq!(all(&path, &bytes).unwrap().len(), 8);
+        for end in 0..bytes.len() {
+            let error = all(&path, &bytes[..end]).expect_err("the whole file is needed");
             assert!(error.to_string().contains("mesh.vtu"), "{end}: {error}");
         }
     }
@@ -421,15 +403,21 @@ mod tests {
     fn a_damaged_file_is_read_or_refused_but_never_a_panic() {
         let directory = tempfile::tempdir().unwrap();
         let path = file(directory.path(), 5);
-        let text = std::fs::read_to_string(&path).unwrap();
+        let good = std::fs::read(&path).unwrap();
+        let numbers = all(&path, &good).unwrap();
+        let data = good.windows(BEGIN.len()).position(|window| window == BEGIN.as_bytes()).unwrap();
         let mut refused = 0;
-        for place in 0..text.len() {
-            for other in [b'A', b'9', b'"', b'<'] {
-                let mut bytes = text.clone().into_bytes();
+        for place in 0..good.len() {
+            for other in [b'A', b'9', b'"', b'<', 0, 255] {
+                let mut bytes = good.clone();
                 bytes[place] = other;
-                refused += usize::from(all(&path, &bytes).is_err());
+                match all(&path, &bytes) {
+                    Ok(read) => assert!(place < data || read == numbers, "{place}: other numbers"),
+                    Err(_) => refused += 1,
+                }
             }
         }
-        assert!(refused > 2 * text.len(), "{refused} of {}", 4 * text.len());
+        // Some of the bytes mean nothing, and some are what they were.
+        assert!(refused > 4 * good.len(), "{refused} of {}", 6 * good.len());
     }
 }
