@@ -41,7 +41,7 @@ pub fn prepare(
     deny_warnings: bool,
 ) -> Result<Ready, Box<LoadFailure>> {
     let mut loaded = loaded?;
-    let built = ready(&loaded, Memory::of_this_machine());
+    let built = rayon::scope(|_| ready(&loaded, Memory::of_this_machine())); // as the analysis itself
     let mut diagnostics = std::mem::take(&mut loaded.notes);
     let built = match built {
         Ok(ready::Ready { analysis, extent, notes }) => {
@@ -219,7 +219,8 @@ pub fn run_into(
         }
         None => analysis.beginning(),
     };
-    let outcome = analysis.go_on(reached, &mut watch);
+    // On one of the threads that share the work, so that none of its parts has to be handed over to them.
+    let outcome = rayon::scope(|_| analysis.go_on(reached, &mut watch));
     Ok(Some(Ended { outcome, closing: watch.end() }))
 }
 

@@ -229,8 +229,31 @@ impl<const D: usize> Points<D> {
     /// # Errors
     /// The index of the first point that lies outside the grid.
     pub fn group_by_cell(&mut self, grid: &dyn Grid<D>) -> Result<Vec<usize>, usize> {
+        let outside = match grid.structured() {
+            Some(grid) => self.locate(grid),
+            None => self.locate(grid),
+        };
+        if let Some(p) = outside {
+            return Err(p);
+        }
+        let key = |points: &Self, p: usize| (points.cell[p], points.body[p]);
+        if !(1..self.len()).all(|p| key(self, p - 1) <= key(self, p)) {
+            let mut order: Vec<u32> = (0..self.len() as u32).collect();
+            if self.body.iter().any(|body| *body != self.body[0]) {
+                order = sorted(&order, |p| self.body[p as usize] as usize);
+            }
+            self.reorder(&sorted(&order, |p| self.cell[p as usize] as usize));
+        }
+        let mut starts: Vec<usize> =
+            (0..self.len()).filter(|&p| p == 0 || self.cell[p] != self.cell[p - 1]).collect();
+        starts.push(self.len());
+        Ok(starts)
+    }
+
+    /// Finds the cells of all points; the first point that lies outside the grid.
+    fn locate<G: Grid<D> + ?Sized>(&mut self, grid: &G) -> Option<usize> {
         let places = self.converged.position.par_iter();
-        let outside = (self.cell.par_iter_mut().zip(places).enumerate().with_min_len(PIECE))
+        (self.cell.par_iter_mut().zip(places).enumerate().with_min_len(PIECE))
             .filter_map(|(p, (cell, position))| match grid.locate(position, Some(*cell)) {
                 Some(found) => {
                     *cell = found;
@@ -238,20 +261,7 @@ impl<const D: usize> Points<D> {
                 }
                 None => Some(p),
             })
-            .min();
-        if let Some(p) = outside {
-            return Err(p);
-        }
-        let key = |points: &Self, p: usize| (points.cell[p], points.body[p]);
-        if !(1..self.len()).all(|p| key(self, p - 1) <= key(self, p)) {
-            let mut order: Vec<u32> = (0..self.len() as u32).collect();
-            order.par_sort_by_key(|&p| key(self, p as usize)); // stable
-            self.reorder(&order);
-        }
-        let mut starts: Vec<usize> =
-            (0..self.len()).filter(|&p| p == 0 || self.cell[p] != self.cell[p - 1]).collect();
-        starts.push(self.len());
-        Ok(starts)
+            .min()
     }
 
     fn reorder(&mut self, order: &[u32]) {
@@ -365,6 +375,28 @@ impl<const D: usize> Points<D> {
         };
         (found.iter().take(count).map(|f| f.1).collect(), clear)
     }
+}
+
+/// The points in the order of a key, those of the same key in the order that they had: by counting.
+fn sorted(points: &[u32], key: impl Fn(u32) -> usize) -> Vec<u32> {
+    let mut next = Vec::new();
+    for &p in points {
+        let key = key(p) + 1;
+        if next.len() <= key {
+            next.resize(key + 1, 0u32);
+        }
+        next[key] += 1;
+    }
+    for k in 1..next.len() {
+        next[k] += next[k - 1];
+    }
+    let mut order = vec![0; points.len()];
+    for &p in points {
+        let place = &mut next[key(p)];
+        order[*place as usize] = p;
+        *place += 1;
+    }
+    order
 }
 
 fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32]) -> Vec<T> {

@@ -283,14 +283,17 @@ impl<const D: usize> Observer<D> for Watch {
         summary: &Summary,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
-        let written = self.results.finished(model, points, summary, error);
-        self.progress.finished(error);
-        // A summary that could not be written is a failure, too.
-        if let (Err(failure), None) = (&written, error) {
-            let failure = io::Error::new(failure.kind(), failure.to_string());
-            self.progress.finished(Some(&SolveError::Output(failure)));
-        }
+        let written = self.results.complete(model, points, error);
+        let lost = written.as_ref().err().map(SolveError::output);
+        self.progress.finished(error.or(lost.as_ref()));
         self.update_status();
+        // The summary comes last: where there is one, nothing is missing, whenever the program may be killed.
+        let complete = written.is_ok();
+        let written = self.results.conclude(model, points, summary, error, written);
+        if let (true, None, Err(failure)) = (complete, error, &written) {
+            self.progress.finished(Some(&SolveError::output(failure)));
+            self.update_status();
+        }
         self.closing = Closing::new(model, points, summary, &self.results, error);
         written
     }

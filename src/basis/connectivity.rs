@@ -390,7 +390,11 @@ impl<const D: usize> Piece<D> {
                     }
                 }
                 if !touched.ends_with(&support.nodes) {
-                    nodes.extend_from_slice(&support.nodes);
+                    for node in &support.nodes {
+                        if !nodes.contains(node) {
+                            nodes.push(*node);
+                        }
+                    }
                     piece.cells.extend_from_slice(&support.cells);
                     touched.extend_from_slice(&support.nodes);
                 }
@@ -398,7 +402,6 @@ impl<const D: usize> Piece<D> {
             }
             piece.group_node_start.push(piece.group_nodes.len());
             nodes.sort_unstable();
-            nodes.dedup();
             piece.local.extend(touched.iter().map(|n| nodes.partition_point(|m| m < n) as u32));
             piece.group_nodes.extend_from_slice(&nodes);
             piece.whole.push(n_links == range.len() * nodes.len());

@@ -10,12 +10,12 @@
 //! On a quadrilateral or hexahedron the integrands N_c det J and ∂N_c/∂ξ det J J⁻¹ are polynomials. An entry of J is
 //! constant along its own parametric axis and linear along the others, so det J, a sum of products of one entry of
 //! each column, is of degree D − 1 along each axis, N_c det J of degree D, and the entries of det J J⁻¹ times ∂N_c/∂ξ
-//! of degree D − 1. Two Gauss points per axis, exact to degree three, are enough for D ≤ 3. On a simplex ∇N_c is
-//! constant and w_c = 1/(D + 1).
+//! of degree D − 1. Two Gauss points per axis, exact to degree three, are enough for D ≤ 3. On a quadrilateral the
+//! integrals have closed forms. On a simplex ∇N_c is constant and w_c = 1/(D + 1).
 
 use super::{Basis, PointGeometry, Support, SupportError};
-use crate::grid::Grid;
 use crate::grid::element::{ElementShape, box_shape, corner_side, gauss_points};
+use crate::grid::{CellBasis, Grid};
 use crate::tensor::{Mat3, padded};
 
 /// Points whose domain is given by its corners. CPDI1 and CPDI2 share this basis; they differ in how the corners
@@ -33,22 +33,44 @@ impl<const D: usize> Basis<D> for Cpdi {
         point: &PointGeometry<D>,
         out: &mut Support<D>,
     ) -> Result<(), SupportError> {
-        let weights = CornerWeights::new(point.corners)?;
-        out.clear();
-        out.cells.push(point.cell);
-        for (corner, place) in point.corners.iter().enumerate() {
-            let cell = cell_of_corner(grid, corner, place, point.cell)?;
+        match grid.structured() {
+            Some(grid) => support_on(grid, point, out),
+            None => support_on(grid, point, out),
+        }
+    }
+}
+
+/// The support on a grid whose type is known, so that its arithmetic is in line.
+fn support_on<const D: usize, G: Grid<D> + ?Sized>(
+    grid: &G,
+    point: &PointGeometry<D>,
+    out: &mut Support<D>,
+) -> Result<(), SupportError> {
+    let weights = CornerWeights::new(point.corners)?;
+    out.clear();
+    out.cells.push(point.cell);
+    for (corner, place) in point.corners.iter().enumerate() {
+        let (cell, basis) = near_corner(grid, corner, place, point.cell)?;
+        if !out.cells.contains(&cell) {
             out.cells.push(cell);
-            let basis = grid.basis_at(cell, place);
-            for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
-                if value != 0.0 {
-                    let (w, g) = (weights.value[corner], &weights.gradient[corner]);
-                    out.add(node, w * value, g.map(|g| g * value));
-                }
+        }
+        let (w, g) = (weights.value[corner], &weights.gradient[corner]);
+        let (nodes, values) = (basis.nodes(), basis.value());
+        if out.nodes == nodes {
+            // Mostly all corners are in one cell.
+            for (k, value) in values.iter().enumerate() {
+                out.value[k] += w * value;
+                (0..D).for_each(|d| out.gradient[k][d] += g[d] * value);
+            }
+            continue;
+        }
+        for (&node, &value) in nodes.iter().zip(values) {
+            if value != 0.0 {
+                out.add(node, w * value, g.map(|g| g * value));
             }
         }
-        Ok(())
     }
+    Ok(())
 }
 
 /// How far outside the grid a corner may be, in cells. The corners of CPDI1 follow the deformation of their point, not
@@ -57,7 +79,12 @@ pub const CORNER_MARGIN: f64 = 0.05;
 
 /// The cell that holds a place, or the nearest, and how far outside the place is, in cells: the sum of the negative
 /// values of its continued basis there.
-pub fn nearest_with_distance<const D: usize>(grid: &dyn Grid<D>, place: &[f64; D], hint: u32) -> (u32, f64) {
+#[inline]
+pub fn nearest_with_distance<const D: usize, G: Grid<D> + ?Sized>(
+    grid: &G,
+    place: &[f64; D],
+    hint: u32,
+) -> (u32, f64) {
     if let Some(cell) = grid.locate(place, Some(hint)) {
         return (cell, 0.0);
     }
@@ -66,17 +93,20 @@ pub fn nearest_with_distance<const D: usize>(grid: &dyn Grid<D>, place: &[f64; D
     (cell, -basis.value().iter().map(|value| value.min(0.0)).sum::<f64>())
 }
 
-/// The cell whose basis a corner gets; just outside the grid it is continued, so that linear fields stay exact.
-fn cell_of_corner<const D: usize>(
-    grid: &dyn Grid<D>,
+/// The basis that a corner gets, and its cell; just outside the grid it is continued, so that linear fields stay exact.
+#[inline(always)]
+fn near_corner<const D: usize, G: Grid<D> + ?Sized>(
+    grid: &G,
     corner: usize,
     place: &[f64; D],
     hint: u32,
-) -> Result<u32, SupportError> {
-    match nearest_with_distance(grid, place, hint) {
-        (cell, outside) if outside <= CORNER_MARGIN => Ok(cell),
-        _ => Err(SupportError::CornerOffGrid { corner, position: padded(place), dimension: D }),
+) -> Result<(u32, CellBasis<D>), SupportError> {
+    let (cell, basis) = grid.basis_near(place, Some(hint));
+    let outside = -basis.value().iter().map(|value| value.min(0.0)).sum::<f64>();
+    if outside <= CORNER_MARGIN {
+        return Ok((cell, basis));
     }
+    Err(SupportError::CornerOffGrid { corner, position: padded(place), dimension: D })
 }
 
 /// Whether a domain given by its corners lies in the grid and is neither inverted nor crosses itself; `cell` is where
@@ -84,13 +114,13 @@ fn cell_of_corner<const D: usize>(
 ///
 /// # Errors
 /// What [`Cpdi`] could not form basis functions from.
-pub fn check_domain<const D: usize>(
-    grid: &dyn Grid<D>,
+pub fn check_domain<const D: usize, G: Grid<D> + ?Sized>(
+    grid: &G,
     corners: &[[f64; D]],
     cell: u32,
 ) -> Result<(), SupportError> {
     for (corner, place) in corners.iter().enumerate() {
-        cell_of_corner(grid, corner, place, cell)?;
+        near_corner(grid, corner, place, cell)?;
     }
     CornerWeights::new(corners).map(|_| ())
 }
@@ -105,6 +135,7 @@ impl<const D: usize> CornerWeights<D> {
     fn new(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         match ElementShape::from_nodes::<D>(corners.len()) {
             Some(ElementShape::Simplex) => Self::of_simplex(corners),
+            Some(ElementShape::Box) if D == 2 => Self::of_quadrilateral(corners),
             Some(ElementShape::Box) => Self::of_box(corners),
             None => Err(SupportError::Distorted),
         }
@@ -132,7 +163,30 @@ impl<const D: usize> CornerWeights<D> {
         Ok(weights)
     }
 
-    /// Of a quadrilateral or hexahedron. Corners are numbered by bits: bit d says on which side along parametric axis
+    /// Of a quadrilateral, whose det J is linear: d₀ + d·ξ, so that V = 4 d₀ and w_c = (1 + ξ_c·d / 3 d₀) / 4; by the
+    /// divergence theorem g_c is the normal of the line between the neighbours of the corner, over twice V.
+    fn of_quadrilateral(corners: &[[f64; D]]) -> Result<Self, SupportError> {
+        let at_corner: [f64; 4] = std::array::from_fn(|c| corner_determinant(corners, c));
+        let mean = 0.25 * at_corner.iter().sum::<f64>();
+        let volume = 4.0 * mean;
+        if volume.is_nan() || volume <= 0.0 || !is_meaningful(corners) {
+            return Err(SupportError::Distorted);
+        }
+        let side: [[f64; 2]; 4] = std::array::from_fn(corner_side);
+        let slope: [f64; 2] = std::array::from_fn(|d| {
+            (0..4).map(|c| 0.25 * side[c][d] * at_corner[c]).sum::<f64>() / (3.0 * mean)
+        });
+        let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };
+        let half = 0.5 / volume;
+        for (c, before, after) in [(0, 2, 1), (1, 0, 3), (3, 1, 2), (2, 3, 0)] {
+            weights.value[c] = 0.25 * (1.0 + side[c][0] * slope[0] + side[c][1] * slope[1]);
+            weights.gradient[c][0] = half * (corners[after][1] - corners[before][1]);
+            weights.gradient[c][1] = half * (corners[before][0] - corners[after][0]);
+        }
+        Ok(weights)
+    }
+
+    /// Of a hexahedron. Corners are numbered by bits: bit d says on which side along parametric axis
     /// d.
     fn of_box(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };
@@ -167,7 +221,7 @@ impl<const D: usize> CornerWeights<D> {
 /// map is inverted, and a hexahedron two on one edge, as an arrowhead that is drawn out has. With more, it is a bow-tie
 /// or inverted; so is a hexahedron whose reflex edge runs backwards.
 fn is_meaningful<const D: usize>(corners: &[[f64; D]]) -> bool {
-    let is_reflex = |c: &usize| jacobian(corners, &corner_side(*c)).determinant() <= 0.0;
+    let is_reflex = |c: &usize| corner_determinant(corners, *c) <= 0.0;
     let mut reflex = (0..corners.len()).filter(is_reflex);
     let (Some(a), Some(b)) = (reflex.next(), reflex.next()) else { return true };
     let along = a ^ b;
@@ -180,6 +234,21 @@ fn is_meaningful<const D: usize>(corners: &[[f64; D]]) -> bool {
     let others = (0..corners.len()).filter(|c| c & along == 0 && *c != a).map(edge);
     let towards: f64 = others.map(|other| (0..D).map(|d| other[d] * edge(a)[d]).sum::<f64>()).sum();
     towards > 0.0
+}
+
+/// det ∂x/∂ξ of a quadrilateral or hexahedron at one of its corners: half the edges there are its columns.
+#[inline(always)]
+fn corner_determinant<const D: usize>(corners: &[[f64; D]], corner: usize) -> f64 {
+    let edge = |axis: usize| -> [f64; D] {
+        let (high, low) = (&corners[corner | 1 << axis], &corners[corner & !(1 << axis)]);
+        std::array::from_fn(|i| 0.5 * (high[i] - low[i]))
+    };
+    let minor = |a: &[f64; D], b: &[f64; D], i: usize, j: usize| a[i] * b[j] - a[j] * b[i];
+    if D == 2 {
+        return minor(&edge(0), &edge(1), 0, 1);
+    }
+    let (a, b, c) = (edge(0), edge(1), edge(2));
+    a[0] * minor(&b, &c, 1, 2) - a[1] * minor(&b, &c, 0, 2) + a[2] * minor(&b, &c, 0, 1)
 }
 
 /// The edges of a simplex from its first corner as columns, with ones on the diagonal beyond `D`.
@@ -214,6 +283,7 @@ fn jacobian<const D: usize>(corners: &[[f64; D]], xi: &[f64; D]) -> Mat3 {
 pub fn domain_volume<const D: usize>(corners: &[[f64; D]]) -> f64 {
     match ElementShape::from_nodes::<D>(corners.len()) {
         Some(ElementShape::Simplex) => edges(corners).determinant() / (1..=D).product::<usize>() as f64,
+        Some(ElementShape::Box) if D == 2 => (0..4).map(|corner| corner_determinant(corners, corner)).sum(),
         Some(ElementShape::Box) => gauss_points::<D>().map(|xi| jacobian(corners, &xi).determinant()).sum(),
         None => 0.0,
     }

@@ -17,14 +17,18 @@ impl<const D: usize> Basis<D> for Mpm {
     ) -> Result<(), SupportError> {
         out.clear();
         out.cells.push(point.cell);
-        let basis = grid.basis_at(point.cell, point.position);
-        if D > 2
-            && let Some(grid) = grid.structured()
-        {
-            let base = grid.cell_index(point.cell as usize);
-            let xi = std::array::from_fn(|d| grid.cell_coordinate(d, point.position[d]) - base[d] as f64);
-            out.factors = Some(Factors::in_cell(&xi, &grid.spacing().map(|h| 1.0 / h)));
-        }
+        let basis = match grid.structured() {
+            Some(grid) => {
+                if D > 2 {
+                    let base = grid.cell_index(point.cell as usize);
+                    let xi =
+                        std::array::from_fn(|d| grid.cell_coordinate(d, point.position[d]) - base[d] as f64);
+                    out.factors = Some(Factors::in_cell(&xi, &grid.spacing().map(|h| 1.0 / h)));
+                }
+                grid.basis_at(point.cell, point.position)
+            }
+            None => grid.basis_at(point.cell, point.position),
+        };
         if basis.nodes().is_sorted() {
             out.nodes.extend_from_slice(basis.nodes());
             out.value.extend_from_slice(basis.value());

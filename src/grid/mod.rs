@@ -58,6 +58,7 @@ impl<const D: usize> Default for CellBasis<D> {
 
 impl<const D: usize> CellBasis<D> {
     /// Adds a node with value, [-], and gradient, [1/length]; beyond [`MAX_CORNERS`] it is left out.
+    #[inline(always)]
     pub fn push(&mut self, node: u32, value: f64, gradient: [f64; D]) {
         if self.n < MAX_CORNERS {
             self.nodes[self.n] = node;
@@ -119,6 +120,12 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
     /// The linear basis of a cell at a position; outside the cell it is continued.
     fn basis_at(&self, cell: u32, position: &[f64; D]) -> CellBasis<D>;
 
+    /// The cell that holds a position, or is nearest to it, and its basis there; `hint` is a cell where to look first.
+    fn basis_near(&self, position: &[f64; D], hint: Option<u32>) -> (u32, CellBasis<D>) {
+        let cell = self.locate(position, hint).unwrap_or_else(|| self.nearest_cell(position));
+        (cell, self.basis_at(cell, position))
+    }
+
     /// Names and nodes of the node sets of an imported grid.
     fn node_set(&self, _name: &str) -> Option<&[u32]> {
         None
@@ -142,12 +149,12 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
 
 /// A nodal field at a position, by the basis of the cell that holds it or is nearest; linear fields are exact
 /// everywhere.
-pub fn interpolate<const D: usize>(
-    grid: &dyn Grid<D>,
+pub fn interpolate<const D: usize, G: Grid<D> + ?Sized>(
+    grid: &G,
     position: &[f64; D],
-    nodal: &dyn Fn(usize) -> [f64; D],
+    nodal: &impl Fn(usize) -> [f64; D],
 ) -> [f64; D] {
-    let basis = grid.basis_at(grid.nearest_cell(position), position);
+    let (_, basis) = grid.basis_near(position, None);
     let mut sum = [0.0; D];
     for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
         if value != 0.0 {

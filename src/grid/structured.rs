@@ -37,6 +37,7 @@ impl<const D: usize> Structured<D> {
     }
 
     /// Number of the node with these indices along the axes.
+    #[inline(always)]
     pub fn node(&self, index: [usize; D]) -> usize {
         (0..D).rev().fold(0, |number, d| number * (self.cells[d] + 1) + index[d])
     }
@@ -47,6 +48,7 @@ impl<const D: usize> Structured<D> {
     }
 
     /// Number of the cell with these indices along the axes.
+    #[inline(always)]
     pub fn cell(&self, index: [usize; D]) -> usize {
         (0..D).rev().fold(0, |number, d| number * self.cells[d] + index[d])
     }
@@ -57,6 +59,7 @@ impl<const D: usize> Structured<D> {
     }
 
     /// Position in units of cells from the lowest corner, along one axis; snapped to a grid line that it lies on.
+    #[inline(always)]
     pub fn cell_coordinate(&self, axis: usize, x: f64) -> f64 {
         let xi = (x - self.origin[axis]) / self.spacing[axis];
         let line = nearest_whole(xi);
@@ -65,6 +68,7 @@ impl<const D: usize> Structured<D> {
 
     /// Indices of the cell that holds a position, or `None` outside the grid. A position on a grid line belongs to
     /// the upper cell, on the upper edge of the grid to the last one.
+    #[inline]
     pub fn locate_index(&self, position: &[f64; D]) -> Option<[usize; D]> {
         let mut index = [0; D];
         for d in 0..D {
@@ -76,6 +80,36 @@ impl<const D: usize> Structured<D> {
             index[d] = (xi as usize).min(n - 1);
         }
         Some(index)
+    }
+
+    /// Indices of the cell nearest to a place in units of cells.
+    #[inline(always)]
+    fn nearest_index(&self, place: [f64; D]) -> [usize; D] {
+        std::array::from_fn(|d| (place[d].max(0.0) as usize).min(self.cells[d] - 1))
+    }
+
+    /// The basis of a cell at a place in units of cells.
+    #[inline(always)]
+    fn basis_in(&self, base: [usize; D], place: [f64; D]) -> CellBasis<D> {
+        let mut basis = CellBasis::default();
+        let hats: [[f64; 2]; D] = std::array::from_fn(|d| {
+            let xi = place[d] - base[d] as f64;
+            [1.0 - xi, xi]
+        });
+        let slopes = self.spacing.map(|h| {
+            let slope = 1.0 / h;
+            [-slope, slope]
+        });
+        for corner in 0..1usize << D {
+            let upper = |d: usize| corner >> d & 1;
+            let (hat, slope) = (|d: usize| hats[d][upper(d)], |d: usize| slopes[d][upper(d)]);
+            let node = self.node(std::array::from_fn(|d| base[d] + upper(d)));
+            let value = (0..D).map(hat).product();
+            let gradient =
+                std::array::from_fn(|d| (0..D).map(|e| if e == d { slope(e) } else { hat(e) }).product());
+            basis.push(node as u32, value, gradient);
+        }
+        basis
     }
 
     /// Indices along one axis of the grid lines within a range, and some that are just outside.
@@ -161,37 +195,27 @@ impl<const D: usize> Grid<D> for Structured<D> {
         self.spacing.iter().product()
     }
 
+    #[inline]
     fn locate(&self, position: &[f64; D], _hint: Option<u32>) -> Option<u32> {
         self.locate_index(position).map(|index| self.cell(index) as u32)
     }
 
     fn nearest_cell(&self, position: &[f64; D]) -> u32 {
-        let index = std::array::from_fn(|d| {
-            let xi = self.cell_coordinate(d, position[d]);
-            (xi.max(0.0) as usize).min(self.cells[d] - 1)
-        });
-        self.cell(index) as u32
+        let place = std::array::from_fn(|d| self.cell_coordinate(d, position[d]));
+        self.cell(self.nearest_index(place)) as u32
     }
 
+    #[inline]
     fn basis_at(&self, cell: u32, position: &[f64; D]) -> CellBasis<D> {
         let base = self.cell_index(cell as usize);
-        let xi: [f64; D] = std::array::from_fn(|d| self.cell_coordinate(d, position[d]) - base[d] as f64);
-        let mut basis = CellBasis::default();
-        let hats = xi.map(|xi| [1.0 - xi, xi]);
-        let slopes = self.spacing.map(|h| {
-            let slope = 1.0 / h;
-            [-slope, slope]
-        });
-        for corner in 0..1usize << D {
-            let upper = |d: usize| corner >> d & 1;
-            let (hat, slope) = (|d: usize| hats[d][upper(d)], |d: usize| slopes[d][upper(d)]);
-            let node = self.node(std::array::from_fn(|d| base[d] + upper(d)));
-            let value = (0..D).map(hat).product();
-            let gradient =
-                std::array::from_fn(|d| (0..D).map(|e| if e == d { slope(e) } else { hat(e) }).product());
-            basis.push(node as u32, value, gradient);
-        }
-        basis
+        self.basis_in(base, std::array::from_fn(|d| self.cell_coordinate(d, position[d])))
+    }
+
+    #[inline(always)]
+    fn basis_near(&self, position: &[f64; D], _hint: Option<u32>) -> (u32, CellBasis<D>) {
+        let place: [f64; D] = std::array::from_fn(|d| self.cell_coordinate(d, position[d]));
+        let base = self.nearest_index(place);
+        (self.cell(base) as u32, self.basis_in(base, place))
     }
 
     fn structured(&self) -> Option<&Structured<D>> {

@@ -226,6 +226,59 @@ impl Results {
         Ok(())
     }
 
+    /// Writes what is still to be written of a run that has ended, but for its summary.
+    ///
+    /// # Errors
+    /// Those of the file system; what can be written is, even where something else could not.
+    pub fn complete<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        error: Option<&SolveError>,
+    ) -> io::Result<()> {
+        let lost = self.settle();
+        let rows = self.failure.take().map_or(Ok(()), Err);
+        // The last equilibrated step is never lost, whatever `every` says.
+        let is_missing = self.writer.reached().is_some_and(|time| time < self.last.end);
+        let mesh = if self.every > 0 && is_missing {
+            self.show(self.last, frames_of_points(model, points, self.last)).and_then(|()| self.settle())
+        } else {
+            Ok(())
+        };
+        // Whatever ended the run early, it can go on from there; but not where the files of that step are missing.
+        let secured = match error {
+            Some(SolveError::Output(_)) => Ok(()),
+            _ if lost.is_err() || error.is_none() && self.checkpoints().is_none() => Ok(()),
+            _ => self.secure(points),
+        };
+        lost.and(rows).and(mesh).and(secured)
+    }
+
+    /// Writes the summary, the last file of a run: where it says that the run is completed, nothing is missing. `written`
+    /// is what [`Results::complete`] has returned.
+    ///
+    /// # Errors
+    /// Those of the file system, and the one that is passed on.
+    pub fn conclude<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        summary: &Summary,
+        error: Option<&SolveError>,
+        written: io::Result<()>,
+    ) -> io::Result<()> {
+        let lost = written.as_ref().err().map(SolveError::output);
+        let outcome = match error.or(lost.as_ref()) {
+            None => Outcome::Completed,
+            Some(SolveError::Interrupted { .. }) => Outcome::Interrupted,
+            Some(error) => Outcome::Failed { code: error.code(), reason: error.to_string() },
+        };
+        self.findings.extremes = Extremes::new(model, points);
+        let path = self.directory.join("summary.json");
+        let told = self.account.write(&path, model, points, summary, &self.findings, &outcome);
+        written.and(told)
+    }
+
     fn write_history<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -540,35 +593,7 @@ impl<const D: usize> Observer<D> for Results {
         summary: &Summary,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
-        let lost = self.settle().err().map(SolveError::Output);
-        let error = error.or(lost.as_ref());
-        let rows = self.failure.take().map_or(Ok(()), Err);
-        // The last equilibrated step is never lost, whatever `every` says.
-        let is_missing = self.writer.reached().is_some_and(|time| time < self.last.end);
-        let mesh = if self.every > 0 && is_missing {
-            self.show(self.last, frames_of_points(model, points, self.last)).and_then(|()| self.settle())
-        } else {
-            Ok(())
-        };
-        // Whatever ended the run early, it can go on from there; but not where the files of that step are missing.
-        let secured = match error {
-            Some(SolveError::Output(_)) => Ok(()),
-            None if self.checkpoints().is_none() => Ok(()),
-            _ => self.secure(points),
-        };
-        let outcome = match error {
-            None => Outcome::Completed,
-            Some(SolveError::Interrupted { .. }) => Outcome::Interrupted,
-            Some(error) => Outcome::Failed { code: error.code(), reason: error.to_string() },
-        };
-        self.findings.extremes = Extremes::new(model, points);
-        let path = self.directory.join("summary.json");
-        let told = self.account.write(&path, model, points, summary, &self.findings, &outcome);
-        let lost = match lost {
-            Some(SolveError::Output(error)) => Err(error),
-            _ => Ok(()),
-        };
-        // What can be written is, even where something else could not.
-        lost.and(rows).and(mesh).and(secured).and(told)
+        let written = self.complete(model, points, error);
+        self.conclude(model, points, summary, error, written)
     }
 }

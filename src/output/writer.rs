@@ -4,12 +4,16 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle};
+use std::time::Duration;
 
 use crate::solver::Step;
 
 use super::fields::OwnedField;
 use super::series::Series;
 use super::vtu::{self, CellKind, Field, Kinds, Mesh};
+
+/// How long to wait where there is nothing to help with.
+const PAUSE: Duration = Duration::from_micros(100);
 
 /// The cells of a frame.
 pub(super) enum Cells {
@@ -112,11 +116,16 @@ impl Writer {
         self.at_work.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// Waits for the frames that are being written.
+    /// Waits for the frames that are being written, and helps meanwhile.
     ///
     /// # Errors
     /// Those of the file system.
     pub fn settle(&mut self) -> io::Result<()> {
+        while self.is_at_work() {
+            if rayon::yield_now() != Some(rayon::Yield::Executed) {
+                std::thread::sleep(PAUSE);
+            }
+        }
         match self.at_work.take().map(JoinHandle::join) {
             None => Ok(()),
             Some(Ok(outcome)) => outcome,

@@ -228,7 +228,11 @@ fn share_of_box_outside<const D: usize>(grid: &dyn Grid<D>, x: &[f64; D], half_l
 
 /// Share of the corners of a domain outside the grid. Up to the distance that CPDI allows for, a corner counts in part.
 fn share_of_corners_outside<const D: usize>(grid: &dyn Grid<D>, corners: &[[f64; D]], hint: u32) -> f64 {
-    let part = |corner| (nearest_with_distance(grid, corner, hint).1 / CORNER_MARGIN).min(1.0);
+    let outside = |corner| match grid.structured() {
+        Some(grid) => nearest_with_distance(grid, corner, hint).1,
+        None => nearest_with_distance(grid, corner, hint).1,
+    };
+    let part = |corner| (outside(corner) / CORNER_MARGIN).min(1.0);
     corners.iter().map(part).sum::<f64>() / corners.len().max(1) as f64
 }
 

@@ -229,6 +229,11 @@ impl SolveError {
         })
     }
 
+    /// That results could not be written, for a failure that somebody else is told of, too.
+    pub fn output(failure: &std::io::Error) -> SolveError {
+        SolveError::Output(std::io::Error::new(failure.kind(), failure.to_string()))
+    }
+
     /// What to do about it.
     pub fn help(&self) -> Option<&'static str> {
         match self {

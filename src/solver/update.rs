@@ -38,7 +38,11 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
 ) -> Result<(), SolveError> {
     let at_rest = [0.0; D];
     let nodal = |node: usize| links.active_number(node).map_or(at_rest, |active| delta_d[active]);
-    let displacement = |place: &[f64; D]| interpolate(model.grid.as_ref(), place, &nodal);
+    let regular = model.grid.structured(); // a grid whose type is known has its arithmetic in line
+    let displacement = |place: &[f64; D]| match regular {
+        Some(grid) => interpolate(grid, place, &nodal),
+        None => interpolate(model.grid.as_ref(), place, &nodal),
+    };
     let mut trial = std::mem::take(&mut points.trial);
     let state = &*points;
     let n = points.len();
@@ -147,7 +151,7 @@ fn move_point<const D: usize, M: Mechanics<D>>(
     nodes: &[u32],
     products: &mut Products<D>,
     delta_d: &[[f64; D]],
-    displacement: &dyn Fn(&[f64; D]) -> [f64; D],
+    displacement: &impl Fn(&[f64; D]) -> [f64; D],
     p: usize,
     step: Step,
 ) -> Result<Moved<D>, SolveError> {
@@ -159,7 +163,11 @@ fn move_point<const D: usize, M: Mechanics<D>>(
             position[d] += value * du[d];
         }
     }
-    if model.grid.locate(&position, Some(points.cell[p])).is_none() {
+    let held = match model.grid.structured() {
+        Some(grid) => grid.locate_index(&position).is_some(),
+        None => model.grid.locate(&position, Some(points.cell[p])).is_some(),
+    };
+    if !held {
         return Err(SolveError::off_grid(model, points, p, position, step));
     }
     let start = &points.converged.position[p];
@@ -192,8 +200,11 @@ fn move_point<const D: usize, M: Mechanics<D>>(
             move_corners(body.method, points, p, displacement, &mut moved);
             // Otherwise the next step, if there is one, would be the first to notice.
             let corners = &moved.corners[..points.corner_range(p).len()];
-            check_domain(model.grid.as_ref(), corners, points.cell[p])
-                .map_err(|error| SolveError::domain(model, points, p, position, step, error))?;
+            let checked = match model.grid.structured() {
+                Some(grid) => check_domain(grid, corners, points.cell[p]),
+                None => check_domain(model.grid.as_ref(), corners, points.cell[p]),
+            };
+            checked.map_err(|error| SolveError::domain(model, points, p, position, step, error))?;
         }
     }
     Ok(moved)
@@ -213,7 +224,7 @@ fn move_corners<const D: usize>(
     method: Method,
     points: &Points<D>,
     p: usize,
-    displacement: &dyn Fn(&[f64; D]) -> [f64; D],
+    displacement: &impl Fn(&[f64; D]) -> [f64; D],
     moved: &mut Moved<D>,
 ) {
     let first = points.corner_range(p).start;
