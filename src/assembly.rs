@@ -30,7 +30,7 @@ pub use pattern::FreeEntries;
 use pattern::{NodePairs, UNCOUPLED};
 
 /// Groups are assembled in batches of about this many node-pair blocks, so that the dense blocks stay in cache.
-const BATCH: usize = 1 << 15;
+const BATCH: usize = 1 << 14;
 
 /// A task of this many groups or fewer is not split between threads.
 const GRAIN: usize = 4;
@@ -48,13 +48,20 @@ pub struct System<const D: usize> {
     /// What is fixed for each point at the start of the step.
     start: Vec<StartOfStep>,
     batches: Vec<Range<usize>>,
-    dense: Vec<Block<D>>,
-    dense_force: Vec<[f64; D]>,
+    /// The dense blocks of the batch in hand, and of the one before, which is merged meanwhile.
+    dense: [DenseBatch<D>; 2],
     /// Room for the basis functions of one point of each group.
     value: Vec<f64>,
     gradient: Vec<[f64; D]>,
     /// Room for the gradients of one point of each group in the current configuration, eq. (8).
     mapped: Vec<[f64; D]>,
+}
+
+/// The dense blocks of the groups of a batch, one after the other, and their nodal forces.
+#[derive(Default)]
+struct DenseBatch<const D: usize> {
+    blocks: Vec<Block<D>>,
+    force: Vec<[f64; D]>,
 }
 
 /// A point failed during assembly.
@@ -84,6 +91,7 @@ impl<const D: usize> System<D> {
         let largest = |len: &dyn Fn(&Range<usize>) -> usize| batches.iter().map(len).max().unwrap_or(0);
         let n_dense = largest(&|b| pairs.dense_range(b.clone()).len());
         let n_force = largest(&|b| b.clone().map(|g| links.nodes_of(g).len()).sum());
+        let dense = || DenseBatch { blocks: vec![[[0.0; D]; D]; n_dense], force: vec![[0.0; D]; n_force] };
         let start = (0..points.len())
             .into_par_iter()
             .with_min_len(PIECE)
@@ -102,8 +110,7 @@ impl<const D: usize> System<D> {
             division: pairs.division(),
             f_int: vec![[0.0; D]; links.n_active()],
             start,
-            dense: vec![[[0.0; D]; D]; n_dense],
-            dense_force: vec![[0.0; D]; n_force],
+            dense: [dense(), dense()],
             value: vec![0.0; n_force],
             gradient: vec![[0.0; D]; n_force],
             mapped: vec![[0.0; D]; n_force],
@@ -140,19 +147,21 @@ impl<const D: usize> System<D> {
         links: &Connectivity<D>,
         delta_d: &[[f64; D]],
     ) -> Result<(), PointFailure> {
-        self.blocks.fill([[0.0; D]; D]);
-        self.f_int.fill([0.0; D]);
-        for number in 0..self.batches.len() {
-            let batch = self.batches[number].clone();
+        let System { pairs, ghost, blocks, f_int, start, batches, dense, value, gradient, mapped, .. } = self;
+        blocks.fill([[0.0; D]; D]);
+        f_int.fill([0.0; D]);
+        let [mut in_hand, mut before] = dense.each_mut();
+        let mut merged = 0..0;
+        for batch in batches.iter().cloned() {
             let task = Task::<D, M> {
                 model,
                 body: &points.body,
                 position: &points.converged.position,
                 history_len: points.history_len,
                 old_history: &points.converged.history,
-                start: &self.start,
+                start,
                 links,
-                pairs: &self.pairs,
+                pairs,
                 delta_d,
                 mechanics: std::marker::PhantomData,
             };
@@ -164,15 +173,21 @@ impl<const D: usize> System<D> {
                 elastic_strain: &mut points.trial.elastic_strain[first..last],
                 kirchhoff_stress: &mut points.trial.kirchhoff_stress[first..last],
                 history: &mut points.trial.history[first * n..last * n],
-                mapped: &mut self.mapped,
+                mapped,
             };
-            let room = Room { value: &mut self.value, gradient: &mut self.gradient };
-            let work = Work { trial, dense: &mut self.dense, force: &mut self.dense_force, room };
-            task.run(batch.clone(), work)?;
-            self.merge(links, batch);
+            let room = Room { value, gradient };
+            let work = Work { trial, dense: &mut in_hand.blocks, force: &mut in_hand.force, room };
+            let (outcome, ()) = rayon::join(
+                || task.run(batch.clone(), work),
+                || merge(pairs, links, merged.clone(), before, blocks, f_int),
+            );
+            outcome?;
+            merged = batch;
+            std::mem::swap(&mut in_hand, &mut before);
         }
-        self.pairs.add_ghost(&self.ghost, &mut self.blocks);
-        self.ghost.add_force(delta_d, &mut self.f_int);
+        merge(pairs, links, merged, before, blocks, f_int);
+        pairs.add_ghost(ghost, blocks);
+        ghost.add_force(delta_d, f_int);
         Ok(())
     }
 
@@ -180,29 +195,8 @@ impl<const D: usize> System<D> {
     pub fn conclude(&mut self) {
         self.start = Vec::new();
         self.blocks = Vec::new();
-        self.dense = Vec::new();
-        self.dense_force = Vec::new();
+        self.dense = Default::default();
         (self.value, self.gradient, self.mapped) = Default::default();
-    }
-
-    /// Adds the dense blocks of a batch to the system, in the order of its groups.
-    fn merge(&mut self, links: &Connectivity<D>, batch: Range<usize>) {
-        let (mut k, mut f) = (0, 0);
-        for group in batch {
-            for &node in links.nodes_of(group) {
-                add(&mut self.f_int[node as usize], &self.dense_force[f]);
-                f += 1;
-            }
-            for &position in self.pairs.positions(group) {
-                if position != UNCOUPLED {
-                    let block = &mut self.blocks[position as usize];
-                    for (row, dense) in block.iter_mut().zip(&self.dense[k]) {
-                        add(row, dense);
-                    }
-                }
-                k += 1;
-            }
-        }
     }
 
     /// The entries of K on the free degrees of freedom: the pattern for the linear solver.
@@ -248,6 +242,33 @@ impl<const D: usize> System<D> {
             }
         });
         diagonal
+    }
+}
+
+/// Adds the dense blocks of a batch to the system, in the order of its groups.
+fn merge<const D: usize>(
+    pairs: &NodePairs,
+    links: &Connectivity<D>,
+    batch: Range<usize>,
+    dense: &DenseBatch<D>,
+    blocks: &mut [Block<D>],
+    f_int: &mut [[f64; D]],
+) {
+    let (mut k, mut f) = (0, 0);
+    for group in batch {
+        for &node in links.nodes_of(group) {
+            add(&mut f_int[node as usize], &dense.force[f]);
+            f += 1;
+        }
+        for &position in pairs.positions(group) {
+            if position != UNCOUPLED {
+                let block = &mut blocks[position as usize];
+                for (row, dense) in block.iter_mut().zip(&dense.blocks[k]) {
+                    add(row, dense);
+                }
+            }
+            k += 1;
+        }
     }
 }
 
