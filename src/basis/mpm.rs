@@ -19,13 +19,13 @@ impl<const D: usize> Basis<D> for Mpm {
         out.cells.push(point.cell);
         let basis = match grid.structured() {
             Some(grid) => {
+                let base = grid.cell_index(point.cell as usize);
+                let place: [f64; D] = std::array::from_fn(|d| grid.cell_coordinate(d, point.position[d]));
                 if D > 2 {
-                    let base = grid.cell_index(point.cell as usize);
-                    let xi =
-                        std::array::from_fn(|d| grid.cell_coordinate(d, point.position[d]) - base[d] as f64);
+                    let xi = std::array::from_fn(|d| place[d] - base[d] as f64);
                     out.factors = Some(Factors::in_cell(&xi, &grid.spacing().map(|h| 1.0 / h)));
                 }
-                grid.basis_at(point.cell, point.position)
+                grid.basis_in(base, place)
             }
             None => grid.basis_at(point.cell, point.position),
         };

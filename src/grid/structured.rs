@@ -88,9 +88,9 @@ impl<const D: usize> Structured<D> {
         std::array::from_fn(|d| (place[d].max(0.0) as usize).min(self.cells[d] - 1))
     }
 
-    /// The basis of a cell at a place in units of cells.
+    /// The basis of the cell with these indices at a place in units of cells; outside the cell it is continued.
     #[inline(always)]
-    fn basis_in(&self, base: [usize; D], place: [f64; D]) -> CellBasis<D> {
+    pub fn basis_in(&self, base: [usize; D], place: [f64; D]) -> CellBasis<D> {
         let mut basis = CellBasis::default();
         let hats: [[f64; 2]; D] = std::array::from_fn(|d| {
             let xi = place[d] - base[d] as f64;
