@@ -8,7 +8,7 @@ use crate::linear::Choice;
 use crate::loads::{Load, LoadCurve};
 use crate::material::Material;
 use crate::points::{PointVolume, Points};
-use crate::solver::{Predictor, Tangent};
+use crate::solver::{Patterns, Predictor, Tangent};
 use crate::stabilisation::Stabilisation;
 use crate::stepping::{Control, Stepping};
 use crate::stress::Formulation;
@@ -57,6 +57,8 @@ pub struct Newton {
     pub predictor: Predictor,
     /// When the stiffness is factorised.
     pub tangent: Tangent,
+    /// For which equations an analysis of their pattern serves.
+    pub pattern: Patterns,
 }
 
 impl Default for Newton {
@@ -67,6 +69,7 @@ impl Default for Newton {
             linear: Choice::Auto,
             predictor: Predictor::None,
             tangent: Tangent::Fresh,
+            pattern: Patterns::Same,
         }
     }
 }

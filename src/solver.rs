@@ -29,7 +29,7 @@ use crate::timing::{Phase, Timings};
 pub use attempt::{FailedAttempt, Iterate};
 pub use control::{NoPath, Path};
 pub use diagnosis::{Diagnosis, Kind};
-pub use equations::Tangent;
+pub use equations::{Patterns, Tangent};
 pub use error::{CODES, SolveError};
 pub use motion::{Motion, Predictor};
 pub use report::{GridFields, Observer, Reached, Silent, StepReport, Summary};
@@ -73,7 +73,11 @@ pub fn go_on<const D: usize, M: Mechanics<D>>(
     reached: Reached,
     observer: &mut dyn Observer<D>,
 ) -> Result<Summary, SolveError> {
-    let mut solver = Solver { equations: Equations::default(), links: Connectivity::default(), reached };
+    let mut solver = Solver {
+        equations: Equations::with(reached.summary.kept.clone()),
+        links: Connectivity::default(),
+        reached,
+    };
     let mut outcome = solver.observe(|| observer.started(model, points));
     while outcome.is_ok() {
         match solver.next_step(model) {
@@ -173,6 +177,7 @@ impl<const D: usize> Solver<D> {
         let Reached { step, summary } = &mut self.reached;
         *step = report.step;
         summary.path = path;
+        summary.kept = self.equations.kept().cloned();
         summary.pace.succeeded(&model.stepping, report.residuals.len() - 1);
         summary.accept(&report);
         let mut timings = Timings::default();

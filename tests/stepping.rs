@@ -10,8 +10,8 @@ use mpm::deck::load::{load, load_text};
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::{
-    self, Diagnosis, FailedAttempt, Kind, Observer, Predictor, Reached, SolveError, Step, StepReport,
-    Summary, Tangent,
+    self, Diagnosis, FailedAttempt, Kind, Observer, Patterns, Predictor, Reached, SolveError, Step,
+    StepReport, Summary, Tangent,
 };
 use mpm::stabilisation::Where;
 use mpm::stepping::Control;
@@ -27,6 +27,9 @@ struct Record {
     reactions: Vec<[f64; 2]>,
     /// Displacement of the first probe.
     probe: [f64; 2],
+    unknowns: usize,
+    /// Unknowns of the pattern that the next step may go on with.
+    kept: usize,
 }
 
 #[derive(Default)]
@@ -65,6 +68,8 @@ impl Observer<2> for Recorder {
             residual: *report.residuals.last().unwrap(),
             reactions: report.reactions.clone(),
             probe,
+            unknowns: report.unknowns,
+            kept: summary.kept.as_ref().map_or(0, |kept| kept.names.len()),
         });
         if self.stop_after == Some(report.step.index) {
             let reached = Reached { step: report.step, summary: summary.clone() };
@@ -435,4 +440,42 @@ fn a_prediction_and_a_kept_tangent_change_the_way_only() {
         solver::go_on_in_plane(&model, &mut stopped, reached, &mut Recorder::default()).unwrap();
         assert!(stopped.converged.position == points.converged.position, "{predictor:?}, {tangent:?}");
     }
+}
+
+/// A column that settles out of its upper cells and comes back: the equations of its steps are part of those at the start,
+/// whose analysis serves for all; and a run that stops goes on to the same bits.
+#[test]
+fn an_analysis_serves_for_the_patterns_that_it_contains() {
+    let start = |pattern: Patterns| {
+        let mut parts = text(
+            &BAR.replace("METHOD", "mpm")
+                .replace(", LARGEST", "")
+                .replace("density: 100", "density: 2e4")
+                .replace("fix: [x]}", "fix: [x]}\n  - {name: far, nodes: {x: 1}, fix: [x]}"),
+        );
+        parts.0.newton.pattern = pattern;
+        parts
+    };
+    let (outcome, plain, _) = run(start(Patterns::Same));
+    assert!(outcome.unwrap().kept.is_none());
+    let (outcome, recorder, points) = run(start(Patterns::Contained));
+    let largest = outcome.unwrap().kept.unwrap();
+    let fewest = recorder.steps.iter().map(|step| step.unknowns).min().unwrap();
+    println!("{} unknowns, {fewest} at least in a step", largest.names.len());
+    assert!(recorder.steps.iter().all(|step| step.unknowns <= largest.names.len()));
+    assert!(fewest < largest.names.len() && recorder.steps.last().unwrap().unknowns > fewest);
+    assert!(recorder.steps.iter().all(|step| step.kept == largest.names.len()), "analysed once");
+    for (a, b) in plain.steps.iter().zip(&recorder.steps) {
+        assert_eq!((a.step, a.unknowns), (b.step, b.unknowns));
+        for (a, b) in a.reactions.iter().flatten().zip(b.reactions.iter().flatten()) {
+            assert!((a - b).abs() < 1e-3, "{a} {b}");
+        }
+    }
+    let (model, mut stopped) = start(Patterns::Contained);
+    let stop_after = recorder.steps.iter().position(|step| step.unknowns == fewest).map(|k| k + 1);
+    let mut recorder = Recorder { stop_after, ..Recorder::default() };
+    solver::run_in_plane(&model, &mut stopped, &mut recorder).unwrap_err();
+    let (mut stopped, reached) = recorder.reached.unwrap();
+    solver::go_on_in_plane(&model, &mut stopped, reached, &mut Recorder::default()).unwrap();
+    assert!(stopped.converged.position == points.converged.position);
 }

@@ -120,7 +120,12 @@ pub fn check_domain<const D: usize, G: Grid<D> + ?Sized>(
     cell: u32,
 ) -> Result<(), SupportError> {
     for (corner, place) in corners.iter().enumerate() {
-        near_corner(grid, corner, place, cell)?;
+        if nearest_with_distance(grid, place, cell).1 > CORNER_MARGIN {
+            return Err(SupportError::CornerOffGrid { corner, position: padded(place), dimension: D });
+        }
+    }
+    if D == 2 && corners.len() == 4 {
+        return quadrilateral(corners).map(|_| ());
     }
     CornerWeights::new(corners).map(|_| ())
 }
@@ -166,12 +171,9 @@ impl<const D: usize> CornerWeights<D> {
     /// Of a quadrilateral, whose det J is linear: d₀ + d·ξ, so that V = 4 d₀ and w_c = (1 + ξ_c·d / 3 d₀) / 4; by the
     /// divergence theorem g_c is the normal of the line between the neighbours of the corner, over twice V.
     fn of_quadrilateral(corners: &[[f64; D]]) -> Result<Self, SupportError> {
-        let at_corner: [f64; 4] = std::array::from_fn(|c| corner_determinant(corners, c));
+        let at_corner = quadrilateral(corners)?;
         let mean = 0.25 * at_corner.iter().sum::<f64>();
         let volume = 4.0 * mean;
-        if volume.is_nan() || volume <= 0.0 || !is_meaningful(corners) {
-            return Err(SupportError::Distorted);
-        }
         let side: [[f64; 2]; 4] = std::array::from_fn(corner_side);
         let slope: [f64; 2] = std::array::from_fn(|d| {
             (0..4).map(|c| 0.25 * side[c][d] * at_corner[c]).sum::<f64>() / (3.0 * mean)
@@ -217,15 +219,25 @@ impl<const D: usize> CornerWeights<D> {
     }
 }
 
-/// Whether a quadrilateral or hexahedron of positive volume bounds a body: it may have one reflex corner, at which the
-/// map is inverted, and a hexahedron two on one edge, as an arrowhead that is drawn out has. With more, it is a bow-tie
-/// or inverted; so is a hexahedron whose reflex edge runs backwards.
+/// det J at the corners of a quadrilateral that bounds a body: one that has a positive area and at most one reflex corner;
+/// with two it is a bow-tie or inverted.
+#[inline]
+fn quadrilateral<const D: usize>(corners: &[[f64; D]]) -> Result<[f64; 4], SupportError> {
+    let at_corner: [f64; 4] = std::array::from_fn(|c| corner_determinant(corners, c));
+    let volume: f64 = at_corner.iter().sum();
+    let reflex = at_corner.iter().filter(|determinant| **determinant <= 0.0).count();
+    if volume.is_nan() || volume <= 0.0 || reflex > 1 { Err(SupportError::Distorted) } else { Ok(at_corner) }
+}
+
+/// Whether a hexahedron of positive volume bounds a body: it may have one reflex corner, at which the
+/// map is inverted, or two on one edge, as an arrowhead that is drawn out has. With more, it crosses itself or is inverted;
+/// so is one whose reflex edge runs backwards.
 fn is_meaningful<const D: usize>(corners: &[[f64; D]]) -> bool {
     let is_reflex = |c: &usize| corner_determinant(corners, *c) <= 0.0;
     let mut reflex = (0..corners.len()).filter(is_reflex);
     let (Some(a), Some(b)) = (reflex.next(), reflex.next()) else { return true };
     let along = a ^ b;
-    if D < 3 || reflex.next().is_some() || !along.is_power_of_two() {
+    if reflex.next().is_some() || !along.is_power_of_two() {
         return false;
     }
     // The edges along the axis of the reflex one, which begins at `a`, the lower of the two.

@@ -194,6 +194,7 @@ where
                 linear: deck.solver.linear,
                 predictor: deck.solver.predictor,
                 tangent: deck.solver.tangent,
+                pattern: deck.solver.pattern,
             },
             probes,
         };

@@ -16,7 +16,7 @@ pub use crate::domain::DomainUpdate;
 pub use crate::linear::Choice as LinearChoice;
 use crate::model::Newton;
 pub use crate::points::PointVolume;
-pub use crate::solver::{Predictor, Tangent};
+pub use crate::solver::{Patterns, Predictor, Tangent};
 pub use crate::stabilisation::Stabilisation;
 pub use crate::stress::Formulation;
 pub use region::{Direction, Shape};
@@ -545,12 +545,14 @@ pub struct SolverDeck {
     pub predictor: Predictor,
     /// When the stiffness is factorised within a step.
     pub tangent: Tangent,
+    /// For which equations an order of elimination and the layout of the factor serve.
+    pub pattern: Patterns,
 }
 
 impl Default for SolverDeck {
     fn default() -> Self {
-        let Newton { tolerance, max_iterations, linear, predictor, tangent } = Newton::default();
-        SolverDeck { tolerance, max_iterations: max_iterations as u32, linear, predictor, tangent }
+        let Newton { tolerance, max_iterations, linear, predictor, tangent, pattern } = Newton::default();
+        SolverDeck { tolerance, max_iterations: max_iterations as u32, linear, predictor, tangent, pattern }
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod blocks;
 mod choice;
+mod containing;
 mod direct;
 mod krylov;
 mod lattice;
@@ -9,13 +10,16 @@ mod multifrontal;
 mod multigrid;
 pub mod ordering;
 
+use serde::{Deserialize, Serialize};
+
 pub use blocks::{Block, BlockMatrix, Division};
 pub use choice::{Choice, Extent};
+pub use containing::{Embedding, Named};
 pub use direct::Direct;
 pub use krylov::Krylov;
 
 /// Pattern of a sparse square matrix by columns; of a symmetric one only the lower triangle, diagonal included.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Pattern {
     /// Number of unknowns.
     pub n: usize,

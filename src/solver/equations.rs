@@ -6,7 +6,10 @@ use serde::{Deserialize, Serialize};
 use crate::assembly::{FreeEntries, System};
 use crate::basis::Connectivity;
 use crate::constraints::DofMap;
-use crate::linear::{Choice, Direct, Extent, Factorisation, Krylov, LinearError, LinearSolver, ordering};
+use crate::linear::{
+    Choice, Direct, Embedding, Extent, Factorisation, Krylov, LinearError, LinearSolver, Named, Pattern,
+    ordering,
+};
 use crate::model::Model;
 use crate::timing::{Phase, Timings};
 
@@ -20,6 +23,10 @@ pub(super) struct Equations<const D: usize> {
     entries: FreeEntries,
     /// Values of the entries, or the right-hand side.
     values: Vec<f64>,
+    /// The pattern that has been analysed, where it is to serve for those that it contains, and where the one in hand is in
+    /// it, unless it is the same.
+    kept: Option<Named>,
+    embedding: Option<Embedding>,
     iterative: Krylov<D>,
     /// How the last system that was solved directly was factorised.
     factorised: Option<Factorisation>,
@@ -47,6 +54,17 @@ pub enum Tangent {
     Fresh,
     /// In the first iteration, and after one that has not made the out-of-balance force ten times smaller.
     Kept,
+}
+
+/// For which equations an order of elimination and the layout of the factor serve.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Patterns {
+    /// For equations of the same pattern.
+    #[default]
+    Same,
+    /// Also for equations whose pattern is part of it.
+    Contained,
 }
 
 /// How a system was solved.
@@ -79,6 +97,17 @@ impl<const D: usize> Place<'_, D> {
         }
     }
 
+    /// A pattern with the names of its unknowns.
+    fn named(&self, pattern: Pattern) -> Named {
+        let mut names = Vec::with_capacity(pattern.n);
+        for_each_dof(self.dofs, |node, axis, free| {
+            if free.is_some() {
+                names.push((self.links.active_nodes()[node] as usize * D + axis) as u64);
+            }
+        });
+        Named { names, pattern }
+    }
+
     /// Order of elimination of the unknowns: nested dissection of the active nodes by their place in the grid.
     fn elimination_order(&self, system: &System<D>) -> Vec<usize> {
         let lattice = |active: usize| self.lattice(active);
@@ -89,6 +118,16 @@ impl<const D: usize> Place<'_, D> {
 }
 
 impl<const D: usize> Equations<D> {
+    /// Equations of a run that goes on with a pattern that has been analysed.
+    pub(super) fn with(kept: Option<Named>) -> Self {
+        Equations { kept, ..Equations::default() }
+    }
+
+    /// The pattern that the next steps may go on with.
+    pub(super) fn kept(&self) -> Option<&Named> {
+        self.kept.as_ref()
+    }
+
     /// Chooses the method for a step and analyses the pattern of its equations.
     ///
     /// # Errors
@@ -130,6 +169,7 @@ impl<const D: usize> Equations<D> {
     fn prepare_iterative(&mut self, place: Place<D>, system: &System<D>) -> Result<(), LinearError> {
         self.method = Method::Iterative;
         (self.direct, self.entries, self.values) = Default::default();
+        (self.kept, self.embedding) = (None, None);
         let n = place.links.n_active();
         let places = (0..n).map(|active| place.lattice(active)).collect();
         let held =
@@ -143,7 +183,32 @@ impl<const D: usize> Equations<D> {
         self.iterative = Krylov::default();
         self.entries = system.free_entries(place.dofs);
         let pattern = std::mem::take(&mut self.entries.pattern);
+        self.embedding = None;
+        if place.model.newton.pattern == Patterns::Contained && pattern.symmetric {
+            return self.prepare_contained(place, pattern);
+        }
+        self.kept = None;
         self.direct.analyse(pattern, &|| place.elimination_order(system)).map(|_| ())
+    }
+
+    /// Analyses a pattern, unless it is contained in the one analysed last.
+    fn prepare_contained(&mut self, place: Place<D>, pattern: Pattern) -> Result<(), LinearError> {
+        let named = place.named(pattern);
+        let kept = match self.kept.take() {
+            Some(kept) if kept == named => kept,
+            Some(kept) => match Embedding::new(&named, &kept) {
+                Some(embedding) => {
+                    self.embedding = Some(embedding);
+                    kept
+                }
+                None => named,
+            },
+            None => named,
+        };
+        let lattice = |node: usize| place.model.grid.lattice(node);
+        let analysed = self.direct.analyse(kept.pattern.clone(), &|| kept.elimination_order(lattice));
+        self.kept = Some(kept);
+        analysed.map(|_| ())
     }
 
     /// Solves for the free entries of `delta`, with a right-hand side that counts where free, to a residual of
@@ -242,8 +307,12 @@ impl<const D: usize> Equations<D> {
     ) -> Result<Solved, LinearError> {
         let factorisation = timings.measure(Phase::Factorise, || {
             system.free_values(&self.entries, &mut self.values);
-            self.direct.factorise(&self.values)
-        })?;
+            match &self.embedding {
+                None => self.direct.factorise(&self.values),
+                Some(embedding) => self.direct.factorise(&embedding.values(&self.values)),
+            }
+        });
+        let factorisation = factorisation.map_err(|error| self.in_hand(error))?;
         self.factorised = Some(factorisation);
         timings.measure(Phase::Solve, || self.substitute(place, rhs, delta))?;
         Ok(Solved { factorisation, iterations: 0 })
@@ -262,12 +331,31 @@ impl<const D: usize> Equations<D> {
                 self.values.push(rhs[node][axis]);
             }
         });
-        self.direct.solve(&mut self.values)?;
+        let solved = match &self.embedding {
+            None => self.direct.solve(&mut self.values),
+            Some(embedding) => {
+                let mut all = embedding.spread(&self.values);
+                let solved = self.direct.solve(&mut all);
+                embedding.gather(&all, &mut self.values);
+                solved
+            }
+        };
+        solved.map_err(|error| self.in_hand(error))?;
         for_each_dof(place.dofs, |node, axis, free| {
             if let Some(unknown) = free {
                 delta[node][axis] = self.values[unknown];
             }
         });
         Ok(())
+    }
+
+    /// A failure with the number that the unknown has in the step in hand.
+    fn in_hand(&self, error: LinearError) -> LinearError {
+        match (error, &self.embedding) {
+            (LinearError::Singular { unknown: Some(unknown) }, Some(embedding)) => {
+                LinearError::Singular { unknown: embedding.number(unknown) }
+            }
+            _ => error,
+        }
     }
 }

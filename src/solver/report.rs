@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::basis::Connectivity;
 use crate::constraints::DofMap;
 use crate::linear::Factorisation;
+use crate::linear::Named;
 use crate::model::Model;
 use crate::points::Points;
 use crate::quality::Quality;
@@ -134,6 +135,8 @@ pub struct Summary {
     pub pace: Pace,
     /// Where the run is on its path, if its load factor is unknown.
     pub path: Path,
+    /// The pattern of equations that later steps may go on with.
+    pub kept: Option<Named>,
     /// Load factor of the last step in equilibrium, where there is one for all loads and prescribed motions, [-].
     pub load_factor: Option<f64>,
     /// Load factor of the largest magnitude in equilibrium, where there is one for all loads and prescribed motions, [-].
@@ -214,6 +217,7 @@ impl Reached {
             && self.step.end <= model.stepping.end_time
             && self.summary.pace.is_possible()
             && self.summary.path.can_be_of::<D>()
+            && self.summary.kept.as_ref().is_none_or(|kept| kept.can_be_of::<D>(model.grid.n_nodes()))
             && self.summary.quality.can_be_of(model.bodies.len())
     }
 }

@@ -1,0 +1,231 @@
+//! A pattern that has been analysed serves for those that it contains.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Pattern, ordering};
+
+/// A pattern of more than this many times the unknowns of another does not serve for it.
+const MOST: f64 = 1.25;
+
+/// The pattern of a symmetric matrix whose unknowns have names that outlast a load step: node of the grid times the number
+/// of axes, plus the axis; ascending.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Named {
+    /// Name of each unknown.
+    pub names: Vec<u64>,
+    /// Which of them are coupled.
+    pub pattern: Pattern,
+}
+
+impl Named {
+    /// Whether it is a pattern of unknowns of a grid with so many nodes in `D` dimensions; what a file says may not be.
+    pub fn can_be_of<const D: usize>(&self, nodes: usize) -> bool {
+        let Pattern { n, column_start, row, symmetric } = &self.pattern;
+        let of_column = |j: usize| {
+            let rows = row.get(column_start[j]..column_start[j + 1]);
+            rows.is_some_and(|rows| {
+                rows.first() == Some(&j)
+                    && rows.is_sorted_by(|a, b| a < b)
+                    && rows.last().is_some_and(|i| i < n)
+            })
+        };
+        *symmetric
+            && self.names.len() == *n
+            && self.names.is_sorted_by(|a, b| a < b)
+            && self.names.last().is_none_or(|name| *name < (nodes * D) as u64)
+            && column_start.len().checked_sub(1) == Some(*n)
+            && column_start.first() == Some(&0)
+            && column_start.last() == Some(&row.len())
+            && (0..*n).all(of_column)
+    }
+
+    /// Order of elimination: nested dissection of the nodes by their place on the lattice of the grid.
+    pub fn elimination_order<const D: usize>(&self, lattice: impl Fn(usize) -> [u32; D]) -> Vec<usize> {
+        let node = |unknown: usize| (self.names[unknown] / D as u64) as usize;
+        // Unknowns of a node stand together.
+        let mut first: Vec<usize> = Vec::new();
+        for unknown in 0..self.names.len() {
+            if first.last().is_none_or(|&last| node(last) != node(unknown)) {
+                first.push(unknown);
+            }
+        }
+        let places: Vec<[u32; D]> = (0..self.names.len()).map(|unknown| lattice(node(unknown))).collect();
+        let mut reach = [0; D];
+        for j in 0..self.pattern.n {
+            for &i in &self.pattern.row[self.pattern.column_start[j]..self.pattern.column_start[j + 1]] {
+                for d in 0..D {
+                    reach[d] = reach[d].max(places[i][d].abs_diff(places[j][d]));
+                }
+            }
+        }
+        let coordinates: Vec<[u32; D]> = first.iter().map(|&unknown| places[unknown]).collect();
+        let end = |k: usize| first.get(k + 1).copied().unwrap_or(self.names.len());
+        ordering::nested_dissection(&coordinates, reach).into_iter().flat_map(|k| first[k]..end(k)).collect()
+    }
+}
+
+/// Where the unknowns and entries of a pattern are in one that contains it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Embedding {
+    unknown: Vec<usize>,
+    entry: Vec<usize>,
+    /// Diagonal entries of the unknowns that only the larger pattern has.
+    absent: Vec<usize>,
+    n: usize,
+    n_entries: usize,
+}
+
+impl Embedding {
+    /// `None` where the larger pattern does not contain the other, or is too large for it to be worth while.
+    pub fn new(inner: &Named, outer: &Named) -> Option<Embedding> {
+        if outer.pattern.n as f64 > MOST * inner.pattern.n as f64 {
+            return None;
+        }
+        let unknown = places(&inner.names, &outer.names)?;
+        let (of, within) = (&inner.pattern, &outer.pattern);
+        let mut entry = Vec::with_capacity(of.row.len());
+        for j in 0..of.n {
+            let (start, end) = (within.column_start[unknown[j]], within.column_start[unknown[j] + 1]);
+            let rows: Vec<usize> =
+                of.row[of.column_start[j]..of.column_start[j + 1]].iter().map(|&i| unknown[i]).collect();
+            entry.extend(places(&rows, &within.row[start..end])?.iter().map(|place| start + place));
+        }
+        let mut is_absent = vec![true; within.n];
+        unknown.iter().for_each(|&place| is_absent[place] = false);
+        let absent = (0..within.n).filter(|&place| is_absent[place]).map(|place| within.column_start[place]);
+        Some(Embedding { absent: absent.collect(), unknown, entry, n: within.n, n_entries: within.row.len() })
+    }
+
+    /// Values of the larger pattern: those of the other, and a diagonal entry of no consequence for each unknown that the
+    /// other does not have.
+    pub fn values(&self, inner: &[f64]) -> Vec<f64> {
+        let mut values = vec![0.0; self.n_entries];
+        let mut largest = 0.0f64;
+        for (&place, &value) in self.entry.iter().zip(inner) {
+            values[place] = value;
+            largest = largest.max(value.abs());
+        }
+        self.absent.iter().for_each(|&place| values[place] = largest);
+        values
+    }
+
+    /// A right-hand side of the larger pattern.
+    pub fn spread(&self, inner: &[f64]) -> Vec<f64> {
+        let mut rhs = vec![0.0; self.n];
+        for (&place, &value) in self.unknown.iter().zip(inner) {
+            rhs[place] = value;
+        }
+        rhs
+    }
+
+    /// The part of a solution that belongs to the unknowns.
+    pub fn gather(&self, outer: &[f64], inner: &mut [f64]) {
+        for (&place, value) in self.unknown.iter().zip(inner) {
+            *value = outer[place];
+        }
+    }
+
+    /// The number of an unknown of the larger pattern in the other.
+    pub fn number(&self, outer: usize) -> Option<usize> {
+        self.unknown.binary_search(&outer).ok()
+    }
+}
+
+/// The place of each of some ascending numbers among others; `None` where one is missing.
+fn places<T: PartialEq>(of: &[T], among: &[T]) -> Option<Vec<usize>> {
+    let mut next = 0;
+    of.iter()
+        .map(|x| {
+            next += 1 + among[next..].iter().position(|y| y == x)?;
+            Some(next - 1)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Direct, LinearSolver};
+    use super::*;
+
+    /// Nodes in a row with two unknowns each, coupled with their neighbours.
+    fn row(nodes: &[u64]) -> Named {
+        let names: Vec<u64> = nodes.iter().flat_map(|node| [2 * node, 2 * node + 1]).collect();
+        let mut pattern = Pattern { n: names.len(), column_start: vec![0], row: Vec::new(), symmetric: true };
+        for j in 0..names.len() {
+            pattern.row.extend((j..names.len()).filter(|&i| names[i] / 2 - names[j] / 2 <= 1));
+            pattern.column_start.push(pattern.row.len());
+        }
+        Named { names, pattern }
+    }
+
+    #[test]
+    fn what_a_pattern_contains_is_solved_with_it() {
+        let outer = row(&[3, 4, 5, 6, 7, 8, 9, 10, 11, 12]);
+        for nodes in [&[3u64, 4, 5, 6, 7, 8, 9, 10, 11, 12][..], &[4, 5, 6, 8, 9, 10, 11, 12]] {
+            let inner = row(nodes);
+            let embedding = Embedding::new(&inner, &outer).unwrap();
+            let values: Vec<f64> = (0..inner.pattern.n)
+                .flat_map(|j| {
+                    let n = inner.pattern.column_start[j + 1] - inner.pattern.column_start[j];
+                    (0..n).map(move |k| if k == 0 { 5.0 + j as f64 } else { -0.3 - 0.01 * (j + k) as f64 })
+                })
+                .collect();
+            let given: Vec<f64> = (0..inner.pattern.n).map(|j| (j as f64).cos()).collect();
+            let order = |named: &Named| named.elimination_order(|node| [node as u32, 0]);
+            let mut direct = Direct::default();
+            direct.analyse(inner.pattern.clone(), &|| order(&inner)).unwrap();
+            direct.factorise(&values).unwrap();
+            let mut expected = given.clone();
+            direct.solve(&mut expected).unwrap();
+            let mut direct = Direct::default();
+            direct.analyse(outer.pattern.clone(), &|| order(&outer)).unwrap();
+            direct.factorise(&embedding.values(&values)).unwrap();
+            let mut all = embedding.spread(&given);
+            direct.solve(&mut all).unwrap();
+            let mut found = given.clone();
+            embedding.gather(&all, &mut found);
+            assert!(
+                found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-14),
+                "{found:?} {expected:?}"
+            );
+            for (k, name) in inner.names.iter().enumerate() {
+                let place = outer.names.iter().position(|n| n == name).unwrap();
+                assert_eq!(embedding.number(place), Some(k));
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_missing_or_too_large_does_not_serve() {
+        let outer = row(&[3, 4, 5, 6, 7, 8]);
+        assert!(Embedding::new(&row(&[3, 4, 5, 6, 7, 9]), &outer).is_none(), "an unknown");
+        assert!(Embedding::new(&row(&[3, 4, 5]), &outer).is_none(), "half of it");
+        let mut coupled = outer.clone();
+        coupled.pattern.row.insert(coupled.pattern.column_start[1], 11);
+        coupled.pattern.column_start[1..].iter_mut().for_each(|start| *start += 1);
+        assert!(coupled.can_be_of::<2>(9));
+        assert!(Embedding::new(&coupled, &outer).is_none(), "an entry");
+        assert!(Embedding::new(&outer, &coupled).is_some());
+    }
+
+    #[test]
+    fn what_no_grid_has_is_noticed() {
+        let good = row(&[3, 4, 5]);
+        assert!(good.can_be_of::<2>(6) && !good.can_be_of::<2>(5));
+        let damage: [fn(&mut Named); 8] = [
+            |named| named.names.swap(0, 1),
+            |named| named.names.truncate(5),
+            |named| named.pattern.n = 7,
+            |named| named.pattern.row[1] = 600,
+            |named| named.pattern.row[0] = 1,
+            |named| named.pattern.column_start[2] = usize::MAX,
+            |named| named.pattern.column_start[1] = 9,
+            |named| named.pattern.symmetric = false,
+        ];
+        for damage in damage {
+            let mut named = good.clone();
+            damage(&mut named);
+            assert!(!named.can_be_of::<2>(6), "{named:?}");
+        }
+    }
+}
