@@ -138,8 +138,7 @@ impl<const D: usize> Connectivity<D> {
         all.group_points = group_points;
         all.group_node_start.push(all.group_nodes.len());
         all.number_active_nodes(grid.n_nodes());
-        all.active_cells.sort_unstable();
-        all.active_cells.dedup();
+        all.list_active_cells(grid.n_cells());
         Ok(all)
     }
 
@@ -209,6 +208,16 @@ impl<const D: usize> Connectivity<D> {
         for node in &mut self.group_nodes {
             *node = self.active_of[*node as usize];
         }
+    }
+
+    /// Turns the list of cells that were met into an ascending one in which each stands once.
+    fn list_active_cells(&mut self, n_cells: usize) {
+        let mut is_met = vec![false; n_cells];
+        for &cell in &self.active_cells {
+            is_met[cell as usize] = true;
+        }
+        self.active_cells.clear();
+        self.active_cells.extend((0..n_cells as u32).filter(|&cell| is_met[cell as usize]));
     }
 
     /// Number of groups.
