@@ -78,7 +78,7 @@ impl DomainUpdate {
         let lengths: [f64; D] = match self {
             DomainUpdate::None => **original,
             DomainUpdate::Determinant => {
-                let factor = F.determinant().powf(1.0 / D as f64);
+                let factor = root::<D>(F.determinant());
                 scaled(original, &|_| factor)
             }
             DomainUpdate::Diagonal => scaled(original, &|i| F[(i, i)]),
@@ -101,6 +101,15 @@ impl DomainUpdate {
     }
 }
 
+/// x^(1/n_D).
+fn root<const D: usize>(x: f64) -> f64 {
+    match D {
+        2 => x.sqrt(),
+        3 => x.cbrt(),
+        _ => x.powf(1.0 / D as f64),
+    }
+}
+
 /// U = √(Fᵀ F).
 fn right_stretch(F: &Mat3) -> Sym3 {
     Sym3::symmetric_part(&(F.transpose() * F)).map_eigenvalues(f64::sqrt)
@@ -111,7 +120,7 @@ fn right_stretch(F: &Mat3) -> Sym3 {
 fn corrected<const D: usize>(F: &Mat3, lengths: &[f64; D]) -> [f64; D] {
     let factor = if (0..D).all(|j| F[(j, j)] > 0.0) {
         let product: f64 = (0..D).map(|j| F[(j, j)]).product();
-        (F.determinant() / product).powf(1.0 / D as f64)
+        root::<D>(F.determinant() / product)
     } else {
         1.0
     };
@@ -120,7 +129,7 @@ fn corrected<const D: usize>(F: &Mat3, lengths: &[f64; D]) -> [f64; D] {
 
 /// Scales lengths uniformly to a volume (both per 2^n_D), as eq. (37).
 fn with_volume<const D: usize>(lengths: [f64; D], volume: f64) -> [f64; D] {
-    let factor = (volume / lengths.iter().product::<f64>()).powf(1.0 / D as f64);
+    let factor = root::<D>(volume / lengths.iter().product::<f64>());
     lengths.map(|l| l * factor)
 }
 

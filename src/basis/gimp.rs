@@ -36,17 +36,7 @@ fn tensor_product<const D: usize>(
     out: &mut Support<D>,
 ) {
     out.clear();
-    let offsets = |counts: [usize; D]| {
-        (0..counts.iter().product()).map(move |link: usize| {
-            let mut rest = link;
-            counts.map(|n| {
-                let k = rest % n;
-                rest /= n;
-                k
-            })
-        })
-    };
-    for offset in offsets(std::array::from_fn(|d| axes[d].1.len())) {
+    for_each_offset(axes.map(|(_, line)| line.len()), |offset| {
         let mut value = 1.0;
         let mut gradient = [1.0; D];
         for d in 0..D {
@@ -60,11 +50,32 @@ fn tensor_product<const D: usize>(
         out.nodes.push(node as u32);
         out.value.push(value);
         out.gradient.push(gradient);
-    }
+    });
     // The domain meets the cells between the first and the last node of each axis.
-    for offset in offsets(std::array::from_fn(|d| (axes[d].1.len() - 1).max(1))) {
+    for_each_offset(axes.map(|(_, line)| (line.len() - 1).max(1)), |offset| {
         let cell = std::array::from_fn(|d| (axes[d].0 + offset[d]).min(grid.cells()[d] - 1));
         out.cells.push(grid.cell(cell) as u32);
+    });
+}
+
+/// All offsets below these counts, none of which is zero, the first axis fastest.
+#[inline(always)]
+fn for_each_offset<const D: usize>(counts: [usize; D], mut visit: impl FnMut([usize; D])) {
+    let mut offset = [0; D];
+    loop {
+        visit(offset);
+        let mut axis = 0;
+        while axis < D {
+            offset[axis] += 1;
+            if offset[axis] < counts[axis] {
+                break;
+            }
+            offset[axis] = 0;
+            axis += 1;
+        }
+        if axis == D {
+            return;
+        }
     }
 }
 
