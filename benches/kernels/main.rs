@@ -12,6 +12,7 @@
 mod calibration;
 mod clock;
 mod count;
+mod elasticity;
 mod files;
 mod point;
 mod system;
@@ -31,6 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         system::print(&machine, only.as_deref());
         if only.is_none() {
+            elasticity::print(&machine);
             files::print(tempfile::tempdir()?.path())?;
         }
         Ok(())

@@ -7,7 +7,7 @@ use mpm::basis::{Connectivity, Method};
 use mpm::constraints::DofMap;
 use mpm::deck::{build::build, load::load_text};
 use mpm::grid::Grid;
-use mpm::linear::{Direct, LinearSolver, ordering};
+use mpm::linear::{Direct, FactorSize, LinearSolver, ordering};
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid};
@@ -84,6 +84,7 @@ struct Measured {
     basis: f64,
     assembly: f64,
     factorise: f64,
+    factor: FactorSize,
     solve: f64,
     work: Work,
 }
@@ -129,22 +130,28 @@ pub fn print(machine: &Machine, only: Option<&str>) {
 
     println!("\n## Linear systems\n");
     println!(
-        "| Example | Method | unknowns | factorise (ms) | growth | solve (ms) | growth |\n|---|---|---|---|---|---|---|"
+        "| Example | Method | unknowns | factorise (ms) | growth | GFLOP/s | of calibration | solve (ms) | growth | GB/s \
+         | of triad |\n|---|---|---|---|---|---|---|---|---|---|---|"
     );
     for (example, sizes) in &all {
         let Some(finest) = sizes.last() else { continue };
         let growth = |cost: &dyn Fn(&Measured) -> f64| {
             exponent(&sizes.iter().map(|m| (m.unknowns, cost(m))).collect::<Vec<_>>())
         };
+        let flops = finest.factor.operations / finest.factorise * 1e-9;
+        // Forward and back again.
+        let bytes = 2.0 * 8.0 * finest.factor.entries as f64 / finest.solve * 1e-9;
         println!(
-            "| {} | {} | {} | {:.2} | {:.2} | {:.3} | {:.2} |",
+            "| {} | {} | {} | {:.2} | {:.2} | {flops:.1} | {:.0} % | {:.3} | {:.2} | {bytes:.1} | {:.0} % |",
             example.name,
             example.method,
             finest.unknowns,
             finest.factorise * 1e3,
             growth(&|m| m.factorise),
+            100.0 * flops / machine.fused,
             finest.solve * 1e3,
             growth(&|m| m.solve),
+            100.0 * bytes / machine.triad,
         );
     }
 }
@@ -224,6 +231,7 @@ fn measure<const D: usize, M: Mechanics<D>>(
         assembly,
         factorise,
         solve,
+        factor: direct.factor_size(),
         work: work(kernel, &links, points.len(), pairs, points.history_len),
     }
 }

@@ -14,7 +14,7 @@ use faer::{Conj, MatMut, Par, Side};
 use crate::memory::Memory;
 
 use super::multifrontal::Multifrontal;
-use super::{Factorisation, LinearError, LinearSolver, Pattern};
+use super::{FactorSize, Factorisation, LinearError, LinearSolver, Pattern};
 
 /// Largest relative residual of a solution that is accepted from a factorisation without pivoting.
 const UNPIVOTED_RESIDUAL: f64 = 1e-8;
@@ -172,6 +172,11 @@ impl LinearSolver for Direct {
 }
 
 impl Direct {
+    /// How large the factor LLᵀ of the pattern is that has been analysed.
+    pub fn factor_size(&self) -> FactorSize {
+        self.llt.as_ref().map(Multifrontal::size).unwrap_or_default()
+    }
+
     /// LLᵀ; false if the matrix is not positive definite.
     fn factorise_llt(&mut self, values: &[f64]) -> Result<bool, LinearError> {
         let Some(llt) = &mut self.llt else { return Err(LinearError::Singular { unknown: None }) };

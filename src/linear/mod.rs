@@ -58,6 +58,15 @@ impl Factorisation {
     }
 }
 
+/// How large a factor is.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct FactorSize {
+    /// Entries of L.
+    pub entries: usize,
+    /// Sums and products that it takes, to the leading order.
+    pub operations: f64,
+}
+
 /// A linear system could not be solved.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum LinearError {

@@ -17,7 +17,7 @@ mod tasks;
 mod tests;
 mod tree;
 
-use super::Pattern;
+use super::{FactorSize, Pattern};
 use elimination::Elimination;
 use fronts::Fronts;
 use tasks::Task;
@@ -50,6 +50,18 @@ impl Multifrontal {
     /// Numbers in the factor.
     pub fn factor_len(&self) -> usize {
         self.fronts.front.last().map_or(0, |last| last.panel + last.panel_len())
+    }
+
+    /// Entries and operations of the factor, without what fronts are rounded up by.
+    pub fn size(&self) -> FactorSize {
+        let mut size = FactorSize::default();
+        for front in &self.fronts.front {
+            let (k, m) = (front.pivots as f64, front.rows as f64);
+            size.entries += front.pivots * front.rows - front.pivots * (front.pivots.max(1) - 1) / 2;
+            // Column j of the pivots: a root, m − j − 1 quotients, a product and a sum for each entry below and to the right.
+            size.operations += k * m * m - k * k * m + k * k * k / 3.0;
+        }
+        size
     }
 
     /// Memory for the factor and working space, [byte].

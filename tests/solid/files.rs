@@ -16,18 +16,10 @@ use mpm::solver;
 use mpm::stress::Solid;
 use mpm::tensor::Mat3;
 use mpm::timing::Timings;
-use vtkio::Vtk;
-use vtkio::model::{CellType, DataSet, Piece, UnstructuredGridPiece};
+use vtkio::model::CellType;
 
 use crate::bodies::{Filling, cells_in, fill, homogeneous, mesh, model};
-
-fn read(path: &Path) -> UnstructuredGridPiece {
-    let DataSet::UnstructuredGrid { mut pieces, .. } = Vtk::import(path).unwrap().data else {
-        panic!("no grid")
-    };
-    let Piece::Inline(piece) = pieces.remove(0) else { panic!("no piece") };
-    *piece
-}
+use crate::inline_vtu::read;
 
 /// Stretches and turns a block in two steps, with all files; they stay for the Python tests.
 fn results(

@@ -8,6 +8,8 @@ mod compaction;
 mod cone;
 mod decks;
 mod files;
+#[path = "../inline_vtu/mod.rs"]
+mod inline_vtu;
 mod patch;
 mod shear;
 mod slab;

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 pub(super) const BLOCK: usize = 128 * 1024;
 
 /// Size of the part of a block that is compressed to see whether the whole is worth it, [byte].
-const SAMPLE: usize = 4096;
+const SAMPLE: usize = 1024;
 
 /// A number as VTK stores it.
 pub(super) trait Number: Copy + Sync {
