@@ -13,8 +13,7 @@ use std::{fs, io};
 
 use inline_vtu::{parts, read};
 use mpm::output::vtu::{self, CellKind, Field, Kinds, Mesh, Values};
-use vtkio::Vtk;
-use vtkio::model::{Attribute, CellType, DataSet, IOBuffer, Piece, UnstructuredGridPiece, VertexNumbers};
+use vtkio::model::{Attribute, CellType, IOBuffer, VertexNumbers};
 
 /// Numbers of 8 bytes in one compressed block of the writer.
 const BLOCK: usize = 128 * 1024 / 8;
