@@ -38,6 +38,7 @@ pub struct Closing {
     findings: Findings,
     directory: PathBuf,
     picture: Option<Picture>,
+    asks_for_pictures: bool,
     /// From where to look at it.
     view: &'static str,
 }
@@ -88,6 +89,7 @@ impl Closing {
             findings: results.findings().clone(),
             directory: results.directory().to_owned(),
             picture: results.last_picture(),
+            asks_for_pictures: results.asks_for_pictures(),
             view: if D == 2 { "cpos=\"xy\"" } else { "" },
         })
     }
@@ -182,6 +184,7 @@ impl Closing {
                 let file = format!("{:?}", file.display().to_string());
                 table.line(&format!("import pyvista; pyvista.read({file}).plot({})", self.view));
             }
+            None if self.asks_for_pictures => table.row("", "no VTU files could be written"),
             None => table.row("", "no VTU files, as the deck says `output: {every: 0}`"),
         }
     }

@@ -284,16 +284,11 @@ impl<const D: usize> Observer<D> for Watch {
         error: Option<&SolveError>,
     ) -> io::Result<()> {
         let written = self.results.complete(model, points, error);
+        let written = self.results.conclude(model, points, summary, error, written);
+        // Whoever waits for the end of the run finds the summary when the status tells of it.
         let lost = written.as_ref().err().map(SolveError::output);
         self.progress.finished(error.or(lost.as_ref()));
         self.update_status();
-        // The summary comes last: where there is one, nothing is missing, whenever the program may be killed.
-        let complete = written.is_ok();
-        let written = self.results.conclude(model, points, summary, error, written);
-        if let (true, None, Err(failure)) = (complete, error, &written) {
-            self.progress.finished(Some(&SolveError::output(failure)));
-            self.update_status();
-        }
         self.closing = Closing::new(model, points, summary, &self.results, error);
         written
     }

@@ -1,6 +1,5 @@
 //! `mpm run --resume`: from which checkpoint a run goes on, and whether it may.
 
-use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
 
@@ -9,9 +8,9 @@ use mpm::deck::changes::{changes, is_end, step_at};
 use mpm::deck::load::LoadedDeck;
 use mpm::deck::ready::Analysis;
 use mpm::output::checkpoint::{Checkpoint, latest};
+use mpm::output::{results, status};
 use mpm::solver::{Reached, Step};
 use mpm::stepping::Pace;
-use serde_json::Value;
 
 /// What to do where a run cannot go on.
 pub const AGAIN: &str = "run the deck without `--resume` to begin anew, which replaces the results";
@@ -61,7 +60,9 @@ pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> a
             loaded.deck.steps.end_time
         );
     };
-    if is_end(&loaded.deck, end) && is_complete(directory) {
+    if is_end(&loaded.deck, end) && status::is_complete(directory) {
+        // Of a run that was killed after it had written its summary.
+        results::tidy(directory).with_context(|| format!("`{}` cannot be written", directory.display()))?;
         return Ok(Found::End(checkpoint.head.reached.summary.steps));
     }
     let restored = match analysis {
@@ -78,11 +79,4 @@ pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> a
         reached.summary.pace = Pace::default();
     }
     Ok(Found::Step(Box::new(checkpoint), Box::new(reached)))
-}
-
-/// Whether the run in a directory has come to its end and written everything: the summary is the last of its files.
-fn is_complete(directory: &Path) -> bool {
-    let summary = fs::read(directory.join("summary.json")).ok();
-    let summary: Option<Value> = summary.and_then(|text| serde_json::from_slice(&text).ok());
-    summary.is_some_and(|summary| summary["outcome"] == "completed")
 }

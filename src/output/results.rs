@@ -210,6 +210,11 @@ impl Results {
         })
     }
 
+    /// Whether the deck asks for files that show the points.
+    pub fn asks_for_pictures(&self) -> bool {
+        self.every > 0
+    }
+
     /// Begins to write what shows a step.
     fn show(&mut self, step: Step, frames: Vec<Frame>) -> io::Result<()> {
         self.settle()?;
@@ -239,7 +244,7 @@ impl Results {
         let lost = self.settle();
         let rows = self.failure.take().map_or(Ok(()), Err);
         // The last equilibrated step is never lost, whatever `every` says.
-        let is_missing = self.writer.reached().is_some_and(|time| time < self.last.end);
+        let is_missing = self.last.index > 0 && self.writer.reached().is_none_or(|time| time < self.last.end);
         let mesh = if self.every > 0 && is_missing {
             self.show(self.last, frames_of_points(model, points, self.last)).and_then(|()| self.settle())
         } else {
@@ -254,7 +259,7 @@ impl Results {
         lost.and(rows).and(mesh).and(secured)
     }
 
-    /// Writes the summary, the last file of a run: where it says that the run is completed, nothing is missing. `written`
+    /// Writes the summary, the last of the results: where it says that the run is completed, nothing is missing. `written`
     /// is what [`Results::complete`] has returned.
     ///
     /// # Errors
@@ -459,6 +464,14 @@ fn remove_later_results(directory: &Path, last: usize, is_kept: impl Fn(&str) ->
         let of_end = OF_RUN.contains(&name) || failed::FILES.contains(&name);
         is_later || of_end || checkpoint::step_of(name).is_some_and(|step| step > last)
     })
+}
+
+/// Removes what a run that was killed has not renamed.
+///
+/// # Errors
+/// Those of the file system.
+pub fn tidy(directory: &Path) -> io::Result<()> {
+    remove(directory, |_| false)
 }
 
 /// Removes files by their names, and with them what a run that was killed has not renamed to such a name.

@@ -288,7 +288,16 @@ pub fn read(directory: &Path) -> io::Result<Status> {
     // It may have ended, or another one begun, since the file was read.
     let again = read_as_written(directory)?;
     let same = again.state == State::Running && again.started == status.started;
-    Ok(if same { Status { state: State::Died, seconds_left: None, ..again } } else { again })
+    // The summary is written before the status tells of the end.
+    let state = if is_complete(directory) { State::Completed } else { State::Died };
+    Ok(if same { Status { state, seconds_left: None, ..again } } else { again })
+}
+
+/// Whether the run in a directory has come to its end and written everything: the summary is the last of its results.
+pub fn is_complete(directory: &Path) -> bool {
+    let summary = std::fs::read(directory.join("summary.json")).ok();
+    let summary: Option<serde_json::Value> = summary.and_then(|text| serde_json::from_slice(&text).ok());
+    summary.is_some_and(|summary| summary["outcome"] == "completed")
 }
 
 fn read_as_written(directory: &Path) -> io::Result<Status> {
@@ -344,6 +353,12 @@ steps: {count: 4}";
         assert_eq!(read(directory.path()).unwrap(), first, "not more than once a second");
         drop(lock);
         assert_eq!(read(directory.path()).unwrap().state, State::Died);
+        let summary = directory.path().join("summary.json");
+        std::fs::write(&summary, r#"{"outcome": "failed"}"#).unwrap();
+        assert_eq!(read(directory.path()).unwrap().state, State::Died);
+        std::fs::write(&summary, r#"{"outcome": "completed"}"#).unwrap();
+        assert_eq!(read(directory.path()).unwrap().state, State::Completed, "killed between the two files");
+        std::fs::remove_file(&summary).unwrap();
         progress.finished(Some(&SolveError::OutOfMemory { step: 1, needed: None }));
         file.update(&progress).unwrap();
         let last = read(directory.path()).unwrap();

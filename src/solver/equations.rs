@@ -1,5 +1,7 @@
 //! The linear equations of an iteration, eq. (26), and the choice of how to solve them.
 
+use std::sync::Arc;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +27,7 @@ pub(super) struct Equations<const D: usize> {
     values: Vec<f64>,
     /// The pattern that has been analysed, where it is to serve for those that it contains, and where the one in hand is in
     /// it, unless it is the same.
-    kept: Option<Named>,
+    kept: Option<Arc<Named>>,
     embedding: Option<Embedding>,
     iterative: Krylov<D>,
     /// How the last system that was solved directly was factorised.
@@ -119,13 +121,13 @@ impl<const D: usize> Place<'_, D> {
 
 impl<const D: usize> Equations<D> {
     /// Equations of a run that goes on with a pattern that has been analysed.
-    pub(super) fn with(kept: Option<Named>) -> Self {
+    pub(super) fn with(kept: Option<Arc<Named>>) -> Self {
         Equations { kept, ..Equations::default() }
     }
 
     /// The pattern that the next steps may go on with.
-    pub(super) fn kept(&self) -> Option<&Named> {
-        self.kept.as_ref()
+    pub(super) fn kept(&self) -> Option<Arc<Named>> {
+        self.kept.clone()
     }
 
     /// Chooses the method for a step and analyses the pattern of its equations.
@@ -195,15 +197,15 @@ impl<const D: usize> Equations<D> {
     fn prepare_contained(&mut self, place: Place<D>, pattern: Pattern) -> Result<(), LinearError> {
         let named = place.named(pattern);
         let kept = match self.kept.take() {
-            Some(kept) if kept == named => kept,
+            Some(kept) if *kept == named => kept,
             Some(kept) => match Embedding::new(&named, &kept) {
                 Some(embedding) => {
                     self.embedding = Some(embedding);
                     kept
                 }
-                None => named,
+                None => Arc::new(named),
             },
-            None => named,
+            None => Arc::new(named),
         };
         let lattice = |node: usize| place.model.grid.lattice(node);
         let analysed = self.direct.analyse(kept.pattern.clone(), &|| kept.elimination_order(lattice));
@@ -305,14 +307,32 @@ impl<const D: usize> Equations<D> {
         delta: &mut [[f64; D]],
         timings: &mut Timings,
     ) -> Result<Solved, LinearError> {
+        match self.factorise_and_substitute(place, system, rhs, delta, timings) {
+            // A matrix that is nearly singular may be solved in its own order of elimination.
+            Err(LinearError::Singular { .. }) if self.embedding.is_some() => {
+                self.kept = None;
+                timings.measure(Phase::Analyse, || self.prepare_direct(place, system))?;
+                self.factorise_and_substitute(place, system, rhs, delta, timings)
+            }
+            outcome => outcome,
+        }
+    }
+
+    fn factorise_and_substitute(
+        &mut self,
+        place: Place<D>,
+        system: &System<D>,
+        rhs: &[[f64; D]],
+        delta: &mut [[f64; D]],
+        timings: &mut Timings,
+    ) -> Result<Solved, LinearError> {
         let factorisation = timings.measure(Phase::Factorise, || {
             system.free_values(&self.entries, &mut self.values);
             match &self.embedding {
                 None => self.direct.factorise(&self.values),
                 Some(embedding) => self.direct.factorise(&embedding.values(&self.values)),
             }
-        });
-        let factorisation = factorisation.map_err(|error| self.in_hand(error))?;
+        })?;
         self.factorised = Some(factorisation);
         timings.measure(Phase::Solve, || self.substitute(place, rhs, delta))?;
         Ok(Solved { factorisation, iterations: 0 })

@@ -1,6 +1,8 @@
 //! What a run tells about itself.
 
-use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::basis::Connectivity;
 use crate::constraints::DofMap;
@@ -136,7 +138,8 @@ pub struct Summary {
     /// Where the run is on its path, if its load factor is unknown.
     pub path: Path,
     /// The pattern of equations that later steps may go on with.
-    pub kept: Option<Named>,
+    #[serde(default, serialize_with = "save_kept", deserialize_with = "load_kept")]
+    pub kept: Option<Arc<Named>>,
     /// Load factor of the last step in equilibrium, where there is one for all loads and prescribed motions, [-].
     pub load_factor: Option<f64>,
     /// Load factor of the largest magnitude in equilibrium, where there is one for all loads and prescribed motions, [-].
@@ -175,6 +178,14 @@ pub struct Summary {
     pub warnings: Vec<String>,
     /// Time spent by phase.
     pub timings: Timings,
+}
+
+fn save_kept<S: Serializer>(kept: &Option<Arc<Named>>, to: S) -> Result<S::Ok, S::Error> {
+    kept.as_deref().serialize(to)
+}
+
+fn load_kept<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Arc<Named>>, D::Error> {
+    Ok(Option::<Named>::deserialize(from)?.map(Arc::new))
 }
 
 /// How far a run has come: what it goes on from beside the points.

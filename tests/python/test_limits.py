@@ -203,7 +203,8 @@ def test_a_directory_that_vanishes(program, tmp_path, every, what):
     assert "panicked" not in messages
     assert not out.exists(), "a run does not make its directory again"
     if what == "moved":
-        assert_sound(tmp_path / "elsewhere")
+        # The file in hand may be left there under its temporary name: nobody can know where it has gone.
+        assert_sound(tmp_path / "elsewhere", ended=False)
 
 
 @pytest.mark.parametrize("closed", ["stdout", "stderr", "both"])

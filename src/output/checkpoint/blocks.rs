@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 /// The first line of a file, without its end: the name of the format, and its version.
 const NAME: &str = "mpm checkpoint";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Length of a block, [byte], and how many are compressed at a time.
 const BLOCK: usize = 1 << 20;

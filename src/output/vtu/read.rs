@@ -144,7 +144,7 @@ impl MeshFile {
         let text = std::str::from_utf8(&bytes[..begin.unwrap_or(bytes.len())])
             .map_err(|error| format!("cut off or no XML: {error}"))?;
         let mut reader = quick_xml::Reader::from_str(text);
-        let (mut section, mut seen_root) = (None, false);
+        let (mut section, mut seen_root, mut is_inline) = (None, false, false);
         // The reader sees the beginning only, in which the root stays open.
         loop {
             match reader.read_event().map_err(|error| format!("cut off or no XML: {error}"))? {
@@ -157,6 +157,7 @@ impl MeshFile {
                         self.points = count(&tag, "NumberOfPoints")?;
                         self.cells = count(&tag, "NumberOfCells")?;
                     }
+                    "DataArray" => is_inline = true,
                     name => section = Section::from_tag(name).or(section),
                 },
                 Event::Empty(tag) if tag.name().as_ref() == "DataArray" => {
@@ -173,6 +174,11 @@ impl MeshFile {
         }
         if !seen_root {
             return Err("no VTK file".to_owned());
+        }
+        if is_inline {
+            return Err(
+                "it was written by an earlier version of this program; run the analysis again".to_owned()
+            );
         }
         let begin = begin.ok_or("the file is cut off, or not written by this program")? + BEGIN.len();
         let end = bytes
@@ -397,6 +403,15 @@ mod tests {
             let error = all(&path, &bytes[..end]).expect_err("the whole file is needed");
             assert!(error.to_string().contains("mesh.vtu"), "{end}: {error}");
         }
+    }
+
+    #[test]
+    fn files_of_earlier_versions_are_refused_as_such() {
+        let text = r#"<?xml version="1.0"?><VTKFile type="UnstructuredGrid" byte_order="LittleEndian" header_type="UInt64"
+            compressor="vtkZLibDataCompressor"><UnstructuredGrid><FieldData><DataArray type="Float64" Name="TimeValue"
+            format="binary">AAAA</DataArray></FieldData></UnstructuredGrid></VTKFile>"#;
+        let error = all(Path::new("old.vtu"), text.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("old.vtu: it was written by an earlier version"), "{error}");
     }
 
     #[test]
