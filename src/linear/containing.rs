@@ -2,12 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Pattern, ordering};
+use super::Pattern;
 
 /// A pattern of more than this many times the unknowns of another does not serve for it.
 const MOST: f64 = 1.25;
 
-/// The pattern of a symmetric matrix whose unknowns have names that outlast a load step: node of the grid times the number
+/// The analysed pattern of a symmetric matrix whose unknowns have names that outlast a load step: node of the grid times the number
 /// of axes, plus the axis; ascending.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Named {
@@ -15,6 +15,8 @@ pub struct Named {
     pub names: Vec<u64>,
     /// Which of them are coupled.
     pub pattern: Pattern,
+    /// The unknowns in the order of elimination.
+    pub order: Vec<usize>,
 }
 
 impl Named {
@@ -37,30 +39,15 @@ impl Named {
             && column_start.first() == Some(&0)
             && column_start.last() == Some(&row.len())
             && (0..*n).all(of_column)
+            && self.is_order()
     }
 
-    /// Order of elimination: nested dissection of the nodes by their place on the lattice of the grid.
-    pub fn elimination_order<const D: usize>(&self, lattice: impl Fn(usize) -> [u32; D]) -> Vec<usize> {
-        let node = |unknown: usize| (self.names[unknown] / D as u64) as usize;
-        // Unknowns of a node stand together.
-        let mut first: Vec<usize> = Vec::new();
-        for unknown in 0..self.names.len() {
-            if first.last().is_none_or(|&last| node(last) != node(unknown)) {
-                first.push(unknown);
-            }
-        }
-        let places: Vec<[u32; D]> = (0..self.names.len()).map(|unknown| lattice(node(unknown))).collect();
-        let mut reach = [0; D];
-        for j in 0..self.pattern.n {
-            for &i in &self.pattern.row[self.pattern.column_start[j]..self.pattern.column_start[j + 1]] {
-                for d in 0..D {
-                    reach[d] = reach[d].max(places[i][d].abs_diff(places[j][d]));
-                }
-            }
-        }
-        let coordinates: Vec<[u32; D]> = first.iter().map(|&unknown| places[unknown]).collect();
-        let end = |k: usize| first.get(k + 1).copied().unwrap_or(self.names.len());
-        ordering::nested_dissection(&coordinates, reach).into_iter().flat_map(|k| first[k]..end(k)).collect()
+    /// Whether each unknown stands once in the order of elimination.
+    fn is_order(&self) -> bool {
+        let mut is_met = vec![false; self.pattern.n];
+        let mut once =
+            |unknown: &usize| is_met.get_mut(*unknown).is_some_and(|met| !std::mem::replace(met, true));
+        self.order.len() == self.pattern.n && self.order.iter().all(&mut once)
     }
 }
 
@@ -77,12 +64,12 @@ pub struct Embedding {
 
 impl Embedding {
     /// `None` where the larger pattern does not contain the other, or is too large for it to be worth while.
-    pub fn new(inner: &Named, outer: &Named) -> Option<Embedding> {
-        if outer.pattern.n as f64 > MOST * inner.pattern.n as f64 {
+    pub fn new(names: &[u64], of: &Pattern, outer: &Named) -> Option<Embedding> {
+        let within = &outer.pattern;
+        if within.n as f64 > MOST * of.n as f64 {
             return None;
         }
-        let unknown = places(&inner.names, &outer.names)?;
-        let (of, within) = (&inner.pattern, &outer.pattern);
+        let unknown = places(names, &outer.names)?;
         let mut entry = Vec::with_capacity(of.row.len());
         for j in 0..of.n {
             let (start, end) = (within.column_start[unknown[j]], within.column_start[unknown[j] + 1]);
@@ -155,7 +142,9 @@ mod tests {
             pattern.row.extend((j..names.len()).filter(|&i| names[i] / 2 - names[j] / 2 <= 1));
             pattern.column_start.push(pattern.row.len());
         }
-        Named { names, pattern }
+        // Not the natural order.
+        let order = (0..names.len()).rev().collect();
+        Named { names, pattern, order }
     }
 
     #[test]
@@ -163,7 +152,7 @@ mod tests {
         let outer = row(&[3, 4, 5, 6, 7, 8, 9, 10, 11, 12]);
         for nodes in [&[3u64, 4, 5, 6, 7, 8, 9, 10, 11, 12][..], &[4, 5, 6, 8, 9, 10, 11, 12]] {
             let inner = row(nodes);
-            let embedding = Embedding::new(&inner, &outer).unwrap();
+            let embedding = Embedding::new(&inner.names, &inner.pattern, &outer).unwrap();
             let values: Vec<f64> = (0..inner.pattern.n)
                 .flat_map(|j| {
                     let n = inner.pattern.column_start[j + 1] - inner.pattern.column_start[j];
@@ -171,14 +160,13 @@ mod tests {
                 })
                 .collect();
             let given: Vec<f64> = (0..inner.pattern.n).map(|j| (j as f64).cos()).collect();
-            let order = |named: &Named| named.elimination_order(|node| [node as u32, 0]);
             let mut direct = Direct::default();
-            direct.analyse(inner.pattern.clone(), &|| order(&inner)).unwrap();
+            direct.analyse(inner.pattern.clone(), &|| inner.order.clone()).unwrap();
             direct.factorise(&values).unwrap();
             let mut expected = given.clone();
             direct.solve(&mut expected).unwrap();
             let mut direct = Direct::default();
-            direct.analyse(outer.pattern.clone(), &|| order(&outer)).unwrap();
+            direct.analyse(outer.pattern.clone(), &|| outer.order.clone()).unwrap();
             direct.factorise(&embedding.values(&values)).unwrap();
             let mut all = embedding.spread(&given);
             direct.solve(&mut all).unwrap();
@@ -197,22 +185,27 @@ mod tests {
 
     #[test]
     fn what_is_missing_or_too_large_does_not_serve() {
+        let serves =
+            |inner: &Named, outer: &Named| Embedding::new(&inner.names, &inner.pattern, outer).is_some();
         let outer = row(&[3, 4, 5, 6, 7, 8]);
-        assert!(Embedding::new(&row(&[3, 4, 5, 6, 7, 9]), &outer).is_none(), "an unknown");
-        assert!(Embedding::new(&row(&[3, 4, 5]), &outer).is_none(), "half of it");
+        assert!(!serves(&row(&[3, 4, 5, 6, 7, 9]), &outer), "an unknown");
+        assert!(!serves(&row(&[3, 4, 5]), &outer), "half of it");
         let mut coupled = outer.clone();
         coupled.pattern.row.insert(coupled.pattern.column_start[1], 11);
         coupled.pattern.column_start[1..].iter_mut().for_each(|start| *start += 1);
         assert!(coupled.can_be_of::<2>(9));
-        assert!(Embedding::new(&coupled, &outer).is_none(), "an entry");
-        assert!(Embedding::new(&outer, &coupled).is_some());
+        assert!(!serves(&coupled, &outer), "an entry");
+        assert!(serves(&outer, &coupled));
     }
 
     #[test]
     fn what_no_grid_has_is_noticed() {
         let good = row(&[3, 4, 5]);
         assert!(good.can_be_of::<2>(6) && !good.can_be_of::<2>(5));
-        let damage: [fn(&mut Named); 8] = [
+        let damage: [fn(&mut Named); 11] = [
+            |named| named.order[0] = 0,
+            |named| named.order[0] = 6,
+            |named| named.order.truncate(5),
             |named| named.names.swap(0, 1),
             |named| named.names.truncate(5),
             |named| named.pattern.n = 7,

@@ -99,15 +99,15 @@ impl<const D: usize> Place<'_, D> {
         }
     }
 
-    /// A pattern with the names of its unknowns.
-    fn named(&self, pattern: Pattern) -> Named {
-        let mut names = Vec::with_capacity(pattern.n);
+    /// Names of the unknowns that outlast the step, as those of [`Named`].
+    fn names(&self) -> Vec<u64> {
+        let mut names = Vec::new();
         for_each_dof(self.dofs, |node, axis, free| {
             if free.is_some() {
                 names.push((self.links.active_nodes()[node] as usize * D + axis) as u64);
             }
         });
-        Named { names, pattern }
+        names
     }
 
     /// Order of elimination of the unknowns: nested dissection of the active nodes by their place in the grid.
@@ -187,30 +187,32 @@ impl<const D: usize> Equations<D> {
         let pattern = std::mem::take(&mut self.entries.pattern);
         self.embedding = None;
         if place.model.newton.pattern == Patterns::Contained && pattern.symmetric {
-            return self.prepare_contained(place, pattern);
+            return self.prepare_contained(place, system, pattern);
         }
         self.kept = None;
         self.direct.analyse(pattern, &|| place.elimination_order(system)).map(|_| ())
     }
 
     /// Analyses a pattern, unless it is contained in the one analysed last.
-    fn prepare_contained(&mut self, place: Place<D>, pattern: Pattern) -> Result<(), LinearError> {
-        let named = place.named(pattern);
-        let kept = match self.kept.take() {
-            Some(kept) if *kept == named => kept,
-            Some(kept) => match Embedding::new(&named, &kept) {
-                Some(embedding) => {
-                    self.embedding = Some(embedding);
-                    kept
-                }
-                None => Arc::new(named),
-            },
-            None => Arc::new(named),
-        };
-        let lattice = |node: usize| place.model.grid.lattice(node);
-        let analysed = self.direct.analyse(kept.pattern.clone(), &|| kept.elimination_order(lattice));
-        self.kept = Some(kept);
-        analysed.map(|_| ())
+    fn prepare_contained(
+        &mut self,
+        place: Place<D>,
+        system: &System<D>,
+        pattern: Pattern,
+    ) -> Result<(), LinearError> {
+        let names = place.names();
+        let same = |kept: &Named| kept.names == names && kept.pattern == pattern;
+        if !self.kept.as_deref().is_some_and(same) {
+            self.embedding = self.kept.as_ref().and_then(|kept| Embedding::new(&names, &pattern, kept));
+            if self.embedding.is_none() {
+                let order = place.elimination_order(system);
+                self.kept = Some(Arc::new(Named { names, pattern, order }));
+            }
+        }
+        match &self.kept {
+            Some(kept) => self.direct.analyse(kept.pattern.clone(), &|| kept.order.clone()).map(|_| ()),
+            None => Ok(()),
+        }
     }
 
     /// Solves for the free entries of `delta`, with a right-hand side that counts where free, to a residual of
