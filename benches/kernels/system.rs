@@ -7,7 +7,7 @@ use mpm::basis::{Connectivity, Method};
 use mpm::constraints::DofMap;
 use mpm::deck::{build::build, load::load_text};
 use mpm::grid::Grid;
-use mpm::linear::{Direct, FactorSize, LinearSolver, ordering};
+use mpm::linear::{Direct, FactorSize, Factorisation, LinearSolver, ordering};
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid};
@@ -85,6 +85,7 @@ struct Measured {
     assembly: f64,
     factorise: f64,
     factor: FactorSize,
+    kind: Factorisation,
     solve: f64,
     work: Work,
 }
@@ -130,8 +131,8 @@ pub fn print(machine: &Machine, only: Option<&str>) {
 
     println!("\n## Linear systems\n");
     println!(
-        "| Example | Method | unknowns | factorise (ms) | growth | GFLOP/s | of calibration | solve (ms) | growth | GB/s \
-         | of triad |\n|---|---|---|---|---|---|---|---|---|---|---|"
+        "| Example | Method | unknowns | by | factorise (ms) | growth | GFLOP/s | of calibration | solve (ms) | growth | GB/s \
+         | of triad |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
     );
     for (example, sizes) in &all {
         let Some(finest) = sizes.last() else { continue };
@@ -142,10 +143,15 @@ pub fn print(machine: &Machine, only: Option<&str>) {
         // Forward and back again.
         let bytes = 2.0 * 8.0 * finest.factor.entries as f64 / finest.solve * 1e-9;
         println!(
-            "| {} | {} | {} | {:.2} | {:.2} | {flops:.1} | {:.0} % | {:.3} | {:.2} | {bytes:.1} | {:.0} % |",
+            "| {} | {} | {} | {} | {:.2} | {:.2} | {flops:.1} | {:.0} % | {:.3} | {:.2} | {bytes:.1} | {:.0} % |",
             example.name,
             example.method,
             finest.unknowns,
+            match finest.kind {
+                Factorisation::Cholesky => "LLᵀ",
+                Factorisation::Ldlt => "LDLᵀ",
+                _ => "LU",
+            },
             finest.factorise * 1e3,
             growth(&|m| m.factorise),
             100.0 * flops / machine.fused,
@@ -219,6 +225,7 @@ fn measure<const D: usize, M: Mechanics<D>>(
             .collect()
     };
     direct.analyse(entries.pattern, &order).expect("the factor fits into memory");
+    let kind = direct.factorise(&values).expect("the stiffness is regular");
     let factorise = least(|| {
         direct.factorise(&values).expect("the stiffness is regular");
     });
@@ -232,6 +239,7 @@ fn measure<const D: usize, M: Mechanics<D>>(
         factorise,
         solve,
         factor: direct.factor_size(),
+        kind,
         work: work(kernel, &links, points.len(), pairs, points.history_len),
     }
 }
