@@ -283,8 +283,7 @@ impl<const D: usize> Observer<D> for Watch {
         summary: &Summary,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
-        let written = self.results.complete(model, points, error);
-        let written = self.results.conclude(model, points, summary, error, written);
+        let written = self.results.finished(model, points, summary, error);
         // Whoever waits for the end of the run finds the summary when the status tells of it.
         let lost = written.as_ref().err().map(SolveError::output);
         self.progress.finished(error.or(lost.as_ref()));

@@ -8,7 +8,7 @@ use mpm::deck::changes::{changes, is_end, step_at};
 use mpm::deck::load::LoadedDeck;
 use mpm::deck::ready::Analysis;
 use mpm::output::checkpoint::{Checkpoint, latest};
-use mpm::output::{results, status};
+use mpm::output::{directory, status};
 use mpm::solver::{Reached, Step};
 use mpm::stepping::Pace;
 
@@ -62,7 +62,7 @@ pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> a
     };
     if is_end(&loaded.deck, end) && status::is_complete(directory) {
         // Of a run that was killed after it had written its summary.
-        results::tidy(directory).with_context(|| format!("`{}` cannot be written", directory.display()))?;
+        directory::tidy(directory).with_context(|| format!("`{}` cannot be written", directory.display()))?;
         return Ok(Found::End(checkpoint.head.reached.summary.steps));
     }
     let restored = match analysis {

@@ -6,6 +6,7 @@
 //! extended by whole rows; a killed run therefore stays readable up to its last step.
 
 pub mod checkpoint;
+pub mod directory;
 mod failed;
 mod fields;
 pub mod findings;

@@ -13,13 +13,14 @@ use crate::solver::{
 use crate::tensor::padded;
 
 use super::checkpoint::{self, Checkpoint};
+use super::directory::{
+    SERIES, file_name, foreign_file, remove_earlier_results, remove_later_results, step_of_file,
+};
 use super::failed;
 use super::fields::{domain_mesh, grid_mesh, point_fields};
 use super::findings::{Extremes, Findings};
 use super::lock::Lock;
-use super::replace::TEMPORARY;
 use super::series::Series;
-use super::status;
 use super::summary::{Account, Outcome};
 use super::table::{Entry, Table};
 use super::writer::{Cells, Fields, Frame, Writer};
@@ -45,9 +46,6 @@ const QUALITY: [&str; 15] = [
 
 /// Columns of `convergence.csv`.
 const CONVERGENCE: [&str; 3] = ["step", "iteration", "residual"];
-
-/// Names of the series.
-const SERIES: [&str; 3] = ["points", "domains", "grid"];
 
 /// Writes everything that a run leaves behind into one directory.
 pub struct Results {
@@ -231,59 +229,6 @@ impl Results {
         Ok(())
     }
 
-    /// Writes what is still to be written of a run that has ended, but for its summary.
-    ///
-    /// # Errors
-    /// Those of the file system; what can be written is, even where something else could not.
-    pub fn complete<const D: usize>(
-        &mut self,
-        model: &Model<D>,
-        points: &Points<D>,
-        error: Option<&SolveError>,
-    ) -> io::Result<()> {
-        let lost = self.settle();
-        let rows = self.failure.take().map_or(Ok(()), Err);
-        // The last equilibrated step is never lost, whatever `every` says.
-        let is_missing = self.last.index > 0 && self.writer.reached().is_none_or(|time| time < self.last.end);
-        let mesh = if self.every > 0 && is_missing {
-            self.show(self.last, frames_of_points(model, points, self.last)).and_then(|()| self.settle())
-        } else {
-            Ok(())
-        };
-        // Whatever ended the run early, it can go on from there; but not where the files of that step are missing.
-        let secured = match error {
-            Some(SolveError::Output(_)) => Ok(()),
-            _ if lost.is_err() || error.is_none() && self.checkpoints().is_none() => Ok(()),
-            _ => self.secure(points),
-        };
-        lost.and(rows).and(mesh).and(secured)
-    }
-
-    /// Writes the summary, the last of the results: where it says that the run is completed, nothing is missing. `written`
-    /// is what [`Results::complete`] has returned.
-    ///
-    /// # Errors
-    /// Those of the file system, and the one that is passed on.
-    pub fn conclude<const D: usize>(
-        &mut self,
-        model: &Model<D>,
-        points: &Points<D>,
-        summary: &Summary,
-        error: Option<&SolveError>,
-        written: io::Result<()>,
-    ) -> io::Result<()> {
-        let lost = written.as_ref().err().map(SolveError::output);
-        let outcome = match error.or(lost.as_ref()) {
-            None => Outcome::Completed,
-            Some(SolveError::Interrupted { .. }) => Outcome::Interrupted,
-            Some(error) => Outcome::Failed { code: error.code(), reason: error.to_string() },
-        };
-        self.findings.extremes = Extremes::new(model, points);
-        let path = self.directory.join("summary.json");
-        let told = self.account.write(&path, model, points, summary, &self.findings, &outcome);
-        written.and(told)
-    }
-
     fn write_history<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -414,15 +359,6 @@ pub struct Picture {
     pub file: PathBuf,
 }
 
-fn file_name(series: &str, step: usize) -> String {
-    format!("{series}_{step:04}.vtu")
-}
-
-/// The number in the name of a file that [`file_name`] has made.
-fn step_of_file(name: &str) -> Option<usize> {
-    name.strip_suffix(".vtu")?.rsplit_once('_')?.1.parse().ok()
-}
-
 fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
     let axes = &["x", "y", "z"][..D];
     let mut columns: Vec<String> =
@@ -444,88 +380,6 @@ fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
 
 fn all_have_domains<const D: usize>(model: &Model<D>) -> bool {
     model.bodies.iter().all(|b| b.method.domain() != DomainKind::None)
-}
-
-/// Removes the series, summary, status and checkpoints that an earlier run left in the directory, so that none of its
-/// files are mistaken for ours.
-fn remove_earlier_results(directory: &Path) -> io::Result<()> {
-    remove(directory, |name| {
-        is_of_series(name)
-            || OF_RUN.contains(&name)
-            || failed::FILES.contains(&name)
-            || checkpoint::step_of(name).is_some()
-    })
-}
-
-/// Removes what a run has written after a step, and what it wrote because it ended there.
-fn remove_later_results(directory: &Path, last: usize, is_kept: impl Fn(&str) -> bool) -> io::Result<()> {
-    remove(directory, |name| {
-        let is_later = is_of_series(name) && name.ends_with(".vtu") && !is_kept(name);
-        let of_end = OF_RUN.contains(&name) || failed::FILES.contains(&name);
-        is_later || of_end || checkpoint::step_of(name).is_some_and(|step| step > last)
-    })
-}
-
-/// Removes what a run that was killed has not renamed.
-///
-/// # Errors
-/// Those of the file system.
-pub fn tidy(directory: &Path) -> io::Result<()> {
-    remove(directory, |_| false)
-}
-
-/// Removes files by their names, and with them what a run that was killed has not renamed to such a name.
-fn remove(directory: &Path, is_old: impl Fn(&str) -> bool) -> io::Result<()> {
-    for entry in std::fs::read_dir(directory)? {
-        let path = entry?.path();
-        let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
-        let half = name.strip_suffix(TEMPORARY);
-        let is_half = half.is_some_and(|name| {
-            is_of_series(name)
-                || OF_RUN.contains(&name)
-                || failed::FILES.contains(&name)
-                || TABLES.contains(&name)
-                || checkpoint::step_of(name).is_some()
-        });
-        // A directory of such a name is not ours.
-        if (is_old(name) || is_half) && path.is_file() {
-            std::fs::remove_file(&path)?;
-        }
-    }
-    Ok(())
-}
-
-/// The tables of a run.
-const TABLES: [&str; 3] = ["history.csv", "convergence.csv", "quality.csv"];
-
-/// Files that tell of a run as a whole.
-const OF_RUN: [&str; 3] = ["summary.json", "run.json", status::NAME];
-
-/// Whether a file with this name belongs to a series.
-fn is_of_series(name: &str) -> bool {
-    SERIES.iter().any(|series| {
-        let Some(rest) = name.strip_prefix(series) else { return false };
-        let number = rest.strip_prefix('_').and_then(|r| r.strip_suffix(".vtu"));
-        rest == ".pvd" || number.is_some_and(|n| n.len() >= 4 && n.bytes().all(|b| b.is_ascii_digit()))
-    })
-}
-
-/// A file that a run would replace although no run has written it.
-fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
-    if OF_RUN.iter().any(|name| directory.join(name).exists()) {
-        return Ok(None);
-    }
-    for entry in std::fs::read_dir(directory)? {
-        let path = entry?.path();
-        let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
-        // A run that was killed at its very beginning leaves a table behind.
-        let is_table = || std::fs::read(&path).is_ok_and(|bytes| bytes.starts_with(b"step,"));
-        let ours = TABLES.contains(&name);
-        if is_of_series(name) || ours && !is_table() {
-            return Ok(Some(name.to_owned()));
-        }
-    }
-    Ok(None)
 }
 
 impl<const D: usize> Observer<D> for Results {
@@ -606,7 +460,33 @@ impl<const D: usize> Observer<D> for Results {
         summary: &Summary,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
-        let written = self.complete(model, points, error);
-        self.conclude(model, points, summary, error, written)
+        let lost = self.settle();
+        let rows = self.failure.take().map_or(Ok(()), Err);
+        // The last equilibrated step is never lost, whatever `every` says.
+        let is_missing = self.last.index > 0 && self.writer.reached().is_none_or(|time| time < self.last.end);
+        let mesh = if self.every > 0 && is_missing {
+            self.show(self.last, frames_of_points(model, points, self.last)).and_then(|()| self.settle())
+        } else {
+            Ok(())
+        };
+        // Whatever ended the run early, it can go on from there; but not where the files of that step are missing.
+        let secured = match error {
+            Some(SolveError::Output(_)) => Ok(()),
+            _ if lost.is_err() || error.is_none() && self.checkpoints().is_none() => Ok(()),
+            _ => self.secure(points),
+        };
+        // What can be written is, even where something else could not.
+        let written = lost.and(rows).and(mesh).and(secured);
+        // The summary comes last: where it says that the run is completed, nothing is missing.
+        let lost = written.as_ref().err().map(SolveError::output);
+        let outcome = match error.or(lost.as_ref()) {
+            None => Outcome::Completed,
+            Some(SolveError::Interrupted { .. }) => Outcome::Interrupted,
+            Some(error) => Outcome::Failed { code: error.code(), reason: error.to_string() },
+        };
+        self.findings.extremes = Extremes::new(model, points);
+        let path = self.directory.join("summary.json");
+        let told = self.account.write(&path, model, points, summary, &self.findings, &outcome);
+        written.and(told)
     }
 }
