@@ -174,7 +174,7 @@ pub fn run_into(
             }
         }
     };
-    let every = loaded.deck.output.every as usize;
+    let asked = loaded.deck.output.clone();
     let account = Account {
         start,
         deck_file: loaded.source.name().to_owned(),
@@ -189,16 +189,16 @@ pub fn run_into(
     let (results, from) = match from {
         None => {
             let created = match &analysis {
-                Analysis::Plane(parts) => Results::create(directory, every, &parts.0, account),
-                Analysis::Solid(parts) => Results::create(directory, every, &parts.0, account),
+                Analysis::Plane(parts) => Results::create(directory, &asked, &parts.0, account),
+                Analysis::Solid(parts) => Results::create(directory, &asked, &parts.0, account),
             };
             (created.map_err(|error| not_writable(directory, error))?, None)
         }
         Some((lock, checkpoint, reached)) => {
             let (place, step) = ((directory, lock), reached.step);
             let reopened = match &analysis {
-                Analysis::Plane(parts) => Results::go_on(place, every, &parts.0, account, &checkpoint, step),
-                Analysis::Solid(parts) => Results::go_on(place, every, &parts.0, account, &checkpoint, step),
+                Analysis::Plane(parts) => Results::go_on(place, &asked, &parts.0, account, &checkpoint, step),
+                Analysis::Solid(parts) => Results::go_on(place, &asked, &parts.0, account, &checkpoint, step),
             };
             let results = reopened.map_err(|error| {
                 let what = format!("the results of the steps up to the checkpoint cannot be used: {error}");

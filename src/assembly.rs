@@ -25,7 +25,7 @@ use crate::stabilisation::Ghost;
 use crate::stress::{Formulation, Mechanics, PointError, PointResponse, StartOfStep, WeakForm};
 use crate::tensor::{Lanes, Sym3};
 
-use group::{Cell, Dense, Square, Triangle, Whole};
+use group::{Cell, Dense, Forces, Square, Triangle, Whole};
 pub use pattern::FreeEntries;
 use pattern::{NodePairs, UNCOUPLED};
 
@@ -62,6 +62,15 @@ pub struct System<const D: usize> {
 struct DenseBatch<const D: usize> {
     blocks: Vec<Block<D>>,
     force: Vec<[f64; D]>,
+}
+
+/// What an evaluation is to assemble.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Wanted {
+    /// Internal force and stiffness.
+    Stiffness,
+    /// The internal force, with the same bits.
+    Force,
 }
 
 /// A point failed during assembly.
@@ -147,8 +156,35 @@ impl<const D: usize> System<D> {
         links: &Connectivity<D>,
         delta_d: &[[f64; D]],
     ) -> Result<(), PointFailure> {
+        self.evaluate::<M>(model, points, links, delta_d, Wanted::Stiffness)
+    }
+
+    /// As [`System::assemble`], without the stiffness, which stays that of the evaluation before.
+    ///
+    /// # Errors
+    /// As [`System::assemble`].
+    pub fn assemble_force<M: Mechanics<D>>(
+        &mut self,
+        model: &Model<D>,
+        points: &mut Points<D>,
+        links: &Connectivity<D>,
+        delta_d: &[[f64; D]],
+    ) -> Result<(), PointFailure> {
+        self.evaluate::<M>(model, points, links, delta_d, Wanted::Force)
+    }
+
+    fn evaluate<M: Mechanics<D>>(
+        &mut self,
+        model: &Model<D>,
+        points: &mut Points<D>,
+        links: &Connectivity<D>,
+        delta_d: &[[f64; D]],
+        wanted: Wanted,
+    ) -> Result<(), PointFailure> {
         let System { pairs, ghost, blocks, f_int, start, batches, dense, value, gradient, mapped, .. } = self;
-        blocks.fill([[0.0; D]; D]);
+        if wanted == Wanted::Stiffness {
+            blocks.fill([[0.0; D]; D]);
+        }
         f_int.fill([0.0; D]);
         let [mut in_hand, mut before] = dense.each_mut();
         let mut merged = 0..0;
@@ -163,6 +199,7 @@ impl<const D: usize> System<D> {
                 links,
                 pairs,
                 delta_d,
+                wanted,
                 mechanics: std::marker::PhantomData,
             };
             let first = links.points_of(batch.start).start;
@@ -179,14 +216,16 @@ impl<const D: usize> System<D> {
             let work = Work { trial, dense: &mut in_hand.blocks, force: &mut in_hand.force, room };
             let (outcome, ()) = rayon::join(
                 || task.run(batch.clone(), work),
-                || merge(pairs, links, merged.clone(), before, blocks, f_int),
+                || merge(pairs, links, merged.clone(), before, blocks, f_int, wanted),
             );
             outcome?;
             merged = batch;
             std::mem::swap(&mut in_hand, &mut before);
         }
-        merge(pairs, links, merged, before, blocks, f_int);
-        pairs.add_ghost(ghost, blocks);
+        merge(pairs, links, merged, before, blocks, f_int, wanted);
+        if wanted == Wanted::Stiffness {
+            pairs.add_ghost(ghost, blocks);
+        }
         ghost.add_force(delta_d, f_int);
         Ok(())
     }
@@ -253,12 +292,16 @@ fn merge<const D: usize>(
     dense: &DenseBatch<D>,
     blocks: &mut [Block<D>],
     f_int: &mut [[f64; D]],
+    wanted: Wanted,
 ) {
     let (mut k, mut f) = (0, 0);
     for group in batch {
         for &node in links.nodes_of(group) {
             add(&mut f_int[node as usize], &dense.force[f]);
             f += 1;
+        }
+        if wanted == Wanted::Force {
+            continue;
         }
         for &position in pairs.positions(group) {
             if position != UNCOUPLED {
@@ -289,6 +332,7 @@ struct Task<'a, const D: usize, M> {
     links: &'a Connectivity<D>,
     pairs: &'a NodePairs,
     delta_d: &'a [[f64; D]],
+    wanted: Wanted,
     mechanics: std::marker::PhantomData<M>,
 }
 
@@ -378,6 +422,9 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
             let (f, rest) = force.split_at_mut(n);
             force = rest;
             match (D, n) {
+                _ if self.wanted == Wanted::Force => {
+                    self.run_group::<UPDATED>(group, &mut trial, room, f, &mut Forces)?;
+                }
                 (3, 8) if self.links.is_whole(group) => {
                     let cell = &mut Cell::<D, 8, 2>::zero(symmetric);
                     self.run_group::<UPDATED>(group, &mut trial, room, f, cell)?;

@@ -21,8 +21,9 @@ pub struct ReportArgs {
     /// The page [default: DIR/report.html; comparison.html for several directories].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Field that the points are coloured by, as often as needed; cauchy_stress:XX is a component.
-    #[arg(long, value_name = "NAME[:COMPONENT]", default_value = "von_mises_stress")]
+    /// Field that the points are coloured by, as often as needed; cauchy_stress:XX is a component [default:
+    /// von_mises_stress, or another field if the run did not write that].
+    #[arg(long, value_name = "NAME[:COMPONENT]")]
     field: Vec<FieldChoice>,
     /// Load steps that the points are shown at: numbers, first, middle, last.
     #[arg(long, value_name = "STEP,...", value_delimiter = ',', default_value = "first,middle,last")]

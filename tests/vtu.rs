@@ -16,7 +16,7 @@ use mpm::output::vtu::{self, CellKind, Field, Kinds, Mesh, Values};
 use vtkio::model::{Attribute, CellType, IOBuffer, VertexNumbers};
 
 /// Numbers of 8 bytes in one compressed block of the writer.
-const BLOCK: usize = 128 * 1024 / 8;
+const BLOCK: usize = 65_520 / 8;
 
 /// The uncompressed bytes of every array of a name, decoded as VTK documents it.
 fn decoded(path: &Path, name: &str) -> Vec<Vec<u8>> {

@@ -9,7 +9,7 @@ use super::field::StepChoice;
 use super::number::plain;
 use super::page::{Cell, Page, Table, escape};
 use super::picture::Gallery;
-use super::run::{Run, State};
+use super::run::{Run, Snapshot, State};
 use super::scene::Scene;
 use super::sections::{
     banner, foot, largest_residual, machine, naming, program, started, state_in_words, steps_in_words,
@@ -229,15 +229,19 @@ fn deformed_points(
         return Ok(());
     }
     page.section("Deformed points");
-    for (number, field) in options.fields.iter().enumerate() {
+    let mut snapshots = Vec::new();
+    for run in shown.iter().copied() {
+        let last = StepChoice::find_all(&options.steps, &run.points)?.pop();
+        snapshots.extend(last.map(|snapshot| (run, snapshot)));
+    }
+    let all: Vec<Snapshot> = snapshots.iter().map(|(_, snapshot)| snapshot.clone()).collect();
+    for (number, field) in options.fields(&all)?.iter().enumerate() {
         let mut scenes = Vec::new();
-        for run in &shown {
-            if let Some(snapshot) = StepChoice::find_all(&options.steps, &run.points)?.pop() {
-                let progress = Progress::of(std::slice::from_ref(*run));
-                let at = plain(progress.at(run, snapshot.time), 4);
-                let title = format!("{}: step {}, {} {at}", run.name, snapshot.step, progress.name());
-                scenes.push(Scene::read(run, &snapshot, field, title)?);
-            }
+        for (run, snapshot) in &snapshots {
+            let progress = Progress::of(std::slice::from_ref(*run));
+            let at = plain(progress.at(run, snapshot.time), 4);
+            let title = format!("{}: step {}, {} {at}", run.name, snapshot.step, progress.name());
+            scenes.push(Scene::read(run, snapshot, field, title)?);
         }
         let gallery = Gallery::new(&scenes, field);
         page.figure(&gallery.caption(naming), &gallery.html(naming, &format!("colours-{number}"))?);

@@ -40,9 +40,16 @@ impl fmt::Display for FieldChoice {
 }
 
 impl FieldChoice {
-    /// The von Mises stress, which every run writes.
-    pub fn von_mises() -> FieldChoice {
-        FieldChoice { name: "von_mises_stress".to_owned(), component: None }
+    /// What is shown where nothing is asked for: the first of these fields that all meshes have.
+    pub(super) fn usual(meshes: &[MeshFile]) -> FieldChoice {
+        let is_there = |name: &&str| {
+            meshes.iter().all(|mesh| mesh.arrays(Section::PointData).any(|array| array.name == **name))
+        };
+        let name = ["von_mises_stress", "equivalent_plastic_strain", "pressure", "J", "displacement"]
+            .into_iter()
+            .find(is_there);
+        // The volume is in every file.
+        FieldChoice { name: name.unwrap_or("volume").to_owned(), component: None }
     }
 
     /// The field in words.

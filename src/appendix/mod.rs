@@ -36,12 +36,13 @@ pub use field::{FieldChoice, StepChoice};
 pub use run::NoResults;
 pub use units::Units;
 
-use run::Run;
+use run::{Run, Snapshot, read_mesh};
 
 /// What a report shows.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// The fields that the points are coloured by, each in a figure of its own.
+    /// The fields that the points are coloured by, each in a figure of its own; where there are none, the von Mises stress,
+    /// or another field if that was not written.
     pub fields: Vec<FieldChoice>,
     /// The steps that the points are shown at; a comparison shows the last of them.
     pub steps: Vec<StepChoice>,
@@ -52,10 +53,21 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Options {
-            fields: vec![FieldChoice::von_mises()],
+            fields: Vec::new(),
             steps: vec![StepChoice::First, StepChoice::Middle, StepChoice::Last],
             units: None,
         }
+    }
+}
+
+impl Options {
+    /// The fields that are shown of some states.
+    fn fields(&self, snapshots: &[Snapshot]) -> Result<Vec<FieldChoice>, ReportError> {
+        if !self.fields.is_empty() {
+            return Ok(self.fields.clone());
+        }
+        let meshes = snapshots.iter().map(|snapshot| read_mesh(&snapshot.path));
+        Ok(vec![FieldChoice::usual(&meshes.collect::<Result<Vec<_>, _>>()?)])
     }
 }
 

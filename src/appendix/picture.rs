@@ -352,7 +352,7 @@ mod tests {
 
     #[test]
     fn a_few_extreme_values_do_not_take_all_the_colours() {
-        let field = FieldChoice::von_mises();
+        let field: FieldChoice = "von_mises_stress".parse().unwrap();
         let mut values: Vec<f64> = (0..1000).map(|i| f64::from(i) / 999.0).collect();
         values.push(50.0);
         let scenes = [scene(values)];
@@ -379,7 +379,7 @@ mod tests {
 
     #[test]
     fn a_picture_without_extent_is_left_out() {
-        let field = FieldChoice::von_mises();
+        let field: FieldChoice = "von_mises_stress".parse().unwrap();
         let empty = Scene { sides: Vec::new(), ..scene(Vec::new()) };
         let scenes = [empty];
         assert_eq!(Gallery::new(&scenes, &field).html(&Naming::default(), "g").unwrap(), "");
@@ -387,7 +387,7 @@ mod tests {
 
     #[test]
     fn points_and_cells_are_on_the_raster() {
-        let field = FieldChoice::von_mises();
+        let field: FieldChoice = "von_mises_stress".parse().unwrap();
         let scenes = [scene((0..10).map(f64::from).collect())];
         let gallery = Gallery::new(&scenes, &field);
         let html = gallery.html(&Naming::default(), "g1").unwrap();

@@ -18,6 +18,24 @@ pub(super) trait Dense<const D: usize> {
     );
 }
 
+/// No stiffness, only forces.
+pub(super) struct Forces;
+
+impl<const D: usize> Dense<D> for Forces {
+    #[inline(always)]
+    fn add<W: WeakForm<D>>(
+        &mut self,
+        weak: &W,
+        links: &Links<D>,
+        gradients: &[[f64; D]],
+        force: &mut [[f64; D]],
+    ) {
+        for ((&node, gradient), value) in links.local.iter().zip(gradients).zip(links.value) {
+            weak.column(&weak.gradient(gradient, *value), &mut force[node as usize]);
+        }
+    }
+}
+
 /// The lower triangle, by rows.
 pub(super) struct Triangle<'a, const D: usize>(pub &'a mut [Block<D>]);
 

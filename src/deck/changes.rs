@@ -65,7 +65,7 @@ fn essential(deck: &Deck) -> Value {
             steps.retain(|key, _| key == "control");
         }
         if let Some(output) = map.get_mut("output").and_then(Value::as_object_mut) {
-            output.remove("every");
+            output.retain(|key, _| key == "probes");
         }
         if let Some(parameters) = map.get_mut("parameters").and_then(Value::as_object_mut) {
             // The others stand in the deck with their values.

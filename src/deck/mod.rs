@@ -15,6 +15,8 @@ pub use crate::basis::Method;
 pub use crate::domain::DomainUpdate;
 pub use crate::linear::Choice as LinearChoice;
 use crate::model::Newton;
+use crate::output::fields::PointField;
+use crate::output::vtu::Precision;
 pub use crate::points::PointVolume;
 pub use crate::solver::{Patterns, Predictor, Tangent};
 pub use crate::stabilisation::Stabilisation;
@@ -572,13 +574,20 @@ pub struct OutputDeck {
     /// VTU files are written every so many load steps, and for the last one; 0 writes no VTU files.
     #[schemars(range(max = 10_000_000))]
     pub every: u32,
+    /// Fields of the points in VTU files, beside their volume and the numbers of point, body and material, which every file
+    /// has. All of them unless this says less.
+    #[schemars(extend("uniqueItems" = true))]
+    pub fields: Vec<PointField>,
+    /// Size of floating-point numbers in VTU files.
+    pub precision: Precision,
     /// Places whose displacement is recorded in `history.csv`.
     pub probes: Vec<ProbeDeck>,
 }
 
 impl Default for OutputDeck {
     fn default() -> Self {
-        OutputDeck { every: 1, probes: Vec::new() }
+        let (fields, precision) = (PointField::ALL.to_vec(), Precision::default());
+        OutputDeck { every: 1, fields, precision, probes: Vec::new() }
     }
 }
 

@@ -5,11 +5,11 @@ use std::path::Path;
 
 use crate::model::Model;
 use crate::points::Points;
-use crate::solver::{FailedAttempt, Iterate};
+use crate::solver::{FailedAttempt, Iterate, Step};
 use crate::tensor::padded;
 
-use super::fields::{GridMesh, OwnedField, grid_mesh};
-use super::vtu::{self, CellKind, Field, Kinds, Mesh, VECTOR};
+use super::fields::{GridMesh, grid_mesh, number, vector};
+use super::vtu::{self, CellKind, Field, Kinds, Mesh};
 
 /// The files: the points, and the grid.
 pub(super) const FILES: [&str; 2] = ["failed_points.vtu", "failed_grid.vtu"];
@@ -30,29 +30,51 @@ pub(super) fn write<const D: usize>(
     if out_of_balance.len() != delta_d.len() || !numbers().all(|x| x.is_finite()) {
         return Ok(());
     }
-    let write = |name: &str, mesh: &Mesh, fields: &[OwnedField]| {
-        let fields: Vec<Field> = fields.iter().map(OwnedField::as_field).collect();
-        let step = attempt.step;
-        vtu::write(&directory.join(name), step.end, step.index as i64, mesh, &fields, &[])
+    let Step { index, end, .. } = attempt.step;
+    let write = |name: &str, mesh: &Mesh, fields: &[Field]| {
+        vtu::write(&directory.join(name), end, index as i64, mesh, fields, &[])
     };
-
-    let (positions, fields) = moved_points(points, iterate);
+    let order = points.by_id();
+    let increments = increments_of(points, iterate);
+    let moved = |p: usize| std::array::from_fn(|d| points.converged.position[p][d] + increments[p][d]);
+    let positions: Vec<[f64; D]> = order.iter().map(|&p| moved(p)).collect();
+    let since_start = |(place, &p): (&[f64; D], &usize)| {
+        padded(&std::array::from_fn::<f64, D, _>(|d| place[d] - points.original_position[p][d]))
+    };
+    let displacement: Vec<[f64; 3]> = positions.iter().zip(&order).map(since_start).collect();
+    let increments: Vec<[f64; 3]> = order.iter().map(|&p| padded(&increments[p])).collect();
+    let bodies: Vec<i32> = order.iter().map(|&p| i32::from(points.body[p])).collect();
+    let numbers: Vec<i32> = order.iter().map(|&p| points.id[p] as i32).collect();
+    let no = vec![0; points.len().max(delta_d.len())];
+    let positions: Vec<[f64; 3]> = positions.iter().map(padded).collect();
     let vertices: Vec<i64> = (0..positions.len() as i64).collect();
     let mesh = Mesh { points: &positions, kinds: Kinds::All(CellKind::Vertex), connectivity: &vertices };
+    let fields = [
+        vector("displacement", &displacement),
+        vector("displacement_increment", &increments),
+        number("body_id", &bodies),
+        number("point_id", &numbers),
+        number("in_equilibrium", &no[..points.len()]),
+    ];
     write(FILES[0], &mesh, &fields)?;
 
-    let named = [("displacement_increment", &delta_d[..]), ("out_of_balance_force", &out_of_balance[..])];
-    let GridMesh { nodes, corners, kinds, mut fields } = grid_mesh(model, links, &named);
-    fields.push(not_in_equilibrium(nodes.len()));
+    let [increments, forces] =
+        [delta_d, out_of_balance].map(|field| field.iter().map(padded).collect::<Vec<[f64; 3]>>());
+    let GridMesh { nodes, corners, kinds } = grid_mesh(model, links);
+    let fields = [
+        vector("displacement_increment", &increments),
+        vector("out_of_balance_force", &forces),
+        number("in_equilibrium", &no[..nodes.len()]),
+    ];
     let mesh = Mesh { points: &nodes, kinds: Kinds::Each(&kinds), connectivity: &corners };
     write(FILES[1], &mesh, &fields)
 }
 
-/// The points where the last displacement increment takes them, in the order of their permanent numbers.
-fn moved_points<const D: usize>(
+/// The last displacement increment of each point.
+fn increments_of<const D: usize>(
     points: &Points<D>,
     Iterate { links, delta_d, .. }: &Iterate<D>,
-) -> (Vec<[f64; 3]>, Vec<OwnedField>) {
+) -> Vec<[f64; D]> {
     let mut increments = vec![[0.0; D]; points.len()];
     for group in 0..links.n_groups() {
         let nodes = links.nodes_of(group);
@@ -64,30 +86,5 @@ fn moved_points<const D: usize>(
             });
         }
     }
-    let order = points.by_id();
-    let moved = |p: usize| std::array::from_fn(|d| points.converged.position[p][d] + increments[p][d]);
-    let positions: Vec<[f64; D]> = order.iter().map(|&p| moved(p)).collect();
-    let since_start = |(place, &p): (&[f64; D], &usize)| {
-        padded(&std::array::from_fn::<f64, D, _>(|d| place[d] - points.original_position[p][d]))
-    };
-    let fields = vec![
-        OwnedField::float(
-            "displacement",
-            &VECTOR,
-            positions.iter().zip(&order).flat_map(since_start).collect(),
-        ),
-        OwnedField::float(
-            "displacement_increment",
-            &VECTOR,
-            order.iter().flat_map(|&p| padded(&increments[p])).collect(),
-        ),
-        OwnedField::integer("body_id", order.iter().map(|&p| i32::from(points.body[p])).collect()),
-        OwnedField::integer("point_id", order.iter().map(|&p| points.id[p] as i32).collect()),
-        not_in_equilibrium(points.len()),
-    ];
-    (positions.iter().map(padded).collect(), fields)
-}
-
-fn not_in_equilibrium(n: usize) -> OwnedField {
-    OwnedField::integer("in_equilibrium", vec![0; n])
+    increments
 }

@@ -1,14 +1,21 @@
 //! The fields of material points and grid nodes as they stand in the files.
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::basis::{Connectivity, DomainKind};
 use crate::grid::vtk_corner;
-use crate::model::Model;
-use crate::points::Points;
+use crate::model::{Body, Model};
+use crate::points::{PIECE, PointVolume, Points};
 use crate::tensor::{Mat3, Sym3, padded};
 
-use super::vtu::{CellKind, Field, SYMMETRIC_TENSOR, TENSOR, VECTOR, Values};
+use super::vtu::{
+    CellKind, Compute, Encoded, Field, Precision, Room, SYMMETRIC_TENSOR, TENSOR, VECTOR, Values,
+};
 
 /// Row and column of each component of a symmetric tensor in ParaView's order.
 const PARAVIEW: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)];
@@ -16,91 +23,155 @@ const PARAVIEW: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (
 /// The history variable that every file carries, zero for laws that do not have it.
 const EQUIVALENT_PLASTIC_STRAIN: &str = "equivalent_plastic_strain";
 
-/// Number of points whose fields are computed by one piece of work.
-const PIECE: usize = 1 << 12;
-
-/// One field, owned.
-pub struct OwnedField {
-    name: String,
-    names: &'static [&'static str],
-    components: usize,
-    values: OwnedValues,
+/// A field of the points that files may have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PointField {
+    /// From the original to the current position, [length].
+    Displacement,
+    /// F.
+    DeformationGradient,
+    /// det F.
+    #[serde(rename = "J")]
+    VolumeRatio,
+    /// Force per current area, [stress].
+    CauchyStress,
+    /// Logarithmic elastic strain.
+    ElasticStrain,
+    /// Logarithmic plastic strain in the original configuration.
+    PlasticStrain,
+    /// √(3/2) times the norm of the deviator of the Cauchy stress, [stress].
+    VonMisesStress,
+    /// Minus a third of the trace of the Cauchy stress, [stress].
+    Pressure,
+    /// Current volume, [area] in the plane; in every file, named or not.
+    Volume,
+    /// The history variable of laws with plasticity, zero for others.
+    EquivalentPlasticStrain,
 }
 
-enum OwnedValues {
-    Float(Vec<f64>),
-    Integer(Vec<i32>),
-}
-
-impl OwnedField {
-    pub(super) fn float(name: &str, names: &'static [&'static str], values: Vec<f64>) -> OwnedField {
-        OwnedField {
-            name: name.to_owned(),
-            names,
-            components: names.len().max(1),
-            values: OwnedValues::Float(values),
-        }
-    }
-
-    pub(super) fn integer(name: &str, values: Vec<i32>) -> OwnedField {
-        OwnedField { name: name.to_owned(), names: &[], components: 1, values: OwnedValues::Integer(values) }
-    }
-
-    /// The field as the writer takes it.
-    pub fn as_field(&self) -> Field<'_> {
-        Field {
-            name: &self.name,
-            components: self.components,
-            component_names: self.names,
-            values: match &self.values {
-                OwnedValues::Float(values) => Values::Float64(values),
-                OwnedValues::Integer(values) => Values::Int32(values),
-            },
-        }
-    }
-}
-
-/// What the files say of one point, beyond its history variables.
-struct PointValues {
-    displacement: [f64; 3],
-    deformation_gradient: [f64; 9],
-    volume_ratio: f64,
-    cauchy_stress: [f64; 6],
-    elastic_strain: [f64; 6],
-    plastic_strain: [f64; 6],
-    von_mises: f64,
-    pressure: f64,
-    volume: f64,
-}
-
-impl PointValues {
-    /// Names of the fields, and of their components.
-    const FIELDS: [(&str, &[&str]); 9] = [
-        ("displacement", &VECTOR),
-        ("deformation_gradient", &TENSOR),
-        ("J", &[]),
-        ("cauchy_stress", &SYMMETRIC_TENSOR),
-        ("elastic_strain", &SYMMETRIC_TENSOR),
-        ("plastic_strain", &SYMMETRIC_TENSOR),
-        ("von_mises_stress", &[]),
-        ("pressure", &[]),
-        ("volume", &[]),
+impl PointField {
+    /// All of them, in the order of the files.
+    pub const ALL: [PointField; 10] = [
+        PointField::Displacement,
+        PointField::DeformationGradient,
+        PointField::VolumeRatio,
+        PointField::CauchyStress,
+        PointField::ElasticStrain,
+        PointField::PlasticStrain,
+        PointField::VonMisesStress,
+        PointField::Pressure,
+        PointField::Volume,
+        PointField::EquivalentPlasticStrain,
     ];
 
-    /// The components of the fields.
-    fn components(&self) -> [&[f64]; 9] {
-        use std::slice::from_ref;
-        [
-            &self.displacement,
-            &self.deformation_gradient,
-            from_ref(&self.volume_ratio),
-            &self.cauchy_stress,
-            &self.elastic_strain,
-            &self.plastic_strain,
-            from_ref(&self.von_mises),
-            from_ref(&self.pressure),
-            from_ref(&self.volume),
-        ]
+    fn name(self) -> &'static str {
+        match self {
+            PointField::Displacement => "displacement",
+            PointField::DeformationGradient => "deformation_gradient",
+            PointField::VolumeRatio => "J",
+            PointField::CauchyStress => "cauchy_stress",
+            PointField::ElasticStrain => "elastic_strain",
+            PointField::PlasticStrain => "plastic_strain",
+            PointField::VonMisesStress => "von_mises_stress",
+            PointField::Pressure => "pressure",
+            PointField::Volume => "volume",
+            PointField::EquivalentPlasticStrain => EQUIVALENT_PLASTIC_STRAIN,
+        }
+    }
+
+    fn component_names(self) -> &'static [&'static str] {
+        match self {
+            PointField::Displacement => &VECTOR,
+            PointField::DeformationGradient => &TENSOR,
+            PointField::CauchyStress | PointField::ElasticStrain | PointField::PlasticStrain => {
+                &SYMMETRIC_TENSOR
+            }
+            PointField::VolumeRatio
+            | PointField::VonMisesStress
+            | PointField::Pressure
+            | PointField::Volume
+            | PointField::EquivalentPlasticStrain => &[],
+        }
+    }
+
+    /// Numbers per point.
+    pub fn components(self) -> usize {
+        self.component_names().len().max(1)
+    }
+
+    /// Fills the field of some points of a file.
+    fn fill<const D: usize>(self, of: Of<D>, tuples: Range<usize>, out: &mut [f64]) {
+        let Of { model, points, .. } = of;
+        let (order, volumes) = (&of.order[tuples.clone()], &of.volumes[tuples]);
+        let state = &points.converged;
+        let stress = |(&p, [ratio, _]): (&usize, &[f64; 2])| state.kirchhoff_stress[p] * (1.0 / ratio);
+        let stresses = order.iter().zip(volumes).map(stress);
+        match self {
+            PointField::Displacement => {
+                fill(out, order.iter().map(|&p| padded(&displacement(points, p))));
+            }
+            PointField::DeformationGradient => {
+                let rows = |f: &Mat3| std::array::from_fn::<f64, 9, _>(|c| f[(c / 3, c % 3)]);
+                fill(out, order.iter().map(|&p| rows(&state.deformation_gradient[p])));
+            }
+            PointField::VolumeRatio => fill(out, volumes.iter().map(|[ratio, _]| [*ratio])),
+            PointField::CauchyStress => fill(out, stresses.map(|sigma| paraview(&sigma))),
+            PointField::ElasticStrain => {
+                let logarithmic =
+                    |p: usize| model.law(points, p).strain_measure().logarithmic(&state.elastic_strain[p]);
+                fill(out, order.iter().map(|&p| paraview(&logarithmic(p))));
+            }
+            PointField::PlasticStrain => {
+                let history = History::new(model, EQUIVALENT_PLASTIC_STRAIN);
+                let plastic = |p: usize| {
+                    if history.of(points, p) == 0.0 {
+                        return Sym3::ZERO;
+                    }
+                    let measure = model.law(points, p).strain_measure();
+                    let b = measure.left_cauchy_green(&state.elastic_strain[p]);
+                    plastic_strain(&state.deformation_gradient[p], &b)
+                };
+                fill(out, order.iter().map(|&p| paraview(&plastic(p))));
+            }
+            PointField::VonMisesStress => fill(out, stresses.map(|sigma| [von_mises_stress(&sigma)])),
+            PointField::Pressure => fill(out, stresses.map(|sigma| [pressure(&sigma)])),
+            PointField::Volume => fill(out, volumes.iter().map(|[_, volume]| [*volume])),
+            PointField::EquivalentPlasticStrain => {
+                let history = History::new(model, EQUIVALENT_PLASTIC_STRAIN);
+                fill(out, order.iter().map(|&p| [history.of(points, p)]));
+            }
+        }
+    }
+}
+
+/// Fills tuples one after the other.
+#[inline(always)]
+fn fill<const N: usize>(out: &mut [f64], tuples: impl Iterator<Item = [f64; N]>) {
+    for (out, tuple) in out.as_chunks_mut::<N>().0.iter_mut().zip(tuples) {
+        *out = tuple;
+    }
+}
+
+/// Where the history variable of a name stands.
+struct History {
+    /// By number of the body, if its law has it.
+    place: Vec<Option<usize>>,
+}
+
+impl History {
+    fn new<const D: usize>(model: &Model<D>, name: &str) -> History {
+        let law = |body: &Body| &model.materials[body.material].law;
+        let place = |body| law(body).state_fields().iter().position(|field| field.name == name);
+        History { place: model.bodies.iter().map(place).collect() }
+    }
+
+    /// Its value, zero for laws that do not have it.
+    fn of<const D: usize>(&self, points: &Points<D>, p: usize) -> f64 {
+        match self.place[points.body[p] as usize] {
+            Some(k) => points.converged.history[p * points.history_len + k],
+            None => 0.0,
+        }
     }
 }
 
@@ -135,91 +206,142 @@ pub fn pressure(sigma: &Sym3) -> f64 {
     -sigma.trace() / 3.0
 }
 
-fn point_values<const D: usize>(
-    model: &Model<D>,
-    points: &Points<D>,
-    p: usize,
-    yielded: bool,
-) -> PointValues {
-    let state = &points.converged;
-    let f = &state.deformation_gradient[p];
-    let volume_ratio = f.determinant();
-    let sigma = cauchy_stress(points, p);
-    let (measure, elastic) = (model.law(points, p).strain_measure(), &state.elastic_strain[p]);
-    let plastic = if yielded { plastic_strain(f, &measure.left_cauchy_green(elastic)) } else { Sym3::ZERO };
-    PointValues {
-        displacement: padded(&displacement(points, p)),
-        deformation_gradient: std::array::from_fn(|c| f[(c / 3, c % 3)]),
-        volume_ratio,
-        cauchy_stress: paraview(&sigma),
-        elastic_strain: paraview(&measure.logarithmic(elastic)),
-        plastic_strain: paraview(&plastic),
-        von_mises: von_mises_stress(&sigma),
-        pressure: pressure(&sigma),
-        volume: model.volume(points, p),
+/// J and current volume of some points.
+pub fn volumes<const D: usize>(model: &Model<D>, points: &Points<D>, order: &[usize]) -> Vec<[f64; 2]> {
+    let ratio = |p: usize| points.converged.deformation_gradient[p].determinant();
+    let order = order.par_iter().with_min_len(PIECE);
+    match model.point_volume {
+        PointVolume::Deformation => order
+            .map(|&p| {
+                let ratio = ratio(p);
+                [ratio, ratio * points.original_volume[p]]
+            })
+            .collect(),
+        PointVolume::Domain => order.map(|&p| [ratio(p), model.volume(points, p)]).collect(),
     }
 }
 
-/// The fields of the points listed in `order`, converged state.
-pub fn point_fields<const D: usize>(
-    model: &Model<D>,
-    points: &Points<D>,
-    order: &[usize],
-) -> Vec<OwnedField> {
-    let plastic = history(model, points, order, EQUIVALENT_PLASTIC_STRAIN);
-    let width = |field: &(&str, &[&str])| field.1.len().max(1);
-    let mut values = PointValues::FIELDS.map(|field| vec![0.0; width(&field) * order.len()]);
-    let mut pieces: Vec<Vec<&mut [f64]>> = Vec::new();
-    pieces.resize_with(order.len().div_ceil(PIECE), Vec::new);
-    for (values, field) in values.iter_mut().zip(&PointValues::FIELDS) {
-        let parts = values.chunks_mut(width(field) * PIECE);
-        pieces.iter_mut().zip(parts).for_each(|(piece, part)| piece.push(part));
+/// The points of a file, whose fields are computed piece by piece, in their converged state.
+#[derive(Clone, Copy)]
+pub struct Of<'a, const D: usize> {
+    /// The model that they are of.
+    pub model: &'a Model<D>,
+    /// All points.
+    pub points: &'a Points<D>,
+    /// Those of the file, in its order.
+    pub order: &'a [usize],
+    /// J and current volume of each of these, [`volumes`].
+    pub volumes: &'a [[f64; 2]],
+    /// Size of floating-point numbers.
+    pub precision: Precision,
+    /// Memory for the encoded arrays.
+    pub room: &'a Room,
+}
+
+/// One field of the points of a file.
+struct Part<'a, const D: usize, F> {
+    of: Of<'a, D>,
+    tuples: usize,
+    fill: F,
+}
+
+impl<const D: usize, F: Fn(Of<D>, Range<usize>, &mut [f64]) + Sync> Compute for Part<'_, D, F> {
+    fn tuples(&self) -> usize {
+        self.tuples
     }
-    let work = pieces.par_iter_mut().zip(order.par_chunks(PIECE)).zip(plastic.par_chunks(PIECE));
-    work.for_each(|((piece, order), plastic)| {
-        for (k, (&p, plastic)) in order.iter().zip(plastic).enumerate() {
-            let values = point_values(model, points, p, *plastic != 0.0);
-            for (part, components) in piece.iter_mut().zip(values.components()) {
-                part[k * components.len()..][..components.len()].copy_from_slice(components);
+
+    fn fill(&self, tuples: Range<usize>, out: &mut [f64]) {
+        (self.fill)(self.of, tuples, out);
+    }
+}
+
+impl<const D: usize> Of<'_, D> {
+    fn encode(&self, field: &Field) -> Result<Arc<Encoded>, String> {
+        Encoded::new(field, ("point", self.order.len()), self.precision, self.room).map(Arc::new)
+    }
+
+    fn float(
+        &self,
+        name: &str,
+        component_names: &[&str],
+        fill: impl Fn(Of<D>, Range<usize>, &mut [f64]) + Sync,
+    ) -> Result<Arc<Encoded>, String> {
+        let part = Part { of: *self, tuples: self.order.len(), fill };
+        let components = component_names.len().max(1);
+        self.encode(&Field { name, components, component_names, values: Values::Computed(&part) })
+    }
+
+    /// Positions.
+    ///
+    /// # Errors
+    /// Of these and all that follow: a number that is not finite, in words.
+    pub fn positions(&self) -> Result<Arc<Encoded>, String> {
+        let place = |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| {
+            fill(out, of.order[tuples].iter().map(|&p| padded(&of.points.converged.position[p])));
+        };
+        let values = Part { of: *self, tuples: self.order.len(), fill: place };
+        let values = Values::Computed(&values);
+        Encoded::positions(self.order.len(), values, self.precision, self.room).map(Arc::new)
+    }
+
+    /// The fields that are asked for, the volume, and the history variables of laws that no [`PointField`] is.
+    pub fn fields(&self, asked: &[PointField]) -> Result<Vec<Arc<Encoded>>, String> {
+        let is_asked = |field: &PointField| *field == PointField::Volume || asked.contains(field);
+        let known = PointField::ALL.into_iter().filter(is_asked).map(|field| {
+            let fill = move |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| field.fill(of, tuples, out);
+            self.float(field.name(), field.component_names(), fill)
+        });
+        let other = other_history(self.model).into_iter().map(|name| {
+            let history = History::new(self.model, name);
+            self.float(name, &[], move |of, tuples, out| {
+                fill(out, of.order[tuples].iter().map(|&p| [history.of(of.points, p)]));
+            })
+        });
+        known.chain(other).collect()
+    }
+
+    /// What never changes: body, material and number of each point.
+    pub fn identity(&self) -> Result<Vec<Arc<Encoded>>, String> {
+        let body = |p: &usize| self.points.body[*p];
+        let material = |p: &usize| self.model.bodies[body(p) as usize].material as i32;
+        let all: [(&str, Vec<i32>); 3] = [
+            ("body_id", self.order.iter().map(|p| i32::from(body(p))).collect()),
+            ("material_id", self.order.iter().map(material).collect()),
+            ("point_id", self.order.iter().map(|&p| self.points.id[p] as i32).collect()),
+        ];
+        all.iter().map(|(name, numbers)| self.encode(&number(name, numbers))).collect()
+    }
+
+    /// Shapes of the domains of the points, which must have one.
+    pub fn domains(&self) -> Vec<CellKind> {
+        self.order.iter().map(|&p| cell_kind::<D>(corners_of(self.model, self.points, p))).collect()
+    }
+
+    /// Corners of their domains, in the order of the VTK cells of these shapes.
+    pub fn corners(&self, domains: &[CellKind]) -> Result<Arc<Encoded>, String> {
+        let end = |end: &mut usize, kind: &CellKind| {
+            *end += kind.points();
+            Some(*end)
+        };
+        let ends: Vec<usize> = domains.iter().scan(0, end).collect();
+        let count = ends.last().copied().unwrap_or(0);
+        let fill = |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| {
+            let mut domain = ends.partition_point(|end| *end <= tuples.start);
+            for (out, tuple) in out.as_chunks_mut::<3>().0.iter_mut().zip(tuples) {
+                domain += usize::from(ends[domain] == tuple);
+                let corners = domains[domain].points();
+                let k = tuple + corners - ends[domain];
+                let k = if corners == 1 << D { vtk_corner(k) } else { k };
+                *out = padded(&corner_of(of.model, of.points, of.order[domain], k));
             }
-        }
-    });
-    let mut fields: Vec<OwnedField> = values
-        .into_iter()
-        .zip(PointValues::FIELDS)
-        .map(|(values, (name, components))| OwnedField::float(name, components, values))
-        .collect();
-    let body = |p: &usize| points.body[*p];
-    fields.extend([
-        OwnedField::float(EQUIVALENT_PLASTIC_STRAIN, &[], plastic),
-        OwnedField::integer("body_id", order.iter().map(|p| i32::from(body(p))).collect()),
-        OwnedField::integer(
-            "material_id",
-            order.iter().map(|p| model.bodies[body(p) as usize].material as i32).collect(),
-        ),
-        OwnedField::integer("point_id", order.iter().map(|&p| points.id[p] as i32).collect()),
-    ]);
-    for name in other_history(model) {
-        fields.push(OwnedField::float(name, &[], history(model, points, order, name)));
+        };
+        let values = Part { of: *self, tuples: count, fill };
+        let values = Values::Computed(&values);
+        Encoded::positions(count, values, self.precision, self.room).map(Arc::new)
     }
-    fields
 }
 
-/// A history variable by name, zero for laws that do not have it.
-fn history<const D: usize>(model: &Model<D>, points: &Points<D>, order: &[usize], name: &str) -> Vec<f64> {
-    let place: Vec<Option<usize>> = model
-        .bodies
-        .iter()
-        .map(|b| model.materials[b.material].law.state_fields().iter().position(|f| f.name == name))
-        .collect();
-    let value = |p: usize| match place[points.body[p] as usize] {
-        Some(k) => points.converged.history[p * points.history_len + k],
-        None => 0.0,
-    };
-    order.iter().map(|&p| value(p)).collect()
-}
-
-/// Names of the history variables of all laws, without the one that every file carries.
+/// Names of the history variables of all laws, without the one that is a [`PointField`].
 fn other_history<const D: usize>(model: &Model<D>) -> Vec<&'static str> {
     let mut names: Vec<&str> =
         model.materials.iter().flat_map(|m| m.law.state_fields()).map(|f| f.name).collect();
@@ -240,7 +362,7 @@ fn cell_kind<const D: usize>(corners: usize) -> CellKind {
 }
 
 /// The cells that points or their domains meet, without those that they only touch from outside, of which not all nodes
-/// are active: as corners among the active nodes in the order of the VTK cell of their kind; the nodes; and their fields.
+/// are active: as corners among the active nodes in the order of the VTK cell of their kind.
 pub struct GridMesh {
     /// Positions of the active nodes.
     pub nodes: Vec<[f64; 3]>,
@@ -248,16 +370,10 @@ pub struct GridMesh {
     pub corners: Vec<i64>,
     /// Kinds of the active cells.
     pub kinds: Vec<CellKind>,
-    /// Fields of the nodes.
-    pub fields: Vec<OwnedField>,
 }
 
-/// The active part of the grid in a load step, with vectors on its nodes.
-pub fn grid_mesh<const D: usize>(
-    model: &Model<D>,
-    links: &Connectivity<D>,
-    fields: &[(&str, &[[f64; D]])],
-) -> GridMesh {
+/// The active part of the grid in a load step.
+pub fn grid_mesh<const D: usize>(model: &Model<D>, links: &Connectivity<D>) -> GridMesh {
     let (mut corners, mut kinds) = (Vec::new(), Vec::new());
     for &cell in links.active_cells() {
         let nodes = model.grid.corners(cell as usize);
@@ -268,48 +384,36 @@ pub fn grid_mesh<const D: usize>(
         }
     }
     let position = |&node: &u32| padded(&model.grid.node_position(node as usize));
-    GridMesh {
-        nodes: links.active_nodes().iter().map(position).collect(),
-        corners,
-        kinds,
-        fields: fields
-            .iter()
-            .map(|(name, field)| OwnedField::float(name, &VECTOR, field.iter().flat_map(padded).collect()))
-            .collect(),
+    GridMesh { nodes: links.active_nodes().iter().map(position).collect(), corners, kinds }
+}
+
+/// A vector with three components per node or point.
+pub fn vector<'a>(name: &'a str, values: &'a [[f64; 3]]) -> Field<'a> {
+    Field { name, components: 3, component_names: &VECTOR, values: Values::Float64(values.as_flattened()) }
+}
+
+/// A whole number per node or point.
+pub fn number<'a>(name: &'a str, values: &'a [i32]) -> Field<'a> {
+    Field { name, components: 1, component_names: &[], values: Values::Int32(values) }
+}
+
+/// Number of corners of the domain of a point, 0 of one without.
+pub fn corners_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize) -> usize {
+    match model.bodies[points.body[p] as usize].method.domain() {
+        DomainKind::None => 0,
+        DomainKind::Corners => points.corner_range(p).len(),
+        DomainKind::Box => 1 << D,
     }
 }
 
-/// Corners of the domain of a point; of 2^D corners, bit d of a corner's number is its side along axis d.
-pub fn corners_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize) -> Vec<[f64; D]> {
+/// A corner of the domain of a point; of 2^D corners, bit d of a corner's number is its side along axis d.
+pub fn corner_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, k: usize) -> [f64; D] {
+    let state = &points.converged;
     match model.bodies[points.body[p] as usize].method.domain() {
-        DomainKind::None => Vec::new(),
-        DomainKind::Corners => points.corners(p).to_vec(),
+        DomainKind::None | DomainKind::Corners => points.corners(p)[k],
         DomainKind::Box => {
-            let (x, l) = (&points.converged.position[p], &points.converged.half_lengths[p]);
-            let corner =
-                |k: usize| std::array::from_fn(|d| if k >> d & 1 == 1 { x[d] + l[d] } else { x[d] - l[d] });
-            (0..1usize << D).map(corner).collect()
+            let (x, l) = (&state.position[p], &state.half_lengths[p]);
+            std::array::from_fn(|d| if k >> d & 1 == 1 { x[d] + l[d] } else { x[d] - l[d] })
         }
     }
-}
-
-/// The domains of points as cells, each with corners of its own.
-pub struct DomainMesh {
-    /// Corners of the domains, in the order of the VTK cell of their kind.
-    pub corners: Vec<[f64; 3]>,
-    /// Kinds of the domains.
-    pub kinds: Vec<CellKind>,
-}
-
-/// The domains of the points in `order`, which must have one.
-pub fn domain_mesh<const D: usize>(model: &Model<D>, points: &Points<D>, order: &[usize]) -> DomainMesh {
-    let mut mesh = DomainMesh { corners: Vec::new(), kinds: Vec::new() };
-    for &p in order {
-        let corners = corners_of(model, points, p);
-        let is_box = corners.len() == 1 << D;
-        let place = |k: usize| padded(&corners[if is_box { vtk_corner(k) } else { k }]);
-        mesh.corners.extend((0..corners.len()).map(place));
-        mesh.kinds.push(cell_kind::<D>(corners.len()));
-    }
-    mesh
 }

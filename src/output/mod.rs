@@ -8,8 +8,9 @@
 pub mod checkpoint;
 pub mod directory;
 mod failed;
-mod fields;
+pub mod fields;
 pub mod findings;
+mod frames;
 pub mod lock;
 pub(crate) mod replace;
 pub mod results;

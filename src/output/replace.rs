@@ -2,16 +2,11 @@
 
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Seek, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 /// What is added to the name of a file that is not yet complete.
 pub(crate) const TEMPORARY: &str = ".tmp";
-
-/// A file that is being filled.
-pub(crate) trait WriteSeek: Write + Seek {}
-
-impl<W: Write + Seek> WriteSeek for W {}
 
 /// Writes a file through `fill` under the temporary name `<name>.tmp` beside it, then renames it to `path`.
 ///
@@ -19,7 +14,7 @@ impl<W: Write + Seek> WriteSeek for W {}
 /// Errors, which name the file: those of `fill` and of the file system; `InvalidInput` if `path` does not name a file.
 pub(crate) fn replace_file(
     path: &Path,
-    fill: impl FnOnce(&mut dyn WriteSeek) -> io::Result<()>,
+    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<()> {
     let name =
         path.file_name().ok_or_else(|| super::invalid(format!("{} does not name a file", path.display())))?;
@@ -27,7 +22,7 @@ pub(crate) fn replace_file(
     temporary_name.push(TEMPORARY);
     let temporary = path.with_file_name(temporary_name);
     let written = File::create(&temporary).and_then(|file| {
-        let mut writer = BufWriter::with_capacity(1 << 18, file);
+        let mut writer = BufWriter::new(file);
         fill(&mut writer)?;
         // Taking the file out of the buffer reports what a drop would swallow: a full disk.
         writer.into_inner().map_err(io::IntoInnerError::into_error)?;

@@ -2,28 +2,27 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use crate::basis::{Connectivity, DomainKind};
+use crate::deck::OutputDeck;
 use crate::model::Model;
 use crate::points::Points;
 use crate::solver::{
     Diagnosis, FailedAttempt, GridFields, Observer, Reached, SolveError, Step, StepReport, Summary,
 };
-use crate::tensor::padded;
 
 use super::checkpoint::{self, Checkpoint};
 use super::directory::{
     SERIES, file_name, foreign_file, remove_earlier_results, remove_later_results, step_of_file,
 };
 use super::failed;
-use super::fields::{domain_mesh, grid_mesh, point_fields};
 use super::findings::{Extremes, Findings};
+use super::frames::{Frame, Frames};
 use super::lock::Lock;
 use super::series::Series;
 use super::summary::{Account, Outcome};
 use super::table::{Entry, Table};
-use super::writer::{Cells, Fields, Frame, Writer};
+use super::writer::Writer;
 
 /// Columns of `quality.csv`.
 const QUALITY: [&str; 15] = [
@@ -54,6 +53,7 @@ pub struct Results {
     history: Table,
     quality: Table,
     convergence: Table,
+    frames: Frames,
     writer: Writer,
     /// The last step whose points were written.
     written: Option<usize>,
@@ -75,13 +75,13 @@ pub struct Results {
 
 impl Results {
     /// Prepares a directory for a run: creates it, removes the series of an earlier run and opens the tables.
-    /// VTU files are written every `every` steps and for the last one; 0 writes none.
+    /// VTU files are written as `asked`.
     ///
     /// # Errors
     /// When the directory cannot be created or written; `ResourceBusy` when another run writes there.
     pub fn create<const D: usize>(
         directory: &Path,
-        every: usize,
+        asked: &OutputDeck,
         model: &Model<D>,
         account: Account,
     ) -> io::Result<Results> {
@@ -94,7 +94,8 @@ impl Results {
         remove_earlier_results(directory)?;
         Ok(Results {
             directory: directory.to_owned(),
-            every,
+            every: asked.every as usize,
+            frames: Frames::new(&asked.fields, asked.precision),
             history: Table::create(directory.join("history.csv"), &columns_of_history(model))?,
             quality: Table::create(directory.join("quality.csv"), &QUALITY)?,
             convergence: Table::create(directory.join("convergence.csv"), &CONVERGENCE)?,
@@ -123,13 +124,13 @@ impl Results {
     /// nothing in it is changed.
     pub fn go_on<const D: usize>(
         (directory, lock): (&Path, Lock),
-        every: usize,
+        asked: &OutputDeck,
         model: &Model<D>,
         account: Account,
         checkpoint: &Checkpoint,
         reached: Step,
     ) -> io::Result<Results> {
-        let last = checkpoint.step().index;
+        let (last, every) = (checkpoint.step().index, asked.every as usize);
         let table = |name: &str, columns: &[String]| Table::keep(directory.join(name), columns, last);
         let history = table("history.csv", &columns_of_history(model))?;
         let quality = table("quality.csv", &QUALITY.map(String::from))?;
@@ -148,6 +149,7 @@ impl Results {
         Ok(Results {
             directory: directory.to_owned(),
             every,
+            frames: Frames::new(&asked.fields, asked.precision),
             written: series[0].last().and_then(|(_, name)| step_of_file(name)),
             shown: None,
             writer: Writer::new(directory, series),
@@ -305,49 +307,12 @@ fn is_due<const D: usize>(every: usize, model: &Model<D>, step: Step) -> bool {
     every > 0 && requested.is_some_and(is_due)
 }
 
-/// The points of the converged state, and their domains if they have any.
-fn frames_of_points<const D: usize>(model: &Model<D>, points: &Points<D>, step: Step) -> Vec<Frame> {
-    let order = points.by_id();
-    let fields = Arc::new(point_fields(model, points, &order));
-    let mut frames = vec![Frame {
-        series: 0,
-        name: file_name(SERIES[0], step.index),
-        step,
-        points: order.iter().map(|&p| padded(&points.converged.position[p])).collect(),
-        cells: Cells::Vertices,
-        fields: Fields::OfPoints(Arc::clone(&fields)),
-    }];
-    let has_domain = |p: &usize| model.bodies[points.body[*p] as usize].method.domain() != DomainKind::None;
-    let n = order.len();
-    let with_domain: Vec<usize> = order.into_iter().filter(has_domain).collect();
-    if !with_domain.is_empty() {
-        let all = with_domain.len() == n;
-        let fields = if all { fields } else { Arc::new(point_fields(model, points, &with_domain)) };
-        let domains = domain_mesh(model, points, &with_domain);
-        frames.push(Frame {
-            series: 1,
-            name: file_name(SERIES[1], step.index),
-            step,
-            points: domains.corners,
-            cells: Cells::InOrder(domains.kinds),
-            fields: Fields::OfCells(fields),
-        });
-    }
-    frames
-}
-
-/// The active part of the grid.
-fn frame_of_grid<const D: usize>(model: &Model<D>, grid: &GridFields<D>, step: Step) -> Frame {
-    let fields = [("displacement_increment", &grid.delta_d[..]), ("reaction", &grid.reaction[..])];
-    let active = grid_mesh(model, &grid.links, &fields);
-    Frame {
-        series: 2,
-        name: file_name(SERIES[2], step.index),
-        step,
-        points: active.nodes,
-        cells: Cells::Between(active.kinds, active.corners),
-        fields: Fields::OfPoints(Arc::new(active.fields)),
-    }
+/// What the files of the grid show.
+fn on_nodes<'a, const D: usize>(
+    delta_d: &'a [[f64; D]],
+    reaction: &'a [[f64; D]],
+) -> [(&'static str, &'a [[f64; D]]); 2] {
+    [("displacement_increment", delta_d), ("reaction", reaction)]
 }
 
 /// A time series, and its last file.
@@ -388,14 +353,13 @@ impl<const D: usize> Observer<D> for Results {
         if self.every == 0 || self.last.index > 0 {
             return Ok(());
         }
-        let mut frames = frames_of_points(model, points, self.last);
+        let mut frames = self.frames.of_points(model, points, self.last)?;
         // The links of the undeformed points, only to show which cells are active.
         let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
         let mut copy = points.clone();
         if let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut copy, &methods) {
             let zero = vec![[0.0; D]; links.n_active()];
-            let grid = GridFields { links, delta_d: zero.clone(), reaction: zero };
-            frames.push(frame_of_grid(model, &grid, self.last));
+            frames.push(self.frames.of_grid(model, &links, &on_nodes(&zero, &zero), self.last)?);
         }
         drop(copy);
         self.show(self.last, frames)
@@ -423,8 +387,9 @@ impl<const D: usize> Observer<D> for Results {
         }
         if is_due(self.every, model, report.step) {
             self.settle()?; // before the next frames take memory
-            let mut frames = frames_of_points(model, points, report.step);
-            frames.push(frame_of_grid(model, &report.grid, report.step));
+            let mut frames = self.frames.of_points(model, points, report.step)?;
+            let GridFields { links, delta_d, reaction } = &report.grid;
+            frames.push(self.frames.of_grid(model, links, &on_nodes(delta_d, reaction), report.step)?);
             self.show(report.step, frames)?;
         } else if !self.writer.is_at_work() {
             self.settle()?;
@@ -465,7 +430,8 @@ impl<const D: usize> Observer<D> for Results {
         // The last equilibrated step is never lost, whatever `every` says.
         let is_missing = self.last.index > 0 && self.writer.reached().is_none_or(|time| time < self.last.end);
         let mesh = if self.every > 0 && is_missing {
-            self.show(self.last, frames_of_points(model, points, self.last)).and_then(|()| self.settle())
+            let frames = self.frames.of_points(model, points, self.last);
+            frames.and_then(|frames| self.show(self.last, frames)).and_then(|()| self.settle())
         } else {
             Ok(())
         };

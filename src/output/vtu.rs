@@ -4,16 +4,18 @@
 //! exactly. The bytes of a file depend on its content only, not on the number of threads.
 
 mod blocks;
+mod field;
 pub mod read;
 
-use std::io::{self, SeekFrom};
+use std::io;
 use std::path::Path;
+use std::sync::Arc;
 
-use rayon::prelude::*;
+use super::invalid;
+use super::replace::replace_file;
 
-use self::blocks::Number;
-use super::replace::{WriteSeek, replace_file};
-use super::{escape_xml, invalid};
+pub use blocks::Room;
+pub use field::{Compute, Encoded, Field, Precision, Values};
 
 /// Component names of a vector.
 pub const VECTOR: [&str; 3] = ["X", "Y", "Z"];
@@ -99,7 +101,7 @@ impl Kinds<'_> {
 }
 
 /// Points and the cells between them.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub struct Mesh<'a> {
     /// Coordinates, [length]; z is 0 in plane problems.
     pub points: &'a [[f64; 3]],
@@ -107,65 +109,6 @@ pub struct Mesh<'a> {
     pub kinds: Kinds<'a>,
     /// Indices of the points of the first cell, of the second, and so on.
     pub connectivity: &'a [i64],
-}
-
-/// The numbers of a field.
-#[derive(Debug, Clone, Copy)]
-pub enum Values<'a> {
-    /// Floating-point numbers, all finite.
-    Float64(&'a [f64]),
-    /// Whole numbers.
-    Int64(&'a [i64]),
-    /// Whole numbers of half the size.
-    Int32(&'a [i32]),
-    /// Small whole numbers.
-    UInt8(&'a [u8]),
-}
-
-impl Values<'_> {
-    fn len(&self) -> usize {
-        match self {
-            Values::Float64(values) => values.len(),
-            Values::Int64(values) => values.len(),
-            Values::Int32(values) => values.len(),
-            Values::UInt8(values) => values.len(),
-        }
-    }
-
-    /// VTK's name of their type.
-    fn kind(&self) -> &'static str {
-        fn name<T: Number>(_: &[T]) -> &'static str {
-            T::NAME
-        }
-        match self {
-            Values::Float64(values) => name(values),
-            Values::Int64(values) => name(values),
-            Values::Int32(values) => name(values),
-            Values::UInt8(values) => name(values),
-        }
-    }
-
-    fn encode(&self, place: u64) -> io::Result<Vec<Vec<u8>>> {
-        match self {
-            Values::Float64(values) => blocks::encode(values, place),
-            Values::Int64(values) => blocks::encode(values, place),
-            Values::Int32(values) => blocks::encode(values, place),
-            Values::UInt8(values) => blocks::encode(values, place),
-        }
-    }
-}
-
-/// A named quantity with a fixed number of components per point or per cell.
-#[derive(Debug, Clone, Copy)]
-pub struct Field<'a> {
-    /// Name, unique among the point fields and among the cell fields of a file.
-    pub name: &'a str,
-    /// Numbers per point or cell.
-    pub components: usize,
-    /// Names of the components, or none, which leaves them to be numbered.
-    pub component_names: &'a [&'a str],
-    /// All components of the first point or cell, then of the second, and so on.
-    pub values: Values<'a>,
 }
 
 /// Writes a mesh with its fields at a time, [time], and the number of the load step they belong to.
@@ -181,172 +124,212 @@ pub fn write(
     point_data: &[Field],
     cell_data: &[Field],
 ) -> io::Result<()> {
-    check(time, mesh, point_data, cell_data)
-        .map_err(|problem| invalid(format!("{}: {problem}", path.display())))?;
-    replace_file(path, |out| write_file(out, time, step, mesh, point_data, cell_data))
-}
-
-/// What a reader could not make sense of, in words.
-fn check(time: f64, mesh: &Mesh, point_data: &[Field], cell_data: &[Field]) -> Result<(), String> {
-    if !time.is_finite() {
-        return Err(format!("time {time} is not finite"));
-    }
-    let points = mesh.points.len();
-    if let Some(point) = mesh.points.iter().position(|x| x.iter().any(|c| !c.is_finite())) {
-        return Err(format!("position of point {point} is not finite"));
-    }
-    let Some(kinds) = mesh.kinds.of(mesh.connectivity.len()) else {
-        return Err(format!("{} indices do not make cells of this kind", mesh.connectivity.len()));
+    let room = Room::default();
+    let file = || {
+        let points = mesh.points.len();
+        let cells = Cells::new(points, &mesh.kinds, mesh.connectivity, &room)?;
+        let positions = Values::Float64(mesh.points.as_flattened());
+        let positions = Encoded::positions(points, positions, Precision::Double, &room)?;
+        let encoded = |fields: &[Field], owner: &str, count: usize| {
+            let of = |field| Encoded::new(field, (owner, count), Precision::Double, &room).map(Arc::new);
+            fields.iter().map(of).collect::<Result<Vec<_>, String>>()
+        };
+        let (point_data, cell_data) =
+            (encoded(point_data, "point", points)?, encoded(cell_data, "cell", cells.count)?);
+        let (positions, cells) = (Arc::new(positions), Arc::new(cells));
+        File::new(time, step, positions, cells, point_data, cell_data)
     };
-    if let Some(index) = mesh.connectivity.iter().find(|&&i| usize::try_from(i).map_or(true, |i| i >= points))
-    {
-        return Err(format!("a cell names point {index} of {points}"));
-    }
-    check_fields("point", points, point_data)?;
-    check_fields("cell", kinds.len(), cell_data)
+    file().map_err(|problem| invalid(format!("{}: {problem}", path.display())))?.write(path)
 }
 
-/// The part of [`check`] that concerns the fields of `count` points or cells.
-fn check_fields(owner: &str, count: usize, fields: &[Field]) -> Result<(), String> {
-    for (index, field) in fields.iter().enumerate() {
-        let Field { name, components, component_names, values } = field;
-        if fields[..index].iter().any(|other| other.name == *name) {
-            return Err(format!("two {owner} fields are named `{name}`"));
+/// The cells of a mesh as they stand in a file.
+pub struct Cells {
+    /// Number of points of the mesh.
+    points: usize,
+    /// Number of cells.
+    count: usize,
+    /// Connectivity, offsets and types.
+    arrays: [Encoded; 3],
+}
+
+impl Cells {
+    /// Of a mesh with so many points.
+    ///
+    /// # Errors
+    /// What a reader could not make sense of, in words.
+    pub fn new(points: usize, kinds: &Kinds, connectivity: &[i64], room: &Room) -> Result<Cells, String> {
+        let Some(kinds) = kinds.of(connectivity.len()) else {
+            return Err(format!("{} indices do not make cells of this kind", connectivity.len()));
+        };
+        let is_point = |index: &i64| usize::try_from(*index).is_ok_and(|index| index < points);
+        if let Some(index) = connectivity.iter().find(|index| !is_point(index)) {
+            return Err(format!("a cell names point {index} of {points}"));
         }
-        if *components == 0 || count.checked_mul(*components) != Some(values.len()) {
-            let found = values.len();
-            return Err(format!(
-                "{owner} field `{name}` has {found} values, not {components} for each of {count}"
-            ));
-        }
-        if !component_names.is_empty() && component_names.len() != *components {
-            let found = component_names.len();
-            return Err(format!(
-                "{owner} field `{name}` has {components} components but {found} names for them"
-            ));
-        }
-        if let Values::Float64(values) = values
-            && let Some(position) = first_not_finite(values)
-        {
-            return Err(format!("{owner} field `{name}` is not finite at {owner} {}", position / components));
-        }
+        let end = kinds.iter().scan(0, |end, kind| {
+            *end += kind.points() as i64;
+            Some(*end)
+        });
+        let (offsets, types): (Vec<i64>, Vec<u8>) = (end.collect(), kinds.iter().map(|k| k.code()).collect());
+        let encoded = |name: &str, values: Values, count: usize| {
+            let field = Field { name, components: 1, component_names: &[], values };
+            Encoded::new(&field, ("cell", count), Precision::Double, room)
+        };
+        let count = kinds.len();
+        let arrays = [
+            encoded("connectivity", Values::Int64(connectivity), connectivity.len())?,
+            encoded("offsets", Values::Int64(&offsets), count)?,
+            encoded("types", Values::UInt8(&types), count)?,
+        ];
+        Ok(Cells { points, count, arrays })
     }
-    Ok(())
+}
+
+impl Encoded {
+    /// Coordinates of so many points, [length].
+    ///
+    /// # Errors
+    /// Numbers that are not finite, in words.
+    pub fn positions(
+        count: usize,
+        values: Values,
+        precision: Precision,
+        room: &Room,
+    ) -> Result<Encoded, String> {
+        let field = Field { name: "Points", components: 3, component_names: &[], values };
+        Encoded::new(&field, ("point", count), precision, room)
+    }
+}
+
+/// A file in memory: whatever it needs has been computed.
+pub struct File {
+    lines: Vec<Line>,
 }
 
 /// A line of the XML: a tag, or an array among the appended ones.
-enum Line<'a> {
+enum Line {
     Tag(String),
-    Array(String, Values<'a>),
+    Array(Arc<Encoded>),
+    /// One of the arrays of the cells.
+    OfCells(Arc<Cells>, usize),
 }
 
-impl<'a> Line<'a> {
+impl Line {
     fn tag(tag: &str) -> Self {
         Line::Tag(tag.to_owned())
     }
 
-    fn array(attributes: &str, values: Values<'a>) -> Self {
-        Line::Array(attributes.to_owned(), values)
-    }
-
-    fn field(field: &Field<'a>) -> Self {
-        let mut attributes = format!(r#"Name="{}""#, escape_xml(field.name));
-        // One component is the default; meshio returns a flat array only where it is not stated.
-        if field.components > 1 {
-            attributes.push_str(&format!(r#" NumberOfComponents="{}""#, field.components));
+    fn array(&self) -> Option<&Encoded> {
+        match self {
+            Line::Tag(_) => None,
+            Line::Array(array) => Some(array),
+            Line::OfCells(cells, index) => Some(&cells.arrays[*index]),
         }
-        for (index, name) in field.component_names.iter().enumerate() {
-            attributes.push_str(&format!(r#" ComponentName{index}="{}""#, escape_xml(name)));
+    }
+}
+
+impl File {
+    /// A mesh with its fields at a time, [time], and the number of the load step they belong to.
+    ///
+    /// # Errors
+    /// What a reader could not make sense of, in words.
+    pub fn new(
+        time: f64,
+        step: i64,
+        positions: Arc<Encoded>,
+        cells: Arc<Cells>,
+        point_data: Vec<Arc<Encoded>>,
+        cell_data: Vec<Arc<Encoded>>,
+    ) -> Result<File, String> {
+        if !time.is_finite() {
+            return Err(format!("time {time} is not finite"));
         }
-        Line::Array(attributes, field.values)
+        if positions.tuples != cells.points {
+            return Err(format!("{} positions of {} points", positions.tuples, cells.points));
+        }
+        let single = |name: &str, values: Values| {
+            let field = Field { name, components: 1, component_names: &[], values };
+            let mut array = Encoded::new(&field, ("mesh", 1), Precision::Double, &Room::default())?;
+            array.attributes += r#" NumberOfTuples="1""#;
+            Ok::<_, String>(Line::Array(Arc::new(array)))
+        };
+        let (points, count) = (cells.points, cells.count);
+        let mut lines = vec![
+            Line::tag("<UnstructuredGrid>\n<FieldData>"),
+            single("TimeValue", Values::Float64(&[time]))?,
+            single("Step", Values::Int64(&[step]))?,
+            Line::tag("</FieldData>"),
+            Line::Tag(format!(r#"<Piece NumberOfPoints="{points}" NumberOfCells="{count}">"#)),
+            Line::tag("<Points>"),
+            Line::Array(positions),
+            Line::tag("</Points>\n<Cells>"),
+        ];
+        lines.extend((0..3).map(|index| Line::OfCells(Arc::clone(&cells), index)));
+        lines.push(Line::tag("</Cells>\n<PointData>"));
+        lines.extend(checked("point", points, point_data)?);
+        lines.push(Line::tag("</PointData>\n<CellData>"));
+        lines.extend(checked("cell", count, cell_data)?);
+        lines.push(Line::tag("</CellData>\n</Piece>\n</UnstructuredGrid>"));
+        Ok(File { lines })
     }
-}
 
-/// The place of the first number that is infinite or none.
-fn first_not_finite(values: &[f64]) -> Option<usize> {
-    const CHUNK: usize = 1 << 12;
-    const EXPONENT: u64 = 0x7ff << 52;
-    // Without a way out of the loop, so that several are looked at together.
-    let is_bad =
-        |chunk: &[f64]| chunk.iter().fold(false, |bad, x| bad | (x.to_bits() & EXPONENT == EXPONENT));
-    let chunk = values.par_chunks(CHUNK).position_first(is_bad)? * CHUNK;
-    values[chunk..].iter().position(|x| !x.is_finite()).map(|place| chunk + place)
-}
-
-fn write_file(
-    out: &mut dyn WriteSeek,
-    time: f64,
-    step: i64,
-    mesh: &Mesh,
-    point_data: &[Field],
-    cell_data: &[Field],
-) -> io::Result<()> {
-    let kinds = mesh.kinds.of(mesh.connectivity.len()).unwrap_or_default();
-    let (points, cells) = (mesh.points.len(), kinds.len());
-    let mut end = 0;
-    let mut offsets: Vec<i64> = Vec::with_capacity(cells);
-    for kind in &kinds {
-        end += kind.points() as i64;
-        offsets.push(end);
-    }
-    let types: Vec<u8> = kinds.iter().map(|kind| kind.code()).collect();
-    let (positions, time, step) = (mesh.points.as_flattened(), [time], [step]);
-    let mut lines = vec![
-        Line::tag("<UnstructuredGrid>\n<FieldData>"),
-        Line::array(r#"Name="TimeValue" NumberOfTuples="1""#, Values::Float64(&time)),
-        Line::array(r#"Name="Step" NumberOfTuples="1""#, Values::Int64(&step)),
-        Line::tag("</FieldData>"),
-        Line::Tag(format!(r#"<Piece NumberOfPoints="{points}" NumberOfCells="{cells}">"#)),
-        Line::tag("<Points>"),
-        Line::array(r#"Name="Points" NumberOfComponents="3""#, Values::Float64(positions)),
-        Line::tag("</Points>\n<Cells>"),
-        Line::array(r#"Name="connectivity""#, Values::Int64(mesh.connectivity)),
-        Line::array(r#"Name="offsets""#, Values::Int64(&offsets)),
-        Line::array(r#"Name="types""#, Values::UInt8(&types)),
-        Line::tag("</Cells>\n<PointData>"),
-    ];
-    lines.extend(point_data.iter().map(Line::field));
-    lines.push(Line::tag("</PointData>\n<CellData>"));
-    lines.extend(cell_data.iter().map(Line::field));
-    lines.push(Line::tag("</CellData>\n</Piece>\n</UnstructuredGrid>"));
-    write_lines(out, &lines)
-}
-
-/// Writes the arrays, each as soon as it is encoded, then the XML before them, which says where each begins.
-fn write_lines(out: &mut dyn WriteSeek, lines: &[Line]) -> io::Result<()> {
-    let room = xml(lines, &vec![u64::MAX; lines.len()]).len();
-    out.write_all(&vec![b' '; room])?;
-    out.write_all(BEGIN.as_bytes())?;
-    let (mut begins, mut begin) = (Vec::new(), 0);
-    for line in lines {
-        if let Line::Array(_, values) = line {
-            begins.push(begin);
-            for part in values.encode(begin)? {
-                out.write_all(&part)?;
-                begin += part.len() as u64;
+    /// Writes the file, which appears under its name only when it is complete.
+    ///
+    /// # Errors
+    /// Those of the file system.
+    pub fn write(&self, path: &Path) -> io::Result<()> {
+        replace_file(path, |out| {
+            let mut begins = Vec::new();
+            let mut end = 0;
+            for array in self.arrays() {
+                begins.push(end);
+                end += array.blocks.length_at(end);
             }
-        }
+            out.write_all(self.xml(&begins).as_bytes())?;
+            out.write_all(BEGIN.as_bytes())?;
+            for (array, begin) in self.arrays().zip(begins) {
+                array.blocks.write(begin, out)?;
+            }
+            out.write_all(END.as_bytes())
+        })
     }
-    out.write_all(END.as_bytes())?;
-    out.seek(SeekFrom::Start(0))?;
-    // What is left of the room stays blank.
-    out.write_all(xml(lines, &begins).as_bytes())
-}
 
-/// The XML before the appended arrays, which begin at these places among them.
-fn xml(lines: &[Line], begins: &[u64]) -> String {
-    let mut begins = begins.iter();
-    let mut text = String::from(HEAD);
-    for line in lines {
-        match line {
-            Line::Tag(tag) => text += tag,
-            Line::Array(attributes, values) => {
-                let (kind, begin) = (values.kind(), begins.next().copied().unwrap_or_default());
+    fn arrays(&self) -> impl Iterator<Item = &Encoded> {
+        self.lines.iter().filter_map(Line::array)
+    }
+
+    /// The XML before the appended arrays, which begin at these places among them.
+    fn xml(&self, begins: &[usize]) -> String {
+        let mut begins = begins.iter();
+        let mut text = String::from(HEAD);
+        for line in &self.lines {
+            if let Line::Tag(tag) = line {
+                text += tag;
+            } else if let (Some(Encoded { kind, attributes, .. }), Some(begin)) =
+                (line.array(), begins.next())
+            {
                 text +=
                     &format!(r#"<DataArray type="{kind}" {attributes} format="appended" offset="{begin}"/>"#);
             }
+            text.push('\n');
         }
-        text.push('\n');
+        text
     }
-    text
+}
+
+/// The fields of `count` points or cells, if each has its own name.
+fn checked(
+    owner: &str,
+    count: usize,
+    fields: Vec<Arc<Encoded>>,
+) -> Result<impl Iterator<Item = Line>, String> {
+    for (index, field) in fields.iter().enumerate() {
+        let name = &field.name;
+        if fields[..index].iter().any(|other| other.name == *name) {
+            return Err(format!("two {owner} fields are named `{name}`"));
+        }
+        if field.tuples != count {
+            return Err(format!("{owner} field `{name}` has {} values for {count}", field.tuples));
+        }
+    }
+    Ok(fields.into_iter().map(Line::Array))
 }

@@ -6,76 +6,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
-use crate::solver::Step;
-
-use super::fields::OwnedField;
+use super::frames::Frame;
 use super::series::Series;
-use super::vtu::{self, CellKind, Field, Kinds, Mesh};
 
 /// How long to wait where there is nothing to help with.
 const PAUSE: Duration = Duration::from_micros(100);
-
-/// The cells of a frame.
-pub(super) enum Cells {
-    /// One for each point.
-    Vertices,
-    /// Of these kinds, with the points in their order as corners.
-    InOrder(Vec<CellKind>),
-    /// Of these kinds with these corners.
-    Between(Vec<CellKind>, Vec<i64>),
-}
-
-/// The fields of a frame.
-#[derive(Clone)]
-pub(super) enum Fields {
-    /// On the points.
-    OfPoints(Arc<Vec<OwnedField>>),
-    /// On the cells.
-    OfCells(Arc<Vec<OwnedField>>),
-}
-
-/// A file of a series with all that is to be in it, independent of the run.
-pub(super) struct Frame {
-    /// Number of the series.
-    pub series: usize,
-    /// Name of the file.
-    pub name: String,
-    /// The step that it shows.
-    pub step: Step,
-    /// Positions of the points, [length].
-    pub points: Vec<[f64; 3]>,
-    /// The cells between them.
-    pub cells: Cells,
-    /// What is known of them.
-    pub fields: Fields,
-}
-
-impl Frame {
-    fn write(&self, directory: &Path) -> io::Result<()> {
-        let in_order = || (0..self.points.len() as i64).collect::<Vec<i64>>();
-        let numbered;
-        let (kinds, connectivity) = match &self.cells {
-            Cells::Vertices => {
-                numbered = in_order();
-                (Kinds::All(CellKind::Vertex), &numbered)
-            }
-            Cells::InOrder(kinds) => {
-                numbered = in_order();
-                (Kinds::Each(kinds), &numbered)
-            }
-            Cells::Between(kinds, corners) => (Kinds::Each(kinds), corners),
-        };
-        let mesh = Mesh { points: &self.points, kinds, connectivity };
-        let (Fields::OfPoints(fields) | Fields::OfCells(fields)) = &self.fields;
-        let fields: Vec<Field> = fields.iter().map(OwnedField::as_field).collect();
-        let (on_points, on_cells) = match &self.fields {
-            Fields::OfPoints(_) => (&fields[..], &[][..]),
-            Fields::OfCells(_) => (&[][..], &fields[..]),
-        };
-        let path = directory.join(&self.name);
-        vtu::write(&path, self.step.end, self.step.index as i64, &mesh, on_points, on_cells)
-    }
-}
 
 /// Writes frames and names them in their series: beside the run where it has more than one thread, and never those of more
 /// than one step at a time. What a file holds does not depend on that.
@@ -143,7 +78,7 @@ impl Drop for Writer {
 
 fn write(directory: &Path, series: &Mutex<[Series; 3]>, frames: &[Frame]) -> io::Result<()> {
     for frame in frames {
-        frame.write(directory)?;
+        frame.file.write(&directory.join(&frame.name))?;
         let mut series: MutexGuard<_> = series.lock().unwrap_or_else(PoisonError::into_inner);
         series[frame.series].push(frame.step.end, &frame.name)?;
     }
@@ -153,17 +88,21 @@ fn write(directory: &Path, series: &Mutex<[Series; 3]>, frames: &[Frame]) -> io:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::vtu::{CellKind, Cells, Encoded, File, Kinds, Precision, Room, Values};
+    use crate::solver::Step;
 
     fn frame(index: usize) -> Frame {
-        let step = Step { index, start: index as f64 - 1.0, end: index as f64 };
-        let values = vec![index as f64; 1000];
+        let room = Room::default();
+        let places = vec![index as f64; 3000];
+        let places = Encoded::positions(1000, Values::Float64(&places), Precision::Double, &room).unwrap();
+        let vertices: Vec<i64> = (0..1000).collect();
+        let cells = Cells::new(1000, &Kinds::All(CellKind::Vertex), &vertices, &room).unwrap();
+        let (places, cells) = (Arc::new(places), Arc::new(cells));
         Frame {
             series: 0,
             name: format!("points_{index:04}.vtu"),
-            step,
-            points: vec![[0.0; 3]; 1000],
-            cells: Cells::Vertices,
-            fields: Fields::OfPoints(Arc::new(vec![OwnedField::float("number", &[], values)])),
+            step: Step { index, start: index as f64 - 1.0, end: index as f64 },
+            file: File::new(index as f64, index as i64, places, cells, vec![], vec![]).unwrap(),
         }
     }
 

@@ -20,6 +20,11 @@ pub(super) struct Forcing {
 }
 
 impl Forcing {
+    /// Relative tolerance of the last linear solve, [-].
+    pub(super) fn last(&self) -> f64 {
+        self.last.map_or(0.0, |[_, eta]| eta)
+    }
+
     /// Relative tolerance of the next linear solve, given the norm of its right-hand side, [force], the residual of
     /// eq. (40) there and the largest that is equilibrium, [-].
     pub(super) fn next(&mut self, norm: f64, residual: f64, tolerance: f64) -> f64 {

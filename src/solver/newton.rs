@@ -162,8 +162,17 @@ impl<const D: usize> Solver<D> {
         let mut forcing = Forcing::default();
         let mut predicted = false;
         for iteration in 0..=max_iterations {
-            let mut evaluated =
-                self.evaluate::<M>(model, points, links, system, loading, unknowns, course, iteration);
+            let is_last = course.forecast(&forcing, self.reached.summary.last_iterations) <= tolerance
+                && unknowns.follows(dofs)
+                && condition.as_ref().is_none_or(|condition| condition.is_met());
+            let balanced = is_last
+                .then(|| self.evaluate_force::<M>(model, points, links, system, loading, unknowns, course));
+            let mut evaluated = match balanced.flatten() {
+                Some(residual) => Ok(residual),
+                None => {
+                    self.evaluate::<M>(model, points, links, system, loading, unknowns, course, iteration)
+                }
+            };
             if predicted && !evaluated.as_ref().is_ok_and(|residual| *residual < course.residuals[0]) {
                 unknowns.start_again();
                 evaluated =
@@ -205,6 +214,27 @@ impl<const D: usize> Solver<D> {
         }
         let residuals = course.residuals.clone();
         Err(SolveError::not_converged(model, links, step, residuals, &course.out_of_balance))
+    }
+
+    /// The residual of eq. (40) where it meets the tolerance: the last evaluation of a step, of which no tangent is wanted.
+    #[expect(clippy::too_many_arguments, reason = "what a step is made of")]
+    fn evaluate_force<M: Mechanics<D>>(
+        &mut self,
+        model: &Model<D>,
+        points: &mut Points<D>,
+        links: &Connectivity<D>,
+        system: &mut System<D>,
+        loading: &mut Loading<D>,
+        unknowns: &Unknowns<D>,
+        course: &mut Course<D>,
+    ) -> Option<f64> {
+        let summary = &mut self.reached.summary;
+        summary.evaluations += 1;
+        loading.set_factor(unknowns.factor);
+        let assemble = || system.assemble_force::<M>(model, points, links, &unknowns.delta_d);
+        summary.timings.measure(Phase::Assembly, assemble).ok()?;
+        course.out_of_balance = unknowns.balance(&loading.f_ext, system.internal_force());
+        unknowns.balanced(&course.out_of_balance, &loading.f_ext, model.newton.tolerance)
     }
 
     /// The residual of eq. (40). A point that turns inside out halves the last iterative displacement; one that climbs the
@@ -347,6 +377,19 @@ impl<const D: usize> Course<D> {
     fn falls_fast(&self) -> bool {
         let [.., before, now] = self.residuals[..] else { return false };
         now <= FAST * before
+    }
+
+    /// What the next residual will be if the iterations converge quadratically and linear equations leave what they may.
+    /// Infinite where nothing is known: before two iterations, and before as many as the step before took, as those that
+    /// rotate a body begin in great strides which say nothing.
+    fn forecast(&self, forcing: &Forcing, of_last_step: usize) -> f64 {
+        match self.residuals[..] {
+            [_, .., before, now] if of_last_step > 0 && self.residuals.len() >= of_last_step => {
+                let reduction = now / before;
+                now * (reduction * reduction).max(forcing.last())
+            }
+            _ => f64::INFINITY,
+        }
     }
 }
 

@@ -158,6 +158,9 @@ pub struct Summary {
     pub linear_iterations: usize,
     /// Linear solves whose matrix was not positive definite.
     pub indefinite_solves: usize,
+    /// Linear solves of the last step in equilibrium, 0 before there is one.
+    #[serde(default)]
+    pub last_iterations: usize,
     /// Most unknowns in a step.
     pub unknowns: usize,
     /// Work of loads and reactions so far, [energy].
@@ -244,6 +247,7 @@ impl Summary {
 
     pub(super) fn accept<const D: usize>(&mut self, report: &StepReport<D>) {
         self.steps += 1;
+        self.last_iterations = report.residuals.len() - 1;
         self.stabilised_faces = self.stabilised_faces.max(report.stabilised_faces);
         self.load_factor = report.load_factor;
         if let Some(factor) = report.load_factor {

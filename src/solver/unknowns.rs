@@ -168,6 +168,25 @@ impl<const D: usize> Unknowns<D> {
             .collect()
     }
 
+    /// Out-of-balance force, and external forces and reactions together.
+    fn sizes(&self, out_of_balance: &Nodal<D>, f_ext: &Nodal<D>) -> [f64; 2] {
+        let total = f_ext.iter().flatten().zip(self.reaction.iter().flatten());
+        [norm(out_of_balance.iter().flatten().copied()), norm(total.map(|(f, r)| f + r))]
+    }
+
+    /// Eq. (40) where it meets the tolerance, relative to forces only.
+    pub(super) fn balanced(
+        &self,
+        out_of_balance: &Nodal<D>,
+        f_ext: &Nodal<D>,
+        tolerance: f64,
+    ) -> Option<f64> {
+        match self.sizes(out_of_balance, f_ext) {
+            [0.0, _] => Some(0.0),
+            [out, force] => (out <= tolerance * force).then(|| out / force),
+        }
+    }
+
     /// Eq. (40): the out-of-balance force relative to external forces and reactions together.
     ///
     /// Where neither exists (a free body that moves rigidly, or is unloaded) the forces that remain are round-off of
@@ -179,12 +198,10 @@ impl<const D: usize> Unknowns<D> {
         system: &System<D>,
         tolerance: f64,
     ) -> f64 {
-        let out = norm(out_of_balance.iter().flatten().copied());
-        let total = f_ext.iter().flatten().zip(self.reaction.iter().flatten());
-        let force = norm(total.map(|(f, r)| f + r));
-        if out <= tolerance * force || out == 0.0 {
-            return if out == 0.0 { 0.0 } else { out / force };
+        if let Some(residual) = self.balanced(out_of_balance, f_ext, tolerance) {
+            return residual;
         }
+        let [out, force] = self.sizes(out_of_balance, f_ext);
         let stiff = system.diagonal();
         let motion = stiff.iter().flatten().zip(self.delta_d.iter().flatten());
         let of_motion = ROUND_OFF * norm(motion.map(|(k, u)| k * u));

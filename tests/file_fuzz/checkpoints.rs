@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
+use mpm::deck::OutputDeck;
 use mpm::deck::changes::{changes, step_at};
 use mpm::deck::load::{LoadedDeck, load_text};
 use mpm::deck::ready::{Analysis, ready};
@@ -24,6 +25,10 @@ use mpm::timing::Timings;
 use crate::damage::damage;
 use crate::harness::Bench;
 use crate::random::Random;
+
+fn nothing_asked() -> OutputDeck {
+    OutputDeck { every: 0, ..OutputDeck::default() }
+}
 
 /// Small analyses of two load steps, all with a law that has a history.
 const DECKS: [&str; 3] = [
@@ -103,8 +108,12 @@ impl Origin {
             Analysis::Solid(parts) => Fresh::Solid(parts.1.clone()),
         };
         let mut results = match &analysis {
-            Analysis::Plane(parts) => Results::create(&directory, 0, &parts.0, account(&loaded)),
-            Analysis::Solid(parts) => Results::create(&directory, 0, &parts.0, account(&loaded)),
+            Analysis::Plane(parts) => {
+                Results::create(&directory, &nothing_asked(), &parts.0, account(&loaded))
+            }
+            Analysis::Solid(parts) => {
+                Results::create(&directory, &nothing_asked(), &parts.0, account(&loaded))
+            }
         }
         .unwrap();
         let nothing = analysis.beginning();
@@ -153,9 +162,14 @@ impl Origin {
         reached.step.index = index;
         let (place, account) =
             ((&*self.directory, Lock::take(&self.directory).unwrap()), account(&self.loaded));
+        let asked = nothing_asked();
         let results = match &self.analysis {
-            Analysis::Plane(parts) => Results::go_on(place, 0, &parts.0, account, &checkpoint, reached.step),
-            Analysis::Solid(parts) => Results::go_on(place, 0, &parts.0, account, &checkpoint, reached.step),
+            Analysis::Plane(parts) => {
+                Results::go_on(place, &asked, &parts.0, account, &checkpoint, reached.step)
+            }
+            Analysis::Solid(parts) => {
+                Results::go_on(place, &asked, &parts.0, account, &checkpoint, reached.step)
+            }
         };
         let Ok(mut results) = results else {
             return "5 refused as other than the tables".into();

@@ -1,29 +1,44 @@
 //! Arrays as VTK stores them when they are compressed: the lengths of blocks, then the blocks, each a zlib stream.
 
 use std::io::{self, Read};
+use std::mem::take;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use flate2::read::ZlibDecoder;
-use flate2::{Compress, Compression, FlushCompress, Status};
+use flate2::{Compress, CompressError, Compression, FlushCompress, Status};
 use rayon::prelude::*;
 
-/// Uncompressed size of a block, [byte]; a multiple of every size of number.
-pub(super) const BLOCK: usize = 128 * 1024;
+/// Most bytes of a block before it is compressed, as many as a zlib stream stores in one piece; a multiple of every size of
+/// number times 1, 3, 6 and 9 components.
+pub(super) const BLOCK: usize = 65_520;
 
-/// Size of the part of a block that is compressed to see whether the whole is worth it, [byte].
+/// Numbers of a block that are looked at for a pattern.
 const SAMPLE: usize = 1024;
 
+/// Most bytes of a block that is read.
+const LARGEST: usize = 1 << 20;
+
+/// What stands before and after the bytes of a block that is stored: that it is a zlib stream, of one piece, with its length
+/// twice (RFC 1950 and 1951); then the check sum.
+const BEFORE: usize = 2 + 1 + 2 + 2;
+const AFTER: usize = 4;
+
 /// A number as VTK stores it.
-pub(super) trait Number: Copy + Sync {
+pub(super) trait Number: Copy + PartialEq + Sync {
     /// VTK's name of the type.
     const NAME: &'static str;
+    /// Whether its last digits are as good as random unless it repeats others.
+    const IS_ROUGH: bool;
     /// Fills as many bytes as the number has, little-endian.
     fn put(self, bytes: &mut [u8]);
 }
 
 macro_rules! number {
-    ($($type:ty => $name:literal),*) => {$(
+    ($($type:ty => $name:literal, $rough:literal);*) => {$(
         impl Number for $type {
             const NAME: &'static str = $name;
+            const IS_ROUGH: bool = $rough;
             #[inline(always)]
             fn put(self, bytes: &mut [u8]) {
                 bytes.copy_from_slice(&self.to_le_bytes());
@@ -31,48 +46,166 @@ macro_rules! number {
         }
     )*};
 }
-number!(f64 => "Float64", i64 => "Int64", i32 => "Int32", u8 => "UInt8");
+number!(f64 => "Float64", true; f32 => "Float32", true; i64 => "Int64", false; i32 => "Int32", false; u8 => "UInt8", false);
 
-/// What one thread needs to make blocks.
-struct Encoder {
-    bytes: Vec<u8>,
-    sample: Vec<u8>,
-    compressed: Compress,
-    stored: Compress,
+/// Memory of blocks that have been written, for those of the next file.
+#[derive(Debug, Clone, Default)]
+pub struct Room(Arc<Mutex<Vec<Vec<u8>>>>);
+
+impl Room {
+    /// A block with any content.
+    fn take(&self) -> Vec<u8> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+    }
+
+    fn give(&self, blocks: impl Iterator<Item = Vec<u8>>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend(blocks);
+    }
 }
 
-impl Encoder {
-    fn new() -> Encoder {
-        Encoder {
-            bytes: Vec::new(),
-            sample: Vec::new(),
-            compressed: Compress::new(Compression::new(1), true),
-            stored: Compress::new(Compression::none(), true),
-        }
+/// The blocks of an array.
+pub(super) struct Blocks {
+    /// Bytes of all numbers, and of those of a block.
+    bytes: usize,
+    of_block: usize,
+    streams: Vec<Vec<u8>>,
+    room: Room,
+}
+
+impl Drop for Blocks {
+    fn drop(&mut self) {
+        // Blocks that were compressed have memory that just fits.
+        let large = take(&mut self.streams).into_iter().filter(|stream| stream.capacity() >= BLOCK);
+        self.room.give(large);
+    }
+}
+
+impl Blocks {
+    /// Of so many tuples of so many components each, of which `numbers` puts a range into a vector in place of what is in
+    /// it. The same for any number of threads.
+    ///
+    /// # Errors
+    /// The first of those of `numbers`, or of the compression.
+    pub(super) fn new<T: Number>(
+        tuples: usize,
+        components: usize,
+        room: &Room,
+        numbers: impl Fn(Range<usize>, &mut Vec<T>) -> Result<(), String> + Sync,
+    ) -> Result<Blocks, String> {
+        let size = components * size_of::<T>();
+        let in_block = (BLOCK / size).max(1);
+        let streams = (0..tuples.div_ceil(in_block)).into_par_iter().map_init(
+            || (Vec::new(), Compressor::default()),
+            |(values, compressor), block| {
+                numbers(block * in_block..tuples.min((block + 1) * in_block), values)?;
+                compressor.stream(values, components, room)
+            },
+        );
+        // The first failure in order, for any number of threads.
+        let streams = streams.collect::<Vec<Result<_, String>>>().into_iter().collect::<Result<_, _>>()?;
+        Ok(Blocks { bytes: tuples * size, of_block: in_block * size, streams, room: room.clone() })
     }
 
-    /// A block of numbers as a zlib stream: compressed where a part out of its middle gives up an eighth of its length,
-    /// otherwise stored. The digits of most fields are as good as random; to look for a pattern in them takes longer than to
-    /// compute them.
-    fn block<T: Number>(&mut self, numbers: &[T]) -> io::Result<Vec<u8>> {
-        self.bytes.resize(size_of_val(numbers), 0);
-        for (bytes, number) in self.bytes.chunks_exact_mut(size_of::<T>()).zip(numbers) {
-            number.put(bytes);
-        }
-        let begin = self.bytes.len().saturating_sub(SAMPLE) / 2;
-        let sample = &self.bytes[begin..(begin + SAMPLE).min(self.bytes.len())];
-        deflate(&mut self.compressed, sample, &mut self.sample)?;
-        let worth = self.sample.len() <= sample.len() - sample.len() / 8;
-        let how = if worth { &mut self.compressed } else { &mut self.stored };
-        let mut block = Vec::new();
-        deflate(how, &self.bytes, &mut block)?;
-        block.shrink_to_fit();
-        Ok(block)
+    /// Length where it begins at a place among the arrays of a file, [byte].
+    pub(super) fn length_at(&self, place: usize) -> usize {
+        let length = 8 * (3 + self.streams.len()) + self.streams.iter().map(Vec::len).sum::<usize>();
+        length + self.zeros(place + length)
     }
+
+    /// How many zeros follow the last stream, as part of its block, where it ends at a place.
+    ///
+    /// Where an array ends, the next begins, and meshio 5.3 confuses places that are multiples of four: it gives every array
+    /// that it has read another place, always a multiple of four, and looks for the next one among all. Readers leave alone
+    /// what follows a stream.
+    fn zeros(&self, end: usize) -> usize {
+        if self.streams.is_empty() { 0 } else { (4 + 1 - end % 4) % 4 }
+    }
+
+    /// Writes the table of lengths and the blocks, to begin at a place among the arrays of a file.
+    pub(super) fn write(&self, place: usize, out: &mut dyn io::Write) -> io::Result<()> {
+        let lengths = self.streams.iter().map(Vec::len);
+        let zeros = self.zeros(place + 8 * (3 + self.streams.len()) + lengths.clone().sum::<usize>());
+        // A last block that is full is written as "no partial block", size 0.
+        let head = [self.streams.len(), self.of_block, self.bytes % self.of_block];
+        let mut words: Vec<usize> = head.into_iter().chain(lengths).collect();
+        if let Some(last) = words.last_mut().filter(|_| zeros > 0) {
+            *last += zeros;
+        }
+        let table: Vec<u8> = words.into_iter().flat_map(|word| (word as u64).to_le_bytes()).collect();
+        out.write_all(&table)?;
+        self.streams.iter().try_for_each(|stream| out.write_all(stream))?;
+        out.write_all(&[0; 3][..zeros])
+    }
+}
+
+/// What one thread needs to compress.
+#[derive(Default)]
+struct Compressor {
+    /// Made for the first block that is compressed.
+    compress: Option<Compress>,
+    /// The block that was compressed last, and as what.
+    bytes: Vec<u8>,
+    stream: Vec<u8>,
+    /// The block in hand.
+    next: Vec<u8>,
+}
+
+impl Compressor {
+    /// Numbers as a zlib stream: compressed where one in eight out of its middle repeats that of the tuple before, or all have few digits,
+    /// otherwise stored. To look for other patterns in digits that are as good as random takes longer than to compute them.
+    fn stream<T: Number>(&mut self, values: &[T], components: usize, room: &Room) -> Result<Vec<u8>, String> {
+        let length = size_of_val(values);
+        if T::IS_ROUGH && length <= BLOCK && !is_regular(values, components) {
+            let mut stream = room.take();
+            stream.reserve_exact((BEFORE + BLOCK + AFTER).saturating_sub(stream.len()));
+            store(values, &mut stream);
+            return Ok(stream);
+        }
+        self.next.resize(length, 0);
+        put(values, &mut self.next);
+        // What is the same at all points is the same in all blocks.
+        if self.stream.is_empty() || self.next != self.bytes {
+            std::mem::swap(&mut self.bytes, &mut self.next);
+            let compress = self.compress.get_or_insert_with(|| Compress::new(Compression::new(1), true));
+            deflate(compress, &self.bytes, &mut self.stream).map_err(|error| error.to_string())?;
+        }
+        Ok(self.stream.clone())
+    }
+}
+
+/// Whether one in eight numbers out of the middle is the same as that of the tuple before.
+fn is_regular<T: Number>(values: &[T], components: usize) -> bool {
+    let first = (values.len().saturating_sub(SAMPLE) / 2).max(components);
+    let Some(here) = values.get(first..values.len().min(first + SAMPLE)) else { return false };
+    let repeats: usize = here
+        .iter()
+        .zip(&values[first - components..])
+        .map(|(here, before)| usize::from(here == before))
+        .sum();
+    8 * repeats >= here.len()
+}
+
+fn put<T: Number>(values: &[T], bytes: &mut [u8]) {
+    for (bytes, value) in bytes.chunks_exact_mut(size_of::<T>()).zip(values) {
+        value.put(bytes);
+    }
+}
+
+/// Numbers of at most [`BLOCK`] bytes as a zlib stream that stores them.
+fn store<T: Number>(values: &[T], stream: &mut Vec<u8>) {
+    let length = size_of_val(values);
+    // Most blocks are as long as the one that was here before.
+    stream.resize(BEFORE + length + AFTER, 0);
+    let (before, rest) = stream.split_at_mut(BEFORE);
+    let (bytes, after) = rest.split_at_mut(length);
+    let [low, high, ..] = length.to_le_bytes();
+    before.copy_from_slice(&[0x78, 0x01, 0x01, low, high, !low, !high]);
+    put(values, bytes);
+    after.copy_from_slice(&simd_adler32::adler32(&&*bytes).to_be_bytes());
 }
 
 /// Replaces `stream` by the bytes as a zlib stream.
-fn deflate(how: &mut Compress, bytes: &[u8], stream: &mut Vec<u8>) -> io::Result<()> {
+fn deflate(how: &mut Compress, bytes: &[u8], stream: &mut Vec<u8>) -> Result<(), CompressError> {
     how.reset();
     stream.clear();
     stream.reserve(bytes.len() + bytes.len() / 64 + 64);
@@ -85,31 +218,6 @@ fn deflate(how: &mut Compress, bytes: &[u8], stream: &mut Vec<u8>) -> io::Result
     }
 }
 
-/// The numbers as a table of blocks and the blocks, to be appended at a place; the same for any number of threads.
-///
-/// Where an array ends, the next begins, and meshio 5.3 confuses places that are multiples of four: it gives every array
-/// that it has read another place, always a multiple of four, and looks for the next one among all. So there are up to three
-/// zeros after the last stream of an array, which readers leave alone.
-pub(super) fn encode<T: Number>(numbers: &[T], place: u64) -> io::Result<Vec<Vec<u8>>> {
-    let mut blocks: Vec<Vec<u8>> = numbers
-        .par_chunks(BLOCK / size_of::<T>())
-        .map_init(Encoder::new, |encoder, chunk| encoder.block(chunk))
-        .collect::<io::Result<_>>()?;
-    let end = place as usize + 8 * (3 + blocks.len()) + blocks.iter().map(Vec::len).sum::<usize>();
-    if let Some(last) = blocks.last_mut() {
-        last.resize(last.len() + (4 + 1 - end % 4) % 4, 0);
-    }
-    // A last block that is full is written as "no partial block", size 0.
-    let partial = size_of_val(numbers) % BLOCK;
-    let mut table = Vec::with_capacity(8 * (3 + blocks.len()));
-    for word in [blocks.len(), BLOCK, partial].into_iter().chain(blocks.iter().map(Vec::len)) {
-        table.extend_from_slice(&(word as u64).to_le_bytes());
-    }
-    let mut parts = vec![table];
-    parts.extend(blocks);
-    Ok(parts)
-}
-
 /// The bytes of an array that is stored in exactly these; `None` if they are damaged.
 pub(super) fn decode(stored: &[u8]) -> Option<Vec<u8>> {
     let word = |index: usize| -> Option<usize> {
@@ -118,7 +226,7 @@ pub(super) fn decode(stored: &[u8]) -> Option<Vec<u8>> {
         usize::try_from(u64::from_le_bytes(bytes.try_into().ok()?)).ok()
     };
     let (blocks, size, partial) = (word(0)?, word(1)?, word(2)?);
-    if size > BLOCK || partial > size {
+    if size > LARGEST || partial > size {
         return None;
     }
     let mut begin = blocks.checked_add(3)?.checked_mul(8)?;
@@ -146,6 +254,20 @@ fn inflate(block: &[u8], length: usize) -> Option<Vec<u8>> {
 mod tests {
     use super::*;
 
+    fn encoded(numbers: &[f64], room: &Room) -> Vec<u8> {
+        let part = |range: Range<usize>, out: &mut Vec<f64>| {
+            out.clear();
+            out.extend_from_slice(&numbers[range]);
+            Ok(())
+        };
+        let blocks = Blocks::new(numbers.len(), 1, room, part).unwrap();
+        let mut bytes = Vec::new();
+        blocks.write(0, &mut bytes).unwrap();
+        assert_eq!(bytes.len(), blocks.length_at(0));
+        assert!(bytes.len() % 4 == 1 || numbers.is_empty());
+        bytes
+    }
+
     #[test]
     fn what_has_no_pattern_is_stored_and_what_has_one_is_compressed() {
         let mut state = 1u64;
@@ -155,13 +277,14 @@ mod tests {
                 (state >> 11) as f64
             })
             .collect();
+        let room = Room::default();
         for (numbers, least, most) in
-            [(noise.clone(), 1.0, 1.01), (vec![0.0; noise.len()], 0.0, 0.01), (vec![], 0.0, 0.0)]
+            [(noise.clone(), 1.0, 1.01), (vec![0.0; noise.len()], 0.0, 0.02), (vec![], 0.0, 0.0)]
         {
-            let stored = encode(&numbers, 0).unwrap().concat();
-            assert!(stored.len() % 4 == 1 || numbers.is_empty());
+            let stored = encoded(&numbers, &room);
             let length = 8.0 * numbers.len() as f64;
-            assert!((least * length..=most * length + 24.0).contains(&(stored.len() as f64)));
+            let bounds = least * length..=most * length + 24.0;
+            assert!(bounds.contains(&(stored.len() as f64)), "{} of {length}, {bounds:?}", stored.len());
             let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
             assert_eq!(decode(&stored), Some(bytes));
             assert_eq!(decode(&stored[..stored.len() - 4]), None);
@@ -169,7 +292,16 @@ mod tests {
         }
         // Each block by itself.
         let mixed = [&noise[..BLOCK / 8], &[1.5; BLOCK / 8]].concat();
-        let lengths: Vec<usize> = encode(&mixed, 0).unwrap().iter().map(Vec::len).collect();
-        assert!(lengths[1] > BLOCK && lengths[2] < BLOCK / 50, "{lengths:?}");
+        assert!((BLOCK..BLOCK + BLOCK / 50).contains(&encoded(&mixed, &room).len()));
+    }
+
+    #[test]
+    fn memory_of_stored_blocks_serves_again() {
+        let room = Room::default();
+        let numbers: Vec<f64> = (0..BLOCK / 2).map(|k| (k as f64).sin()).collect();
+        for _ in 0..3 {
+            encoded(&numbers, &room);
+            assert_eq!(room.0.lock().unwrap().len(), 4);
+        }
     }
 }

@@ -44,6 +44,7 @@ impl Section {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Float64,
+    Float32,
     Int64,
     Int32,
     UInt8,
@@ -53,6 +54,7 @@ impl Kind {
     fn from_name(name: &str) -> Option<Kind> {
         Some(match name {
             "Float64" => Kind::Float64,
+            "Float32" => Kind::Float32,
             "Int64" => Kind::Int64,
             "Int32" => Kind::Int32,
             "UInt8" => Kind::UInt8,
@@ -63,7 +65,7 @@ impl Kind {
     fn size(self) -> usize {
         match self {
             Kind::Float64 | Kind::Int64 => 8,
-            Kind::Int32 => 4,
+            Kind::Float32 | Kind::Int32 => 4,
             Kind::UInt8 => 1,
         }
     }
@@ -72,6 +74,7 @@ impl Kind {
     fn number(self, bytes: &[u8]) -> f64 {
         match self {
             Kind::Float64 => bytes.try_into().map_or(0.0, f64::from_le_bytes),
+            Kind::Float32 => bytes.try_into().map_or(0.0, |b| f64::from(f32::from_le_bytes(b))),
             Kind::Int64 => bytes.try_into().map_or(0.0, |b| i64::from_le_bytes(b) as f64),
             Kind::Int32 => bytes.try_into().map_or(0.0, |b| f64::from(i32::from_le_bytes(b))),
             Kind::UInt8 => bytes.first().map_or(0.0, |b| f64::from(*b)),
