@@ -344,11 +344,17 @@ impl<const D: usize> Points<D> {
 
     /// The order of the points by permanent number: `order[id]` is the place of point `id`.
     pub fn by_id(&self) -> Vec<usize> {
-        let mut order = vec![0; self.len()];
+        let mut order = Vec::new();
+        self.order_by_id(&mut order);
+        order
+    }
+
+    /// The same in place of what is in `order`.
+    pub fn order_by_id(&self, order: &mut Vec<usize>) {
+        order.resize(self.len(), 0);
         for (p, &id) in self.id.iter().enumerate() {
             order[id as usize] = p;
         }
-        order
     }
 
     /// The `count` points of a body nearest to a place in the original configuration, as permanent numbers, nearest

@@ -206,8 +206,13 @@ pub fn pressure(sigma: &Sym3) -> f64 {
     -sigma.trace() / 3.0
 }
 
-/// J and current volume of some points.
-pub fn volumes<const D: usize>(model: &Model<D>, points: &Points<D>, order: &[usize]) -> Vec<[f64; 2]> {
+/// Puts J and current volume of some points in place of what is in `out`.
+pub fn volumes<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    order: &[usize],
+    out: &mut Vec<[f64; 2]>,
+) {
     let ratio = |p: usize| points.converged.deformation_gradient[p].determinant();
     let order = order.par_iter().with_min_len(PIECE);
     match model.point_volume {
@@ -216,8 +221,8 @@ pub fn volumes<const D: usize>(model: &Model<D>, points: &Points<D>, order: &[us
                 let ratio = ratio(p);
                 [ratio, ratio * points.original_volume[p]]
             })
-            .collect(),
-        PointVolume::Domain => order.map(|&p| [ratio(p), model.volume(points, p)]).collect(),
+            .collect_into_vec(out),
+        PointVolume::Domain => order.map(|&p| [ratio(p), model.volume(points, p)]).collect_into_vec(out),
     }
 }
 

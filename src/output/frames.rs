@@ -1,10 +1,11 @@
 //! What shows a step: the points, their domains and the active part of the grid, each a file of a series, encoded.
 
 use std::io;
+use std::mem::take;
 use std::sync::Arc;
 
 use crate::basis::{Connectivity, DomainKind};
-use crate::model::Model;
+use crate::model::{Body, Model};
 use crate::points::Points;
 use crate::solver::Step;
 use crate::tensor::padded;
@@ -41,6 +42,9 @@ pub(super) struct Frames {
     fields: Vec<PointField>,
     precision: Precision,
     room: Room,
+    /// Memory of order and volumes of the points.
+    order: Vec<usize>,
+    volumes: Vec<[f64; 2]>,
     /// What is the same in all frames of the points, once there is one, and in those of the domains.
     steady: [Option<Steady>; 2],
 }
@@ -52,13 +56,32 @@ struct Steady {
     identity: Vec<Arc<Encoded>>,
 }
 
+impl Steady {
+    /// What has been kept, or is now made, of cells of these kinds that share no points.
+    fn once<const D: usize>(
+        kept: &mut Option<Steady>,
+        of: Of<D>,
+        kinds: impl FnOnce() -> Vec<CellKind>,
+    ) -> Result<Steady, String> {
+        if let Some(steady) = kept {
+            return Ok(steady.clone());
+        }
+        let kinds = kinds();
+        let n: usize = kinds.iter().map(|kind| kind.points()).sum();
+        let corners: Vec<i64> = (0..n as i64).collect();
+        let cells = Arc::new(Cells::new(n, &Kinds::Each(&kinds), &corners, of.room)?);
+        Ok(kept.insert(Steady { cells, identity: of.identity()? }).clone())
+    }
+}
+
 /// A field on the active nodes of the grid.
 pub(super) type OnNodes<'a, const D: usize> = (&'a str, &'a [[f64; D]]);
 
 impl Frames {
     /// With these fields of the points, in numbers of this size.
     pub fn new(fields: &[PointField], precision: Precision) -> Frames {
-        Frames { fields: fields.to_vec(), precision, room: Room::default(), steady: [None, None] }
+        let (room, order, volumes) = (Room::default(), Vec::new(), Vec::new());
+        Frames { fields: fields.to_vec(), precision, room, order, volumes, steady: [None, None] }
     }
 
     /// The points of the converged state, and their domains if they have any.
@@ -71,21 +94,36 @@ impl Frames {
         points: &Points<D>,
         step: Step,
     ) -> io::Result<Vec<Frame>> {
-        let (order, room) = (points.by_id(), self.room.clone());
-        let all = volumes(model, points, &order);
-        let of = Of { model, points, order: &order, volumes: &all, precision: self.precision, room: &room };
+        let (mut order, mut all) = (take(&mut self.order), take(&mut self.volumes));
+        points.order_by_id(&mut order);
+        volumes(model, points, &order, &mut all);
+        let frames = self.of_ordered_points((model, points), (&order, &all), step);
+        (self.order, self.volumes) = (order, all);
+        frames
+    }
+
+    /// The same of points in this order, with these J and volumes.
+    fn of_ordered_points<const D: usize>(
+        &mut self,
+        (model, points): (&Model<D>, &Points<D>),
+        (order, all): (&[usize], &[[f64; 2]]),
+        step: Step,
+    ) -> io::Result<Vec<Frame>> {
+        let room = self.room.clone();
+        let of = Of { model, points, order, volumes: all, precision: self.precision, room: &room };
         let fields = of.fields(&self.fields);
-        let file = fields.clone().and_then(|fields| self.file(0, of, fields, step));
+        let file = fields.clone().and_then(|fields| self.file_of_points(of, fields, step));
         let mut frames = vec![Frame::new(0, step, file)?];
-        let domain = |p: usize| model.bodies[points.body[p] as usize].method.domain();
-        let with_domain: Vec<usize> =
-            order.iter().copied().filter(|&p| domain(p) != DomainKind::None).collect();
-        let file = if with_domain.len() == order.len() {
-            fields.and_then(|fields| self.file(1, of, fields, step))
-        } else if !with_domain.is_empty() {
-            let some = volumes(model, points, &with_domain);
-            let of = Of { order: &with_domain, volumes: &some, ..of };
-            of.fields(&self.fields).and_then(|fields| self.file(1, of, fields, step))
+        let with_domain = |body: &Body| body.method.domain() != DomainKind::None;
+        let file = if model.bodies.iter().all(with_domain) {
+            fields.and_then(|fields| self.file_of_domains(of, fields, step))
+        } else if model.bodies.iter().any(with_domain) {
+            let has_domain = |p: &usize| with_domain(&model.bodies[points.body[*p] as usize]);
+            let order: Vec<usize> = order.iter().copied().filter(has_domain).collect();
+            let mut some = Vec::new();
+            volumes(model, points, &order, &mut some);
+            let of = Of { order: &order, volumes: &some, ..of };
+            of.fields(&self.fields).and_then(|fields| self.file_of_domains(of, fields, step))
         } else {
             return Ok(frames);
         };
@@ -93,31 +131,30 @@ impl Frames {
         Ok(frames)
     }
 
-    /// The file of a series, of points as cells or of their domains.
-    fn file<const D: usize>(
+    /// The points, each a cell.
+    fn file_of_points<const D: usize>(
         &mut self,
-        series: usize,
         of: Of<D>,
         mut fields: Vec<Arc<Encoded>>,
         step: Step,
     ) -> Result<File, String> {
-        let domains = if series == 0 { vec![CellKind::Vertex; of.order.len()] } else { of.domains() };
-        let steady = match &mut self.steady[series] {
-            Some(steady) => steady,
-            none => {
-                let n: usize = domains.iter().map(|kind| kind.points()).sum();
-                let corners: Vec<i64> = (0..n as i64).collect();
-                let cells = Cells::new(n, &Kinds::Each(&domains), &corners, of.room)?;
-                none.insert(Steady { cells: Arc::new(cells), identity: of.identity()? })
-            }
-        };
-        fields.extend(steady.identity.iter().cloned());
-        let (cells, index) = (Arc::clone(&steady.cells), step.index as i64);
-        if series == 0 {
-            File::new(step.end, index, of.positions()?, cells, fields, Vec::new())
-        } else {
-            File::new(step.end, index, of.corners(&domains)?, cells, Vec::new(), fields)
-        }
+        let vertices = || vec![CellKind::Vertex; of.order.len()];
+        let steady = Steady::once(&mut self.steady[0], of, vertices)?;
+        fields.extend(steady.identity);
+        File::new(step.end, step.index as i64, of.positions()?, steady.cells, fields, Vec::new())
+    }
+
+    /// The domains of the points.
+    fn file_of_domains<const D: usize>(
+        &mut self,
+        of: Of<D>,
+        mut fields: Vec<Arc<Encoded>>,
+        step: Step,
+    ) -> Result<File, String> {
+        let domains = of.domains();
+        let steady = Steady::once(&mut self.steady[1], of, || domains.clone())?;
+        fields.extend(steady.identity);
+        File::new(step.end, step.index as i64, of.corners(&domains)?, steady.cells, Vec::new(), fields)
     }
 
     /// The active part of the grid, with these fields on its nodes.
