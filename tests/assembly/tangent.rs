@@ -133,6 +133,40 @@ fn both_formulations_give_the_same_force_and_stiffness() {
     check_formulations::<3, Solid>(cases_without_corners());
 }
 
+fn check_force<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
+    for (method, law) in cases {
+        for formulation in FORMULATIONS {
+            let mut state = random_state::<D, M>(method, law, 150, 7);
+            state.model.formulation = formulation;
+            let (first, half): (Vec<[f64; D]>, Vec<[f64; D]>) =
+                (state.delta_d.clone(), state.delta_d.iter().map(|u| u.map(|u| 0.5 * u)).collect());
+            let mut system = System::new::<M>(&state.model, &state.points, &state.links);
+            let (force, _) = evaluate::<D, M>(&mut system, &mut state, &first);
+            let trial = state.points.trial.clone();
+            // The stiffness of another state, which is to stay.
+            evaluate::<D, M>(&mut system, &mut state, &half);
+            let mut before = half.clone();
+            system.multiply(&first, &mut before);
+            let State { model, points, links, .. } = &mut state;
+            system.assemble_force::<M>(model, points, links, &first).unwrap();
+            let mut after = half.clone();
+            system.multiply(&first, &mut after);
+            assert!(system.internal_force() == force, "{method:?} {law:?} {formulation:?}");
+            assert!(before == after, "{method:?} {law:?} {formulation:?}");
+            let now = &points.trial;
+            assert!(now.kirchhoff_stress == trial.kirchhoff_stress && now.history == trial.history);
+            assert!(now.elastic_strain == trial.elastic_strain, "{method:?} {law:?} {formulation:?}");
+        }
+    }
+}
+
+#[test]
+fn without_stiffness_force_and_points_have_the_same_bits() {
+    check_force::<2, PlaneStrain>(cases());
+    check_force::<2, Axisymmetric>(cases());
+    check_force::<3, Solid>(cases_without_corners());
+}
+
 /// The system stores one triangle only, which would hide an unsymmetric tangent: the tangent of every point must have
 /// major symmetry, Ã of eqs. (A.3)-(A.6) and a of eqs. (A.1)-(A.2) alike.
 #[test]
