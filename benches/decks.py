@@ -2,9 +2,10 @@
 
     python3 benches/decks.py [--program target/release/mpm] [--repeat 2] [--only beam]
 
-Runs the examples of `inputs/` over sizes on one thread, without files of results, and reads `summary.json`: CPU time by
-phase, evaluations and the largest resident memory. Of repeated runs the one with the least CPU time counts, as other
-programs on the machine can only add to it. Tables are Markdown, for `docs/performance.md`.
+Runs the examples of `inputs/` over sizes on one thread, without files of results, then one of them with files of every
+step, and reads `summary.json`: CPU time by phase, evaluations and the largest resident memory. Of repeated runs the one
+with the least CPU time counts, as other programs on the machine can only add to it. Tables are Markdown, for
+`docs/performance.md`.
 """
 
 import argparse
@@ -23,6 +24,13 @@ EXAMPLES = [
     ("collapse", "collapse.yaml", "gimp", [1, 0.5, 0.25, 0.125, 0.0625]),
     ("block", "block/block.yaml", "mpm", [0.5, 0.25, 0.125]),
     ("block", "block/block.yaml", "gimp", [0.5, 0.25]),
+]
+FILES = [
+    ("none", 0, ""),
+    ("all fields, double", 1, ""),
+    ("all fields, single", 1, "  precision: single\n"),
+    ("displacement and stress, double", 1, "  fields: [displacement, cauchy_stress]\n"),
+    ("displacement and stress, single", 1, "  fields: [displacement, cauchy_stress]\n  precision: single\n"),
 ]
 
 
@@ -75,6 +83,46 @@ def table(program, repeat, name, deck, method, spacings):
         print(f"\nExponent of growth of CPU time per evaluation with points: {whole:.2f}; {parts}.", flush=True)
 
 
+def files(program, repeat, method, spacing):
+    """What the files of every step cost beside the run."""
+    steps = 10
+    print(f"\n### files, block, {method}, h = {spacing}, {steps} steps\n")
+    print("| files | MB per step | CPU (s) | of them output | beside no files | a step later than the first |")
+    print("|" + "---|" * 6)
+    text = (INPUTS / "block/block.yaml").read_text()
+    baseline = None
+    for what, every, choice in FILES:
+        done = []
+        for _ in range(repeat):
+            with tempfile.TemporaryDirectory() as directory:
+                deck = pathlib.Path(directory) / "deck.yaml"
+                deck.write_text(text.replace("\noutput:\n", f"\noutput:\n{choice}"))
+                settings = [f"h={spacing}", f"method={method}", f"every={every}", f"steps={steps}"]
+                command = [program, "run", deck, "--threads", "1", "--out", f"{directory}/out"]
+                for setting in settings:
+                    command += ["--set", setting]
+                subprocess.run(command, capture_output=True, check=True)
+                summary = json.loads(pathlib.Path(directory, "out/summary.json").read_text())["cpu_seconds"]
+                size = sum(file.stat().st_size for file in pathlib.Path(directory, "out").glob("*.vtu"))
+                first = output_of_first(program, deck, settings[:-1], directory) if every else 0
+                done.append((summary["total"], summary["output"], first, size / (steps + 1)))
+        total, output, first, size = min(done)
+        baseline = baseline or total
+        # The first step shows two states and encodes what never changes.
+        later = (output - first) / (steps - 1)
+        print(f"| {what} | {size / 1e6:.0f} | {total:.2f} | {output:.2f} | + {100 * (total / baseline - 1):.1f} % "
+              f"| {later:.3f} s, {100 * later / (baseline / steps):.1f} % |", flush=True)
+
+
+def output_of_first(program, deck, settings, directory):
+    """CPU time of the files of a run with one step."""
+    command = [program, "run", deck, "--threads", "1", "--out", f"{directory}/first"]
+    for setting in [*settings, "steps=1"]:
+        command += ["--set", setting]
+    subprocess.run(command, capture_output=True, check=True)
+    return json.loads(pathlib.Path(directory, "first/summary.json").read_text())["cpu_seconds"]["output"]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--program", default=INPUTS.parent / "target/release/mpm", help="the program")
@@ -86,6 +134,9 @@ def main():
         if options.only in f"{name} {method}":
             kept = [spacing for spacing in spacings if spacing >= options.finest]
             table(options.program, options.repeat, name, deck, method, kept)
+    for method, spacing in [("mpm", 0.125), ("gimp", 0.25)]:
+        if options.only in f"files {method}" and spacing >= options.finest:
+            files(options.program, options.repeat, method, spacing)
 
 
 if __name__ == "__main__":

@@ -275,7 +275,7 @@ fn deformed_points(
     }
     let snapshots = StepChoice::find_all(&options.steps, &run.points)?;
     let progress = Progress::of(std::slice::from_ref(run));
-    for (number, field) in options.fields(&snapshots[..1.min(snapshots.len())])?.iter().enumerate() {
+    for (number, field) in options.fields(&snapshots)?.iter().enumerate() {
         let mut scenes = Vec::new();
         for snapshot in &snapshots {
             let at = super::number::plain(progress.at(run, snapshot.time), 4);

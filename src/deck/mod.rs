@@ -576,9 +576,8 @@ pub struct OutputDeck {
     pub every: u32,
     /// Fields of the points in VTU files, beside their volume and the numbers of point, body and material, which every file
     /// has. All of them unless this says less.
-    #[schemars(extend("uniqueItems" = true))]
     pub fields: Vec<PointField>,
-    /// Size of floating-point numbers in VTU files.
+    /// Size of floating-point numbers in VTU files; those of a failed step are always `double`.
     pub precision: Precision,
     /// Places whose displacement is recorded in `history.csv`.
     pub probes: Vec<ProbeDeck>,

@@ -18,7 +18,7 @@ use std::collections::HashMap;
 use super::diagnostic::{Diagnostic, Gate, Severity, assign, quote};
 use super::references::unknown_reference;
 use super::source::Source;
-use super::{BodyDeck, Deck, Method};
+use super::{BodyDeck, Deck, Method, OutputDeck};
 
 /// Checks the meaning of a deck. The source gives the places of messages and tells which values come from
 /// parameters; [`Source::without_text`] serves for a deck that was not read from a file.
@@ -28,7 +28,7 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.bodies(grid.as_ref());
     check.boundary_conditions();
     check.loads();
-    check.probes();
+    check.output();
     check.linear_solver();
     check.control();
     assign(Gate::Meaning, &mut check.found);
@@ -177,8 +177,19 @@ impl Check<'_> {
         self.found.push(diagnostic);
     }
 
-    fn probes(&mut self) {
-        let probes = &self.deck.output.probes;
+    fn output(&mut self) {
+        let OutputDeck { fields, probes, .. } = &self.deck.output;
+        for (index, field) in fields.iter().enumerate() {
+            if fields[..index].contains(field) {
+                let message = format!("the field `{}` is named twice", field.name());
+                self.error_with_help(
+                    "D017",
+                    &format!("/output/fields/{index}"),
+                    message,
+                    "remove one of them",
+                );
+            }
+        }
         self.unique_names("/output/probes", probes.iter().map(|probe| probe.name.as_str()));
         for (index, probe) in probes.iter().enumerate() {
             let pointer = format!("/output/probes/{index}");

@@ -65,7 +65,8 @@ impl PointField {
         PointField::EquivalentPlasticStrain,
     ];
 
-    fn name(self) -> &'static str {
+    /// Its name in files and decks.
+    pub fn name(self) -> &'static str {
         match self {
             PointField::Displacement => "displacement",
             PointField::DeformationGradient => "deformation_gradient",
@@ -319,7 +320,7 @@ impl<const D: usize> Of<'_, D> {
 
     /// Shapes of the domains of the points, which must have one.
     pub fn domains(&self) -> Vec<CellKind> {
-        self.order.iter().map(|&p| cell_kind::<D>(corners_of(self.model, self.points, p))).collect()
+        self.order.iter().map(|&p| cell_kind::<D>(number_of_corners(self.model, self.points, p))).collect()
     }
 
     /// Corners of their domains, in the order of the VTK cells of these shapes.
@@ -403,7 +404,7 @@ pub fn number<'a>(name: &'a str, values: &'a [i32]) -> Field<'a> {
 }
 
 /// Number of corners of the domain of a point, 0 of one without.
-pub fn corners_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize) -> usize {
+pub fn number_of_corners<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize) -> usize {
     match model.bodies[points.body[p] as usize].method.domain() {
         DomainKind::None => 0,
         DomainKind::Corners => points.corner_range(p).len(),
@@ -411,11 +412,12 @@ pub fn corners_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize
     }
 }
 
-/// A corner of the domain of a point; of 2^D corners, bit d of a corner's number is its side along axis d.
+/// A corner of the domain of a point, its position where it has none; of 2^D corners, bit d of a corner's number is its side along axis d.
 pub fn corner_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, k: usize) -> [f64; D] {
     let state = &points.converged;
     match model.bodies[points.body[p] as usize].method.domain() {
-        DomainKind::None | DomainKind::Corners => points.corners(p)[k],
+        DomainKind::None => state.position[p],
+        DomainKind::Corners => points.corners(p)[k],
         DomainKind::Box => {
             let (x, l) = (&state.position[p], &state.half_lengths[p]);
             std::array::from_fn(|d| if k >> d & 1 == 1 { x[d] + l[d] } else { x[d] - l[d] })

@@ -18,7 +18,7 @@ use crate::timing::{Phase, Spent, Timings};
 /// Version of the program, as it appears in the results.
 pub(crate) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-use super::fields::{corner_of, corners_of};
+use super::fields::{corner_of, number_of_corners};
 use super::findings::{Extreme, Extremes, Findings, ForceBalance};
 use super::invalid;
 
@@ -227,7 +227,7 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
             let x = points.converged.position[p];
             let size = model.volume(points, p) / model.depth(&x);
             let side = 0.5 * size.powf(1.0 / D as f64);
-            let domain = 0..corners_of(model, points, p);
+            let domain = 0..number_of_corners(model, points, p);
             let mut corners: Vec<_> = domain.map(|k| corner_of(model, points, p, k)).collect();
             if corners.is_empty() {
                 corners = vec![x.map(|x| x - side), x.map(|x| x + side)];

@@ -162,7 +162,9 @@ impl<const D: usize> Solver<D> {
         let mut forcing = Forcing::default();
         let mut predicted = false;
         for iteration in 0..=max_iterations {
-            let is_last = course.forecast(&forcing, self.reached.summary.last_iterations) <= tolerance
+            // An old tangent makes no forecast.
+            let is_last = model.newton.tangent == Tangent::Fresh
+                && course.forecast(&forcing, self.reached.summary.last_iterations) <= tolerance
                 && unknowns.follows(dofs)
                 && condition.as_ref().is_none_or(|condition| condition.is_met());
             let balanced = is_last

@@ -183,7 +183,7 @@ impl<const D: usize> Unknowns<D> {
     ) -> Option<f64> {
         match self.sizes(out_of_balance, f_ext) {
             [0.0, _] => Some(0.0),
-            [out, force] => (out <= tolerance * force).then(|| out / force),
+            [out, force] => Some(out / force).filter(|residual| *residual <= tolerance),
         }
     }
 

@@ -148,7 +148,7 @@ def test_a_comparison_shows_what_all_have(run, mpm, whole, tmp_path):
     [
         ("{fields: [displacment]}", "did you mean `displacement`?"),
         ("{fields: [stress]}", "cauchy_stress"),
-        ("{fields: [J, J]}", "J"),
+        ("{fields: [J, displacement, J]}", "the field `J` is named twice"),
         ("{fields: J}", "list"),
         ("{precision: half}", "`single`"),
         ("{precision: 32}", "expected a text"),
@@ -165,10 +165,18 @@ def test_wrong_choices_are_explained(mpm, tmp_path, output, complaint):
 def test_a_run_may_go_on_with_other_fields(mpm, tmp_path):
     deck, out = tmp_path / "deck.yaml", tmp_path / "out"
     text = DECK.replace("METHOD", "gimp").replace("steps: {count: 4}", "steps: {count: 4}\ncheckpoint: {every: 2}")
-    deck.write_text(text.replace("OUTPUT", "{every: 1}").replace("acceleration: [0, -10]", "acceleration: [0, -10], curve: [[0, 0], [0.5, 1], [1, 1e9]]"))
+
+    def write(output, last):
+        weight = f"acceleration: [0, -10], curve: [[0, 0], [0.5, 1], [1, {last}]]"
+        deck.write_text(text.replace("OUTPUT", output).replace("acceleration: [0, -10]", weight))
+
+    write("{every: 1}", "1e9")
     assert mpm("run", deck, "--out", out).returncode == 1
-    deck.write_text(text.replace("OUTPUT", "{fields: [J], precision: single}").replace("acceleration: [0, -10]", "acceleration: [0, -10], curve: [[0, 0], [0.5, 1], [1, 1.5]]"))
+    write("{fields: [J], precision: single}", "1.5")
     process = mpm("run", deck, "--out", out, "--resume")
     assert process.returncode == 0, process.stderr
     files = [pyvista.read(path) for _, path in Results(out).series("points")]
     assert [len(file.point_data.keys()) for file in files] == [13, 13, 13, 5, 5]
+    # What is shown where nothing is asked for is what all files have.
+    process = mpm("report", out)
+    assert process.returncode == 0, process.stderr

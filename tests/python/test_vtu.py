@@ -9,7 +9,7 @@ import pyvista
 
 from results import assert_readers_agree
 
-BLOCK = 128 * 1024 // 8
+BLOCK = 65_520 // 8
 FILES = Path(os.environ.get("MPM", Path(__file__).parents[2] / "target/debug/mpm")).resolve().parents[1] / "tmp/vtu"
 
 

@@ -13,8 +13,11 @@ use rayon::prelude::*;
 /// number times 1, 3, 6 and 9 components.
 pub(super) const BLOCK: usize = 65_520;
 
-/// Numbers of a block that are looked at for a pattern.
+/// Numbers of a block that are looked at for a pattern; a power of two.
 const SAMPLE: usize = 1024;
+
+/// 2⁶⁴ divided by the golden ratio, which spreads the bits of numbers.
+const SPREAD: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// Most bytes of a block that is read.
 const LARGEST: usize = 1 << 20;
@@ -25,13 +28,20 @@ const BEFORE: usize = 2 + 1 + 2 + 2;
 const AFTER: usize = 4;
 
 /// A number as VTK stores it.
-pub(super) trait Number: Copy + PartialEq + Sync {
+pub(super) trait Number: Copy + Sync {
     /// VTK's name of the type.
     const NAME: &'static str;
     /// Whether its last digits are as good as random unless it repeats others.
     const IS_ROUGH: bool;
     /// Fills as many bytes as the number has, little-endian.
     fn put(self, bytes: &mut [u8]);
+    /// Its bytes as a whole number.
+    #[inline(always)]
+    fn bits(self) -> u64 {
+        let mut bytes = [0; 8];
+        self.put(&mut bytes[..size_of::<Self>()]);
+        u64::from_le_bytes(bytes)
+    }
 }
 
 macro_rules! number {
@@ -46,7 +56,13 @@ macro_rules! number {
         }
     )*};
 }
-number!(f64 => "Float64", true; f32 => "Float32", true; i64 => "Int64", false; i32 => "Int32", false; u8 => "UInt8", false);
+number!(
+    f64 => "Float64", true;
+    f32 => "Float32", true;
+    i64 => "Int64", false;
+    i32 => "Int32", false;
+    u8 => "UInt8", false
+);
 
 /// Memory of blocks that have been written, for those of the next file.
 #[derive(Debug, Clone, Default)]
@@ -98,7 +114,7 @@ impl Blocks {
             || (Vec::new(), Compressor::default()),
             |(values, compressor), block| {
                 numbers(block * in_block..tuples.min((block + 1) * in_block), values)?;
-                compressor.stream(values, components, room)
+                compressor.stream(values, room)
             },
         );
         // The first failure in order, for any number of threads.
@@ -151,11 +167,11 @@ struct Compressor {
 }
 
 impl Compressor {
-    /// Numbers as a zlib stream: compressed where one in eight out of its middle repeats that of the tuple before, or all have few digits,
-    /// otherwise stored. To look for other patterns in digits that are as good as random takes longer than to compute them.
-    fn stream<T: Number>(&mut self, values: &[T], components: usize, room: &Room) -> Result<Vec<u8>, String> {
+    /// Numbers as a zlib stream: compressed where one in eight repeats another one, or all have few digits, otherwise
+    /// stored. To look for other patterns in digits that are as good as random takes longer than to compute them.
+    fn stream<T: Number>(&mut self, values: &[T], room: &Room) -> Result<Vec<u8>, String> {
         let length = size_of_val(values);
-        if T::IS_ROUGH && length <= BLOCK && !is_regular(values, components) {
+        if T::IS_ROUGH && length <= BLOCK && !is_regular(values) {
             let mut stream = room.take();
             stream.reserve_exact((BEFORE + BLOCK + AFTER).saturating_sub(stream.len()));
             store(values, &mut stream);
@@ -173,16 +189,18 @@ impl Compressor {
     }
 }
 
-/// Whether one in eight numbers out of the middle is the same as that of the tuple before.
-fn is_regular<T: Number>(values: &[T], components: usize) -> bool {
-    let first = (values.len().saturating_sub(SAMPLE) / 2).max(components);
-    let Some(here) = values.get(first..values.len().min(first + SAMPLE)) else { return false };
-    let repeats: usize = here
-        .iter()
-        .zip(&values[first - components..])
-        .map(|(here, before)| usize::from(here == before))
-        .sum();
-    8 * repeats >= here.len()
+/// Whether one in eight numbers out of the middle is one of those before it.
+fn is_regular<T: Number>(values: &[T]) -> bool {
+    let middle = values.len().saturating_sub(SAMPLE) / 2..values.len().min((values.len() + SAMPLE) / 2);
+    // Of numbers that fall into one place the last is remembered, which is enough for patterns.
+    let mut seen = [0; 2 * SAMPLE];
+    let mut repeats = 0;
+    for number in &values[middle.clone()] {
+        let bits = number.bits();
+        let place = bits.wrapping_mul(SPREAD) >> (u64::BITS - seen.len().ilog2());
+        repeats += usize::from(std::mem::replace(&mut seen[place as usize], bits) == bits);
+    }
+    8 * repeats >= middle.len()
 }
 
 fn put<T: Number>(values: &[T], bytes: &mut [u8]) {
@@ -290,6 +308,9 @@ mod tests {
             assert_eq!(decode(&stored[..stored.len() - 4]), None);
             assert_eq!(decode(&[&stored[..], &[0]].concat()), None);
         }
+        // Corners that neighbours share, in whatever order.
+        let shared: Vec<f64> = (0..noise.len()).map(|k| noise[k * 37 % 500]).collect();
+        assert!(encoded(&shared, &room).len() < shared.len());
         // Each block by itself.
         let mixed = [&noise[..BLOCK / 8], &[1.5; BLOCK / 8]].concat();
         assert!((BLOCK..BLOCK + BLOCK / 50).contains(&encoded(&mixed, &room).len()));

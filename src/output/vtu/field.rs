@@ -42,7 +42,7 @@ pub enum Precision {
     /// 64 bits, 16 digits: as they are computed.
     #[default]
     Double,
-    /// 32 bits, 7 digits: half the size.
+    /// 32 bits, 7 digits: half the size. Numbers beyond ±3.4e38 become these.
     Single,
 }
 
@@ -130,7 +130,7 @@ impl Encoded {
                 "{owner} field `{name}` has {components} components but {found} names for them"
             ));
         }
-        let not_finite = |tuple: usize| format!("{owner} field `{name}` is not finite at {owner} {}", tuple);
+        let not_finite = |tuple: usize| format!("{owner} field `{name}` is not finite at {owner} {tuple}");
         let (kind, blocks) = match values {
             Values::Int64(values) => whole(values, *components, room),
             Values::Int32(values) => whole(values, *components, room),
