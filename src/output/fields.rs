@@ -369,6 +369,7 @@ fn cell_kind<const D: usize>(corners: usize) -> CellKind {
 
 /// The cells that points or their domains meet, without those that they only touch from outside, of which not all nodes
 /// are active: as corners among the active nodes in the order of the VTK cell of their kind.
+#[derive(Debug, PartialEq)]
 pub struct GridMesh {
     /// Positions of the active nodes.
     pub nodes: Vec<[f64; 3]>,

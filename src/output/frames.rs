@@ -47,6 +47,8 @@ pub(super) struct Frames {
     volumes: Vec<[f64; 2]>,
     /// What is the same in all frames of the points, once there is one, and in those of the domains.
     steady: [Option<Steady>; 2],
+    /// The grid of the last frame.
+    grid: Option<Active>,
 }
 
 /// What is the same in all frames of a series.
@@ -81,7 +83,8 @@ impl Frames {
     /// With these fields of the points, in numbers of this size.
     pub fn new(fields: &[PointField], precision: Precision) -> Frames {
         let (room, order, volumes) = (Room::default(), Vec::new(), Vec::new());
-        Frames { fields: fields.to_vec(), precision, room, order, volumes, steady: [None, None] }
+        let steady = [None, None];
+        Frames { fields: fields.to_vec(), precision, room, order, volumes, steady, grid: None }
     }
 
     /// The points of the converged state, and their domains if they have any.
@@ -162,27 +165,51 @@ impl Frames {
     /// # Errors
     /// As [`Frames::of_points`].
     pub fn of_grid<const D: usize>(
-        &self,
+        &mut self,
         model: &Model<D>,
         links: &Connectivity<D>,
         fields: &[OnNodes<D>],
         step: Step,
     ) -> io::Result<Frame> {
-        let GridMesh { nodes, corners, kinds } = grid_mesh(model, links);
-        let file = || {
-            let (n, room) = (nodes.len(), &self.room);
-            let positions =
-                Encoded::positions(n, Values::Float64(nodes.as_flattened()), self.precision, room)?;
-            let cells = Cells::new(n, &Kinds::Each(&kinds), &corners, room)?;
-            let encoded = |(name, values): &OnNodes<D>| {
-                let values: Vec<[f64; 3]> = values.iter().map(padded).collect();
-                let field: Field = vector(name, &values);
-                Encoded::new(&field, ("point", n), self.precision, room).map(Arc::new)
-            };
-            let fields = fields.iter().map(encoded).collect::<Result<_, String>>()?;
-            let (positions, cells) = (Arc::new(positions), Arc::new(cells));
-            File::new(step.end, step.index as i64, positions, cells, fields, Vec::new())
+        Frame::new(2, step, self.file_of_grid(grid_mesh(model, links), fields, step))
+    }
+
+    fn file_of_grid<const D: usize>(
+        &mut self,
+        mesh: GridMesh,
+        fields: &[OnNodes<D>],
+        step: Step,
+    ) -> Result<File, String> {
+        let (room, precision) = (&self.room, self.precision);
+        let same = self.grid.take().filter(|last| last.mesh == mesh);
+        let grid = match same {
+            Some(last) => last,
+            None => Active::new(mesh, precision, room)?,
         };
-        Frame::new(2, step, file())
+        let encoded = |(name, values): &OnNodes<D>| {
+            let values: Vec<[f64; 3]> = values.iter().map(padded).collect();
+            let field: Field = vector(name, &values);
+            Encoded::new(&field, ("point", values.len()), precision, room).map(Arc::new)
+        };
+        let fields = fields.iter().map(encoded).collect::<Result<_, String>>()?;
+        let Active { positions, cells, .. } = self.grid.insert(grid);
+        let (positions, cells) = (Arc::clone(positions), Arc::clone(cells));
+        File::new(step.end, step.index as i64, positions, cells, fields, Vec::new())
+    }
+}
+
+/// The active part of the grid, which often stays what it is for some steps, and what stands of it in a file.
+struct Active {
+    mesh: GridMesh,
+    positions: Arc<Encoded>,
+    cells: Arc<Cells>,
+}
+
+impl Active {
+    fn new(mesh: GridMesh, precision: Precision, room: &Room) -> Result<Active, String> {
+        let n = mesh.nodes.len();
+        let positions = Encoded::positions(n, Values::Float64(mesh.nodes.as_flattened()), precision, room)?;
+        let cells = Cells::new(n, &Kinds::Each(&mesh.kinds), &mesh.corners, room)?;
+        Ok(Active { mesh, positions: Arc::new(positions), cells: Arc::new(cells) })
     }
 }
