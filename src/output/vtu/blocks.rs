@@ -167,7 +167,7 @@ struct Compressor {
 }
 
 impl Compressor {
-    /// Numbers as a zlib stream: compressed where one in eight repeats another one, or all have few digits, otherwise
+    /// Numbers as a zlib stream: compressed where one in four repeats another one, or all have few digits, otherwise
     /// stored. To look for other patterns in digits that are as good as random takes longer than to compute them.
     fn stream<T: Number>(&mut self, values: &[T], room: &Room) -> Result<Vec<u8>, String> {
         let length = size_of_val(values);
@@ -189,7 +189,7 @@ impl Compressor {
     }
 }
 
-/// Whether one in eight numbers out of the middle is one of those before it.
+/// Whether one in four numbers out of the middle is one of those before it.
 fn is_regular<T: Number>(values: &[T]) -> bool {
     let middle = values.len().saturating_sub(SAMPLE) / 2..values.len().min((values.len() + SAMPLE) / 2);
     // Of numbers that fall into one place the last is remembered, which is enough for patterns.
@@ -200,7 +200,7 @@ fn is_regular<T: Number>(values: &[T]) -> bool {
         let place = bits.wrapping_mul(SPREAD) >> (u64::BITS - seen.len().ilog2());
         repeats += usize::from(std::mem::replace(&mut seen[place as usize], bits) == bits);
     }
-    8 * repeats >= middle.len()
+    4 * repeats >= middle.len()
 }
 
 fn put<T: Number>(values: &[T], bytes: &mut [u8]) {
