@@ -6,7 +6,7 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use super::logarithm::{artanh_over_x, ln};
-use super::spectral::{cosh, sinh_over_x};
+use super::spectral::sinh_over_x;
 use super::{Lane, Sym3};
 
 /// The four components of a tensor in the Mandel layout.
@@ -36,7 +36,7 @@ pub fn exp(e: &Sym3) -> Sym3 {
     let (m, d, _, r) = mohr(&components(e));
     let scale = m.exp();
     let slope = sinh_over_x(r);
-    let c = cosh(r);
+    let c = r.cosh();
     tensor([scale * (c + slope * d), scale * (c - slope * d), e.0[2].exp(), scale * slope * e.0[5]])
 }
 

@@ -239,27 +239,11 @@ fn exp_divided_difference(a: f64, b: f64) -> f64 {
     (0.5 * (a + b)).exp() * sinh_over_x(0.5 * (a - b))
 }
 
-/// Up to this x² the series of cosh(x) and sinh(x)/x are used; those of strains hardly ever go farther.
-const SMALL: f64 = 0.25;
-
-/// sinh(x)/x; the first neglected term of the series is below 1e-19.
+/// sinh(x)/x.
 #[inline]
 pub(super) fn sinh_over_x(x: f64) -> f64 {
     let y = x * x;
-    if y < SMALL { nested(y, [210.0, 156.0, 110.0, 72.0, 42.0, 20.0, 6.0]) } else { x.sinh() / x }
-}
-
-/// cosh(x); the first neglected term of the series is below 1e-18.
-#[inline]
-pub(super) fn cosh(x: f64) -> f64 {
-    let y = x * x;
-    if y < SMALL { nested(y, [182.0, 132.0, 90.0, 56.0, 30.0, 12.0, 2.0]) } else { x.cosh() }
-}
-
-/// 1 + y/d₇ (1 + y/d₆ (1 + …)), the divisors d from the innermost.
-#[inline(always)]
-fn nested(y: f64, divisors: [f64; 7]) -> f64 {
-    divisors.into_iter().fold(1.0, |sum, divisor| 1.0 + y * (1.0 / divisor) * sum)
+    if y < 1e-6 { 1.0 + y / 6.0 * (1.0 + y / 20.0 * (1.0 + y / 42.0)) } else { x.sinh() / x }
 }
 
 #[cfg(test)]
