@@ -6,7 +6,7 @@ use std::str::FromStr;
 use crate::output::vtu::read::{Array, MeshFile, Section};
 
 use super::ReportError;
-use super::run::Snapshot;
+use super::run::{Snapshot, read_mesh};
 use super::units::Quantity;
 
 /// A field by its name in the files, with a component where it has several.
@@ -40,16 +40,17 @@ impl fmt::Display for FieldChoice {
 }
 
 impl FieldChoice {
-    /// What is shown where nothing is asked for: the first of these fields that all meshes have.
-    pub(super) fn usual(meshes: &[MeshFile]) -> FieldChoice {
-        let is_there = |name: &&str| {
-            meshes.iter().all(|mesh| mesh.arrays(Section::PointData).any(|array| array.name == **name))
-        };
-        let name = ["von_mises_stress", "equivalent_plastic_strain", "pressure", "J", "displacement"]
-            .into_iter()
-            .find(is_there);
+    /// What is shown of some states where nothing is asked for: the first of these fields that all of them have.
+    pub(super) fn usual(snapshots: &[Snapshot]) -> Result<FieldChoice, ReportError> {
+        let mut names =
+            vec!["von_mises_stress", "equivalent_plastic_strain", "pressure", "J", "displacement"];
+        // One mesh at a time: they may be large.
+        for snapshot in snapshots {
+            let mesh = read_mesh(&snapshot.path)?;
+            names.retain(|name| mesh.arrays(Section::PointData).any(|array| array.name == *name));
+        }
         // The volume is in every file.
-        FieldChoice { name: name.unwrap_or("volume").to_owned(), component: None }
+        Ok(FieldChoice { name: names.first().copied().unwrap_or("volume").to_owned(), component: None })
     }
 
     /// The field in words.

@@ -36,7 +36,7 @@ pub use field::{FieldChoice, StepChoice};
 pub use run::NoResults;
 pub use units::Units;
 
-use run::{Run, Snapshot, read_mesh};
+use run::{Run, Snapshot};
 
 /// What a report shows.
 #[derive(Debug, Clone)]
@@ -63,11 +63,11 @@ impl Default for Options {
 impl Options {
     /// The fields that are shown of some states.
     fn fields(&self, snapshots: &[Snapshot]) -> Result<Vec<FieldChoice>, ReportError> {
-        if !self.fields.is_empty() {
-            return Ok(self.fields.clone());
+        if self.fields.is_empty() {
+            Ok(vec![FieldChoice::usual(snapshots)?])
+        } else {
+            Ok(self.fields.clone())
         }
-        let meshes = snapshots.iter().map(|snapshot| read_mesh(&snapshot.path));
-        Ok(vec![FieldChoice::usual(&meshes.collect::<Result<Vec<_>, _>>()?)])
     }
 }
 

@@ -13,9 +13,6 @@ const PIECE: usize = 16;
 /// Number of pieces that are linked before they are put together, while they are still in the cache.
 const ROUND: usize = 32;
 
-/// Numbers that are kept of a point along an axis of a regular grid, as a rule.
-const FACTORS: usize = 2;
-
 /// Number of points, as a power of two, whose starts are told from a common one.
 const BLOCK: u32 = 12;
 
@@ -367,15 +364,7 @@ impl<const D: usize> Piece<D> {
         methods: &[Method],
         groups: &[usize],
     ) -> Result<Self, SupportFailure> {
-        let n = groups.last().zip(groups.first()).map_or(0, |(end, first)| end - first);
-        // Memory that is asked for at once need not be copied as it grows.
-        let mut piece = Piece {
-            start: Vec::with_capacity(n),
-            form: Vec::with_capacity(n),
-            local_start: Vec::with_capacity(n),
-            factor: Vec::with_capacity(FACTORS * D * n),
-            ..Piece::default()
-        };
+        let mut piece = Piece::default();
         let mut support = Support::default();
         let mut touched: Vec<u32> = Vec::new(); // grid nodes of one group, point by point where they differ
         let mut nodes: Vec<u32> = Vec::new();

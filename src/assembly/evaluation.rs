@@ -1,0 +1,332 @@
+//! The evaluation of points, group by group: from the displacement increment to their trial state, and to the dense
+//! stiffness and the nodal forces of each group.
+#![allow(non_snake_case)]
+
+use std::ops::Range;
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::group::{Cell, Dense, Forces, Square, Triangle, Whole};
+use super::pattern::NodePairs;
+use super::{PointFailure, Wanted};
+use crate::basis::{Connectivity, Links, Room};
+use crate::kinematics::Increment;
+use crate::linear::Block;
+use crate::material::Material;
+use crate::model::Model;
+use crate::stress::{Formulation, Mechanics, PointResponse, StartOfStep, WeakForm};
+use crate::tensor::{Lanes, Sym3};
+
+/// A task of this many groups or fewer is not split between threads.
+const GRAIN: usize = 4;
+
+/// Most history variables of points that are evaluated side by side.
+const MOST_HISTORY: usize = 4;
+
+/// What all points of an evaluation share.
+pub(super) struct Task<'a, const D: usize, M> {
+    pub(super) model: &'a Model<D>,
+    pub(super) body: &'a [u16],
+    pub(super) position: &'a [[f64; D]],
+    pub(super) history_len: usize,
+    pub(super) old_history: &'a [f64],
+    pub(super) start: &'a [StartOfStep],
+    pub(super) links: &'a Connectivity<D>,
+    pub(super) pairs: &'a NodePairs,
+    pub(super) delta_d: &'a [[f64; D]],
+    pub(super) wanted: Wanted,
+    pub(super) mechanics: std::marker::PhantomData<M>,
+}
+
+/// What the points of some consecutive groups write of their own.
+pub(super) struct Trial<'a, const D: usize> {
+    /// The first of the points.
+    pub(super) first: usize,
+    pub(super) elastic_strain: &'a mut [Sym3],
+    pub(super) kirchhoff_stress: &'a mut [Sym3],
+    pub(super) history: &'a mut [f64],
+    pub(super) mapped: &'a mut [[f64; D]],
+}
+
+impl<'a, const D: usize> Trial<'a, D> {
+    /// The parts before and from a point, whose groups touch `n_nodes` nodes before.
+    fn split(self, point: usize, n_nodes: usize, history_len: usize) -> (Trial<'a, D>, Trial<'a, D>) {
+        let n = point - self.first;
+        let (strain_l, strain_r) = self.elastic_strain.split_at_mut(n);
+        let (stress_l, stress_r) = self.kirchhoff_stress.split_at_mut(n);
+        let (history_l, history_r) = self.history.split_at_mut(n * history_len);
+        let (mapped_l, mapped_r) = self.mapped.split_at_mut(n_nodes);
+        let left = Trial {
+            first: self.first,
+            elastic_strain: strain_l,
+            kirchhoff_stress: stress_l,
+            history: history_l,
+            mapped: mapped_l,
+        };
+        let right = Trial {
+            first: point,
+            elastic_strain: strain_r,
+            kirchhoff_stress: stress_r,
+            history: history_r,
+            mapped: mapped_r,
+        };
+        (left, right)
+    }
+}
+
+/// What the points of some consecutive groups write.
+pub(super) struct Work<'a, const D: usize> {
+    pub(super) trial: Trial<'a, D>,
+    pub(super) dense: &'a mut [Block<D>],
+    pub(super) force: &'a mut [[f64; D]],
+    pub(super) room: Room<'a, D>,
+}
+
+impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
+    /// Divides the groups between threads; the division has no influence on the result.
+    pub(super) fn run(&self, groups: Range<usize>, work: Work<D>) -> Result<(), PointFailure> {
+        if groups.len() <= GRAIN {
+            return match self.model.formulation {
+                Formulation::PreviouslyConverged => self.run_groups::<false>(groups, work),
+                Formulation::UpdatedLagrangian => self.run_groups::<true>(groups, work),
+            };
+        }
+        let middle = groups.start + groups.len() / 2;
+        let (left, right) = (groups.start..middle, middle..groups.end);
+        let n_nodes = left.clone().map(|g| self.links.nodes_of(g).len()).sum();
+        let cut = self.links.points_of(right.start).start;
+        let (trial_l, trial_r) = work.trial.split(cut, n_nodes, self.history_len);
+        let (dense_l, dense_r) = work.dense.split_at_mut(self.pairs.dense_range(left.clone()).len());
+        let (force_l, force_r) = work.force.split_at_mut(n_nodes);
+        let (value_l, value_r) = work.room.value.split_at_mut(n_nodes);
+        let (gradient_l, gradient_r) = work.room.gradient.split_at_mut(n_nodes);
+        let (room_l, room_r) =
+            (Room { value: value_l, gradient: gradient_l }, Room { value: value_r, gradient: gradient_r });
+        let work_l = Work { trial: trial_l, dense: dense_l, force: force_l, room: room_l };
+        let work_r = Work { trial: trial_r, dense: dense_r, force: force_r, room: room_r };
+        let (a, b) = rayon::join(|| self.run(left, work_l), || self.run(right, work_r));
+        a.and(b)
+    }
+
+    /// Evaluates the points of some groups one after the other, in one of the two formulations.
+    fn run_groups<const UPDATED: bool>(
+        &self,
+        groups: Range<usize>,
+        work: Work<D>,
+    ) -> Result<(), PointFailure> {
+        let Work { mut trial, mut dense, mut force, mut room } = work;
+        let room = &mut room;
+        let symmetric = self.pairs.symmetric();
+        for group in groups {
+            let n = self.links.nodes_of(group).len();
+            let (k, rest) = dense.split_at_mut(self.pairs.dense_range(group..group + 1).len());
+            dense = rest;
+            let (f, rest) = force.split_at_mut(n);
+            force = rest;
+            match (D, n) {
+                _ if self.wanted == Wanted::Force => {
+                    self.run_group::<UPDATED>(group, &mut trial, room, f, &mut Forces)?;
+                }
+                (3, 8) if self.links.is_whole(group) => {
+                    let cell = &mut Cell::<D, 8, 2>::zero(symmetric);
+                    self.run_group::<UPDATED>(group, &mut trial, room, f, cell)?;
+                    cell.store(k);
+                }
+                (3, 4) if self.links.is_whole(group) => {
+                    let cell = &mut Cell::<D, 4, 1>::zero(symmetric);
+                    self.run_group::<UPDATED>(group, &mut trial, room, f, cell)?;
+                    cell.store(k);
+                }
+                (2, 4) if symmetric && self.links.is_whole(group) => {
+                    let whole = &mut Whole::<D, 4>::zero();
+                    self.run_group::<UPDATED>(group, &mut trial, room, f, whole)?;
+                    whole.store(k);
+                }
+                (2, 3) if symmetric && self.links.is_whole(group) => {
+                    let whole = &mut Whole::<D, 3>::zero();
+                    self.run_group::<UPDATED>(group, &mut trial, room, f, whole)?;
+                    whole.store(k);
+                }
+                _ => {
+                    k.fill([[0.0; D]; D]);
+                    if symmetric {
+                        self.run_group::<UPDATED>(group, &mut trial, room, f, &mut Triangle(k))?;
+                    } else {
+                        let square = &mut Square { blocks: k, nodes: n };
+                        self.run_group::<UPDATED>(group, &mut trial, room, f, square)?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Evaluates the points of a group with the vector instructions that the machine has.
+    fn run_group<const UPDATED: bool>(
+        &self,
+        group: usize,
+        trial: &mut Trial<D>,
+        room: &mut Room<D>,
+        force: &mut [[f64; D]],
+        dense: &mut impl Dense<D>,
+    ) -> Result<(), PointFailure> {
+        force.fill([0.0; D]);
+        Arch::new().dispatch(Vectorised::<D, M, _, UPDATED> { task: self, group, trial, room, force, dense })
+    }
+
+    #[inline]
+    fn law(&self, p: usize) -> &dyn Material {
+        let body = &self.model.bodies[self.body[p] as usize];
+        self.model.materials[body.material].law.as_ref()
+    }
+}
+
+/// The points of one group, to be compiled for several sets of instructions. None of them changes the result: products
+/// and sums are rounded one by one.
+struct Vectorised<'t, 'a, 's, 'r, const D: usize, M, K, const UPDATED: bool> {
+    task: &'t Task<'a, D, M>,
+    group: usize,
+    trial: &'t mut Trial<'s, D>,
+    room: &'t mut Room<'r, D>,
+    force: &'t mut [[f64; D]],
+    dense: &'t mut K,
+}
+
+impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
+    for Vectorised<'_, '_, '_, '_, D, M, K, UPDATED>
+{
+    type Output = Result<(), PointFailure>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
+        let points = self.task.links.points_of(self.group);
+        let mut p = points.start;
+        while p < points.end {
+            p += match self.add_side_by_side(p..points.end)? {
+                Some(count) => count,
+                None => {
+                    self.add_one(p)?;
+                    1
+                }
+            };
+        }
+        Ok(())
+    }
+}
+
+impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
+    Vectorised<'_, '_, '_, '_, D, M, K, UPDATED>
+{
+    #[inline(always)]
+    fn increment(&mut self, p: usize) -> Increment<D> {
+        let task = self.task;
+        let nodes = task.links.nodes_of(self.group);
+        Increment::new::<M>(nodes, &task.links.links(p, self.room), task.delta_d, &task.position[p])
+    }
+
+    /// Adds the first points of a range side by side, where they have one law that can be evaluated so; returns how many.
+    #[inline(always)]
+    fn add_side_by_side(&mut self, points: Range<usize>) -> Result<Option<usize>, PointFailure> {
+        let task = self.task;
+        let p = points.start;
+        let law = task.law(p);
+        let kept = law.state_fields().len();
+        if UPDATED || !M::SIDE_BY_SIDE || law.side_by_side().is_none() || kept > MOST_HISTORY {
+            return Ok(None);
+        }
+        let alike = task.body[points].iter().take_while(|&&body| body == task.body[p]);
+        let count = alike.take(Lanes::WIDTH).count();
+        // Lanes that are left over repeat the last point.
+        let last = p + count - 1;
+        let of_lane = [p, last.min(p + 1), last.min(p + 2), last.min(p + 3)];
+        let [a, b, c, d] = of_lane;
+        let starts = [&task.start[a], &task.start[b], &task.start[c], &task.start[d]];
+        // Not by a closure, which might not be inlined and compiled for vector instructions.
+        let increments = [self.increment(a), self.increment(b), self.increment(c), self.increment(d)];
+        let n = task.history_len;
+        let mut history = [Lanes::ZERO; MOST_HISTORY];
+        for (h, lanes) in history[..kept].iter_mut().enumerate() {
+            *lanes = Lanes::gather(|l| task.old_history[of_lane[l] * n + h]);
+        }
+        let Some(responses) = M::respond_side_by_side(starts, &increments, law, &mut history[..kept]) else {
+            return Ok(None);
+        };
+        for (l, response) in responses[..count].iter().enumerate() {
+            let here = p + l - self.trial.first;
+            for (h, lanes) in history[..kept].iter().enumerate() {
+                self.trial.history[here * n + h] = lanes.0[l];
+            }
+            let links = task.links.links(p + l, self.room);
+            keep(p + l, response, &links, self.trial, self.dense, self.force);
+        }
+        Ok(Some(count))
+    }
+
+    #[inline(always)]
+    fn add_one(&mut self, p: usize) -> Result<(), PointFailure> {
+        let Vectorised { task, group, trial, room, force, dense } = self;
+        let failure = |error| PointFailure { point: p, error };
+        let (start, law) = (&task.start[p], task.law(p));
+        let links = task.links.links(p, room);
+        let nodes = task.links.nodes_of(*group);
+        let increment = Increment::new::<M>(nodes, &links, task.delta_d, &task.position[p]);
+        let isotropic = if UPDATED { None } else { M::respond_isotropic(start, &increment, law) };
+        if let Some(response) = isotropic {
+            keep(p, response.as_ref().map_err(|e| failure(*e))?, &links, trial, *dense, force);
+            return Ok(());
+        }
+        let (n, here) = (task.history_len, p - trial.first);
+        let kept = law.state_fields().len();
+        let old = &task.old_history[p * n..][..kept];
+        let new = &mut trial.history[here * n..][..kept];
+        if UPDATED {
+            let response = M::respond_updated(start, &increment, law, old, new);
+            keep(p, response.as_ref().map_err(|e| failure(*e))?, &links, trial, *dense, force);
+        } else {
+            let response = M::respond(start, &increment, law, old, new);
+            keep(p, response.as_ref().map_err(|e| failure(*e))?, &links, trial, *dense, force);
+        }
+        Ok(())
+    }
+}
+
+/// Keeps the response of a point and adds its part.
+#[inline(always)]
+fn keep<const D: usize, W: WeakForm<D>>(
+    p: usize,
+    response: &PointResponse<W>,
+    links: &Links<D>,
+    trial: &mut Trial<D>,
+    dense: &mut impl Dense<D>,
+    force: &mut [[f64; D]],
+) {
+    let PointResponse { weak, tau, elastic_strain } = response;
+    let here = p - trial.first;
+    trial.elastic_strain[here] = *elastic_strain;
+    trial.kirchhoff_stress[here] = *tau;
+    let gradients = match weak.inverse() {
+        None => links.gradient,
+        Some(inverse) => map_gradients(inverse, links.gradient, trial.mapped),
+    };
+    dense.add(weak, links, gradients, force);
+}
+
+/// ∂S/∂x = ∂S/∂X̃ ΔF⁻¹, eq. (8), for one point.
+#[inline(always)]
+fn map_gradients<'a, const D: usize>(
+    inverse: &Block<D>,
+    gradient: &[[f64; D]],
+    room: &'a mut [[f64; D]],
+) -> &'a [[f64; D]] {
+    let out = &mut room[..gradient.len()];
+    for (mapped, g) in out.iter_mut().zip(gradient) {
+        let mut sum = [0.0; D];
+        for i in 0..D {
+            for j in 0..D {
+                sum[j] += g[i] * inverse[i][j];
+            }
+        }
+        *mapped = sum;
+    }
+    out
+}
