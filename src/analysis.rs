@@ -1,11 +1,11 @@
 //! One analysis: from a deck to a model that is ready, and from there to a directory of results.
 
-use std::io::{self, IsTerminal};
+use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use anyhow::{Context, bail};
+use anyhow::{anyhow, bail};
 use mpm::deck::diagnostic::{self, Diagnostic, as_json, render_all};
 use mpm::deck::load::{LoadFailure, LoadedDeck, load};
 use mpm::deck::ready::{self, Analysis, Extent, ready};
@@ -20,8 +20,10 @@ use mpm::timing::Timings;
 use serde_json::{Value, json};
 
 use crate::closing::Closing;
+use crate::last_words::wait_for_lack_of_memory;
 use crate::progress::{View, Watch};
 use crate::resume::{self, AGAIN, Found};
+use crate::tell::clean;
 use crate::{Coded, DeckArgs, Format, in_words, print_json};
 
 /// A deck and the analysis built from it.
@@ -85,15 +87,25 @@ pub fn prepare_aloud(args: &DeckArgs, write_down: &dyn Fn(&str)) -> anyhow::Resu
             print_json(&as_document(&prepared))?;
         }
         Format::Text if !plain.is_empty() => {
-            let terminal = io::stderr().is_terminal();
-            tell!("{}", messages(&prepared, terminal));
-            if prepared.is_err() && terminal {
+            tell_messages(&prepared);
+            if prepared.is_err() && io::stderr().is_terminal() {
                 tell!("`mpm explain CODE` says more about a message");
             }
         }
         Format::Text => {}
     }
     Ok(prepared.ok())
+}
+
+/// Writes messages about a deck to standard error, in colours where there is a terminal.
+pub fn tell_messages(prepared: &Result<Ready, Box<LoadFailure>>) {
+    let plain = messages(prepared, false);
+    // Colours are told from what foreign text smuggles in only where that holds no sequence of its own.
+    if io::stderr().is_terminal() && clean(&plain) == plain {
+        let _ = writeln!(io::stderr(), "{}", messages(prepared, true));
+    } else {
+        tell!("{plain}");
+    }
 }
 
 /// All messages about a deck, without the last line break; empty where there is nothing to say.
@@ -277,8 +289,9 @@ pub fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
     if threads.is_some_and(|n| !(1..=MOST_THREADS).contains(&n)) {
         bail!("--threads takes a number from 1 to {MOST_THREADS}");
     }
+    wait_for_lack_of_memory()?;
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))
         .build_global()
-        .context("the threads cannot be started")
+        .map_err(|error| anyhow!("the threads cannot be started: {error}; `--threads` chooses their number"))
 }

@@ -263,6 +263,24 @@ impl<const D: usize> System<D> {
         self.pairs.matrix(&self.blocks).multiply(&mut self.division, x, out);
     }
 
+    /// Σ |K_vw| |x_w| over all active nodes: the size of the terms that K x adds up, per node.
+    pub fn magnitudes(&self, x: &[[f64; D]]) -> Vec<[f64; D]> {
+        let mut sums = vec![[0.0; D]; x.len()];
+        let symmetric = self.pairs.symmetric();
+        self.pairs.for_each(|row, column, place| {
+            let block = &self.blocks[place];
+            for i in 0..D {
+                for k in 0..D {
+                    sums[row][i] += (block[i][k] * x[column][k]).abs();
+                    if symmetric && row != column {
+                        sums[column][k] += (block[i][k] * x[row][i]).abs();
+                    }
+                }
+            }
+        });
+        sums
+    }
+
     /// Diagonal of K, per node.
     pub fn diagonal(&self) -> Vec<[f64; D]> {
         let mut diagonal = vec![[0.0; D]; self.f_int.len()];

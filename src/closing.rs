@@ -7,6 +7,7 @@ use mpm::model::Model;
 use mpm::output::findings::{Extreme, Findings, ForceBalance};
 use mpm::output::results::{Picture, Results};
 use mpm::points::Points;
+use mpm::quality::{BalanceSoFar, MOST_ENERGY_ERROR, MOST_REGRIDDING};
 use mpm::solver::{SolveError, Summary};
 
 use crate::quantities::{duration, significant};
@@ -32,8 +33,11 @@ pub struct Closing {
     iterative_solves: usize,
     linear_iterations: usize,
     tolerance: f64,
+    steps: usize,
+    rounding_limited: usize,
     newton_order: Option<f64>,
     quality: String,
+    balance: BalanceSoFar,
     warnings: usize,
     findings: Findings,
     directory: PathBuf,
@@ -83,8 +87,11 @@ impl Closing {
             iterative_solves: summary.iterative_solves,
             linear_iterations: summary.linear_iterations,
             tolerance: model.newton.tolerance,
+            steps,
+            rounding_limited: summary.rounding_limited,
             newton_order: summary.quality.median_newton_order(),
             quality: summary.quality.to_string(),
+            balance: BalanceSoFar::new(summary),
             warnings: summary.warnings.len(),
             findings: results.findings().clone(),
             directory: results.directory().to_owned(),
@@ -122,8 +129,15 @@ impl Closing {
             })
             .collect();
         if !shown.is_empty() {
-            table.row("balances", &format!("within {}", shown.join(", ")));
+            let most = 100.0 * MOST_ENERGY_ERROR;
+            table.row(
+                "balances",
+                &format!("within {} (warning for energy above {most} % from step 5 on)", shown.join(", ")),
+            );
         }
+        let [value, most] = [self.balance.regridding(), MOST_REGRIDDING].map(|share| 100.0 * share);
+        let text = format!("{value:.1} % of the external work (warning above {most} %)");
+        table.row("regridding work", &text);
         table.row("quality", &self.quality);
         if self.warnings > 0 {
             table.row("warnings", &format!("{}, see above and in summary.json", self.warnings));
@@ -157,7 +171,14 @@ impl Closing {
         }
         if let Some((residual, step)) = self.findings.worst_residual {
             let tolerance = self.tolerance;
-            table.row("residual", &format!("at most {residual:.1e} (step {step}), tolerance {tolerance:e}"));
+            let limited = match self.rounding_limited {
+                0 => String::new(),
+                n => format!("; round-off limits {} of {}", n, counted(self.steps, "step", "steps")),
+            };
+            table.row(
+                "residual",
+                &format!("at most {residual:.1e} (step {step}), tolerance {tolerance:e}{limited}"),
+            );
         }
     }
 

@@ -29,13 +29,15 @@ macro_rules! pages {
     };
 }
 
-/// All pages, in the order of their codes: D for decks, S for solutions, R for directories of results.
+/// All pages, in the order of their codes: D for decks, S for solutions, R for directories of results,
+/// W for warnings of runs.
 pub const PAGES: &[Page] = pages! {
     D001 D002 D003 D004 D005 D006 D007 D008 D009 D010 D011 D012 D013 D014 D015 D016 D017 D018 D019 D020
     D021 D022 D023 D024 D025 D026 D027 D028 D029 D030 D031 D032 D033 D034 D035 D036 D037 D038 D039 D040
     D041 D042 D043 D044 D045 D046 D047 D048 D049
-    S001 S002 S003 S004 S005 S006 S007 S008 S009 S010 S011 S012 S013
+    S001 S002 S003 S004 S005 S006 S007 S008 S009 S010 S011 S012 S013 S014
     R001 R002
+    W001 W002 W003 W004 W005 W006 W007 W008 W009 W010 W011 W012
 };
 
 /// The page of a code, in capitals or not.
@@ -47,12 +49,13 @@ pub fn page(code: &str) -> Option<&'static Page> {
 mod tests {
     use super::*;
     use crate::deck::diagnostic;
+    use crate::quality::warning;
     use crate::{output, solver};
 
     #[test]
     fn every_code_has_a_page_with_its_title_and_every_page_a_code() {
         let titles: Vec<_> = PAGES.iter().map(|page| (page.code, page.title())).collect();
-        assert_eq!(titles, [diagnostic::CODES, solver::CODES, output::CODES].concat());
+        assert_eq!(titles, [diagnostic::CODES, solver::CODES, output::CODES, warning::CODES].concat());
         for Page { code, text } in PAGES {
             assert!(text.starts_with(&format!("# {code}: ")), "{code}");
             assert!(text.lines().all(|line| line.chars().count() <= 120), "{code}");

@@ -1,10 +1,15 @@
 //! Prescribed displacements: from named boundary conditions to the degrees of freedom of a load step.
 
+mod covered;
+
 use crate::basis::Connectivity;
 use crate::formula::Formula;
 use crate::loads::LoadCurve;
 use crate::model::Model;
-use crate::points::{Points, coordinates};
+use crate::points::{Points, State, coordinates};
+use crate::tensor::Mat3;
+
+pub(crate) use covered::{Covered, covered};
 
 /// The nodes that a boundary condition acts on.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,14 +28,15 @@ pub struct BoundaryCondition<const D: usize> {
     pub name: String,
     /// The nodes.
     pub nodes: NodeSet,
-    /// Displacement along each prescribed axis, [length]: a formula of the node's coordinates (`D` values) and the
-    /// load factor. One that does not depend on the factor is multiplied by it.
+    /// Displacement along each prescribed axis, [length]: a formula of the node's coordinates (`D` values), the original
+    /// position of the material there (`D` values) and the load factor. One that does not depend on the factor is
+    /// multiplied by it.
     pub displacement: [Option<Formula>; D],
     /// Load factor over time.
     pub curve: LoadCurve,
 }
 
-/// Nodes nearer to the axis of revolution than this, relative to the size of a cell, lie on it.
+/// Nodes nearer to the axis of revolution than this, relative to the size of the cells around them, lie on it.
 pub(crate) const ON_AXIS: f64 = 1e-6;
 
 /// What mends [`ConstraintError::LooseAxis`].
@@ -104,6 +110,9 @@ enum Dof {
 pub struct DofMap<const D: usize> {
     dofs: Vec<[Dof; D]>,
     n_free: usize,
+    /// Degrees of freedom that further conditions prescribe with the same motion: active node, axis and condition,
+    /// ascending.
+    shared: Vec<(u32, u8, u16)>,
 }
 
 impl<const D: usize> DofMap<D> {
@@ -120,16 +129,20 @@ impl<const D: usize> DofMap<D> {
         end: f64,
     ) -> Result<Self, ConstraintError> {
         let mut dofs = vec![[Dof::Free(0); D]; links.n_active()];
+        let mut shared = Vec::new();
         for (number, condition) in model.boundary_conditions.iter().enumerate() {
             // At time 0 nothing has moved yet, whatever the curve says.
             let reached = (start > 0.0).then(|| condition.curve.factor(start));
             let factors = [reached, Some(condition.curve.factor(end))];
-            for active in condition.active_nodes(points, links) {
+            let acts_on = condition.active_nodes(points, links);
+            let originals = condition.follows_material().then(|| original_places(model, points, links));
+            for active in acts_on {
                 let node = links.active_nodes()[active] as usize;
                 let place = model.grid.node_position(node);
+                let original = originals.as_ref().map_or(place, |originals| originals[active]);
                 for (axis, formula) in condition.displacement.iter().enumerate() {
                     let Some(formula) = formula else { continue };
-                    let increment = displacement_increment(formula, &place, factors);
+                    let increment = displacement_increment(formula, &place, &original, factors);
                     if !increment.is_finite() {
                         return Err(ConstraintError::NotFinite {
                             name: condition.name.clone(),
@@ -144,7 +157,10 @@ impl<const D: usize> DofMap<D> {
                     match *dof {
                         Dof::Free(_) => *dof = Dof::Held { condition: number as u16, increment },
                         Dof::Held { increment: held, .. }
-                            if (held - increment).abs() <= SAME * held.abs().max(increment.abs()) => {}
+                            if (held - increment).abs() <= SAME * held.abs().max(increment.abs()) =>
+                        {
+                            shared.push((active as u32, axis as u8, number as u16));
+                        }
                         Dof::Held { condition: first, increment: held } => {
                             return Err(ConstraintError::Conflict {
                                 first: model.boundary_conditions[first as usize].name.clone(),
@@ -169,7 +185,8 @@ impl<const D: usize> DofMap<D> {
                 n_free += 1;
             }
         }
-        Ok(DofMap { dofs, n_free: n_free as usize })
+        shared.sort_unstable();
+        Ok(DofMap { dofs, n_free: n_free as usize, shared })
     }
 
     /// Number of unknowns.
@@ -192,6 +209,29 @@ impl<const D: usize> DofMap<D> {
             Dof::Free(_) => None,
             Dof::Held { condition, increment } => Some((increment, condition as usize)),
         }
+    }
+
+    /// The boundary conditions that share the reaction of a degree of freedom equally: those that hold it, or where none
+    /// does those that move it; the first one of the deck first, none where it is free.
+    pub fn bearers(&self, model: &Model<D>, node: usize, axis: usize) -> Vec<usize> {
+        let mut bearers = self.conditions(node, axis);
+        let holds = |number: &usize| model.boundary_conditions[*number].holds(axis);
+        if bearers.len() > 1 && bearers.iter().any(holds) {
+            bearers.retain(holds);
+        }
+        bearers
+    }
+
+    /// The boundary conditions that prescribe a degree of freedom, the first one of the deck first; none where it is free.
+    /// All of them prescribe the same motion.
+    pub fn conditions(&self, node: usize, axis: usize) -> Vec<usize> {
+        let place = (node as u32, axis as u8);
+        let begin = self.shared.partition_point(|(node, axis, _)| (*node, *axis) < place);
+        let length = self.shared[begin..].partition_point(|(node, axis, _)| (*node, *axis) == place);
+        let first = self.prescribed(node, axis).map(|(_, condition)| condition);
+        let mut all: Vec<usize> = first.into_iter().collect();
+        all.extend(self.shared[begin..][..length].iter().map(|(_, _, condition)| *condition as usize));
+        all
     }
 
     /// Whether a node is prescribed along any axis.
@@ -233,9 +273,9 @@ fn keep_axis<const D: usize>(
     links: &Connectivity<D>,
     dofs: &[[Dof; D]],
 ) -> Result<(), ConstraintError> {
-    let slack = ON_AXIS * model.grid.size(0);
-    let on_axis = (links.active_nodes().iter().zip(dofs))
-        .filter(|(node, _)| model.grid.node_position(**node as usize)[0] <= slack);
+    let is_on_axis =
+        |node: usize| model.grid.node_position(node)[0] <= ON_AXIS * model.grid.size_around(node);
+    let on_axis = (links.active_nodes().iter().zip(dofs)).filter(|(node, _)| is_on_axis(**node as usize));
     let (mut all, mut loose) = (0, 0);
     for (_, dof) in on_axis {
         all += 1;
@@ -248,26 +288,71 @@ fn keep_axis<const D: usize>(
 pub(crate) fn displacement_increment<const D: usize>(
     formula: &Formula,
     place: &[f64; D],
+    original: &[f64; D],
     factors: [Option<f64>; 2],
 ) -> f64 {
-    let mut variables = [0.0; 4];
+    let mut variables = [0.0; 7];
     variables[..D].copy_from_slice(place);
+    variables[D..2 * D].copy_from_slice(original);
     let mut at = |factor: Option<f64>| {
         let Some(factor) = factor else { return 0.0 };
-        if formula.depends_on(D) {
-            variables[D] = factor;
-            formula.evaluate(&variables[..=D])
+        if formula.depends_on(2 * D) {
+            variables[2 * D] = factor;
+            formula.evaluate(&variables[..=2 * D])
         } else {
-            formula.evaluate(&variables[..=D]) * factor
+            formula.evaluate(&variables[..=2 * D]) * factor
         }
     };
     at(factors[1]) - at(factors[0])
 }
 
+/// Weight of a point whose basis function vanishes at a node: any weights do where the deformation is uniform.
+const LEAST_WEIGHT: f64 = 1e-9;
+
+/// Original position of the material at each active node at the start of a step: the mean, weighted by the basis functions,
+/// of what each point around takes it for by its own deformation, X_p + F_p⁻¹ (x − x_p). Exact where the deformation is
+/// uniform, of second order in the size of a cell elsewhere.
+fn original_places<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+) -> Vec<[f64; D]> {
+    let mut sums = vec![([0.0; D], 0.0); links.n_active()];
+    let State { position, deformation_gradient, .. } = &points.converged;
+    for group in 0..links.n_groups() {
+        let nodes = links.nodes_of(group);
+        for p in links.points_of(group) {
+            let inverse = deformation_gradient[p].try_inverse().unwrap_or_else(Mat3::identity);
+            links.for_each_value(p, |local, value| {
+                let active = nodes[local] as usize;
+                let x = model.grid.node_position(links.active_nodes()[active] as usize);
+                let weight = value.max(0.0) + LEAST_WEIGHT;
+                let (sum, weights) = &mut sums[active];
+                for i in 0..D {
+                    let back: f64 = (0..D).map(|j| inverse[(i, j)] * (x[j] - position[p][j])).sum();
+                    sum[i] += weight * (points.original_position[p][i] + back);
+                }
+                *weights += weight;
+            });
+        }
+    }
+    sums.into_iter().map(|(sum, weights)| sum.map(|part| part / weights)).collect()
+}
+
 impl<const D: usize> BoundaryCondition<D> {
+    /// Whether a displacement depends on the original position of the material.
+    fn follows_material(&self) -> bool {
+        self.displacement.iter().flatten().any(|formula| (D..2 * D).any(|k| formula.depends_on(k)))
+    }
+
     /// Whether it moves its nodes, rather than hold them.
     pub fn moves(&self) -> bool {
         self.displacement.iter().flatten().any(|formula| formula.as_constant() != Some(0.0))
+    }
+
+    /// Whether it keeps its nodes where they are along an axis.
+    pub fn holds(&self, axis: usize) -> bool {
+        self.displacement[axis].as_ref().is_some_and(|formula| formula.as_constant() == Some(0.0))
     }
 
     /// The active nodes it acts on in this step, ascending.

@@ -279,12 +279,26 @@ fn truth(condition: bool, a: f64, b: f64) -> f64 {
 /// The candidate most like a misspelt name, if any is like it.
 pub(crate) fn closest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let lower = name.to_lowercase();
-    candidates
-        .into_iter()
-        .map(|candidate| (strsim::jaro_winkler(&lower, &candidate.to_lowercase()), candidate))
-        .filter(|(likeness, _)| *likeness > 0.75)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, candidate)| candidate)
+    let close = |candidate: &'a str| Some((slips(&lower, &candidate.to_lowercase())?, candidate));
+    candidates.into_iter().filter_map(close).min_by_key(|(slips, _)| *slips).map(|(_, candidate)| candidate)
+}
+
+/// Letters that are wrong, missing, too many or exchanged with their neighbour between two words, where they are so few
+/// for the length of the words that one may stand for the other; fewest where one word begins with the other.
+fn slips(a: &str, b: &str) -> Option<usize> {
+    let (shorter, longer) = if a.len() <= b.len() { (a, b) } else { (b, a) };
+    let [short, long] = [shorter, longer].map(|word| word.chars().count());
+    let most = match long {
+        0 | 1 => 0,
+        2 => usize::from(short == 1),
+        _ => (long / 4).clamp(1, 3),
+    };
+    let slips = strsim::osa_distance(a, b);
+    // What is cut short, or has a word behind it: `tol`, `poisson_ratio`.
+    let goes_on = short >= 3 && longer.starts_with(shorter);
+    // A slip hardly ever takes the first letter, too.
+    let begins_alike = slips <= 1 || a.chars().next() == b.chars().next();
+    (slips <= most && begins_alike || goes_on).then_some(if goes_on { slips.min(most) } else { slips })
 }
 
 #[cfg(test)]
@@ -299,6 +313,48 @@ mod tests {
 
     fn fault(text: &str) -> FormulaError {
         Formula::parse(text, &["x", "y", "gamma"]).unwrap_err()
+    }
+
+    #[test]
+    fn words_are_suggested_only_where_they_are_close() {
+        let keys = ["model", "young", "poisson", "density", "deviatoric_yield_stress", "hardening_modulus"];
+        for (written, meant) in [
+            ("yuong", "young"),
+            ("poison", "poisson"),
+            ("posson", "poisson"),
+            ("densty", "density"),
+            ("Density", "density"),
+            ("modle", "model"),
+            ("poisson_ratio", "poisson"),
+            ("youngs_modulus", "young"),
+            ("hardning_moduls", "hardening_modulus"),
+            ("deviatoric_yield_stres", "deviatoric_yield_stress"),
+        ] {
+            assert_eq!(closest(written, keys), Some(meant), "{written}");
+        }
+        for foreign in [
+            "porosity",
+            "cohesion",
+            "friction_angle",
+            "thickness",
+            "permeability",
+            "dilatancy",
+            "bulk",
+            "shear",
+            "viscosity",
+            "identity",
+            "tension",
+            "E",
+            "nu",
+            "rho",
+            "",
+        ] {
+            assert_eq!(closest(foreign, keys), None, "{foreign}");
+        }
+        assert_eq!(closest("stress", ["steps", "solver", "grid"]), None);
+        assert_eq!(closest("tol", ["tolerance", "linear"]), Some("tolerance"));
+        assert_eq!(closest("hh", ["n", "h"]), Some("h"));
+        assert_eq!(closest("ux", ["uy", "uz"]), None, "another key, not a slip");
     }
 
     #[test]

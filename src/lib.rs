@@ -20,7 +20,7 @@
 //!    displacements, external force, and the sparse direct solver.
 //! 6. [`domain`]: how the domain of a GIMP point follows the deformation. Domains of CPDI are given by their corners,
 //!    [`points::State::corners`], which the last step of [`solver`] moves.
-//! 7. [`quality`]: how well a run goes, and when a domain update does not suit the motion. [`rigid`]: motions that
+//! 7. [`quality`]: how well a run goes, and warnings when its answer may be bad. [`rigid`]: motions that
 //!    boundary conditions leave free. [`memory`]: how much there is.
 //! 8. [`deck`] and [`formula`]: from YAML to [`model::Model`] and [`points::Points`], with messages that name the line;
 //!    `deck/region.rs` and `deck/seeding.rs` fill bodies with points. [`region`] is the geometry of solids: primitives,

@@ -45,6 +45,8 @@ pub enum Action<const D: usize> {
     Gravity([f64; D]),
     /// Force per volume at the start of the step, [force/volume], eq. (24).
     BodyForce(VectorFormula<D>),
+    /// Force per constant mass of each point, [length/time²].
+    MassForce(VectorFormula<D>),
     /// The same force on each of these points (permanent numbers), [force], eq. (25).
     PointForce {
         /// Permanent numbers of the points.
@@ -156,9 +158,9 @@ pub struct LoadNotFinite {
 pub struct ExternalForce<const D: usize> {
     /// On each active node, eq. (29), [force].
     pub nodal: Vec<[f64; D]>,
-    /// Sum over the material points, as the deck states the loads: what the nodes get in all, less what basis functions
-    /// lose that do not add up to 1, [force].
-    pub applied: [f64; D],
+    /// Resultant of each load over the material points, as the deck states it: what the nodes get from it, and what basis
+    /// functions lose that do not add up to 1, [force].
+    pub resultants: Vec<[f64; D]>,
 }
 
 /// The external force of eq. (29) at a time.
@@ -173,7 +175,8 @@ pub fn external_force<const D: usize>(
     links: &Connectivity<D>,
     time: f64,
 ) -> Result<ExternalForce<D>, LoadNotFinite> {
-    forces_on_points(model, points, |load| load.curve.factor(time)).map(|forces| on_nodes(links, &forces))
+    forces_on_points(model, points, |load| load.curve.factor(time))
+        .map(|(forces, resultants)| on_nodes(links, (&forces, resultants)))
 }
 
 /// The external force where all loads have the same factor, whatever their curves say.
@@ -186,12 +189,15 @@ pub fn external_force_of_factor<const D: usize>(
     links: &Connectivity<D>,
     factor: f64,
 ) -> Result<ExternalForce<D>, LoadNotFinite> {
-    forces_on_points(model, points, |_| factor).map(|forces| on_nodes(links, &forces))
+    forces_on_points(model, points, |_| factor)
+        .map(|(forces, resultants)| on_nodes(links, (&forces, resultants)))
 }
 
-/// Eq. (29) for forces on the points, [force].
-fn on_nodes<const D: usize>(links: &Connectivity<D>, at_points: &[[f64; D]]) -> ExternalForce<D> {
-    let applied = std::array::from_fn(|d| at_points.iter().map(|force| force[d]).sum());
+/// Eq. (29) for the forces on the points, [force], that have these resultants.
+fn on_nodes<const D: usize>(
+    links: &Connectivity<D>,
+    (at_points, resultants): (&[[f64; D]], Vec<[f64; D]>),
+) -> ExternalForce<D> {
     let mut force = vec![[0.0; D]; links.n_active()];
     for group in 0..links.n_groups() {
         let nodes = links.nodes_of(group);
@@ -207,28 +213,37 @@ fn on_nodes<const D: usize>(links: &Connectivity<D>, at_points: &[[f64; D]]) -> 
             });
         }
     }
-    ExternalForce { nodal: force, applied }
+    ExternalForce { nodal: force, resultants }
 }
 
-/// Sum of all loads on each point, [force].
+/// Forces on the points, or resultants of the loads.
+type Forces<const D: usize> = Vec<[f64; D]>;
+
+/// Sum of all loads on each point, and the resultant of each load over all points, [force].
 fn forces_on_points<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
     factor_of: impl Fn(&Load<D>) -> f64,
-) -> Result<Vec<[f64; D]>, LoadNotFinite> {
+) -> Result<(Forces<D>, Forces<D>), LoadNotFinite> {
     let mut forces = vec![[0.0; D]; points.len()];
-    for load in &model.loads {
+    let mut resultants = vec![[0.0; D]; model.loads.len()];
+    for (load, resultant) in model.loads.iter().zip(&mut resultants) {
+        let mut add = |p: usize, force: [f64; D]| {
+            for d in 0..D {
+                forces[p][d] += force[d];
+                resultant[d] += force[d];
+            }
+        };
         let factor = factor_of(load);
         let acts_on = |p: usize| load.acts_on[points.body[p] as usize];
         match &load.action {
             Action::Gravity(acceleration) => {
                 for p in (0..points.len()).filter(|&p| acts_on(p)) {
-                    for d in 0..D {
-                        forces[p][d] += factor * points.mass[p] * acceleration[d];
-                    }
+                    add(p, acceleration.map(|a| factor * points.mass[p] * a));
                 }
             }
-            Action::BodyForce(formula) => {
+            Action::BodyForce(formula) | Action::MassForce(formula) => {
+                let is_per_mass = matches!(load.action, Action::MassForce(_));
                 for p in (0..points.len()).filter(|&p| acts_on(p)) {
                     let (x, original) = (&points.converged.position[p], &points.original_position[p]);
                     let density = formula.evaluate(x, original, factor);
@@ -245,23 +260,19 @@ fn forces_on_points<const D: usize>(
                             value,
                         });
                     }
-                    let volume = model.volume(points, p);
-                    for d in 0..D {
-                        forces[p][d] += density[d] * volume;
-                    }
+                    let amount = if is_per_mass { points.mass[p] } else { model.volume(points, p) };
+                    add(p, density.map(|b| b * amount));
                 }
             }
             Action::PointForce { points: chosen, force } => {
                 let place = points.by_id();
                 for &id in chosen {
-                    for d in 0..D {
-                        forces[place[id as usize]][d] += factor * force[d];
-                    }
+                    add(place[id as usize], force.map(|f| factor * f));
                 }
             }
         }
     }
-    Ok(forces)
+    Ok((forces, resultants))
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ mod analysis;
 mod closing;
 mod explain;
 mod interrupt;
+mod last_words;
 mod log;
 mod manual;
 mod new;
@@ -125,7 +126,19 @@ fn assignment(text: &str) -> Result<(String, String), String> {
 
 fn main() -> ExitCode {
     let began = Instant::now();
-    let result = match Cli::parse().command {
+    let result = last_words::limits_are_errors().and_then(|()| run_command(began));
+    result.unwrap_or_else(|error| {
+        tell!("{}", as_error(&error));
+        ExitCode::from(USAGE)
+    })
+}
+
+fn run_command(began: Instant) -> anyhow::Result<ExitCode> {
+    let command = match Cli::try_parse() {
+        Ok(cli) => cli.command,
+        Err(error) => return refuse(&error),
+    };
+    match command {
         Command::New(args) => new::new(&args),
         Command::Check { deck } => run::check(&deck),
         Command::Run(args) => run::run(args, began),
@@ -136,11 +149,22 @@ fn main() -> ExitCode {
         Command::Schema => print_json(&deck_schema()),
         Command::Completions { shell } => manual::completions(shell),
         Command::Man { command } => manual::man(command.as_deref()),
-    };
-    result.unwrap_or_else(|error| {
-        tell!("{}", as_error(&error));
-        ExitCode::from(USAGE)
-    })
+    }
+}
+
+/// Says what is wrong with the command line, or gives the help that was asked for.
+fn refuse(error: &clap::Error) -> anyhow::Result<ExitCode> {
+    if !error.use_stderr() {
+        return print(&error.render().to_string());
+    }
+    // The arguments are part of the message.
+    let plain = error.render().to_string();
+    if tell::clean(&plain) == plain {
+        let _ = error.print();
+    } else {
+        tell!("{}", plain.trim_end());
+    }
+    Ok(ExitCode::from(USAGE))
 }
 
 /// An error that has a page, [`mpm::codes`].
@@ -175,11 +199,16 @@ fn json_text(document: &impl serde::Serialize) -> anyhow::Result<String> {
 
 /// Writes a JSON document to standard output.
 fn print_json(document: &impl serde::Serialize) -> anyhow::Result<ExitCode> {
-    print(&json_text(document)?)
+    // Programs read it, and they need every character.
+    write_out(&json_text(document)?)
 }
 
-/// Writes to standard output; a reader that has gone away is no error.
+/// Writes a text to standard output without control characters; a reader that has gone away is no error.
 fn print(text: &str) -> anyhow::Result<ExitCode> {
+    write_out(&tell::clean(text))
+}
+
+fn write_out(text: &str) -> anyhow::Result<ExitCode> {
     match std::io::stdout().write_all(text.as_bytes()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(ExitCode::SUCCESS),

@@ -46,7 +46,9 @@ impl Memory {
         let limits = std::fs::read_to_string(root.join("proc/self/limits")).unwrap_or_default();
         let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"));
         if let Some(limit) = line.and_then(|line| line.split_whitespace().next()?.parse().ok()) {
-            memory.lower(limit, limit, Bound::AddressSpace);
+            let status = std::fs::read_to_string(root.join("proc/self/status")).unwrap_or_default();
+            let used = kibibytes(&status, "VmSize:").unwrap_or(0);
+            memory.lower(limit, limit.saturating_sub(used), Bound::AddressSpace);
         }
         Some(memory)
     }
@@ -177,6 +179,9 @@ mod tests {
         let ulimit = [MEMINFO, ("proc/self/limits", "Max address space  2147483648  unlimited  bytes\n")];
         let of_process = Memory { limit: 2 * GIB, available: 2 * GIB, bound: Bound::AddressSpace };
         assert_eq!(memory(&ulimit), Some(of_process));
+        let status = ("proc/self/status", "VmPeak:  900000 kB\nVmSize:  524288 kB\n");
+        let in_use = Memory { available: 3 * GIB / 2, ..of_process };
+        assert_eq!(memory(&[ulimit[0], ulimit[1], status]), Some(in_use));
     }
 
     #[test]

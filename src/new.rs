@@ -98,6 +98,10 @@ fn listing() -> String {
 fn write_all(files: &[(PathBuf, &[u8])], force: bool) -> anyhow::Result<()> {
     let mut missing = Vec::new();
     for (path, content) in files {
+        // A device or a pipe takes everything and keeps nothing, or never ends.
+        if fs::metadata(path).is_ok_and(|about| !about.is_file()) {
+            bail!("`{}` is no file that could be written; `--out` chooses another name", path.display());
+        }
         match fs::read(path) {
             Ok(found) if found == *content => {}
             Ok(found) if !force && !is_schema(path, &found) => {

@@ -244,7 +244,9 @@ impl<const D: usize> Observer<D> for Watch {
         }
         let indent = if let View::Member(_) = self.view { "  " } else { "" };
         for warning in &summary.warnings[self.warned..] {
-            self.say(&format!("{indent}warning: {warning}"));
+            for line in warning.lines().lines() {
+                self.say(&format!("{indent}{line}"));
+            }
         }
         self.warned = summary.warnings.len();
         self.update_status();

@@ -4,17 +4,30 @@
 //! [`Measures`] are taken once per equilibrated step; [`Quality`] keeps the worst of all steps and says when a measure
 //! is out of bounds for the first time. How much domains overlap costs more, and is found at the end of the run.
 
+mod cohesion;
+mod gaps;
+mod holding;
 mod measure;
 mod motion;
 mod overlap;
+mod pressure;
 #[cfg(test)]
 mod tests;
+pub mod warning;
+mod watch;
 
+use std::collections::BTreeSet;
 use std::fmt;
 
+use cohesion::Cohesion;
+use holding::Held;
 pub use measure::{AtPoint, Measures, OfBody, newton_order};
 pub use motion::Objection;
 use overlap::domain_overlap;
+pub use pressure::oscillation;
+pub use warning::{Code, Place, Warning};
+pub use watch::{BalanceSoFar, MOST_ENERGY_ERROR, MOST_REGRIDDING};
+use watch::{HARMFUL_REGRIDDING, MOST_BOX_ROTATION, MOST_CROSSINGS, MOST_OSCILLATION};
 
 use serde::{Deserialize, Serialize};
 
@@ -114,14 +127,6 @@ impl OfStep {
     }
 }
 
-/// Which warnings a body has had.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-struct Raised {
-    update: bool,
-    outside: bool,
-    partition_of_unity: bool,
-}
-
 /// The quality of a run so far. Measures that no step has shown are `None`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
@@ -149,18 +154,30 @@ pub struct Quality {
     pub rotation: Option<Worst>,
     /// Largest shear in the plane, [-].
     pub shear: Option<Worst>,
-    raised: Vec<Raised>,
+    /// Largest mean rotation of a body whose domains are boxes that cannot follow it, [degrees].
+    pub box_rotation: Option<Worst>,
+    /// Largest oscillation of the pressures, [`oscillation`], of all bodies together, in steps where most of the energy has
+    /// gone into plastic flow, [-]; with the step.
+    pub pressure_oscillation: Option<(f64, usize)>,
+    /// For each body, how often standard points have crossed the border of a cell, and their number.
+    crossed: Vec<[usize; 2]>,
+    /// What hung together at the start.
+    cohesion: Option<Cohesion>,
+    /// The material at the nodes of each boundary condition.
+    held: Vec<Held>,
+    /// Warnings that have been given, each with the number of the body or boundary condition that it concerns.
+    #[serde(default)]
+    raised: BTreeSet<(Code, usize)>,
 }
 
 impl Quality {
     /// Of a run that begins from the converged state of `points`.
-    pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Quality {
+    pub fn new<const D: usize>(points: &Points<D>) -> Quality {
         let mass: f64 = points.mass.iter().sum();
         let volume: f64 = (0..points.len()).map(|p| points.volume(p)).sum();
         Quality {
             mass: Balance { start: mass, now: mass },
             volume: Balance { start: volume, now: volume },
-            raised: vec![Raised::default(); model.bodies.len()],
             ..Quality::default()
         }
     }
@@ -173,8 +190,11 @@ impl Quality {
             self.domain_volume_excess,
             self.rotation,
             self.shear,
+            self.box_rotation,
         ];
         worst.iter().flatten().all(|worst| worst.body < bodies)
+            && self.crossed.len() <= bodies
+            && self.cohesion.as_ref().is_none_or(|cohesion| cohesion.can_be_of(bodies))
     }
 
     /// Takes in the measures and the residuals of a step; returns the warnings that they give rise to for the first
@@ -185,9 +205,9 @@ impl Quality {
         step: usize,
         measures: &Measures,
         residuals: &[f64],
-    ) -> Vec<String> {
+    ) -> Vec<Warning> {
         let mut warnings = Vec::new();
-        self.raised.resize(model.bodies.len(), Raised::default());
+        self.crossed.resize(model.bodies.len(), [0; 2]);
         for (number, body) in measures.bodies.iter().enumerate() {
             for (worst, found) in [
                 (&mut self.partition_of_unity_loss, body.partition_of_unity_loss),
@@ -203,9 +223,15 @@ impl Quality {
                 let value = body.domain_volume / body.volume - 1.0;
                 keep_worst(&mut self.domain_volume_excess, Worst { value, step, body: number, point: None });
             }
+            if model.bodies[number].method.domain() == DomainKind::Box && body.volume > 0.0 {
+                let value = body.box_turning / body.volume;
+                keep_worst(&mut self.box_rotation, Worst { value, step, body: number, point: None });
+            }
+            self.crossed[number][0] += body.crossings;
+            self.crossed[number][1] = body.points;
             let [low, high] = self.det_f.unwrap_or(body.det_f);
             self.det_f = Some([low.min(body.det_f[0]), high.max(body.det_f[1])]);
-            warn(model, step, number, body, &mut self.raised[number], &mut warnings);
+            warn(model, step, number, body, &mut self.raised, &mut warnings);
         }
         if let Some((value, cell)) = measures.smallest_filling
             && self.smallest_cell_filling.is_none_or(|kept| value < kept.value)
@@ -244,13 +270,33 @@ impl fmt::Display for Quality {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut parts = Vec::new();
         if let Some(loss) = self.partition_of_unity_loss {
-            parts.push(format!("loss of partition of unity {:.1e}", loss.value));
+            parts
+                .push(format!("loss of partition of unity {:.1e} (warning above {MOST_LOSS:e})", loss.value));
         }
         if let Some(outside) = self.domain_outside_grid {
-            parts.push(format!("{:.2} % of a domain outside the grid", 100.0 * outside.value));
+            let [value, most] = [outside.value, MOST_OUTSIDE].map(|share| 100.0 * share);
+            parts.push(format!("{value:.2} % of a domain outside the grid (warning above {most} %)"));
         }
         if let Some(overlap) = self.domain_overlap {
             parts.push(format!("overlap of domains {:.2} %", 100.0 * overlap));
+        }
+        if let Some(turned) = self.box_rotation {
+            parts.push(format!(
+                "boxes turned by {:.0}° in the mean (warning above {MOST_BOX_ROTATION}°)",
+                turned.value
+            ));
+        }
+        let crossings = (0..self.crossed.len()).filter_map(|body| self.mean_crossings(body)).reduce(f64::max);
+        if let Some(crossings) = crossings {
+            parts.push(format!(
+                "borders of cells crossed {crossings:.2} times (warning above {MOST_CROSSINGS} with regridding work above {} %)",
+                100.0 * HARMFUL_REGRIDDING
+            ));
+        }
+        if let Some((oscillation, _)) = self.pressure_oscillation {
+            parts.push(format!(
+                "pressures in a cell differ by {oscillation:.2} of the deviatoric stress (warning above {MOST_OSCILLATION})"
+            ));
         }
         if let Some(filling) = self.smallest_cell_filling {
             parts.push(format!("cells filled to {:.1} % or more", 100.0 * filling.value));
@@ -278,23 +324,36 @@ fn warn<const D: usize>(
     step: usize,
     number: usize,
     measures: &OfBody,
-    raised: &mut Raised,
-    warnings: &mut Vec<String>,
+    raised: &mut BTreeSet<(Code, usize)>,
+    warnings: &mut Vec<Warning>,
 ) {
     let body = &model.bodies[number];
     let name = &body.name;
-    if let (Some(objection), Some(AtPoint { value, point })) =
-        (Objection::to::<D>(body.domain_update), measures.objection)
-        && !raised.update
-        && value > objection.limit
-    {
-        raised.update = true;
+    let mut exceeds =
+        |code, found: Option<AtPoint>, threshold, message: &dyn Fn(AtPoint) -> String, help: &str| {
+            if let Some(found) = found
+                && found.value > threshold
+                && raised.insert((code, number))
+            {
+                warnings.push(Warning {
+                    code,
+                    step,
+                    place: Place::point(name, found.point),
+                    value: Some(found.value),
+                    threshold: Some(threshold),
+                    message: format!("body `{name}`: {}", message(found)),
+                    help: help.to_owned(),
+                });
+            }
+        };
+    if let Some(objection) = Objection::to::<D>(body.domain_update) {
         let update = body.domain_update.name();
-        let motion = (objection.describe)(value);
-        warnings.push(format!(
-            "step {step}: body `{name}`: its domain update `{update}` does not suit its motion: \
-             point {point} has {motion}; use `domain_update: corners`"
-        ));
+        let message = |AtPoint { value, point }| {
+            let motion = (objection.describe)(value);
+            format!("its domain update `{update}` does not suit its motion: point {point} has {motion}")
+        };
+        let help = "use `domain_update: corners`";
+        exceeds(Code::DomainUpdate, measures.objection, objection.limit, &message, help);
     }
     let advice = match body.method.domain() {
         DomainKind::Box if body.domain_update != DomainUpdate::Corners => {
@@ -302,29 +361,19 @@ fn warn<const D: usize>(
         }
         _ => "use a larger grid",
     };
-    if let Some(AtPoint { value, point }) = measures.outside
-        && !raised.outside
-        && value > MOST_OUTSIDE
-    {
-        raised.outside = true;
-        let share = 100.0 * value;
-        let of = match body.method.domain() {
-            DomainKind::Corners => "the corners of the domain",
-            DomainKind::Box | DomainKind::None => "the domain",
-        };
-        warnings.push(format!(
-            "step {step}: body `{name}`: {share:.1} % of {of} of point {point} is outside the grid; {advice}"
-        ));
-    }
-    if let Some(AtPoint { value, point }) = measures.partition_of_unity_loss
-        && !raised.partition_of_unity
-        && value > MOST_LOSS
-    {
-        raised.partition_of_unity = true;
+    let of = match body.method.domain() {
+        DomainKind::Corners => "the corners of the domain",
+        DomainKind::Box | DomainKind::None => "the domain",
+    };
+    let message = |AtPoint { value, point }| {
+        format!("{:.1} % of {of} of point {point} is outside the grid", 100.0 * value)
+    };
+    exceeds(Code::DomainOutside, measures.outside, MOST_OUTSIDE, &message, advice);
+    let message = |AtPoint { value, point }| {
         let sum = 1.0 - value;
-        warnings.push(format!(
-            "step {step}: body `{name}`: the basis functions of point {point} add up to {sum:.4} instead of 1, as its \
-             domain is partly outside the grid; {advice}"
-        ));
-    }
+        format!(
+            "the basis functions of point {point} add up to {sum:.4} instead of 1, as its domain is partly outside the grid"
+        )
+    };
+    exceeds(Code::PartitionOfUnity, measures.partition_of_unity_loss, MOST_LOSS, &message, advice);
 }

@@ -2,15 +2,19 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::bail;
 use clap::Args;
 use mpm::appendix::{self, FieldChoice, Options, StepChoice, Units};
 
-/// Bytes at the beginning of a page that all pages share.
-const FIRST: u64 = 15;
+use crate::analysis::start_threads;
+
+/// Bytes at the beginning of a page among which it names the program.
+const FIRST: u64 = 1000;
+/// How it does so.
+const GENERATOR: &str = r#"<meta name="generator" content="mpm "#;
 
 /// Arguments of `mpm report`.
 #[derive(Args)]
@@ -35,19 +39,27 @@ pub struct ReportArgs {
 
 /// Writes the page.
 pub fn report(args: ReportArgs) -> anyhow::Result<ExitCode> {
+    start_threads(None)?;
     let options = Options { fields: args.field, steps: args.steps, units: args.units };
     let page = appendix::report(&args.directories, &options)?;
     let path = args.out.unwrap_or_else(|| match &args.directories[..] {
         [directory] => directory.join("report.html"),
         _ => PathBuf::from("comparison.html"),
     });
-    let mut first = Vec::new();
-    // What cannot be read is found out by writing.
-    let _ = File::open(&path).and_then(|file| file.take(FIRST).read_to_end(&mut first));
-    if !first.is_empty() && !page.as_bytes().starts_with(&first) {
+    if !may_be_replaced(&path) {
         bail!("`{}` exists and is no report of mpm; choose another name with `--out`", path.display());
     }
     appendix::write(&path, &page)?;
     tell!("the report is {}", path.display());
     Ok(ExitCode::SUCCESS)
+}
+
+/// Whether there is nothing at a path, an empty file, or a report.
+fn may_be_replaced(path: &Path) -> bool {
+    let Ok(about) = std::fs::metadata(path) else { return true };
+    let mut first = Vec::new();
+    // What cannot be read cannot be known to be a report.
+    let read =
+        about.is_file() && File::open(path).and_then(|file| file.take(FIRST).read_to_end(&mut first)).is_ok();
+    read && (first.is_empty() || String::from_utf8_lossy(&first).contains(GENERATOR))
 }

@@ -13,7 +13,7 @@ use mpm::timing::{Phase, Timings};
 use crate::analysis::{self, Begin, Ended, describe_failure, prepare_aloud, run_into};
 use crate::closing::counted;
 use crate::interrupt::stop_on_interrupt;
-use crate::log::LogFile;
+use crate::log::{self, LogFile};
 use crate::progress::View;
 use crate::{DeckArgs, FAILED, Format, INTERRUPTED, USAGE, print};
 
@@ -42,6 +42,10 @@ pub struct RunArgs {
 /// Runs a deck; `began` is when the program did.
 pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
     analysis::start_threads(args.threads)?;
+    let directory = args.out.clone().unwrap_or_else(|| default_directory(&args.deck.deck));
+    if let Some(log) = &args.log {
+        log::keep_out_of_results(log, &directory)?;
+    }
     let log = args.log.as_deref().map(|path| LogFile::create(path, began)).transpose()?;
     // The log tells itself when it can no longer be written.
     let write_down = |text: &str| {
@@ -53,7 +57,6 @@ pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
     let Some(ready) = prepared? else {
         return Ok(ExitCode::from(USAGE));
     };
-    let directory = args.out.unwrap_or_else(|| default_directory(&args.deck.deck));
     let stop = stop_on_interrupt()?;
     let view = View::Run { log: log.clone() };
     let start = Start::of_program(began);
@@ -62,12 +65,21 @@ pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
     let Some(Ended { outcome, closing }) = ended else {
         return Ok(ExitCode::SUCCESS);
     };
+    let mut is_shown = true;
     if let Some(closing) = closing {
         let table = closing.table(began.elapsed().as_secs_f64());
         write_down(&table);
         match args.deck.format {
-            // The analysis is done and its results are written: only the table is lost.
-            Format::Text => print(&table).map_or_else(|error| tell!("warning: no table: {error:#}"), drop),
+            Format::Text => {
+                if let Err(error) = print(&table) {
+                    is_shown = false;
+                    tell!(
+                        "error: the table of results cannot be written to standard output: {error:#}\n  the results are \
+                         in {}",
+                        directory.display()
+                    );
+                }
+            }
             // Standard output has its one document.
             Format::Json => tell!("{}", table.trim_end()),
         }
@@ -87,14 +99,15 @@ pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
     if outcome.is_err() {
         write_down(&text);
     }
-    Ok(ExitCode::from(code))
+    Ok(ExitCode::from(if is_shown { code } else { code.max(FAILED) }))
 }
 
 /// What a log begins with.
 fn heading(deck: &DeckArgs) -> String {
     let version = env!("CARGO_PKG_VERSION");
     let now = jiff::Timestamp::now();
-    let command: Vec<String> = std::env::args().collect();
+    // Names of files need not be UTF-8.
+    let command: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
     format!(
         "mpm {version}, {now:.0}\n{}\ndeck: {}, threads: {}",
         command.join(" "),
@@ -142,6 +155,7 @@ fn timings_table(timings: &Timings) -> String {
 
 /// Does everything up to the first load step and reports.
 pub fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
+    analysis::start_threads(None)?;
     let Some(ready) = prepare_aloud(args, &|_| ())? else {
         return Ok(ExitCode::from(USAGE));
     };

@@ -9,11 +9,13 @@ mod control;
 mod diagnosis;
 mod equations;
 mod error;
+mod evidence;
 mod forcing;
 mod loading;
 mod motion;
 mod newton;
 mod report;
+mod residual;
 mod unknowns;
 mod update;
 
@@ -22,12 +24,13 @@ use serde::{Deserialize, Serialize};
 use crate::basis::Connectivity;
 use crate::model::Model;
 use crate::points::Points;
-use crate::quality::Measures;
+use crate::quality::{BalanceSoFar, Code, Measures, Place, Warning};
 use crate::stress::{Axisymmetric, Mechanics, PlaneStrain};
 use crate::timing::{Phase, Timings};
 
 pub use attempt::{FailedAttempt, Iterate};
-pub use control::{NoPath, Path};
+pub use balance::ReactionMoment;
+pub use control::{NoPath, Path, path_length};
 pub use diagnosis::{Diagnosis, Kind};
 pub use equations::{Patterns, Tangent};
 pub use error::{CODES, SolveError};
@@ -59,7 +62,7 @@ pub fn run<const D: usize, M: Mechanics<D>>(
     points: &mut Points<D>,
     observer: &mut dyn Observer<D>,
 ) -> Result<Summary, SolveError> {
-    let nothing = Reached::nothing(model, points);
+    let nothing = Reached::nothing(points);
     go_on::<D, M>(model, points, nothing, observer)
 }
 
@@ -101,7 +104,7 @@ pub fn run_in_plane(
     points: &mut Points<2>,
     observer: &mut dyn Observer<2>,
 ) -> Result<Summary, SolveError> {
-    let nothing = Reached::nothing(model, points);
+    let nothing = Reached::nothing(points);
     go_on_in_plane(model, points, nothing, observer)
 }
 
@@ -180,6 +183,9 @@ impl<const D: usize> Solver<D> {
         summary.kept = self.equations.kept();
         summary.pace.succeeded(&model.stepping, report.residuals.len() - 1);
         summary.accept(&report);
+        let balance = BalanceSoFar::new(summary);
+        let raised = summary.quality.judge_balances(model, points, &balance, report.step.index);
+        summary.warnings.extend(raised);
         let mut timings = Timings::default();
         let told = timings.measure(Phase::Output, || observer.converged(model, points, &report, summary));
         summary.timings.add(&timings);
@@ -212,14 +218,26 @@ impl<const D: usize> Solver<D> {
         let Summary { timings, quality, warnings, .. } = &mut self.reached.summary;
         let raised = timings.measure(Phase::Update, || {
             let measures = Measures::new(model, points, &report.grid.links);
-            quality.accept(model, report.step.index, &measures, &report.residuals)
+            let mut raised = quality.accept(model, report.step.index, &measures, &report.residuals);
+            raised.extend(quality.watch(model, points, report));
+            raised
         });
         warnings.extend(raised);
-        if let Some(error) = self.equations.news() {
+        if let Some(error) = self.equations.news()
+            && quality.is_first(Code::Factorised)
+        {
             let step = report.step.index;
-            warnings.push(format!(
-                "step {step}: iterations cannot solve the equations, which are factorised instead: {error}"
-            ));
+            warnings.push(Warning {
+                code: Code::Factorised,
+                step,
+                place: Place::default(),
+                value: None,
+                threshold: None,
+                message: format!("iterations cannot solve the equations, which are factorised instead: {error}"),
+                help: "the results are not affected; for less memory and time see what makes the equations ill-conditioned \
+                       (`mpm explain W004`)"
+                    .to_owned(),
+            });
         }
     }
 }

@@ -13,6 +13,8 @@
 //! hold, the forces have no resultant and no moment. f_G is linear in Δd, so Newton iterations stay quadratic.
 #![allow(non_snake_case)]
 
+use std::collections::HashSet;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -24,14 +26,19 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::tensor::Sym3;
 
+/// Share of the penalty on the faces of cells that hold few points: enough against hourglass motions, whose stiffness is
+/// zero otherwise, and too little to carry load where the material flows, [-].
+const OF_FEW_POINTS: f64 = 0.01;
+
 /// Where the stabilisation acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Where {
     /// Nowhere.
-    #[default]
     Off,
-    /// On the faces of cells that hold less material than `filling` says.
+    /// On the faces of cells that hold less material than `filling` says, or fewer points than resist all motions of their
+    /// nodes.
+    #[default]
     Auto,
     /// On the faces of all cells at the boundary of the material, too.
     On,
@@ -54,7 +61,7 @@ pub struct Stabilisation {
 
 impl Default for Stabilisation {
     fn default() -> Self {
-        Stabilisation { mode: Where::Off, parameter: 1e-3, filling: 0.1 }
+        Stabilisation { mode: Where::Auto, parameter: 1e-3, filling: 0.1 }
     }
 }
 
@@ -90,11 +97,20 @@ impl Ghost {
         if mode == Where::Auto {
             weak.fill(false);
         }
+        let few = cells_of_few_points(model, points, links);
         for (weak, &cell) in weak.iter_mut().zip(&cells) {
             *weak |= held.filling(model, links, cell) < filling;
         }
-        for Face { cells: [a, b], nodes } in faces.iter().filter(|f| weak[f.cells[0]] || weak[f.cells[1]]) {
-            ghost.push(model, links, &held, [cells[*a], cells[*b]], nodes, parameter);
+        for Face { cells: [a, b], nodes } in &faces {
+            let both = [cells[*a], cells[*b]];
+            let strength = if weak[*a] || weak[*b] {
+                parameter
+            } else if both.iter().any(|cell| few.contains(cell)) {
+                OF_FEW_POINTS * parameter
+            } else {
+                continue;
+            };
+            ghost.push(model, links, &held, both, nodes, strength);
         }
         ghost
     }
@@ -196,6 +212,18 @@ impl Ghost {
     }
 }
 
+/// The cells that hold points, but fewer than resist all motions of their nodes: the strain of a quadrilateral at one point
+/// does not see its hourglass motions, nor that of a hexahedron at three. Simplices have none.
+fn cells_of_few_points<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+) -> HashSet<u32> {
+    let of_group = (0..links.n_groups()).map(|group| links.points_of(group));
+    let few = of_group.filter(|range| range.len() < 1 << (D - 1)).map(|range| points.cell[range.start]);
+    few.filter(|cell| model.grid.corners(*cell as usize).nodes().len() == 1 << D).collect()
+}
+
 /// The material that each active node carries at the start of a step.
 pub(crate) struct HeldMaterial {
     /// Σ S_vp V_p, [volume].
@@ -251,7 +279,7 @@ impl HeldMaterial {
 }
 
 /// The shear modulus of a law without strain, [stress].
-fn shear_modulus_at_rest(law: &dyn Material) -> f64 {
+pub(crate) fn shear_modulus_at_rest(law: &dyn Material) -> f64 {
     const SHEAR: f64 = 1e-9;
     let old: Vec<f64> = law.state_fields().iter().map(|field| field.initial).collect();
     let strain = Sym3([0.0, 0.0, 0.0, SHEAR, 0.0, 0.0]);

@@ -46,7 +46,11 @@ pub enum Control {
         to: f64,
     },
     /// The length of the path of the displacements grows in proportion to time; one factor of all loads follows.
-    ArcLength,
+    ArcLength {
+        /// Length of the path at the end of the analysis, [length]: that of [`crate::solver::path_length`]. Where it is
+        /// not given, the first step takes its share of the load and sets the pace.
+        length: Option<f64>,
+    },
 }
 
 impl Stepping {

@@ -13,13 +13,15 @@ use mpm::deck::diagnostic::Diagnostic;
 use mpm::deck::load::{self, LoadFailure, load_text};
 use mpm::output::summary::Start;
 use mpm::solver::SolveError;
-use mpm::study::{Axis, Member, Outcome, Record, Row, Study, write_table};
+use mpm::study::{Axis, Member, Outcome, Record, Row, Study, may_be_replaced, write_table};
 use mpm::timing::{Phase, Timings};
 
-use crate::analysis::{self, Begin, Ended, describe_failure, messages, not_writable, prepare, run_into};
+use crate::analysis::{
+    self, Begin, Ended, describe_failure, messages, not_writable, prepare, run_into, tell_messages,
+};
 use crate::interrupt::stop_on_interrupt;
 use crate::progress::View;
-use crate::{DeckArgs, FAILED, INTERRUPTED, USAGE, as_error, in_words};
+use crate::{Coded, DeckArgs, FAILED, INTERRUPTED, USAGE, as_error, in_words};
 
 /// Arguments of `mpm sweep`.
 #[derive(Args)]
@@ -62,6 +64,12 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
         Path::new("results").join(name)
     });
     std::fs::create_dir_all(&directory).map_err(|error| not_writable(&directory, error))?;
+    let table = directory.join(TABLE);
+    if !may_be_replaced(&table) {
+        let what =
+            format!("`{}` exists and is no table of a study; choose another directory", table.display());
+        return Err(Coded::new("R001", what).into());
+    }
     let begin = if args.resume { Begin::AtCheckpointIfAny } else { Begin::Anew };
     let (rows, told) = (Vec::new(), BTreeSet::new());
     let mut sweep = Sweep { study, name, text, directory, stop, begin, rows, told };
@@ -69,6 +77,9 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
     sweep.write_table()?;
     Ok(ExitCode::from(sweep.run_members()))
 }
+
+/// Name of the table of a study.
+const TABLE: &str = "sweep.csv";
 
 /// A study in the making.
 struct Sweep {
@@ -127,10 +138,10 @@ impl Sweep {
         let overrides = self.study.overrides(&member);
         let prepared =
             set_up.measure(Phase::SetUp, || prepare(load_text(&self.name, &self.text, &overrides), false));
-        let messages = messages(&prepared, std::io::stderr().is_terminal());
+        let messages = messages(&prepared, false);
         // Remarks are the same for many members; once is enough. Errors belong to the member.
         if !messages.is_empty() && (prepared.is_err() || self.told.insert(messages.clone())) {
-            tell!("{messages}");
+            tell_messages(&prepared);
         }
         let ready = match prepared {
             Ok(ready) => ready,
@@ -172,7 +183,7 @@ impl Sweep {
     }
 
     fn write_table(&self) -> anyhow::Result<()> {
-        let path = self.directory.join("sweep.csv");
+        let path = self.directory.join(TABLE);
         write_table(&path, &self.study, self.rows.iter().flatten())
             .with_context(|| format!("the table `{}` cannot be written", path.display()))
     }
@@ -187,7 +198,7 @@ impl Sweep {
         if open > 0 {
             counts.push(format!("{open} not begun"));
         }
-        tell!("{}; the table is {}", counts.join(", "), self.directory.join("sweep.csv").display());
+        tell!("{}; the table is {}", counts.join(", "), self.directory.join(TABLE).display());
         if open > 0 || count("interrupted") > 0 {
             INTERRUPTED
         } else if count("failed") > 0 {

@@ -5,6 +5,8 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod remedy;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -40,12 +42,16 @@ fn messages(path: &Path) -> (String, bool) {
     let text = fs::read(path).unwrap();
     let name = path.file_name().unwrap().to_string_lossy();
     match load_text(&name, &text, &overrides(&text)) {
-        Ok(loaded) => (render_all(&loaded.source, &loaded.notes, false), false),
+        Ok(loaded) => {
+            loaded.notes.iter().for_each(remedy::has_remedy);
+            (render_all(&loaded.source, &loaded.notes, false), false)
+        }
         Err(failure) => {
             assert!(
                 failure.diagnostics.iter().any(Diagnostic::is_error),
                 "{name} is refused without an error"
             );
+            failure.diagnostics.iter().for_each(remedy::has_remedy);
             (failure.render(false), true)
         }
     }
@@ -65,6 +71,7 @@ fn messages_of_model(path: &Path) -> (String, bool) {
     let mut found = built.unwrap_or_else(|found| found);
     assert_eq!(found.iter().any(Diagnostic::is_error), refused, "{name}");
     found.extend(loaded.notes);
+    found.iter().for_each(remedy::has_remedy);
     sort(&mut found);
     (render_all(&loaded.source, &found, false), refused)
 }

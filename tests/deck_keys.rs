@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod deck_text;
+mod remedy;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -16,8 +17,8 @@ use serde_json::Value;
 use deck_text::{DeckText, last, misspelt, place, root};
 
 /// Decks that together have every key.
-fn decks() -> [DeckText; 3] {
-    ["every_key", "every_key_of_a_mesh", "every_key_in_space"]
+fn decks() -> [DeckText; 4] {
+    ["every_key", "every_key_of_a_mesh", "every_key_in_space", "every_key_of_a_path"]
         .map(|name| DeckText::read(&format!("tests/decks/{name}.good.yaml")))
 }
 
@@ -117,7 +118,7 @@ fn declared() -> BTreeSet<String> {
 }
 
 /// Every key of the schema, where one of the decks has it first, in the order of the decks.
-fn keys(decks: &[DeckText; 3]) -> Vec<Key<'_>> {
+fn keys(decks: &[DeckText; 4]) -> Vec<Key<'_>> {
     let mut seen = BTreeSet::new();
     let mut keys = Vec::new();
     for deck in decks {
@@ -148,10 +149,12 @@ fn compare(name: &str, found: &str) {
 }
 
 fn messages(deck: &DeckText, text: &str) -> (Vec<Diagnostic>, String) {
-    match load_text(&deck.name, text.as_bytes(), &[]) {
+    let (found, text) = match load_text(&deck.name, text.as_bytes(), &[]) {
         Ok(loaded) => (loaded.notes, String::new()),
         Err(failure) => (failure.diagnostics.clone(), failure.render(false)),
-    }
+    };
+    found.iter().for_each(remedy::has_remedy);
+    (found, text)
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod remedy;
+
 use std::path::Path;
 
 use mpm::deck::diagnostic::Diagnostic;
@@ -67,8 +69,8 @@ fn formulas_know_the_parameters() {
     assert_eq!(side.ux, Some(Expression::Formula("(-0.5)*y^2 + if(x < h, 1, 0)".into())));
     let [formula, ..] = at_nodes(side, &loaded.parameters, 2).ok().unwrap();
     let formula = formula.unwrap();
-    assert_eq!(formula.evaluate(&[0.0, 2.0, 1.0]), -1.0);
-    assert_eq!(formula.evaluate(&[0.2, 2.0, 1.0]), -2.0);
+    assert_eq!(formula.evaluate(&[0.0, 2.0, 0.0, 0.0, 1.0]), -1.0);
+    assert_eq!(formula.evaluate(&[0.2, 2.0, 0.0, 0.0, 1.0]), -2.0);
 }
 
 #[test]
@@ -137,10 +139,12 @@ fn load_damaged(text: &[u8]) -> bool {
     match load_text("damaged.yaml", text, &[]) {
         Ok(loaded) => {
             assert!(!loaded.notes.iter().any(Diagnostic::is_error));
+            loaded.notes.iter().for_each(remedy::has_remedy);
             true
         }
         Err(failure) => {
             assert!(failure.diagnostics.iter().any(Diagnostic::is_error));
+            failure.diagnostics.iter().for_each(remedy::has_remedy);
             assert!(!failure.render(false).is_empty());
             false
         }

@@ -16,7 +16,7 @@ use mpm::memory::Memory;
 use mpm::solver::Silent;
 
 /// What cannot be shown by a deck on every machine: no memory, no room on the disk.
-const WITHOUT_EXAMPLE: [&str; 7] = ["D036", "S008", "S011", "S012", "S013", "R001", "R002"];
+const WITHOUT_EXAMPLE: [&str; 8] = ["D036", "S008", "S011", "S012", "S013", "R001", "R002", "W004"];
 
 /// The blocks of a language between two headings, or up to the end.
 fn blocks<'a>(text: &'a str, language: &str, heading: &str) -> Vec<&'a str> {
@@ -84,8 +84,11 @@ fn codes(deck: &str, set: &[(String, String)]) -> Codes {
         Ok(mut ready) => {
             take(&ready.notes);
             let nothing = ready.analysis.beginning();
-            if let Err(error) = ready.analysis.go_on(nothing, &mut Silent) {
-                codes[0].insert(error.code().unwrap());
+            match ready.analysis.go_on(nothing, &mut Silent) {
+                Ok(summary) => codes[1].extend(summary.warnings.iter().map(|warning| warning.code.text())),
+                Err(error) => {
+                    codes[0].insert(error.code().unwrap());
+                }
             }
         }
     }

@@ -371,6 +371,137 @@ fn nodes_that_should_be_one_are_told() {
     assert_eq!(first, &[vec![0.0, 0.0], vec![1.0, 1.0]]);
 }
 
+/// The message of a mesh that cannot be used.
+fn refusal<const D: usize>(nodes: &str, elements: &str) -> String {
+    Mesh::<D>::from_gmsh(&text(nodes, elements).unwrap()).unwrap_err().to_string()
+}
+
+/// A square of side 2, and two squares of side 1 beside it; node 8 is in the middle of its right side.
+const STEP: &str = "1 0 0 0\n2 2 0 0\n3 2 2 0\n4 0 2 0\n5 3 0 0\n6 3 1 0\n7 3 2 0\n8 2 1 0\n";
+
+#[test]
+fn nodes_on_sides_of_connected_cells_are_refused_with_their_place() {
+    let hanging = "2 3 0 2 5 6 8\n3 3 0 8 6 7 3\n";
+    assert_eq!(
+        refusal::<2>(STEP, &format!("1 3 0 1 2 3 4\n{hanging}")),
+        "1 nodes lie on a side of a cell without being its corner, for example node 8 at (2, 1) on the side between the \
+         nodes 2 and 3 of element 1 at (1, 1); such meshes are not continuous: cut that cell at the node, or give the \
+         cells on both sides the same nodes"
+    );
+    let triangles = refusal::<2>(STEP, &format!("1 2 0 1 2 3\n4 2 0 1 3 4\n{hanging}"));
+    assert!(
+        triangles.contains("node 8 at (2, 1) on the side between the nodes 2 and 3 of element 1"),
+        "{triangles}"
+    );
+    // Mended: the large cell is cut at the node.
+    let cut = format!("1 2 0 1 2 8\n4 2 0 1 8 4\n5 2 0 8 3 4\n{hanging}");
+    let mesh = Mesh::<2>::from_gmsh(&text(STEP, &cut).unwrap()).unwrap();
+    assert!(mesh.warnings().is_empty());
+    // Within round-off of the side, and clearly beside it: there is a gap.
+    let moved =
+        |x: &str| text(&STEP.replace("8 2 1 0", &format!("8 {x} 1 0")), &format!("1 3 0 1 2 3 4\n{hanging}"));
+    assert!(matches!(
+        Mesh::<2>::from_gmsh(&moved("2.0000001").unwrap()),
+        Err(MeshError::Hanging { n: 1, .. })
+    ));
+    assert!(Mesh::<2>::from_gmsh(&moved("2.001").unwrap()).is_ok());
+    assert!(matches!(Mesh::<2>::from_gmsh(&moved("1.999").unwrap()), Err(MeshError::Overlap { n: 2, .. })));
+}
+
+#[test]
+fn nodes_on_faces_and_edges_of_connected_solids_are_refused() {
+    // A cube of side 2, and on its face x = 2 one of side 1 in the corner: three of its nodes hang.
+    let nodes = "1 0 0 0\n2 2 0 0\n3 2 2 0\n4 0 2 0\n5 0 0 2\n6 2 0 2\n7 2 2 2\n8 0 2 2\n\
+                 9 3 0 0\n10 3 1 0\n11 2 1 0\n12 2 0 1\n13 3 0 1\n14 3 1 1\n15 2 1 1\n";
+    let (large, small) = ("1 5 0 1 2 3 4 5 6 7 8\n", "2 5 0 2 9 10 11 12 13 14 15\n");
+    let hexahedra = refusal::<3>(nodes, &format!("{large}{small}"));
+    assert!(hexahedra.starts_with("3 nodes lie on a side"), "{hexahedra}");
+    assert!(hexahedra.contains("node 11 at (2, 1, 0) on the side between the nodes "), "{hexahedra}");
+    // A tetrahedron on the middle of the face of another, with one node of it.
+    let nodes = "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 .25 .25 0\n6 .25 0 0\n7 0 0 -1\n";
+    let tetrahedra = refusal::<3>(nodes, "1 4 0 1 2 3 4\n2 4 0 1 5 6 7\n");
+    assert!(tetrahedra.starts_with("2 nodes lie on a side"), "{tetrahedra}");
+    assert!(
+        tetrahedra.contains("node 5 at (0.25, 0.25, 0)") && tetrahedra.contains("of element 1 at"),
+        "{tetrahedra}"
+    );
+    // On a face that is curved, neither in the plane of three of its corners nor of the centre.
+    let curved = "1 0 0 0\n2 3 0 0\n3 3 3 0\n4 0 3 0\n5 0 0 3\n6 3 0 3\n7 3 3 4\n8 0 3 3\n\
+                  9 1 1 3.111111111111111\n10 0 0 5\n11 1 0 4\n";
+    let message = refusal::<3>(curved, "1 5 0 1 2 3 4 5 6 7 8\n2 4 0 5 11 9 10\n");
+    assert!(message.contains("node 9 at (1, 1, 3.111111111111111)"), "{message}");
+}
+
+#[test]
+fn parts_that_only_touch_are_allowed_and_told() {
+    // Squares with their own nodes at the common side, some of them elsewhere than those of the other.
+    let nodes = STEP.to_owned() + "9 2 0 0\n10 2 2 0\n";
+    let elements = "1 3 0 1 2 3 4\n2 3 0 9 5 6 8\n3 3 0 8 6 7 10\n";
+    let mesh = Mesh::<2>::from_gmsh(&text(&nodes, elements).unwrap()).unwrap();
+    let [MeshWarning::Unmerged { n: 2, .. }, MeshWarning::Apart { n: 1, first }] = mesh.warnings() else {
+        panic!("{:?}", mesh.warnings())
+    };
+    assert_eq!(first, &[vec![2.0, 1.0]]);
+    // A part far away, however large or small, changes nothing.
+    for side in [1e-3, 1e6] {
+        let (x, y) = (-1e7, side);
+        let far = format!("{nodes}21 {x} 0 0\n22 {} 0 0\n23 {x} {y} 0\n", x + side);
+        let mesh =
+            Mesh::<2>::from_gmsh(&text(&far, &format!("9 2 0 21 22 23\n{elements}")).unwrap()).unwrap();
+        assert_eq!(mesh.warnings().len(), 2);
+    }
+}
+
+/// A lattice of two cells along each axis over the unit cube (square), its nodes counted from `first`, shifted.
+fn block(first: usize, dimension: usize, shift: [f64; 3]) -> (String, String) {
+    let n = if dimension == 3 { 27 } else { 9 };
+    let place = |k: usize| [k % 3, k / 3 % 3, k / 9].map(|i| i as f64 / 2.0);
+    let node = |k: usize| {
+        let x: [f64; 3] = std::array::from_fn(|d| place(k)[d] + shift[d]);
+        format!("{} {} {} {}\n", first + k, x[0], x[1], x[2])
+    };
+    let cells = if dimension == 3 { 8 } else { 4 };
+    let cell = |c: usize| {
+        let low = c % 2 + 3 * (c / 2 % 2) + 9 * (c / 4);
+        let corners = [0, 1, 4, 3, 9, 10, 13, 12].map(|k| (first + low + k).to_string());
+        let (kind, n) = if dimension == 3 { (5, 8) } else { (3, 4) };
+        format!("{} {kind} 0 {}\n", first + c, corners[..n].join(" "))
+    };
+    ((0..n).map(node).collect(), (0..cells).map(cell).collect())
+}
+
+fn two_blocks<const D: usize>(shift: [f64; 3]) -> Result<Mesh<D>, MeshError> {
+    let ((a, first), (b, second)) = (block(1, D, [0.0; 3]), block(101, D, shift));
+    Mesh::from_gmsh(&text(&(a + &b), &(first + &second)).unwrap())
+}
+
+#[test]
+fn cells_in_the_place_of_others_are_refused_though_no_node_is_in_any() {
+    let nodes = "1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 .5 0 0\n6 1.5 0 0\n7 1.5 1 0\n8 .5 1 0\n";
+    assert_eq!(
+        refusal::<2>(nodes, "1 3 0 1 2 3 4\n2 3 0 5 6 7 8\n"),
+        "1 pairs of cells overlap, for example element 1 at (0.5, 0.5) and element 2 at (1, 0.5); take one of the two \
+         out, or mesh what overlaps as one part"
+    );
+    // A cross of triangles, and of tetrahedra; each with all its nodes outside the other.
+    let cross = refusal::<2>(
+        "1 -2 0 0\n2 2 -1 0\n3 2 1 0\n4 0 -2 0\n5 1 2 0\n6 -1 2 0\n",
+        "1 2 0 1 2 3\n2 2 0 4 5 6\n",
+    );
+    assert!(cross.starts_with("1 pairs of cells overlap"), "{cross}");
+    let spikes = "1 -2 0 0\n2 2 -1 -1\n3 2 1 -1\n4 2 0 1\n5 0 -2 0\n6 1 2 -1\n7 -1 2 -1\n8 0 2 1\n";
+    let cross = refusal::<3>(spikes, "1 4 0 1 2 3 4\n2 4 0 5 6 7 8\n");
+    assert!(cross.starts_with("1 pairs of cells overlap"), "{cross}");
+    // The same cells twice, with nodes of their own.
+    assert!(matches!(two_blocks::<2>([0.0; 3]), Err(MeshError::Overlap { n: 4, .. })));
+    assert!(matches!(two_blocks::<3>([0.0; 3]), Err(MeshError::Overlap { n: 8, .. })));
+    // A small part in the middle of a large one, whose cells there have no side at the boundary.
+    let small = "31 .7 .7 0\n32 .8 .7 0\n33 .7 .8 0\n";
+    let (nodes, cells) = block(1, 2, [0.0; 3]);
+    let inside = refusal::<2>(&(nodes + small), &(cells + "31 2 0 31 32 33\n"));
+    assert!(inside.contains("element 4 at (0.75, 0.75)") || inside.contains("element 31"), "{inside}");
+}
+
 /// One triangle in binary, with the bytes of numbers in either order.
 fn binary(version: &str, reverse: bool) -> Vec<u8> {
     let number = |mut bytes: Vec<u8>| {
@@ -435,6 +566,21 @@ fn use_mesh<const D: usize>(mesh: Result<Mesh<D>, MeshError>) {
         mesh.locate(&x, None);
         mesh.shape(mesh.nearest_cell(&x), &x);
         mesh.shape(0, &x);
+    }
+}
+
+proptest! {
+    /// Two blocks of side 1 overlap where neither coordinate of the shift is 1 or more, and otherwise do not.
+    #[test]
+    fn overlaps_are_those_of_the_geometry(x in prop::collection::vec(prop_oneof![-1.5..1.5f64, Just(1.0), Just(0.5), Just(0.0)], 3)) {
+        let shift = [x[0], x[1], x[2]];
+        let overlaps = |n: usize| shift[..n].iter().all(|x| x.abs() < 1.0 - 1e-5);
+        let plane = two_blocks::<2>([x[0], x[1], 0.0]);
+        prop_assert_eq!(matches!(plane, Err(MeshError::Overlap { .. })), overlaps(2));
+        prop_assert_eq!(plane.is_ok(), !overlaps(2));
+        let solid = two_blocks::<3>(shift);
+        prop_assert_eq!(matches!(solid, Err(MeshError::Overlap { .. })), overlaps(3));
+        prop_assert_eq!(solid.is_ok(), !overlaps(3));
     }
 }
 

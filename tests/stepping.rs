@@ -24,6 +24,8 @@ struct Record {
     step: Step,
     factor: Option<f64>,
     residual: f64,
+    /// Whether round-off keeps it from the tolerance.
+    rounding_limited: bool,
     reactions: Vec<[f64; 2]>,
     /// Displacement of the first probe.
     probe: [f64; 2],
@@ -66,6 +68,7 @@ impl Observer<2> for Recorder {
             step: report.step,
             factor: report.load_factor,
             residual: *report.residuals.last().unwrap(),
+            rounding_limited: report.rounding_limited,
             reactions: report.reactions.clone(),
             probe,
             unknowns: report.unknowns,
@@ -110,7 +113,8 @@ fn run((model, mut points): (Model<2>, Points<2>)) -> (Result<Summary, SolveErro
     let mut recorder = Recorder::default();
     let outcome = solver::run_in_plane(&model, &mut points, &mut recorder);
     for record in &recorder.steps {
-        assert!(record.residual <= model.newton.tolerance);
+        let limit = if record.rounding_limited { 1e-6 } else { model.newton.tolerance };
+        assert!(record.residual <= limit);
     }
     (outcome, recorder, points)
 }
@@ -364,7 +368,7 @@ fn the_length_of_the_path_may_be_coarse_or_fine() {
 fn the_length_of_the_path_leads_a_cantilever_on() {
     for steps in ["50", "100"] {
         let mut parts = deck("beam.yaml", &[("h", "0.5"), ("n", "4"), ("method", "gimp"), ("steps", steps)]);
-        parts.0.stepping.control = Control::ArcLength;
+        parts.0.stepping.control = Control::ArcLength { length: None };
         // It leaves the grid in the end.
         let (_, recorder, _) = run(parts);
         let factors: Vec<f64> = recorder.steps.iter().filter_map(|r| r.factor).collect();

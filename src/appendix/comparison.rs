@@ -188,14 +188,7 @@ fn load_and_displacement(page: &mut Page, runs: &[Run], naming: &Naming) {
     }
     page.section("Load and displacement");
     let against = Progress::of(runs).name();
-    if let Some((reaction, displacement, chart)) = curves::load_displacement(runs) {
-        let caption = format!(
-            "Load and displacement: reaction of <code>{}</code> along {} against displacement of <code>{}</code> along {}.",
-            escape(&reaction.of),
-            reaction.axis,
-            escape(&displacement.of),
-            displacement.axis
-        );
+    if let Some((caption, chart)) = curves::load_displacement(runs) {
         page.figure(&caption, &chart.svg(naming));
     }
     for (letter, what, quantity) in

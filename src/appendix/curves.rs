@@ -3,6 +3,7 @@
 use crate::quality::newton_order;
 
 use super::chart::{Axis, Chart, Curve, Look};
+use super::page::escape;
 use super::run::{Run, State};
 use super::units::Quantity;
 
@@ -26,12 +27,16 @@ impl Progress {
         Progress { by_factor: runs.iter().all(|run| run.is_ramp() && run.end_time().is_some()) }
     }
 
+    /// Whether it is the load factor.
+    pub fn is_factor(&self) -> bool {
+        self.by_factor
+    }
+
     /// Its name.
     pub fn name(&self) -> &'static str {
         if self.by_factor { "load factor" } else { "time" }
     }
 
-    /// Whether it is a load factor, so that the run begins with no load.
     fn axis(&self) -> Axis {
         Axis::new(self.name(), if self.by_factor { Quantity::Number } else { Quantity::Time })
     }
@@ -44,12 +49,12 @@ impl Progress {
         }
     }
 
-    /// Its values at the ends of the steps, and the values of a column; from the undeformed state on where nothing
-    /// acts at first.
+    /// Its values at the ends of the steps, and the values of a column, from the undeformed state on: at time 0 nothing acts,
+    /// whatever the load curves say.
     fn points(&self, run: &Run, column: &str) -> Vec<[f64; 2]> {
-        let start = self.by_factor.then_some([0.0, 0.0]);
         let times = run.column("time").iter().map(|time| self.at(run, *time));
-        start.into_iter().chain(times.zip(run.column(column)).map(|(x, y)| [x, *y])).collect()
+        let values = times.zip(run.column(column)).map(|(x, y)| [x, *y]);
+        std::iter::once([0.0, 0.0]).chain(values).collect()
     }
 }
 
@@ -58,7 +63,7 @@ impl Progress {
 pub(super) struct Component {
     /// The column.
     pub column: String,
-    /// Name of the boundary condition or probe.
+    /// Name of the boundary condition, load or probe.
     pub of: String,
     /// The axis.
     pub axis: &'static str,
@@ -75,7 +80,7 @@ fn largest(run: &Run, column: &str) -> f64 {
     run.column(column).iter().fold(0.0, |largest, value| value.abs().max(largest))
 }
 
-/// Components with a letter (`r` of reactions, `u` of displacements) that are more than round-off in some run.
+/// Components with a letter (`r` of reactions, `f` of loads, `u` of displacements) that are more than round-off in some run.
 pub(super) fn components(runs: &[Run], letter: char) -> Vec<Component> {
     let mut found: Vec<Component> = Vec::new();
     for run in runs {
@@ -138,30 +143,56 @@ pub(super) fn of_runs(runs: &[Run], column: &str, name: &str, quantity: Quantity
     chart(description, progress.axis(), Axis::new(name, quantity), curves)
 }
 
-/// The largest reaction against the largest displacement: the reaction, the displacement and the chart.
-pub(super) fn load_displacement(runs: &[Run]) -> Option<(Component, Component, Chart)> {
+/// What carries or drives the bodies against the largest displacement, and its caption: the resultant of each load where
+/// several act, else the largest reaction, of the conditions that move where any does.
+pub(super) fn load_displacement(runs: &[Run]) -> Option<(String, Chart)> {
     let size =
         |component: &Component| runs.iter().map(|run| largest(run, &component.column)).fold(0.0, f64::max);
-    let largest_of =
-        |letter: char| components(runs, letter).into_iter().max_by(|a, b| size(a).total_cmp(&size(b)));
-    let (reaction, displacement) = (largest_of('r')?, largest_of('u')?);
-    let has_both = |run: &Run| [&reaction, &displacement].iter().all(|c| !run.column(&c.column).is_empty());
-    if !runs.iter().all(has_both) {
+    let displacement = components(runs, 'u').into_iter().max_by(|a, b| size(a).total_cmp(&size(b)))?;
+    let moves = |name: &str| runs.iter().any(|run| run.moves(name));
+    let mut reactions = components(runs, 'r');
+    let is_driven = reactions.iter().any(|reaction| moves(&reaction.of));
+    reactions.retain(|reaction| !is_driven || moves(&reaction.of));
+    let loads = if is_driven { Vec::new() } else { components(runs, 'f') };
+    let of_loads = loads.iter().any(|load| load.of != loads[0].of);
+    let forces = if of_loads {
+        loads
+    } else {
+        reactions.into_iter().max_by(|a, b| size(a).total_cmp(&size(b))).into_iter().collect()
+    };
+    let has_all = |run: &Run| {
+        forces.iter().chain([&displacement]).all(|component| !run.column(&component.column).is_empty())
+    };
+    let number_of_curves = runs.len() * forces.len();
+    if number_of_curves == 0 || number_of_curves > MOST_CURVES || !runs.iter().all(has_all) {
         return None;
     }
     let progress = Progress::of(runs);
-    let curve = |(number, run): (usize, &Run)| {
-        let displacements = progress.points(run, &displacement.column);
-        let reactions = progress.points(run, &reaction.column);
-        let points = displacements.iter().zip(reactions).map(|(u, r)| [u[1], r[1]]).collect();
-        let name = if runs.len() > 1 { run.name.clone() } else { String::new() };
-        Curve { name, points, look: Look::Number(number) }
-    };
+    let mut curves = Vec::new();
+    for run in runs {
+        for force in &forces {
+            let displacements = progress.points(run, &displacement.column);
+            let values = progress.points(run, &force.column);
+            let points = displacements.iter().zip(values).map(|(u, r)| [u[1], r[1]]).collect();
+            let parts = [(runs.len() > 1).then(|| run.name.clone()), of_loads.then(|| force.label())];
+            let name = parts.into_iter().flatten().collect::<Vec<_>>().join(", ");
+            curves.push(Curve { name, points, look: Look::Number(curves.len()) });
+        }
+    }
     let x = Axis::new(&format!("displacement of {}", displacement.label()), Quantity::Length);
-    let y = Axis::new(&format!("reaction of {}", reaction.label()), Quantity::Force);
-    let curves = runs.iter().enumerate().map(curve).collect();
-    let chart = chart(format!("{} against {}", y.name, x.name), x, y, curves);
-    Some((reaction, displacement, chart))
+    let what = if of_loads { "load".to_owned() } else { format!("reaction of {}", forces[0].label()) };
+    let chart = chart(format!("{what} against {}", x.name), x, Axis::new(&what, Quantity::Force), curves);
+    let force = if of_loads {
+        "resultant of each load".to_owned()
+    } else {
+        format!("reaction of <code>{}</code> along {}", escape(&forces[0].of), forces[0].axis)
+    };
+    let caption = format!(
+        "Load and displacement: {force} against displacement of <code>{}</code> along {}.",
+        escape(&displacement.of),
+        displacement.axis
+    );
+    Some((caption, chart))
 }
 
 /// Work and energy of a run against its load.

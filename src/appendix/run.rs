@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use crate::deck::load::load_text;
-use crate::deck::{Deck, LoadDeck, Parameter};
+use crate::deck::{ControlDeck, Deck, LoadDeck, Parameter};
 use crate::output::series::{self, DataSet};
 use crate::output::status;
 use crate::output::table::Columns;
@@ -188,12 +188,25 @@ impl Run {
     /// Whether everything that acts grows in proportion to time, so that time by end time is *the* load factor.
     pub fn is_ramp(&self) -> bool {
         let Some(deck) = &self.deck else { return false };
+        if !matches!(deck.steps.control, ControlDeck::Load {}) {
+            return false;
+        }
         let of_load = |load: &LoadDeck| match load {
             LoadDeck::Gravity { curve, .. }
             | LoadDeck::BodyForce { curve, .. }
             | LoadDeck::PointForce { curve, .. } => curve.is_none(),
         };
         deck.loads.iter().all(of_load) && deck.boundary_conditions.iter().all(|c| c.curve.is_none())
+    }
+
+    /// Whether the boundary condition of this name moves its nodes, rather than hold them.
+    pub fn moves(&self, name: &str) -> bool {
+        let conditions = self.deck.iter().flat_map(|deck| &deck.boundary_conditions);
+        let of_name = conditions.filter(|condition| condition.name == name);
+        let is_motion = |value: &Value| !value.is_null() && value.as_f64() != Some(0.0);
+        of_name
+            .filter_map(|condition| serde_json::to_value(condition).ok())
+            .any(|condition| ["ux", "uy", "uz"].iter().any(|axis| condition.get(axis).is_some_and(is_motion)))
     }
 
     /// Time at the end of the analysis, [time].

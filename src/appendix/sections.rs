@@ -71,17 +71,24 @@ pub(super) fn banner(page: &mut Page, run: &Run, name: Option<&str>) {
     page.push(&format!("<p class=\"outcome {class}\" role=\"status\">{text}</p>\n"));
 }
 
-/// The warnings of a run as a list.
+/// The warnings of a run as a list: what has happened and what to do, in a line each.
 pub(super) fn warnings(page: &mut Page, run: &Run) {
-    let warnings: Vec<&str> =
-        run.summary["warnings"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let warnings: Vec<&Value> = run.summary["warnings"].as_array().into_iter().flatten().collect();
     if !warnings.is_empty() {
         page.push("<ul class=\"warnings\">\n");
         for warning in warnings {
-            page.push(&format!("<li><b>Warning.</b> {}</li>\n", escape(warning)));
+            page.push(&format!("<li>{}</li>\n", in_a_line(warning)));
         }
         page.push("</ul>\n");
     }
+}
+
+/// A warning in HTML.
+fn in_a_line(warning: &Value) -> String {
+    let text = |key: &str| escape(warning[key].as_str().unwrap_or_default());
+    let (code, message, help) = (text("code"), text("message"), text("help"));
+    let step = warning["step"].as_u64().unwrap_or_default();
+    format!("<b>Warning {code}.</b> Step {step}: {message}. <i>{help}</i>")
 }
 
 /// A description list of the title block; entries without a value are left out.

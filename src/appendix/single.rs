@@ -62,6 +62,9 @@ fn outcome(page: &mut Page, run: &Run, naming: &Naming) {
     let tolerance = run.deck.as_ref().map(|deck| format!("tolerance {}", html(deck.solver.tolerance, 3)));
     let residual = largest_residual(run).map(|residual| html(residual, 3));
     row("Largest residual of a step", residual, tolerance.unwrap_or_default());
+    let limited = run.column("rounding_limited").iter().filter(|limited| **limited == 1.0).count();
+    let remark = "accepted although round-off keeps them from the tolerance".to_owned();
+    row("Steps limited by round-off", (limited > 0).then(|| limited.to_string()), remark);
     for (key, name, quantity) in EXTREMES {
         if let Some((value, remark)) = extreme(run, key, quantity, naming) {
             row(name, Some(value), remark);
@@ -103,7 +106,7 @@ fn extreme(run: &Run, key: &str, quantity: Quantity, naming: &Naming) -> Option<
 /// Names in a table and a number for each axis, which may be missing.
 type Rows = Vec<(Cell, Vec<Option<f64>>)>;
 
-/// The last values of columns of the history, `r` of reactions or `u` of probes.
+/// The last values of columns of the history, `r` of reactions, `f` of loads or `u` of probes.
 fn last_values(run: &Run, letter: char, axes: &[&str]) -> Rows {
     let last = |name: &str, axis: &&str| run.column(&format!("{name}_{letter}{axis}")).last().copied();
     let names = run.names_before(&format!("_{letter}x")).into_iter();
@@ -159,7 +162,13 @@ fn end_of_run(page: &mut Page, run: &Run, naming: &Naming) {
         caption.push_str(&format!("{}.", share.unwrap_or_default()));
     }
     let sum = along("difference").map(|sum| (Cell::text("Sum"), sum));
-    rows.splice(0..0, applied.map(|applied| (Cell::text("Loads"), applied)));
+    let of_loads = last_values(run, 'f', &axes);
+    // Several loads by their names, one as what it is.
+    if of_loads.len() > 1 {
+        rows.splice(0..0, of_loads);
+    } else {
+        rows.splice(0..0, applied.map(|applied| (Cell::text("Loads"), applied)));
+    }
     let sum = sum.into_iter().collect();
     page.table(&caption, &table_by_axis("Forces", &axes, Quantity::Force, rows, sum, naming));
     let caption = format!("Displacements of the probes at the end of step {step}.");
@@ -246,14 +255,12 @@ fn load_and_displacement(page: &mut Page, run: &Run, naming: &Naming) {
     for chart in curves::against_load(run, &curves::components(runs, 'r'), "reaction", Quantity::Force) {
         page.figure(&format!("Reactions of the boundary conditions against {against}."), &chart.svg(naming));
     }
-    if let Some((reaction, displacement, chart)) = curves::load_displacement(runs) {
-        let caption = format!(
-            "Load and displacement: reaction of <code>{}</code> along {} against displacement of <code>{}</code> along {}.",
-            escape(&reaction.of),
-            reaction.axis,
-            escape(&displacement.of),
-            displacement.axis
-        );
+    if !Progress::of(runs).is_factor() {
+        for chart in curves::against_load(run, &curves::components(runs, 'f'), "load", Quantity::Force) {
+            page.figure(&format!("Resultants of the loads against {against}."), &chart.svg(naming));
+        }
+    }
+    if let Some((caption, chart)) = curves::load_displacement(runs) {
         page.figure(&caption, &chart.svg(naming));
     }
     page.figure(

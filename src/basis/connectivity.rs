@@ -37,6 +37,8 @@ pub struct Connectivity<const D: usize> {
     group_points: Vec<usize>,
     group_node_start: Vec<usize>,
     group_nodes: Vec<u32>,
+    /// While they are linked: whether a point of the group touches the node by more than a sliver.
+    holds: Vec<bool>,
     /// Whether all points of a group touch all its nodes.
     whole: Vec<bool>,
     /// Where the numbers of each point start: in `value` and `gradient`, or in `factor`.
@@ -58,6 +60,8 @@ pub struct Connectivity<const D: usize> {
     active_nodes: Vec<u32>,
     active_of: Vec<u32>,
     active_cells: Vec<u32>,
+    /// Grid nodes that only slivers touch, ascending, each with the node that moves for it.
+    carried: Vec<[u32; 2]>,
 }
 
 /// The basis functions of a point cannot be formed.
@@ -111,14 +115,37 @@ impl<const D: usize> Connectivity<D> {
         points: &mut Points<D>,
         methods: &[Method],
     ) -> Result<Self, SupportFailure> {
+        let group_points = points
+            .group_by_cell(grid)
+            .map_err(|point| SupportFailure { point, error: SupportError::OffGrid })?;
+        self = self.link(grid, points, methods, &group_points, &Slivers::default())?;
+        let slivers = Slivers::new(grid.n_nodes(), &self.group_nodes, &self.holds);
+        if !slivers.is_empty() {
+            self = self.link(grid, points, methods, &group_points, &slivers)?;
+        }
+        self.holds = Vec::new();
+        self.carried.sort_unstable();
+        self.carried.dedup_by_key(|pair| pair[0]);
+        self.group_points = group_points;
+        self.group_node_start.push(self.group_nodes.len());
+        self.number_active_nodes(grid.n_nodes());
+        self.list_active_cells(grid.n_cells());
+        Ok(self)
+    }
+
+    /// Links the points, group by group, in grid node numbers.
+    fn link(
+        mut self,
+        grid: &dyn Grid<D>,
+        points: &Points<D>,
+        methods: &[Method],
+        group_points: &[usize],
+        slivers: &Slivers,
+    ) -> Result<Self, SupportFailure> {
         self.clear();
         if let Some(grid) = grid.structured() {
             self.per_length.extend(grid.spacing().map(|h| 1.0 / h));
         }
-        let group_points = points
-            .group_by_cell(grid)
-            .map_err(|point| SupportFailure { point, error: SupportError::OffGrid })?;
-        let points = &*points;
         let n_groups = group_points.len() - 1;
         let mut all = self;
         // In rounds, so that no more than a few pieces exist beside the whole.
@@ -128,17 +155,14 @@ impl<const D: usize> Connectivity<D> {
                 .into_par_iter()
                 .step_by(PIECE)
                 .map(|first| {
-                    Piece::link(grid, points, methods, &group_points[first..=(first + PIECE).min(end)])
+                    let groups = &group_points[first..=(first + PIECE).min(end)];
+                    Piece::link(grid, points, methods, groups, slivers)
                 })
                 .collect();
             for piece in pieces {
                 all.append(piece?);
             }
         }
-        all.group_points = group_points;
-        all.group_node_start.push(all.group_nodes.len());
-        all.number_active_nodes(grid.n_nodes());
-        all.list_active_cells(grid.n_cells());
         Ok(all)
     }
 
@@ -146,6 +170,7 @@ impl<const D: usize> Connectivity<D> {
     fn clear(&mut self) {
         self.group_node_start.clear();
         self.group_nodes.clear();
+        self.holds.clear();
         self.whole.clear();
         self.start.clear();
         self.form.clear();
@@ -160,6 +185,7 @@ impl<const D: usize> Connectivity<D> {
         self.active_nodes.clear();
         self.active_of.clear();
         self.active_cells.clear();
+        self.carried.clear();
     }
 
     fn append(&mut self, piece: Piece<D>) {
@@ -167,6 +193,7 @@ impl<const D: usize> Connectivity<D> {
         let (links, factors) = (self.value.len(), self.factor.len());
         self.group_node_start.extend(piece.group_node_start.iter().map(|s| s + nodes));
         self.group_nodes.extend(piece.group_nodes);
+        self.holds.extend(piece.holds);
         self.whole.extend(piece.whole);
         // Where the numbers of each kind go on. Places are shared within a group, not only one after the other.
         let mut next = Block { link: links, factor: factors, local: places };
@@ -191,6 +218,7 @@ impl<const D: usize> Connectivity<D> {
         self.gradient.extend(piece.gradient);
         self.factor.extend(piece.factor);
         self.active_cells.extend(piece.cells);
+        self.carried.extend(piece.carried);
     }
 
     /// Numbers the touched nodes in grid order and turns the node lists of the groups into these numbers.
@@ -258,14 +286,19 @@ impl<const D: usize> Connectivity<D> {
 
     /// Calls `visit` with the place of each node of a point in the node list of its group, and S_vp.
     pub fn for_each_value(&self, point: usize, mut visit: impl FnMut(usize, f64)) {
+        self.for_each_link(point, |local, value, _| visit(local, value));
+    }
+
+    /// Calls `visit` with the place of each node of a point in the node list of its group, S_vp, and ∂S_vp/∂X̃, [1/length].
+    pub fn for_each_link(&self, point: usize, mut visit: impl FnMut(usize, f64, &[f64; D])) {
         const FEW: usize = 64;
         let n = self.places(point).len();
         let (mut value, mut gradient) = ([0.0; FEW], [[0.0; D]; FEW]);
         // Points with more nodes are kept as they are and need no room.
         let mut room = Room { value: &mut value[..n.min(FEW)], gradient: &mut gradient[..n.min(FEW)] };
         let links = self.links(point, &mut room);
-        for (&local, value) in links.local.iter().zip(links.value) {
-            visit(local as usize, *value);
+        for ((&local, value), gradient) in links.local.iter().zip(links.value).zip(links.gradient) {
+            visit(local as usize, *value, gradient);
         }
     }
 
@@ -332,7 +365,16 @@ impl<const D: usize> Connectivity<D> {
         (0..root.len()).map(|node| find(&mut root, node)).collect()
     }
 
-    /// Active number of a grid node, if any point touches it.
+    /// Number of the active node that moves with a grid node: that node, or where only slivers of basis functions touch it
+    /// the one that carries it; `None` where no point is near.
+    pub fn moves_with(&self, node: usize) -> Option<usize> {
+        self.active_number(node).or_else(|| {
+            let place = self.carried.binary_search_by_key(&(node as u32), |pair| pair[0]).ok()?;
+            self.active_number(self.carried[place][1] as usize)
+        })
+    }
+
+    /// Active number of a grid node, if any point touches it by more than a sliver of its basis function.
     pub fn active_number(&self, node: usize) -> Option<usize> {
         match self.active_of[node] {
             INACTIVE => None,
@@ -341,11 +383,90 @@ impl<const D: usize> Connectivity<D> {
     }
 }
 
+/// Basis functions of a point whose value and slope over a cell are below this are slivers, [-]: the distance, relative to a
+/// cell, within which points lie on grid lines.
+const SLIVER: f64 = 1e-8;
+
+fn is_sliver<const D: usize>(value: f64, gradient: &[f64; D], size: f64) -> bool {
+    value.abs() < SLIVER && gradient.iter().all(|slope| slope.abs() * size < SLIVER)
+}
+
+/// Nodes that points touch by slivers only: their stiffness would be round-off, and nothing would resist their motion. They
+/// are not active; what little they would get goes to the other nodes of the point.
+#[derive(Default)]
+struct Slivers {
+    /// For each grid node whether it is one; empty where none is.
+    is_one: Vec<bool>,
+}
+
+impl Slivers {
+    /// From the nodes of all groups and whether the group touches them by more.
+    fn new(n_nodes: usize, group_nodes: &[u32], holds: &[bool]) -> Slivers {
+        if holds.iter().all(|holds| *holds) {
+            return Slivers::default();
+        }
+        let mut is_one = vec![true; n_nodes];
+        for (&node, &holds) in group_nodes.iter().zip(holds) {
+            is_one[node as usize] &= !holds;
+        }
+        let any = group_nodes.iter().any(|node| is_one[*node as usize]);
+        if any { Slivers { is_one } } else { Slivers::default() }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.is_one.is_empty()
+    }
+
+    /// Takes them out of the support of a point, and notes which node carries each. A sliver node v moves as the field of
+    /// the point says, u_v = u_m + (x_v − x_m)·∇u with the node m that the point touches most, so that basis functions still
+    /// add up to one and reproduce linear fields.
+    fn fold<const D: usize>(
+        &self,
+        grid: &dyn Grid<D>,
+        support: &mut Support<D>,
+        carried: &mut Vec<[u32; 2]>,
+    ) {
+        let is_one = |node: u32| self.is_one.get(node as usize).is_some_and(|is_one| *is_one);
+        if self.is_empty() || !support.nodes.iter().any(|node| is_one(*node)) {
+            return;
+        }
+        let Support { nodes, value, gradient, factors, .. } = support;
+        let (all, values, slopes) = (nodes.clone(), value.clone(), gradient.clone());
+        let most = (0..all.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
+        let from = grid.node_position(all[most] as usize);
+        for v in (0..all.len()).filter(|&v| is_one(all[v])) {
+            carried.push([all[v], all[most]]);
+            let place = grid.node_position(all[v] as usize);
+            for k in (0..all.len()).filter(|&k| !is_one(all[k])) {
+                let along: f64 = (0..D).map(|d| (place[d] - from[d]) * slopes[k][d]).sum();
+                let weight = along + if k == most { 1.0 } else { 0.0 };
+                value[k] += values[v] * weight;
+                for d in 0..D {
+                    gradient[k][d] += slopes[v][d] * weight;
+                }
+            }
+        }
+        let mut kept = 0;
+        for k in 0..all.len() {
+            if !is_one(all[k]) {
+                (nodes[kept], value[kept], gradient[kept]) = (all[k], value[k], gradient[k]);
+                kept += 1;
+            }
+        }
+        nodes.truncate(kept);
+        value.truncate(kept);
+        gradient.truncate(kept);
+        *factors = None;
+    }
+}
+
 /// The links of consecutive groups, in grid node numbers.
 #[derive(Default)]
 struct Piece<const D: usize> {
     group_node_start: Vec<usize>,
     group_nodes: Vec<u32>,
+    /// Whether a point of the group touches the node by more than a sliver.
+    holds: Vec<bool>,
     whole: Vec<bool>,
     start: Vec<usize>,
     form: Vec<Form>,
@@ -355,6 +476,7 @@ struct Piece<const D: usize> {
     gradient: Vec<[f64; D]>,
     factor: Vec<f64>,
     cells: Vec<u32>,
+    carried: Vec<[u32; 2]>,
 }
 
 impl<const D: usize> Piece<D> {
@@ -363,13 +485,16 @@ impl<const D: usize> Piece<D> {
         points: &Points<D>,
         methods: &[Method],
         groups: &[usize],
+        slivers: &Slivers,
     ) -> Result<Self, SupportFailure> {
         let mut piece = Piece::default();
+        let mut holds: Vec<bool> = Vec::new(); // of `touched`, whether it is by more than a sliver
         let mut support = Support::default();
         let mut touched: Vec<u32> = Vec::new(); // grid nodes of one group, point by point where they differ
         let mut nodes: Vec<u32> = Vec::new();
         for range in groups.windows(2).map(|w| w[0]..w[1]) {
             touched.clear();
+            holds.clear();
             nodes.clear();
             let mut n_links = 0;
             for p in range.clone() {
@@ -384,6 +509,7 @@ impl<const D: usize> Piece<D> {
                 basis
                     .support(grid, &point, &mut support)
                     .map_err(|error| SupportFailure { point: p, error })?;
+                slivers.fold(grid, &mut support, &mut piece.carried);
                 n_links += support.nodes.len();
                 match (&support.factors, grid.structured()) {
                     (Some(factors), Some(grid)) => {
@@ -406,13 +532,25 @@ impl<const D: usize> Piece<D> {
                     }
                     piece.cells.extend_from_slice(&support.cells);
                     touched.extend_from_slice(&support.nodes);
+                    holds.resize(touched.len(), false);
+                }
+                let size = grid.size(points.cell[p] as usize);
+                let of_point = touched.len() - support.nodes.len();
+                for (k, holds) in holds[of_point..].iter_mut().enumerate() {
+                    *holds = *holds || !is_sliver(support.value[k], &support.gradient[k], size);
                 }
                 piece.local_start.push(piece.local.len() + touched.len() - support.nodes.len());
             }
             piece.group_node_start.push(piece.group_nodes.len());
             nodes.sort_unstable();
             piece.local.extend(touched.iter().map(|n| nodes.partition_point(|m| m < n) as u32));
+            let first = piece.group_nodes.len();
             piece.group_nodes.extend_from_slice(&nodes);
+            piece.holds.resize(piece.group_nodes.len(), false);
+            let places = &piece.local[piece.local.len() - touched.len()..];
+            for (&place, &holds) in places.iter().zip(&holds) {
+                piece.holds[first + place as usize] |= holds;
+            }
             piece.whole.push(n_links == range.len() * nodes.len());
         }
         Ok(piece)
@@ -474,6 +612,39 @@ mod tests {
             assert_eq!(links.is_whole(group), whole);
         }
         assert_eq!(links.n_links(), total);
+    }
+
+    /// A domain in the middle of one cell, and one that reaches by a fraction of a cell into its neighbours.
+    fn with_sliver(reach: f64) -> Connectivity<2> {
+        let grid = Structured::<2>::new([0.0; 2], [1.0; 2], [4, 4]);
+        let seed = Seed {
+            body: 0,
+            position: [1.5 + 0.5 * reach; 2],
+            half_lengths: [0.5 + 0.5 * reach; 2],
+            corners: Vec::new(),
+            volume: 1.0,
+            mass: 1.0,
+            outer_layer: false,
+            history: Vec::new(),
+        };
+        Connectivity::new(&grid, &mut Points::new(&[seed]), &[Method::Gimp]).unwrap()
+    }
+
+    #[test]
+    fn nodes_that_only_slivers_touch_are_not_active() {
+        // The row above is touched along a whole side; only the node at its corner is one of slivers.
+        for (reach, active) in [(1e-9, 4), (1e-4, 8), (0.1, 9)] {
+            let links = with_sliver(reach);
+            assert_eq!(links.n_active(), active, "{reach}");
+            let corner = 3 + 3 * 5;
+            assert_eq!(links.active_number(corner).is_some(), reach > 0.01);
+            assert_eq!(links.moves_with(corner).is_some(), reach > 1e-8);
+            let (mut value, mut gradient) = ([0.0; 9], [[0.0; 2]; 9]);
+            let mut room = Room { value: &mut value, gradient: &mut gradient };
+            let found = links.links(0, &mut room);
+            assert!((found.value.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+            assert!((0..2).all(|d| found.gradient.iter().map(|g| g[d]).sum::<f64>().abs() < 1e-15));
+        }
     }
 
     #[test]

@@ -21,9 +21,9 @@ pub(super) fn revolve<const D: usize>(seeds: &mut [Seed<D>]) {
 pub(super) fn faults<const D: usize>(loaded: &LoadedDeck, grid: &dyn Grid<D>) -> Vec<Diagnostic> {
     let error = |pointer: &str, message: String| Diagnostic::at(&loaded.source, "D046", pointer, message);
     let mut found = Vec::new();
-    let slack = ON_AXIS * grid.size(0);
     let leftmost = grid.bounds()[0][0];
-    if leftmost < -slack {
+    let is_beyond = |node: usize| grid.node_position(node)[0] < -ON_AXIS * grid.size_around(node);
+    if leftmost < 0.0 && (0..grid.n_nodes()).any(is_beyond) {
         let message = format!("the grid begins at x = {leftmost}, beyond the axis of revolution x = 0");
         found.push(
             error("/grid", message).help("x is the distance from the axis: let the grid begin at x = 0"),

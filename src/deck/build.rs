@@ -3,6 +3,8 @@
 mod magnitudes;
 mod nearest;
 
+use nearest::Ties;
+
 use std::collections::HashMap;
 
 use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote};
@@ -13,7 +15,7 @@ use super::seeding::{Filled, Filling};
 use super::size::Size;
 use super::{
     AXES, BoundaryConditionDeck, ControlDeck, Deck, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
-    MaterialDeck, NodeSelector, PerAxis, StepsDeck,
+    MaterialDeck, NodeSelector, Per, PerAxis, StepsDeck,
 };
 use super::{axisymmetry, placing};
 use crate::constraints::{BoundaryCondition, NodeSet};
@@ -209,7 +211,7 @@ where
             stops: self.deck.output.every.max(1) as usize,
             control: match control {
                 ControlDeck::Load {} => Control::Load,
-                ControlDeck::ArcLength {} => Control::ArcLength,
+                ControlDeck::ArcLength { length } => Control::ArcLength { length: *length },
                 ControlDeck::Displacement { probe, axis, to } => Control::Displacement {
                     probe: self.deck.output.probes.iter().position(|p| p.name == *probe).unwrap_or(0),
                     axis: *axis as usize,
@@ -273,7 +275,8 @@ where
                 for warning in mesh.warnings() {
                     let message = format!("the mesh {}: {warning}", quote(file));
                     let found = Diagnostic::at(source, "D032", "/grid/file", message);
-                    self.found.push(found.severity(Severity::Warning));
+                    let help = "mend the mesh in gmsh and save it again, if this is not meant";
+                    self.found.push(found.severity(Severity::Warning).help(help));
                 }
                 Some(mesh)
             }
@@ -298,7 +301,8 @@ where
             match region(&body.shape, &place, &mut given) {
                 Ok(region) => regions.push(region),
                 Err(Refusal::Numbers(place, error)) => {
-                    given.found.push(Diagnostic::at(source, "D016", &place, error.to_string()));
+                    let fault = Diagnostic::at(source, "D016", &place, error.to_string());
+                    given.found.push(fault.help("change the numbers so that they enclose a region"));
                 }
                 Err(Refusal::Unknown) => {}
             }
@@ -386,7 +390,8 @@ where
                 let help = "use more points or smaller cells, and see that the region lies in the grid";
                 found.severity(Severity::Warning).help(help)
             } else {
-                found.severity(Severity::Note)
+                let help = "use more points, or smaller cells, where this matters";
+                found.severity(Severity::Note).help(help)
             });
         }
     }
@@ -448,9 +453,9 @@ where
                 off_line |= self.check_line(grid, axis, *c, &format!("{pointer}/nodes/{}", AXES[axis]));
             }
         }
-        // On an imported grid the size of the first cell says what counts as near.
-        let spacing = grid.structured().map_or_else(|| [grid.size(0); D], |g| g.spacing());
-        let slack = spacing.map(|h| ON_LINE * h);
+        // On an imported grid the cells around a node say what counts as near.
+        let spacing = grid.structured().map(|grid| grid.spacing());
+        let slack = |node: usize| spacing.unwrap_or_else(|| [grid.size_around(node); D]).map(|h| ON_LINE * h);
         let all = grid.bounds();
         let bounds: [[f64; D]; 2] = match within {
             Some(region) => [array(&region.min), array(&region.max)],
@@ -458,14 +463,13 @@ where
         };
         // What no coordinate restricts is not left out for its round-off.
         let restricts = |d: usize| within.is_some() || coordinates[d].is_some();
-        let inside = |x: [f64; D]| {
+        let inside = |node: usize| {
+            let (x, slack) = (grid.node_position(node), slack(node));
             let between = |d: usize| bounds[0][d] - slack[d] <= x[d] && x[d] <= bounds[1][d] + slack[d];
             (0..D).all(|d| !restricts(d) || between(d))
         };
-        let nodes: Vec<u32> = placing::nodes_near(grid, &bounds)
-            .filter(|&node| inside(grid.node_position(node)))
-            .map(|node| node as u32)
-            .collect();
+        let nodes: Vec<u32> =
+            placing::nodes_near(grid, &bounds).filter(|&node| inside(node)).map(|node| node as u32).collect();
         if nodes.is_empty() && !off_line {
             let message = format!("the boundary condition {} selects no grid node", quote(&condition.name));
             let help = grid.structured().map_or_else(
@@ -524,11 +528,14 @@ where
                     acts_on: self.acts_on(bodies.as_deref()),
                     curve: load_curve(curve.as_ref(), self.deck.steps.end_time),
                 },
-                LoadDeck::BodyForce { name, force, intermediate, bodies, curve } => {
+                LoadDeck::BodyForce { name, force, per, intermediate, bodies, curve } => {
                     match at_points::<D>(force, intermediate, &self.loaded.parameters) {
                         Ok(formula) => Load {
                             name: name.clone(),
-                            action: Action::BodyForce(formula),
+                            action: match per {
+                                Per::Volume => Action::BodyForce(formula),
+                                Per::Mass => Action::MassForce(formula),
+                            },
                             acts_on: self.acts_on(bodies.as_deref()),
                             curve: load_curve(curve.as_ref(), self.deck.steps.end_time),
                         },
@@ -540,8 +547,12 @@ where
                 }
                 LoadDeck::PointForce { name, body, points: selector, total, curve } => {
                     let place = format!("{pointer}/points");
-                    let chosen =
-                        self.nearest((grid, points), body, &selector.nearest, selector.count, &place);
+                    let chosen = self.nearest(
+                        (grid, points),
+                        body,
+                        (&selector.nearest, selector.count, Ties::Refused),
+                        &place,
+                    );
                     let share = 1.0 / chosen.len().max(1) as f64;
                     Load {
                         name: name.clone(),
@@ -563,7 +574,9 @@ where
         let mut probes = Vec::new();
         for (number, probe) in deck.output.probes.iter().enumerate() {
             let pointer = format!("/output/probes/{number}");
-            let points = self.nearest((grid, points), &probe.body, &probe.nearest, probe.count, &pointer);
+            let ties = Ties::All;
+            let wanted = (probe.nearest.as_slice(), probe.count, ties);
+            let points = self.nearest((grid, points), &probe.body, wanted, &pointer);
             probes.push(Probe { name: probe.name.clone(), points });
         }
         probes

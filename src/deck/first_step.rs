@@ -8,7 +8,7 @@ use super::load::LoadedDeck;
 use super::source::escape;
 use super::{AXES, Expression, LoadDeck, Parameter};
 use crate::basis::{Connectivity, Method, SupportFailure};
-use crate::constraints::{ConstraintError, DofMap, HOLD_THE_AXIS, NodeSet};
+use crate::constraints::{ConstraintError, Covered, DofMap, HOLD_THE_AXIS, NodeSet, covered};
 use crate::loads::{LoadNotFinite, external_force};
 use crate::model::Model;
 use crate::points::{Points, coordinates};
@@ -77,6 +77,7 @@ impl Check<'_> {
                 self.touches_nothing(number, &condition.name);
             }
         }
+        self.held_already(model);
         let parts = free_parts(model, points, &links, &dofs);
         for part in parts.iter().take(MOST_PARTS) {
             self.free_part(model, part);
@@ -147,7 +148,27 @@ impl Check<'_> {
         let message =
             format!("the boundary condition {} holds no node of a cell with points yet", quote(name));
         let found = self.at("D037", &format!("/boundary_conditions/{number}/nodes"), message);
-        self.found.push(found.severity(Severity::Note));
+        let help =
+            "see that it lies where the bodies are; a wall that a body will reach later is fine as it is";
+        self.found.push(found.severity(Severity::Note).help(help));
+    }
+
+    /// Boundary conditions that hold along an axis only nodes which others hold already.
+    fn held_already<const D: usize>(&mut self, model: &Model<D>) {
+        for Covered { condition, axis, by } in covered(&model.boundary_conditions) {
+            let name = |number: usize| model.boundary_conditions[number].name.as_str();
+            let others = list(by.iter().map(|&number| name(number)));
+            let message = format!(
+                "the boundary condition {} has no effect along {}: all of its nodes are held by {others}, which gets the \
+                 reaction",
+                quote(name(condition)),
+                AXES[axis]
+            );
+            let at = format!("/boundary_conditions/{condition}");
+            let help = format!("leave {} to one of them, or select other nodes", AXES[axis]);
+            let found = self.at("D037", &at, message).severity(Severity::Warning);
+            self.found.push(found.help(help));
+        }
     }
 
     fn free_part<const D: usize>(&mut self, model: &Model<D>, part: &FreePart<D>) {

@@ -6,13 +6,8 @@ use super::{AXES, BoundaryConditionDeck, Expression, Parameter};
 use crate::formula::{Formula, FormulaError, MOST_INTERMEDIATE, names};
 use crate::loads::VectorFormula;
 
-/// Names of the variables of a formula for grid nodes, in the order of their values.
-fn names_at_nodes(dimensions: usize) -> Vec<&'static str> {
-    [&["x", "y", "z"][..dimensions.min(3)], &["factor"]].concat()
-}
-
-/// Names of the variables of a formula for points, in the order of their values.
-fn names_at_points(dimensions: usize) -> Vec<&'static str> {
+/// Names of the variables of a formula for points or for grid nodes, in the order of their values.
+fn variables(dimensions: usize) -> Vec<&'static str> {
     let n = dimensions.min(3);
     [&["x", "y", "z"][..n], &["X", "Y", "Z"][..n], &["factor"]].concat()
 }
@@ -57,7 +52,9 @@ fn parse(
             message: format!("the formula `{text}` has no finite value"),
             offset: 0,
             length: text.len(),
-            help: None,
+            help: Some(
+                "write one that does not divide by zero and keeps to the domains of its functions".into(),
+            ),
         }),
         _ => Ok(formula),
     }
@@ -102,8 +99,8 @@ fn parse_all<'a>(
     if faults.is_empty() { Ok((given, vector)) } else { Err(faults) }
 }
 
-/// The displacements that a boundary condition prescribes, along each axis, as formulas of x, y, in three dimensions z,
-/// and factor at grid nodes.
+/// The displacements that a boundary condition prescribes, along each axis, as formulas of the place of a grid node, x, y
+/// and in three dimensions z, of the original position X, Y, Z of the material there, and of factor.
 ///
 /// # Errors
 /// As for [`at_points`].
@@ -116,17 +113,8 @@ pub fn at_nodes(
     let (axes, components): (Vec<usize>, Vec<(String, &Expression)>) = displacements
         .filter_map(|(axis, (key, given))| Some((axis, (key.to_owned(), given.as_ref()?))))
         .unzip();
-    let parsed = parse_all(&components, &condition.intermediate, names_at_nodes(dimensions), parameters);
-    let (given, vector) = parsed.map_err(|mut faults| {
-        for fault in &mut faults {
-            let name = fault.text.get(fault.error.offset..fault.error.offset + fault.error.length);
-            if matches!(name, Some("X" | "Y" | "Z")) {
-                fault.error.help =
-                    Some("a node of the grid has no original position; `x` is its place".to_owned());
-            }
-        }
-        faults
-    })?;
+    let parsed = parse_all(&components, &condition.intermediate, variables(dimensions), parameters);
+    let (given, vector) = parsed?;
     let mut all = [const { None }; AXES.len()];
     for (axis, formula) in axes.into_iter().zip(vector) {
         all[axis] = Some(formula.with_intermediate(&given));
@@ -145,7 +133,7 @@ pub fn at_points<const D: usize>(
 ) -> Result<VectorFormula<D>, Vec<Fault>> {
     let components: Vec<(String, &Expression)> =
         components.iter().take(D).enumerate().map(|(axis, part)| (format!("force/{axis}"), part)).collect();
-    let (given, vector) = parse_all(&components, intermediate, names_at_points(D), parameters)?;
+    let (given, vector) = parse_all(&components, intermediate, variables(D), parameters)?;
     let mut vector = vector.into_iter();
     let vector = std::array::from_fn(|_| vector.next().unwrap_or(Formula::constant(0.0)));
     Ok(VectorFormula::new(given, vector))
@@ -157,14 +145,15 @@ fn in_order<'a>(
     parameters: &BTreeMap<String, Parameter>,
     faults: &mut Vec<Fault>,
 ) -> Vec<&'a str> {
-    let fault = |name: &str, message: String| Fault {
+    let fault = |name: &str, message: String, help: &str| Fault {
         key: format!("where/{name}"),
         text: text_of(&intermediate[name]),
-        error: FormulaError { message, offset: 0, length: 0, help: None },
+        error: FormulaError { message, offset: 0, length: 0, help: Some(help.to_owned()) },
     };
     if intermediate.len() > MOST_INTERMEDIATE {
         if let Some(name) = intermediate.keys().next() {
-            faults.push(fault(name, format!("at most {MOST_INTERMEDIATE} intermediate values are possible")));
+            let message = format!("at most {MOST_INTERMEDIATE} intermediate values are possible");
+            faults.push(fault(name, message, "write some of them out where they are used"));
         }
         return Vec::new();
     }
@@ -174,11 +163,17 @@ fn in_order<'a>(
         let is_name =
             (first.is_alphabetic() || first == '_') && name.chars().all(|c| c.is_alphanumeric() || c == '_');
         if !is_name {
-            faults.push(fault(name, format!("`{name}` cannot be a name in a formula")));
+            let help = "begin it with a letter or `_`, and go on with letters, digits and `_`";
+            faults.push(fault(name, format!("`{name}` cannot be a name in a formula"), help));
         } else if VARIABLES.contains(&name.as_str()) || crate::formula::is_reserved(name) {
-            faults.push(fault(name, format!("`{name}` already has a meaning in formulas")));
+            faults.push(fault(
+                name,
+                format!("`{name}` already has a meaning in formulas"),
+                "choose another name",
+            ));
         } else if parameters.contains_key(name) {
-            faults.push(fault(name, format!("`{name}` is a parameter already")));
+            let help = "choose another name, or use the parameter";
+            faults.push(fault(name, format!("`{name}` is a parameter already"), help));
         } else {
             waiting.push(name);
         }
@@ -206,7 +201,8 @@ fn in_order<'a>(
                     }
                 }
                 if reached.contains(name) {
-                    faults.push(fault(name, format!("`{name}` depends on itself")));
+                    let help = "write it by the coordinates, by parameters and by values that do not use it";
+                    faults.push(fault(name, format!("`{name}` depends on itself"), help));
                 }
             }
             break;
@@ -273,11 +269,11 @@ mod tests {
             at_nodes(&condition, &BTreeMap::new(), dimensions)
         };
         let [ux, uy, uz] = moved("z*factor + b", 3).ok().unwrap();
-        assert_eq!(ux.unwrap().evaluate(&[1.0, 2.0, 3.0, 0.5]), 1.5 + 4.0);
+        assert_eq!(ux.unwrap().evaluate(&[1.0, 2.0, 3.0, 7.0, 8.0, 9.0, 0.5]), 1.5 + 4.0);
         assert!(uy.is_none() && uz.is_none());
         let fault = moved("z", 2).err().unwrap().remove(0);
         assert_eq!((fault.key.as_str(), fault.error.message.as_str()), ("ux", "unknown name `z`"));
-        let fault = moved("X", 2).err().unwrap().remove(0);
-        assert!(fault.error.help.unwrap().contains("no original position"));
+        let [ux, ..] = moved("X + 10*Y", 2).ok().unwrap();
+        assert_eq!(ux.unwrap().evaluate(&[1.0, 2.0, 7.0, 8.0, 0.5]), 87.0);
     }
 }

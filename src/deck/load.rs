@@ -129,7 +129,7 @@ fn unreadable(path: &Path, error: &std::io::Error) -> Diagnostic {
         ErrorKind::PermissionDenied => {
             fault("permission is denied").help("change the permissions of the file, or copy it")
         }
-        _ => fault(&error.to_string()),
+        _ => fault(&error.to_string()).help("see that the file can be read by other programs, or copy it"),
     }
 }
 

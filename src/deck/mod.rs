@@ -333,6 +333,7 @@ pub struct BodyDeck {
 }
 
 /// A named set of prescribed nodal displacements; its reaction is reported under its name.
+/// Conditions that hold the same node along an axis share its reaction equally; they come before conditions that move it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoundaryConditionDeck {
@@ -344,11 +345,13 @@ pub struct BoundaryConditionDeck {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("examples" = [["x", "y"]]))]
     pub fix: Vec<Axis>,
-    /// Displacement along x at load factor 1, [length]: a number or a formula of the node's coordinates x, y (in
-    /// space also z), of `factor` (the load factor) and the parameters. One that depends on `factor` is the whole displacement as it
-    /// stands; any other is multiplied by the load factor.
+    /// Displacement along x at load factor 1, [length]: a number or a formula of X, Y (in space also Z), the original
+    /// position of the material at the node, of the node's coordinates x, y (in space also z), of `factor` (the load
+    /// factor) and the parameters. One that depends on `factor` is the whole displacement as it stands; any other is
+    /// multiplied by the load factor. Over several steps material moves past the nodes, and each step adds the change of
+    /// the formula where the node is: write X, Y, Z for the displacement of the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("examples" = [0.1, "gamma*y"]))]
+    #[schemars(extend("examples" = [0.1, "gamma*Y"]))]
     pub ux: Option<Expression>,
     /// Displacement along y at load factor 1, [length]: a number or a formula, as `ux`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -465,16 +468,20 @@ pub enum LoadDeck {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<LoadCurve>,
     },
-    /// Force per volume at the start of the load step, eq. (24).
+    /// Force per volume at the start of the load step, eq. (24), or per mass.
     BodyForce {
         /// Name, unique among the loads.
         name: String,
-        /// Force per volume at load factor 1, [force/volume], one number or formula per axis. A formula knows x, y (the
+        /// Force per volume, [force/volume], or per mass, [length/time²], at load factor 1, one number or formula per axis. A
+        /// formula knows x, y (the
         /// position at the start of the step), X, Y (the original position), in space also z and Z, `factor` (the
         /// load factor), the parameters and the names under `where`. One that depends on `factor` is taken as it stands; any other is
         /// multiplied by the load factor.
         #[schemars(with = "Expressions", extend("examples" = [["gamma*y", 0]]))]
         force: Vec<Expression>,
+        /// What `force` is divided by.
+        #[serde(default)]
+        per: Per,
         /// Intermediate values with a name each, in any order, for use in `force`.
         #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
         intermediate: BTreeMap<String, Expression>,
@@ -501,6 +508,17 @@ pub enum LoadDeck {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<LoadCurve>,
     },
+}
+
+/// What a body force is divided by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Per {
+    /// The volume of each point at the start of the load step.
+    #[default]
+    Volume,
+    /// The constant mass of each point, as for gravity; the material needs a density.
+    Mass,
 }
 
 impl LoadDeck {
@@ -590,7 +608,8 @@ impl Default for OutputDeck {
     }
 }
 
-/// Records the mean displacement of the points of a body that are nearest to a place at the start.
+/// Records the mean displacement of the points of a body that are nearest to a place at the start, of all those that are
+/// equally near where there are more than were asked for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProbeDeck {
@@ -602,7 +621,7 @@ pub struct ProbeDeck {
     /// The place, [length].
     #[schemars(with = "Vector", extend("examples" = [[10, 9.5]]))]
     pub nearest: Vec<f64>,
-    /// How many points.
+    /// How many points; those that are as near as the last of them, up to round-off relative to a cell, are taken too.
     #[serde(default = "one")]
     #[schemars(range(min = 1))]
     pub count: u32,

@@ -13,6 +13,10 @@ use crate::formula::{self, Formula, FormulaError, closest};
 
 /// Most parameters of a deck; also bounds how deep they can depend on each other.
 const MOST: usize = 500;
+/// Most bytes that expressions may add to one text: parameters that hold each other several times grow beyond any bound.
+const MOST_IN_TEXT: usize = 10_000;
+/// Most bytes that they may add to all texts of a deck.
+const MOST_IN_ALL: usize = 16 << 20;
 
 /// Names with a meaning of their own in formulas.
 use super::formulas::VARIABLES;
@@ -57,7 +61,7 @@ pub(super) fn apply(
     overrides: &[(String, String)],
     diagnostics: &mut Vec<Diagnostic>,
 ) {
-    let mut table = Table { definitions: BTreeMap::new(), is_complete: true, source, diagnostics };
+    let mut table = Table { definitions: BTreeMap::new(), is_complete: true, source, diagnostics, added: 0 };
     table.define(deck.get("parameters"));
     table.override_with(overrides);
     let names: Vec<String> = table.definitions.keys().cloned().collect();
@@ -76,6 +80,8 @@ struct Table<'a> {
     is_complete: bool,
     source: &'a mut Source,
     diagnostics: &'a mut Vec<Diagnostic>,
+    /// Bytes that expressions have added to the texts of the deck.
+    added: usize,
 }
 
 fn pointer_to(name: &str) -> String {
@@ -94,7 +100,9 @@ impl Table<'_> {
         };
         if parameters.len() > MOST {
             let message = format!("the deck has more than {MOST} parameters");
-            self.diagnostics.push(Diagnostic::at_key(self.source, "D011", "/parameters", message));
+            let help = "compute values where they are used, `${h/2}`, rather than by parameters of their own";
+            let fault = Diagnostic::at_key(self.source, "D011", "/parameters", message).help(help);
+            self.diagnostics.push(fault);
             self.source.poison("/parameters");
             self.is_complete = false;
             return;
@@ -169,7 +177,9 @@ impl Table<'_> {
                 definition.state = State::Failed;
                 let message = format!("the parameter {} depends on itself", quote(name));
                 let pointer = pointer_to(name);
-                self.diagnostics.push(Diagnostic::at(self.source, "D011", &pointer, message));
+                let help = format!("give {} a value that is not computed from itself", quote(name));
+                let fault = Diagnostic::at(self.source, "D011", &pointer, message).help(help);
+                self.diagnostics.push(fault);
                 return None;
             }
             State::Open => {}
@@ -309,6 +319,7 @@ impl Table<'_> {
             };
             let inner = start + 2..start + length;
             let value = self.expression(text, inner.start, inner.end, &mut overrides)?;
+            self.grows(&value, expanded.len(), start, length + 1)?;
             if start == 0 && length + 1 == text.len() {
                 return Ok((value, overrides));
             }
@@ -324,6 +335,29 @@ impl Table<'_> {
         }
         expanded.push_str(&text[at..]);
         Ok((Parameter::Word(expanded), overrides))
+    }
+
+    /// Counts a word that is inserted behind so many bytes, for an expression at a place of a text.
+    fn grows(&mut self, value: &Parameter, before: usize, offset: usize, length: usize) -> Result<(), Fault> {
+        let Parameter::Word(word) = value else { return Ok(()) };
+        let is_told = self.added > MOST_IN_ALL;
+        self.added = self.added.saturating_add(word.len());
+        let (bound, what) = if before + word.len() > MOST_IN_TEXT + offset {
+            (MOST_IN_TEXT, "this text")
+        } else if self.added > MOST_IN_ALL {
+            (MOST_IN_ALL, "the deck")
+        } else {
+            return Ok(());
+        };
+        if is_told {
+            return Err(Fault::Told);
+        }
+        Err(Fault::Here {
+            message: format!("parameters add more than {bound} characters to {what}"),
+            offset,
+            length,
+            help: Some("use shorter words, or fewer parameters that are made of each other".into()),
+        })
     }
 
     fn expression(
@@ -356,7 +390,7 @@ impl Table<'_> {
                         ),
                         offset: start + offset,
                         length: name.len(),
-                        help: None,
+                        help: Some(format!("give it a number, or insert the word alone: `${{{name}}}`")),
                     });
                 }
                 Parameter::Number(number) => constants.push((name, number)),
@@ -368,7 +402,14 @@ impl Table<'_> {
             return Ok(Parameter::Number(value));
         }
         let message = format!("{} is not a finite number", quote(inner));
-        Err(Fault::Here { message, offset: start, length: inner.len(), help: None })
+        let known: Vec<String> =
+            constants.iter().map(|(name, number)| format!("{name} = {number}")).collect();
+        let help = if known.is_empty() {
+            "write an expression with a finite value".to_owned()
+        } else {
+            format!("change the expression, or the parameters; here {}", known.join(", "))
+        };
+        Err(Fault::Here { message, offset: start, length: inner.len(), help: Some(help) })
     }
 
     /// A fault of a formula as a fault of the text around it; names are looked for among all parameters.

@@ -98,8 +98,8 @@ impl Analysis {
     /// Nothing has been reached yet.
     pub fn beginning(&self) -> Reached {
         match self {
-            Analysis::Plane(parts) => Reached::nothing(&parts.0, &parts.1),
-            Analysis::Solid(parts) => Reached::nothing(&parts.0, &parts.1),
+            Analysis::Plane(parts) => Reached::nothing(&parts.1),
+            Analysis::Solid(parts) => Reached::nothing(&parts.1),
         }
     }
 

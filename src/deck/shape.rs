@@ -3,6 +3,8 @@
 //! The schema finds all faults at once; the messages are written here, since those of a schema validator speak of
 //! schemas.
 
+mod remedy;
+
 use std::collections::HashSet;
 use std::sync::OnceLock;
 
@@ -50,7 +52,8 @@ pub(super) fn check(
     match Deck::deserialize(&value) {
         Ok(deck) if !source.has_poison() => Ok(deck),
         Err(error) if is_well_formed => {
-            diagnostics.push(Diagnostic::error("D008", format!("the deck cannot be read: {error}")));
+            let fault = Diagnostic::error("D008", format!("the deck cannot be read: {error}"));
+            diagnostics.push(fault.help("compare it with the reference of decks"));
             Err(value)
         }
         _ => Err(value),
@@ -150,7 +153,9 @@ impl Gate<'_> {
         };
         if self.judged.insert(pointer.to_owned()) {
             let mut diagnostic = Diagnostic::at(self.source, code, pointer, message);
-            diagnostic.help = range_help(error).or_else(|| number_help(value, code));
+            let kind =
+                expected(error).unwrap_or_else(|| "a value as the reference of decks describes it".into());
+            diagnostic.help = Some(remedy::remedy(error, &kind));
             diagnostic.expected = expected(error);
             self.found.push(diagnostic);
         }
@@ -207,7 +212,8 @@ impl Gate<'_> {
         let place = if pointer.is_empty() { " at the top of the deck" } else { "" };
         let message = format!("missing key {}{place}", quote(key));
         let diagnostic = Diagnostic::at_key(self.source, "D007", pointer, message);
-        self.found.push(diagnostic.expected(format!("the key {}", quote(key))));
+        let help = remedy::of_missing_key(key, subschema(error));
+        self.found.push(diagnostic.expected(format!("the key {}", quote(key))).help(help));
     }
 
     fn unknown_word(&mut self, pointer: &str, value: &Value, options: &Value) {
@@ -251,9 +257,11 @@ impl Gate<'_> {
             let value = error.instance().as_ref();
             let choices = choices_in_words(error);
             let message = mismatch(&choices, value);
-            let mut diagnostic = Diagnostic::at(self.source, "D008", pointer, message).expected(choices);
-            diagnostic.help = number_help(value, "D008");
-            self.found.push(diagnostic);
+            let schema = subschema(error);
+            let help = number_help(value, "D008")
+                .unwrap_or_else(|| remedy::of_type(pointer, value, &choices, schema));
+            let diagnostic = Diagnostic::at(self.source, "D008", pointer, message);
+            self.found.push(diagnostic.expected(choices).help(help));
         }
     }
 }

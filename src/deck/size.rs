@@ -25,6 +25,8 @@ const MAKING: f64 = 50.0;
 const ROUGHLY: Accuracy = Accuracy { relative: 1e-2, lines: 20_000 };
 /// Part of the memory from which on there is a warning.
 const MUCH: f64 = 0.8;
+/// Addresses that each thread reserves for products of dense matrices, [byte]; hardly any of them become memory.
+const PER_THREAD: f64 = 67_108_864.0;
 
 /// Memory per point without output files, and memory of the stiffness and its factor relative to N log₂ N with N unknowns in
 /// the plane, to N^(4/3) in space, [byte]. Measured, see `docs/performance.md`.
@@ -143,11 +145,21 @@ impl Size {
             Bound::AddressSpace => "`ulimit -v` allows",
         };
         let needs = format!("the analysis needs about {} of memory", in_words(needed));
-        let (severity, message) = if needed > limit {
+        let is_of_addresses = memory.bound == Bound::AddressSpace;
+        let reserved = if is_of_addresses { PER_THREAD * rayon::current_num_threads() as f64 } else { 0.0 };
+        let of_which = |word: &str| {
+            format!("{needs}, {has} {}, of which {} {word}", in_words(limit), in_words(available))
+        };
+        // What this program has of its own address space, it does not give back.
+        let (severity, message) = if is_of_addresses && needed <= limit && needed - PROGRAM > available {
+            (Severity::Error, of_which("are left"))
+        } else if needed <= limit && is_of_addresses && needed - PROGRAM + reserved > available {
+            let more = format!("; its threads reserve another {} of addresses", in_words(reserved));
+            (Severity::Warning, of_which("are left") + &more)
+        } else if needed > limit {
             (Severity::Error, format!("{needs}, {has} {}", in_words(limit)))
         } else if needed > available {
-            let free = in_words(available);
-            (Severity::Warning, format!("{needs}, {has} {}, of which {free} are free now", in_words(limit)))
+            (Severity::Warning, of_which("are free now"))
         } else if needed > MUCH * limit {
             (Severity::Warning, format!("{needs}, {has} {}", in_words(limit)))
         } else {
@@ -284,5 +296,18 @@ steps: {count: 1}
         assert!(message.contains(&in_words(needed)) && message.contains("this machine has"), "{message}");
         assert_eq!(judge(1.1 * needed, 1.1 * needed).unwrap().0, Severity::Warning);
         assert_eq!(judge(2.0 * needed, 0.5 * needed).unwrap().0, Severity::Warning);
+        let of_process = |available: f64| {
+            let (limit, available) = (2.0 * needed, available);
+            let memory =
+                Memory { limit: limit as u64, available: available as u64, bound: Bound::AddressSpace };
+            size.judge(&loaded.deck, &loaded.source, &memory).map(|found| (found.severity, found.message))
+        };
+        let threads = rayon::current_num_threads() as f64;
+        assert_eq!(of_process(needed + PER_THREAD * threads), None);
+        let (severity, message) = of_process(needed).unwrap();
+        assert_eq!(severity, Severity::Warning);
+        assert!(message.contains("its threads reserve another"), "{message}");
+        let (severity, message) = of_process(0.9 * needed).unwrap();
+        assert!(severity == Severity::Error && message.ends_with("are left"), "{message}");
     }
 }

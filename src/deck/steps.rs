@@ -47,8 +47,16 @@ pub enum ControlDeck {
         to: f64,
     },
     /// The length of the path of all displacements grows in proportion to time; one factor of all loads follows, which may
-    /// fall again. The first step takes the part of the loads that it has of the time.
-    ArcLength {},
+    /// fall again. Without `length` the first step takes the part of the loads that it has of the time, and sets the pace.
+    ArcLength {
+        /// Length of the path at the end of the analysis, [length]: the sum over the steps of √(Σ V |Δu|² / V₀) over the
+        /// nodes, V the volume that a node carries at the start of the step, Δu its displacement in the step, less what
+        /// the forces move that the reset of the grid leaves out of balance, and V₀ the original volume of all points. A
+        /// body that moves as a whole by u has come along u.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.5]))]
+        length: Option<f64>,
+    },
 }
 
 impl Default for ControlDeck {

@@ -10,6 +10,7 @@ mod shape;
 mod steps;
 mod suspicions;
 mod units;
+mod without_effect;
 
 pub(super) use suspicions::expressions;
 
@@ -54,12 +55,7 @@ struct Check<'a> {
 const LONGEST_NAME: usize = 60;
 
 impl Check<'_> {
-    fn error(&mut self, code: &'static str, pointer: &str, message: impl Into<String>) {
-        let diagnostic = Diagnostic::at(self.source, code, pointer, message);
-        self.found.push(diagnostic);
-    }
-
-    fn error_with_help(
+    fn error(
         &mut self,
         code: &'static str,
         pointer: &str,
@@ -76,7 +72,12 @@ impl Check<'_> {
         for (index, name) in names.into_iter().enumerate() {
             let pointer = format!("{section}/{index}/name");
             if name.trim().is_empty() {
-                self.error("D026", &pointer, "a name must not be empty");
+                self.error(
+                    "D026",
+                    &pointer,
+                    "a name must not be empty",
+                    "write a name of letters, digits, `_` and `-`",
+                );
                 continue;
             }
             match first.get(name) {
@@ -90,7 +91,8 @@ impl Check<'_> {
                         "D017",
                         &pointer,
                         format!("the name {} is used twice", quote(name)),
-                    );
+                    )
+                    .help("give one of the two another name");
                     if let Some(span) = place {
                         let (line, _) = self.source.line_column(span.start);
                         diagnostic = diagnostic.note(format!("it is used first in line {line}"));
@@ -106,9 +108,10 @@ impl Check<'_> {
         let fits = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
         if !fits {
             let message = format!("the name {} cannot head a column of `history.csv`", quote(name));
-            self.error_with_help("D026", pointer, message, "use letters, digits, `_` and `-`");
+            self.error("D026", pointer, message, "use letters, digits, `_` and `-`");
         } else if name.len() > LONGEST_NAME {
-            self.error("D026", pointer, format!("a name has at most {LONGEST_NAME} characters"));
+            let message = format!("a name has at most {LONGEST_NAME} characters");
+            self.error("D026", pointer, message, format!("leave out {} of them", name.len() - LONGEST_NAME));
         }
     }
 
@@ -166,7 +169,8 @@ impl Check<'_> {
             let message = format!(
                 "the domain update {word} is ignored: points of method `{method}` have no domain to update"
             );
-            Diagnostic::at(self.source, "D014", &at, message).severity(Severity::Note)
+            let help = "leave it, if the parameter changes the method, or remove `domain_update`";
+            Diagnostic::at(self.source, "D014", &at, message).severity(Severity::Note).help(help)
         } else {
             let message =
                 format!("domain update {word} needs method `gimp`, whose points have a box for a domain");
@@ -182,12 +186,7 @@ impl Check<'_> {
         for (index, field) in fields.iter().enumerate() {
             if fields[..index].contains(field) {
                 let message = format!("the field `{}` is named twice", field.name());
-                self.error_with_help(
-                    "D017",
-                    &format!("/output/fields/{index}"),
-                    message,
-                    "remove one of them",
-                );
+                self.error("D017", &format!("/output/fields/{index}"), message, "remove one of them");
             }
         }
         self.unique_names("/output/probes", probes.iter().map(|probe| probe.name.as_str()));

@@ -17,6 +17,9 @@ const MAX_DEPTH: usize = 64;
 const MAX_VALUES: usize = 2_000_000;
 /// Values that aliases may add to those written out.
 const MAX_COPIED: usize = 100_000;
+/// Bytes of all values of a deck, those that aliases copy included, and of the pointers to them. Far beyond any deck; a
+/// long text that is copied often, or a long key above many values, comes to it.
+const MAX_BYTES: usize = 256 << 20;
 
 /// A deck read from text, before any of it is understood.
 pub(super) struct Document {
@@ -32,6 +35,8 @@ struct Node {
     span: Span,
     weight: usize,
     depth: usize,
+    /// Bytes of the values in it and of the pointers to them, from here.
+    bytes: usize,
 }
 
 enum Data {
@@ -171,10 +176,16 @@ impl<'a> Builder<'a> {
                 }
                 Ok(root)
             }
-            Some(root) if !matches!(root.data, Data::Scalar(Value::Null)) => {
-                Err(fault("D008", root.span, "a deck is a mapping of keys to values, `key: value`"))
-            }
-            _ => Err(Diagnostic::error("D001", "the deck is empty")),
+            Some(root) if !matches!(root.data, Data::Scalar(Value::Null)) => Err(fault(
+                "D008",
+                root.span,
+                "a deck is a mapping of keys to values, `key: value`",
+            )
+            .help(
+                "begin with `version: 1`, and give `grid`, `materials`, `bodies` and `steps` as further keys",
+            )),
+            _ => Err(Diagnostic::error("D001", "the deck is empty")
+                .help("write a deck, or start from one of those that `mpm new` lists")),
         }
     }
 
@@ -202,7 +213,13 @@ impl<'a> Builder<'a> {
         if line.starts_with(|c: char| c.is_whitespace()) && line.trim_end().contains('\t') {
             return fault.help("indent with spaces instead of tabs");
         }
-        fault
+        let is_about_alias = fault.message.contains("anchor");
+        fault.help(if is_about_alias {
+            "an alias `*name` repeats what stands behind `&name` before it: mark that, or write the value out"
+        } else {
+            "look here and in the line before: brackets, braces and quotes that are opened have to be closed, and \
+             the keys of one mapping are indented alike"
+        })
     }
 
     fn add(&mut self, node: Rc<Node>, anchor: usize) -> Result<(), Diagnostic> {
@@ -210,11 +227,7 @@ impl<'a> Builder<'a> {
             self.anchors.insert(anchor, Rc::clone(&node));
         }
         if node.depth + self.stack.len() > MAX_DEPTH {
-            return Err(fault(
-                "D004",
-                node.span,
-                format!("the deck is nested more than {MAX_DEPTH} levels deep"),
-            ));
+            return Err(nesting_fault(node.span));
         }
         let Some(frame) = self.stack.last_mut() else {
             self.root = Some(node);
@@ -228,7 +241,7 @@ impl<'a> Builder<'a> {
                 Some(Pending { key, span, .. }) => {
                     map.entries.push(Entry { key, key_span: span, value: node })
                 }
-                None => return Err(fault("D004", node.span, "a key must be a plain word")),
+                None => return Err(key_fault(node.span)),
             },
         }
         Ok(())
@@ -241,7 +254,8 @@ impl<'a> Builder<'a> {
     fn count(&mut self, span: Span) -> Result<(), Diagnostic> {
         self.values += 1;
         if self.values > MAX_VALUES {
-            return Err(fault("D004", span, format!("the deck has more than {MAX_VALUES} values")));
+            return Err(fault("D004", span, format!("the deck has more than {MAX_VALUES} values"))
+                .help("put bulky data into a file of a mesh or of a surface, and name it in the deck"));
         }
         Ok(())
     }
@@ -270,17 +284,18 @@ impl<'a> Builder<'a> {
         let data = match data {
             Ok(value) => Data::Scalar(value),
             Err(message) => {
-                self.diagnostics.push(fault("D005", span, message));
+                let help = "write a finite number, between -1.8e308 and 1.8e308";
+                self.diagnostics.push(fault("D005", span, message).help(help));
                 Data::Faulty
             }
         };
-        self.add(Rc::new(Node { data, span, weight: 1, depth: 0 }), anchor)
+        self.add(Rc::new(Node { data, span, weight: 1, depth: 0, bytes: text.len() }), anchor)
     }
 
     fn key(&mut self, text: &str, is_plain: bool, span: Span) -> Result<(), Diagnostic> {
         let is_null = is_plain && matches!(text, "" | "~");
         if is_null {
-            return Err(fault("D004", span, "a key must be a plain word"));
+            return Err(key_fault(span));
         }
         let Some(Frame { content: Content::Map(map), .. }) = self.stack.last_mut() else { return Ok(()) };
         // Several merge keys say what a list in one of them would say.
@@ -290,7 +305,9 @@ impl<'a> Builder<'a> {
         if let Some(earlier) = earlier.filter(|_| self.diagnostics.len() < 1000) {
             let line = self.text[..earlier.start].matches('\n').count() + 1;
             let diagnostic = fault("D003", span, format!("the key {} is given twice", quote(text)));
-            self.diagnostics.push(diagnostic.note(format!("it is given before in line {line}")));
+            let help = format!("keep one of them: remove this one, or the one in line {line}");
+            let diagnostic = diagnostic.note(format!("it is given before in line {line}"));
+            self.diagnostics.push(diagnostic.help(help));
         }
         Ok(())
     }
@@ -311,7 +328,7 @@ impl<'a> Builder<'a> {
                 .help("an expression in braces needs quotes: \"${h/2}\""));
         }
         if self.stack.len() >= MAX_DEPTH {
-            return Err(fault("D004", span, format!("the deck is nested more than {MAX_DEPTH} levels deep")));
+            return Err(nesting_fault(span));
         }
         self.stack.push(Frame { start: span.start, anchor, content });
         Ok(())
@@ -337,16 +354,25 @@ impl<'a> Builder<'a> {
         if weight > self.values.saturating_add(MAX_COPIED) {
             return Err(copies_fault(span));
         }
-        self.add(Rc::new(Node { data, span, weight, depth }), frame.anchor)
+        let bytes = bytes(&data);
+        if bytes > MAX_BYTES {
+            let message =
+                format!("the values and places of this part take more than {} MiB", MAX_BYTES >> 20);
+            return Err(fault("D004", span, message).help(
+                "use shorter texts and keys where many values stand below them or aliases repeat them",
+            ));
+        }
+        self.add(Rc::new(Node { data, span, weight, depth, bytes }), frame.anchor)
     }
 
     fn alias(&mut self, id: usize, span: Span) -> Result<(), Diagnostic> {
         self.count(span)?;
         if self.expects_key() {
-            return Err(fault("D004", span, "a key must be a plain word"));
+            return Err(key_fault(span));
         }
         let Some(node) = self.anchors.get(&id).map(Rc::clone) else {
-            return Err(fault("D004", span, "this alias stands inside of what it refers to"));
+            return Err(fault("D004", span, "this alias stands inside of what it refers to")
+                .help("write the value out: an alias repeats only what ends before it"));
         };
         self.add(node, 0)
     }
@@ -358,8 +384,32 @@ fn fault(code: &'static str, span: Span, message: impl Into<String>) -> Diagnost
     diagnostic
 }
 
+/// Bytes of the values of a list or mapping, and of the pointers to them from there.
+fn bytes(data: &Data) -> usize {
+    let below = |part: usize, child: &Node| {
+        child.bytes.saturating_add(child.weight.saturating_mul(part.saturating_add(1)))
+    };
+    match data {
+        Data::Scalar(_) | Data::Faulty => 0,
+        Data::List(items) => items.iter().fold(0, |sum: usize, item| sum.saturating_add(below(6, item))),
+        Data::Map(entries) => {
+            entries.iter().fold(0, |sum: usize, e| sum.saturating_add(below(e.key.len(), &e.value)))
+        }
+    }
+}
+
 fn copies_fault(span: Span) -> Diagnostic {
     fault("D004", span, format!("aliases copy more than {MAX_COPIED} values"))
+        .help("use fewer aliases of aliases, or write out what differs")
+}
+
+fn nesting_fault(span: Span) -> Diagnostic {
+    fault("D004", span, format!("the deck is nested more than {MAX_DEPTH} levels deep"))
+        .help("close the brackets before this place, or put regions side by side in one `union`")
+}
+
+fn key_fault(span: Span) -> Diagnostic {
+    fault("D004", span, "a key must be a plain word").help("write the key as a word: `key: value`")
 }
 
 /// Applies `<<` keys: keys written out win over merged ones, and the first merged mapping over later ones.

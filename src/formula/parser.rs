@@ -4,6 +4,8 @@ use super::{Binary, FUNCTIONS, FormulaError, Function, Op, STACK, closest, funct
 
 /// Nesting of parentheses, calls, powers and signs that the parser accepts.
 const MAX_NESTING: usize = 64;
+const NESTED: &str = "the formula is nested too deeply";
+const FLATTEN: &str = "use fewer parentheses, or intermediate values under `where`";
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Token {
@@ -61,13 +63,20 @@ impl<'a> Parser<'a> {
         if let Some((start, token)) = self.peek()? {
             let end = self.end_of(start, &token);
             let message = format!("expected an operator, found `{}`", &self.text[start..end]);
-            return Err(self.fault(start, end - start, message));
+            let help = "write `*` for a product, `,` between arguments, and a closing parenthesis for each opening one";
+            return Err(self.fault(start, end - start, message, help));
         }
         Ok(self.code)
     }
 
-    fn fault(&self, offset: usize, length: usize, message: impl Into<String>) -> FormulaError {
-        FormulaError { message: message.into(), offset, length, help: None }
+    fn fault(
+        &self,
+        offset: usize,
+        length: usize,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) -> FormulaError {
+        FormulaError { message: message.into(), offset, length, help: Some(help.into()) }
     }
 
     /// The next token and where it starts, without taking it.
@@ -81,7 +90,7 @@ impl<'a> Parser<'a> {
             let length = number_length(rest);
             let value: f64 = rest[..length].parse().unwrap_or(f64::NAN);
             if !value.is_finite() {
-                return Err(self.fault(start, length, "this number is too large"));
+                return Err(self.fault(start, length, "this number is too large", "write one below 1.8e308"));
             }
             return Ok(Some((start, Token::Number(value, length))));
         }
@@ -90,12 +99,12 @@ impl<'a> Parser<'a> {
             return Ok(Some((start, Token::Name(end))));
         }
         let Some(symbol) = SYMBOLS.into_iter().find(|symbol| rest.starts_with(symbol)) else {
-            return Err(self.fault(start, first.len_utf8(), format!("unexpected character `{first}`")));
+            let help = format!("remove it; the operators are {}", "+ - * / ^ < <= > >= == !=");
+            let message = format!("unexpected character `{first}`");
+            return Err(self.fault(start, first.len_utf8(), message, help));
         };
         if symbol == "**" {
-            let mut fault = self.fault(start, 2, "unknown operator `**`");
-            fault.help = Some("a power is written `^`".into());
-            return Err(fault);
+            return Err(self.fault(start, 2, "unknown operator `**`", "a power is written `^`"));
         }
         Ok(Some((start, Token::Symbol(symbol))))
     }
@@ -123,7 +132,7 @@ impl<'a> Parser<'a> {
             Op::Select => self.height - 2,
         };
         if self.height > STACK {
-            return Err(self.fault(0, self.text.len(), "the formula is nested too deeply"));
+            return Err(self.fault(0, self.text.len(), NESTED, FLATTEN));
         }
         self.code.push(op);
         Ok(())
@@ -133,7 +142,7 @@ impl<'a> Parser<'a> {
     fn expression(&mut self, floor: u8) -> Result<(), FormulaError> {
         self.nesting += 1;
         if self.nesting > MAX_NESTING {
-            return Err(self.fault(self.at, 0, "the formula is nested too deeply"));
+            return Err(self.fault(self.at, 0, NESTED, FLATTEN));
         }
         self.operand()?;
         let mut compared = false;
@@ -143,7 +152,8 @@ impl<'a> Parser<'a> {
                 break;
             }
             if level == 1 && std::mem::replace(&mut compared, true) {
-                return Err(self.fault(start, symbol.len(), "comparisons cannot be chained"));
+                let help = "multiply two comparisons, `(a < b)*(b < c)`";
+                return Err(self.fault(start, symbol.len(), "comparisons cannot be chained", help));
             }
             self.at = start + symbol.len();
             // A power is right associative: its exponent may hold powers and signs again.
@@ -156,7 +166,8 @@ impl<'a> Parser<'a> {
 
     fn operand(&mut self) -> Result<(), FormulaError> {
         let Some((start, token)) = self.peek()? else {
-            return Err(self.fault(self.at, 0, "the formula ends where a number or a name is expected"));
+            let message = "the formula ends where a number or a name is expected";
+            return Err(self.fault(self.at, 0, message, "complete it, or remove the operator at its end"));
         };
         self.at = self.end_of(start, &token);
         match token {
@@ -172,7 +183,13 @@ impl<'a> Parser<'a> {
             }
             Token::Symbol("+") => self.expression(SIGN),
             Token::Symbol(symbol) => {
-                Err(self.fault(start, symbol.len(), format!("expected a number or a name, found `{symbol}`")))
+                let message = format!("expected a number or a name, found `{symbol}`");
+                Err(self.fault(
+                    start,
+                    symbol.len(),
+                    message,
+                    "write an operand there, or remove the operator",
+                ))
             }
         }
     }
@@ -186,9 +203,16 @@ impl<'a> Parser<'a> {
             Some((start, token)) => {
                 let end = self.end_of(start, &token);
                 let found = &self.text[start..end];
-                Err(self.fault(start, end - start, format!("expected `{symbol}`, found `{found}`")))
+                let message = format!("expected `{symbol}`, found `{found}`");
+                let help = format!("write an operator before it, or `{symbol}` where the parenthesis ends");
+                Err(self.fault(start, end - start, message, help))
             }
-            None => Err(self.fault(opened_at, 1, "this parenthesis is never closed")),
+            None => Err(self.fault(
+                opened_at,
+                1,
+                "this parenthesis is never closed",
+                format!("add `{symbol}` where it ends"),
+            )),
         }
     }
 
@@ -197,7 +221,13 @@ impl<'a> Parser<'a> {
         let opens = self.peek_symbol()? == Some("(");
         if let Some(function) = function(name) {
             if !opens {
-                return Err(self.fault(start, length, format!("the function `{name}` needs its arguments")));
+                let message = format!("the function `{name}` needs its arguments");
+                return Err(self.fault(
+                    start,
+                    length,
+                    message,
+                    format!("write them in parentheses: `{name}(...)`"),
+                ));
             }
             return self.call(start, name, &function);
         }
@@ -212,9 +242,8 @@ impl<'a> Parser<'a> {
         };
         match meaning {
             Some(_) if opens => {
-                let mut fault = self.fault(start, length, format!("`{name}` is not a function"));
-                fault.help = Some("a product is written with `*`".into());
-                Err(fault)
+                let message = format!("`{name}` is not a function");
+                Err(self.fault(start, length, message, "a product is written with `*`"))
             }
             Some(op) => self.emit(op),
             None => Err(self.unknown_name(start, name, opens)),
@@ -236,9 +265,7 @@ impl<'a> Parser<'a> {
                 format!("the names known here are {}", quantities().collect::<Vec<_>>().join(", "))
             })
         };
-        let mut fault = self.fault(start, name.len(), format!("unknown {what} `{name}`"));
-        fault.help = Some(help);
-        fault
+        self.fault(start, name.len(), format!("unknown {what} `{name}`"), help)
     }
 
     fn call(&mut self, start: usize, name: &str, function: &Function) -> Result<(), FormulaError> {
@@ -260,7 +287,9 @@ impl<'a> Parser<'a> {
         }
         self.expect(")", opened_at)?;
         let wrong = |expected: &str| {
-            self.fault(start, self.at - start, format!("`{name}` takes {expected}, {arguments} given"))
+            let message = format!("`{name}` takes {expected}, {arguments} given");
+            let help = format!("give {expected}, with `,` between them");
+            self.fault(start, self.at - start, message, help)
         };
         match function {
             Function::One(_) if arguments != 1 => Err(wrong("1 argument")),

@@ -115,6 +115,11 @@ impl<const D: usize> Bins<D> {
         self.items(self.row(&index) + index[0])
     }
 
+    /// Visits the boxes in every bin that a box meets, some of them repeatedly.
+    pub(super) fn meeting(&self, bounds: &Bounds<D>, mut visit: impl FnMut(&[u32])) {
+        self.for_each_met(bounds, |bin| visit(self.items(bin)));
+    }
+
     /// Visits boxes from near to far, by rings (shells) of bins around a position. After each ring, `visit` gets its
     /// boxes (some of them repeatedly) and the square of a distance that those still to come are at least away; it
     /// says whether to go on.

@@ -30,6 +30,8 @@ const MAX_BYTES: u64 = 4 << 30;
 pub struct GmshFile {
     /// Positions of the nodes, [length]; all of them are finite.
     pub nodes: Vec<[f64; 3]>,
+    /// Numbers of the nodes in the file; each is unique.
+    pub node_tags: Vec<u64>,
     /// Elements of all dimensions, in the order of the file.
     pub elements: Vec<Element>,
     /// Physical groups, ascending by dimension and tag.
@@ -434,7 +436,13 @@ fn assemble(
             PhysicalGroup { dimension, tag, name }
         })
         .collect();
-    Ok(GmshFile { nodes: nodes.positions, elements: elements.elements, groups, group_sets })
+    Ok(GmshFile {
+        nodes: nodes.positions,
+        node_tags: nodes.tags,
+        elements: elements.elements,
+        groups,
+        group_sets,
+    })
 }
 
 impl GmshFile {

@@ -3,6 +3,7 @@
 mod build;
 mod cell;
 mod error;
+mod fit;
 mod sides;
 
 use std::collections::BTreeMap;
@@ -12,7 +13,7 @@ use super::element::{ElementShape, MAX_NODES};
 use super::{CellBasis, Grid};
 
 use cell::Cell;
-pub use error::{CellReport, MeshError, MeshWarning};
+pub use error::{CellReport, HangingNode, MeshError, MeshWarning};
 pub use sides::{BoundarySide, Side};
 
 /// A position closer than this to the border of a cell, relative to the size of the cell, counts as lying in the cell.
@@ -20,7 +21,8 @@ pub use sides::{BoundarySide, Side};
 /// Positions that lie on a border in exact arithmetic must all be given to the same cell, whatever their round-off.
 pub const ON_EDGE: f64 = 1e-9;
 
-/// An unstructured mesh. Cells have positive volume, quadrilaterals are convex and hexahedra do not fold; triangles
+/// An unstructured mesh. Cells have positive volume and do not overlap, quadrilaterals are convex and hexahedra do not
+/// fold; connected cells have whole sides in common. Triangles
 /// (tetrahedra) come first, then quadrilaterals (hexahedra), both in the order of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh<const D: usize> {
@@ -28,7 +30,11 @@ pub struct Mesh<const D: usize> {
     n_simplices: usize,
     cell_nodes: Vec<u32>,
     volume: Vec<f64>,
+    /// Size of the smallest cell around each node.
+    node_size: Vec<f64>,
     largest_size: f64,
+    /// The median of the sizes of all cells.
+    usual_size: f64,
     bounds: Bounds<D>,
     bins: Bins<D>,
     boundary: Vec<BoundarySide>,
@@ -238,7 +244,7 @@ impl<const D: usize> Grid<D> for Mesh<D> {
     fn lattice(&self, node: usize) -> [u32; D] {
         let x = self.node_position(node);
         let low = self.bounds()[0];
-        std::array::from_fn(|d| ((x[d] - low[d]) / self.largest_size) as u32)
+        std::array::from_fn(|d| ((x[d] - low[d]) / self.usual_size) as u32)
     }
 
     fn corners(&self, cell: usize) -> super::Corners {
@@ -247,6 +253,10 @@ impl<const D: usize> Grid<D> for Mesh<D> {
 
     fn size(&self, cell: usize) -> f64 {
         self.size(cell as u32)
+    }
+
+    fn size_around(&self, node: usize) -> f64 {
+        self.node_size[node]
     }
 
     fn volume(&self, cell: usize) -> f64 {

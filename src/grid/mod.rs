@@ -107,6 +107,9 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
     /// Size of a cell, [length].
     fn size(&self, cell: usize) -> f64;
 
+    /// Size of the smallest cell around a node, [length]: what is much nearer than this lies at the node.
+    fn size_around(&self, node: usize) -> f64;
+
     /// Volume (area) of a cell, [volume].
     fn volume(&self, cell: usize) -> f64;
 

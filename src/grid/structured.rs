@@ -191,6 +191,10 @@ impl<const D: usize> Grid<D> for Structured<D> {
         self.spacing.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
+    fn size_around(&self, _node: usize) -> f64 {
+        self.size(0)
+    }
+
     fn volume(&self, _cell: usize) -> f64 {
         self.spacing.iter().product()
     }

@@ -25,6 +25,9 @@ use super::invalid;
 use super::replace::replace_file;
 use super::summary::VERSION;
 
+/// What every file begins with.
+pub(super) const NAME: &str = blocks::NAME;
+
 /// How many checkpoints are kept: the last, and the one before for the case that the last is damaged.
 const KEPT: usize = 2;
 

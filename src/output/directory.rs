@@ -1,10 +1,11 @@
 //! What is whose in a directory of results: the names of its files, and which of them a run may remove.
 
-use std::io;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::Path;
 
 use super::replace::TEMPORARY;
-use super::{checkpoint, failed, status};
+use super::{checkpoint, failed, lock, series, status, vtu};
 
 /// Names of the series.
 pub(super) const SERIES: [&str; 3] = ["points", "domains", "grid"];
@@ -22,12 +23,7 @@ pub(super) fn step_of_file(name: &str) -> Option<usize> {
 /// Removes the series, summary, status and checkpoints that an earlier run left in the directory, so that none of its
 /// files are mistaken for ours.
 pub(super) fn remove_earlier_results(directory: &Path) -> io::Result<()> {
-    remove(directory, |name| {
-        is_of_series(name)
-            || OF_RUN.contains(&name)
-            || failed::FILES.contains(&name)
-            || checkpoint::step_of(name).is_some()
-    })
+    remove(directory, |name| !matches!(Kind::of(name), None | Some(Kind::Table(_))))
 }
 
 /// Removes what a run has written after a step, and what it wrote because it ended there.
@@ -37,8 +33,8 @@ pub(super) fn remove_later_results(
     is_kept: impl Fn(&str) -> bool,
 ) -> io::Result<()> {
     remove(directory, |name| {
-        let is_later = is_of_series(name) && name.ends_with(".vtu") && !is_kept(name);
-        let of_end = OF_RUN.contains(&name) || failed::FILES.contains(&name);
+        let is_later = series_of(name).is_some() && name.ends_with(".vtu") && !is_kept(name);
+        let of_end = matches!(Kind::of(name), Some(Kind::OfRun(_))) || failed::FILES.contains(&name);
         is_later || of_end || checkpoint::step_of(name).is_some_and(|step| step > last)
     })
 }
@@ -56,51 +52,187 @@ fn remove(directory: &Path, is_old: impl Fn(&str) -> bool) -> io::Result<()> {
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
-        let half = name.strip_suffix(TEMPORARY);
-        let is_half = half.is_some_and(|name| {
-            is_of_series(name)
-                || OF_RUN.contains(&name)
-                || failed::FILES.contains(&name)
-                || TABLES.contains(&name)
-                || checkpoint::step_of(name).is_some()
-        });
-        // A directory of such a name is not ours.
-        if (is_old(name) || is_half) && path.is_file() {
+        let is_half = name.strip_suffix(TEMPORARY).is_some_and(|name| Kind::of(name).is_some());
+        // A directory of such a name, or a file of somebody else, is not ours.
+        if (is_old(name) || is_half) && is_ours(&path, name) {
             std::fs::remove_file(&path)?;
         }
     }
     Ok(())
 }
 
-/// The tables of a run.
-const TABLES: [&str; 3] = ["history.csv", "convergence.csv", "quality.csv"];
+/// The tables of a run, and how they begin.
+const TABLES: [(&str, &str); 3] = [
+    ("history.csv", "step,time,iterations,residual,"),
+    ("convergence.csv", "step,iteration,residual\n"),
+    ("quality.csv", "step,partition_of_unity_loss,"),
+];
 
-/// Files that tell of a run as a whole.
-const OF_RUN: [&str; 3] = ["summary.json", "run.json", status::NAME];
+/// Files that tell of a run as a whole, and keys by which they are known; the first key is the first in the file.
+const OF_RUN: [(&str, [&str; 3]); 3] = [
+    ("summary.json", ["outcome", "deck_hash", "version"]),
+    ("run.json", ["title", "deck_hash", "version"]),
+    (status::NAME, ["state", "steps_requested", "process"]),
+];
 
-/// Whether a file with this name belongs to a series.
-fn is_of_series(name: &str) -> bool {
-    SERIES.iter().any(|series| {
+/// The page that a report is written to.
+const REPORT: &str = "report.html";
+
+/// What a file is by its name.
+enum Kind {
+    Mesh,
+    Series(&'static str),
+    Table(&'static str),
+    OfRun([&'static str; 3]),
+    Checkpoint,
+}
+
+impl Kind {
+    fn of(name: &str) -> Option<Kind> {
+        if let Some(series) = series_of(name) {
+            return Some(if name.ends_with(".vtu") { Kind::Mesh } else { Kind::Series(series) });
+        }
+        if failed::FILES.contains(&name) {
+            return Some(Kind::Mesh);
+        }
+        if checkpoint::step_of(name).is_some() {
+            return Some(Kind::Checkpoint);
+        }
+        let table = TABLES.iter().find(|(table, _)| *table == name).map(|(_, begin)| Kind::Table(begin));
+        table.or_else(|| OF_RUN.iter().find(|(file, _)| *file == name).map(|(_, keys)| Kind::OfRun(*keys)))
+    }
+
+    /// Whether a file that begins like this, `whole` or not, is one that a run has written.
+    fn fits(&self, begin: &str, whole: bool) -> bool {
+        match self {
+            Kind::Mesh => begin.starts_with(vtu::HEAD),
+            Kind::Series(series) => {
+                let rest = begin.strip_prefix(series::HEAD);
+                let first = format!("file=\"{series}_");
+                rest.is_some_and(|rest| !rest.contains("<DataSet") || rest.contains(&first) || !whole)
+            }
+            Kind::Table(columns) => begin.starts_with(columns),
+            Kind::OfRun(keys) => {
+                let has = |key: &str| begin.contains(&format!("\"{key}\": "));
+                begin.starts_with(&format!("{{\n  \"{}\": ", keys[0]))
+                    && (!whole || keys.iter().all(|key| has(key)))
+            }
+            Kind::Checkpoint => begin.starts_with(checkpoint::NAME),
+        }
+    }
+}
+
+/// Bytes of a file by which it is known; of those that tell of a run as a whole, all are read.
+const FIRST: u64 = 2048;
+
+/// Whether a file with the name of a result is one: its content says so, or it has none.
+fn is_ours(path: &Path, name: &str) -> bool {
+    let half = name.strip_suffix(TEMPORARY);
+    let Some(kind) = Kind::of(half.unwrap_or(name)) else { return false };
+    // What is no regular file may never end.
+    let Ok(about) = std::fs::metadata(path) else { return false };
+    let most = if let Kind::OfRun(_) = kind { about.len() } else { FIRST };
+    let mut begin = Vec::new();
+    let read =
+        about.is_file() && File::open(path).and_then(|file| file.take(most).read_to_end(&mut begin)).is_ok();
+    read && (begin.is_empty() || kind.fits(&String::from_utf8_lossy(&begin), half.is_none()))
+}
+
+/// The series that a file with this name belongs to.
+fn series_of(name: &str) -> Option<&'static str> {
+    SERIES.into_iter().find(|series| {
         let Some(rest) = name.strip_prefix(series) else { return false };
         let number = rest.strip_prefix('_').and_then(|r| r.strip_suffix(".vtu"));
         rest == ".pvd" || number.is_some_and(|n| n.len() >= 4 && n.bytes().all(|b| b.is_ascii_digit()))
     })
 }
 
-/// A file that a run would replace although no run has written it.
+/// Whether a run or a report writes, or may write, a file of this name into its directory.
+pub fn is_of_results(name: &str) -> bool {
+    let name = name.strip_suffix(TEMPORARY).unwrap_or(name);
+    Kind::of(name).is_some() || name == lock::NAME || name == REPORT
+}
+
+/// A file that a run might replace although no run has written it.
+///
+/// # Errors
+/// Those of the file system.
 pub(super) fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
-    if OF_RUN.iter().any(|name| directory.join(name).exists()) {
-        return Ok(None);
-    }
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
-        // A run that was killed at its very beginning leaves a table behind.
-        let is_table = || std::fs::read(&path).is_ok_and(|bytes| bytes.starts_with(b"step,"));
-        let ours = TABLES.contains(&name);
-        if is_of_series(name) || ours && !is_table() {
+        let is_named_so = Kind::of(name.strip_suffix(TEMPORARY).unwrap_or(name)).is_some();
+        if is_named_so && !path.is_dir() && !is_ours(&path, name) {
             return Ok(Some(name.to_owned()));
         }
     }
     Ok(None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The first file of others in a directory with one file.
+    fn foreign(name: &str, content: &str) -> Option<String> {
+        let directory = tempfile::tempdir().unwrap();
+        std::fs::write(directory.path().join(name), content).unwrap();
+        let found = foreign_file(directory.path()).unwrap();
+        remove_earlier_results(directory.path()).unwrap();
+        let is_kept = directory.path().join(name).exists();
+        assert!(found.is_none() || is_kept, "{name} is removed");
+        found
+    }
+
+    #[test]
+    fn files_are_known_by_their_content() {
+        let mesh = format!("{}<UnstructuredGrid>", vtu::HEAD);
+        for (name, content) in [
+            ("points_0001.vtu", mesh.as_str()),
+            ("failed_grid.vtu", &mesh),
+            ("grid.pvd", series::HEAD),
+            ("history.csv", "step,time,iterations,residual,a\n"),
+            ("history.csv", ""),
+            (
+                "summary.json",
+                "{\n  \"outcome\": \"failed\",\n  \"version\": \"0\",\n  \"deck_hash\": \"\"\n}\n",
+            ),
+            ("summary.json.tmp", "{\n  \"outcome\": \"fai"),
+            ("checkpoint_0010.mpm", "mpm checkpoint 2\n"),
+            ("points.txt", "whatever"),
+            ("points_1.vtu", "whatever"),
+        ] {
+            assert_eq!(foreign(name, content), None, "{name}: {content}");
+        }
+        for (name, content) in [
+            ("points_0001.vtu", "<?xml version=\"1.0\"?><VTKFile>"),
+            ("points_0001.vtu.tmp", "precious"),
+            ("domains.pvd", "<?xml version=\"1.0\"?><VTKFile type=\"Collection\">"),
+            ("history.csv", "step,force\n1,2\n"),
+            ("quality.csv", "precious"),
+            ("summary.json", "{}"),
+            ("run.json", "{\n  \"title\": \"mine\"\n}\n"),
+            ("status.json", "{\n  \"state\": \"asleep\"\n}\n"),
+            ("checkpoint_0010.mpm", "precious"),
+            ("failed_points.vtu", "precious"),
+        ] {
+            assert_eq!(foreign(name, content).as_deref(), Some(name), "{content}");
+        }
+    }
+
+    #[test]
+    fn all_that_is_written_is_known_as_a_result() {
+        for name in [
+            "points.pvd",
+            "grid_0001.vtu",
+            "history.csv",
+            "quality.csv.tmp",
+            "status.json",
+            ".lock",
+            "report.html",
+        ] {
+            assert!(is_of_results(name), "{name}");
+        }
+        assert!(!is_of_results("run.log") && !is_of_results("points.log"));
+    }
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::Model;
 use crate::points::Points;
-use crate::solver::{StepReport, Summary};
+use crate::solver::{ReactionMoment, StepReport, Summary};
 
 use super::fields::{cauchy_stress, displacement, pressure, von_mises_stress};
 
@@ -15,13 +15,33 @@ use super::fields::{cauchy_stress, displacement, pressure, von_mises_stress};
 pub struct ForceBalance {
     /// Sum of the loads along each axis, [force].
     pub applied: Vec<f64>,
+    /// Name and resultant of each load, [force].
+    pub loads: Vec<(String, Vec<f64>)>,
     /// Name and reaction of each boundary condition, [force].
     pub reactions: Vec<(String, Vec<f64>)>,
+    /// Moment of each of these reactions; empty for bodies of revolution.
+    pub moments: Vec<Moment>,
     /// Whether each axis has a balance of forces: not the radius of a body of revolution, where hoop stresses pull
     /// inwards all around.
     balanced: Vec<bool>,
     /// Sum of the magnitudes of the forces at all nodes that are held, or of the loads, whichever is larger, [force].
     scale: f64,
+}
+
+/// The moment of a reaction, [`crate::solver::ReactionMoment`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Moment {
+    /// The point it is taken about, [length]; none where the condition holds nothing.
+    pub about: Option<Vec<f64>>,
+    /// The moment about each axis that it can have, [force·length].
+    pub moment: Vec<f64>,
+}
+
+impl Moment {
+    fn can_be_of<const D: usize>(&self) -> bool {
+        self.about.as_ref().is_none_or(|about| about.len() == D)
+            && self.moment.len() == ReactionMoment::<D>::AXES.len()
+    }
 }
 
 impl ForceBalance {
@@ -30,12 +50,20 @@ impl ForceBalance {
         let names = model.boundary_conditions.iter().map(|condition| condition.name.clone());
         let reactions = names.zip(report.reactions.iter().map(|r| r.to_vec())).collect();
         let held: f64 = report.grid.reaction.iter().flatten().map(|r| r.abs()).sum();
-        let applied: f64 = report.applied.iter().map(|f| f.abs()).sum();
+        let applied = report.applied();
+        let magnitude: f64 = applied.iter().map(|f| f.abs()).sum();
+        let loads = model.loads.iter().zip(&report.loads);
+        let moments = report.moments.iter().flatten().map(|of| Moment {
+            about: of.about.map(|about| about.to_vec()),
+            moment: of.components().to_vec(),
+        });
         ForceBalance {
-            applied: report.applied.to_vec(),
+            applied: applied.to_vec(),
+            loads: loads.map(|(load, force)| (load.name.clone(), force.to_vec())).collect(),
             reactions,
+            moments: moments.collect(),
             balanced: (0..D).map(|axis| !(model.revolved && axis == 0)).collect(),
-            scale: held.max(applied),
+            scale: held.max(magnitude),
         }
     }
 
@@ -139,6 +167,10 @@ impl Findings {
         self.balance.as_ref().is_none_or(|balance| {
             balance.applied.len() == D
                 && balance.balanced.len() == D
+                && balance.loads.len() == model.loads.len()
+                && balance.loads.iter().all(|(_, force)| force.len() == D)
+                && balance.moments.len() == if model.revolved { 0 } else { model.boundary_conditions.len() }
+                && balance.moments.iter().all(Moment::can_be_of::<D>)
                 && balance.reactions.len() == model.boundary_conditions.len()
                 && balance.reactions.iter().all(|(_, reaction)| reaction.len() == D)
         })

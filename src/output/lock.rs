@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// Name of the file that is locked. It is empty and stays behind: only the lock on it means anything.
-const NAME: &str = ".lock";
+pub(super) const NAME: &str = ".lock";
 
 /// How often, and how long apart, a lock is tried for: `mpm status` holds it for a moment.
 const TRIES: usize = 20;

@@ -14,6 +14,7 @@ mod frames;
 pub mod lock;
 pub(crate) mod replace;
 pub mod results;
+mod rows;
 pub mod series;
 mod start;
 pub mod status;

@@ -8,7 +8,8 @@ use crate::deck::OutputDeck;
 use crate::model::Model;
 use crate::points::Points;
 use crate::solver::{
-    Diagnosis, FailedAttempt, GridFields, Observer, Reached, SolveError, Step, StepReport, Summary,
+    Diagnosis, FailedAttempt, GridFields, Observer, Reached, ReactionMoment, SolveError, Step, StepReport,
+    Summary,
 };
 
 use super::checkpoint::{self, Checkpoint};
@@ -19,6 +20,7 @@ use super::failed;
 use super::findings::{Extremes, Findings};
 use super::frames::{Frame, Frames};
 use super::lock::Lock;
+use super::rows;
 use super::series::Series;
 use super::summary::{Account, Outcome};
 use super::table::{Entry, Table};
@@ -88,8 +90,7 @@ impl Results {
         std::fs::create_dir_all(directory)?;
         let lock = Lock::take(directory)?;
         if let Some(name) = foreign_file(directory)? {
-            let what = format!("its file `{name}` is not the result of a run; choose another directory");
-            return Err(io::Error::new(io::ErrorKind::AlreadyExists, what));
+            return Err(foreign(&name));
         }
         remove_earlier_results(directory)?;
         Ok(Results {
@@ -135,6 +136,10 @@ impl Results {
         let history = table("history.csv", &columns_of_history(model))?;
         let quality = table("quality.csv", &QUALITY.map(String::from))?;
         let convergence = table("convergence.csv", &CONVERGENCE.map(String::from))?;
+        rows::check([&history, &quality, &convergence], checkpoint.head.reached.summary.steps)?;
+        if let Some(name) = foreign_file(directory)? {
+            return Err(foreign(&name));
+        }
         let [history, quality, convergence] = [history.reopen()?, quality.reopen()?, convergence.reopen()?];
         // A run that is stopped writes its last step, due or not. One that is to write nothing removes nothing, either.
         let is_due = every == 0 || is_due(every, model, reached);
@@ -246,9 +251,15 @@ impl Results {
             residual.into(),
             (report.linear_iterations as i64).into(),
             1.into(),
+            i64::from(report.rounding_limited).into(),
         ];
         row.extend(report.load_factor.map(Entry::from));
-        row.extend(report.reactions.iter().flatten().map(|r| Entry::from(*r)));
+        for (number, reaction) in report.reactions.iter().enumerate() {
+            row.extend(reaction.map(Entry::from));
+            let moment = report.moments.as_ref().and_then(|moments| moments.get(number));
+            row.extend(moment.iter().flat_map(|of| of.components()).map(|m| Entry::from(*m)));
+        }
+        row.extend(report.loads.iter().flatten().map(|f| Entry::from(*f)));
         let place = points.by_id();
         for probe in &model.probes {
             for d in 0..D {
@@ -300,6 +311,14 @@ impl Results {
     }
 }
 
+/// The error of a file that a run would replace although no run has written it.
+fn foreign(name: &str) -> io::Error {
+    let what = format!(
+        "its file `{name}` is not the result of a run; choose another directory with `--out`, or move the file away"
+    );
+    io::Error::new(io::ErrorKind::AlreadyExists, what)
+}
+
 /// Whether VTU files of a step are to be written: after every so many requested steps, and at the end.
 fn is_due<const D: usize>(every: usize, model: &Model<D>, step: Step) -> bool {
     let requested = model.stepping.requested(step.end);
@@ -327,7 +346,7 @@ pub struct Picture {
 fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
     let axes = &["x", "y", "z"][..D];
     let mut columns: Vec<String> =
-        ["step", "time", "iterations", "residual", "linear_iterations", "converged"]
+        ["step", "time", "iterations", "residual", "linear_iterations", "converged", "rounding_limited"]
             .map(String::from)
             .to_vec();
     if model.has_one_load_factor() {
@@ -335,6 +354,11 @@ fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
     }
     for condition in &model.boundary_conditions {
         columns.extend(axes.iter().map(|axis| format!("{}_r{axis}", condition.name)));
+        let turns = if model.revolved { &[] } else { ReactionMoment::<D>::AXES };
+        columns.extend(turns.iter().map(|axis| format!("{}_m{axis}", condition.name)));
+    }
+    for load in &model.loads {
+        columns.extend(axes.iter().map(|axis| format!("{}_f{axis}", load.name)));
     }
     for probe in &model.probes {
         columns.extend(axes.iter().map(|axis| format!("{}_u{axis}", probe.name)));
@@ -427,6 +451,7 @@ impl<const D: usize> Observer<D> for Results {
     ) -> io::Result<()> {
         let lost = self.settle();
         let rows = self.failure.take().map_or(Ok(()), Err);
+        let tables = [&self.history, &self.quality, &self.convergence].into_iter().try_for_each(Table::check);
         // The last equilibrated step is never lost, whatever `every` says.
         let is_missing = self.last.index > 0 && self.writer.reached().is_none_or(|time| time < self.last.end);
         let mesh = if self.every > 0 && is_missing {
@@ -442,7 +467,7 @@ impl<const D: usize> Observer<D> for Results {
             _ => self.secure(points),
         };
         // What can be written is, even where something else could not.
-        let written = lost.and(rows).and(mesh).and(secured);
+        let written = lost.and(rows).and(mesh).and(secured).and(tables);
         // The summary comes last: where it says that the run is completed, nothing is missing.
         let lost = written.as_ref().err().map(SolveError::output);
         let outcome = match error.or(lost.as_ref()) {

@@ -9,6 +9,14 @@ use quick_xml::events::Event;
 use super::replace::replace_file;
 use super::{escape_xml, invalid, shortest};
 
+/// What every file begins with.
+pub(super) const HEAD: &str = concat!(
+    r#"<?xml version="1.0" encoding="UTF-8"?>"#,
+    "\n",
+    r#"<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">"#,
+    "\n  <Collection>\n"
+);
+
 /// A `.pvd` time series that is complete on disk after every step.
 #[derive(Debug)]
 pub struct Series {
@@ -75,9 +83,7 @@ impl Series {
     /// Writes all entries.
     fn write(&self) -> io::Result<()> {
         replace_file(&self.path, |out| {
-            writeln!(out, r#"<?xml version="1.0" encoding="UTF-8"?>"#)?;
-            writeln!(out, r#"<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">"#)?;
-            writeln!(out, "  <Collection>")?;
+            out.write_all(HEAD.as_bytes())?;
             for (time, file) in &self.entries {
                 let (time, file) = (shortest(*time), escape_xml(file));
                 writeln!(out, r#"    <DataSet timestep="{time}" group="" part="0" file="{file}"/>"#)?;

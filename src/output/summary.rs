@@ -135,6 +135,7 @@ impl Account {
             "unknowns": summary.unknowns,
             "steps": summary.steps,
             "steps_requested": model.stepping.count,
+            "rounding_limited": summary.rounding_limited,
             "failed_attempts": summary.failed_attempts,
             "load_factor": load_factor,
             "largest_load_factor": summary.largest_load_factor,
@@ -194,8 +195,10 @@ fn check(path: &Path, summary: &Summary, findings: &Findings) -> io::Result<()> 
     numbers.extend(errors.iter().flatten().map(|(error, _)| ("balance_errors", *error)));
     numbers.extend(findings.worst_residual.map(|(residual, _)| ("worst_residual", residual)));
     if let Some(balance) = &findings.balance {
-        let reactions = balance.reactions.iter().flat_map(|(_, reaction)| reaction);
-        numbers.extend(balance.applied.iter().chain(reactions).map(|force| ("forces", *force)));
+        let named = balance.loads.iter().chain(&balance.reactions).flat_map(|(_, force)| force);
+        let moments = balance.moments.iter().flat_map(|of| of.about.iter().flatten().chain(&of.moment));
+        let all = balance.applied.iter().chain(named).chain(moments);
+        numbers.extend(all.map(|value| ("forces", *value)));
     }
     if let Some(extremes) = &findings.extremes {
         for (name, extreme) in [
@@ -258,11 +261,17 @@ fn at_step((value, step): (f64, usize)) -> Value {
 
 /// Loads and reactions at the end.
 fn forces(balance: &ForceBalance) -> Value {
-    let reactions: Map<String, Value> =
-        balance.reactions.iter().map(|(name, force)| (name.clone(), json!(force))).collect();
+    let by_name = |forces: &[(String, Vec<f64>)]| -> Map<String, Value> {
+        forces.iter().map(|(name, force)| (name.clone(), json!(force))).collect()
+    };
+    let moments: Map<String, Value> = (balance.reactions.iter().zip(&balance.moments))
+        .map(|((name, _), of)| (name.clone(), json!({"about": of.about, "moment": of.moment})))
+        .collect();
     json!({
         "applied": balance.applied,
-        "reactions": reactions,
+        "loads": by_name(&balance.loads),
+        "reactions": by_name(&balance.reactions),
+        "moments": moments,
         "difference": balance.difference(),
         "relative_difference": balance.relative_difference(),
     })
@@ -315,7 +324,30 @@ fn quality<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
         })),
         "rotation": worst(quality.rotation),
         "shear": worst(quality.shear),
+        "box_rotation": worst(quality.box_rotation),
+        "crossings": by_body(model, |body| quality.mean_crossings(body)),
+        "pressure_oscillation": quality.pressure_oscillation.map(at_step),
+        "held_by_nodes": held_by_nodes(model, quality),
     })
+}
+
+/// A measure of bodies by their names, of those that have it; null where none has.
+fn by_body<const D: usize>(model: &Model<D>, of: impl Fn(usize) -> Option<f64>) -> Value {
+    let entries =
+        model.bodies.iter().enumerate().filter_map(|(k, body)| Some((body.name.clone(), json!(of(k)?))));
+    let map: Map<String, Value> = entries.collect();
+    if map.is_empty() { Value::Null } else { Value::Object(map) }
+}
+
+/// Share of the material that the nodes of each moving boundary condition still hold; null where there is none.
+fn held_by_nodes<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
+    let entries = model
+        .boundary_conditions
+        .iter()
+        .enumerate()
+        .filter_map(|(k, condition)| Some((condition.name.clone(), json!(quality.held_by_nodes(k)?))));
+    let map: Map<String, Value> = entries.collect();
+    if map.is_empty() { Value::Null } else { Value::Object(map) }
 }
 
 #[cfg(test)]

@@ -55,10 +55,22 @@ pub struct Kept {
 }
 
 impl Kept {
+    /// The file.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The entries of some columns, row by row; whole numbers, `None` where there is something else.
+    pub(super) fn numbers<const N: usize>(&self, columns: [&str; N]) -> Vec<[Option<usize>; N]> {
+        let places = columns.map(|name| self.columns.iter().position(|column| column == name));
+        let rows = self.text.lines().skip(1).map(|row| row.split(',').collect::<Vec<_>>());
+        rows.map(|row| places.map(|place| row.get(place?)?.parse().ok())).collect()
+    }
+
     /// Replaces the file by what is kept of it, to be extended.
     ///
     /// Errors: those of the file system.
-    pub fn reopen(self) -> io::Result<Table> {
+    pub(super) fn reopen(self) -> io::Result<Table> {
         Table::begin(self.path, self.columns, &self.text)
     }
 }
@@ -124,6 +136,25 @@ impl Table {
         Ok(Kept { path, columns, text: kept })
     }
 
+    /// Sees to it that the file is still what this table has written.
+    ///
+    /// Errors, which name the file: those of the file system; `Other` if it was removed, replaced or changed.
+    pub fn check(&self) -> io::Result<()> {
+        let wrong =
+            |what: &str| io::Error::other(format!("`{}` was {what} during the run", self.path.display()));
+        let there = match fs::metadata(&self.path) {
+            Ok(there) => there,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Err(wrong("removed")),
+            Err(error) => {
+                return Err(io::Error::new(error.kind(), format!("`{}`: {error}", self.path.display())));
+            }
+        };
+        if !is_same(&there, &self.file.metadata()?) {
+            return Err(wrong("replaced"));
+        }
+        if there.len() == self.length { Ok(()) } else { Err(wrong("changed")) }
+    }
+
     /// Number of columns.
     pub fn width(&self) -> usize {
         self.columns.len()
@@ -162,6 +193,19 @@ impl Table {
         self.length += line.len() as u64;
         Ok(())
     }
+}
+
+/// Whether two accounts are of the same file.
+#[cfg(unix)]
+fn is_same(a: &fs::Metadata, b: &fs::Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    (a.dev(), a.ino()) == (b.dev(), b.ino())
+}
+
+/// Whether two accounts are of the same file, as far as the system tells.
+#[cfg(not(unix))]
+fn is_same(a: &fs::Metadata, b: &fs::Metadata) -> bool {
+    a.is_file() && a.created().ok() == b.created().ok()
 }
 
 /// A text as a field of a line, quoted where it would otherwise break the line.

@@ -34,10 +34,18 @@ impl Writer {
         if rayon::current_num_threads() < 2 {
             return write(&self.directory, &self.series, &frames);
         }
-        let (directory, series) = (self.directory.clone(), Arc::clone(&self.series));
-        let work = move || write(&directory, &series, &frames);
-        self.at_work = Some(Builder::new().name("output".to_owned()).spawn(work)?);
-        Ok(())
+        let frames = Arc::new(frames);
+        let (directory, series, same) =
+            (self.directory.clone(), Arc::clone(&self.series), Arc::clone(&frames));
+        let work = move || write(&directory, &series, &same);
+        match Builder::new().name("output".to_owned()).spawn(work) {
+            Ok(thread) => {
+                self.at_work = Some(thread);
+                Ok(())
+            }
+            // The system allows no further thread; this one can write, too.
+            Err(_) => write(&self.directory, &self.series, &frames),
+        }
     }
 
     /// Time of the last file of the first series, [time].

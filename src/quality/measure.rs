@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::motion::{Objection, rotation_of_turn, shear, turn};
+use super::motion::{Objection, diagonal_misses_volume, rotation_of_turn, shear, turn};
 use crate::basis::{CORNER_MARGIN, Connectivity, DomainKind, domain_volume, nearest_with_distance};
 use crate::grid::{Grid, MAX_CORNERS};
 use crate::model::Model;
@@ -30,6 +30,12 @@ pub struct OfBody {
     pub shear: Option<AtPoint>,
     /// The motion that the domain update does not stand; `None` where it stands all.
     pub objection: Option<AtPoint>,
+    /// Sum of volume times rotation over the points whose domain is a box that cannot follow it, [volume · degrees].
+    pub box_turning: f64,
+    /// Number of points without domain that end the step in another cell.
+    pub crossings: usize,
+    /// Number of points without domain.
+    pub points: usize,
     /// Smallest and largest det F, [-].
     pub det_f: [f64; 2],
     /// Mass, [mass].
@@ -48,6 +54,9 @@ impl Default for OfBody {
             rotation: None,
             shear: None,
             objection: None,
+            box_turning: 0.0,
+            crossings: 0,
+            points: 0,
             det_f: [f64::INFINITY, f64::NEG_INFINITY],
             mass: 0.0,
             volume: 0.0,
@@ -68,6 +77,9 @@ impl OfBody {
             keep_largest(ours, theirs);
         }
         self.det_f = [self.det_f[0].min(other.det_f[0]), self.det_f[1].max(other.det_f[1])];
+        self.box_turning += other.box_turning;
+        self.crossings += other.crossings;
+        self.points += other.points;
         self.mass += other.mass;
         self.volume += other.volume;
         self.domain_volume += other.domain_volume;
@@ -160,7 +172,8 @@ impl Measures {
             links.for_each_value(p, |_, value| sum += value);
             keep(&mut body.partition_of_unity_loss, (1.0 - sum).max(0.0));
             let gradient = &points.trial.deformation_gradient[p];
-            keep(&mut body.rotation, turn::<D>(gradient));
+            let turn = turn::<D>(gradient);
+            keep(&mut body.rotation, turn);
             keep(&mut body.shear, shear::<D>(gradient));
             if let Some(objection) = &objections[number] {
                 keep(&mut body.objection, objection.measure(gradient));
@@ -170,8 +183,16 @@ impl Measures {
             body.mass += points.mass[p];
             body.volume += det_f * points.original_volume[p];
             let (volume, outside) = match model.bodies[number].method.domain() {
-                DomainKind::None => continue,
+                DomainKind::None => {
+                    let (cell, x) = (points.cell[p], &points.trial.position[p]);
+                    body.points += 1;
+                    body.crossings += usize::from(model.grid.locate(x, Some(cell)) != Some(cell));
+                    continue;
+                }
                 DomainKind::Box => {
+                    if diagonal_misses_volume::<D>(gradient) {
+                        body.box_turning += rotation_of_turn(turn) * det_f * points.original_volume[p];
+                    }
                     let (x, l) = (&points.trial.position[p], &points.trial.half_lengths[p]);
                     (l.iter().map(|l| 2.0 * l).product(), share_of_box_outside(model.grid.as_ref(), x, l))
                 }

@@ -160,7 +160,7 @@ fn axes_differ<const D: usize>(F: &Mat3) -> bool {
 
 /// Whether the product of the F_ii is off det F. It is not in simple shear, which the update with F_ii stands, though
 /// its polar decomposition holds a rotation.
-fn diagonal_misses_volume<const D: usize>(F: &Mat3) -> bool {
+pub fn diagonal_misses_volume<const D: usize>(F: &Mat3) -> bool {
     let product: f64 = (0..D).map(|d| F[(d, d)]).product();
     (product / ratio_of_volume::<D>(F) - 1.0).abs() > MOST_VOLUME_CHANGE
 }

@@ -111,7 +111,7 @@ fn bodies_are_measured_on_their_own() {
     let model = model(&[GIMP, (Method::Mpm, DomainUpdate::None)]);
     let seeds = [seed(1, [1.5, 0.2], [0.1, 0.1], false), seed(0, [0.5, 0.2], [0.1, 0.1], false)];
     let mut points = Points::new(&seeds);
-    let mut quality = Quality::new(&model, &points);
+    let mut quality = Quality::new(&points);
     let measures = {
         let methods = [Method::Gimp, Method::Mpm];
         let links = Connectivity::new(model.grid.as_ref(), &mut points, &methods).unwrap();
@@ -128,10 +128,14 @@ fn bodies_are_measured_on_their_own() {
     assert_eq!(measures.bodies[1].objection, None, "a point without domain has no update");
     let warnings = quality.accept(&model, 7, &measures, &[]);
     assert_eq!(warnings.len(), 1, "{warnings:?}");
+    let warning = &warnings[0];
+    assert_eq!((warning.code, warning.step, warning.threshold), (Code::DomainUpdate, 7, Some(0.05)));
+    assert_eq!((&warning.place.bodies[..], warning.place.point), (&["body 0".to_owned()][..], Some(1)));
+    assert!((warning.value.unwrap() - 0.1).abs() < 1e-14);
     assert_eq!(
-        warnings[0],
-        "step 7: body `body 0`: its domain update `none` does not suit its motion: point 1 has changed its volume \
-         by 10.0 %; use `domain_update: corners`"
+        warning.lines(),
+        "warning[W001]: step 7: body `body 0`: its domain update `none` does not suit its motion: point 1 has changed its \
+         volume by 10.0 %\n  help: use `domain_update: corners`"
     );
     assert!(quality.accept(&model, 8, &measures, &[]).is_empty(), "once is enough");
     let det_f = quality.det_f.unwrap();
@@ -148,7 +152,7 @@ fn bodies_are_measured_on_their_own() {
 fn the_worst_of_all_steps_is_kept() {
     let model = model(&[GIMP]);
     let mut points = Points::new(&[seed(0, [0.5, 0.5], [0.1, 0.1], false)]);
-    let mut quality = Quality::new(&model, &points);
+    let mut quality = Quality::new(&points);
     for (step, half_length) in [(1, 0.09), (2, 0.07), (3, 0.12)] {
         points.trial = points.converged.clone();
         points.trial.half_lengths[0] = [0.1, half_length];
@@ -167,9 +171,9 @@ fn warnings_about_the_grid() {
     let model = model(&[GIMP, (Method::Gimp, DomainUpdate::Corners)]);
     let seeds = [0, 1].map(|body| seed(body, [0.1, 0.5], [0.2, 0.1], false));
     let mut points = Points::new(&seeds);
-    let mut quality = Quality::new(&model, &points);
+    let mut quality = Quality::new(&points);
     let warnings = quality.accept(&model, 1, &measures(&model, &mut points), &[]);
-    let about = |text: &str| warnings.iter().filter(|warning| warning.contains(text)).count();
+    let about = |text: &str| warnings.iter().filter(|warning| warning.lines().contains(text)).count();
     assert_eq!(about("25.0 % of the domain of point"), 2);
     assert_eq!(about("add up to 0.9875 instead of 1"), 2);
     assert_eq!(about("`domain_update: corners`"), 2, "the body that has it is not told to use it");

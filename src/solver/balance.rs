@@ -3,6 +3,7 @@
 
 use crate::assembly::System;
 use crate::basis::Connectivity;
+use crate::constraints::{BoundaryCondition, DofMap};
 use crate::model::Model;
 use crate::points::Points;
 
@@ -57,6 +58,82 @@ impl Energy {
     }
 }
 
+/// The moment of the reaction of a boundary condition.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReactionMoment<const D: usize> {
+    /// The point it is taken about: the mean position, at the end of the step, of the active nodes that the condition acts
+    /// on, [length]; none where it acts on no active node.
+    pub about: Option<[f64; D]>,
+    /// Moment on the body about the axes x, y and z, positive by the right-hand rule, [force·length]; in the plane only the
+    /// last is not 0, positive where it turns x towards y.
+    pub moment: [f64; 3],
+}
+
+impl<const D: usize> ReactionMoment<D> {
+    /// Names of the axes that a moment can have in `D` dimensions.
+    pub const AXES: &'static [&'static str] = if D == 3 { &["x", "y", "z"] } else { &["z"] };
+
+    /// The components about those axes, [force·length].
+    pub fn components(&self) -> &[f64] {
+        &self.moment[3 - Self::AXES.len()..]
+    }
+}
+
+/// The moments of the reactions on the nodes of each boundary condition, in the configuration that the step has reached as
+/// [`moment_error`]. Conditions that prescribe the same motion of a degree of freedom share its reaction equally. None for
+/// bodies of revolution, whose forces are sums over the circle.
+pub(super) fn reaction_moments<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    delta_d: &[[f64; D]],
+    (reaction, dofs): (&Nodal<D>, &DofMap<D>),
+) -> Option<Vec<ReactionMoment<D>>> {
+    if model.revolved {
+        return None;
+    }
+    let places = deformed_nodes(model, links, delta_d);
+    let of_condition = |(number, condition): (usize, &BoundaryCondition<D>)| {
+        let nodes = condition.active_nodes(points, links);
+        if nodes.is_empty() {
+            return ReactionMoment { about: None, moment: [0.0; 3] };
+        }
+        let about: [f64; D] =
+            std::array::from_fn(|d| nodes.iter().map(|n| places[*n][d]).sum::<f64>() / nodes.len() as f64);
+        let mut moment = [0.0; 3];
+        for node in nodes {
+            let (mut arm, mut force) = ([0.0; 3], [0.0; 3]);
+            for d in 0..D {
+                arm[d] = places[node][d] - about[d];
+                let bearers = dofs.bearers(model, node, d);
+                if bearers.contains(&number) {
+                    force[d] = reaction[node][d] / bearers.len() as f64;
+                }
+            }
+            for (axis, m) in moment.iter_mut().enumerate() {
+                let [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
+                *m += arm[i] * force[j] - arm[j] * force[i];
+            }
+        }
+        ReactionMoment { about: Some(about), moment }
+    };
+    Some(model.boundary_conditions.iter().enumerate().map(of_condition).collect())
+}
+
+/// Where the active nodes are at the end of a step, which they begin undeformed, [length].
+fn deformed_nodes<const D: usize>(
+    model: &Model<D>,
+    links: &Connectivity<D>,
+    delta_d: &[[f64; D]],
+) -> Nodal<D> {
+    (links.active_nodes().iter().zip(delta_d))
+        .map(|(&node, du)| {
+            let place = model.grid.node_position(node as usize);
+            std::array::from_fn(|d| place[d] + du[d])
+        })
+        .collect()
+}
+
 /// Magnitude of the moment of loads and reactions together about the middle of the nodes they act on, in the configuration
 /// that the step has reached, relative to the sum of the magnitudes of all moments, [-]. None for bodies of revolution, in
 /// which hoop stresses keep the balance; 0 where there are no forces.
@@ -69,12 +146,7 @@ pub(super) fn moment_error<const D: usize>(
     if model.revolved {
         return None;
     }
-    let places: Vec<[f64; D]> = (links.active_nodes().iter().zip(delta_d))
-        .map(|(&node, du)| {
-            let place = model.grid.node_position(node as usize);
-            std::array::from_fn(|d| place[d] + du[d])
-        })
-        .collect();
+    let places = deformed_nodes(model, links, delta_d);
     let middle: [f64; D] =
         std::array::from_fn(|d| places.iter().map(|x| x[d]).sum::<f64>() / places.len() as f64);
     let (mut moments, mut scale) = ([[0.0; D]; D], 0.0);

@@ -69,6 +69,19 @@ pub enum NoPath {
     Reversed,
 }
 
+/// What turns the length of a path, [length], into that of its displacements weighted by volume, [length·volume^½]: the
+/// square root of the original volume of all points.
+fn weight_of_length<const D: usize>(points: &Points<D>) -> f64 {
+    points.original_volume.iter().sum::<f64>().sqrt()
+}
+
+/// Length of the path of an analysis whose load factor follows from it, at a time, [length]: the sum over its steps of
+/// √(Σ V |Δu|² / V₀) over the nodes, with V the volume that a node carries and V₀ the original volume of all points;
+/// `None` where nothing has set its pace yet.
+pub fn path_length<const D: usize>(points: &Points<D>, path: &Path, time: f64) -> Option<f64> {
+    path.rate.map(|rate| rate * time / weight_of_length(points))
+}
+
 /// Σ V (a·b) over the nodes.
 fn weighted<const D: usize>(volume: &[f64], a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
     (0..a.len()).map(|n| volume[n] * (0..D).map(|d| a[n][d] * b[n][d]).sum::<f64>()).sum()
@@ -106,7 +119,7 @@ impl<const D: usize> Condition<D> {
                 }
                 Some(Condition::Displacement { weight, by: to * share })
             }
-            Control::ArcLength => {
+            Control::ArcLength { length: total } => {
                 let mut volume = vec![0.0; links.n_active()];
                 for group in 0..links.n_groups() {
                     let nodes = links.nodes_of(group);
@@ -117,7 +130,8 @@ impl<const D: usize> Condition<D> {
                         });
                     }
                 }
-                let length = path.rate.map(|rate| rate * (step.end - step.start));
+                let given = total.map(|total| total * weight_of_length(points) / model.stepping.end_time);
+                let length = given.or(path.rate).map(|rate| rate * (step.end - step.start));
                 Some(Condition::ArcLength {
                     volume,
                     length,

@@ -2,13 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::basis::Connectivity;
-use crate::model::Model;
+use crate::model::{Model, Newton};
 use crate::points::{Points, coordinates};
-use crate::stabilisation::{HeldMaterial, Where};
+use crate::quality::oscillation;
+use crate::stabilisation::Where;
 use crate::stepping::Control;
 
-use super::error::PointPlace;
+use super::error::{PointPlace, stiffness_spread};
+use super::evidence::{self, emptiest_cell, share_that_flows};
 use super::{FailedAttempt, SolveError, Summary};
 
 /// A cell whose weakest node carries less than this of its share of a full cell is a small cut cell.
@@ -17,8 +18,18 @@ const SMALL: f64 = 0.1;
 const FLOWS: f64 = 0.02;
 /// Where more than this share has flowed, a point that turns inside out in a step however small is a part of a mechanism.
 const MUCH: f64 = 0.2;
+/// Where more than this share has flowed, pressures alternate in collapse, too …
+const MOST: f64 = 0.5;
+/// … and only those that vary by more than this multiple are those of locking.
+const OSCILLATES_IN_COLLAPSE: f64 = 5.0;
+/// Displacements that points do not notice, larger than this multiple of those that they do, are those of an hourglass mode.
+const HOURGLASS: f64 = 10.0;
+/// Nodes of a cut cell that move farther than points by this factor have run away.
+const RUNS_AWAY: f64 = 100.0;
 /// Pressures that vary within cells by more than this multiple of the deviatoric stress are those of locking.
 const OSCILLATES: f64 = 1.0;
+/// Where the stiffest material is that much stiffer than the softest, a sum of both keeps hardly a digit of the softer one.
+const TOO_FAR_APART: f64 = 1e12;
 
 /// What kind of failure it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -34,15 +45,23 @@ pub enum Kind {
     Instability,
     /// Volume-preserving deformation that the grid cannot represent.
     Locking,
+    /// Nodes alternate in a way that the points do not resist.
+    Hourglass,
+    /// Residuals fall steadily; more iterations would meet the tolerance.
+    Creeping,
+    /// Smaller steps have not been tried.
+    LargeSteps,
     /// A point turns inside out.
     ElementInversion,
     /// A point or its domain leaves the grid or loses its shape.
     LostDomain,
     /// The path of the displacements cannot be followed.
     LostPath,
+    /// Stiffnesses so far apart, or so far above the loads, that round-off hides the forces.
+    BadScaling,
     /// What the deck asks for cannot be done, whatever the size of the step.
     Setting,
-    /// None of these is in sight: steps are too large, or loads and conditions contradict each other.
+    /// None of these is in sight; perhaps loads and conditions contradict each other.
     Unknown,
 }
 
@@ -56,10 +75,14 @@ impl Kind {
                 "plastic collapse: the load is probably beyond what the bodies can carry"
             }
             Kind::Instability => "instability: the stiffness is not positive definite, though nothing yields",
-            Kind::Locking => "volumetric locking",
+            Kind::Locking => "volumetric locking: pressures alternate while volumes hardly change",
+            Kind::Hourglass => "hourglass mode: nodes move to and fro in a way that too few points resist",
+            Kind::Creeping => "the residual falls steadily, and the iterations end too soon",
+            Kind::LargeSteps => "the steps are too large; whether smaller ones would do has not been tried",
             Kind::ElementInversion => "a point turns inside out",
             Kind::LostDomain => "a point or its domain leaves the grid or loses its shape",
             Kind::LostPath => "the path cannot be followed",
+            Kind::BadScaling => "a badly scaled stiffness: its round-off is larger than the forces",
             Kind::Setting => "what is asked for cannot be done",
             Kind::Unknown => "none of the known causes is in sight",
         }
@@ -82,10 +105,22 @@ impl Kind {
             Kind::Locking => {
                 "use a finer grid with fewer points per cell, or a law that is less incompressible"
             }
+            Kind::Hourglass => {
+                "use more points per cell (4 in the plane, 8 in space), or `analysis: {stabilisation: {mode: on}}`"
+            }
+            Kind::Creeping => "allow more iterations, `solver: {max_iterations}`, or use smaller steps",
+            Kind::LargeSteps => {
+                "use smaller steps: a larger `steps: {count}`, and a small `smallest` such as 1e-3, so that steps that fail \
+                 are cut"
+            }
             Kind::ElementInversion => "use smaller steps (`steps: {count, smallest}`) or a coarser grid",
             Kind::LostDomain => "make the grid larger, or use another method or domain update",
             Kind::LostPath => {
                 "use another number of steps, or prescribe what follows (`type: displacement` with another probe, or `arc-length`)"
+            }
+            Kind::BadScaling => {
+                "give the stiffest material a modulus that is at most about 1e6 times that of the softest, or move a part that is to \
+                 be rigid by a boundary condition"
             }
             Kind::Setting => "see the message",
             Kind::Unknown => {
@@ -157,12 +192,11 @@ impl Diagnosis {
     ) -> Diagnosis {
         let (node, place) = whereabouts(&failed.error);
         let links = failed.iterate.as_ref().map(|iterate| &iterate.links);
-        let around = links.and_then(|links| {
-            let at = node.clone().or_else(|| place.map(|place| place.position.clone()))?;
-            emptiest_cell(model, points, links, &at)
-        });
+        let at = node.clone().or_else(|| place.map(|place| place.position.clone()));
+        let around = links.zip(at.as_ref()).and_then(|(links, at)| emptiest_cell(model, points, links, at));
         let flowing = links.map_or(0.0, |_| share_that_flows(model, points));
-        let kind = kind_of(failed, around, flowing, || oscillation(points, links));
+        let found = Found::new(model, points, failed, at.as_deref(), (around, flowing));
+        let kind = kind_of(failed, &found);
         let is_driven = model.stepping.control != Control::Load
             || model.boundary_conditions.iter().any(|condition| condition.moves());
         let advice = match kind {
@@ -176,6 +210,13 @@ impl Diagnosis {
             Kind::Setting => failed.error.help().unwrap_or(kind.advice()),
             _ => kind.advice(),
         };
+        let advice = match found.missing {
+            Some(missing) if kind == Kind::Creeping => {
+                let enough = (model.newton.max_iterations + missing).next_multiple_of(10);
+                format!("allow more iterations, `solver: {{max_iterations: {enough}}}`, or use smaller steps")
+            }
+            _ => advice.to_owned(),
+        };
         let is_cell = matches!(kind, Kind::SmallCutCell);
         Diagnosis {
             kind,
@@ -188,48 +229,99 @@ impl Diagnosis {
             filling: around.map(|(_, filling)| filling).filter(|_| is_cell),
             node,
             flowing,
-            advice: advice.to_owned(),
+            advice,
         }
     }
 }
 
-fn kind_of<const D: usize>(
-    failed: &FailedAttempt<D>,
-    around: Option<(u32, f64)>,
+/// What is known about the place and the state that a run stopped at.
+struct Found {
+    /// Whether a cell there holds hardly any material.
+    is_cut: bool,
+    /// How much farther its nodes move than points do, [-].
+    runaway: f64,
+    /// Share of the points that have yielded, [-].
     flowing: f64,
-    oscillation: impl Fn() -> f64,
-) -> Kind {
-    let small = around.is_some_and(|(_, filling)| filling < SMALL);
+    /// Displacements that the points do not notice, relative to those that they do, [-].
+    hourglass: f64,
+    /// Whether cells there hold a single point at most, and no part of the bodies can move as a rigid body.
+    is_single: bool,
+    /// Whether smaller steps would not matter.
+    is_small_step: bool,
+    /// Iterations that are missing where residuals fall steadily.
+    missing: Option<usize>,
+    /// Whether pressures alternate in isochoric deformation.
+    is_locked: bool,
+    /// How many times the stiffest material is as stiff as the softest, [-].
+    spread: f64,
+}
+
+impl Found {
+    /// Whether the nodes of a cut cell have run away. They leave a trace in the full cells beside them, too.
+    fn runs_away(&self) -> bool {
+        self.is_cut && self.runaway > RUNS_AWAY.max(self.hourglass)
+    }
+
+    fn new<const D: usize>(
+        model: &Model<D>,
+        points: &Points<D>,
+        failed: &FailedAttempt<D>,
+        at: Option<&[f64]>,
+        (around, flowing): (Option<(u32, f64)>, f64),
+    ) -> Found {
+        let iterate = failed.iterate.as_ref();
+        let at_place = iterate.zip(at);
+        let Newton { tolerance, max_iterations, .. } = model.newton;
+        Found {
+            spread: stiffness_spread(model),
+            is_cut: around.is_some_and(|(_, filling)| filling < SMALL),
+            runaway: at_place.map_or(0.0, |(iterate, at)| evidence::runaway(model, iterate, at)),
+            flowing,
+            hourglass: iterate.map_or(0.0, |iterate| evidence::hourglass(model, points, iterate)),
+            is_single: at_place.is_some_and(|(iterate, at)| {
+                evidence::most_points(model, points, &iterate.links, at) == 1
+                    && !evidence::can_move_freely(model, points, &iterate.links, failed.step)
+            }),
+            is_small_step: evidence::is_small_step(model, failed),
+            missing: evidence::iterations_missing(&failed.residuals, tolerance, max_iterations),
+            is_locked: evidence::is_isochoric(points)
+                && iterate
+                    .map_or(0.0, |iterate| oscillation(&points.converged.kirchhoff_stress, &iterate.links))
+                    > if flowing > MOST { OSCILLATES_IN_COLLAPSE } else { OSCILLATES },
+        }
+    }
+}
+
+fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
+    let &Found { is_cut, flowing, is_small_step, .. } = found;
+    let runs_away = found.runs_away();
+    let is_hourglass = found.hourglass > HOURGLASS && !runs_away;
+    let collapse = if is_small_step { Kind::PlasticCollapse } else { Kind::LargeSteps };
     match &failed.error {
         SolveError::Unheld { .. } => Kind::RigidBodyMode,
-        SolveError::Singular { .. } if small => Kind::SmallCutCell,
-        SolveError::Singular { .. } if flowing > FLOWS => Kind::PlasticCollapse,
+        SolveError::NotConverged { .. } | SolveError::Singular { .. } if found.spread > TOO_FAR_APART => {
+            Kind::BadScaling
+        }
+        SolveError::Singular { .. } if is_cut => Kind::SmallCutCell,
+        SolveError::Singular { .. } if is_hourglass => Kind::Hourglass,
+        SolveError::Singular { .. } if flowing > FLOWS => collapse,
         SolveError::Singular { .. } if failed.step.index > 1 && failed.indefinite => Kind::Instability,
+        SolveError::Singular { .. } if found.is_single => Kind::Hourglass,
         SolveError::Singular { .. } => Kind::RigidBodyMode,
-        SolveError::Point { .. } if small => Kind::SmallCutCell,
-        SolveError::Point { .. } if flowing > MUCH => Kind::PlasticCollapse,
+        SolveError::Point { .. } | SolveError::OffGrid { .. } if is_hourglass => Kind::Hourglass,
+        SolveError::Point { .. } if runs_away || is_cut && (is_small_step || flowing <= MUCH) => {
+            Kind::SmallCutCell
+        }
+        SolveError::Point { .. } if flowing > MUCH => collapse,
         SolveError::Point { .. } => Kind::ElementInversion,
         // However small the step is, the points fly off.
-        SolveError::OffGrid { .. } if flowing > MUCH => Kind::PlasticCollapse,
+        SolveError::OffGrid { .. } if flowing > MUCH && is_small_step => Kind::PlasticCollapse,
         SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. } => {
             Kind::LostDomain
         }
         SolveError::NoPath { .. } => Kind::LostPath,
-        SolveError::NotConverged { .. } | SolveError::Iterative { .. } => {
-            if flowing > FLOWS && oscillation() > OSCILLATES {
-                Kind::Locking
-            } else if flowing > FLOWS {
-                Kind::PlasticCollapse
-            } else if failed.indefinite {
-                Kind::Instability
-            } else if small {
-                Kind::SmallCutCell
-            } else if oscillation() > OSCILLATES {
-                Kind::Locking
-            } else {
-                Kind::Unknown
-            }
-        }
+        SolveError::RoundOff { .. } => Kind::BadScaling,
+        SolveError::NotConverged { .. } | SolveError::Iterative { .. } => without_end(failed, found),
         SolveError::Constraint { .. }
         | SolveError::Load { .. }
         | SolveError::OutOfMemory { .. }
@@ -238,10 +330,39 @@ fn kind_of<const D: usize>(
     }
 }
 
+/// What keeps iterations from an end: first what shows in the displacements, then what shows in the residuals, and only where
+/// steps are small what the bodies cannot carry.
+fn without_end<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
+    let flows = found.flowing > FLOWS;
+    if found.runs_away() {
+        Kind::SmallCutCell
+    } else if found.hourglass > HOURGLASS {
+        Kind::Hourglass
+    } else if found.missing.is_some() {
+        Kind::Creeping
+    } else if !found.is_small_step && (flows || failed.indefinite) {
+        Kind::LargeSteps
+    } else if found.is_locked {
+        Kind::Locking
+    } else if flows {
+        Kind::PlasticCollapse
+    } else if failed.indefinite {
+        Kind::Instability
+    } else if found.is_cut {
+        Kind::SmallCutCell
+    } else if found.is_small_step {
+        Kind::Unknown
+    } else {
+        Kind::LargeSteps
+    }
+}
+
 /// The node or the point that an error names.
 fn whereabouts(error: &SolveError) -> (Option<Vec<f64>>, Option<&PointPlace>) {
     match error {
-        SolveError::NotConverged { worst, .. } => (worst.as_ref().map(|(node, _)| node.clone()), None),
+        SolveError::NotConverged { worst, .. } | SolveError::RoundOff { worst, .. } => {
+            (worst.as_ref().map(|(node, _)| node.clone()), None)
+        }
         SolveError::Singular { node, .. } => (node.as_ref().map(|(node, _)| node.clone()), None),
         SolveError::Unheld { node, .. } => (Some(node.clone()), None),
         SolveError::Point { place, .. }
@@ -250,61 +371,4 @@ fn whereabouts(error: &SolveError) -> (Option<Vec<f64>>, Option<&PointPlace>) {
         | SolveError::Collapsed { place, .. } => (None, Some(place)),
         _ => (None, None),
     }
-}
-
-/// The active cell with the least material among those that a place lies in or at, and its filling ratio.
-fn emptiest_cell<const D: usize>(
-    model: &Model<D>,
-    points: &Points<D>,
-    links: &Connectivity<D>,
-    place: &[f64],
-) -> Option<(u32, f64)> {
-    let grid = model.grid.as_ref();
-    let held = HeldMaterial::new(model, points, links);
-    let position: [f64; D] = std::array::from_fn(|d| place.get(d).copied().unwrap_or(0.0));
-    let home = grid.nearest_cell(&position);
-    let reach = 1e-6 * grid.size(home as usize);
-    let touches = |cell: u32| {
-        cell == home
-            || grid.corners(cell as usize).nodes().iter().any(|n| {
-                let node = grid.node_position(*n as usize);
-                (0..D).all(|d| (node[d] - position[d]).abs() <= reach)
-            })
-    };
-    let fillings = links.active_cells().iter().filter(|cell| touches(**cell)).map(|cell| {
-        let filling = held.filling(model, links, *cell);
-        (*cell, filling)
-    });
-    fillings.min_by(|a, b| a.1.total_cmp(&b.1))
-}
-
-/// Share of the points whose history has changed since the start of the analysis, or does in the step in hand.
-fn share_that_flows<const D: usize>(model: &Model<D>, points: &Points<D>) -> f64 {
-    let n = points.history_len;
-    let flows = |p: &usize| {
-        let of = |history: &[f64]| history[p * n..][..n].to_vec();
-        let fields = model.law(points, *p).state_fields();
-        let begun = |history: &[f64]| fields.iter().zip(of(history)).any(|(field, now)| field.initial != now);
-        begun(&points.trial.history) || begun(&points.converged.history)
-    };
-    (0..points.len()).filter(flows).count() as f64 / points.len().max(1) as f64
-}
-
-/// How far the mean stresses of the points of one cell differ, relative to the deviatoric stresses, in the root mean square
-/// over all cells.
-fn oscillation<const D: usize>(points: &Points<D>, links: Option<&Connectivity<D>>) -> f64 {
-    let Some(links) = links else { return 0.0 };
-    let (mut spread, mut deviator) = (0.0, 0.0);
-    for group in 0..links.n_groups() {
-        let of_group = links.points_of(group);
-        let n = of_group.len() as f64;
-        let mean = |p: usize| points.converged.kirchhoff_stress[p].trace() / 3.0;
-        let middle: f64 = of_group.clone().map(mean).sum::<f64>() / n;
-        for p in of_group {
-            let stress = &points.converged.kirchhoff_stress[p];
-            spread += (mean(p) - middle).powi(2);
-            deviator += stress.dot(stress) - 3.0 * mean(p).powi(2);
-        }
-    }
-    if deviator > 0.0 { (spread / deviator).sqrt() } else { 0.0 }
 }

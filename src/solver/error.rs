@@ -9,11 +9,13 @@ use crate::loads::LoadNotFinite;
 use crate::memory::in_words;
 use crate::model::Model;
 use crate::points::{Points, coordinates};
+use crate::stabilisation::shear_modulus_at_rest;
 use crate::stress::PointError;
 
 use super::Step;
 use super::control::NoPath;
 use super::equations::Place as Equation;
+use super::residual::MOST_OF_ROUND_OFF;
 
 /// A material point, as an error names it.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,6 +49,22 @@ pub enum SolveError {
         residuals: Vec<f64>,
         /// Position of the node with the largest out-of-balance force and the force there.
         worst: Option<(Vec<f64>, Vec<f64>)>,
+    },
+    /// Round-off of the stiffness keeps the step from equilibrium.
+    #[error(
+        "step {step} cannot be brought into equilibrium: round-off leaves a residual of {:.3e}, more than {MOST_OF_ROUND_OFF:e}; \
+         the largest out-of-balance force is at {}, and {materials}",
+        residuals.last().copied().unwrap_or(f64::NAN), worst_node(worst)
+    )]
+    RoundOff {
+        /// The step.
+        step: usize,
+        /// Residual of every evaluation.
+        residuals: Vec<f64>,
+        /// Position of the node with the largest out-of-balance force and the force there.
+        worst: Option<(Vec<f64>, Vec<f64>)>,
+        /// The materials whose stiffnesses are far apart, or far above the loads, in words.
+        materials: String,
     },
     /// A point could not follow the displacement increment.
     #[error("step {step}, iteration {iteration}: {place}: {error}")]
@@ -177,6 +195,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("S011", "results that cannot be written"),
     ("S012", "equations that iterations cannot solve"),
     ("S013", "a path that cannot be followed"),
+    ("S014", "a stiffness that drowns the loads in round-off"),
 ];
 
 fn worst_node(worst: &Option<(Vec<f64>, Vec<f64>)>) -> String {
@@ -225,6 +244,7 @@ impl SolveError {
             SolveError::Output(_) => "S011",
             SolveError::Iterative { .. } => "S012",
             SolveError::NoPath { .. } => "S013",
+            SolveError::RoundOff { .. } => "S014",
             SolveError::Interrupted { .. } => return None,
         })
     }
@@ -240,6 +260,10 @@ impl SolveError {
             SolveError::NotConverged { .. } => {
                 Some("use smaller steps (`steps: {count, smallest}`), or check loads and boundary conditions")
             }
+            SolveError::RoundOff { .. } => Some(
+                "give the stiffest material a modulus that is at most about 1e6 times that of the softest; a part that is to be \
+                 rigid can be moved by a boundary condition instead",
+            ),
             SolveError::Point { .. } => Some("use smaller steps (`steps: {count, smallest}`)"),
             SolveError::OffGrid { .. } => {
                 Some("make the grid larger where the body moves, or hold the body with boundary conditions")
@@ -297,7 +321,9 @@ impl SolveError {
     /// Residuals of the failed step, as far as it came.
     pub fn residuals(&self) -> &[f64] {
         match self {
-            SolveError::NotConverged { residuals, .. } | SolveError::Point { residuals, .. } => residuals,
+            SolveError::NotConverged { residuals, .. }
+            | SolveError::RoundOff { residuals, .. }
+            | SolveError::Point { residuals, .. } => residuals,
             _ => &[],
         }
     }
@@ -354,14 +380,18 @@ impl SolveError {
         residuals: Vec<f64>,
         out_of_balance: &[[f64; D]],
     ) -> Self {
-        let size = |f: &[f64; D]| f.iter().map(|x| x * x).sum::<f64>();
-        let worst = (0..out_of_balance.len())
-            .max_by(|&a, &b| size(&out_of_balance[a]).total_cmp(&size(&out_of_balance[b])))
-            .map(|n| {
-                let place = model.grid.node_position(links.active_nodes()[n] as usize);
-                (place.to_vec(), out_of_balance[n].to_vec())
-            });
-        SolveError::NotConverged { step: step.index, residuals, worst }
+        SolveError::NotConverged { step: step.index, residuals, worst: worst(model, links, out_of_balance) }
+    }
+
+    pub(super) fn round_off<const D: usize>(
+        model: &Model<D>,
+        links: &Connectivity<D>,
+        step: Step,
+        residuals: Vec<f64>,
+        out_of_balance: &[[f64; D]],
+    ) -> Self {
+        let worst = worst(model, links, out_of_balance);
+        SolveError::RoundOff { step: step.index, residuals, worst, materials: stiffnesses(model) }
     }
 
     pub(super) fn linear<const D: usize>(error: LinearError, at: Equation<D>, step: Step) -> Self {
@@ -377,6 +407,56 @@ impl SolveError {
                 SolveError::Singular { step, node }
             }
         }
+    }
+}
+
+/// The node with the largest out-of-balance force, and the force there.
+fn worst<const D: usize>(
+    model: &Model<D>,
+    links: &Connectivity<D>,
+    out_of_balance: &[[f64; D]],
+) -> Option<(Vec<f64>, Vec<f64>)> {
+    let size = |f: &[f64; D]| f.iter().map(|x| x * x).sum::<f64>();
+    (0..out_of_balance.len())
+        .max_by(|&a, &b| size(&out_of_balance[a]).total_cmp(&size(&out_of_balance[b])))
+        .map(|n| {
+            let place = model.grid.node_position(links.active_nodes()[n] as usize);
+            (place.to_vec(), out_of_balance[n].to_vec())
+        })
+}
+
+/// The shear moduli at rest of the materials of the bodies with their numbers, ascending, [stress].
+fn moduli<const D: usize>(model: &Model<D>) -> Vec<(f64, usize)> {
+    let used = |number: &usize| model.bodies.iter().any(|body| body.material == *number);
+    let modulus = |number: usize| (shear_modulus_at_rest(model.materials[number].law.as_ref()), number);
+    let mut moduli: Vec<(f64, usize)> = (0..model.materials.len()).filter(used).map(modulus).collect();
+    moduli.sort_by(|a, b| a.0.total_cmp(&b.0));
+    moduli
+}
+
+/// How many times the stiffest material of the bodies is as stiff as the softest, [-].
+pub(super) fn stiffness_spread<const D: usize>(model: &Model<D>) -> f64 {
+    match moduli(model)[..] {
+        [(soft, _), .., (stiff, _)] => stiff / soft,
+        _ => 1.0,
+    }
+}
+
+/// The stiffest and the softest material of the bodies, in words.
+fn stiffnesses<const D: usize>(model: &Model<D>) -> String {
+    let name = |number: usize| &model.materials[number].name;
+    match moduli(model)[..] {
+        [(soft, a), .., (stiff, b)] => format!(
+            "material `{}` is {:.0e} times as stiff as `{}` (shear moduli {stiff:.1e} and {soft:.1e})",
+            name(b),
+            stiff / soft,
+            name(a)
+        ),
+        [(modulus, only)] => format!(
+            "material `{}` is so stiff (shear modulus {modulus:.1e}) that the loads hardly strain it",
+            name(only)
+        ),
+        [] => "there is no material".to_owned(),
     }
 }
 

@@ -10,7 +10,7 @@ use crate::stepping::Control;
 use crate::stress::Mechanics;
 use crate::timing::Phase;
 
-use super::balance::{Energy, moment_error};
+use super::balance::{Energy, moment_error, reaction_moments};
 use super::control::{Condition, NoPath, Path, on_free};
 use super::equations::{Place, Solved, Tangent};
 use super::error::locate_failure;
@@ -18,6 +18,7 @@ use super::forcing::Forcing;
 use super::loading::{Loading, StepSystem};
 use super::motion::{Motion, Predictor};
 use super::report::{self, GridFields, Observer, StepReport, reactions_of};
+use super::residual::{Iterate as At, Measured, RoundOff};
 use super::unknowns::Unknowns;
 use super::{FailedAttempt, Iterate, Nodal, SolveError, Solver, Step, update};
 
@@ -33,10 +34,14 @@ const LATE: f64 = 0.75;
 /// A tangent may be kept after an iteration that leaves at most this part of what was out of balance.
 const FAST: f64 = 0.1;
 
+/// Iterations stall that leave more than this part of what was out of balance.
+const STALLS: f64 = 0.5;
+
 /// What the iterations of a step leave behind beside the unknowns.
-#[derive(Default)]
 struct Course<const D: usize> {
     residuals: Vec<f64>,
+    /// What round-off has to do with the last of them.
+    round_off: RoundOff,
     solved: Vec<Solved>,
     /// Of the last evaluation.
     out_of_balance: Nodal<D>,
@@ -77,16 +82,16 @@ impl<const D: usize> Solver<D> {
         let set_up =
             timings.measure(Phase::SetUp, || StepSystem::new::<M>(model, points, &links, step, path));
         let mut system = set_up.map_err(at_once)?;
-        let mut unknowns = Unknowns::new(model, &links, path.factor);
+        let mut unknowns = Unknowns::new(model, system.parts.clone(), path.factor, links.n_active());
         if model.newton.predictor == Predictor::LastStep && model.stepping.control == Control::Load {
             unknowns.predicted = path.motion.go_on(&links, step);
         }
-        let mut course = Course::default();
+        let mut course = Course::new();
         let solved =
             self.iterate::<M>(model, points, &links, &mut system, &mut unknowns, &mut course, step, observer);
         let load_factor = match model.stepping.control {
             Control::Load => model.common_curve().map(|curve| curve.factor(step.end)),
-            Control::Displacement { .. } | Control::ArcLength => Some(unknowns.factor),
+            Control::Displacement { .. } | Control::ArcLength { .. } => Some(unknowns.factor),
         };
         let linear_iterations = course.solved.iter().map(|s| s.iterations).sum();
         if let Err(error) = solved {
@@ -105,7 +110,7 @@ impl<const D: usize> Solver<D> {
                 }),
             }));
         }
-        let StepSystem { dofs, system, loading, condition } = system;
+        let StepSystem { dofs, system, loading, condition, .. } = system;
         let reaction_field = reactions_of(&loading.f_ext, system.internal_force(), &dofs);
         let reaction_start = reactions_of(&loading.f_ext_start, &course.f_int_start, &dofs);
         let motion = || match model.newton.predictor {
@@ -119,7 +124,8 @@ impl<const D: usize> Solver<D> {
         let report = StepReport {
             step,
             reactions: report::named_reactions(model, &reaction_field, &dofs),
-            applied: loading.applied,
+            moments: reaction_moments(model, points, &links, &unknowns.delta_d, (&reaction_field, &dofs)),
+            loads: loading.resultants,
             energy: Energy::new(
                 model,
                 points,
@@ -132,6 +138,7 @@ impl<const D: usize> Solver<D> {
             unknowns: dofs.n_free(),
             stabilised_faces: system.stabilised_faces(),
             grid: GridFields { links, delta_d: unknowns.delta_d, reaction: reaction_field },
+            rounding_limited: course.round_off != RoundOff::NoMatter,
             residuals: course.residuals,
             factorisations: course.solved.iter().map(|s: &Solved| s.factorisation).collect(),
             linear_iterations,
@@ -153,7 +160,7 @@ impl<const D: usize> Solver<D> {
         observer: &mut dyn Observer<D>,
     ) -> Result<(), SolveError> {
         let Newton { tolerance, max_iterations, .. } = model.newton;
-        let StepSystem { dofs, system, loading, condition } = set_up;
+        let StepSystem { dofs, system, loading, condition, .. } = set_up;
         let place = Place { model, links, dofs };
         let timings = &mut self.reached.summary.timings;
         timings
@@ -170,26 +177,27 @@ impl<const D: usize> Solver<D> {
             let balanced = is_last
                 .then(|| self.evaluate_force::<M>(model, points, links, system, loading, unknowns, course));
             let mut evaluated = match balanced.flatten() {
-                Some(residual) => Ok(residual),
+                Some(residual) => Ok(Measured { residual, round_off: RoundOff::NoMatter }),
                 None => {
                     self.evaluate::<M>(model, points, links, system, loading, unknowns, course, iteration)
                 }
             };
-            if predicted && !evaluated.as_ref().is_ok_and(|residual| *residual < course.residuals[0]) {
+            if predicted && !evaluated.as_ref().is_ok_and(|found| found.residual < course.residuals[0]) {
                 unknowns.start_again();
                 evaluated =
                     self.evaluate::<M>(model, points, links, system, loading, unknowns, course, iteration);
             }
-            let residual = evaluated
+            let Measured { residual, round_off } = evaluated
                 .map_err(|f| locate_failure(f, model, points, step, iteration, &course.residuals))?;
             course.residuals.push(residual);
+            course.round_off = round_off;
             observer.iteration(step, iteration, residual);
             if iteration == 0 {
                 course.f_int_start = system.internal_force().to_vec();
             }
             let is_met =
                 unknowns.follows(dofs) && condition.as_ref().is_none_or(|condition| condition.is_met());
-            if iteration > 0 && residual <= tolerance && is_met {
+            if is_met && course.is_equilibrium(tolerance) {
                 if condition.as_ref().is_some_and(|condition| !condition.goes_on(&unknowns.delta_d)) {
                     return Err(SolveError::NoPath { step: step.index, reason: NoPath::Reversed });
                 }
@@ -198,6 +206,10 @@ impl<const D: usize> Solver<D> {
                 return timings.measure(Phase::Update, || {
                     update::move_points::<D, M>(model, points, links, &unknowns.delta_d, step)
                 });
+            }
+            if course.is_hopeless() {
+                let residuals = course.residuals.clone();
+                return Err(SolveError::round_off(model, links, step, residuals, &course.out_of_balance));
             }
             if iteration == max_iterations || !residual.is_finite() {
                 break;
@@ -215,6 +227,9 @@ impl<const D: usize> Solver<D> {
             }
         }
         let residuals = course.residuals.clone();
+        if course.round_off == RoundOff::Forbids {
+            return Err(SolveError::round_off(model, links, step, residuals, &course.out_of_balance));
+        }
         Err(SolveError::not_converged(model, links, step, residuals, &course.out_of_balance))
     }
 
@@ -236,7 +251,8 @@ impl<const D: usize> Solver<D> {
         let assemble = || system.assemble_force::<M>(model, points, links, &unknowns.delta_d);
         summary.timings.measure(Phase::Assembly, assemble).ok()?;
         course.out_of_balance = unknowns.balance(&loading.f_ext, system.internal_force());
-        unknowns.balanced(&course.out_of_balance, &loading.f_ext, model.newton.tolerance)
+        let forces = unknowns.forces(&course.out_of_balance, &loading.f_ext);
+        forces.balanced(&unknowns.parts, model.newton.tolerance)
     }
 
     /// The residual of eq. (40). A point that turns inside out halves the last iterative displacement; one that climbs the
@@ -252,7 +268,7 @@ impl<const D: usize> Solver<D> {
         unknowns: &mut Unknowns<D>,
         course: &mut Course<D>,
         iteration: usize,
-    ) -> Result<f64, crate::assembly::PointFailure> {
+    ) -> Result<Measured, crate::assembly::PointFailure> {
         let tolerance = model.newton.tolerance;
         let summary = &mut self.reached.summary;
         let (mut halvings, mut searches) = (0, 0);
@@ -271,7 +287,10 @@ impl<const D: usize> Solver<D> {
                 outcome => outcome?,
             }
             course.out_of_balance = unknowns.balance(&loading.f_ext, system.internal_force());
-            let residual = unknowns.relative_norm(&course.out_of_balance, &loading.f_ext, system, tolerance);
+            let at = At { model, links, system, delta_d: &unknowns.delta_d };
+            let forces = unknowns.forces(&course.out_of_balance, &loading.f_ext);
+            let measured = forces.measure(&unknowns.parts, tolerance, &at);
+            let residual = measured.residual;
             let before = course.residuals.last().copied().unwrap_or(f64::INFINITY);
             let first = if summary.pace.is_careful() {
                 FIRST_SEARCH
@@ -290,7 +309,7 @@ impl<const D: usize> Solver<D> {
                     continue;
                 }
             }
-            return Ok(residual);
+            return Ok(measured);
         }
     }
 
@@ -375,6 +394,35 @@ impl<const D: usize> Solver<D> {
 }
 
 impl<const D: usize> Course<D> {
+    fn new() -> Self {
+        Course {
+            residuals: Vec::new(),
+            round_off: RoundOff::NoMatter,
+            solved: Vec::new(),
+            out_of_balance: Vec::new(),
+            f_int_start: Vec::new(),
+        }
+    }
+
+    /// Whether the last evaluation is one of equilibrium. Where round-off keeps it from the tolerance, the iterations first
+    /// come as near as they can.
+    fn is_equilibrium(&self, tolerance: f64) -> bool {
+        let [.., before, now] = self.residuals[..] else { return false };
+        match self.round_off {
+            RoundOff::NoMatter => now <= tolerance,
+            RoundOff::OfNothing => true,
+            RoundOff::Limits => now > STALLS * before,
+            RoundOff::Forbids => false,
+        }
+    }
+
+    /// Whether round-off keeps the step from equilibrium: two iterations have not made the residual smaller, and what is out
+    /// of balance is round-off.
+    fn is_hopeless(&self) -> bool {
+        let [.., first, second, third] = self.residuals[..] else { return false };
+        self.round_off == RoundOff::Forbids && third > STALLS * second && second > STALLS * first
+    }
+
     /// Whether the last iteration has left little of what was out of balance.
     fn falls_fast(&self) -> bool {
         let [.., before, now] = self.residuals[..] else { return false };

@@ -10,11 +10,13 @@ use crate::linear::Factorisation;
 use crate::linear::Named;
 use crate::model::Model;
 use crate::points::Points;
-use crate::quality::Quality;
+use crate::quality::{Quality, Warning};
 use crate::timing::Timings;
 
-use super::balance::Energy;
+use super::balance::{Energy, ReactionMoment};
 use super::equations::Solved;
+#[cfg(doc)]
+use super::residual::MOST_OF_ROUND_OFF;
 use super::{Diagnosis, FailedAttempt, Nodal, Path, SolveError, Step};
 use crate::stepping::Pace;
 
@@ -104,14 +106,19 @@ pub struct StepReport<const D: usize> {
     pub step: Step,
     /// Residual of every evaluation, eq. (40); the first is the one before any solve.
     pub residuals: Vec<f64>,
+    /// Whether the step has been accepted as far as round-off allows, [`MOST_OF_ROUND_OFF`] at most, rather than to the
+    /// tolerance.
+    pub rounding_limited: bool,
     /// Factorisation used in each iteration.
     pub factorisations: Vec<Factorisation>,
     /// Iterations of the linear solver in all of them, none where it is direct.
     pub linear_iterations: usize,
     /// Reaction of each boundary condition, [force].
     pub reactions: Vec<[f64; D]>,
-    /// Sum of all loads on the points, [force].
-    pub applied: [f64; D],
+    /// Moment of the reaction of each boundary condition; none for bodies of revolution.
+    pub moments: Option<Vec<ReactionMoment<D>>>,
+    /// Resultant of each load on the points, [force].
+    pub loads: Vec<[f64; D]>,
     /// Work and energy.
     pub energy: Energy,
     /// Moment of loads and reactions together, relative to all of them, [-]; none for bodies of revolution.
@@ -126,11 +133,22 @@ pub struct StepReport<const D: usize> {
     pub grid: GridFields<D>,
 }
 
+impl<const D: usize> StepReport<D> {
+    /// Sum of all loads on the points, [force].
+    pub fn applied(&self) -> [f64; D] {
+        // The sum of no numbers would be −0.
+        std::array::from_fn(|d| self.loads.iter().fold(0.0, |sum, force| sum + force[d]))
+    }
+}
+
 /// The account of a run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// Equilibrated steps.
     pub steps: usize,
+    /// Steps among them that were accepted as far as round-off allows.
+    #[serde(default)]
+    pub rounding_limited: usize,
     /// Attempts at a step that did not reach equilibrium.
     pub failed_attempts: usize,
     /// How large steps are at the moment.
@@ -178,7 +196,7 @@ pub struct Summary {
     /// How well the run goes.
     pub quality: Quality,
     /// What the user should know about it, in the order of the steps; observers find new ones at the end.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
     /// Time spent by phase.
     pub timings: Timings,
 }
@@ -202,8 +220,8 @@ pub struct Reached {
 
 impl Reached {
     /// Nothing: a run that begins.
-    pub fn nothing<const D: usize>(model: &Model<D>, points: &Points<D>) -> Reached {
-        let summary = Summary { quality: Quality::new(model, points), ..Summary::default() };
+    pub fn nothing<const D: usize>(points: &Points<D>) -> Reached {
+        let summary = Summary { quality: Quality::new(points), ..Summary::default() };
         Reached { step: Step { index: 0, start: 0.0, end: 0.0 }, summary }
     }
 }
@@ -247,6 +265,7 @@ impl Summary {
 
     pub(super) fn accept<const D: usize>(&mut self, report: &StepReport<D>) {
         self.steps += 1;
+        self.rounding_limited += usize::from(report.rounding_limited);
         self.last_iterations = report.residuals.len() - 1;
         self.stabilised_faces = self.stabilised_faces.max(report.stabilised_faces);
         self.load_factor = report.load_factor;
@@ -287,7 +306,7 @@ pub(super) fn reactions_of<const D: usize>(
         .collect()
 }
 
-/// Sum of the reactions of each boundary condition.
+/// Sum of the reactions of each boundary condition, by [`DofMap::bearers`].
 pub(super) fn named_reactions<const D: usize>(
     model: &Model<D>,
     reaction: &[[f64; D]],
@@ -296,8 +315,10 @@ pub(super) fn named_reactions<const D: usize>(
     let mut sums = vec![[0.0; D]; model.boundary_conditions.len()];
     for (node, force) in reaction.iter().enumerate() {
         for (axis, f) in force.iter().enumerate() {
-            if let Some((_, condition)) = dofs.prescribed(node, axis) {
-                sums[condition][axis] += f;
+            let conditions = dofs.bearers(model, node, axis);
+            let share = f / conditions.len().max(1) as f64;
+            for condition in conditions {
+                sums[condition][axis] += share;
             }
         }
     }

@@ -1,7 +1,6 @@
 //! The unknowns of a load step: displacement increments, reactions and load factor, eqs. (28), (30) and (40).
 
 use crate::assembly::System;
-use crate::basis::Connectivity;
 use crate::constraints::DofMap;
 use crate::linear::LinearError;
 use crate::model::Model;
@@ -9,6 +8,7 @@ use crate::model::Model;
 use super::Nodal;
 use super::loading::Loading;
 use super::newton::{for_each_dof, norm};
+use super::residual::{Forces, Parts};
 
 /// The unknowns of a load step and the vectors that an iteration works with.
 pub(super) struct Unknowns<const D: usize> {
@@ -35,18 +35,12 @@ pub(super) struct Unknowns<const D: usize> {
     taken: f64,
     /// A displacement that no equilibrium in this grid can have, [length].
     far: f64,
-    /// Size of a cell, [length].
-    cell: f64,
+    /// The connected parts of the bodies.
+    pub(super) parts: Parts,
 }
 
 /// An iterative displacement of so many diameters of the grid is the work of a singular stiffness.
 const FAR: f64 = 1e6;
-
-/// Round-off in strains, whose stretches are about one.
-const ROUND_OFF_IN_STRAIN: f64 = 2.0 * f64::EPSILON;
-
-/// Forces below this multiple of round-off in K Δd are no measure of the load.
-const ROUND_OFF: f64 = 64.0 * f64::EPSILON;
 
 /// A line search is content with this part of the slope of the potential.
 const FLAT: f64 = 0.5;
@@ -55,8 +49,8 @@ const FLAT: f64 = 0.5;
 const REACHED: f64 = 1e-12;
 
 impl<const D: usize> Unknowns<D> {
-    pub(super) fn new(model: &Model<D>, links: &Connectivity<D>, factor: f64) -> Self {
-        let zero = vec![[0.0; D]; links.n_active()];
+    pub(super) fn new(model: &Model<D>, parts: Parts, factor: f64, n_active: usize) -> Self {
+        let zero = vec![[0.0; D]; n_active];
         let [low, high] = model.grid.bounds();
         let diameter = norm((0..D).map(|d| high[d] - low[d]));
         Unknowns {
@@ -72,7 +66,7 @@ impl<const D: usize> Unknowns<D> {
             slope: 0.0,
             taken: 1.0,
             far: FAR * diameter,
-            cell: model.grid.size(0),
+            parts,
         }
     }
 
@@ -168,50 +162,8 @@ impl<const D: usize> Unknowns<D> {
             .collect()
     }
 
-    /// Out-of-balance force, and external forces and reactions together.
-    fn sizes(&self, out_of_balance: &Nodal<D>, f_ext: &Nodal<D>) -> [f64; 2] {
-        let total = f_ext.iter().flatten().zip(self.reaction.iter().flatten());
-        [norm(out_of_balance.iter().flatten().copied()), norm(total.map(|(f, r)| f + r))]
-    }
-
-    /// Eq. (40) where it meets the tolerance, relative to forces only.
-    pub(super) fn balanced(
-        &self,
-        out_of_balance: &Nodal<D>,
-        f_ext: &Nodal<D>,
-        tolerance: f64,
-    ) -> Option<f64> {
-        match self.sizes(out_of_balance, f_ext) {
-            [0.0, _] => Some(0.0),
-            [out, force] => Some(out / force).filter(|residual| *residual <= tolerance),
-        }
-    }
-
-    /// Eq. (40): the out-of-balance force relative to external forces and reactions together.
-    ///
-    /// Where neither exists (a free body that moves rigidly, or is unloaded) the forces that remain are round-off of
-    /// K Δd and of the strains, and they are measured against that.
-    pub(super) fn relative_norm(
-        &self,
-        out_of_balance: &Nodal<D>,
-        f_ext: &Nodal<D>,
-        system: &System<D>,
-        tolerance: f64,
-    ) -> f64 {
-        if let Some(residual) = self.balanced(out_of_balance, f_ext, tolerance) {
-            return residual;
-        }
-        let [out, force] = self.sizes(out_of_balance, f_ext);
-        let stiff = system.diagonal();
-        let motion = stiff.iter().flatten().zip(self.delta_d.iter().flatten());
-        let of_motion = ROUND_OFF * norm(motion.map(|(k, u)| k * u));
-        let of_strain = ROUND_OFF_IN_STRAIN * self.cell * norm(stiff.iter().flatten().copied());
-        let reference = force.max(of_motion.max(of_strain) / tolerance);
-        if reference > 0.0 {
-            out / reference
-        } else {
-            // Nothing moves and nothing pulls: measured against the internal force itself.
-            out / norm(system.internal_force().iter().flatten().copied())
-        }
+    /// The forces that eq. (40) compares.
+    pub(super) fn forces<'a>(&'a self, out_of_balance: &'a Nodal<D>, f_ext: &'a Nodal<D>) -> Forces<'a, D> {
+        Forces { out_of_balance, f_ext, reaction: &self.reaction }
     }
 }

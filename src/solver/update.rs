@@ -37,7 +37,7 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
     step: Step,
 ) -> Result<(), SolveError> {
     let at_rest = [0.0; D];
-    let nodal = |node: usize| links.active_number(node).map_or(at_rest, |active| delta_d[active]);
+    let nodal = |node: usize| links.moves_with(node).map_or(at_rest, |active| delta_d[active]);
     let regular = model.grid.structured(); // a grid whose type is known has its arithmetic in line
     let displacement = |place: &[f64; D]| match regular {
         Some(grid) => interpolate(grid, place, &nodal),

@@ -13,7 +13,7 @@ use crate::deck::diagnostic::{list, quote};
 use crate::formula::closest;
 
 pub use record::Record;
-pub use table::{Outcome, Row, write_table};
+pub use table::{Outcome, Row, may_be_replaced, write_table};
 
 /// Why a study cannot be made.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -1,7 +1,7 @@
 //! The table of a study, one row per member.
 
 use std::collections::BTreeMap;
-use std::io;
+use std::io::{self, BufRead};
 use std::path::Path;
 
 use crate::output::replace::replace_file;
@@ -81,6 +81,16 @@ pub fn write_table<'a>(
         text.push_str(&line(&entries(row, &extents, &history)));
     }
     replace_file(path, |out| out.write_all(text.as_bytes()))
+}
+
+/// Whether there is nothing at a path, an empty file, or the table of a study.
+pub fn may_be_replaced(path: &Path) -> bool {
+    let Ok(about) = std::fs::metadata(path) else { return true };
+    let mut header = String::new();
+    let read = about.is_file()
+        && std::fs::File::open(path).and_then(|file| io::BufReader::new(file).read_line(&mut header)).is_ok();
+    let has = |name: &str| header.trim_end().split(',').any(|column| column == name);
+    read && (header.is_empty() || has("outcome") && header.trim_end().ends_with(",reason"))
 }
 
 fn entries(row: &Row, extents: &[String], history: &[String]) -> Vec<String> {

@@ -8,6 +8,7 @@ use mpm::material::{
 };
 use mpm::model::{Body, Model, NamedMaterial, Newton};
 use mpm::points::{PointVolume, Points, Seed};
+use mpm::stabilisation::{Stabilisation, Where};
 use mpm::stepping::Stepping;
 use mpm::stress::{Formulation, Mechanics};
 use mpm::tensor::{Mat3, Sym3, Tangent};
@@ -209,7 +210,7 @@ fn state_on<const D: usize, M: Mechanics<D>>(
         revolved: M::REVOLVED,
         formulation: Formulation::PreviouslyConverged,
         point_volume: PointVolume::Deformation,
-        stabilisation: Default::default(),
+        stabilisation: Stabilisation { mode: Where::Off, ..Stabilisation::default() },
         materials: laws.into_iter().map(|law| NamedMaterial { name: "law".into(), law }).collect(),
         bodies,
         boundary_conditions: Vec::new(),

@@ -65,7 +65,7 @@ checkpoint: {every: 1}
 ";
 
 /// Bytes before the first block: the line with the version of the format.
-const LINE: usize = "mpm checkpoint 2\n".len();
+const LINE: usize = "mpm checkpoint 3\n".len();
 
 /// The points of a model as it is built.
 enum Fresh {

@@ -153,14 +153,14 @@ def test_history_and_convergence_agree(results):
 
 def test_columns_of_tables(results):
     columns = list(results.table("history"))
-    assert columns[:7] == [
-        "step", "time", "iterations", "residual", "linear_iterations", "converged", "load_factor",
+    assert columns[:8] == [
+        "step", "time", "iterations", "residual", "linear_iterations", "converged", "rounding_limited", "load_factor",
     ]  # fmt: skip
     assert columns[-2:] == ["external_work", "strain_energy"]
-    endings = [name[-3:] for name in columns[7:-2]]
-    constraints, probes = endings.count("_rx"), endings.count("_ux")
-    assert constraints > 0
-    assert endings == ["_rx", "_ry"] * constraints + ["_ux", "_uy"] * probes
+    endings = [name[-3:] for name in columns[8:-2]]
+    constraints, loads, probes = endings.count("_rx"), endings.count("_fx"), endings.count("_ux")
+    assert constraints > 0 and loads > 0
+    assert endings == ["_rx", "_ry", "_mz"] * constraints + ["_fx", "_fy"] * loads + ["_ux", "_uy"] * probes
     assert list(results.table("convergence")) == ["step", "iteration", "residual"]
 
 
@@ -178,6 +178,17 @@ def test_summary(results):
         assert all(seconds >= 0 for seconds in summary[clock].values())
     wall = summary["wall_seconds"]
     assert sum(wall[phase] for phase in phases) <= wall["total"] * 1.01 + 0.01
+
+
+def test_forces_of_the_summary(results):
+    """Loads add up to what is applied; they and the moments are those of the last row of the table."""
+    forces, history = results.summary["forces"], results.history
+    assert sum(np.array(force) for force in forces["loads"].values()) == pytest.approx(forces["applied"], rel=1e-14)
+    for name, force in forces["loads"].items():
+        assert force == [history[f"{name}_fx"][-1], history[f"{name}_fy"][-1]]
+    assert list(forces["moments"]) == list(forces["reactions"])
+    for name, moment in forces["moments"].items():
+        assert moment["moment"] == [history[f"{name}_mz"][-1]] and len(moment["about"]) == 2
 
 
 def test_extents_of_the_summary(results):

@@ -49,7 +49,8 @@ def test_files_that_may_not_grow(run_at_limit, mpm, tmp_path, kilobytes):
     deck, directory = deck_of(tmp_path), tmp_path / "out"
 
     def limit():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        # Python ignores the signal; a shell does not.
+        signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
         resource.setrlimit(resource.RLIMIT_FSIZE, (kilobytes << 10, kilobytes << 10))
 
     process = run_at_limit("run", deck, "--out", directory, *SMALL, limit=limit)
@@ -232,16 +233,17 @@ def test_nobody_reads_what_is_printed(run_at_limit, program, words):
 
 
 def test_standard_output_that_is_full(program, tmp_path):
-    """The results are in the directory: that their table cannot be shown is told and is no failure."""
+    """The results are in the directory; that their table cannot be shown is told, and the exit code tells of it."""
     deck, out = deck_of(tmp_path), tmp_path / "out"
     with open("/dev/full", "w") as full:
         command = [program, "run", deck, "--out", out, *SMALL]
         process = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
-        assert process.returncode == 0 and "warning: no table: No space left" in process.stderr, process.stderr
+        assert process.returncode == 1 and "cannot be written to standard output: No space left" in process.stderr
+        assert json.loads((out / "summary.json").read_text())["outcome"] == "completed"
         assert_sound(out)
         schema = subprocess.run([program, "schema"], stdout=full, stderr=subprocess.PIPE, text=True)
         assert schema.returncode != 0 and "No space left" in schema.stderr
-        assert subprocess.run(command, stdout=full, stderr=full).returncode == 0
+        assert subprocess.run(command, stdout=full, stderr=full).returncode == 1
 
 
 def test_many_runs_into_one_directory_at_once(program, tmp_path):

@@ -16,6 +16,7 @@ from PIL import Image
 
 import browser
 from conftest import BEAM, ROOT
+from results import Results
 
 TERSE = {"h": 0.5, "n": 3, "steps": 10, "every": 5}
 
@@ -154,6 +155,58 @@ def test_curves_are_those_of_the_history(page, beam):
         and np.allclose(y[1:], history["pin_ry"], rtol=1e-5)
         for name, x, y in curves(page.read_text())
     )
+
+
+TWO_LOADS = """version: 1
+title: A block under its weight, then a surcharge
+grid: {type: structured, origin: [0, 0], size: [4, 5], spacing: 1}
+materials: {m: {model: hencky, young: 1e6, poisson: 0.2, density: 2000}}
+bodies: [{name: block, material: m, shape: {type: box, min: [0, 0], max: [4, 4]}, points_per_cell: 4}]
+boundary_conditions:
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+  - {name: side, nodes: {x: 0}, fix: [x]}
+loads:
+  - {name: weight, type: gravity, acceleration: [0, -10], curve: [[0, 0], [1, 1], [2, 1]]}
+  - {name: surcharge, type: body-force, force: [0, "if(Y > 3, -5e4, 0)"], curve: [[0, 0], [1, 0], [2, 1]]}
+steps: {count: 8, end_time: 2}
+output: {every: 0, probes: [{name: crest, body: block, nearest: [4, 4]}]}
+"""
+
+
+def test_several_loads_are_drawn_each_by_itself(page_of, mpm, tmp_path):
+    """They follow different curves: there is no load factor, and the reaction of the base is no measure of either."""
+    (tmp_path / "deck.yaml").write_text(TWO_LOADS)
+    process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out")
+    assert process.returncode == 0, process.stderr
+    history, html = Results(tmp_path / "out").history, page_of(tmp_path / "out").read_text()
+    text, found = text_of(html), curves(html)
+    assert "against load factor" not in text
+    assert "Resultants of the loads against time." in text
+    assert "Load and displacement: resultant of each load against displacement of crest along y." in text
+    for name in ("weight", "surcharge"):
+        loads = [0, *history[f"{name}_fy"]]
+        xs = [x for label, x, y in found if label == f"{name} y" and np.allclose(y, loads, rtol=1e-5)]
+        assert len(xs) == 2, "against time, and against displacement"
+        np.testing.assert_allclose(xs[0], [0, *history["time"]], rtol=1e-5)
+        np.testing.assert_allclose(xs[1], [0, *history["crest_uy"]], rtol=1e-5)
+    # The weight stays while the surcharge grows.
+    assert history["weight_fy"][-1] == history["weight_fy"][3] == pytest.approx(-320e3)
+    assert history["surcharge_fy"][3] == 0 > history["surcharge_fy"][-1]
+    displacement = next(x for label, x, _ in found if label == "crest y")
+    assert displacement[0] == 0
+    balance = text.split("Forces on the bodies")[1].split("Displacements of the probes")[0]
+    assert re.search(r"weight ?0.*surcharge ?0.*base", balance), balance
+
+
+def test_a_path_under_control_is_drawn_against_time(page_of, mpm, tmp_path):
+    """Its load factor follows from equilibrium and is no measure of progress."""
+    deck = re.sub(r"  - \{name: surcharge.*\n", "", TWO_LOADS).replace(", curve: [[0, 0], [1, 1], [2, 1]]", "")
+    deck = deck.replace("end_time: 2", "control: {type: arc-length}")
+    (tmp_path / "deck.yaml").write_text(deck)
+    process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out")
+    assert process.returncode == 0, process.stderr
+    text = text_of(page_of(tmp_path / "out").read_text())
+    assert "against time" in text and "against load factor" not in text
 
 
 def test_residuals_of_every_step_are_drawn(page, beam):

@@ -197,14 +197,14 @@ def test_a_damaged_checkpoint_is_named_and_the_one_before_it_used(mpm, tmp_path,
     newest = directory / "checkpoint_0030.mpm"
     good = newest.read_bytes()
     for damaged in [good[:-100], good[:100], b"", good[:-50] + bytes([good[-50] ^ 1]) + good[-49:],
-                    good.replace(b"mpm checkpoint 2", b"mpm checkpoint 9", 1)]:
+                    good.replace(b"mpm checkpoint 3", b"mpm checkpoint 9", 1)]:
         newest.write_bytes(damaged)
         process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
         assert process.returncode == 0, process.stderr
         assert "checkpoint_0030.mpm` cannot be used" in process.stderr
         assert "going on after step 27" in process.stderr
         assert results(directory) == expected
-        assert newest.read_bytes()[:16] == b"mpm checkpoint 2"
+        assert newest.read_bytes()[:16] == b"mpm checkpoint 3"
 
 
 def test_nothing_to_go_on_from(mpm, tmp_path):
@@ -270,6 +270,18 @@ def test_a_table_that_is_missing_or_too_short_is_named(mpm, stopped, whole, tmp_
         assert process.returncode == 2 and "error[R002]" in process.stderr, process.stderr
         assert says in process.stderr and "help:" in process.stderr, process.stderr
         assert contents(directory) == before
+    # Rows in the middle are missing: the first step without them is named.
+    for lost in (1, 3):
+        table.write_text("".join(line for line in text.splitlines(True) if not line.startswith(f"{lost},")))
+        before = contents(directory)
+        process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
+        assert process.returncode == 2 and "error[R002]" in process.stderr, process.stderr
+        assert f"{name}` lacks rows of step {lost}" in process.stderr, process.stderr
+        assert contents(directory) == before
+    if name == "convergence.csv":
+        table.write_text("".join(line for line in text.splitlines(True) if not line.startswith("2,1,")))
+        process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
+        assert "convergence.csv` lacks rows of step 2" in process.stderr, process.stderr
     table.write_text(text)
     assert mpm("run", deck, "--out", directory, *SMALL, "--resume").returncode == 0
     assert results(directory) == expected

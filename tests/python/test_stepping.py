@@ -1,6 +1,7 @@
 """Steps that are cut, runs that cannot go on, and what they leave behind."""
 
 import json
+import re
 import signal
 import subprocess
 import time
@@ -53,6 +54,122 @@ def test_history_records_every_attempt(analyse):
     # Files are written for the steps of the deck, and the last one is at the end.
     assert [when for when, _ in results.series("points")] == [0, 1 / 3, 2 / 3, 1]
     assert (results.table("convergence")["iteration"] == 0).sum() == len(failed)
+
+
+HASTY = """version: 1
+analysis: {stabilisation: {mode: off}}
+grid: {type: structured, origin: [0, 0], size: [8, 5], spacing: 0.5}
+materials: {m: {model: von-mises, young: 1e6, poisson: 0.3, deviatoric_yield_stress: 20e3, density: 2000}}
+bodies: [{name: block, material: m, shape: {type: box, min: [0, 0], max: [4, 4]}, points_per_cell: 4}]
+boundary_conditions:
+  - {name: symmetry, nodes: {x: 0}, fix: [x]}
+  - {name: floor, nodes: {y: 0}, fix: [x, y]}
+loads: [{name: weight, type: gravity, acceleration: [0, -9.81]}]
+"""
+
+CANTILEVER = """version: 1
+analysis: {stabilisation: {mode: off}}
+grid: {type: structured, origin: [0, -4], size: [10, 8], spacing: 0.125}
+materials: {m: {model: hencky, young: 1e6, poisson: 0.45}}
+bodies:
+  - {name: b, material: m, shape: {type: box, min: [0, 0], max: [8, 1]}, points_per_cell: 1}
+boundary_conditions:
+  - {name: r, nodes: {x: 0}, fix: [x]}
+  - {name: p, nodes: {x: 0, y: 0.5}, fix: [y]}
+loads: [{name: f, type: body-force, force: [0, "if(X > 7.5, 0.01, 0)"]}]
+steps: {count: 1}
+"""
+
+
+# A leaning block sinks; a domain reaches into a new cell by a hair's breadth.
+SWELLING = """version: 1
+analysis: {stabilisation: {mode: off}}
+grid: {type: structured, origin: [0, 0], size: [14, 7], spacing: 0.5}
+materials: {m: {model: neo-hookean, young: 1e6, poisson: 0.3, density: 1000}}
+bodies:
+  - {name: body, material: m, method: gimp, domain_update: stretch, points_per_cell: 2,
+     shape: {type: polygon, vertices: [[0, 0], [2, 0], [2.4, 4], [0, 4.3]]}}
+boundary_conditions:
+  - {name: base, nodes: {y: 0}, fix: [y]}
+  - {name: axis, nodes: {x: 0}, fix: [x]}
+loads: [{name: weight, type: gravity, acceleration: [0, -40]}]
+steps: {count: 5, smallest: 1}
+solver: {tolerance: 1e-8}
+"""
+
+# An eighth of a ball of clay without hardening, four cells in radius, all of which flows.
+BALL = """version: 1
+analysis: {idealisation: solid, stabilisation: {mode: auto}}
+grid: {type: structured, origin: [0, 0, 0], size: [14, 7, 6], spacing: 1}
+materials: {m: {model: von-mises, young: 1e6, poisson: 0.45, deviatoric_yield_stress: 10e3, density: 1000}}
+bodies:
+  - {name: body, material: m, method: gimp, domain_update: diagonal-corrected, points_per_cell: 2,
+     shape: {type: intersection, of: [{type: sphere, center: [0, 0, 0], radius: 4},
+             {type: box, min: [0, 0, 0], max: [5, 5, 4]}]}}
+boundary_conditions:
+  - {name: base, nodes: {y: 0}, fix: [x, y, z]}
+  - {name: axis, nodes: {x: 0}, fix: [x]}
+  - {name: front, nodes: {z: 0}, fix: [z]}
+loads: [{name: weight, type: gravity, acceleration: [10, -10, 0]}]
+steps: {count: 5, smallest: 0.004}
+solver: {tolerance: 1e-8}
+output: {every: 0}
+"""
+
+
+@pytest.fixture
+def diagnosis_of(mpm, tmp_path):
+    """Runs a deck that cannot go on and returns its diagnosis."""
+
+    def run(text):
+        (tmp_path / "deck.yaml").write_text(text)
+        process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out")
+        assert process.returncode == 1, process.stderr
+        diagnosis = summary_of(Results(tmp_path / "out"))["diagnosis"]
+        assert f"  try: {diagnosis['advice']}" in process.stderr
+        return diagnosis
+
+    return run
+
+
+def test_a_load_that_smaller_steps_carry_is_no_collapse(mpm, diagnosis_of, tmp_path):
+    diagnosis = diagnosis_of(HASTY + "steps: {count: 2, smallest: 1}")
+    assert diagnosis["kind"] == "large-steps" and "smallest" in diagnosis["advice"]
+    assert diagnosis["flowing"] > 0.5
+    (tmp_path / "deck.yaml").write_text(HASTY + "steps: {count: 2}")
+    assert mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out").returncode == 0
+
+
+def test_residuals_that_fall_steadily_need_more_iterations(mpm, diagnosis_of, tmp_path):
+    """The advice names a number of iterations that is enough."""
+    deck = HASTY.replace("von-mises", "hencky").replace(", deviatoric_yield_stress: 20e3", "")
+    deck += "steps: {count: 1, smallest: 1}\nsolver: {tolerance: 1e-12, max_iterations: 3}\n"
+    diagnosis = diagnosis_of(deck)
+    assert diagnosis["kind"] == "creeping"
+    enough = re.search(r"max_iterations: (\d+)", diagnosis["advice"])[1]
+    (tmp_path / "deck.yaml").write_text(deck.replace("max_iterations: 3", f"max_iterations: {enough}"))
+    assert mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out").returncode == 0
+
+
+def test_an_hourglass_mode_is_named(mpm, diagnosis_of, tmp_path):
+    """One point in the middle of each cell does not see nodes that move to and fro; four do."""
+    diagnosis = diagnosis_of(CANTILEVER)
+    assert diagnosis["kind"] == "hourglass" and "more points per cell" in diagnosis["advice"]
+    (tmp_path / "deck.yaml").write_text(CANTILEVER.replace("points_per_cell: 1", "points_per_cell: 4"))
+    assert mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out").returncode == 0
+
+
+def test_a_cut_cell_whose_nodes_run_away_is_named_whatever_the_size_of_the_step(mpm, diagnosis_of, tmp_path):
+    diagnosis = diagnosis_of(SWELLING)
+    assert diagnosis["kind"] == "small-cut-cell" and diagnosis["filling"] < 1e-3
+    assert "mode: auto" in diagnosis["advice"]
+    (tmp_path / "deck.yaml").write_text(SWELLING.replace("mode: off", "mode: auto"))
+    assert mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out").returncode == 0
+
+
+def test_locking_is_named_where_pressures_alternate_in_isochoric_flow(diagnosis_of):
+    diagnosis = diagnosis_of(BALL)
+    assert diagnosis["kind"] == "locking" and diagnosis["flowing"] == 1
 
 
 def test_a_run_that_cannot_go_on_says_why(mpm, tmp_path):

@@ -13,6 +13,7 @@ use mpm::material::Material;
 use mpm::model::{Body, Model, NamedMaterial, Newton};
 use mpm::points::{PointVolume, Points, Seed};
 use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
+use mpm::stabilisation::{Stabilisation, Where};
 use mpm::stepping::Stepping;
 use mpm::stress::{Formulation, Solid};
 use mpm::tensor::{Mat3, Sym3};
@@ -105,7 +106,7 @@ pub fn model(
         grid: Box::new(grid),
         formulation: Formulation::PreviouslyConverged,
         point_volume: PointVolume::Deformation,
-        stabilisation: Default::default(),
+        stabilisation: Stabilisation { mode: Where::Off, ..Stabilisation::default() },
         revolved: false,
         materials: vec![NamedMaterial { name: "law".into(), law: Box::new(law) }],
         bodies: vec![Body { name: "body".into(), material: 0, method, domain_update }],

@@ -86,7 +86,7 @@ fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
                 force: [part(x), part(y), 0.0],
             }
         }
-        Action::BodyForce(_) => panic!("no formulas"),
+        Action::BodyForce(_) | Action::MassForce(_) => panic!("no formulas"),
     };
     let load = |load: &Load<2>| Load {
         name: load.name.clone(),

@@ -96,3 +96,105 @@ fn forces_and_moments_balance_in_every_step() {
         assert!(worst(&forces) < 1e-8 && worst(&moments) < 1e-8);
     }
 }
+
+/// A clamped cantilever with a force on the points of its end. Standard points, whose basis functions represent linear fields
+/// exactly: the lever arm is that of the loaded points in the reached configuration.
+const CLAMPED: &str = "version: 1
+grid: {type: structured, origin: [0, -3], size: [5, 6], spacing: 0.5}
+materials: {m: {model: hencky, young: 1e6, poisson: 0.3, density: 10}}
+bodies: [{name: beam, material: m, shape: {type: box, min: [0, 0], max: [4, 1]}, method: mpm, points_per_cell: 4}]
+boundary_conditions:
+  - {name: clamp, nodes: {x: 0}, fix: [x, y]}
+loads:
+  - {name: end, type: point-force, body: beam, points: {nearest: [4, 0.5], count: 2}, total: [300, -2000]}
+  - {name: weight, type: gravity, acceleration: [0, -9], curve: [[0, 0], [1, 0]]}
+steps: {count: 4}
+solver: {tolerance: 1e-12}
+output: {probes: [{name: tip, body: beam, nearest: [4, 0.5], count: 2}]}";
+
+#[test]
+fn a_clamp_takes_the_moment_of_the_force_at_the_end() {
+    let loaded = mpm::deck::load::load_text("deck", CLAMPED.as_bytes(), &[]).unwrap();
+    let (model, mut points) = mpm::deck::build::build(&loaded).unwrap();
+    let ids = model.probes[0].points.clone();
+    let mut steps = Vec::new();
+    watch(&model, &mut points, |points, report| {
+        let place = points.by_id();
+        let tip: [f64; 2] = std::array::from_fn(|d| {
+            ids.iter().map(|id| points.converged.position[place[*id as usize]][d]).sum::<f64>() / 2.0
+        });
+        let clamp = report.moments.as_ref().unwrap()[0];
+        steps.push((tip, clamp, report.loads.clone(), report.applied(), report.reactions[0]));
+    })
+    .unwrap();
+    assert_eq!(steps.len(), 4);
+    for (number, (tip, clamp, loads, applied, reaction)) in steps.iter().enumerate() {
+        let factor = (number + 1) as f64 / 4.0;
+        let force = [300.0 * factor, -2000.0 * factor];
+        for d in 0..2 {
+            assert!((loads[0][d] - force[d]).abs() < 1e-12 * 2000.0, "{loads:?}");
+            assert!(loads[1][d].abs() < 1e-12, "the weight does not act");
+            assert_eq!(applied[d], loads[0][d] + loads[1][d]);
+            assert!((reaction[d] + force[d]).abs() < 1e-9 * 2000.0);
+        }
+        let about = clamp.about.unwrap();
+        // All active nodes of the clamp: three that hold the beam's height, fixed where they are.
+        assert!(about[0].abs() < 1e-15 && (about[1] - 0.5).abs() < 0.5, "{about:?}");
+        let arm = [tip[0] - about[0], tip[1] - about[1]];
+        let expected = -(arm[0] * force[1] - arm[1] * force[0]);
+        let [moment] = clamp.components() else { panic!("one moment in the plane") };
+        println!("step {}: {moment} for {expected}", number + 1);
+        assert!(expected > 0.0, "the clamp turns the beam against its sag, counter-clockwise");
+        assert!((moment - expected).abs() < 1e-9 * expected.abs(), "{moment} for {expected}");
+    }
+    let sag = steps[3].0[1];
+    assert!(sag < 0.45, "the arm of the reached configuration is another one: {sag}");
+}
+
+/// A block on two walls at right angles: the node in the corner belongs to both, and its reaction along x as well.
+#[test]
+fn conditions_share_the_reaction_of_a_node_they_both_hold() {
+    let deck = |sides: &str| {
+        format!(
+            "version: 1
+grid: {{type: structured, origin: [0, 0], size: [4, 4], spacing: 1}}
+materials: {{m: {{model: hencky, young: 1e5, poisson: 0.3, density: 10}}}}
+bodies: [{{name: block, material: m, shape: {{type: box, min: [0, 0], max: [4, 2]}}, method: mpm, points_per_cell: 4}}]
+boundary_conditions: [{sides}]
+loads: [{{name: weight, type: gravity, acceleration: [0, -9]}}]
+steps: {{count: 2}}"
+        )
+    };
+    let reactions = |sides: &str| {
+        let analysis = crate::analysis::run_text(&deck(sides), &[]).completed();
+        analysis.steps.last().unwrap().reactions.clone()
+    };
+    let (base, left, right) = (
+        "{name: base, nodes: {y: 0}, fix: [x, y]}",
+        "{name: left, nodes: {x: 0}, fix: [x]}",
+        "{name: right, nodes: {x: 4}, fix: [x]}",
+    );
+    let first = reactions(&format!("{base}, {left}, {right}"));
+    let last = reactions(&format!("{left}, {right}, {base}"));
+    let scale = 10.0 * 9.0 * 8.0;
+    for d in 0..2 {
+        for (a, b) in [(first[0], last[2]), (first[1], last[0]), (first[2], last[1])] {
+            assert!(
+                (a[d] - b[d]).abs() < 1e-9 * scale,
+                "the order in the deck does not matter: {first:?}, {last:?}"
+            );
+        }
+    }
+    let [_, left_x, right_x] = [first[0][0], first[1][0], first[2][0]];
+    assert!(
+        (left_x + right_x).abs() < 1e-9 * scale && left_x > 0.01 * scale,
+        "a symmetric problem: {first:?}"
+    );
+    assert!(first[0][0].abs() < 1e-9 * scale);
+    assert!((first[0][1] - scale).abs() < 1e-9 * scale, "the base carries the weight");
+    // Two conditions of the same nodes have half of everything each.
+    let twice = reactions(&format!("{base}, {left}, {right}, {{name: again, nodes: {{x: 0}}, ux: 0}}"));
+    let of_left = twice[1][0] + twice[3][0];
+    assert!(twice[1][0] < left_x && twice[3] == twice[1], "{twice:?}");
+    assert!((of_left + twice[2][0] + twice[0][0]).abs() < 1e-9 * scale);
+}

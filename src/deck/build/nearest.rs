@@ -7,6 +7,18 @@ use crate::grid::Grid;
 use crate::points::{Points, coordinates};
 use crate::region::Region;
 
+/// What becomes of points that are equally near, where not all of them were asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Ties {
+    /// Round-off would choose between them: an error.
+    Refused,
+    /// All of them are taken.
+    All,
+}
+
+/// Distances that differ by less than this part of a cell are the same.
+const SAME: f64 = 1e-9;
+
 impl<const D: usize> Builder<'_, D>
 where
     Region<D>: OfDeck<D>,
@@ -16,16 +28,23 @@ where
         &mut self,
         (grid, points): (&dyn Grid<D>, &Points<D>),
         body: &str,
-        place: &[f64],
-        count: u32,
+        (place, count, ties): (&[f64], u32, Ties),
         pointer: &str,
     ) -> Vec<u32> {
         let number = self.body_number(body) as u16;
-        let (found, clear) = points.nearest(number, &array(place), count as usize);
+        let at = array(place);
+        let (mut found, clear) = points.nearest(number, &at, count as usize);
+        if ties == Ties::All && !found.is_empty() {
+            let cell = grid.structured().map_or_else(
+                || grid.size(grid.nearest_cell(&points.original_position[found[0] as usize]) as usize),
+                |grid| grid.spacing().into_iter().fold(f64::INFINITY, f64::min),
+            );
+            found = points.nearest_with_ties(number, &at, count as usize, SAME * cell);
+        }
         if found.len() < count as usize {
             let message = format!("the body {} has only {} points", quote(body), found.len());
             self.error("D030", &format!("{pointer}/count"), message, "lower `count`".to_owned());
-        } else if !clear {
+        } else if !clear && ties == Ties::Refused {
             let message = format!("more than {count} points are equally near to {place:?}");
             let help = "change `count`, or move the place so that the choice is clear".to_owned();
             self.error("D030", &format!("{pointer}/nearest"), message, help);

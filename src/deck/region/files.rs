@@ -116,7 +116,8 @@ impl<const D: usize> Given<D> for FromFiles<'_, D> {
                         surface.welded()
                     );
                     let note = Diagnostic::at(self.source, "D047", &place, message).severity(Severity::Note);
-                    self.found.push(note);
+                    let help = "see that no gap is wider than it should be, or close them where the surface was made";
+                    self.found.push(note.help(help));
                 }
                 Some(surface)
             }

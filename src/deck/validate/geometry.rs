@@ -51,11 +51,14 @@ impl Check<'_> {
         let axes = self.dimensions();
         let expected = format!("{axes} entries, one per axis");
         let message = format!("expected {expected}, found {count}");
-        let mut found = Diagnostic::at(self.source, "D015", pointer, message).expected(expected);
-        if (axes, count) == (2, 3) {
-            found = found.help("three axes need `analysis: {idealisation: solid}`");
-        }
-        self.found.push(found);
+        let found = Diagnostic::at(self.source, "D015", pointer, message).expected(expected);
+        let help = match (axes, count) {
+            (2, 3) => "three axes need `analysis: {idealisation: solid}`",
+            (2, _) => "give two, along x and y",
+            (_, 2) => "add the third, along z; two are for `idealisation: plane-strain` or `axisymmetric`",
+            _ => "give three, along x, y and z",
+        };
+        self.found.push(found.help(help));
     }
 
     /// What needs another number of dimensions than the deck has.
@@ -66,7 +69,7 @@ impl Check<'_> {
             _ => ("the plane", "`idealisation: plane-strain` or `axisymmetric`"),
         };
         let message = format!("{what} exists in {place} only, and the idealisation here is `{idealisation}`");
-        self.error_with_help("D048", pointer, message, format!("{what} needs {help}"));
+        self.error("D048", pointer, message, format!("{what} needs {help}"));
     }
 
     fn per_axis<T: Copy>(&mut self, pointer: &str, values: &PerAxis<T>) -> Option<Vec<(String, T)>> {
@@ -88,7 +91,7 @@ impl Check<'_> {
         let values = self.per_axis(pointer, values)?;
         for (at, value) in &values {
             if *value <= 0.0 {
-                self.error("D009", at, format!("{value} is not above 0"));
+                self.error("D009", at, format!("{value} is not above 0"), "give a length above 0");
                 if at == pointer {
                     break;
                 }
@@ -114,12 +117,15 @@ impl Check<'_> {
                     sides[axis], AXES[axis], spacing[axis]
                 );
                 let help = format!("{} would fit", count.round().max(1.0) * spacing[axis]);
-                self.error_with_help("D027", &format!("/grid/size/{axis}"), message, help);
+                self.error("D027", &format!("/grid/size/{axis}"), message, help);
             }
         }
         if cells.is_nan() || cells > MOST {
             let message = format!("the grid would have {cells:.1e} cells; at most {MOST:.0e} are possible");
-            self.error("D027", "/grid/spacing", message);
+            let least = self.dimensions() as f64;
+            let fits = (sides.iter().product::<f64>() / MOST).powf(1.0 / least);
+            let help = format!("use a spacing above {fits:.1e}, or a smaller grid");
+            self.error("D027", "/grid/spacing", message, help);
             return None;
         }
         let max = origin.iter().zip(&sides).map(|(low, side)| low + side).collect();
@@ -139,7 +145,8 @@ impl Check<'_> {
                     "the box has no extent along {}: its min {} is not below its max {}",
                     AXES[axis], min[axis], max[axis]
                 );
-                self.error("D016", &format!("{pointer}/max/{axis}"), message);
+                let help = format!("give a max above {}", min[axis]);
+                self.error("D016", &format!("{pointer}/max/{axis}"), message, help);
             }
         }
         fits.then_some(Extent { min, max })
@@ -183,7 +190,7 @@ impl Check<'_> {
                 fits = false;
             } else if given.is_some() && fits && matches!(self.deck.grid, GridDeck::Structured { .. }) {
                 let message = format!("a structured grid has no {plural}");
-                self.error_with_help("D023", &at, message, "give `points_per_cell` instead");
+                self.error("D023", &at, message, "give `points_per_cell` instead");
                 fits = false;
             }
         }
@@ -193,7 +200,7 @@ impl Check<'_> {
         if matches!(self.deck.grid, GridDeck::Gmsh { .. }) && body.method == Method::Gimp {
             let message = "method `gimp` needs a structured grid";
             let help = "use method `mpm`, `cpdi1` or `cpdi2`";
-            self.error_with_help("D034", &format!("{pointer}/method"), message, help);
+            self.error("D034", &format!("{pointer}/method"), message, help);
         }
         true
     }
@@ -203,7 +210,7 @@ impl Check<'_> {
         let iterative = self.deck.solver.linear == LinearChoice::Iterative;
         if iterative && matches!(self.deck.grid, GridDeck::Gmsh { .. }) {
             let message = "an iterative solution of the linear equations needs a structured grid";
-            self.error_with_help("D034", "/solver/linear", message, "use `auto` or `direct`");
+            self.error("D034", "/solver/linear", message, "use `auto` or `direct`");
         }
     }
 
@@ -232,7 +239,7 @@ impl Check<'_> {
                 quote(&body.name),
                 counts.iter().product::<f64>()
             );
-            self.error("D028", pointer, message);
+            self.error("D028", pointer, message, "give fewer points per cell, or a larger `point_spacing`");
         }
     }
 
@@ -243,7 +250,7 @@ impl Check<'_> {
             if !(1..=MOST_PER_CELL).contains(value) {
                 let message =
                     format!("{value} points along an axis of a cell; 1 to {MOST_PER_CELL} are possible");
-                self.error("D009", at, message);
+                self.error("D009", at, message, "give 2 to 4, as is usual");
                 return None;
             }
         }
@@ -294,7 +301,7 @@ impl Check<'_> {
                     let help = format!(
                         "move the edge to {line}, or give `point_spacing` instead of `points_per_cell`"
                     );
-                    self.error_with_help("D028", &format!("{pointer}/shape/{corner}/{axis}"), message, help);
+                    self.error("D028", &format!("{pointer}/shape/{corner}/{axis}"), message, help);
                 }
             }
         }
@@ -311,7 +318,8 @@ impl Check<'_> {
                     AXES[axis],
                     spacing[axis]
                 );
-                self.error("D028", pointer, message);
+                let fits = extent.side(axis) / counts[axis].round().max(1.0);
+                self.error("D028", pointer, message, format!("{fits} would fit along {}", AXES[axis]));
             }
         }
         Some(counts)
@@ -335,7 +343,12 @@ impl Check<'_> {
                 high[axis],
                 AXES[axis]
             );
-            self.error("D028", &format!("{pointer}/shape/{corner}/{axis}"), message);
+            let help = format!(
+                "let the body end at {} at {}, or make the grid larger",
+                if corner == "min" { low[axis] } else { high[axis] },
+                if corner == "min" { "least" } else { "most" },
+            );
+            self.error("D028", &format!("{pointer}/shape/{corner}/{axis}"), message, help);
         }
     }
 
@@ -363,7 +376,8 @@ impl Check<'_> {
                 let (earlier, later) = (first.min(second), first.max(second));
                 let name = |index: usize| quote(&self.deck.bodies[index].name);
                 let message = format!("the body {} overlaps the body {}", name(*later), name(*earlier));
-                self.error("D025", &format!("/bodies/{later}/shape"), message);
+                let help = "move one of them, or take it away from the other by a `difference`";
+                self.error("D025", &format!("/bodies/{later}/shape"), message, help);
                 // One message per body is enough; a deck where all overlap would have a quadratic number.
                 break;
             }

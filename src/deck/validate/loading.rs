@@ -6,7 +6,7 @@ use super::Check;
 use crate::deck::diagnostic::{Diagnostic, Severity, quote};
 use crate::deck::formulas::{Fault, at_nodes, at_points};
 use crate::deck::{
-    AXES, BoundaryConditionDeck, Expression, LoadCurve, LoadDeck, NodeSelector, PointSelector,
+    AXES, BoundaryConditionDeck, Expression, LoadCurve, LoadDeck, NodeSelector, Per, PointSelector,
 };
 
 impl Check<'_> {
@@ -34,7 +34,7 @@ impl Check<'_> {
             };
             let help =
                 "give exactly one of: coordinates (`x`, `y`, in space `z`), `box`, `group`, `outer_layer`";
-            self.error_with_help("D019", pointer, message, help);
+            self.error("D019", pointer, message, help);
         }
         if nodes.z.is_some() && self.dimensions() < 3 {
             self.of_other_dimension(&format!("{pointer}/z"), "the coordinate z", 3);
@@ -55,7 +55,8 @@ impl Check<'_> {
         for axis in 0..min.len() {
             if min[axis] > max[axis] {
                 let message = format!("the min {} of the box is above its max {}", min[axis], max[axis]);
-                self.error("D016", &format!("{pointer}/max/{axis}"), message);
+                let help = format!("exchange the two; both may be {} for nodes on a line", min[axis]);
+                self.error("D016", &format!("{pointer}/max/{axis}"), message, help);
             }
         }
     }
@@ -76,11 +77,11 @@ impl Check<'_> {
             if *axis as usize >= self.dimensions() {
                 self.of_other_dimension(&at, &format!("the axis `{name}`"), 3);
             } else if condition.fix[..index].contains(axis) {
-                self.error("D020", &at, format!("the axis `{name}` is fixed twice"));
+                self.error("D020", &at, format!("the axis `{name}` is fixed twice"), "remove one of the two");
             } else if given.is_some() {
                 let message = format!("the axis `{name}` is fixed and also moved by `{key}`");
                 let help = format!("remove it from `fix`, or remove `{key}`");
-                self.error_with_help("D020", &at, message, help);
+                self.error("D020", &at, message, help);
             }
         }
         for (axis, (key, expression)) in displacements.into_iter().enumerate() {
@@ -124,7 +125,8 @@ impl Check<'_> {
             if pair[1][0] <= pair[0][0] {
                 let message =
                     format!("the times of a load curve must increase; {} follows {}", pair[1][0], pair[0][0]);
-                self.error("D022", &format!("{pointer}/{}/0", index + 1), message);
+                let help = format!("give a time above {}, or remove the pair", pair[0][0]);
+                self.error("D022", &format!("{pointer}/{}/0", index + 1), message, help);
             }
         }
         let end_time = self.deck.steps.end_time;
@@ -132,14 +134,16 @@ impl Check<'_> {
             && *first > 0.0
         {
             let message = format!("the load curve starts at time {first}; it must cover time 0");
-            self.error("D022", &format!("{pointer}/0/0"), message);
+            self.error("D022", &format!("{pointer}/0/0"), message, "add the pair `[0, 0]` before it");
         }
         if let Some([last, _]) = pairs.last()
             && *last < end_time
         {
             let message =
                 format!("the load curve ends at time {last}, before the analysis does at {end_time}");
-            self.error("D022", &format!("{pointer}/{}/0", pairs.len() - 1), message);
+            let factor = pairs.last().map_or(0.0, |pair| pair[1]);
+            let help = format!("add a pair at time {end_time}, such as `[{end_time}, {factor}]`");
+            self.error("D022", &format!("{pointer}/{}/0", pairs.len() - 1), message, help);
         }
     }
 
@@ -161,12 +165,15 @@ impl Check<'_> {
                 self.weight(pointer, name, bodies.as_deref());
                 self.curve(&at("curve"), curve.as_ref());
             }
-            LoadDeck::BodyForce { name, force, intermediate, bodies, curve } => {
+            LoadDeck::BodyForce { name, force, per, intermediate, bodies, curve } => {
                 self.column_name(&at("name"), name);
                 if force.len() != self.dimensions() {
                     self.wrong_count(&at("force"), force.len());
                 }
                 self.body_force(pointer, force, intermediate);
+                if *per == Per::Mass {
+                    self.weight(pointer, name, bodies.as_deref());
+                }
                 self.targets(&at("bodies"), bodies.as_deref());
                 self.curve(&at("curve"), curve.as_ref());
             }
@@ -184,18 +191,23 @@ impl Check<'_> {
         let Some(bodies) = bodies else { return };
         if bodies.is_empty() {
             let help = "remove `bodies` to let the load act on all of them";
-            self.error_with_help("D015", pointer, "this load acts on no body", help);
+            self.error("D015", pointer, "this load acts on no body", help);
         }
         for (index, name) in bodies.iter().enumerate() {
             let at = format!("{pointer}/{index}");
             self.body(&at, name);
             if bodies[..index.min(1000)].contains(name) {
-                self.error("D017", &at, format!("the body {} is listed twice", quote(name)));
+                self.error(
+                    "D017",
+                    &at,
+                    format!("the body {} is listed twice", quote(name)),
+                    "remove one of the two",
+                );
             }
         }
     }
 
-    /// Gravity needs the density of every body that it acts on.
+    /// Gravity, and a force per mass, need the density of every body that they act on.
     fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>) {
         for (index, body) in self.deck.bodies.iter().enumerate() {
             let is_target = bodies.is_none_or(|names| names.contains(&body.name));
@@ -210,13 +222,14 @@ impl Check<'_> {
                         "the load {load} needs the density of the body {body}, but its material {material_name} has none"
                     );
                     let help = format!("add `density` to the material {material_name}");
-                    self.error_with_help("D024", &at, message, help);
+                    self.error("D024", &at, message, help);
                 }
                 Some(0.0) => {
                     let message =
                         format!("the load {load} does not move the body {body}, whose density is 0");
                     let diagnostic = Diagnostic::at(self.source, "D024", pointer, message);
-                    self.found.push(diagnostic.severity(Severity::Warning));
+                    let help = format!("give the material {material_name} a `density` above 0");
+                    self.found.push(diagnostic.severity(Severity::Warning).help(help));
                 }
                 Some(_) => {}
             }

@@ -91,6 +91,8 @@ impl Check<'_> {
 struct MeanMotion<const D: usize> {
     /// Where it is now, [length].
     place: [f64; D],
+    /// Where it was at the start, [length].
+    start: [f64; D],
     half: [f64; D],
     gradient: SMatrix<f64, D, D>,
 }
@@ -99,7 +101,7 @@ impl<const D: usize> MeanMotion<D> {
     fn new(extent: &Extent) -> Self {
         let middle = std::array::from_fn(|d| 0.5 * (extent.min[d] + extent.max[d]));
         let half = std::array::from_fn(|d| 0.5 * extent.side(d));
-        MeanMotion { place: middle, half, gradient: SMatrix::identity() }
+        MeanMotion { place: middle, start: middle, half, gradient: SMatrix::identity() }
     }
 
     /// Takes one load step, from one load factor to another.
@@ -138,8 +140,9 @@ impl<const D: usize> MeanMotion<D> {
             let place: [f64; D] = std::array::from_fn(|i| {
                 self.place[i] + (0..D).map(|j| self.gradient[(i, j)] * offset[j]).sum::<f64>()
             });
+            let original = std::array::from_fn(|d| self.start[d] + offset[d]);
             for (sum, formula) in sum.iter_mut().zip(displacement) {
-                *sum += displacement_increment(formula, &place, factors) / places as f64;
+                *sum += displacement_increment(formula, &place, &original, factors) / places as f64;
             }
         }
         sum

@@ -77,7 +77,8 @@ impl Check<'_> {
     fn no_region(&mut self, pointer: &str, error: &ShapeError) {
         // Ranges of single numbers and empty lists are matters of the schema.
         if !matches!(error, ShapeError::NotPositive { .. } | ShapeError::NoParts) {
-            self.error("D016", pointer, format!("this is no region: {error}"));
+            let help = "change the numbers so that they enclose a region";
+            self.error("D016", pointer, format!("this is no region: {error}"), help);
         }
     }
 
@@ -93,7 +94,8 @@ impl Check<'_> {
                 self.vector(&at("center"), center);
                 if inner >= outer {
                     let message = format!("the inner radius {inner} is not below the outer radius {outer}");
-                    self.error("D016", &at("inner"), message);
+                    let help = format!("give an outer radius above {}", inner.max(0.0));
+                    self.error("D016", &at("inner"), message, help);
                 }
             }
             Shape::Cylinder { start, end, .. } => self.ends(pointer, start, end),
@@ -101,21 +103,22 @@ impl Check<'_> {
                 self.ends(pointer, start, end);
                 if radii.len() == 2 && (radii.iter().any(|r| *r < 0.0) || radii.iter().all(|r| *r == 0.0)) {
                     let message = "the radii of a cone must not be negative, and one must be above 0";
-                    self.error("D016", &at("radii"), message);
+                    let help = "give a radius for each end, `radii: [1, 0]` for a tip";
+                    self.error("D016", &at("radii"), message, help);
                 }
             }
             Shape::Extrusion { polygon, from, to, .. } => {
                 self.polygon(pointer, "polygon", polygon);
                 if from >= to {
                     let message = format!("the extrusion ends at {to}, which is not above its start {from}");
-                    self.error("D016", &at("to"), message);
+                    self.error("D016", &at("to"), message, format!("give a number above {from}"));
                 }
             }
             Shape::Cells { group } => {
                 if group.is_some() && matches!(self.deck.grid, GridDeck::Structured { .. }) {
                     let message = "a structured grid has no physical groups";
                     let help = "remove `group` to take all cells";
-                    self.error_with_help("D031", &at("group"), message, help);
+                    self.error("D031", &at("group"), message, help);
                 }
             }
             Shape::Translate { by, .. } => {
@@ -140,7 +143,9 @@ impl Check<'_> {
         if let (Some(first), Some(last)) = (first, last)
             && first == last
         {
-            self.error("D016", &format!("{pointer}/end"), "both ends are at the same place");
+            let message = "both ends are at the same place";
+            let help = "move one of them: the line between them is the axis of the body";
+            self.error("D016", &format!("{pointer}/end"), message, help);
         }
     }
 
@@ -150,13 +155,14 @@ impl Check<'_> {
         match (axis, self.dimensions()) {
             (None, 3) => {
                 let message = "a rotation in space needs the key `axis`";
-                self.error_with_help("D007", pointer, message, "give the direction of the axis: `axis: z`");
+                self.error("D007", pointer, message, "give the direction of the axis: `axis: z`");
             }
             (Some(_), 2) => self.of_other_dimension(&at, "the axis of a rotation", 3),
             (Some(Direction::Vector(vector)), _) => {
                 let known = self.vector(&at, vector);
                 if known.is_some_and(|vector| vector.iter().all(|x| *x == 0.0)) {
-                    self.error("D016", &at, "the axis has no direction");
+                    let help = "give a component other than 0, `[0, 0, 1]` or `z`";
+                    self.error("D016", &at, "the axis has no direction", help);
                 }
             }
             _ => {}
@@ -174,7 +180,7 @@ impl Check<'_> {
                     min[axis], max[axis]
                 );
                 let help = "make the grid larger, or take away what is outside by a `difference`";
-                self.error_with_help("D028", pointer, message, help);
+                self.error("D028", pointer, message, help);
             }
         }
     }
@@ -188,13 +194,14 @@ impl Check<'_> {
                 Ok(vertex) => x.push(vertex),
                 Err(_) => {
                     let message = format!("expected 2 entries, one per axis, found {}", vertex.len());
-                    self.error("D015", &at(k), message);
+                    self.error("D015", &at(k), message, "write the corner as `[x, y]`");
                 }
             }
         }
         if vertices.len() < 3 {
             let message = format!("expected at least 3 entries, found {}", vertices.len());
-            self.error("D015", &format!("{pointer}/{key}"), message);
+            let help = "list the corners in order around the region, `[[0, 0], [1, 0], [0, 1]]`";
+            self.error("D015", &format!("{pointer}/{key}"), message, help);
         }
         let n = x.len();
         if n < 3 || n < vertices.len() {
@@ -205,13 +212,14 @@ impl Check<'_> {
         });
         let around = (bounds[1][0] - bounds[0][0]) * (bounds[1][1] - bounds[0][1]);
         let repeated = (0..n).find(|&k| x[k] == x[(k + 1) % n]);
+        let flat = "give corners that are on no single line";
         if around == 0.0 || on_a_line(&x, around) {
-            self.error("D016", pointer, "the polygon has no area");
+            self.error("D016", pointer, "the polygon has no area", flat);
         } else if let Some(k) = repeated {
             let message =
                 format!("the corner ({}, {}) of the polygon is listed twice in a row", x[k][0], x[k][1]);
             let help = "remove one; the polygon closes by itself";
-            self.error_with_help("D016", &at((k + 1) % n), message, help);
+            self.error("D016", &at((k + 1) % n), message, help);
         } else if let Some([a, b]) = crossing_sides(&x) {
             let message = format!(
                 "the polygon crosses or touches itself: its side from corner {} meets the one from corner {}",
@@ -219,9 +227,9 @@ impl Check<'_> {
                 b + 1
             );
             let help = "list the corners in order around the region; use `union` and `difference` for others";
-            self.error_with_help("D016", &at(b), message, help);
+            self.error("D016", &at(b), message, help);
         } else if !Polygon::new(x).is_ok_and(|polygon| polygon.volume() > NO_AREA * around) {
-            self.error("D016", pointer, "the polygon has no area");
+            self.error("D016", pointer, "the polygon has no area", flat);
         }
     }
 }

@@ -28,7 +28,7 @@ impl Check<'_> {
                     } else {
                         format!("there are {}", list(probes))
                     };
-                    self.error_with_help("D049", "/steps/control/probe", message, help);
+                    self.error("D049", "/steps/control/probe", message, help);
                 }
                 let extent = match &deck.grid {
                     GridDeck::Structured { size, .. } => size.iter().fold(0.0f64, |most, l| most.max(*l)),
@@ -36,13 +36,17 @@ impl Check<'_> {
                 };
                 if to.abs() <= LEAST * extent {
                     let message = format!("a displacement of {to} leaves the load factor open");
-                    self.error("D049", "/steps/control/to", message);
+                    let help = "give the displacement at the end, other than 0";
+                    self.error("D049", "/steps/control/to", message, help);
                 }
             }
-            ControlDeck::ArcLength {} => {}
+            ControlDeck::ArcLength { .. } => {}
         }
         if deck.loads.iter().all(load_is_zero) {
-            self.error("D049", "/steps/control", "there is no load but zero whose factor could follow");
+            let message = "there is no load but zero whose factor could follow";
+            let help =
+                "add a load under `loads`, or leave the control to the loads (`control: {type: load}`)";
+            self.error("D049", "/steps/control", message, help);
         }
         for (number, load) in deck.loads.iter().enumerate() {
             let pointer = format!("/loads/{number}");
@@ -54,7 +58,7 @@ impl Check<'_> {
                     "the load {} follows a curve, but its factor follows from `steps: {{control: ...}}`",
                     quote(load.name())
                 );
-                self.error_with_help("D049", &format!("{pointer}/curve"), message, "remove the curve");
+                self.error("D049", &format!("{pointer}/curve"), message, "remove the curve");
             }
             if let LoadDeck::BodyForce { force, intermediate, .. } = load {
                 let factor = |e: &Expression| matches!(e, Expression::Formula(text) if names(text).iter().any(|(_, name)| *name == "factor"));
@@ -63,12 +67,7 @@ impl Check<'_> {
                         "the load {} depends on `factor`, but with `steps: {{control: ...}}` it has to be in proportion to it",
                         quote(load.name())
                     );
-                    self.error_with_help(
-                        "D049",
-                        &format!("{pointer}/force"),
-                        message,
-                        "write it at load factor 1",
-                    );
+                    self.error("D049", &format!("{pointer}/force"), message, "write it at load factor 1");
                 }
             }
         }
@@ -82,7 +81,7 @@ impl Check<'_> {
                     let help =
                         "hold the nodes (`fix`), or leave the control to the loads (`control: {type: load}`)";
                     let pointer = format!("/boundary_conditions/{number}/{key}");
-                    self.error_with_help("D049", &pointer, message, help);
+                    self.error("D049", &pointer, message, help);
                 }
             }
         }

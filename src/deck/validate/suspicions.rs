@@ -23,6 +23,7 @@ impl Check<'_> {
     pub(super) fn suspicions(&mut self) {
         self.unused();
         self.loads_without_effect();
+        self.keys_without_effect();
         self.incompressible();
         self.one_point_per_cell();
         self.units();
@@ -32,10 +33,10 @@ impl Check<'_> {
 
     pub(super) fn warn(&mut self, code: &'static str, pointer: &str, message: String, help: &str) {
         let found = Diagnostic::at(self.source, code, pointer, message).severity(Severity::Warning);
-        self.found.push(if help.is_empty() { found } else { found.help(help) });
+        self.found.push(found.help(help));
     }
 
-    fn warn_at_key(&mut self, code: &'static str, pointer: &str, message: String, help: &str) {
+    pub(super) fn warn_at_key(&mut self, code: &'static str, pointer: &str, message: String, help: &str) {
         let found = Diagnostic::at_key(self.source, code, pointer, message).severity(Severity::Warning);
         self.found.push(found.help(help));
     }
@@ -76,10 +77,16 @@ impl Check<'_> {
             let name = quote(load.name());
             if load_is_zero(load) {
                 let at = format!("/loads/{index}/{key}");
-                self.warn("D037", &at, format!("the load {name} is zero"), "");
+                self.warn(
+                    "D037",
+                    &at,
+                    format!("the load {name} is zero"),
+                    "give it a value, or remove the load",
+                );
             } else if self.stays_zero(curve.as_ref()) {
                 let message = format!("the factor of the load {name} is zero all the time");
-                self.warn("D037", &format!("/loads/{index}/curve"), message, "");
+                let help = "give a factor other than 0 within the analysis, or remove the load";
+                self.warn("D037", &format!("/loads/{index}/curve"), message, help);
             } else {
                 any = true;
             }
@@ -90,7 +97,8 @@ impl Check<'_> {
             if moves && self.stays_zero(condition.curve.as_ref()) {
                 let name = quote(&condition.name);
                 let message = format!("the factor of the boundary condition {name} is zero all the time");
-                self.warn("D037", &format!("/boundary_conditions/{index}/curve"), message, "");
+                let help = "give a factor other than 0 within the analysis, or hold the nodes by `fix`";
+                self.warn("D037", &format!("/boundary_conditions/{index}/curve"), message, help);
             }
             any |= moves;
         }

@@ -9,6 +9,8 @@ const NONE: u32 = u32::MAX;
 /// Positions of the nodes and the way to them from the numbers that the file gives them.
 pub(super) struct Nodes {
     pub(super) positions: Vec<[f64; 3]>,
+    /// The numbers that the file gives them.
+    pub(super) tags: Vec<u64>,
     index: Index,
 }
 
@@ -21,7 +23,7 @@ enum Index {
 }
 
 impl Nodes {
-    fn new(positions: Vec<[f64; 3]>, tags: &[u64]) -> Result<Self, GmshError> {
+    fn new(positions: Vec<[f64; 3]>, tags: Vec<u64>) -> Result<Self, GmshError> {
         let low = tags.iter().copied().min().unwrap_or(0);
         let range = tags.iter().copied().max().unwrap_or(0) - low;
         let index = if range < 4 * tags.len() as u64 {
@@ -42,7 +44,7 @@ impl Nodes {
             }
             Index::Sparse(sparse)
         };
-        Ok(Nodes { positions, index })
+        Ok(Nodes { positions, tags, index })
     }
 
     /// Index of the node that has a number in the file.
@@ -89,7 +91,7 @@ pub(super) fn read_22(reader: &mut Reader<'_>, parametric: bool) -> Result<Nodes
             }
         }
     }
-    Nodes::new(positions, &tags)
+    Nodes::new(positions, tags)
 }
 
 /// The number of nodes or elements at the head of a section of format 2.2: text also in binary files.
@@ -141,5 +143,5 @@ pub(super) fn read_41(reader: &mut Reader<'_>) -> Result<Nodes, GmshError> {
     if tags.len() != total {
         return Err(GmshError::Total { place: reader.place(), what: "nodes", declared: total });
     }
-    Nodes::new(positions, &tags)
+    Nodes::new(positions, tags)
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::super::gmsh::{Element, ElementKind, GmshFile};
 use super::cell::Cell;
-use super::{CellReport, Mesh, MeshError, MeshWarning, ON_EDGE, Side};
+use super::{CellReport, Mesh, MeshError, ON_EDGE, Side};
 use crate::grid::bins::{Bins, Bounds, bounds};
 use crate::grid::element::{ElementShape, MAX_NODES, dot, folds, minus};
 use crate::tensor::padded;
@@ -15,9 +15,6 @@ const LISTED: usize = 5;
 /// A cell whose volume (or that of a corner) is less than this part of that of a square (cube) of its longest side has
 /// none.
 const NO_VOLUME: f64 = 1e-10;
-
-/// Nodes closer than this part of the shortest edge coincide.
-const COINCIDE: f64 = 1e-9;
 
 /// Marks a node of the file that no cell uses.
 const UNUSED: u32 = u32::MAX;
@@ -39,12 +36,23 @@ impl<const D: usize> Mesh<D> {
         check_shapes(&elements, &cells)?;
 
         let node_of = number_nodes(file, &elements);
-        let mut positions = vec![[0.0; D]; node_of.iter().filter(|n| **n != UNUSED).count()];
-        for (node, x) in node_of.iter().zip(&file.nodes).filter(|(n, _)| **n != UNUSED) {
-            positions[*node as usize] = std::array::from_fn(|d| x[d]);
-        }
+        let kept: Vec<u32> = (0u32..).zip(&node_of).filter(|(_, n)| **n != UNUSED).map(|(k, _)| k).collect();
+        let positions: Vec<[f64; D]> =
+            kept.iter().map(|k| std::array::from_fn(|d| file.nodes[*k as usize][d])).collect();
         let volume: Vec<f64> = cells.iter().map(|c| c.shape.volume(c)).collect();
+        let mut sizes: Vec<f64> = volume.iter().map(|volume| Cell::<D>::size_of(*volume)).collect();
+        let mut node_size = vec![f64::INFINITY; positions.len()];
+        for (element, size) in elements.iter().zip(&sizes) {
+            for node in element.nodes() {
+                let around = &mut node_size[node_of[*node as usize] as usize];
+                *around = around.min(*size);
+            }
+        }
+        let half = sizes.len() / 2;
+        let usual_size = *sizes.select_nth_unstable_by(half, f64::total_cmp).1;
         let mut mesh = Mesh {
+            node_size,
+            usual_size,
             n_simplices: cells.iter().filter(|c| c.shape == ElementShape::Simplex).count(),
             cell_nodes: elements.iter().flat_map(|e| e.nodes()).map(|n| node_of[*n as usize]).collect(),
             largest_size: Cell::<D>::size_of(volume.iter().copied().fold(0.0, f64::max)),
@@ -58,9 +66,10 @@ impl<const D: usize> Mesh<D> {
             cell_sets: BTreeMap::new(),
             warnings: Vec::new(),
         };
-        mesh.find_boundary(|k| report(&elements[k as usize], &cells[k as usize]))?;
+        let report = |k: u32| report(&elements[k as usize], &cells[k as usize]);
+        mesh.find_boundary(report)?;
+        mesh.warnings = mesh.check_fit(report, |node| file.node_tags[kept[node as usize] as usize])?;
         mesh.find_sets(file, &node_of)?;
-        mesh.warnings.extend(mesh.unmerged());
         Ok(mesh)
     }
 }
@@ -210,42 +219,6 @@ impl<const D: usize> Mesh<D> {
             add(&mut self.cell_sets, name, members.cells);
         }
         Ok(())
-    }
-
-    /// Nodes that coincide with others. Those of connected cells cannot, so only nodes at the boundary need a look.
-    fn unmerged(&self) -> Option<MeshWarning> {
-        let length = |a: [f64; D], b: [f64; D]| dot(minus(b, a), minus(b, a)).sqrt();
-        let cells = 0..self.n_cells() as u32;
-        let shortest_of = |c: Cell<D>| c.edges().map(|(a, b)| length(a, b)).fold(f64::INFINITY, f64::min);
-        let shortest = cells.map(|cell| shortest_of(self.cell(cell))).fold(f64::INFINITY, f64::min);
-        let tolerance = COINCIDE * shortest;
-        let mut nodes: Vec<u32> = self.boundary.iter().flat_map(|b| b.side.nodes().iter().copied()).collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        let mut pairs = Vec::new();
-        // Two close positions share a box in at least one of 2^D lattices of twice the tolerance.
-        for lattice in 0..1usize << D {
-            let place = |node: u32| -> [f64; D] {
-                let x = self.positions[node as usize];
-                let shift = |d: usize| if lattice >> d & 1 == 1 { 0.5 } else { 0.0 };
-                std::array::from_fn(|d| (x[d] / (2.0 * tolerance) + shift(d)).floor())
-            };
-            let mut places: Vec<([f64; D], u32)> = nodes.iter().map(|&node| (place(node), node)).collect();
-            places.sort_unstable_by(|(a, m), (b, n)| {
-                let by_place = (0..D).map(|d| a[d].total_cmp(&b[d])).find(|order| order.is_ne());
-                by_place.unwrap_or_else(|| m.cmp(n))
-            });
-            for pair in places.windows(2) {
-                let (a, b) = (self.positions[pair[0].1 as usize], self.positions[pair[1].1 as usize]);
-                if length(a, b) <= tolerance {
-                    pairs.push([pair[0].1.min(pair[1].1), pair[0].1.max(pair[1].1)]);
-                }
-            }
-        }
-        pairs.sort_unstable();
-        pairs.dedup();
-        let first = pairs.iter().take(LISTED).map(|pair| self.positions[pair[0] as usize].to_vec()).collect();
-        (!pairs.is_empty()).then_some(MeshWarning::Unmerged { n: pairs.len(), first })
     }
 }
 

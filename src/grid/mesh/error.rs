@@ -11,6 +11,19 @@ pub struct CellReport {
     pub position: Vec<f64>,
 }
 
+/// A node on a side of a cell that it is no corner of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HangingNode {
+    /// Number of the node in the file.
+    pub node: u64,
+    /// Its position, [length].
+    pub position: Vec<f64>,
+    /// Numbers in the file of the corners of the side.
+    pub side: Vec<u64>,
+    /// The cell that the side belongs to.
+    pub cell: CellReport,
+}
+
 /// Why a mesh file is not a mesh for an analysis in the plane or in space. Lists of cells hold the first few only.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeshError {
@@ -74,13 +87,28 @@ pub enum MeshError {
         /// The first of them.
         first: Vec<CellReport>,
     },
-    /// Two cells lie on the same side of an edge or face.
-    #[error("{n} pairs of cells overlap, for example {} and {}", show(&.first[0]), show(&.first[1]))]
+    /// Cells have more in common than their sides.
+    #[error(
+        "{n} pairs of cells overlap, for example {} and {}; take one of the two out, or mesh what overlaps as one part",
+        show(&.first[0]), show(&.first[1])
+    )]
     Overlap {
-        /// Number of edges or faces with two cells on one side.
+        /// Number of such pairs; where two cells lie on the same side of an edge or face, the number of those.
         n: usize,
-        /// The cells at the first of them.
+        /// The first pair.
         first: [CellReport; 2],
+    },
+    /// Nodes lie on sides of cells that they are connected with but no corners of, so that the basis is not continuous.
+    #[error(
+        "{n} nodes lie on a side of a cell without being its corner, for example node {} at ({}) on the side between the \
+         nodes {} of {}; such meshes are not continuous: cut that cell at the node, or give the cells on both sides the \
+         same nodes", .first.node, numbers(&.first.position), tags(&.first.side), show(&.first.cell)
+    )]
+    Hanging {
+        /// Number of such nodes.
+        n: usize,
+        /// The first of them.
+        first: Box<HangingNode>,
     },
     /// Tetrahedra share half a face with hexahedra, where their basis functions do not agree.
     #[error(
@@ -116,6 +144,25 @@ pub enum MeshWarning {
         /// Positions of the first of them, [length].
         first: Vec<Vec<f64>>,
     },
+    /// Nodes of one part of the mesh on sides of another part, which it is not connected with.
+    #[error(
+        "{n} nodes lie on sides of another part that they are not connected with, the first at ({}): bodies are torn there",
+        numbers(&.first[0])
+    )]
+    Apart {
+        /// Number of such nodes.
+        n: usize,
+        /// Positions of the first of them, [length].
+        first: Vec<Vec<f64>>,
+    },
+}
+
+fn tags(nodes: &[u64]) -> String {
+    let nodes: Vec<String> = nodes.iter().map(u64::to_string).collect();
+    match nodes.split_last() {
+        Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
+        _ => nodes.concat(),
+    }
 }
 
 fn numbers(position: &[f64]) -> String {

@@ -13,8 +13,8 @@ use flate2::write::ZlibEncoder;
 use rayon::prelude::*;
 
 /// The first line of a file, without its end: the name of the format, and its version.
-const NAME: &str = "mpm checkpoint";
-const VERSION: u32 = 2;
+pub(super) const NAME: &str = "mpm checkpoint";
+const VERSION: u32 = 3;
 
 /// Length of a block, [byte], and how many are compressed at a time.
 const BLOCK: usize = 1 << 20;

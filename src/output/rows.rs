@@ -1,0 +1,59 @@
+//! Whether the tables of a run that is to go on have all their rows.
+
+use std::io;
+
+use super::table::Kept;
+
+/// Sees to it that `history.csv`, `quality.csv` and `convergence.csv` have the rows of all steps in equilibrium, of which
+/// there are so many.
+///
+/// # Errors
+/// `InvalidData`, with the file and the first step whose rows are missing.
+pub(super) fn check([history, quality, convergence]: [&Kept; 3], steps: usize) -> io::Result<()> {
+    let rows = history.numbers(["step", "iterations", "converged"]);
+    let accepted: Vec<(usize, usize)> = (rows.iter())
+        .filter(|[_, _, converged]| *converged == Some(1))
+        .filter_map(|[step, iterations, _]| Some(((*step)?, (*iterations)?)))
+        .collect();
+    if accepted.len() != steps {
+        // Numbers may leave some out where a run has gone on with another number of steps.
+        let mut before = 0;
+        let gap = accepted.iter().find_map(|(step, _)| {
+            let expected = before + 1;
+            before = *step;
+            (*step != expected).then_some(expected)
+        });
+        return Err(match gap {
+            Some(step) => missing(history, step),
+            None => {
+                wrong(history, &format!("has {} steps in equilibrium instead of {steps}", accepted.len()))
+            }
+        });
+    }
+    let of_quality: Vec<_> = quality.numbers(["step"]).into_iter().map(|[step]| step).collect();
+    if let Some(place) = (0..steps).find(|&k| of_quality.get(k) != Some(&Some(accepted[k].0))) {
+        return Err(missing(quality, accepted[place].0));
+    }
+    let evaluations = convergence.numbers(["step", "iteration"]);
+    let mut rest = evaluations.as_slice();
+    for (step, iterations) in accepted {
+        let n = rest.iter().take_while(|row| row[0] == Some(step)).count();
+        let (of_step, later) = rest.split_at(n);
+        // Attempts that have failed come before the one that has not.
+        let last =
+            of_step.iter().rposition(|row| row[1] == Some(0)).map_or(&[][..], |first| &of_step[first..]);
+        if last.len() != iterations + 1 || last.iter().zip(0..).any(|(row, number)| row[1] != Some(number)) {
+            return Err(missing(convergence, step));
+        }
+        rest = later;
+    }
+    Ok(())
+}
+
+fn missing(table: &Kept, step: usize) -> io::Error {
+    wrong(table, &format!("lacks rows of step {step}"))
+}
+
+fn wrong(table: &Kept, what: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, format!("`{}` {what}", table.path().display()))
+}

@@ -1,0 +1,235 @@
+//! Whether what hung together at the start still does: the connected parts of every body, and of the bodies together.
+//!
+//! Points hang together if they touch the same node. Where a gap of about a cell has opened within a body, nothing on the
+//! grid joins its sides any more, and it is broken although no law has said so.
+
+use std::collections::HashMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::warning::{Code, Place, Warning, at};
+use crate::basis::Connectivity;
+use crate::model::Model;
+use crate::points::Points;
+
+/// Marks a node that no cluster has touched.
+const NOBODY: u16 = u16::MAX;
+
+/// What hung together in the first step.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Cohesion {
+    /// Number of connected parts of each body.
+    parts: Vec<usize>,
+    /// For each body, one that it hangs together with, directly or through others: the same for all of them.
+    together: Vec<usize>,
+}
+
+/// Points of one body in one cell that touch the same nodes, one after the other.
+struct Cluster {
+    body: u16,
+    first: usize,
+    end: usize,
+}
+
+/// The connected parts of every body in the links of a step.
+struct Parts {
+    clusters: Vec<Cluster>,
+    /// For each cluster, one of the same part; itself for one cluster of every part.
+    root: Vec<u32>,
+    /// For each body, one that it hangs together with.
+    together: Vec<usize>,
+}
+
+impl Parts {
+    fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Parts {
+        let mut clusters: Vec<Cluster> = Vec::new();
+        let mut root: Vec<u32> = Vec::new();
+        let mut together: Vec<u32> = (0..model.bodies.len() as u32).collect();
+        // The body and cluster that have touched a node first, and those of further bodies.
+        let mut first_at: Vec<(u16, u32)> = vec![(NOBODY, 0); links.n_active()];
+        let mut further: HashMap<(u32, u16), u32> = HashMap::new();
+        for group in 0..links.n_groups() {
+            let nodes = links.nodes_of(group);
+            let mut last: Option<(u16, &[u32])> = None;
+            let of_group = links.points_of(group);
+            // Where all points are of one body and touch all nodes, one stands for all.
+            let alike = model.bodies.len() == 1 && links.is_whole(group);
+            let looked_at =
+                if alike { of_group.start..(of_group.start + 1).min(of_group.end) } else { of_group.clone() };
+            for p in looked_at {
+                let end = if alike { of_group.end } else { p + 1 };
+                let (body, local) = (points.body[p], links.places(p));
+                if last == Some((body, local)) {
+                    if let Some(cluster) = clusters.last_mut() {
+                        cluster.end = p + 1;
+                    }
+                    continue; // neighbours in a cell mostly touch the same nodes
+                }
+                last = Some((body, local));
+                let number = clusters.len() as u32;
+                clusters.push(Cluster { body, first: p, end });
+                root.push(number);
+                for &place in local {
+                    let node = nodes[place as usize];
+                    let (owner, cluster) = &mut first_at[node as usize];
+                    if *owner == NOBODY {
+                        (*owner, *cluster) = (body, number);
+                    } else if *owner == body {
+                        unite(&mut root, *cluster, number);
+                    } else {
+                        unite(&mut together, u32::from(*owner), u32::from(body));
+                        let cluster = *further.entry((node, body)).or_insert(number);
+                        unite(&mut root, cluster, number);
+                    }
+                }
+            }
+        }
+        let together = (0..together.len() as u32).map(|body| find(&mut together, body) as usize).collect();
+        let root = (0..root.len() as u32).map(|cluster| find(&mut root, cluster)).collect();
+        Parts { clusters, root, together }
+    }
+
+    /// Number of parts of each body.
+    fn count(&self, bodies: usize) -> Vec<usize> {
+        let mut count = vec![0; bodies];
+        for (k, cluster) in self.clusters.iter().enumerate() {
+            count[cluster.body as usize] += usize::from(self.root[k] as usize == k);
+        }
+        count
+    }
+
+    /// The points of the largest part of a body and those of the next one.
+    fn largest_two(&self, body: usize) -> [Vec<usize>; 2] {
+        let mut parts: HashMap<u32, Vec<usize>> = HashMap::new();
+        for (cluster, root) in self.clusters.iter().zip(&self.root) {
+            if cluster.body as usize == body {
+                parts.entry(*root).or_default().extend(cluster.first..cluster.end);
+            }
+        }
+        let mut parts: Vec<(u32, Vec<usize>)> = parts.into_iter().collect();
+        parts.sort_by(|a, b| b.1.len().cmp(&a.1.len()).then(a.0.cmp(&b.0)));
+        let mut parts = parts.into_iter().map(|(_, points)| points);
+        [parts.next().unwrap_or_default(), parts.next().unwrap_or_default()]
+    }
+}
+
+impl Cohesion {
+    /// Whether this can be of so many bodies.
+    pub fn can_be_of(&self, bodies: usize) -> bool {
+        self.parts.len() == bodies
+            && self.together.len() == bodies
+            && self.together.iter().all(|&body| body < bodies)
+    }
+
+    /// Takes in the links of a step: remembers those of the first one and returns what has come apart since.
+    pub fn watch<const D: usize>(
+        known: &mut Option<Cohesion>,
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+        step: usize,
+    ) -> Vec<(usize, Warning)> {
+        let now = Parts::new(model, points, links);
+        let count = now.count(model.bodies.len());
+        let Some(start) = known else {
+            *known = Some(Cohesion { parts: count, together: now.together });
+            return Vec::new();
+        };
+        let mut found = Vec::new();
+        for (body, (&is, &was)) in count.iter().zip(&start.parts).enumerate() {
+            if is > was {
+                let message = |sides: &str| {
+                    let name = &model.bodies[body].name;
+                    format!(
+                        "body `{name}` has come apart: {is} parts have no contact on the grid, {was} at the start{sides}"
+                    )
+                };
+                let sides = now.largest_two(body);
+                found.push((body, warn(model, points, step, sides, &[body], [is, was], message)));
+            }
+        }
+        for (body, (&is, &was)) in now.together.iter().zip(&start.together).enumerate() {
+            if is == body && was != body {
+                let other = was;
+                let message = |sides: &str| {
+                    let [a, b] = [body, other].map(|body| &model.bodies[body].name);
+                    format!("bodies `{a}` and `{b}` hung together at the start and have come apart{sides}")
+                };
+                let of =
+                    |body: usize| (0..points.len()).filter(|&p| points.body[p] as usize == body).collect();
+                let sides = [of(body), of(other)];
+                found.push((body, warn(model, points, step, sides, &[body, other], [2, 1], message)));
+            }
+        }
+        found
+    }
+}
+
+/// The warning of what lies on two sides of a gap; the gap is measured where the step ends.
+fn warn<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    step: usize,
+    sides: [Vec<usize>; 2],
+    bodies: &[usize],
+    [is, was]: [usize; 2],
+    message: impl Fn(&str) -> String,
+) -> Warning {
+    let gap = gap_between(points, &sides);
+    let (text, position) = match gap {
+        Some((width, middle)) => {
+            let cell = model.grid.size(model.grid.nearest_cell(&middle) as usize);
+            let cells = width / cell;
+            (
+                format!("; the gap at {} is {width:.4} wide, {cells:.1} cells", at(&middle)),
+                Some(middle.to_vec()),
+            )
+        }
+        None => (String::new(), None),
+    };
+    Warning {
+        code: Code::Apart,
+        step,
+        place: Place {
+            bodies: bodies.iter().map(|&body| model.bodies[body].name.clone()).collect(),
+            position,
+            ..Place::default()
+        },
+        value: Some(is as f64),
+        threshold: Some(was as f64),
+        message: message(&text),
+        help: "the results from this step on are those of separate parts: stop the analysis before, or use a coarser grid, \
+               more points per cell, or `method: cpdi2`, whose domains stretch with the material"
+            .to_owned(),
+    }
+}
+
+/// Distance of two sets of points at the end of the step, and the middle between them, found by going to and fro.
+fn gap_between<const D: usize>(points: &Points<D>, sides: &[Vec<usize>; 2]) -> Option<(f64, [f64; D])> {
+    let x = |p: usize| points.trial.position[p];
+    let squared = |a: &[f64; D], b: &[f64; D]| (0..D).map(|d| (a[d] - b[d]).powi(2)).sum::<f64>();
+    let nearest = |side: &[usize], to: &[f64; D]| {
+        side.iter().copied().min_by(|&a, &b| squared(&x(a), to).total_cmp(&squared(&x(b), to)))
+    };
+    let mut here = x(*sides[1].first()?);
+    let mut there = here;
+    for _ in 0..4 {
+        there = x(nearest(&sides[0], &here)?);
+        here = x(nearest(&sides[1], &there)?);
+    }
+    let middle = std::array::from_fn(|d| 0.5 * (here[d] + there[d]));
+    Some((squared(&here, &there).sqrt(), middle))
+}
+
+fn find(root: &mut [u32], mut member: u32) -> u32 {
+    while root[member as usize] != member {
+        root[member as usize] = root[root[member as usize] as usize];
+        member = root[member as usize];
+    }
+    member
+}
+
+fn unite(root: &mut [u32], a: u32, b: u32) {
+    let [a, b] = [a, b].map(|member| find(root, member));
+    root[a.max(b) as usize] = a.min(b);
+}

@@ -1,0 +1,185 @@
+//! Bodies that act on each other through the grid although nothing of them touches.
+//!
+//! Bodies are joined where they share nodes, which reaches across a gap of up to a cell, or two.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::warning::{Code, Place, Warning, at};
+use crate::basis::{Connectivity, DomainKind};
+use crate::model::Model;
+use crate::points::Points;
+
+/// Gap beyond which bodies do not touch, relative to the spacing of their points, [-].
+const TOUCHING: f64 = 0.5;
+/// A node to which a point contributes less than this does not join it to others: round-off of domains that end there.
+const LEAST_SHARE: f64 = 1e-6;
+/// Marks a node that no body has touched.
+const NOBODY: u16 = u16::MAX;
+
+/// The box around what a body has at a node, and the largest extent of its points there.
+#[derive(Clone, Copy)]
+struct Reach<const D: usize> {
+    low: [f64; D],
+    high: [f64; D],
+    spacing: f64,
+}
+
+/// The smallest gap between two bodies, the node where it is, and the spacing of the points there.
+#[derive(Clone, Copy)]
+struct Gap {
+    width: f64,
+    node: u32,
+    spacing: f64,
+}
+
+/// The pairs of bodies that share nodes in the links of a step but touch nowhere.
+pub fn watch<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    step: usize,
+) -> Vec<(usize, Warning)> {
+    if model.bodies.len() < 2 {
+        return Vec::new();
+    }
+    let is_shared = shared_nodes(points, links);
+    let mut gaps: BTreeMap<[u16; 2], Gap> = BTreeMap::new();
+    let reaches = reaches(model, points, links, &is_shared);
+    for (place, &((node, a), of_a)) in reaches.iter().enumerate() {
+        for &((_, b), of_b) in reaches[place + 1..].iter().take_while(|((other, _), _)| *other == node) {
+            let apart = |d: usize| (of_b.low[d] - of_a.high[d]).max(of_a.low[d] - of_b.high[d]);
+            let width = (0..D).map(apart).fold(f64::NEG_INFINITY, f64::max);
+            let gap = Gap { width, node, spacing: of_a.spacing.max(of_b.spacing) };
+            let kept = gaps.entry([a, b]).or_insert(gap);
+            if width < kept.width {
+                *kept = gap;
+            }
+        }
+    }
+    (gaps.into_iter().filter(|(_, gap)| gap.width > TOUCHING * gap.spacing))
+        .map(|([a, b], gap)| {
+            let pair = a as usize * model.bodies.len() + b as usize;
+            (pair, warn(model, links, [a, b], gap, step))
+        })
+        .collect()
+}
+
+fn warn<const D: usize>(
+    model: &Model<D>,
+    links: &Connectivity<D>,
+    bodies: [u16; 2],
+    gap: Gap,
+    step: usize,
+) -> Warning {
+    let names = bodies.map(|body| model.bodies[body as usize].name.clone());
+    let [a, b] = &names;
+    let node = model.grid.node_position(links.active_nodes()[gap.node as usize] as usize);
+    let Gap { width, spacing, .. } = gap;
+    let threshold = TOUCHING * spacing;
+    Warning {
+        code: Code::AcrossGap,
+        step,
+        message: format!(
+            "bodies `{a}` and `{b}` act on each other through node {}, although {width:.4} lies between them \
+             ({threshold:.4} counts as touching)",
+            at(&node)
+        ),
+        place: Place { bodies: names.to_vec(), position: Some(node.to_vec()), ..Place::default() },
+        value: Some(width),
+        threshold: Some(threshold),
+        help:
+            "use a finer grid: bodies are joined wherever they share a node, up to two cells apart; forces \
+               between these bodies are none of contact"
+                .to_owned(),
+    }
+}
+
+/// Which active nodes several bodies touch.
+fn shared_nodes<const D: usize>(points: &Points<D>, links: &Connectivity<D>) -> Vec<bool> {
+    let mut owner = vec![NOBODY; links.n_active()];
+    let mut is_shared = vec![false; links.n_active()];
+    for group in 0..links.n_groups() {
+        let nodes = links.nodes_of(group);
+        let mut last: Option<(u16, &[u32])> = None;
+        for p in links.points_of(group) {
+            let (body, local) = (points.body[p], links.places(p));
+            if last == Some((body, local)) {
+                continue;
+            }
+            last = Some((body, local));
+            for &place in local {
+                let node = nodes[place as usize] as usize;
+                if owner[node] == NOBODY {
+                    owner[node] = body;
+                }
+                is_shared[node] |= owner[node] != body;
+            }
+        }
+    }
+    is_shared
+}
+
+/// What every body has at the shared nodes, in the order of nodes and bodies.
+fn reaches<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    is_shared: &[bool],
+) -> Vec<((u32, u16), Reach<D>)> {
+    let mut reaches: HashMap<(u32, u16), Reach<D>> = HashMap::new();
+    for group in 0..links.n_groups() {
+        let nodes = links.nodes_of(group);
+        if !nodes.iter().any(|&node| is_shared[node as usize]) {
+            continue;
+        }
+        for p in links.points_of(group) {
+            let of_point = reach_of(model, points, p);
+            links.for_each_value(p, |place, value| {
+                let node = nodes[place];
+                if is_shared[node as usize] && value > LEAST_SHARE {
+                    let reach = reaches.entry((node, points.body[p])).or_insert(of_point);
+                    for d in 0..D {
+                        reach.low[d] = reach.low[d].min(of_point.low[d]);
+                        reach.high[d] = reach.high[d].max(of_point.high[d]);
+                    }
+                    reach.spacing = reach.spacing.max(of_point.spacing);
+                }
+            });
+        }
+    }
+    let mut reaches: Vec<_> = reaches.into_iter().collect();
+    reaches.sort_unstable_by_key(|(key, _)| *key);
+    reaches
+}
+
+/// The box around the domain of a point, or, where it is larger, around the square (cube) of its original volume with
+/// the deformation of the point.
+fn reach_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize) -> Reach<D> {
+    let x = points.converged.position[p];
+    let size = points.original_volume[p] / model.depth(&points.original_position[p]);
+    let half = 0.5 * size.powf(1.0 / D as f64);
+    let gradient = &points.converged.deformation_gradient[p];
+    let half: [f64; D] = std::array::from_fn(|d| half * (0..D).map(|k| gradient[(d, k)].abs()).sum::<f64>());
+    let (mut low, mut high): ([f64; D], [f64; D]) =
+        (std::array::from_fn(|d| x[d] - half[d]), std::array::from_fn(|d| x[d] + half[d]));
+    match model.bodies[points.body[p] as usize].method.domain() {
+        DomainKind::None => {}
+        DomainKind::Box => {
+            let l = points.half_lengths(p);
+            for d in 0..D {
+                low[d] = low[d].min(x[d] - l[d]);
+                high[d] = high[d].max(x[d] + l[d]);
+            }
+        }
+        DomainKind::Corners => {
+            for corner in points.corners(p) {
+                for d in 0..D {
+                    low[d] = low[d].min(corner[d]);
+                    high[d] = high[d].max(corner[d]);
+                }
+            }
+        }
+    }
+    let spacing = 2.0 * half.into_iter().fold(0.0, f64::max);
+    Reach { low, high, spacing }
+}

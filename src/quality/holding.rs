@@ -1,0 +1,170 @@
+//! How much material the nodes hold that are to move it.
+//!
+//! Prescribed nodes stand at their old place again in every step. The material that they push goes on, and after some
+//! steps they hold little of it, or none.
+
+use serde::{Deserialize, Serialize};
+
+use super::warning::{Code, Place, Warning, at};
+use crate::basis::Connectivity;
+use crate::constraints::NodeSet;
+use crate::model::Model;
+use crate::points::Points;
+
+/// Share of the material that prescribed nodes have held at most, below which there is a warning, [-].
+const LEAST_HELD: f64 = 0.5;
+
+/// The material at the nodes of one boundary condition.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Held {
+    /// Σ S_vp V_p over the nodes and all points, the most of all steps, [volume].
+    most: f64,
+    /// The same now.
+    now: f64,
+    /// Length of the motion that was prescribed, in the mean over the material at the nodes, [length].
+    prescribed: f64,
+    /// How far that material has gone along it, [length].
+    followed: f64,
+}
+
+impl Held {
+    /// Share of the most material so far that the nodes hold, [-].
+    pub fn share(&self) -> Option<f64> {
+        (self.most > 0.0).then(|| self.now / self.most)
+    }
+}
+
+/// Takes in a step for all boundary conditions that move given nodes; returns those whose material has left them.
+pub fn watch<const D: usize>(
+    held: &mut Vec<Held>,
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    delta_d: &[[f64; D]],
+    step: usize,
+) -> Vec<(usize, Warning)> {
+    held.resize(model.boundary_conditions.len(), Held::default());
+    let mut found = Vec::new();
+    for (number, condition) in model.boundary_conditions.iter().enumerate() {
+        let NodeSet::Fixed(nodes) = &condition.nodes else { continue };
+        if !condition.moves() {
+            continue;
+        }
+        let axes: [bool; D] = std::array::from_fn(|d| condition.displacement[d].is_some());
+        let at_nodes = AtNodes::new(points, links, nodes, axes, delta_d);
+        let held = &mut held[number];
+        held.now = at_nodes.volume;
+        held.most = held.most.max(held.now);
+        if at_nodes.volume > 0.0 {
+            held.prescribed += at_nodes.prescribed / at_nodes.volume;
+            held.followed += at_nodes.followed / at_nodes.volume;
+        }
+        if let Some(share) = held.share()
+            && share < LEAST_HELD
+        {
+            let place = at_nodes.emptiest(model, links, nodes);
+            found.push((number, warn(&condition.name, held, share, step, place)));
+        }
+    }
+    found
+}
+
+fn warn<const D: usize>(
+    condition: &str,
+    held: &Held,
+    share: f64,
+    step: usize,
+    place: Option<[f64; D]>,
+) -> Warning {
+    let Held { prescribed, followed, .. } = held;
+    let whole = 100.0 * share;
+    let place_text = place.map(|place| format!(", least at {}", at(&place))).unwrap_or_default();
+    Warning {
+        code: Code::LeftNodes,
+        step,
+        place: Place {
+            boundary_condition: Some(condition.to_owned()),
+            position: place.map(|place| place.to_vec()),
+            ..Place::default()
+        },
+        value: Some(share),
+        threshold: Some(LEAST_HELD),
+        message: format!(
+            "the nodes of `{condition}` hold {whole:.0} % of the material that they have held{place_text}; it has followed \
+             {followed:.4} of the {prescribed:.4} prescribed, and the reaction comes out too small"
+        ),
+        help: "move a body instead of grid nodes: model what pushes as a stiff body of its own and prescribe the motion of \
+               its `outer_layer`"
+            .to_owned(),
+    }
+}
+
+/// What a step shows of the material at some nodes.
+struct AtNodes {
+    /// By active node: its place among the nodes.
+    volume_of: Vec<f64>,
+    volume: f64,
+    /// Mean motions times the volume.
+    prescribed: f64,
+    followed: f64,
+}
+
+impl AtNodes {
+    fn new<const D: usize>(
+        points: &Points<D>,
+        links: &Connectivity<D>,
+        nodes: &[u32],
+        axes: [bool; D],
+        delta_d: &[[f64; D]],
+    ) -> AtNodes {
+        let mut is_meant = vec![false; links.n_active()];
+        for active in nodes.iter().filter_map(|&node| links.active_number(node as usize)) {
+            is_meant[active] = true;
+        }
+        let mut found =
+            AtNodes { volume_of: vec![0.0; links.n_active()], volume: 0.0, prescribed: 0.0, followed: 0.0 };
+        for group in 0..links.n_groups() {
+            let nodes = links.nodes_of(group);
+            if !nodes.iter().any(|&node| is_meant[node as usize]) {
+                continue;
+            }
+            for p in links.points_of(group) {
+                let volume = points.volume(p);
+                let (from, to) = (&points.converged.position[p], &points.trial.position[p]);
+                links.for_each_value(p, |place, value| {
+                    let node = nodes[place] as usize;
+                    if !is_meant[node] {
+                        return;
+                    }
+                    let weight = value * volume;
+                    let (mut length, mut along) = (0.0, 0.0);
+                    for d in (0..D).filter(|&d| axes[d]) {
+                        length += delta_d[node][d].powi(2);
+                        along += delta_d[node][d] * (to[d] - from[d]);
+                    }
+                    let length = length.sqrt();
+                    found.volume_of[node] += weight;
+                    found.volume += weight;
+                    if length > 0.0 {
+                        found.prescribed += weight * length;
+                        found.followed += weight * along / length;
+                    }
+                });
+            }
+        }
+        found
+    }
+
+    /// The first of the nodes that hold least.
+    fn emptiest<const D: usize>(
+        &self,
+        model: &Model<D>,
+        links: &Connectivity<D>,
+        nodes: &[u32],
+    ) -> Option<[f64; D]> {
+        let volume =
+            |node: u32| links.active_number(node as usize).map_or(0.0, |active| self.volume_of[active]);
+        let least = nodes.iter().copied().min_by(|&a, &b| volume(a).total_cmp(&volume(b)))?;
+        Some(model.grid.node_position(least as usize))
+    }
+}

@@ -1,0 +1,246 @@
+//! What is looked for after every step beside the measures of the points: parts that come apart, nodes that the material
+//! leaves, gaps that forces cross, and balances that do not balance.
+
+use super::cohesion::Cohesion;
+use super::warning::{Code, Place, Warning};
+use super::{Quality, Worst, gaps, holding, oscillation};
+use crate::model::{Body, Model};
+use crate::points::Points;
+use crate::solver::{StepReport, Summary};
+use crate::tensor::Sym3;
+
+/// Work of the fresh grids relative to that of loads and reactions beyond which there is a warning, [-].
+pub const MOST_REGRIDDING: f64 = 0.1;
+/// Error of the balance of energy beyond which there is a warning, [-].
+pub const MOST_ENERGY_ERROR: f64 = 0.1;
+/// The balances are judged after so many steps: before, their error is that of few steps.
+const FIRST_BALANCE: usize = 5;
+/// Work below that of this strain is round-off, [-].
+const STRAIN_OF_ROUND_OFF: f64 = 1e-6;
+/// Crossings of cell borders by a standard point, in the mean over a body, beyond which there is a warning, [-] …
+pub const MOST_CROSSINGS: f64 = 0.1;
+/// … where the work of the fresh grids is beyond this part of the external work, [-]: they do harm.
+pub const HARMFUL_REGRIDDING: f64 = 0.015;
+/// Root mean square error of the stresses of standard points relative to the square root of that part, as measured, [-].
+const STRESS_BY_REGRIDDING: f64 = 0.6;
+/// Mean rotation of a body whose domains are boxes beyond which there is a warning, [degrees].
+pub const MOST_BOX_ROTATION: f64 = 30.0;
+/// Oscillation of the pressures beyond which there is a warning, [-].
+pub const MOST_OSCILLATION: f64 = 1.5;
+/// Pressures are judged where at least this share of the energy has gone into plastic flow, [-].
+const LEAST_FLOW: f64 = 0.5;
+
+impl Quality {
+    /// Looks at a step that is in equilibrium but not committed, as for [`super::Measures::new`]; returns the warnings
+    /// that it gives rise to for the first time.
+    pub fn watch<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        report: &StepReport<D>,
+    ) -> Vec<Warning> {
+        let (links, step) = (&report.grid.links, report.step.index);
+        let mut found = Cohesion::watch(&mut self.cohesion, model, points, links, step);
+        found.extend(holding::watch(&mut self.held, model, points, links, &report.grid.delta_d, step));
+        found.extend(gaps::watch(model, points, links, step));
+        found.extend(self.turned_boxes(model, step));
+        let energy = &report.energy;
+        if energy.plastic_work > LEAST_FLOW * (energy.plastic_work + energy.strain_energy) {
+            let value = oscillation(&points.trial.kirchhoff_stress, links);
+            if self.pressure_oscillation.is_none_or(|(worst, _)| value > worst) {
+                self.pressure_oscillation = Some((value, step));
+            }
+            found.extend((value > MOST_OSCILLATION).then(|| (0, locking(value, step))));
+        }
+        self.for_the_first_time(found)
+    }
+
+    /// Judges the balances of the steps so far, of which `balance` is the account.
+    pub fn judge_balances<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        balance: &BalanceSoFar,
+        step: usize,
+    ) -> Vec<Warning> {
+        if balance.steps < FIRST_BALANCE {
+            return Vec::new();
+        }
+        let mut found = Vec::new();
+        found.extend(balance.regridding_warning(step).map(|warning| (0, warning)));
+        found.extend(balance.energy_warning(step).map(|warning| (0, warning)));
+        found.extend(self.crossings(model, balance, step));
+        if found.is_empty() || balance.gross_work <= work_of_round_off(model, points) {
+            return Vec::new();
+        }
+        self.for_the_first_time(found)
+    }
+
+    /// Whether a warning of the whole run is given for the first time.
+    pub fn is_first(&mut self, code: Code) -> bool {
+        self.raised.insert((code, 0))
+    }
+
+    fn for_the_first_time(&mut self, found: Vec<(usize, Warning)>) -> Vec<Warning> {
+        let is_new = |(number, warning): &(usize, Warning)| self.raised.insert((warning.code, *number));
+        found.into_iter().filter(is_new).map(|(_, warning)| warning).collect()
+    }
+
+    /// Crossings of cell borders by a standard point of a body, in the mean, [-].
+    pub fn mean_crossings(&self, body: usize) -> Option<f64> {
+        let [crossings, points] = *self.crossed.get(body)?;
+        (points > 0).then(|| crossings as f64 / points as f64)
+    }
+
+    /// Share of the most material so far that the nodes of a boundary condition hold; `None` where it moves no given
+    /// nodes, [-].
+    pub fn held_by_nodes(&self, condition: usize) -> Option<f64> {
+        self.held.get(condition)?.share()
+    }
+
+    fn crossings<const D: usize>(
+        &self,
+        model: &Model<D>,
+        balance: &BalanceSoFar,
+        step: usize,
+    ) -> Vec<(usize, Warning)> {
+        let share = balance.regridding().abs();
+        let warning = |(number, body): (usize, &Body)| {
+            let value = self.mean_crossings(number).filter(|value| *value > MOST_CROSSINGS)?;
+            let name = &body.name;
+            let error = 100.0 * STRESS_BY_REGRIDDING * share.sqrt();
+            Some((
+                number,
+                Warning {
+                    code: Code::Crossings,
+                    step,
+                    place: Place::body(name),
+                    value: Some(value),
+                    threshold: Some(MOST_CROSSINGS),
+                    message: format!(
+                        "body `{name}`: its standard points have crossed borders of cells {value:.2} times each; stresses \
+                         are probably wrong by some {error:.0} % (root mean square)"
+                    ),
+                    help: "use `method: gimp` or `method: cpdi2`, or a grid so coarse that points stay in their cells"
+                        .to_owned(),
+                },
+            ))
+        };
+        if share > HARMFUL_REGRIDDING {
+            model.bodies.iter().enumerate().filter_map(warning).collect()
+        } else {
+            Vec::new()
+        }
+    }
+
+    fn turned_boxes<const D: usize>(&self, model: &Model<D>, step: usize) -> Option<(usize, Warning)> {
+        let Worst { value, body, .. } = self.box_rotation.filter(|worst| worst.value > MOST_BOX_ROTATION)?;
+        let name = &model.bodies[body].name;
+        let warning = Warning {
+            code: Code::TurnedBoxes,
+            step,
+            place: Place::body(name),
+            value: Some(value),
+            threshold: Some(MOST_BOX_ROTATION),
+            message: format!(
+                "body `{name}` has turned by {value:.0}° in the mean, but the domains of its points remain boxes along the \
+                 axes and overlap; stresses that are there before a body turns by 45° are wrong by 3 % after it (root mean \
+                 square), by 90° by 9 %"
+            ),
+            help: "use `method: cpdi2`, whose domains turn with the body".to_owned(),
+        };
+        Some((body, warning))
+    }
+}
+
+/// Energy of all points under a strain that is round-off, [energy].
+fn work_of_round_off<const D: usize>(model: &Model<D>, points: &Points<D>) -> f64 {
+    let strain = Sym3([STRAIN_OF_ROUND_OFF, STRAIN_OF_ROUND_OFF, STRAIN_OF_ROUND_OFF, 0.0, 0.0, 0.0]);
+    (0..points.len()).map(|p| model.law(points, p).energy(&strain) * points.original_volume[p]).sum()
+}
+
+fn locking(value: f64, step: usize) -> Warning {
+    Warning {
+        code: Code::Locking,
+        step,
+        place: Place::default(),
+        value: Some(value),
+        threshold: Some(MOST_OSCILLATION),
+        message: format!(
+            "the pressures of the points of a cell differ by {value:.2} of the deviatoric stress (root mean square): the grid \
+             locks in plastic flow that keeps the volume; limit loads come out too large by a third or more"
+        ),
+        help: "use `method: gimp` with one point per cell and `analysis: {stabilisation: {mode: auto}}`, and compare grids; do \
+               not read pressures of single points"
+            .to_owned(),
+    }
+}
+
+/// Work and energy so far.
+#[derive(Debug, Clone, Copy)]
+pub struct BalanceSoFar {
+    /// Equilibrated steps.
+    pub steps: usize,
+    /// Work of loads and reactions, [energy].
+    pub external_work: f64,
+    /// Work of the forces that are out of balance on fresh grids, [energy].
+    pub regridding_work: f64,
+    /// Sum of the magnitudes of all work of all steps, [energy].
+    pub gross_work: f64,
+    /// [`Summary::energy_error`], [-].
+    pub energy_error: f64,
+}
+
+impl BalanceSoFar {
+    /// From the account of a run.
+    pub fn new(summary: &Summary) -> BalanceSoFar {
+        BalanceSoFar {
+            steps: summary.steps,
+            external_work: summary.external_work,
+            regridding_work: summary.regridding_work,
+            gross_work: summary.gross_work,
+            energy_error: summary.energy_error(),
+        }
+    }
+
+    /// Work of the fresh grids relative to the external work, or to the sum of the magnitudes of all work where that is
+    /// larger, as on a path that leads back; 0 of nothing, [-].
+    pub fn regridding(&self) -> f64 {
+        let all = self.external_work.abs().max(self.gross_work);
+        if all > 0.0 { self.regridding_work / all } else { 0.0 }
+    }
+
+    fn regridding_warning(&self, step: usize) -> Option<Warning> {
+        let value = self.regridding();
+        (value.abs() > MOST_REGRIDDING).then(|| Warning {
+            code: Code::Regridding,
+            step,
+            place: Place::default(),
+            value: Some(value),
+            threshold: Some(MOST_REGRIDDING),
+            message: format!(
+                "forces that fresh grids leave out of balance have done {:.0} % of the external work: displacements and \
+                 stresses depend on the grid and on the number of steps",
+                100.0 * value
+            ),
+            help: "use `method: gimp` or `method: cpdi2`, more points per cell, or a finer grid".to_owned(),
+        })
+    }
+
+    fn energy_warning(&self, step: usize) -> Option<Warning> {
+        let value = self.energy_error;
+        (value.abs() > MOST_ENERGY_ERROR).then(|| Warning {
+            code: Code::Energy,
+            step,
+            place: Place::default(),
+            value: Some(value),
+            threshold: Some(MOST_ENERGY_ERROR),
+            message: format!(
+                "work, stored energy and plastic work differ by {:.0} % of all work",
+                100.0 * value.abs()
+            ),
+            help: "use more load steps (`steps: count`): the error of the balance falls with the square of their size"
+                .to_owned(),
+        })
+    }
+}

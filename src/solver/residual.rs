@@ -1,0 +1,266 @@
+//! The measure of equilibrium: eq. (40) for each connected part of the bodies, and what round-off allows to be said of it.
+//!
+//! A part is in equilibrium by its own forces: a stiff or heavily loaded body elsewhere says nothing about it. Where
+//! round-off keeps a part from the tolerance, the step may still be accepted, marked, if what is out of balance is round-off
+//! of each node's own equations and small beside the forces on the part. Nothing of this changes the residual that is told.
+
+use crate::assembly::System;
+use crate::basis::Connectivity;
+use crate::model::Model;
+
+use super::Nodal;
+use super::newton::norm;
+
+/// Largest residual of a part, and largest resultant of its out-of-balance force relative to the sum of its forces, that is
+/// accepted where round-off forbids a smaller one, [-].
+pub(super) const MOST_OF_ROUND_OFF: f64 = 1e-6;
+
+/// Round-off of a nodal force relative to the terms Σ |K_vw| |Δd_w| of a displacement increment, in units of the machine
+/// precision.
+const IN_MOTION: f64 = 16.0;
+/// Round-off of a nodal force relative to K_vv h, the force of a strain of one over a cell, in units of the machine
+/// precision: deformation gradients are about one.
+const IN_STRAIN: f64 = 8.0;
+
+/// Reactions of a part that carries nothing are round-off that has accumulated in the stresses over the steps, up to this
+/// multiple of that of one step.
+const ACCUMULATED: f64 = 100.0;
+
+/// The connected parts of the active nodes.
+#[derive(Debug, Clone)]
+pub(super) struct Parts {
+    /// Number of the part of each node.
+    of_node: Vec<u32>,
+    /// Number of parts.
+    n: usize,
+}
+
+impl Parts {
+    /// From the lowest node of the part of each node, [`Connectivity::parts`].
+    pub(super) fn new(lowest: &[usize]) -> Parts {
+        let mut of_node = vec![0; lowest.len()];
+        let mut n = 0;
+        for (node, &first) in lowest.iter().enumerate() {
+            of_node[node] = if first == node { n } else { of_node[first] };
+            n += u32::from(first == node);
+        }
+        Parts { of_node, n: n as usize }
+    }
+
+    /// Square root of the sum of squares of a nodal field over each part.
+    fn norms<const D: usize>(&self, field: impl Iterator<Item = [f64; D]>) -> Vec<f64> {
+        let mut sums = vec![0.0; self.n];
+        for (value, part) in field.zip(&self.of_node) {
+            for x in value {
+                sums[*part as usize] += x * x;
+            }
+        }
+        sums.into_iter().map(f64::sqrt).collect()
+    }
+}
+
+/// What an evaluation says about equilibrium.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Measured {
+    /// Eq. (40) for the part that is farthest from equilibrium, [-]; parts that carry nothing but round-off do not count.
+    pub(super) residual: f64,
+    /// What round-off has to do with it.
+    pub(super) round_off: RoundOff,
+}
+
+/// What round-off has to do with a residual.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum RoundOff {
+    /// Nothing, or it is not the reason why a residual is above the tolerance.
+    NoMatter,
+    /// All that is above the tolerance are parts that carry nothing: their forces are round-off.
+    OfNothing,
+    /// It keeps parts from the tolerance, but not from [`MOST_OF_ROUND_OFF`].
+    Limits,
+    /// It keeps parts from [`MOST_OF_ROUND_OFF`].
+    Forbids,
+}
+
+/// The forces of an iterate.
+pub(super) struct Forces<'a, const D: usize> {
+    /// f_ext − f_int + f_react, [force].
+    pub(super) out_of_balance: &'a Nodal<D>,
+    /// [force].
+    pub(super) f_ext: &'a Nodal<D>,
+    /// [force].
+    pub(super) reaction: &'a Nodal<D>,
+}
+
+impl<const D: usize> Forces<'_, D> {
+    fn total(&self, node: usize) -> [f64; D] {
+        std::array::from_fn(|d| self.f_ext[node][d] + self.reaction[node][d])
+    }
+
+    /// Whether no load acts on a node where it is free, and loads and reactions together are round-off where it is held: a load
+    /// may go right into a support.
+    fn carries_nothing(&self, node: usize, noise: f64) -> bool {
+        let (load, reaction) = (&self.f_ext[node], &self.reaction[node]);
+        (0..D).all(|d| match reaction[d] {
+            0.0 => load[d] == 0.0,
+            held => (load[d] + held).abs() <= noise,
+        })
+    }
+
+    /// Eq. (40) for each part: the out-of-balance force and external forces and reactions together.
+    fn of_parts(&self, parts: &Parts) -> Vec<[f64; 2]> {
+        let out = parts.norms(self.out_of_balance.iter().copied());
+        let force = parts.norms((0..self.f_ext.len()).map(|node| self.total(node)));
+        out.into_iter().zip(force).map(|(out, force)| [out, force]).collect()
+    }
+
+    /// Eq. (40) where it meets the tolerance in every part.
+    pub(super) fn balanced(&self, parts: &Parts, tolerance: f64) -> Option<f64> {
+        let of_parts = self.of_parts(parts);
+        let largest = of_parts.iter().map(|&[out, force]| ratio(out, force)).fold(0.0, largest);
+        (largest <= tolerance).then_some(largest)
+    }
+
+    /// Eq. (40), and what round-off has to do with it where it is above the tolerance.
+    pub(super) fn measure(&self, parts: &Parts, tolerance: f64, at: &Iterate<'_, D>) -> Measured {
+        let of_parts = self.of_parts(parts);
+        let mut residuals: Vec<f64> = of_parts.iter().map(|&[out, force]| ratio(out, force)).collect();
+        let open: Vec<bool> = residuals.iter().map(|r| *r > tolerance || r.is_nan()).collect();
+        let told = |residuals: &[f64], round_off| Measured {
+            residual: residuals.iter().copied().fold(0.0, largest),
+            round_off,
+        };
+        if !open.contains(&true) {
+            return told(&residuals, RoundOff::NoMatter);
+        }
+        let noise = at.round_off();
+        let resultants = self.resultants(parts, at.model.revolved);
+        let (mut carries_nothing, mut is_round_off) = (open.clone(), open.clone());
+        for (node, noise) in noise.iter().enumerate() {
+            let part = parts.of_node[node] as usize;
+            let is_within = self.out_of_balance[node].iter().all(|f| f.abs() <= *noise);
+            is_round_off[part] &= is_within;
+            carries_nothing[part] &= is_within && self.carries_nothing(node, ACCUMULATED * noise);
+        }
+        let mut round_off = RoundOff::OfNothing;
+        for part in (0..parts.n).filter(|&part| open[part]) {
+            if carries_nothing[part] {
+                residuals[part] = 0.0;
+            } else if !is_round_off[part] {
+                round_off = RoundOff::NoMatter;
+                break;
+            } else if residuals[part].max(resultants[part]) > MOST_OF_ROUND_OFF {
+                round_off = RoundOff::Forbids;
+            } else if round_off != RoundOff::Forbids {
+                round_off = RoundOff::Limits;
+            }
+        }
+        if round_off == RoundOff::NoMatter {
+            // A part without forces is measured against its internal force.
+            let internal = parts.norms(at.system.internal_force().iter().copied());
+            for (part, &[out, force]) in of_parts.iter().enumerate() {
+                if force == 0.0 && out > 0.0 && !carries_nothing[part] {
+                    residuals[part] = out / internal[part];
+                }
+            }
+        }
+        told(&residuals, round_off)
+    }
+
+    /// Magnitude of the sum of the out-of-balance force over each part, relative to the magnitudes of all its forces; along
+    /// the axes that have a balance of forces.
+    fn resultants(&self, parts: &Parts, revolved: bool) -> Vec<f64> {
+        let mut sums = vec![([0.0; D], 0.0); parts.n];
+        for (node, part) in parts.of_node.iter().enumerate() {
+            let (sum, scale) = &mut sums[*part as usize];
+            let total = self.total(node);
+            for d in usize::from(revolved)..D {
+                sum[d] += self.out_of_balance[node][d];
+            }
+            *scale += total.iter().map(|f| f.abs()).sum::<f64>();
+        }
+        sums.into_iter().map(|(sum, scale)| ratio(norm(sum.into_iter()), scale)).collect()
+    }
+}
+
+/// Where an evaluation was made.
+pub(super) struct Iterate<'a, const D: usize> {
+    pub(super) model: &'a Model<D>,
+    pub(super) links: &'a Connectivity<D>,
+    pub(super) system: &'a System<D>,
+    pub(super) delta_d: &'a Nodal<D>,
+}
+
+impl<const D: usize> Iterate<'_, D> {
+    /// Round-off of the force at each node, [force]: that of the products of its row of K with the displacement increment,
+    /// and that of strains over the cells around it.
+    fn round_off(&self) -> Vec<f64> {
+        let Iterate { model, links, system, delta_d } = self;
+        let mut size = vec![0.0f64; delta_d.len()];
+        for &cell in links.active_cells() {
+            let of_cell = model.grid.size(cell as usize);
+            for node in model.grid.corners(cell as usize).nodes() {
+                if let Some(active) = links.active_number(*node as usize) {
+                    size[active] = size[active].max(of_cell);
+                }
+            }
+        }
+        let largest_of = |x: &[f64; D]| x.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+        let motion = system.magnitudes(delta_d);
+        let diagonal = system.diagonal();
+        let nodes = motion.iter().zip(&diagonal).zip(&size);
+        nodes
+            .map(|((motion, stiffness), size)| {
+                f64::EPSILON * (IN_MOTION * largest_of(motion) + IN_STRAIN * size * largest_of(stiffness))
+            })
+            .collect()
+    }
+}
+
+/// The larger of two residuals; not a number if one is not.
+fn largest(a: f64, b: f64) -> f64 {
+    if a >= b || a.is_nan() { a } else { b }
+}
+
+/// `out` relative to `force`; nothing is nothing, whatever it is relative to.
+fn ratio(out: f64, force: f64) -> f64 {
+    if out == 0.0 { 0.0 } else { out / force }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Four nodes in two parts, the second of which carries a millionth of the forces of the first.
+    fn forces(out: [f64; 4]) -> [Nodal<1>; 3] {
+        let field = |values: [f64; 4]| values.map(|x| [x]).to_vec();
+        [field(out), field([1e6, 0.0, 1.0, 0.0]), field([0.0, -1e6, 0.0, -1.0])]
+    }
+
+    fn residual(out: [f64; 4], tolerance: f64) -> Option<f64> {
+        let [out_of_balance, f_ext, reaction] = forces(out);
+        let forces = Forces { out_of_balance: &out_of_balance, f_ext: &f_ext, reaction: &reaction };
+        forces.balanced(&Parts::new(&[0, 0, 2, 2]), tolerance)
+    }
+
+    #[test]
+    fn a_heavily_loaded_part_does_not_hide_another_one() {
+        let length = f64::sqrt(2.0);
+        assert_eq!(residual([0.0; 4], 1e-9), Some(0.0));
+        assert_eq!(residual([1e-4, 0.0, 0.0, 0.0], 1e-9), Some(1e-4 / 2e12f64.sqrt()));
+        assert_eq!(residual([0.0, 0.0, 1e-4, 0.0], 1e-9), None);
+        assert_eq!(residual([0.0, 0.0, 0.0, 1e-4], 1e-3), Some(1e-4 / length));
+        assert_eq!(residual([f64::NAN, 0.0, 0.0, 0.0], 1e-3), None);
+    }
+
+    #[test]
+    fn parts_are_numbered_by_their_lowest_nodes() {
+        let parts = Parts::new(&[0, 1, 0, 1, 4, 0]);
+        assert_eq!((parts.of_node, parts.n), (vec![0, 1, 0, 1, 2, 0], 3));
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_the_largest() {
+        assert!([1.0, f64::NAN, 2.0].into_iter().fold(0.0, largest).is_nan());
+        assert_eq!([1.0, 3.0, 2.0].into_iter().fold(0.0, largest), 3.0);
+    }
+}

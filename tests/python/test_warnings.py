@@ -1,0 +1,194 @@
+"""Warnings of runs: where they are shown, what they say, and which decks give none."""
+
+import json
+
+import numpy as np
+import pytest
+
+from results import Results
+
+CLAY = "materials: {m: {model: hencky, young: 1e6, poisson: 0.3, density: 2000}}"
+
+GAP = """
+version: 1
+grid: {type: structured, origin: [0, 0], size: [4, 4], spacing: 0.25}
+materials: {m: {model: hencky, young: 1e6, poisson: 0.3}}
+bodies:
+  - {name: lower, material: m, shape: {type: box, min: [1, 0], max: [3, 1.5]}, points_per_cell: 4}
+  - {name: upper, material: m, shape: {type: box, min: [1.5, LOW], max: [2.5, HIGH]}, point_spacing: 0.05}
+boundary_conditions:
+  - {name: floor, nodes: {y: 0}, fix: [x, y]}
+  - {name: push, nodes: {outer_layer: upper}, ux: 0, uy: -0.1}
+steps: {count: 2}
+output: {every: 0}
+"""
+
+TEAR = f"""
+version: 1
+grid: {{type: structured, origin: [0, 0], size: [12, 6], spacing: 1}}
+{CLAY}
+bodies:
+  - {{name: block, material: m, shape: {{type: box, min: [0, 0], max: [4, 4]}}, method: mpm, points_per_cell: 2}}
+boundary_conditions:
+  - {{name: tear, nodes: {{box: {{min: [0, 0], max: [12, 6]}}}}, ux: "if(x > 2.5, 6, 0)", uy: 0}}
+steps: {{count: 8}}
+checkpoint: {{every: 5}}
+output: {{every: 1}}
+"""
+
+FOOTING = """
+version: 1
+parameters: {h: 0.5, push: 0.04, young: 20e6, method: mpm, n: 2, steps: 20, stabilisation: "off"}
+analysis: {stabilisation: {mode: "${stabilisation}"}}
+grid: {type: structured, origin: [0, 0], size: [8, 5], spacing: "${h}"}
+materials: {m: {model: von-mises, young: "${young}", poisson: 0.45, deviatoric_yield_stress: 14142}}
+bodies:
+  - {name: ground, material: m, shape: {type: box, min: [0, 0], max: [8, 4]}, method: "${method}", points_per_cell: "${n}"}
+boundary_conditions:
+  - {name: symmetry, nodes: {x: 0}, fix: [x]}
+  - {name: side, nodes: {x: 8}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+  - {name: push, nodes: {box: {min: [0, 4], max: [1, 4]}}, ux: 0, uy: "${-push}"}
+steps: {count: "${steps}"}
+output: {every: 0}
+"""
+
+
+@pytest.fixture
+def run(mpm, tmp_path):
+    """Runs the text of a deck; returns the process and the summary."""
+
+    def run(text, *words, **parameters):
+        deck, out = tmp_path / "deck.yaml", tmp_path / "out"
+        deck.write_text(text)
+        settings = [word for name, value in parameters.items() for word in ("--set", f"{name}={value}")]
+        process = mpm("run", deck, "--out", out, *settings, *words)
+        assert process.returncode == 0, process.stderr
+        return process, json.loads((out / "summary.json").read_text())
+
+    return run
+
+
+def of_code(summary, code):
+    """The one warning of a code."""
+    (warning,) = [warning for warning in summary["warnings"] if warning["code"] == code]
+    return warning
+
+
+def test_a_gap_that_forces_cross_is_told_everywhere(mpm, run, tmp_path):
+    log = tmp_path / "log"
+    process, summary = run(GAP.replace("LOW", "1.7").replace("HIGH", "2.7"), "--log", log)
+    warning = of_code(summary, "W007")
+    assert set(warning) == {"code", "step", "place", "value", "threshold", "message", "help"}
+    assert warning["step"] == 1 and warning["value"] == pytest.approx(0.2)
+    assert warning["threshold"] == pytest.approx(0.5 * 0.25 / 4)
+    assert warning["place"]["bodies"] == ["lower", "upper"] and warning["place"]["position"][1] == 1.5
+    lines = [f"warning[W007]: step 1: {warning['message']}", f"  help: {warning['help']}"]
+    assert "\n".join(lines) in process.stderr
+    assert all(line in log.read_text() for line in lines)
+    report = mpm("report", tmp_path / "out")
+    assert report.returncode == 0, report.stderr
+    assert "<b>Warning W007.</b> Step 1: bodies" in (tmp_path / "out" / "report.html").read_text()
+    page = mpm("explain", "w007").stdout
+    assert page.startswith("# W007: bodies that act on each other across a gap")
+
+
+@pytest.mark.parametrize("low, high", [("1.5", "2.5"), ("2.2", "3.2")])
+def test_bodies_that_touch_or_are_far_apart_are_left_alone(run, low, high):
+    _, summary = run(GAP.replace("LOW", low).replace("HIGH", high))
+    assert summary["warnings"] == []
+
+
+def test_a_body_that_comes_apart_is_told_with_its_gap(run, tmp_path):
+    _, summary = run(TEAR)
+    warning = of_code(summary, "W005")
+    assert (warning["value"], warning["threshold"]) == (2, 1) and warning["place"]["bodies"] == ["block"]
+    # Whether the sides of the gap share nodes is decided where the step starts; the gap is that of its end.
+    step = warning["step"]
+    x = [mesh.points[:, 0] for _, mesh in zip(range(step + 1), Results(tmp_path / "out").meshes("points"))]
+    columns = lambda k: set(np.floor(x[k] + 1e-9).astype(int))
+    empty = lambda k: sorted(set(range(min(columns(k)), max(columns(k)))) - columns(k))
+    assert not empty(step - 2)
+    (cell,) = empty(step - 1)
+    left, right = x[step][x[step - 1] < cell].max(), x[step][x[step - 1] > cell].min()
+    assert warning["place"]["position"][0] == pytest.approx((left + right) / 2, abs=1e-5)
+    assert f"{right - left:.4f} wide" in warning["message"]
+
+
+def test_bodies_that_hung_together_come_apart(run):
+    (body,) = [line for line in TEAR.splitlines() if "name: block" in line]
+    left = body.replace("block", "left").replace("max: [4, 4]", "max: [3, 4]")
+    right = "  - {name: right, material: m, shape: {type: box, min: [3.5, 0], max: [5.5, 4]}, method: mpm, point_spacing: 0.5}"
+    two = TEAR.replace(body, f"{left}\n{right}").replace("x > 2.5", "x > 3.5")
+    _, summary = run(two)
+    assert of_code(summary, "W005")["place"]["bodies"] == ["right", "left"]
+
+
+def test_a_run_that_goes_on_has_the_same_warnings(mpm, run, tmp_path):
+    _, whole = run(TEAR)
+    (tmp_path / "out" / "summary.json").unlink()
+    (tmp_path / "out" / "checkpoint_0008.mpm").unlink()
+    process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out", "--resume")
+    assert process.returncode == 0 and "going on after step 5" in process.stderr, process.stderr
+    again = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert whole["warnings"] and again["warnings"] == whole["warnings"]
+    assert "warning[W005]" not in process.stderr, "told before"
+
+
+def test_nodes_that_the_material_leaves(run):
+    _, summary = run(FOOTING, h=0.25, push=0.25, young=2e6, steps=25, method="gimp")
+    warning = of_code(summary, "W006")
+    assert warning["place"]["boundary_condition"] == "push" and warning["place"]["position"][1] == 4
+    assert 0.4 < warning["value"] < warning["threshold"] == 0.5
+    assert summary["quality"]["held_by_nodes"]["push"] < 0.2
+    _, summary = run(FOOTING, h=0.25, push=0.01, method="gimp")
+    assert "W006" not in [warning["code"] for warning in summary["warnings"]]
+    assert summary["quality"]["held_by_nodes"]["push"] > 0.9
+
+
+def test_locking_is_told_where_pressures_alternate(run):
+    _, summary = run(FOOTING)
+    warning = of_code(summary, "W012")
+    assert 1.5 < warning["value"] < summary["quality"]["pressure_oscillation"]["value"]
+    _, summary = run(FOOTING, n=1, method="gimp", stabilisation="auto")
+    assert summary["quality"]["pressure_oscillation"]["value"] == 0 and summary["warnings"] == []
+
+
+def test_a_motion_without_strain_gives_no_warning_about_work(analyse):
+    summary = analyse("inputs/domains.yaml", angle=0.9, every=0).summary
+    assert [warning["code"] for warning in summary["warnings"]] == ["W011"]
+    warning = of_code(summary, "W011")
+    step = int(np.ceil(np.radians(30) / 0.9 * 20))
+    assert warning["step"] == step and warning["value"] == pytest.approx(np.degrees(0.9 * step / 20))
+
+
+def test_the_table_at_the_end_tells_the_bounds(mpm, tmp_path):
+    process = mpm("run", "inputs/compaction.yaml", "--out", tmp_path, "--set", "every=0")
+    table = " ".join(process.stdout.split())
+    for text in ("of the external work (warning above 10 %)", "of a domain outside the grid (warning above 1 %)",
+                 "(warning above 30°)", "(warning above 1e-3)", "(warning for energy above 10 % from step 5 on)"):
+        assert text in table, text
+
+
+# What the decks of `inputs` give, each with its cause in the page of the code.
+EXPECTED = [
+    ("compaction.yaml", {"method": "mpm"}, []),
+    ("compaction.yaml", {"method": "mpm", "young": 1e4, "steps": 40}, ["W008", "W010"]),
+    ("shear.yaml", {"h": 0.25}, []),
+    ("annulus.yaml", {}, []),
+    ("collapse.yaml", {"n": 3}, []),
+    ("collapse.yaml", {"n": 3, "method": "mpm"}, ["W010"]),
+    ("footing.yaml", {"h": 0.5}, []),
+    ("cylinder.yaml", {}, []),
+    ("cantilever.yaml", {"h": 0.5}, []),
+    ("beam.yaml", {"n": 4}, ["W011"]),
+    ("beam.yaml", {"n": 4, "method": "cpdi2"}, []),
+    ("arch.yaml", {"h": 0.5, "steps": 20}, []),
+    ("twist.yaml", {"h": 0.5}, []),
+]
+
+
+@pytest.mark.parametrize("deck, parameters, codes", EXPECTED)
+def test_decks_of_the_paper_and_others(analyse, deck, parameters, codes):
+    summary = analyse(f"inputs/{deck}", every=0, **parameters).summary
+    assert sorted(warning["code"] for warning in summary["warnings"]) == codes
