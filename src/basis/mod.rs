@@ -5,6 +5,7 @@ mod cpdi;
 mod factors;
 mod gimp;
 mod mpm;
+mod slivers;
 
 use serde::{Deserialize, Serialize};
 
