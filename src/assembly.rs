@@ -263,6 +263,11 @@ impl<const D: usize> System<D> {
         self.pairs.matrix(&self.blocks).multiply(&mut self.division, x, out);
     }
 
+    /// The largest magnitude of an entry of K.
+    pub fn largest_entry(&self) -> f64 {
+        self.blocks.iter().flatten().flatten().fold(0.0, |largest, entry| f64::max(largest, entry.abs()))
+    }
+
     /// Σ |K_vw| |x_w| over all active nodes: the size of the terms that K x adds up, per node.
     pub fn magnitudes(&self, x: &[[f64; D]]) -> Vec<[f64; D]> {
         let mut sums = vec![[0.0; D]; x.len()];

@@ -23,6 +23,7 @@ use cohesion::Cohesion;
 use holding::Held;
 pub use measure::{AtPoint, Measures, OfBody, newton_order};
 pub use motion::Objection;
+use motion::rotation_of_turn;
 use overlap::domain_overlap;
 pub use pressure::oscillation;
 pub use warning::{Code, Place, Warning};
@@ -224,7 +225,7 @@ impl Quality {
                 keep_worst(&mut self.domain_volume_excess, Worst { value, step, body: number, point: None });
             }
             if model.bodies[number].method.domain() == DomainKind::Box && body.volume > 0.0 {
-                let value = body.box_turning / body.volume;
+                let value = rotation_of_turn(body.box_turning / body.volume);
                 keep_worst(&mut self.box_rotation, Worst { value, step, body: number, point: None });
             }
             self.crossed[number][0] += body.crossings;

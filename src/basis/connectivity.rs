@@ -351,7 +351,9 @@ impl<const D: usize> Connectivity<D> {
         for group in 0..self.n_groups() {
             let nodes = self.nodes_of(group);
             let mut last: &[u32] = &[];
-            for p in self.points_of(group) {
+            let of_group = self.points_of(group);
+            let looked_at = if self.is_whole(group) { of_group.start..of_group.start + 1 } else { of_group };
+            for p in looked_at {
                 let local = self.places(p);
                 if local == last {
                     continue; // neighbours in a cell mostly touch the same nodes
@@ -368,14 +370,24 @@ impl<const D: usize> Connectivity<D> {
 
     /// Number of the active node that moves with a grid node: that node, or where only slivers of basis functions touch it
     /// the one that carries it; `None` where no point is near.
+    #[inline(always)]
     pub fn moves_with(&self, node: usize) -> Option<usize> {
-        self.active_number(node).or_else(|| {
-            let place = self.carried.binary_search_by_key(&(node as u32), |pair| pair[0]).ok()?;
-            self.active_number(self.carried[place][1] as usize)
-        })
+        match self.active_of[node] {
+            INACTIVE if self.carried.is_empty() => None,
+            INACTIVE => self.carrier(node),
+            number => Some(number as usize),
+        }
+    }
+
+    /// Number of the active node that carries a grid node which only slivers of basis functions touch.
+    #[cold]
+    fn carrier(&self, node: usize) -> Option<usize> {
+        let place = self.carried.binary_search_by_key(&(node as u32), |pair| pair[0]).ok()?;
+        self.active_number(self.carried[place][1] as usize)
     }
 
     /// Active number of a grid node, if any point touches it by more than a sliver of its basis function.
+    #[inline]
     pub fn active_number(&self, node: usize) -> Option<usize> {
         match self.active_of[node] {
             INACTIVE => None,
@@ -420,6 +432,8 @@ impl<const D: usize> Piece<D> {
             touched.clear();
             holds.clear();
             nodes.clear();
+            let mut held_from = 0; // where in `touched` the nodes begin that are known to be touched by more
+            let size = range.clone().next().map_or(0.0, |p| grid.size(points.cell[p] as usize));
             let mut n_links = 0;
             for p in range.clone() {
                 let half_lengths = points.half_lengths(p);
@@ -457,13 +471,20 @@ impl<const D: usize> Piece<D> {
                     piece.cells.extend_from_slice(&support.cells);
                     touched.extend_from_slice(&support.nodes);
                     holds.resize(touched.len(), false);
+                    held_from = touched.len();
                 }
-                let size = grid.size(points.cell[p] as usize);
                 let of_point = touched.len() - support.nodes.len();
-                for (k, holds) in holds[of_point..].iter_mut().enumerate() {
-                    *holds = *holds || !is_sliver(support.value[k], &support.gradient[k], size);
+                if of_point < held_from {
+                    let mut all_hold = true;
+                    for (k, holds) in holds[of_point..].iter_mut().enumerate() {
+                        *holds = *holds || !is_sliver(support.value[k], &support.gradient[k], size);
+                        all_hold &= *holds;
+                    }
+                    if all_hold {
+                        held_from = of_point;
+                    }
                 }
-                piece.local_start.push(piece.local.len() + touched.len() - support.nodes.len());
+                piece.local_start.push(piece.local.len() + of_point);
             }
             piece.group_node_start.push(piece.group_nodes.len());
             nodes.sort_unstable();

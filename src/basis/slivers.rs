@@ -7,6 +7,7 @@ use crate::grid::Grid;
 /// cell, within which points lie on grid lines.
 const SLIVER: f64 = 1e-8;
 
+#[inline]
 pub(super) fn is_sliver<const D: usize>(value: f64, gradient: &[f64; D], size: f64) -> bool {
     value.abs() < SLIVER && gradient.iter().all(|slope| slope.abs() * size < SLIVER)
 }

@@ -412,7 +412,7 @@ impl<const D: usize> Observer<D> for Results {
         if is_due(self.every, model, report.step) {
             self.settle()?; // before the next frames take memory
             let mut frames = self.frames.of_points(model, points, report.step)?;
-            let GridFields { links, delta_d, reaction } = &report.grid;
+            let GridFields { links, delta_d, reaction, .. } = &report.grid;
             frames.push(self.frames.of_grid(model, links, &on_nodes(delta_d, reaction), report.step)?);
             self.show(report.step, frames)?;
         } else if !self.writer.is_at_work() {

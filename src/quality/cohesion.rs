@@ -11,6 +11,7 @@ use super::warning::{Code, Place, Warning, at};
 use crate::basis::Connectivity;
 use crate::model::Model;
 use crate::points::Points;
+use crate::solver::GridFields;
 
 /// Marks a node that no cluster has touched.
 const NOBODY: u16 = u16::MAX;
@@ -121,15 +122,21 @@ impl Cohesion {
             && self.together.iter().all(|&body| body < bodies)
     }
 
-    /// Takes in the links of a step: remembers those of the first one and returns what has come apart since.
+    /// Takes in the grid of a step: remembers that of the first one and returns what has come apart since.
     pub fn watch<const D: usize>(
         known: &mut Option<Cohesion>,
         model: &Model<D>,
         points: &Points<D>,
-        links: &Connectivity<D>,
+        grid: &GridFields<D>,
         step: usize,
     ) -> Vec<(usize, Warning)> {
-        let now = Parts::new(model, points, links);
+        if let Some(Cohesion { parts, .. }) = known
+            && parts.len() == 1
+            && grid.parts <= parts[0]
+        {
+            return Vec::new(); // the parts of the only body are those of the active nodes
+        }
+        let now = Parts::new(model, points, &grid.links);
         let count = now.count(model.bodies.len());
         let Some(start) = known else {
             *known = Some(Cohesion { parts: count, together: now.together });

@@ -30,7 +30,7 @@ pub struct OfBody {
     pub shear: Option<AtPoint>,
     /// The motion that the domain update does not stand; `None` where it stands all.
     pub objection: Option<AtPoint>,
-    /// Sum of volume times rotation over the points whose domain is a box that cannot follow it, [volume · degrees].
+    /// Sum of volume times [`turn`] over the points whose domain is a box that cannot follow it, [volume].
     pub box_turning: f64,
     /// Number of points without domain that end the step in another cell.
     pub crossings: usize,
@@ -160,6 +160,7 @@ impl Measures {
         objections: &[Option<Objection>],
         group: usize,
     ) {
+        let structured = model.grid.structured(); // a grid whose type is known has its arithmetic in line
         let mut filled = 0.0;
         for p in links.points_of(group) {
             filled += points.volume(p);
@@ -186,12 +187,16 @@ impl Measures {
                 DomainKind::None => {
                     let (cell, x) = (points.cell[p], &points.trial.position[p]);
                     body.points += 1;
-                    body.crossings += usize::from(model.grid.locate(x, Some(cell)) != Some(cell));
+                    let now = match structured {
+                        Some(grid) => grid.locate(x, Some(cell)),
+                        None => model.grid.locate(x, Some(cell)),
+                    };
+                    body.crossings += usize::from(now != Some(cell));
                     continue;
                 }
                 DomainKind::Box => {
                     if diagonal_misses_volume::<D>(gradient) {
-                        body.box_turning += rotation_of_turn(turn) * det_f * points.original_volume[p];
+                        body.box_turning += turn * det_f * points.original_volume[p];
                     }
                     let (x, l) = (&points.trial.position[p], &points.trial.half_lengths[p]);
                     (l.iter().map(|l| 2.0 * l).product(), share_of_box_outside(model.grid.as_ref(), x, l))

@@ -40,7 +40,7 @@ impl Quality {
         report: &StepReport<D>,
     ) -> Vec<Warning> {
         let (links, step) = (&report.grid.links, report.step.index);
-        let mut found = Cohesion::watch(&mut self.cohesion, model, points, links, step);
+        let mut found = Cohesion::watch(&mut self.cohesion, model, points, &report.grid, step);
         found.extend(holding::watch(&mut self.held, model, points, links, &report.grid.delta_d, step));
         found.extend(gaps::watch(model, points, links, step));
         found.extend(self.turned_boxes(model, step));

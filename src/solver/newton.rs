@@ -137,7 +137,12 @@ impl<const D: usize> Solver<D> {
             load_factor,
             unknowns: dofs.n_free(),
             stabilised_faces: system.stabilised_faces(),
-            grid: GridFields { links, delta_d: unknowns.delta_d, reaction: reaction_field },
+            grid: GridFields {
+                links,
+                parts: unknowns.parts.count(),
+                delta_d: unknowns.delta_d,
+                reaction: reaction_field,
+            },
             rounding_limited: course.round_off != RoundOff::NoMatter,
             residuals: course.residuals,
             factorisations: course.solved.iter().map(|s: &Solved| s.factorisation).collect(),

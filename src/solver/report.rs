@@ -93,6 +93,8 @@ impl<const D: usize> Observer<D> for Silent {}
 pub struct GridFields<const D: usize> {
     /// The links of the step; tells which nodes are active.
     pub links: Connectivity<D>,
+    /// Number of connected parts of the active nodes.
+    pub parts: usize,
     /// Displacement increment of the active nodes, [length].
     pub delta_d: Nodal<D>,
     /// Reaction on the active nodes, zero where free, [force].

@@ -47,6 +47,11 @@ impl Parts {
         Parts { of_node, n: n as usize }
     }
 
+    /// Number of parts.
+    pub(super) fn count(&self) -> usize {
+        self.n
+    }
+
     /// Square root of the sum of squares of a nodal field over each part.
     fn norms<const D: usize>(&self, field: impl Iterator<Item = [f64; D]>) -> Vec<f64> {
         let mut sums = vec![0.0; self.n];
@@ -132,15 +137,19 @@ impl<const D: usize> Forces<'_, D> {
         if !open.contains(&true) {
             return told(&residuals, RoundOff::NoMatter);
         }
-        let noise = at.round_off();
-        let resultants = self.resultants(parts, at.model.revolved);
         let (mut carries_nothing, mut is_round_off) = (open.clone(), open.clone());
-        for (node, noise) in noise.iter().enumerate() {
-            let part = parts.of_node[node] as usize;
-            let is_within = self.out_of_balance[node].iter().all(|f| f.abs() <= *noise);
-            is_round_off[part] &= is_within;
-            carries_nothing[part] &= is_within && self.carries_nothing(node, ACCUMULATED * noise);
+        self.exclude_beyond(at.round_off_at_most(), parts, &mut is_round_off);
+        if is_round_off.contains(&true) {
+            for (node, noise) in at.round_off().iter().enumerate() {
+                let part = parts.of_node[node] as usize;
+                let is_within = self.out_of_balance[node].iter().all(|f| f.abs() <= *noise);
+                is_round_off[part] &= is_within;
+                carries_nothing[part] &= is_within && self.carries_nothing(node, ACCUMULATED * noise);
+            }
+        } else {
+            carries_nothing.fill(false);
         }
+        let resultants = self.resultants(parts, at.model.revolved);
         let mut round_off = RoundOff::OfNothing;
         for part in (0..parts.n).filter(|&part| open[part]) {
             if carries_nothing[part] {
@@ -164,6 +173,13 @@ impl<const D: usize> Forces<'_, D> {
             }
         }
         told(&residuals, round_off)
+    }
+
+    /// Takes the parts away of which a node has an out-of-balance force beyond a bound.
+    fn exclude_beyond(&self, bound: f64, parts: &Parts, is_round_off: &mut [bool]) {
+        for (force, part) in self.out_of_balance.iter().zip(&parts.of_node) {
+            is_round_off[*part as usize] &= force.iter().all(|f| f.abs() <= bound);
+        }
     }
 
     /// Magnitude of the sum of the out-of-balance force over each part, relative to the magnitudes of all its forces; along
@@ -191,6 +207,18 @@ pub(super) struct Iterate<'a, const D: usize> {
 }
 
 impl<const D: usize> Iterate<'_, D> {
+    /// No node has more [`Iterate::round_off`] than this, which costs little, [force].
+    fn round_off_at_most(&self) -> f64 {
+        let Iterate { model, links, system, delta_d } = self;
+        let motion = delta_d.iter().flatten().fold(0.0, |largest, x| f64::max(largest, x.abs()));
+        let size = links
+            .active_cells()
+            .iter()
+            .fold(0.0, |size, &cell| f64::max(size, model.grid.size(cell as usize)));
+        let entries_of_row = (D * delta_d.len()) as f64;
+        f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + IN_STRAIN * size)
+    }
+
     /// Round-off of the force at each node, [force]: that of the products of its row of K with the displacement increment,
     /// and that of strains over the cells around it.
     fn round_off(&self) -> Vec<f64> {
