@@ -267,12 +267,20 @@ pub fn not_writable(directory: &Path, error: io::Error) -> Coded {
     Coded::new("R001", format!("the results directory `{}` cannot be written: {error}", directory.display()))
 }
 
+/// Of many residuals of a failed step so many are told from the beginning …
+const FIRST_TOLD: usize = 20;
+/// … and so many from the end.
+const LAST_TOLD: usize = 10;
+
 /// Why an analysis failed, in a few lines.
 pub fn describe_failure(error: &SolveError) -> String {
     let code = error.code().map(|code| format!("[{code}]")).unwrap_or_default();
     let mut text = format!("error{code}: {error}");
     if !error.residuals().is_empty() {
-        let history: Vec<String> = error.residuals().iter().map(|r| format!("{r:.3e}")).collect();
+        let mut history: Vec<String> = error.residuals().iter().map(|r| format!("{r:.3e}")).collect();
+        if history.len() > FIRST_TOLD + LAST_TOLD + 1 {
+            history.splice(FIRST_TOLD..history.len() - LAST_TOLD, ["…".to_owned()]);
+        }
         text.push_str(&format!("\n  residuals: {}", history.join(", ")));
     }
     if let Some(help) = error.help() {

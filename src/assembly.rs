@@ -286,6 +286,18 @@ impl<const D: usize> System<D> {
         sums
     }
 
+    /// Adds a multiple of a diagonal matrix, given per node, to K until the next evaluation.
+    pub fn add_to_diagonal(&mut self, factor: f64, diagonal: &[[f64; D]]) {
+        let blocks = &mut self.blocks;
+        self.pairs.for_each(|row, column, place| {
+            if row == column {
+                for d in 0..D {
+                    blocks[place][d][d] += factor * diagonal[row][d];
+                }
+            }
+        });
+    }
+
     /// Diagonal of K, per node.
     pub fn diagonal(&self) -> Vec<[f64; D]> {
         let mut diagonal = vec![[0.0; D]; self.f_int.len()];

@@ -1,6 +1,6 @@
 //! The log of a run: everything that happened, as it happened.
 
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -50,11 +50,11 @@ pub struct LogFile {
 }
 
 impl LogFile {
-    /// Starts a log afresh.
+    /// Starts a log afresh, or goes on with the one that is there.
     ///
     /// # Errors
     /// When the file cannot be written, or exists and is no log.
-    pub fn create(path: &Path, began: Instant) -> anyhow::Result<LogFile> {
+    pub fn create(path: &Path, began: Instant, goes_on: bool) -> anyhow::Result<LogFile> {
         let mut first = Vec::new();
         // What cannot be read is found out by writing.
         let _ = File::open(path).and_then(|file| file.take(FIRST).read_to_end(&mut first));
@@ -62,8 +62,13 @@ impl LogFile {
         if !first.is_empty() && !is_log {
             bail!("`{}` exists and is no log of mpm; choose another name with `--log`", path.display());
         }
-        let file =
-            File::create(path).with_context(|| format!("the log `{}` cannot be written", path.display()))?;
+        let file = OpenOptions::new()
+            .create(true)
+            .write(!goes_on)
+            .append(goes_on)
+            .truncate(!goes_on)
+            .open(path)
+            .with_context(|| format!("the log `{}` cannot be written", path.display()))?;
         Ok(LogFile { file: Arc::new(file), began })
     }
 

@@ -80,6 +80,13 @@ pub fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
     let mut files = vec![(deck.clone(), example.deck.as_bytes())];
     files.extend(example.files.iter().map(|(file, content)| (folder.join(file), *content)));
     files.push((folder.join(SCHEMA), schema.as_bytes()));
+    let is_taken = |(path, _): &(PathBuf, &[u8])| path.file_name() == deck.file_name();
+    if let Some((path, _)) = files[1..].iter().find(|file| is_taken(file)) {
+        bail!(
+            "`{}` is what another file of the example is called; `--out` chooses another name",
+            path.display()
+        );
+    }
     write_all(&files, args.force)?;
     let names: Vec<String> = files.iter().map(|(path, _)| path.display().to_string()).collect();
     let deck = deck.display();

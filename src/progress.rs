@@ -259,19 +259,19 @@ impl<const D: usize> Observer<D> for Watch {
         model: &Model<D>,
         points: &Points<D>,
         attempt: &FailedAttempt<D>,
-        diagnosis: Option<&Diagnosis>,
+        ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
     ) -> io::Result<()> {
         let Step { start, end, .. } = attempt.step;
         let part = (end - start) / model.stepping.end_time * model.stepping.count as f64;
         let code = attempt.error.code().unwrap_or_default();
         self.log(&format!("attempt failed [{code}]: {}", attempt.error));
-        match diagnosis {
+        match ended {
             None => self.log(&format!("a step of {} of a requested one is too large", significant(part, 3))),
-            Some(diagnosis) => self.diagnosis(diagnosis),
+            Some((_, diagnosis)) => self.diagnosis(diagnosis),
         }
         self.update_status();
         self.draw();
-        self.results.failed(model, points, attempt, diagnosis)
+        self.results.failed(model, points, attempt, ended)
     }
 
     fn interrupted(&self) -> bool {

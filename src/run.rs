@@ -46,7 +46,7 @@ pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
     if let Some(log) = &args.log {
         log::keep_out_of_results(log, &directory)?;
     }
-    let log = args.log.as_deref().map(|path| LogFile::create(path, began)).transpose()?;
+    let log = args.log.as_deref().map(|path| LogFile::create(path, began, args.resume)).transpose()?;
     // The log tells itself when it can no longer be written.
     let write_down = |text: &str| {
         let _ = log.as_ref().map(|log| log.line(text));

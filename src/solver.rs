@@ -6,6 +6,8 @@
 mod attempt;
 mod balance;
 mod control;
+mod course;
+mod damping;
 mod diagnosis;
 mod equations;
 mod error;
@@ -79,6 +81,7 @@ pub fn go_on<const D: usize, M: Mechanics<D>>(
     let mut solver = Solver {
         equations: Equations::with(reached.summary.kept.clone()),
         links: Connectivity::default(),
+        cause: None,
         reached,
     };
     let mut outcome = solver.observe(|| observer.started(model, points));
@@ -130,6 +133,8 @@ struct Solver<const D: usize> {
     equations: Equations<D>,
     /// Links of the step before, for their memory.
     links: Connectivity<D>,
+    /// Why the step in hand fails, once last resorts are tried.
+    cause: Option<(FailedAttempt<D>, Diagnosis)>,
     reached: Reached,
 }
 
@@ -204,13 +209,28 @@ impl<const D: usize> Solver<D> {
         let Reached { summary, .. } = &mut self.reached;
         summary.failed_attempts += 1;
         let Step { start, end, .. } = failed.step;
-        let goes_on = failed.may_succeed_if_smaller && summary.pace.failed(&model.stepping, start, end);
-        if !goes_on {
-            summary.diagnosis = Some(Diagnosis::new(model, points, &failed, summary));
+        let is_torn = matches!(failed.error, SolveError::Domain { .. });
+        let was_last_resort = summary.pace.is_last_resort();
+        let goes_on =
+            failed.may_succeed_if_smaller && summary.pace.failed(&model.stepping, start, end, is_torn);
+        // Why a step fails shows in the last attempt before the last resorts.
+        let diagnosis = (!was_last_resort && (!goes_on || summary.pace.is_last_resort()))
+            .then(|| Diagnosis::new(model, points, &failed, summary));
+        if goes_on {
+            let told = self.observe(|| observer.failed(model, points, &failed, None));
+            self.cause = diagnosis.map(|diagnosis| (failed, diagnosis)).or(self.cause.take());
+            return told;
         }
-        let diagnosis = summary.diagnosis.clone();
-        let told = self.observe(|| observer.failed(model, points, &failed, diagnosis.as_ref()));
-        if goes_on { told } else { Err(failed.error) }
+        let cause = self.cause.take().filter(|_| was_last_resort);
+        let ended = match (&cause, &diagnosis) {
+            (Some((cause, diagnosis)), _) => Some((cause, diagnosis)),
+            (None, Some(diagnosis)) => Some((&failed, diagnosis)),
+            (None, None) => None,
+        };
+        self.reached.summary.diagnosis = ended.map(|(_, diagnosis)| diagnosis.clone());
+        // The run has failed already.
+        let _ = self.observe(|| observer.failed(model, points, &failed, ended));
+        Err(cause.map_or(failed.error, |(cause, _)| cause.error))
     }
 
     /// Takes the measures of a step in equilibrium, before it is committed.

@@ -20,6 +20,8 @@ pub struct Stepping {
     pub end_time: f64,
     /// Smallest step that a failed one is cut to, relative to a requested one, [-].
     pub smallest: f64,
+    /// Whether a step that fails and cannot be made smaller is tried once more with damped iterations.
+    pub damping: bool,
     /// Largest step, relative to a requested one, [-].
     pub largest: f64,
     /// Every so many requested steps one ends exactly, however large steps are.
@@ -60,6 +62,7 @@ impl Stepping {
             count,
             end_time,
             smallest: 1.0,
+            damping: false,
             largest: 1.0,
             stops: 1,
             knots: Vec::new(),
@@ -76,6 +79,11 @@ impl Stepping {
     pub fn requested(&self, time: f64) -> Option<usize> {
         let number = (time / self.size()).round();
         ((time / self.size() - number).abs() <= SAME && number >= 0.0).then_some(number as usize)
+    }
+
+    /// Whether damped iterations are the last resort: where steps may be cut, and all loads are known.
+    fn may_damp(&self) -> bool {
+        self.damping && self.smallest < 1.0 && self.control == Control::Load
     }
 
     /// Duration of a requested step, [time].
@@ -101,11 +109,23 @@ pub struct Pace {
     size: f64,
     /// So many steps have to succeed before they may grow.
     patience: u32,
+    /// What is tried where steps cannot be made smaller.
+    #[serde(default)]
+    resort: Option<Resort>,
+}
+
+/// What is tried where steps that fail cannot be made smaller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+enum Resort {
+    /// New domains in place of torn ones.
+    Domains,
+    /// That, and damped iterations.
+    Damping,
 }
 
 impl Default for Pace {
     fn default() -> Self {
-        Pace { size: 1.0, patience: 0 }
+        Pace { size: 1.0, patience: 0, resort: None }
     }
 }
 
@@ -140,22 +160,45 @@ impl Pace {
         self.patience > 0
     }
 
+    /// Whether steps cannot be made smaller any more.
+    pub fn is_last_resort(&self) -> bool {
+        self.resort.is_some()
+    }
+
+    /// Whether torn domains are replaced.
+    pub fn replaces_domains(&self) -> bool {
+        self.resort.is_some()
+    }
+
+    /// Whether iterations are damped.
+    pub fn is_damped(&self) -> bool {
+        self.resort == Some(Resort::Damping)
+    }
+
     /// A step has succeeded with so many iterations.
     pub fn succeeded(&mut self, stepping: &Stepping, iterations: usize) {
         self.patience = self.patience.saturating_sub(1);
+        self.resort = None;
         if self.patience == 0 && iterations <= FEW {
             self.size = (2.0 * self.size).min(stepping.largest.max(1.0));
         }
     }
 
-    /// A step has failed; says whether a smaller one may be tried.
-    pub fn failed(&mut self, stepping: &Stepping, start: f64, end: f64) -> bool {
+    /// A step has failed, perhaps because a domain was torn; says whether another attempt may be made: at a smaller step, or at
+    /// the same by what is left.
+    pub fn failed(&mut self, stepping: &Stepping, start: f64, end: f64, is_torn: bool) -> bool {
         let smaller = 0.5 * (end - start) / stepping.size();
-        if smaller < stepping.smallest * (1.0 - SAME) {
-            return false;
+        if smaller >= stepping.smallest * (1.0 - SAME) {
+            *self = Pace { size: smaller, patience: PATIENCE, resort: None };
+            return true;
         }
-        *self = Pace { size: smaller, patience: PATIENCE };
-        true
+        self.resort = match self.resort {
+            _ if !stepping.may_damp() => None,
+            None if is_torn => Some(Resort::Domains),
+            None | Some(Resort::Domains) => Some(Resort::Damping),
+            Some(Resort::Damping) => None,
+        };
+        self.resort.is_some()
     }
 }
 
@@ -167,8 +210,8 @@ mod tests {
     fn ends(stepping: &Stepping, iterations: usize, mut fails: impl FnMut(f64, f64) -> bool) -> Vec<f64> {
         let (mut pace, mut time, mut ends) = (Pace::default(), 0.0, Vec::new());
         while let Some(end) = pace.end_of_step(stepping, time) {
-            if fails(time, end) {
-                if !pace.failed(stepping, time, end) {
+            if !pace.is_damped() && fails(time, end) {
+                if !pace.failed(stepping, time, end, false) {
                     break;
                 }
             } else {
@@ -214,6 +257,25 @@ mod tests {
             assert!(reached <= 1.3 && 1.3 - reached <= least.unwrap_or(1.0), "{found:?}");
             assert_eq!(shortest, Some(least.unwrap_or(1.0)));
         }
+    }
+
+    #[test]
+    fn the_smallest_step_is_tried_once_more_with_damped_iterations() {
+        let damped = Stepping { smallest: 0.25, damping: true, ..Stepping::fixed(2, 2.0) };
+        let found = ends(&damped, 5, |start, end| start < 1.5 && end > 1.3);
+        assert_eq!(found, [1.0, 1.25, 1.5, 2.0], "not damped where it need not be");
+        for stepping in [
+            Stepping { damping: false, ..damped.clone() },
+            Stepping { smallest: 1.0, ..damped.clone() },
+            Stepping { control: Control::ArcLength { length: None }, ..damped.clone() },
+        ] {
+            assert!(ends(&stepping, 5, |start, end| start < 1.5 && end > 1.3).last() < Some(&1.3));
+        }
+        let tries = |is_torn: bool| {
+            let mut pace = Pace::default();
+            (0..9).take_while(|_| pace.failed(&damped, 0.0, 0.25, is_torn)).count()
+        };
+        assert_eq!((tries(false), tries(true)), (1, 2), "once with damping, before that with other domains");
     }
 
     #[test]

@@ -142,7 +142,7 @@ const REASONS: &[(Change, &str, &str, &str, &str)] = &[
     (Change::Removed, "*", "/output", "*", "optional"),
     (Change::Removed, "*", "/output/*", "*", "optional"),
     (Change::Removed, "*", "/output/probes/*", "*", "optional"),
-    (Change::Removed, "*", "/bodies/*/method", "*", "optional: GIMP"),
+    (Change::Removed, "*", "/bodies/*/method", "*", "optional: CPDI2"),
     (Change::Removed, "*", "/bodies/*/domain_update", "*", "optional: corners"),
     (Change::Removed, "beam", "/materials/*/density", "*", "optional: nothing weighs"),
     (Change::Removed, "*", "/loads", "*", "optional; a warning says that nothing loads the bodies"),

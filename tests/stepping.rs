@@ -88,10 +88,10 @@ impl Observer<2> for Recorder {
         _: &Model<2>,
         _: &Points<2>,
         attempt: &FailedAttempt<2>,
-        diagnosis: Option<&Diagnosis>,
+        ended: Option<(&FailedAttempt<2>, &Diagnosis)>,
     ) -> std::io::Result<()> {
         self.failed.push((attempt.step, attempt.error.code().unwrap_or_default()));
-        self.diagnosis = diagnosis.cloned();
+        self.diagnosis = ended.map(|(_, diagnosis)| diagnosis.clone());
         Ok(())
     }
 

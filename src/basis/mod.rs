@@ -26,12 +26,12 @@ pub enum Method {
     /// The standard material point method: points without extent.
     Mpm,
     /// The generalised interpolation material point method: points with a rectangular domain.
-    #[default]
     Gimp,
     /// The convected particle domain interpolation with parallelograms (parallelepipeds): the domain follows F of the
     /// point.
     Cpdi1,
     /// The second-order convected particle domain interpolation: the corners of the domain move with the grid.
+    #[default]
     Cpdi2,
 }
 

@@ -204,9 +204,10 @@ where
     }
 
     fn stepping(&self, conditions: &[BoundaryCondition<D>], loads: &[Load<D>]) -> Stepping {
-        let StepsDeck { count, end_time, smallest, largest, ref control } = self.deck.steps;
+        let StepsDeck { count, end_time, smallest, damping, largest, ref control } = self.deck.steps;
         let mut stepping = Stepping {
             smallest,
+            damping,
             largest,
             stops: self.deck.output.every.max(1) as usize,
             control: match control {

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::build::{array, per_axis};
 use super::diagnostic::quote;
 use super::region::Groups;
-use super::{BodyDeck, PerAxis, Shape};
+use super::{AXES, BodyDeck, PerAxis, Shape};
 use crate::basis::{DomainKind, Method};
 use crate::grid::element::ElementShape;
 use crate::grid::subdivide::{Part, subdivide_box, subdivide_simplex};
@@ -60,6 +60,9 @@ pub(super) struct Filling<'a, const D: usize> {
 impl<const D: usize> Filling<'_, D> {
     /// The points of a body, as its deck says.
     pub(super) fn fill(&self, deck: &BodyDeck) -> Result<Filled<D>, Fault> {
+        if matches!(deck.shape, Shape::Stl { .. }) {
+            self.surface_in_grid(deck)?;
+        }
         let box_on_lines = match (&deck.shape, self.grid.structured(), &deck.points_per_cell) {
             (Shape::Box { min, max }, Some(grid), Some(counts)) => self.box_on_lines(grid, min, max, counts),
             _ => None,
@@ -226,6 +229,31 @@ impl<const D: usize> Filling<'_, D> {
         let n: [usize; D] = std::array::from_fn(|d| (along(d).ceil() as usize).max(1));
         let high = std::array::from_fn(|d| min[d] + n[d] as f64 * spacing[d]);
         Ok(self.rows([min, high], n, |x| self.region.contains(x)))
+    }
+
+    /// A surface is known only once its file has been read.
+    fn surface_in_grid(&self, deck: &BodyDeck) -> Result<(), Fault> {
+        let ([low, high], [from, to]) = (self.region.bounds(), self.grid.bounds());
+        for d in 0..D {
+            let slack = 1e-6 * (to[d] - from[d]);
+            if low[d] < from[d] - slack || high[d] > to[d] + slack {
+                return Err(Fault {
+                    code: "D028",
+                    key: "/shape".to_owned(),
+                    message: format!(
+                        "the surface of the body {} goes from {} to {} along {}, beyond the grid, which covers {} to {}",
+                        quote(&deck.name),
+                        low[d],
+                        high[d],
+                        AXES[d],
+                        from[d],
+                        to[d]
+                    ),
+                    help: "make the grid larger, or move the body; an `intersection` with a box takes a part of it".to_owned(),
+                });
+            }
+        }
+        Ok(())
     }
 
     /// The parts of every cell whose centres lie in the region.

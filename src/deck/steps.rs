@@ -20,6 +20,10 @@ pub struct StepsDeck {
     #[serde(default = "thousandth")]
     #[schemars(range(min = 1e-6, max = 1.0), extend("examples" = [0.001]))]
     pub smallest: f64,
+    /// Whether a step that fails at its smallest is tried once more with damped iterations, and with new domains in place of
+    /// torn ones, for loads and motions that are prescribed. The run warns where that was needed (W013, W014).
+    #[serde(default = "yes")]
+    pub damping: bool,
     /// Steps that converge in few iterations grow up to this many times a step, [-]; with 1 they only grow back to that. Times
     /// of output and kinks of load curves are met exactly.
     #[serde(default = "whole")]
@@ -71,6 +75,10 @@ fn unit_time() -> f64 {
 
 fn thousandth() -> f64 {
     1e-3
+}
+
+fn yes() -> bool {
+    true
 }
 
 fn whole() -> f64 {

@@ -169,6 +169,23 @@ pub(super) fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
     Ok(None)
 }
 
+/// A series of which there are files, but not the one that lists them with their times.
+///
+/// # Errors
+/// Those of the file system.
+pub(super) fn series_without_list(directory: &Path) -> io::Result<Option<&'static str>> {
+    for entry in std::fs::read_dir(directory)? {
+        let name = entry?.file_name();
+        let Some(name) = name.to_str().filter(|name| name.ends_with(".vtu")) else { continue };
+        if let Some(series) = series_of(name)
+            && !directory.join(format!("{series}.pvd")).exists()
+        {
+            return Ok(Some(series));
+        }
+    }
+    Ok(None)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

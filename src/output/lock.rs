@@ -25,6 +25,9 @@ impl Lock {
     /// `ResourceBusy` where another run has the lock; otherwise those of the file system. One that knows no locks lets
     /// every run in.
     pub fn take(directory: &Path) -> io::Result<Lock> {
+        if !is_possible(directory) {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, format!("`{NAME}` there is no file")));
+        }
         let file = OpenOptions::new().write(true).create(true).truncate(false).open(directory.join(NAME))?;
         for _ in 0..TRIES {
             match file.try_lock() {
@@ -41,10 +44,18 @@ impl Lock {
 
     /// Whether a run has the lock of a directory; true where the file system cannot tell.
     pub fn is_held(directory: &Path) -> bool {
+        if !is_possible(directory) {
+            return false;
+        }
         let Ok(file) = File::open(directory.join(NAME)) else { return false };
         // Dropping the file gives the lock back.
         file.try_lock_shared().is_err()
     }
+}
+
+/// Whether the lock is a file or not there; to open a pipe would take forever.
+fn is_possible(directory: &Path) -> bool {
+    std::fs::metadata(directory.join(NAME)).map_or(true, |about| about.is_file())
 }
 
 #[cfg(test)]

@@ -14,7 +14,8 @@ use crate::solver::{
 
 use super::checkpoint::{self, Checkpoint};
 use super::directory::{
-    SERIES, file_name, foreign_file, remove_earlier_results, remove_later_results, step_of_file,
+    SERIES, file_name, foreign_file, remove_earlier_results, remove_later_results, series_without_list,
+    step_of_file,
 };
 use super::failed;
 use super::findings::{Extremes, Findings};
@@ -139,6 +140,11 @@ impl Results {
         rows::check([&history, &quality, &convergence], checkpoint.head.reached.summary.steps)?;
         if let Some(name) = foreign_file(directory)? {
             return Err(foreign(&name));
+        }
+        if let Some(series) = series_without_list(directory)? {
+            let what =
+                format!("`{series}.pvd` is missing, without which the files of the series have no times");
+            return Err(io::Error::new(io::ErrorKind::InvalidData, what));
         }
         let [history, quality, convergence] = [history.reopen()?, quality.reopen()?, convergence.reopen()?];
         // A run that is stopped writes its last step, due or not. One that is to write nothing removes nothing, either.
@@ -430,14 +436,14 @@ impl<const D: usize> Observer<D> for Results {
         model: &Model<D>,
         points: &Points<D>,
         attempt: &FailedAttempt<D>,
-        diagnosis: Option<&Diagnosis>,
+        ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
     ) -> io::Result<()> {
         if let Some(error) = self.failure.take() {
             return Err(error);
         }
         self.write_attempt(attempt)?;
-        match diagnosis {
-            Some(_) if self.every > 0 => failed::write(&self.directory, model, points, attempt),
+        match ended {
+            Some((cause, _)) if self.every > 0 => failed::write(&self.directory, model, points, cause),
             _ => Ok(()),
         }
     }

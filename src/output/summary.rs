@@ -121,7 +121,7 @@ impl Account {
         let (wall, cpu) = (spent.wall.as_secs_f64(), spent.cpu.as_secs_f64());
         let solved = cpu - timings.of(Phase::Output).cpu.as_secs_f64();
         let visits = (points.len() * summary.evaluations) as f64;
-        let document = json!({
+        let mut document = json!({
             "outcome": word,
             "code": code,
             "reason": reason,
@@ -171,6 +171,8 @@ impl Account {
             "warnings": summary.warnings,
             "bodies": bodies(model, points),
         });
+        document["damped_steps"] = summary.damped.into();
+        document["replaced_domains"] = summary.replaced_domains.into();
         let mut text = serde_json::to_string_pretty(&document).map_err(io::Error::other)?;
         text.push('\n');
         super::replace::replace_file(path, |out| out.write_all(text.as_bytes()))

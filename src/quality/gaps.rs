@@ -24,6 +24,32 @@ struct Reach<const D: usize> {
     spacing: f64,
 }
 
+impl<const D: usize> Reach<D> {
+    /// Largest distance along an axis between two boxes, negative where they overlap, [length].
+    fn distance(&self, other: &Reach<D>) -> f64 {
+        let apart = |d: usize| (other.low[d] - self.high[d]).max(self.low[d] - other.high[d]);
+        (0..D).map(apart).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    fn touches(&self, other: &Reach<D>) -> bool {
+        self.distance(other) <= TOUCHING * self.spacing.max(other.spacing)
+    }
+}
+
+/// For each body at a node the place of one that it touches, directly or through others there: the same for all of them.
+fn joined<const D: usize>(at_node: &[((u32, u16), Reach<D>)]) -> Vec<usize> {
+    let mut group: Vec<usize> = (0..at_node.len()).collect();
+    for a in 0..at_node.len() {
+        for b in 0..a {
+            let (from, to) = (group[a], group[b]);
+            if from != to && at_node[a].1.touches(&at_node[b].1) {
+                group.iter_mut().filter(|member| **member == from).for_each(|member| *member = to);
+            }
+        }
+    }
+    group
+}
+
 /// The smallest gap between two bodies, the node where it is, and the spacing of the points there.
 #[derive(Clone, Copy)]
 struct Gap {
@@ -45,14 +71,18 @@ pub fn watch<const D: usize>(
     let is_shared = shared_nodes(points, links);
     let mut gaps: BTreeMap<[u16; 2], Gap> = BTreeMap::new();
     let reaches = reaches(model, points, links, &is_shared);
-    for (place, &((node, a), of_a)) in reaches.iter().enumerate() {
-        for &((_, b), of_b) in reaches[place + 1..].iter().take_while(|((other, _), _)| *other == node) {
-            let apart = |d: usize| (of_b.low[d] - of_a.high[d]).max(of_a.low[d] - of_b.high[d]);
-            let width = (0..D).map(apart).fold(f64::NEG_INFINITY, f64::max);
-            let gap = Gap { width, node, spacing: of_a.spacing.max(of_b.spacing) };
-            let kept = gaps.entry([a, b]).or_insert(gap);
-            if width < kept.width {
-                *kept = gap;
+    for at_node in reaches.chunk_by(|((a, _), _), ((b, _), _)| a == b) {
+        let joined = joined(at_node);
+        for (place, &((node, a), of_a)) in at_node.iter().enumerate() {
+            for (other, &((_, b), of_b)) in at_node.iter().enumerate().skip(place + 1) {
+                // Where bodies between them fill the gap, there is none.
+                let is_filled = joined[place] == joined[other];
+                let width = if is_filled { f64::NEG_INFINITY } else { of_a.distance(&of_b) };
+                let gap = Gap { width, node, spacing: of_a.spacing.max(of_b.spacing) };
+                let kept = gaps.entry([a, b]).or_insert(gap);
+                if width < kept.width {
+                    *kept = gap;
+                }
             }
         }
     }

@@ -45,6 +45,15 @@ pub enum Code {
     /// Pressures alternate between the points of a cell.
     #[serde(rename = "W012")]
     Locking,
+    /// Only damped iterations found an equilibrium.
+    #[serde(rename = "W013")]
+    Damped,
+    /// Domains were torn and replaced.
+    #[serde(rename = "W014")]
+    ReplacedDomains,
+    /// A body is out of balance beside others.
+    #[serde(rename = "W015")]
+    HiddenResidual,
 }
 
 /// Codes of all warnings with a title each.
@@ -61,6 +70,9 @@ pub const CODES: &[(&str, &str)] = &[
     ("W010", "standard points that cross cells"),
     ("W011", "domains that turn but stay boxes"),
     ("W012", "pressures that alternate within cells"),
+    ("W013", "a step that only damped iterations solve"),
+    ("W014", "torn domains that were replaced"),
+    ("W015", "a body that is out of balance beside others"),
 ];
 
 impl Code {
@@ -160,6 +172,9 @@ mod tests {
             Crossings,
             TurnedBoxes,
             Locking,
+            Damped,
+            ReplacedDomains,
+            HiddenResidual,
         ];
         assert_eq!(all.len(), CODES.len());
         for (code, (text, _)) in all.iter().zip(CODES) {

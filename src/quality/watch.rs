@@ -2,7 +2,7 @@
 //! leaves, gaps that forces cross, and balances that do not balance.
 
 use super::cohesion::Cohesion;
-use super::warning::{Code, Place, Warning};
+use super::warning::{Code, Place, Warning, at};
 use super::{Quality, Worst, gaps, holding, oscillation};
 use crate::model::{Body, Model};
 use crate::points::Points;
@@ -30,6 +30,11 @@ pub const MOST_OSCILLATION: f64 = 1.5;
 /// Pressures are judged where at least this share of the energy has gone into plastic flow, [-].
 const LEAST_FLOW: f64 = 0.5;
 
+/// Part of the forces on a body that may be out of balance, [-] …
+const MOST_OF_BODY: f64 = 1e-4;
+/// … and what a smaller tolerance should leave of it.
+const FINE_RESIDUAL: f64 = 1e-6;
+
 impl Quality {
     /// Looks at a step that is in equilibrium but not committed, as for [`super::Measures::new`]; returns the warnings
     /// that it gives rise to for the first time.
@@ -44,6 +49,9 @@ impl Quality {
         found.extend(holding::watch(&mut self.held, model, points, links, &report.grid.delta_d, step));
         found.extend(gaps::watch(model, points, links, step));
         found.extend(self.turned_boxes(model, step));
+        found.extend(hidden_residuals(model, report));
+        found.extend(report.damped.then(|| (0, damped(step))));
+        found.extend(replaced_domains(model, points, report).map(|warning| (0, warning)));
         let energy = &report.energy;
         if energy.plastic_work > LEAST_FLOW * (energy.plastic_work + energy.strain_energy) {
             let value = oscillation(&points.trial.kirchhoff_stress, links);
@@ -157,6 +165,73 @@ impl Quality {
 fn work_of_round_off<const D: usize>(model: &Model<D>, points: &Points<D>) -> f64 {
     let strain = Sym3([STRAIN_OF_ROUND_OFF, STRAIN_OF_ROUND_OFF, STRAIN_OF_ROUND_OFF, 0.0, 0.0, 0.0]);
     (0..points.len()).map(|p| model.law(points, p).energy(&strain) * points.original_volume[p]).sum()
+}
+
+fn hidden_residuals<const D: usize>(model: &Model<D>, report: &StepReport<D>) -> Vec<(usize, Warning)> {
+    let warning = |(number, value): (usize, &f64)| {
+        let name = &model.bodies[number].name;
+        let tolerance = model.newton.tolerance * (FINE_RESIDUAL / value);
+        let warning = Warning {
+            code: Code::HiddenResidual,
+            step: report.step.index,
+            place: Place::body(name),
+            value: Some(*value),
+            threshold: Some(MOST_OF_BODY),
+            message: format!(
+                "body `{name}`: {:.2} % of the forces on it are out of balance, which does not show beside the forces on the \
+                 bodies that it hangs together with",
+                100.0 * value
+            ),
+            help: format!("use a smaller tolerance, `solver: {{tolerance: {tolerance:.0e}}}`"),
+        };
+        (number, warning)
+    };
+    let bodies = report.body_residuals.iter().enumerate();
+    bodies.filter(|(_, value)| **value > MOST_OF_BODY).map(warning).collect()
+}
+
+fn damped(step: usize) -> Warning {
+    Warning {
+        code: Code::Damped,
+        step,
+        place: Place::default(),
+        value: None,
+        threshold: None,
+        message: "no smaller step and no undamped iteration has found an equilibrium; damped ones have, which may lie beyond \
+                  an instability: what comes before it in time is then not known, and dynamics could lead elsewhere"
+            .to_owned(),
+        help: "look at the largest load before this step, and follow the path by `steps: {control: {type: arc-length}}`; with \
+               `steps: {damping: false}` the run stops instead"
+            .to_owned(),
+    }
+}
+
+fn replaced_domains<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    report: &StepReport<D>,
+) -> Option<Warning> {
+    let (count, &first) = (report.replaced_domains.len(), report.replaced_domains.first()?);
+    let p = points.id.iter().position(|id| *id == first)?;
+    let position = points.trial.position[p];
+    let place = Place {
+        position: Some(position.to_vec()),
+        ..Place::point(&model.bodies[points.body[p] as usize].name, first)
+    };
+    Some(Warning {
+        code: Code::ReplacedDomains,
+        step: report.step.index,
+        place,
+        value: Some(count as f64),
+        threshold: Some(0.0),
+        message: format!(
+            "the motion has torn the domains of {count} points or carried them off the grid, the first of point {first} at {}; \
+             parallelograms that follow the deformation gradient stand in for them",
+            at(&position)
+        ),
+        help: "see what happens there in the VTU files; use more load steps, a finer grid, or a larger one"
+            .to_owned(),
+    })
 }
 
 fn locking(value: f64, step: usize) -> Warning {

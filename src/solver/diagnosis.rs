@@ -207,6 +207,9 @@ impl Diagnosis {
                 "use smaller steps (`steps: {count, smallest}`) or a coarser grid; nothing but what is prescribed keeps the \
                  bodies from flowing"
             }
+            Kind::BadScaling if model.materials.len() == 1 => {
+                "see that units, loads and the size of cells fit together, and that Poisson's ratio is not next to 0.5 or -1"
+            }
             Kind::Setting => failed.error.help().unwrap_or(kind.advice()),
             _ => kind.advice(),
         };
@@ -313,6 +316,9 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
             Kind::SmallCutCell
         }
         SolveError::Point { .. } if flowing > MUCH => collapse,
+        SolveError::Point { .. } if failed.indefinite && failed.step.index > 1 && flowing <= FLOWS => {
+            Kind::Instability
+        }
         SolveError::Point { .. } => Kind::ElementInversion,
         // However small the step is, the points fly off.
         SolveError::OffGrid { .. } if flowing > MUCH && is_small_step => Kind::PlasticCollapse,

@@ -4,7 +4,7 @@ use crate::assembly::System;
 use crate::basis::{Connectivity, Method};
 use crate::constraints::DofMap;
 use crate::linear::LinearError;
-use crate::model::{Model, Newton};
+use crate::model::Model;
 use crate::points::Points;
 use crate::stepping::Control;
 use crate::stress::Mechanics;
@@ -12,15 +12,17 @@ use crate::timing::Phase;
 
 use super::balance::{Energy, moment_error, reaction_moments};
 use super::control::{Condition, NoPath, Path, on_free};
+use super::course::Course;
+use super::damping::{AT_REST, Damping, MORE_ITERATIONS, MOST_FACTORISATIONS, MOST_TRIALS};
 use super::equations::{Place, Solved, Tangent};
 use super::error::locate_failure;
 use super::forcing::Forcing;
 use super::loading::{Loading, StepSystem};
 use super::motion::{Motion, Predictor};
 use super::report::{self, GridFields, Observer, StepReport, reactions_of};
-use super::residual::{Iterate as At, Measured, RoundOff};
+use super::residual::{self, Iterate as At, Measured, RoundOff};
 use super::unknowns::Unknowns;
-use super::{FailedAttempt, Iterate, Nodal, SolveError, Solver, Step, update};
+use super::{FailedAttempt, Iterate, SolveError, Solver, Step, update};
 
 /// A step on which a point turns inside out is halved up to so many times.
 const MOST_HALVINGS: usize = 5;
@@ -31,23 +33,6 @@ const FIRST_SEARCH: usize = 3;
 /// … where an attempt has failed before, otherwise before this part of those that are allowed: iterations that go well are
 /// left alone.
 const LATE: f64 = 0.75;
-/// A tangent may be kept after an iteration that leaves at most this part of what was out of balance.
-const FAST: f64 = 0.1;
-
-/// Iterations stall that leave more than this part of what was out of balance.
-const STALLS: f64 = 0.5;
-
-/// What the iterations of a step leave behind beside the unknowns.
-struct Course<const D: usize> {
-    residuals: Vec<f64>,
-    /// What round-off has to do with the last of them.
-    round_off: RoundOff,
-    solved: Vec<Solved>,
-    /// Of the last evaluation.
-    out_of_balance: Nodal<D>,
-    /// Internal force of the state that the step starts from.
-    f_int_start: Nodal<D>,
-}
 
 impl<const D: usize> Solver<D> {
     /// Newton iterations until the out-of-balance force of eq. (40) meets the tolerance. Writes the trial state only.
@@ -82,8 +67,12 @@ impl<const D: usize> Solver<D> {
         let set_up =
             timings.measure(Phase::SetUp, || StepSystem::new::<M>(model, points, &links, step, path));
         let mut system = set_up.map_err(at_once)?;
-        let mut unknowns = Unknowns::new(model, system.parts.clone(), path.factor, links.n_active());
-        if model.newton.predictor == Predictor::LastStep && model.stepping.control == Control::Load {
+        let carried = &self.reached.summary.carried;
+        let parts = system.parts.clone().of_bodies(points, &links, model.bodies.len(), carried);
+        let mut unknowns = Unknowns::new(model, parts, path.factor, links.n_active());
+        let damped = self.reached.summary.pace.is_damped();
+        if model.newton.predictor == Predictor::LastStep && model.stepping.control == Control::Load && !damped
+        {
             unknowns.predicted = path.motion.go_on(&links, step);
         }
         let mut course = Course::new();
@@ -94,22 +83,25 @@ impl<const D: usize> Solver<D> {
             Control::Displacement { .. } | Control::ArcLength { .. } => Some(unknowns.factor),
         };
         let linear_iterations = course.solved.iter().map(|s| s.iterations).sum();
-        if let Err(error) = solved {
-            return Err(Box::new(FailedAttempt {
-                step,
-                may_succeed_if_smaller: error.is_retryable(),
-                error,
-                residuals: course.residuals,
-                linear_iterations,
-                load_factor,
-                indefinite: course.solved.iter().any(|s| !s.factorisation.is_definite()),
-                iterate: Some(Iterate {
-                    links,
-                    delta_d: unknowns.delta_d,
-                    out_of_balance: course.out_of_balance,
-                }),
-            }));
-        }
+        let replaced_domains = match solved {
+            Ok(replaced) => replaced,
+            Err(error) => {
+                return Err(Box::new(FailedAttempt {
+                    step,
+                    may_succeed_if_smaller: error.is_retryable(),
+                    error,
+                    residuals: course.residuals,
+                    linear_iterations,
+                    load_factor,
+                    indefinite: course.solved.iter().any(|s| !s.factorisation.is_definite()),
+                    iterate: Some(Iterate {
+                        links,
+                        delta_d: unknowns.delta_d,
+                        out_of_balance: course.out_of_balance,
+                    }),
+                }));
+            }
+        };
         let StepSystem { dofs, system, loading, condition, .. } = system;
         let reaction_field = reactions_of(&loading.f_ext, system.internal_force(), &dofs);
         let reaction_start = reactions_of(&loading.f_ext_start, &course.f_int_start, &dofs);
@@ -121,8 +113,11 @@ impl<const D: usize> Solver<D> {
             None => Path { motion: motion(), ..Path::default() },
             Some(condition) => condition.advance(&links, step, &unknowns.delta_d, unknowns.factor),
         };
+        let forces = unknowns.forces(&course.out_of_balance, &loading.f_ext);
         let report = StepReport {
             step,
+            body_residuals: residual::of_bodies(&forces, model, points, &links),
+            carried: forces.carried(&unknowns.parts, &self.reached.summary.carried, model.bodies.len()),
             reactions: report::named_reactions(model, &reaction_field, &dofs),
             moments: reaction_moments(model, points, &links, &unknowns.delta_d, (&reaction_field, &dofs)),
             loads: loading.resultants,
@@ -144,6 +139,8 @@ impl<const D: usize> Solver<D> {
                 reaction: reaction_field,
             },
             rounding_limited: course.round_off != RoundOff::NoMatter,
+            damped,
+            replaced_domains,
             residuals: course.residuals,
             factorisations: course.solved.iter().map(|s: &Solved| s.factorisation).collect(),
             linear_iterations,
@@ -151,7 +148,8 @@ impl<const D: usize> Solver<D> {
         Ok((report, path))
     }
 
-    /// The iterations, and the motion of the points once they have reached equilibrium.
+    /// The iterations, and the motion of the points once they have reached equilibrium; returns the points whose torn domains
+    /// were replaced.
     #[expect(clippy::too_many_arguments, reason = "what a step is made of")]
     fn iterate<M: Mechanics<D>>(
         &mut self,
@@ -163,8 +161,11 @@ impl<const D: usize> Solver<D> {
         course: &mut Course<D>,
         step: Step,
         observer: &mut dyn Observer<D>,
-    ) -> Result<(), SolveError> {
-        let Newton { tolerance, max_iterations, .. } = model.newton;
+    ) -> Result<Vec<u32>, SolveError> {
+        let damped = self.reached.summary.pace.is_damped();
+        let tolerance = model.newton.tolerance;
+        let max_iterations = model.newton.max_iterations * if damped { MORE_ITERATIONS } else { 1 };
+        let mut damping: Option<Damping<D>> = None;
         let StepSystem { dofs, system, loading, condition, .. } = set_up;
         let place = Place { model, links, dofs };
         let timings = &mut self.reached.summary.timings;
@@ -176,6 +177,7 @@ impl<const D: usize> Solver<D> {
         for iteration in 0..=max_iterations {
             // An old tangent makes no forecast.
             let is_last = model.newton.tangent == Tangent::Fresh
+                && !damped
                 && course.forecast(&forcing, self.reached.summary.last_iterations) <= tolerance
                 && unknowns.follows(dofs)
                 && condition.as_ref().is_none_or(|condition| condition.is_met());
@@ -206,10 +208,15 @@ impl<const D: usize> Solver<D> {
                 if condition.as_ref().is_some_and(|condition| !condition.goes_on(&unknowns.delta_d)) {
                     return Err(SolveError::NoPath { step: step.index, reason: NoPath::Reversed });
                 }
+                if damped {
+                    self.see_that_it_is_stable(unknowns, system, place, course)
+                        .map_err(|error| SolveError::linear(error, place, step))?;
+                }
+                let replaces = self.reached.summary.pace.replaces_domains();
                 let timings = &mut self.reached.summary.timings;
                 system.conclude();
                 return timings.measure(Phase::Update, || {
-                    update::move_points::<D, M>(model, points, links, &unknowns.delta_d, step)
+                    update::move_points::<D, M>(model, points, links, &unknowns.delta_d, step, replaces)
                 });
             }
             if course.is_hopeless() {
@@ -220,12 +227,26 @@ impl<const D: usize> Solver<D> {
                 break;
             }
             predicted = unknowns.predicted.is_some();
-            let used = self
-                .newton_step(unknowns, system, place, (loading, condition.as_mut()), course, &mut forcing)
-                .map_err(|e| match e {
-                    Obstacle::Linear(error) => SolveError::linear(error, place, step),
-                    Obstacle::Path(reason) => SolveError::NoPath { step: step.index, reason },
-                })?;
+            if let Some(damping) = &mut damping {
+                damping.adapt(course.shortened);
+            } else if damped {
+                damping = Some(Damping::new(system));
+            }
+            let used = match &mut damping {
+                Some(damping) => self.damped_step(unknowns, system, place, loading, course, damping),
+                None => self.newton_step(
+                    unknowns,
+                    system,
+                    place,
+                    (loading, condition.as_mut()),
+                    course,
+                    &mut forcing,
+                ),
+            };
+            let used = used.map_err(|e| match e {
+                Obstacle::Linear(error) => SolveError::linear(error, place, step),
+                Obstacle::Path(reason) => SolveError::NoPath { step: step.index, reason },
+            })?;
             if let Some(used) = used {
                 self.reached.summary.count(used);
                 course.solved.push(used);
@@ -276,15 +297,19 @@ impl<const D: usize> Solver<D> {
     ) -> Result<Measured, crate::assembly::PointFailure> {
         let tolerance = model.newton.tolerance;
         let summary = &mut self.reached.summary;
+        let damped = summary.pace.is_damped();
+        let [most_halvings, most_searches] =
+            if damped { [MOST_TRIALS; 2] } else { [MOST_HALVINGS, MOST_SEARCHES] };
         let (mut halvings, mut searches) = (0, 0);
         loop {
+            course.shortened = halvings + searches > 0;
             summary.evaluations += 1;
             loading.set_factor(unknowns.factor);
             let assembled = summary
                 .timings
                 .measure(Phase::Assembly, || system.assemble::<M>(model, points, links, &unknowns.delta_d));
             match assembled {
-                Err(_) if iteration > 0 && !unknowns.prescribes && halvings < MOST_HALVINGS => {
+                Err(_) if iteration > 0 && !unknowns.prescribes && halvings < most_halvings => {
                     halvings += 1;
                     unknowns.shorten(0.5, loading);
                     continue;
@@ -292,21 +317,23 @@ impl<const D: usize> Solver<D> {
                 outcome => outcome?,
             }
             course.out_of_balance = unknowns.balance(&loading.f_ext, system.internal_force());
-            let at = At { model, links, system, delta_d: &unknowns.delta_d };
+            let at = At { model, points, links, system, delta_d: &unknowns.delta_d };
             let forces = unknowns.forces(&course.out_of_balance, &loading.f_ext);
             let measured = forces.measure(&unknowns.parts, tolerance, &at);
             let residual = measured.residual;
             let before = course.residuals.last().copied().unwrap_or(f64::INFINITY);
-            let first = if summary.pace.is_careful() {
+            let first = if damped {
+                1
+            } else if summary.pace.is_careful() {
                 FIRST_SEARCH
             } else {
                 ((LATE * model.newton.max_iterations as f64) as usize).max(FIRST_SEARCH)
             };
             let may_search = iteration >= first
                 && !unknowns.prescribes
-                && searches < MOST_SEARCHES
+                && searches < most_searches
                 && loading.unit.is_none();
-            if may_search && residual > before && residual > tolerance {
+            if may_search && (damped || residual > before) && residual > tolerance {
                 let slope = unknowns.slope(&course.out_of_balance);
                 if let Some(shorter) = unknowns.flatter(slope) {
                     searches += 1;
@@ -337,26 +364,9 @@ impl<const D: usize> Solver<D> {
         let residual = course.residuals.last().copied().unwrap_or(1.0);
         let timings = &mut self.reached.summary.timings;
         let tolerance = timings.measure(Phase::Solve, || {
-            let Unknowns { iterative: delta, k_delta, rhs, delta_d, prescribes, .. } = &mut *unknowns;
-            delta.fill([0.0; D]);
-            k_delta.fill([0.0; D]);
-            // The motion of the prescribed degrees of freedom loads the free ones through K.
-            let mut moves = false;
-            for_each_dof(dofs, |node, axis, _| {
-                if let Some((increment, _)) = dofs.prescribed(node, axis) {
-                    delta[node][axis] = increment - delta_d[node][axis];
-                    moves |= delta[node][axis] != 0.0;
-                }
-            });
-            *prescribes = moves;
-            if moves {
-                system.multiply(delta, k_delta);
-            }
-            for_each_dof(dofs, |node, axis, free| {
-                let force = out_of_balance[node][axis] - k_delta[node][axis];
-                rhs[node][axis] = if free.is_some() { force } else { 0.0 };
-            });
-            forcing.next(norm(rhs.iter().flatten().copied()), residual, place.model.newton.tolerance)
+            unknowns.right_hand_side(system, dofs, out_of_balance);
+            let rhs = norm(unknowns.rhs.iter().flatten().copied());
+            forcing.next(rhs, residual, place.model.newton.tolerance)
         });
         if let Some(predicted) = unknowns.predicted.take() {
             for_each_dof(dofs, |node, axis, free| {
@@ -396,55 +406,58 @@ impl<const D: usize> Solver<D> {
         timings.measure(Phase::Solve, || unknowns.advance(system, dofs, loading, out_of_balance))?;
         Ok(Some(solved))
     }
-}
 
-impl<const D: usize> Course<D> {
-    fn new() -> Self {
-        Course {
-            residuals: Vec::new(),
-            round_off: RoundOff::NoMatter,
-            solved: Vec::new(),
-            out_of_balance: Vec::new(),
-            f_int_start: Vec::new(),
+    /// Sees to it that the stiffness of an equilibrium that damped iterations have found resists every motion: without
+    /// damping, it is not to be left.
+    fn see_that_it_is_stable(
+        &mut self,
+        unknowns: &mut Unknowns<D>,
+        system: &mut System<D>,
+        place: Place<D>,
+        course: &Course<D>,
+    ) -> Result<(), LinearError> {
+        unknowns.right_hand_side(system, place.dofs, &course.out_of_balance);
+        let Unknowns { rhs, iterative, .. } = unknowns;
+        let timings = &mut self.reached.summary.timings;
+        let tolerance = place.model.newton.tolerance;
+        let solved = self.equations.solve(place, system, rhs, iterative, tolerance, timings)?;
+        let farthest = iterative.iter().flatten().fold(0.0, |far, u| f64::max(far, u.abs()));
+        let cells = place.links.active_cells().iter();
+        let cell = cells.fold(f64::INFINITY, |least, &cell| least.min(place.model.grid.size(cell as usize)));
+        if solved.factorisation.is_definite() && farthest <= AT_REST * cell {
+            return Ok(());
         }
+        Err(LinearError::Singular { unknown: None })
     }
 
-    /// Whether the last evaluation is one of equilibrium. Where round-off keeps it from the tolerance, the iterations first
-    /// come as near as they can.
-    fn is_equilibrium(&self, tolerance: f64) -> bool {
-        let [.., before, now] = self.residuals[..] else { return false };
-        match self.round_off {
-            RoundOff::NoMatter => now <= tolerance,
-            RoundOff::OfNothing => true,
-            RoundOff::Limits => now > STALLS * before,
-            RoundOff::Forbids => false,
-        }
-    }
-
-    /// Whether round-off keeps the step from equilibrium: two iterations have not made the residual smaller, and what is out
-    /// of balance is round-off.
-    fn is_hopeless(&self) -> bool {
-        let [.., first, second, third] = self.residuals[..] else { return false };
-        self.round_off == RoundOff::Forbids && third > STALLS * second && second > STALLS * first
-    }
-
-    /// Whether the last iteration has left little of what was out of balance.
-    fn falls_fast(&self) -> bool {
-        let [.., before, now] = self.residuals[..] else { return false };
-        now <= FAST * before
-    }
-
-    /// What the next residual will be if the iterations converge quadratically and linear equations leave what they may.
-    /// Infinite where nothing is known: before two iterations, and before as many as the step before took, as those that
-    /// rotate a body begin in great strides which say nothing.
-    fn forecast(&self, forcing: &Forcing, of_last_step: usize) -> f64 {
-        match self.residuals[..] {
-            [_, .., before, now] if of_last_step > 0 && self.residuals.len() >= of_last_step => {
-                let reduction = now / before;
-                now * (reduction * reduction).max(forcing.last())
+    /// As [`Solver::newton_step`], with a stiffness that is damped until it is positive definite.
+    fn damped_step(
+        &mut self,
+        unknowns: &mut Unknowns<D>,
+        system: &mut System<D>,
+        place: Place<D>,
+        loading: &Loading<D>,
+        course: &Course<D>,
+        damping: &mut Damping<D>,
+    ) -> Result<Option<Solved>, Obstacle> {
+        unknowns.right_hand_side(system, place.dofs, &course.out_of_balance);
+        damping.add_to(system);
+        let timings = &mut self.reached.summary.timings;
+        let tolerance = place.model.newton.tolerance;
+        let mut tries = 0;
+        let solved = loop {
+            tries += 1;
+            let Unknowns { rhs, iterative, .. } = &mut *unknowns;
+            let solved = self.equations.solve(place, system, rhs, iterative, tolerance, timings);
+            match solved {
+                Ok(solved) if solved.factorisation.is_definite() => break solved,
+                outcome if tries == MOST_FACTORISATIONS => break outcome?,
+                _ => damping.increase(system),
             }
-            _ => f64::INFINITY,
-        }
+        };
+        let advance = || unknowns.advance(system, place.dofs, loading, &course.out_of_balance);
+        timings.measure(Phase::Solve, advance)?;
+        Ok(Some(solved))
     }
 }
 

@@ -47,8 +47,9 @@ pub trait Observer<const D: usize> {
         Ok(())
     }
 
-    /// A step is not in equilibrium; the converged state is that before it. With a diagnosis the run ends here, otherwise a
-    /// smaller step follows.
+    /// A step is not in equilibrium; the converged state is that before it. A smaller step
+    /// or a last resort follows, unless the run has `ended` here: with the attempt that tells why, this one or that before the
+    /// last resorts, and its diagnosis.
     ///
     /// # Errors
     /// Any error stops the run.
@@ -57,7 +58,7 @@ pub trait Observer<const D: usize> {
         _model: &Model<D>,
         _points: &Points<D>,
         _attempt: &FailedAttempt<D>,
-        _diagnosis: Option<&Diagnosis>,
+        _ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
     ) -> std::io::Result<()> {
         Ok(())
     }
@@ -111,6 +112,14 @@ pub struct StepReport<const D: usize> {
     /// Whether the step has been accepted as far as round-off allows, [`MOST_OF_ROUND_OFF`] at most, rather than to the
     /// tolerance.
     pub rounding_limited: bool,
+    /// What is out of balance at the nodes of each body alone, relative to the forces on it; none for one body, [-].
+    pub body_residuals: Vec<f64>,
+    /// The largest norm of the external forces and reactions on a part of each body, in this step or before, [force].
+    pub carried: Vec<f64>,
+    /// Whether only damped iterations found the equilibrium.
+    pub damped: bool,
+    /// Permanent numbers of the points whose torn domains were replaced, ascending.
+    pub replaced_domains: Vec<u32>,
     /// Factorisation used in each iteration.
     pub factorisations: Vec<Factorisation>,
     /// Iterations of the linear solver in all of them, none where it is direct.
@@ -151,6 +160,15 @@ pub struct Summary {
     /// Steps among them that were accepted as far as round-off allows.
     #[serde(default)]
     pub rounding_limited: usize,
+    /// Steps among them of which only damped iterations found the equilibrium.
+    #[serde(default)]
+    pub damped: usize,
+    /// Torn domains that were replaced.
+    #[serde(default)]
+    pub replaced_domains: usize,
+    /// [`StepReport::carried`] of the last step.
+    #[serde(default)]
+    pub carried: Vec<f64>,
     /// Attempts at a step that did not reach equilibrium.
     pub failed_attempts: usize,
     /// How large steps are at the moment.
@@ -268,6 +286,9 @@ impl Summary {
     pub(super) fn accept<const D: usize>(&mut self, report: &StepReport<D>) {
         self.steps += 1;
         self.rounding_limited += usize::from(report.rounding_limited);
+        self.damped += usize::from(report.damped);
+        self.carried.clone_from(&report.carried);
+        self.replaced_domains += report.replaced_domains.len();
         self.last_iterations = report.residuals.len() - 1;
         self.stabilised_faces = self.stabilised_faces.max(report.stabilised_faces);
         self.load_factor = report.load_factor;

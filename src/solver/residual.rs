@@ -4,9 +4,13 @@
 //! round-off keeps a part from the tolerance, the step may still be accepted, marked, if what is out of balance is round-off
 //! of each node's own equations and small beside the forces on the part. Nothing of this changes the residual that is told.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use crate::assembly::System;
 use crate::basis::Connectivity;
 use crate::model::Model;
+use crate::points::Points;
+use crate::stabilisation::axial_modulus_at_rest;
 
 use super::Nodal;
 use super::newton::norm;
@@ -18,13 +22,19 @@ pub(super) const MOST_OF_ROUND_OFF: f64 = 1e-6;
 /// Round-off of a nodal force relative to the terms Σ |K_vw| |Δd_w| of a displacement increment, in units of the machine
 /// precision.
 const IN_MOTION: f64 = 16.0;
-/// Round-off of a nodal force relative to K_vv h, the force of a strain of one over a cell, in units of the machine
-/// precision: deformation gradients are about one.
+/// Round-off of a nodal force relative to Σ |∇S_vp| V_p M_p, the force of a strain of one at all points with the axial
+/// modulus M, in units of the machine precision: deformation gradients are about one.
 const IN_STRAIN: f64 = 8.0;
+/// More than this times the largest entry of K and the size of a cell is no force of a strain of one.
+const NO_SUCH_FORCE: f64 = 1e6;
 
 /// Reactions of a part that carries nothing are round-off that has accumulated in the stresses over the steps, up to this
 /// multiple of that of one step.
 const ACCUMULATED: f64 = 100.0;
+
+/// A part without loads is unloaded where its reactions are less than this part of what its bodies have carried: fresh grids
+/// leave as much of a stress that has gone, [-].
+const UNLOADED: f64 = 1e-4;
 
 /// The connected parts of the active nodes.
 #[derive(Debug, Clone)]
@@ -33,6 +43,10 @@ pub(super) struct Parts {
     of_node: Vec<u32>,
     /// Number of parts.
     n: usize,
+    /// Numbers of the bodies that each part is of, ascending.
+    bodies: Vec<Vec<usize>>,
+    /// For each part the largest force that its bodies have carried before, [force].
+    carried: Vec<f64>,
 }
 
 impl Parts {
@@ -44,7 +58,35 @@ impl Parts {
             of_node[node] = if first == node { n } else { of_node[first] };
             n += u32::from(first == node);
         }
-        Parts { of_node, n: n as usize }
+        Parts { of_node, n: n as usize, bodies: vec![vec![0]; n as usize], carried: vec![0.0; n as usize] }
+    }
+
+    /// With the bodies of each part, and the largest forces that each body has carried before.
+    pub(super) fn of_bodies<const D: usize>(
+        mut self,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+        bodies: usize,
+        carried: &[f64],
+    ) -> Parts {
+        if bodies > 1 {
+            let mut of_part = vec![BTreeSet::new(); self.n];
+            for group in 0..links.n_groups() {
+                let nodes = links.nodes_of(group);
+                for p in links.points_of(group) {
+                    if let Some(place) = links.places(p).first() {
+                        let part = self.of_node[nodes[*place as usize] as usize];
+                        of_part[part as usize].insert(points.body[p] as usize);
+                    }
+                }
+            }
+            self.bodies = of_part.into_iter().map(|bodies| bodies.into_iter().collect()).collect();
+        }
+        for (of_part, bodies) in self.carried.iter_mut().zip(&self.bodies) {
+            let of_body = |body: &usize| carried.get(*body).copied().unwrap_or(0.0);
+            *of_part = bodies.iter().map(of_body).fold(0.0, f64::max);
+        }
+        self
     }
 
     /// Number of parts.
@@ -101,12 +143,12 @@ impl<const D: usize> Forces<'_, D> {
         std::array::from_fn(|d| self.f_ext[node][d] + self.reaction[node][d])
     }
 
-    /// Whether no load acts on a node where it is free, and loads and reactions together are round-off where it is held: a load
-    /// may go right into a support.
-    fn carries_nothing(&self, node: usize, noise: f64) -> bool {
+    /// Whether a load on a node is below `nothing` where it is free, and loads and reactions together are round-off where it is
+    /// held: a load may go right into a support.
+    fn carries_nothing(&self, node: usize, nothing: f64, noise: f64) -> bool {
         let (load, reaction) = (&self.f_ext[node], &self.reaction[node]);
         (0..D).all(|d| match reaction[d] {
-            0.0 => load[d] == 0.0,
+            0.0 => load[d].abs() <= nothing,
             held => (load[d] + held).abs() <= noise,
         })
     }
@@ -116,6 +158,18 @@ impl<const D: usize> Forces<'_, D> {
         let out = parts.norms(self.out_of_balance.iter().copied());
         let force = parts.norms((0..self.f_ext.len()).map(|node| self.total(node)));
         out.into_iter().zip(force).map(|(out, force)| [out, force]).collect()
+    }
+
+    /// The largest force that each body carries or has carried, [force].
+    pub(super) fn carried(&self, parts: &Parts, before: &[f64], bodies: usize) -> Vec<f64> {
+        let mut carried = before.to_vec();
+        carried.resize(bodies, 0.0);
+        for ([_, force], bodies) in self.of_parts(parts).into_iter().zip(&parts.bodies) {
+            for &body in bodies {
+                carried[body] = carried[body].max(force);
+            }
+        }
+        carried
     }
 
     /// Eq. (40) where it meets the tolerance in every part.
@@ -138,13 +192,18 @@ impl<const D: usize> Forces<'_, D> {
             return told(&residuals, RoundOff::NoMatter);
         }
         let (mut carries_nothing, mut is_round_off) = (open.clone(), open.clone());
-        self.exclude_beyond(at.round_off_at_most(), parts, &mut is_round_off);
+        // Of what a body has carried before, equilibrium has left as much as the tolerance allows.
+        let left: Vec<f64> = parts.carried.iter().map(|f| tolerance.min(MOST_OF_ROUND_OFF) * f).collect();
+        self.exclude_beyond(at.round_off_at_most(), &left, parts, &mut is_round_off);
         if is_round_off.contains(&true) {
             for (node, noise) in at.round_off().iter().enumerate() {
                 let part = parts.of_node[node] as usize;
-                let is_within = self.out_of_balance[node].iter().all(|f| f.abs() <= *noise);
-                is_round_off[part] &= is_within;
-                carries_nothing[part] &= is_within && self.carries_nothing(node, ACCUMULATED * noise);
+                let is_within = |bound: f64| self.out_of_balance[node].iter().all(|f| f.abs() <= bound);
+                is_round_off[part] &= is_within(*noise);
+                let nothing = f64::EPSILON * parts.carried[part];
+                let still = UNLOADED * parts.carried[part];
+                carries_nothing[part] &= is_within(noise.max(left[part]))
+                    && self.carries_nothing(node, nothing, still.max(ACCUMULATED * noise));
             }
         } else {
             carries_nothing.fill(false);
@@ -175,10 +234,11 @@ impl<const D: usize> Forces<'_, D> {
         told(&residuals, round_off)
     }
 
-    /// Takes the parts away of which a node has an out-of-balance force beyond a bound.
-    fn exclude_beyond(&self, bound: f64, parts: &Parts, is_round_off: &mut [bool]) {
+    /// Takes the parts away of which a node has an out-of-balance force beyond a bound, and beyond one of the part.
+    fn exclude_beyond(&self, bound: f64, of_part: &[f64], parts: &Parts, is_round_off: &mut [bool]) {
         for (force, part) in self.out_of_balance.iter().zip(&parts.of_node) {
-            is_round_off[*part as usize] &= force.iter().all(|f| f.abs() <= bound);
+            let part = *part as usize;
+            is_round_off[part] &= force.iter().all(|f| f.abs() <= bound.max(of_part[part]));
         }
     }
 
@@ -198,9 +258,73 @@ impl<const D: usize> Forces<'_, D> {
     }
 }
 
+/// What is out of balance at the nodes of each body alone, beyond round-off, relative to the forces on them or, where they are larger, to the
+/// forces that its points pass on to nodes that it shares; empty for one body, 0 for a body without forces, [-].
+///
+/// A part of several bodies is in equilibrium by all its forces. Those on a body that carries little beside others may be
+/// out of balance then, and nobody would know.
+pub(super) fn of_bodies<const D: usize>(
+    forces: &Forces<'_, D>,
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+) -> Vec<f64> {
+    const SHARED: u32 = u32::MAX;
+    const NOBODY: u32 = u32::MAX - 1;
+    let bodies = model.bodies.len();
+    if bodies < 2 {
+        return Vec::new();
+    }
+    let mut owner = vec![NOBODY; links.n_active()];
+    let each_point = |visit: &mut dyn FnMut(&[u32], usize)| {
+        for group in 0..links.n_groups() {
+            links.points_of(group).for_each(|p| visit(links.nodes_of(group), p));
+        }
+    };
+    each_point(&mut |nodes, p| {
+        for &place in links.places(p) {
+            let owner = &mut owner[nodes[place as usize] as usize];
+            *owner = if [NOBODY, u32::from(points.body[p])].contains(owner) {
+                points.body[p].into()
+            } else {
+                SHARED
+            };
+        }
+    });
+    let mut passed_on: BTreeMap<(u16, u32), [f64; D]> = BTreeMap::new();
+    each_point(&mut |nodes, p| {
+        let stress = &points.trial.kirchhoff_stress[p];
+        links.for_each_link(p, |place, _, gradient| {
+            let node = nodes[place];
+            if owner[node as usize] == SHARED {
+                let force = passed_on.entry((points.body[p], node)).or_insert([0.0; D]);
+                for i in 0..D {
+                    let traction: f64 = (0..D).map(|j| stress.component(i, j) * gradient[j]).sum();
+                    force[i] += traction * points.original_volume[p];
+                }
+            }
+        });
+    });
+    let mut sums = vec![[0.0; 3]; bodies]; // squares: out of balance, on the body, passed on
+    for ((body, _), force) in &passed_on {
+        sums[*body as usize][2] += force.iter().map(|f| f * f).sum::<f64>();
+    }
+    // Of a motion of a cell and of strains of one, as the stiffness is gone.
+    let round_off = f64::EPSILON * ACCUMULATED * (IN_MOTION + IN_STRAIN);
+    let unit = forces_of_unit_strain(model, points, links);
+    for (node, &owner) in owner.iter().enumerate().filter(|(_, owner)| (**owner as usize) < bodies) {
+        let [out, on, _] = &mut sums[owner as usize];
+        let beyond = |f: &f64| if f.abs() > round_off * unit[node] { f * f } else { 0.0 };
+        *out += forces.out_of_balance[node].iter().map(beyond).sum::<f64>();
+        *on += forces.total(node).iter().map(|f| f * f).sum::<f64>();
+    }
+    sums.into_iter().map(|[out, on, passed_on]| ratio(out.sqrt(), on.max(passed_on).sqrt())).collect()
+}
+
 /// Where an evaluation was made.
 pub(super) struct Iterate<'a, const D: usize> {
     pub(super) model: &'a Model<D>,
+    pub(super) points: &'a Points<D>,
     pub(super) links: &'a Connectivity<D>,
     pub(super) system: &'a System<D>,
     pub(super) delta_d: &'a Nodal<D>,
@@ -209,39 +333,48 @@ pub(super) struct Iterate<'a, const D: usize> {
 impl<const D: usize> Iterate<'_, D> {
     /// No node has more [`Iterate::round_off`] than this, which costs little, [force].
     fn round_off_at_most(&self) -> f64 {
-        let Iterate { model, links, system, delta_d } = self;
+        let Iterate { model, links, system, delta_d, .. } = self;
         let motion = delta_d.iter().flatten().fold(0.0, |largest, x| f64::max(largest, x.abs()));
         let size = links
             .active_cells()
             .iter()
             .fold(0.0, |size, &cell| f64::max(size, model.grid.size(cell as usize)));
         let entries_of_row = (D * delta_d.len()) as f64;
-        f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + IN_STRAIN * size)
+        let strain = IN_STRAIN * NO_SUCH_FORCE * size;
+        f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + strain)
     }
 
     /// Round-off of the force at each node, [force]: that of the products of its row of K with the displacement increment,
-    /// and that of strains over the cells around it.
+    /// and that of strains at its points. A node that is touched by little has little stiffness, K_vv ~ |∇S|², but stresses of
+    /// points that others hold, whose round-off goes with |∇S|.
     fn round_off(&self) -> Vec<f64> {
-        let Iterate { model, links, system, delta_d } = self;
-        let mut size = vec![0.0f64; delta_d.len()];
-        for &cell in links.active_cells() {
-            let of_cell = model.grid.size(cell as usize);
-            for node in model.grid.corners(cell as usize).nodes() {
-                if let Some(active) = links.active_number(*node as usize) {
-                    size[active] = size[active].max(of_cell);
-                }
-            }
-        }
         let largest_of = |x: &[f64; D]| x.iter().fold(0.0f64, |a, b| a.max(b.abs()));
-        let motion = system.magnitudes(delta_d);
-        let diagonal = system.diagonal();
-        let nodes = motion.iter().zip(&diagonal).zip(&size);
-        nodes
-            .map(|((motion, stiffness), size)| {
-                f64::EPSILON * (IN_MOTION * largest_of(motion) + IN_STRAIN * size * largest_of(stiffness))
-            })
-            .collect()
+        let motion = self.system.magnitudes(self.delta_d);
+        let of_node = |(motion, strain): (&[f64; D], f64)| {
+            f64::EPSILON * (IN_MOTION * largest_of(motion) + IN_STRAIN * strain)
+        };
+        motion.iter().zip(forces_of_unit_strain(self.model, self.points, self.links)).map(of_node).collect()
     }
+}
+
+/// Σ |∇S_vp| V_p M_p at each node, [force].
+fn forces_of_unit_strain<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+) -> Vec<f64> {
+    let moduli: Vec<f64> = model.materials.iter().map(|m| axial_modulus_at_rest(m.law.as_ref())).collect();
+    let mut forces = vec![0.0; links.n_active()];
+    for group in 0..links.n_groups() {
+        let nodes = links.nodes_of(group);
+        for p in links.points_of(group) {
+            let stiffness = model.volume(points, p) * moduli[model.bodies[points.body[p] as usize].material];
+            links.for_each_link(p, |local, _, gradient| {
+                forces[nodes[local] as usize] += stiffness * norm(gradient.iter().copied());
+            });
+        }
+    }
+    forces
 }
 
 /// The larger of two residuals; not a number if one is not.

@@ -70,6 +70,34 @@ impl<const D: usize> Unknowns<D> {
         }
     }
 
+    /// The right-hand side of eq. (26), with what is left of the prescribed motion in the iterative displacement.
+    pub(super) fn right_hand_side(
+        &mut self,
+        system: &mut System<D>,
+        dofs: &DofMap<D>,
+        out_of_balance: &[[f64; D]],
+    ) {
+        let Unknowns { iterative: delta, k_delta, rhs, delta_d, prescribes, .. } = self;
+        delta.fill([0.0; D]);
+        k_delta.fill([0.0; D]);
+        // The motion of the prescribed degrees of freedom loads the free ones through K.
+        let mut moves = false;
+        for_each_dof(dofs, |node, axis, _| {
+            if let Some((increment, _)) = dofs.prescribed(node, axis) {
+                delta[node][axis] = increment - delta_d[node][axis];
+                moves |= delta[node][axis] != 0.0;
+            }
+        });
+        *prescribes = moves;
+        if moves {
+            system.multiply(delta, k_delta);
+        }
+        for_each_dof(dofs, |node, axis, free| {
+            let force = out_of_balance[node][axis] - k_delta[node][axis];
+            rhs[node][axis] = if free.is_some() { force } else { 0.0 };
+        });
+    }
+
     /// Takes the iterative displacement, eq. (30), with the linearised change of the reactions.
     pub(super) fn advance(
         &mut self,

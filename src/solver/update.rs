@@ -2,6 +2,7 @@
 #![allow(non_snake_case)]
 
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 use super::{SolveError, Step};
 use crate::basis::{Connectivity, DomainKind, Method, Room as Products, check_domain};
@@ -19,13 +20,21 @@ struct Moved<const D: usize> {
     deformation_gradient: Mat3,
     half_lengths: [f64; D],
     corners: [[f64; D]; 8],
+    /// Whether the domain was torn and is another one now.
+    is_replaced: bool,
 }
+
+/// A domain in place of a torn one is made smaller by halves, until it fits into the grid, up to so many times.
+const MOST_HALVINGS: usize = 10;
 
 /// A task of this many groups or fewer is not split between threads.
 const GRAIN: usize = 16;
 
 /// Moves the points with the grid, eqs. (9), (31), updates F by eq. (16) and the domains by eqs. (32)-(39); all into
 /// the trial state, whose stress and strain the last assembly has written.
+///
+/// Where `replaces`, a domain that is torn or leaves the grid by its corners is replaced; returns the permanent numbers of
+/// these points, ascending.
 ///
 /// # Errors
 /// [`SolveError`] when a point or a corner of its domain leaves the grid, or a domain collapses.
@@ -35,7 +44,8 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
     links: &Connectivity<D>,
     delta_d: &[[f64; D]],
     step: Step,
-) -> Result<(), SolveError> {
+    replaces: bool,
+) -> Result<Vec<u32>, SolveError> {
     let at_rest = [0.0; D];
     let nodal = |node: usize| links.moves_with(node).map_or(at_rest, |active| delta_d[active]);
     let regular = model.grid.structured(); // a grid whose type is known has its arithmetic in line
@@ -50,8 +60,24 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
     trial.deformation_gradient.resize(n, Mat3::identity());
     trial.half_lengths.resize(points.converged.half_lengths.len(), [0.0; D]);
     trial.corners.resize(points.converged.corners.len(), [0.0; D]);
+    let replaced = Mutex::new(Vec::new());
     let move_point = |nodes: &[u32], products: &mut Products<D>, p: usize| {
-        move_point::<D, M>(model, state, links, nodes, products, delta_d, &displacement, p, step)
+        let moved = move_point::<D, M>(
+            model,
+            state,
+            links,
+            nodes,
+            products,
+            delta_d,
+            &displacement,
+            p,
+            step,
+            replaces,
+        )?;
+        if moved.is_replaced {
+            replaced.lock().unwrap_or_else(PoisonError::into_inner).push(state.id[p]);
+        }
+        Ok(moved)
     };
     let room = Room {
         first: 0,
@@ -65,7 +91,9 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
         trial.forget_motion();
     }
     points.trial = trial;
-    outcome
+    let mut replaced = replaced.into_inner().unwrap_or_else(PoisonError::into_inner);
+    replaced.sort_unstable();
+    outcome.map(|()| replaced)
 }
 
 /// The part of the trial state that is written here, of consecutive points.
@@ -154,6 +182,7 @@ fn move_point<const D: usize, M: Mechanics<D>>(
     displacement: &impl Fn(&[f64; D]) -> [f64; D],
     p: usize,
     step: Step,
+    replaces: bool,
 ) -> Result<Moved<D>, SolveError> {
     let of_point = links.links(p, products);
     let mut position = points.converged.position[p];
@@ -179,6 +208,7 @@ fn move_point<const D: usize, M: Mechanics<D>>(
         deformation_gradient: F,
         half_lengths: points.half_lengths(p),
         corners: [[0.0; D]; 8],
+        is_replaced: false,
     };
     match body.method.domain() {
         DomainKind::None => {}
@@ -197,13 +227,27 @@ fn move_point<const D: usize, M: Mechanics<D>>(
                 .map_err(|error| SolveError::collapsed(model, points, p, position, step, error))?;
         }
         DomainKind::Corners => {
-            move_corners(body.method, points, p, displacement, &mut moved);
+            match body.method {
+                Method::Cpdi2 => carry_corners(points, p, displacement, &mut moved),
+                _ => deform_corners(points, p, 1.0, &mut moved),
+            }
             // Otherwise the next step, if there is one, would be the first to notice.
-            let corners = &moved.corners[..points.corner_range(p).len()];
-            let checked = match model.grid.structured() {
-                Some(grid) => check_domain(grid, corners, points.cell[p]),
-                None => check_domain(model.grid.as_ref(), corners, points.cell[p]),
+            let n = points.corner_range(p).len();
+            let check = |moved: &Moved<D>| match model.grid.structured() {
+                Some(grid) => check_domain(grid, &moved.corners[..n], points.cell[p]),
+                None => check_domain(model.grid.as_ref(), &moved.corners[..n], points.cell[p]),
             };
+            let mut checked = check(&moved);
+            if replaces && checked.is_err() {
+                moved.is_replaced = true;
+                let mut sizes = (0..=MOST_HALVINGS).map(|k| 0.5f64.powi(k as i32));
+                while checked.is_err()
+                    && let Some(size) = sizes.next()
+                {
+                    deform_corners(points, p, size, &mut moved);
+                    checked = check(&moved);
+                }
+            }
             checked.map_err(|error| SolveError::domain(model, points, p, position, step, error))?;
         }
     }
@@ -219,25 +263,25 @@ fn along_axes<const D: usize>(mut F: Mat3) -> Mat3 {
     F
 }
 
-/// CPDI2 moves the corners with the grid; CPDI1 keeps a parallelogram (parallelepiped) that follows F of the point.
-fn move_corners<const D: usize>(
-    method: Method,
+/// CPDI2: the corners move with the grid.
+fn carry_corners<const D: usize>(
     points: &Points<D>,
     p: usize,
     displacement: &impl Fn(&[f64; D]) -> [f64; D],
     moved: &mut Moved<D>,
 ) {
-    let first = points.corner_range(p).start;
-    for (k, corner) in points.corners(p).iter().enumerate() {
-        let place = &mut moved.corners[k];
-        if method == Method::Cpdi2 {
-            let u = displacement(corner);
-            *place = std::array::from_fn(|d| corner[d] + u[d]);
-        } else {
-            let arm = |d: usize| points.original_corners[first + k][d] - points.original_position[p][d];
-            let F = &moved.deformation_gradient;
-            *place =
-                std::array::from_fn(|i| moved.position[i] + (0..D).map(|j| F[(i, j)] * arm(j)).sum::<f64>());
-        }
+    for (place, corner) in moved.corners.iter_mut().zip(points.corners(p)) {
+        let u = displacement(corner);
+        *place = std::array::from_fn(|d| corner[d] + u[d]);
+    }
+}
+
+/// CPDI1: a parallelogram (parallelepiped) that follows F of the point, here of `size` times the lengths.
+fn deform_corners<const D: usize>(points: &Points<D>, p: usize, size: f64, moved: &mut Moved<D>) {
+    let (F, x) = (&moved.deformation_gradient, &moved.position);
+    let original = &points.original_corners[points.corner_range(p)];
+    for (place, corner) in moved.corners.iter_mut().zip(original) {
+        let arm = |d: usize| size * (corner[d] - points.original_position[p][d]);
+        *place = std::array::from_fn(|i| x[i] + (0..D).map(|j| F[(i, j)] * arm(j)).sum::<f64>());
     }
 }

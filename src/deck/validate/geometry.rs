@@ -25,6 +25,10 @@ impl Extent {
     }
 }
 
+/// Round-off of coordinates relative to a cell beyond which a grid is too far from the origin, [-]: the distance within which
+/// points lie on grid lines.
+const ROUND_OFF: f64 = 1e-8;
+
 /// The region of a grid and the sides of its cells.
 #[derive(Debug, Clone)]
 pub(super) struct GridBox {
@@ -111,6 +115,16 @@ impl Check<'_> {
         for axis in 0..self.dimensions() {
             let count = sides[axis] / spacing[axis];
             cells *= count;
+            let farthest = origin[axis].abs().max((origin[axis] + sides[axis]).abs());
+            if count < MOST && f64::EPSILON * farthest > ROUND_OFF * spacing[axis] {
+                let message = format!(
+                    "the grid reaches to {farthest:e} along {}, where coordinates have a round-off of more than {ROUND_OFF:e} of \
+                     a cell of {}",
+                    AXES[axis], spacing[axis]
+                );
+                let help = "take the origin of the coordinates near the bodies";
+                self.error("D027", &format!("/grid/origin/{axis}"), message, help);
+            }
             if !is_whole(count) {
                 let message = format!(
                     "the size {} along {} is not a whole multiple of the spacing {}",

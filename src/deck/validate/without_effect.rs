@@ -15,6 +15,7 @@ impl Check<'_> {
         self.curves_without_effect();
         self.volume_without_effect();
         self.predictor_without_effect();
+        self.damping_without_effect();
     }
 
     /// Whether the deck itself gives a key its value.
@@ -82,6 +83,22 @@ impl Check<'_> {
             let message = format!("`predictor` has no effect with `control: {{type: {control}}}`");
             let help = "remove it; it is for prescribed loads, `control: {type: load}`";
             self.warn_at_key("D037", at, message, help);
+        }
+    }
+
+    fn damping_without_effect(&mut self) {
+        let steps = &self.deck.steps;
+        let (because, other) = match steps.control {
+            ControlDeck::Load {} if steps.smallest < 1.0 => return,
+            ControlDeck::Load {} => {
+                ("with `smallest: 1`, which ends a run at the first failure", "/steps/smallest")
+            }
+            _ => ("where the load factor is unknown", "/steps/control/type"),
+        };
+        let at = "/steps/damping";
+        if self.is_written(at) && !self.source.is_from_parameter(other) {
+            let help = "remove it; it is for steps under prescribed loads that may be cut";
+            self.warn_at_key("D037", at, format!("`damping` has no effect {because}"), help);
         }
     }
 }

@@ -1,0 +1,60 @@
+//! Damped iterations, the last resort of a step that Newton's method does not solve.
+//!
+//! An iteration solves (K + μ D) δd = f_ext − f_int with the diagonal D of the first stiffness of the step. A large μ goes
+//! down the slope of the potential in small strides, which leads through regions where K is nearly singular or not positive
+//! definite; μ = 0 is Newton's method (Levenberg 1944; as a pseudo time: Kelley and Keyes 1998, doi
+//! 10.1137/S0036142996304796). Only the way to equilibrium changes, not what equilibrium is;
+//! one whose stiffness is not positive definite is not accepted.
+
+use crate::assembly::System;
+
+use super::Nodal;
+
+/// Damped iterations may be so many times as many as others.
+pub(super) const MORE_ITERATIONS: usize = 10;
+/// Most evaluations of the line search of a damped iteration, and most halvings of one that turns a point inside out.
+pub(super) const MOST_TRIALS: usize = 10;
+/// Most factorisations until the stiffness is positive definite.
+pub(super) const MOST_FACTORISATIONS: usize = 30;
+
+/// What is left to move without damping, relative to a cell, is more where nothing resists it.
+pub(super) const AT_REST: f64 = 1e-3;
+
+/// μ of the first iteration, [-].
+const FIRST: f64 = 1e-4;
+/// A damping that has to grow is this at least, [-].
+const LEAST: f64 = 1e-6;
+/// By which μ changes from iteration to iteration.
+const CHANGE: f64 = 4.0;
+
+/// The damping of an iteration.
+pub(super) struct Damping<const D: usize> {
+    /// μ, [-].
+    factor: f64,
+    /// D, per node, [force/length].
+    stiffness: Nodal<D>,
+}
+
+impl<const D: usize> Damping<D> {
+    /// For the first iteration of a step, from its stiffness.
+    pub(super) fn new(system: &System<D>) -> Self {
+        Damping { factor: FIRST, stiffness: system.diagonal() }
+    }
+
+    /// For the next iteration: less if the whole of the last one served, more if it had to be shortened.
+    pub(super) fn adapt(&mut self, shortened: bool) {
+        self.factor = if shortened { (CHANGE * self.factor).max(LEAST) } else { self.factor / CHANGE };
+    }
+
+    /// K + μ D.
+    pub(super) fn add_to(&self, system: &mut System<D>) {
+        system.add_to_diagonal(self.factor, &self.stiffness);
+    }
+
+    /// From K + μ D to K + CHANGE μ D, where the former is not positive definite.
+    pub(super) fn increase(&mut self, system: &mut System<D>) {
+        let more = ((CHANGE - 1.0) * self.factor).max(LEAST);
+        system.add_to_diagonal(more, &self.stiffness);
+        self.factor += more;
+    }
+}
