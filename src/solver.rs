@@ -185,6 +185,7 @@ impl<const D: usize> Solver<D> {
         let Reached { step, summary } = &mut self.reached;
         *step = report.step;
         summary.path = path;
+        self.cause = None;
         summary.kept = self.equations.kept();
         summary.pace.succeeded(&model.stepping, report.residuals.len() - 1);
         summary.accept(&report);

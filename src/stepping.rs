@@ -160,13 +160,8 @@ impl Pace {
         self.patience > 0
     }
 
-    /// Whether steps cannot be made smaller any more.
+    /// Whether steps cannot be made smaller any more; torn domains are then replaced.
     pub fn is_last_resort(&self) -> bool {
-        self.resort.is_some()
-    }
-
-    /// Whether torn domains are replaced.
-    pub fn replaces_domains(&self) -> bool {
         self.resort.is_some()
     }
 

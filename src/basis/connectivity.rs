@@ -359,13 +359,22 @@ impl<const D: usize> Connectivity<D> {
                     continue; // neighbours in a cell mostly touch the same nodes
                 }
                 last = local;
-                for pair in local.windows(2) {
-                    let [a, b] = [pair[0], pair[1]].map(|k| find(&mut root, nodes[k as usize] as usize));
-                    root[a.max(b)] = a.min(b);
+                let Some((&first, others)) = local.split_first() else { continue };
+                let mut lowest = find(&mut root, nodes[first as usize] as usize);
+                for &k in others {
+                    let other = find(&mut root, nodes[k as usize] as usize);
+                    if other != lowest {
+                        root[other.max(lowest)] = other.min(lowest);
+                        lowest = lowest.min(other);
+                    }
                 }
             }
         }
-        (0..root.len()).map(|node| find(&mut root, node)).collect()
+        // No node points to a higher one.
+        for node in 0..root.len() {
+            root[node] = root[root[node]];
+        }
+        root
     }
 
     /// Number of the active node that moves with a grid node: that node, or where only slivers of basis functions touch it

@@ -34,6 +34,8 @@ const LEAST_FLOW: f64 = 0.5;
 const MOST_OF_BODY: f64 = 1e-4;
 /// … and what a smaller tolerance should leave of it.
 const FINE_RESIDUAL: f64 = 1e-6;
+/// Round-off keeps residuals from smaller tolerances, [-].
+const LEAST_TOLERANCE: f64 = 1e-13;
 
 impl Quality {
     /// Looks at a step that is in equilibrium but not committed, as for [`super::Measures::new`]; returns the warnings
@@ -171,6 +173,11 @@ fn hidden_residuals<const D: usize>(model: &Model<D>, report: &StepReport<D>) ->
     let warning = |(number, value): (usize, &f64)| {
         let name = &model.bodies[number].name;
         let tolerance = model.newton.tolerance * (FINE_RESIDUAL / value);
+        let help = if tolerance >= LEAST_TOLERANCE {
+            format!("use a smaller tolerance, `solver: {{tolerance: {tolerance:.0e}}}`")
+        } else {
+            "give the body an analysis of its own: the forces beside it are so much larger that round-off hides it".to_owned()
+        };
         let warning = Warning {
             code: Code::HiddenResidual,
             step: report.step.index,
@@ -182,7 +189,7 @@ fn hidden_residuals<const D: usize>(model: &Model<D>, report: &StepReport<D>) ->
                  bodies that it hangs together with",
                 100.0 * value
             ),
-            help: format!("use a smaller tolerance, `solver: {{tolerance: {tolerance:.0e}}}`"),
+            help,
         };
         (number, warning)
     };

@@ -212,18 +212,14 @@ impl<const D: usize> Solver<D> {
                     self.see_that_it_is_stable(unknowns, system, place, course)
                         .map_err(|error| SolveError::linear(error, place, step))?;
                 }
-                let replaces = self.reached.summary.pace.replaces_domains();
+                let replaces = self.reached.summary.pace.is_last_resort();
                 let timings = &mut self.reached.summary.timings;
                 system.conclude();
                 return timings.measure(Phase::Update, || {
                     update::move_points::<D, M>(model, points, links, &unknowns.delta_d, step, replaces)
                 });
             }
-            if course.is_hopeless() {
-                let residuals = course.residuals.clone();
-                return Err(SolveError::round_off(model, links, step, residuals, &course.out_of_balance));
-            }
-            if iteration == max_iterations || !residual.is_finite() {
+            if course.is_hopeless() || iteration == max_iterations || !residual.is_finite() {
                 break;
             }
             predicted = unknowns.predicted.is_some();

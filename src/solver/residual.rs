@@ -26,7 +26,7 @@ const IN_MOTION: f64 = 16.0;
 /// modulus M, in units of the machine precision: deformation gradients are about one.
 const IN_STRAIN: f64 = 8.0;
 /// More than this times the largest entry of K and the size of a cell is no force of a strain of one.
-const NO_SUCH_FORCE: f64 = 1e6;
+const NO_SUCH_FORCE: f64 = 1e3;
 
 /// Reactions of a part that carries nothing are round-off that has accumulated in the stresses over the steps, up to this
 /// multiple of that of one step.
@@ -208,7 +208,10 @@ impl<const D: usize> Forces<'_, D> {
         } else {
             carries_nothing.fill(false);
         }
-        let resultants = self.resultants(parts, at.model.revolved);
+        let resultants = match is_round_off.contains(&true) {
+            true => self.resultants(parts, at.model.revolved),
+            false => Vec::new(),
+        };
         let mut round_off = RoundOff::OfNothing;
         for part in (0..parts.n).filter(|&part| open[part]) {
             if carries_nothing[part] {
@@ -258,8 +261,9 @@ impl<const D: usize> Forces<'_, D> {
     }
 }
 
-/// What is out of balance at the nodes of each body alone, beyond round-off, relative to the forces on them or, where they are larger, to the
-/// forces that its points pass on to nodes that it shares; empty for one body, 0 for a body without forces, [-].
+/// What is out of balance at the nodes of each body alone, beyond round-off, relative to the forces on them or, where they
+/// are larger, to the forces that its points pass on to nodes that it shares; empty for one body, 0 for a body without
+/// forces, [-].
 ///
 /// A part of several bodies is in equilibrium by all its forces. Those on a body that carries little beside others may be
 /// out of balance then, and nobody would know.
