@@ -3,9 +3,13 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 
 use crate::INTERRUPTED;
+
+/// Stack of the waiting thread, [byte].
+#[cfg(unix)]
+const STACK: usize = 128 << 10;
 
 /// A flag that Ctrl-C, SIGTERM and a closed terminal raise; the second time, they end the program at once.
 #[cfg(unix)]
@@ -22,6 +26,7 @@ pub fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
         signal_hook::iterator::Signals::new(awaited).context("Ctrl-C and SIGTERM cannot be handled")?;
     std::thread::Builder::new()
         .name("signals".to_owned())
+        .stack_size(STACK)
         .spawn(move || {
             for _ in signals.forever() {
                 if raised.swap(true, Ordering::SeqCst) {
@@ -31,7 +36,12 @@ pub fn stop_on_interrupt() -> anyhow::Result<Arc<AtomicBool>> {
                 tell!("stopping after the step in hand; press Ctrl-C again to stop at once");
             }
         })
-        .context("the thread that waits for Ctrl-C cannot be started")?;
+        .map_err(|error| {
+            anyhow!(
+                "the threads cannot be started: the one that waits for Ctrl-C: {error}; `ulimit -u` and `ulimit -v` \
+                 limit what a program may have"
+            )
+        })?;
     Ok(stop)
 }
 
