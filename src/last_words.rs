@@ -33,6 +33,7 @@ mod unix {
     use std::os::unix::net::UnixStream;
     use std::sync::Arc;
     use std::sync::atomic::AtomicBool;
+    use std::{panic, process};
 
     use anyhow::Context;
     use signal_hook::consts::{SIGABRT, SIGXFSZ};
@@ -43,6 +44,9 @@ mod unix {
     const NO_MEMORY: &[u8] = b"error[S008]: not enough memory: the system refuses what the analysis asks for\n  results up \
         to the last equilibrated step are in its directory\n  help: use larger cells or fewer points, run on a machine \
         with more memory, or raise `ulimit -v`\n";
+
+    /// What a panic of zlib-rs says where memory is what it lacks.
+    const ZLIB_WITHOUT_MEMORY: &str = "left: MemError";
 
     /// Stack of the waiting thread, [byte].
     const STACK: usize = 64 << 10;
@@ -78,6 +82,15 @@ mod unix {
                 drop(reader);
             })
             .context("the threads cannot be started")?;
+        let otherwise = panic::take_hook();
+        panic::set_hook(Box::new(move |panic| {
+            // The compression library asserts that it is given memory.
+            if panic.payload().downcast_ref::<String>().is_some_and(|said| said.contains(ZLIB_WITHOUT_MEMORY))
+            {
+                process::abort();
+            }
+            otherwise(panic);
+        }));
         Ok(())
     }
 

@@ -5,6 +5,7 @@
 //! is out of bounds for the first time. How much domains overlap costs more, and is found at the end of the run.
 
 mod cohesion;
+mod contrast;
 mod gaps;
 mod holding;
 mod measure;
@@ -26,6 +27,7 @@ pub use motion::Objection;
 use motion::rotation_of_turn;
 use overlap::domain_overlap;
 pub use pressure::oscillation;
+use pressure::oscillation_in_flow;
 pub use warning::{Code, Place, Warning};
 pub use watch::{BalanceSoFar, MOST_ENERGY_ERROR, MOST_REGRIDDING};
 use watch::{HARMFUL_REGRIDDING, MOST_BOX_ROTATION, MOST_CROSSINGS, MOST_OSCILLATION};
@@ -157,13 +159,15 @@ pub struct Quality {
     pub shear: Option<Worst>,
     /// Largest mean rotation of a body whose domains are boxes that cannot follow it, [degrees].
     pub box_rotation: Option<Worst>,
-    /// Largest oscillation of the pressures, [`oscillation`], of all bodies together, in steps where most of the energy has
-    /// gone into plastic flow, [-]; with the step.
+    /// Largest oscillation of the pressures, [`oscillation`], over the cells that flow in a step, [-]; with the step.
     pub pressure_oscillation: Option<(f64, usize)>,
     /// For each body, how often standard points have crossed the border of a cell, and their number.
     crossed: Vec<[usize; 2]>,
     /// What hung together at the start.
     cohesion: Option<Cohesion>,
+    /// Whether a stiffness has been positive definite.
+    #[serde(default)]
+    was_stable: bool,
     /// The material at the nodes of each boundary condition.
     held: Vec<Held>,
     /// Warnings that have been given, each with the number of the body or boundary condition that it concerns.

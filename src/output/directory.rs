@@ -117,7 +117,9 @@ impl Kind {
                 begin.starts_with(&format!("{{\n  \"{}\": ", keys[0]))
                     && (!whole || keys.iter().all(|key| has(key)))
             }
-            Kind::Checkpoint => begin.starts_with(checkpoint::NAME),
+            Kind::Checkpoint => {
+                begin.starts_with(checkpoint::NAME) || whole && checkpoint::NAME.starts_with(begin)
+            }
         }
     }
 }
@@ -125,7 +127,8 @@ impl Kind {
 /// Bytes of a file by which it is known; of those that tell of a run as a whole, all are read.
 const FIRST: u64 = 2048;
 
-/// Whether a file with the name of a result is one: its content says so, or it has none.
+/// Whether a file with the name of a result is one: its content says so, or it has none, or nothing but zeros, which a loss
+/// of power leaves behind.
 fn is_ours(path: &Path, name: &str) -> bool {
     let half = name.strip_suffix(TEMPORARY);
     let Some(kind) = Kind::of(half.unwrap_or(name)) else { return false };
@@ -135,7 +138,8 @@ fn is_ours(path: &Path, name: &str) -> bool {
     let mut begin = Vec::new();
     let read =
         about.is_file() && File::open(path).and_then(|file| file.take(most).read_to_end(&mut begin)).is_ok();
-    read && (begin.is_empty() || kind.fits(&String::from_utf8_lossy(&begin), half.is_none()))
+    read && (begin.iter().all(|byte| *byte == 0)
+        || kind.fits(&String::from_utf8_lossy(&begin), half.is_none()))
 }
 
 /// The series that a file with this name belongs to.
@@ -216,6 +220,8 @@ mod tests {
             ),
             ("summary.json.tmp", "{\n  \"outcome\": \"fai"),
             ("checkpoint_0010.mpm", "mpm checkpoint 2\n"),
+            ("checkpoint_0010.mpm", "mpm check"),
+            ("checkpoint_0010.mpm", "\0\0\0\0"),
             ("points.txt", "whatever"),
             ("points_1.vtu", "whatever"),
         ] {

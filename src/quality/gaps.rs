@@ -125,7 +125,7 @@ fn warn<const D: usize>(
 }
 
 /// Which active nodes several bodies touch.
-fn shared_nodes<const D: usize>(points: &Points<D>, links: &Connectivity<D>) -> Vec<bool> {
+pub(super) fn shared_nodes<const D: usize>(points: &Points<D>, links: &Connectivity<D>) -> Vec<bool> {
     let mut owner = vec![NOBODY; links.n_active()];
     let mut is_shared = vec![false; links.n_active()];
     for group in 0..links.n_groups() {

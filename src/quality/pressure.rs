@@ -1,18 +1,42 @@
 //! How far pressures alternate within cells: the mark of volumetric locking.
 
+use std::ops::Range;
+
 use crate::basis::Connectivity;
+use crate::points::Points;
 use crate::tensor::Sym3;
+
+/// In fewer cells that flow nothing is judged.
+const LEAST_CELLS: usize = 8;
 
 /// How far the mean stresses of the points of one cell differ, relative to the deviatoric stresses, in the root mean square
 /// over all cells, [-].
 pub fn oscillation<const D: usize>(stress: &[Sym3], links: &Connectivity<D>) -> f64 {
+    oscillation_of(stress, (0..links.n_groups()).map(|group| links.points_of(group)))
+}
+
+/// [`oscillation`] of the trial stresses over the cells of several points all of which flow in a step that is not committed;
+/// `None` where these are few.
+pub(super) fn oscillation_in_flow<const D: usize>(
+    points: &Points<D>,
+    links: &Connectivity<D>,
+) -> Option<f64> {
+    let n = points.history_len;
+    let [new, old] = [&points.trial.history, &points.converged.history];
+    let flows = |p: usize| new[p * n..][..n] != old[p * n..][..n];
+    let groups = (0..links.n_groups()).map(|group| links.points_of(group));
+    let flowing: Vec<_> = groups.filter(|of| of.len() > 1 && of.clone().all(flows)).collect();
+    let is_enough = flowing.len() >= LEAST_CELLS;
+    is_enough.then(|| oscillation_of(&points.trial.kirchhoff_stress, flowing.into_iter()))
+}
+
+fn oscillation_of(stress: &[Sym3], cells: impl Iterator<Item = Range<usize>>) -> f64 {
     let (mut spread, mut deviator) = (0.0, 0.0);
-    for group in 0..links.n_groups() {
-        let of_group = links.points_of(group);
-        let n = of_group.len() as f64;
+    for cell in cells {
+        let n = cell.len() as f64;
         let mean = |p: usize| stress[p].trace() / 3.0;
-        let middle: f64 = of_group.clone().map(mean).sum::<f64>() / n;
-        for p in of_group {
+        let middle: f64 = cell.clone().map(mean).sum::<f64>() / n;
+        for p in cell {
             spread += (mean(p) - middle).powi(2);
             deviator += stress[p].dot(&stress[p]) - 3.0 * mean(p).powi(2);
         }

@@ -54,6 +54,12 @@ pub enum Code {
     /// A body is out of balance beside others.
     #[serde(rename = "W015")]
     HiddenResidual,
+    /// A much stiffer body takes nodes of a soft one along.
+    #[serde(rename = "W016")]
+    Stiffened,
+    /// An equilibrium that is not stable.
+    #[serde(rename = "W017")]
+    Unstable,
 }
 
 /// Codes of all warnings with a title each.
@@ -73,6 +79,8 @@ pub const CODES: &[(&str, &str)] = &[
     ("W013", "a step that only damped iterations solve"),
     ("W014", "torn domains that were replaced"),
     ("W015", "a body that is out of balance beside others"),
+    ("W016", "a soft body that a stiff one stiffens"),
+    ("W017", "an equilibrium that is not stable"),
 ];
 
 impl Code {
@@ -175,6 +183,8 @@ mod tests {
             Damped,
             ReplacedDomains,
             HiddenResidual,
+            Stiffened,
+            Unstable,
         ];
         assert_eq!(all.len(), CODES.len());
         for (code, (text, _)) in all.iter().zip(CODES) {

@@ -3,10 +3,12 @@
 
 use super::cohesion::Cohesion;
 use super::warning::{Code, Place, Warning, at};
-use super::{Quality, Worst, gaps, holding, oscillation};
+use super::{Quality, Worst, contrast, gaps, holding, oscillation_in_flow};
+use crate::linear::Factorisation;
 use crate::model::{Body, Model};
 use crate::points::Points;
 use crate::solver::{StepReport, Summary};
+use crate::stepping::Control;
 use crate::tensor::Sym3;
 
 /// Work of the fresh grids relative to that of loads and reactions beyond which there is a warning, [-].
@@ -26,9 +28,10 @@ const STRESS_BY_REGRIDDING: f64 = 0.6;
 /// Mean rotation of a body whose domains are boxes beyond which there is a warning, [degrees].
 pub const MOST_BOX_ROTATION: f64 = 30.0;
 /// Oscillation of the pressures beyond which there is a warning, [-].
-pub const MOST_OSCILLATION: f64 = 1.5;
-/// Pressures are judged where at least this share of the energy has gone into plastic flow, [-].
-const LEAST_FLOW: f64 = 0.5;
+pub const MOST_OSCILLATION: f64 = 1.2;
+
+/// Bodies are elastic as long as plastic flow has taken less than this part of the energy that they store, [-].
+const ELASTIC: f64 = 1e-3;
 
 /// Part of the forces on a body that may be out of balance, [-] …
 const MOST_OF_BODY: f64 = 1e-4;
@@ -50,13 +53,21 @@ impl Quality {
         let mut found = Cohesion::watch(&mut self.cohesion, model, points, &report.grid, step);
         found.extend(holding::watch(&mut self.held, model, points, links, &report.grid.delta_d, step));
         found.extend(gaps::watch(model, points, links, step));
+        found.extend(contrast::watch(model, points, links, step));
         found.extend(self.turned_boxes(model, step));
         found.extend(hidden_residuals(model, report));
         found.extend(report.damped.then(|| (0, damped(step))));
+        let is_definite =
+            |of: Option<&Factorisation>| of.is_some_and(|factorisation| factorisation.is_definite());
+        self.was_stable |= is_definite(report.factorisations.first());
+        let flows = report.energy.plastic_work > ELASTIC * report.energy.strain_energy;
+        // Beyond a limit point of a path that is followed, and in bodies that flow, stiffnesses are like that; and where
+        // stiffness is lacking from the start, round-off decides.
+        if self.was_stable && model.stepping.control == Control::Load && !flows {
+            found.extend((!is_definite(report.factorisations.last())).then(|| (0, unstable(step))));
+        }
         found.extend(replaced_domains(model, points, report).map(|warning| (0, warning)));
-        let energy = &report.energy;
-        if energy.plastic_work > LEAST_FLOW * (energy.plastic_work + energy.strain_energy) {
-            let value = oscillation(&points.trial.kirchhoff_stress, links);
+        if let Some(value) = oscillation_in_flow(points, links) {
             if self.pressure_oscillation.is_none_or(|(worst, _)| value > worst) {
                 self.pressure_oscillation = Some((value, step));
             }
@@ -197,6 +208,22 @@ fn hidden_residuals<const D: usize>(model: &Model<D>, report: &StepReport<D>) ->
     bodies.filter(|(_, value)| **value > MOST_OF_BODY).map(warning).collect()
 }
 
+fn unstable(step: usize) -> Warning {
+    Warning {
+        code: Code::Unstable,
+        step,
+        place: Place::default(),
+        value: None,
+        threshold: None,
+        message: "the stiffness of this equilibrium is not positive definite: it is not stable, and the least disturbance takes \
+                  the bodies elsewhere"
+            .to_owned(),
+        help: "disturb the bodies by a small load or an imperfection and compare; more load steps show where the path branches; \
+               where cells hold one point each, use more (an hourglass)"
+            .to_owned(),
+    }
+}
+
 fn damped(step: usize) -> Warning {
     Warning {
         code: Code::Damped,
@@ -249,8 +276,8 @@ fn locking(value: f64, step: usize) -> Warning {
         value: Some(value),
         threshold: Some(MOST_OSCILLATION),
         message: format!(
-            "the pressures of the points of a cell differ by {value:.2} of the deviatoric stress (root mean square): the grid \
-             locks in plastic flow that keeps the volume; limit loads come out too large by a third or more"
+            "where bodies flow, the pressures of the points of a cell differ by {value:.2} of the deviatoric stress (root mean \
+             square): the grid locks in plastic flow that keeps the volume; limit loads come out too large by a third or more"
         ),
         help: "use `method: gimp` with one point per cell and `analysis: {stabilisation: {mode: auto}}`, and compare grids; do \
                not read pressures of single points"

@@ -96,8 +96,9 @@ impl Kind {
                 "stabilise such cells, `analysis: {stabilisation: {mode: auto}}`; or use more points per cell, or another grid"
             }
             Kind::PlasticCollapse => {
-                "the largest load factor in equilibrium is a lower bound of the limit load on this grid; prescribe \
-                 displacements, or use `steps: {control: {type: arc-length}}`, to go beyond it"
+                "the bodies yield at about the largest load factor in equilibrium; see how it changes with more points per \
+                 cell and a finer grid. To go on beyond it, prescribe displacements or use \
+                 `steps: {control: {type: arc-length}}`"
             }
             Kind::Instability => {
                 "follow the path with `steps: {control: {type: arc-length}}`, or prescribe displacements"
@@ -210,6 +211,11 @@ impl Diagnosis {
             Kind::BadScaling if model.materials.len() == 1 => {
                 "see that units, loads and the size of cells fit together, and that Poisson's ratio is not next to 0.5 or -1"
             }
+            Kind::LostDomain
+                if matches!(failed.error, SolveError::Domain { .. } | SolveError::Collapsed { .. }) =>
+            {
+                "use more points per cell, smaller steps (`steps: {count, smallest}`), or `method: gimp`"
+            }
             Kind::Setting => failed.error.help().unwrap_or(kind.advice()),
             _ => kind.advice(),
         };
@@ -218,6 +224,9 @@ impl Diagnosis {
                 let enough = (model.newton.max_iterations + missing).next_multiple_of(10);
                 format!("allow more iterations, `solver: {{max_iterations: {enough}}}`, or use smaller steps")
             }
+            _ if matches!(kind, Kind::Hourglass | Kind::Locking) && flowing > MOST => format!(
+                "{advice}; most points have yielded, so that the load may also be beyond what the bodies can carry"
+            ),
             _ => advice.to_owned(),
         };
         let is_cell = matches!(kind, Kind::SmallCutCell);
@@ -251,6 +260,8 @@ struct Found {
     is_single: bool,
     /// Whether smaller steps would not matter.
     is_small_step: bool,
+    /// Whether the residual meets the tolerance, and what comes after it failed.
+    is_balanced: bool,
     /// Iterations that are missing where residuals fall steadily.
     missing: Option<usize>,
     /// Whether pressures alternate in isochoric deformation.
@@ -286,6 +297,7 @@ impl Found {
                     && !evidence::can_move_freely(model, points, &iterate.links, failed.step)
             }),
             is_small_step: evidence::is_small_step(model, failed),
+            is_balanced: failed.residuals.last().is_some_and(|residual| *residual <= tolerance),
             missing: evidence::iterations_missing(&failed.residuals, tolerance, max_iterations),
             is_locked: evidence::is_isochoric(points)
                 && iterate
@@ -311,7 +323,8 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
         SolveError::Singular { .. } if failed.step.index > 1 && failed.indefinite => Kind::Instability,
         SolveError::Singular { .. } if found.is_single => Kind::Hourglass,
         SolveError::Singular { .. } => Kind::RigidBodyMode,
-        SolveError::Point { .. } | SolveError::OffGrid { .. } if is_hourglass => Kind::Hourglass,
+        SolveError::Point { .. } if is_hourglass => Kind::Hourglass,
+        SolveError::OffGrid { .. } if is_hourglass && !found.is_balanced => Kind::Hourglass,
         SolveError::Point { .. } if runs_away || is_cut && (is_small_step || flowing <= MUCH) => {
             Kind::SmallCutCell
         }
@@ -320,6 +333,8 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
             Kind::Instability
         }
         SolveError::Point { .. } => Kind::ElementInversion,
+        // In equilibrium, and yet beyond the edge.
+        SolveError::OffGrid { .. } if found.is_balanced => Kind::LostDomain,
         // However small the step is, the points fly off.
         SolveError::OffGrid { .. } if flowing > MUCH && is_small_step => Kind::PlasticCollapse,
         SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. } => {

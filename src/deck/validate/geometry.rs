@@ -4,6 +4,7 @@ use super::Check;
 use crate::deck::diagnostic::{Diagnostic, quote};
 use crate::deck::seeding::placed_in_cells;
 use crate::deck::{AXES, BodyDeck, GridDeck, LinearChoice, Method, PerAxis};
+use crate::grid::ON_LINE;
 
 /// Most cells of a grid, and most points of a body: far beyond what can be computed.
 const MOST: f64 = 1e8;
@@ -24,10 +25,6 @@ impl Extent {
         self.max[axis] - self.min[axis]
     }
 }
-
-/// Round-off of coordinates relative to a cell beyond which a grid is too far from the origin, [-]: the distance within which
-/// points lie on grid lines.
-const ROUND_OFF: f64 = 1e-8;
 
 /// The region of a grid and the sides of its cells.
 #[derive(Debug, Clone)]
@@ -116,9 +113,9 @@ impl Check<'_> {
             let count = sides[axis] / spacing[axis];
             cells *= count;
             let farthest = origin[axis].abs().max((origin[axis] + sides[axis]).abs());
-            if count < MOST && f64::EPSILON * farthest > ROUND_OFF * spacing[axis] {
+            if count < MOST && f64::EPSILON * farthest > ON_LINE * spacing[axis] {
                 let message = format!(
-                    "the grid reaches to {farthest:e} along {}, where coordinates have a round-off of more than {ROUND_OFF:e} of \
+                    "the grid reaches to {farthest:e} along {}, where coordinates have a round-off of more than {ON_LINE:e} of \
                      a cell of {}",
                     AXES[axis], spacing[axis]
                 );

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::super::gmsh::{Element, ElementKind, GmshFile};
 use super::cell::Cell;
 use super::{CellReport, Mesh, MeshError, ON_EDGE, Side};
+use crate::grid::ON_LINE;
 use crate::grid::bins::{Bins, Bounds, bounds};
 use crate::grid::element::{ElementShape, MAX_NODES, dot, folds, minus};
 use crate::tensor::padded;
@@ -156,6 +157,15 @@ fn check_shapes<const D: usize>(elements: &[Element], cells: &[Cell<D>]) -> Resu
     let (n, first) = select(&|c| !is_sound(c));
     if n > 0 {
         return Err(MeshError::Folded { dimension, n, first });
+    }
+    let is_far = |c: &Cell<D>| {
+        let farthest = c.x[..c.len()].iter().flatten().fold(0.0, |most, x| f64::max(most, x.abs()));
+        let shortest = c.edges().map(|(a, b)| dot(minus(b, a), minus(b, a))).fold(f64::INFINITY, f64::min);
+        f64::EPSILON * farthest > ON_LINE * shortest.sqrt()
+    };
+    let (n, mut first) = select(&is_far);
+    if n > 0 {
+        return Err(MeshError::FarAway { n, first: first.swap_remove(0) });
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! What can be wrong with a mesh.
 
+use crate::grid::ON_LINE;
 use crate::grid::element::ElementShape;
 
 /// A cell in a report.
@@ -86,6 +87,17 @@ pub enum MeshError {
         n: usize,
         /// The first of them.
         first: Vec<CellReport>,
+    },
+    /// Cells are so far from the origin that their coordinates have hardly a digit left.
+    #[error(
+        "coordinates of {n} cells have a round-off of more than {ON_LINE:e} of their sides, for example {}; take the \
+         origin of the coordinates near the bodies", show(.first)
+    )]
+    FarAway {
+        /// Number of such cells.
+        n: usize,
+        /// The first of them.
+        first: CellReport,
     },
     /// Cells have more in common than their sides.
     #[error(

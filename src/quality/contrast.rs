@@ -1,0 +1,173 @@
+//! Soft bodies that a much stiffer one stiffens: where its domains reach a little into a row of cells, all of the row moves
+//! with it.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::gaps::shared_nodes;
+use super::warning::{Code, Place, Warning, at};
+use crate::basis::Connectivity;
+use crate::model::Model;
+use crate::points::Points;
+use crate::stabilisation::axial_modulus_at_rest;
+
+/// Bodies whose moduli differ by more than this factor are looked at, [-].
+const CONTRAST: f64 = 20.0;
+/// A body holds a node whose stiffness there is so many times that of a softer one, [-].
+const HOLDS: f64 = 3.0;
+/// Share of the stress of a soft body, in energy, at points that cannot strain, beyond which there is a warning, [-].
+pub const MOST_STIFFENED: f64 = 0.1;
+
+/// Stiffness Σ |∇S_vp|² V_p M_p of every body at each shared node.
+type Stiffness = Vec<Vec<(u16, f64)>>;
+
+/// What much stiffer bodies take of a soft one.
+#[derive(Default)]
+struct Taken {
+    /// The points in cells all of whose nodes one stiff body holds, each with that body.
+    held: Vec<(usize, u16)>,
+    /// Σ |τ|² V and Σ V of the other points at each node.
+    stress: HashMap<usize, [f64; 2]>,
+    /// Σ |τ|² V over the other points.
+    free: f64,
+}
+
+/// The bodies that stiffer ones stiffen, in the trial state of a step.
+pub fn watch<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    step: usize,
+) -> Vec<(usize, Warning)> {
+    let of_body = |material: usize| axial_modulus_at_rest(model.materials[material].law.as_ref());
+    let moduli: Vec<f64> = model.bodies.iter().map(|body| of_body(body.material)).collect();
+    let [least, most] = moduli
+        .iter()
+        .fold([f64::INFINITY, 0.0], |[least, most], m| [f64::min(least, *m), f64::max(most, *m)]);
+    if most < CONTRAST * least {
+        return Vec::new();
+    }
+    let stiffness = stiffness_of_bodies(model, points, links, &moduli);
+    let mut taken: BTreeMap<u16, Taken> = BTreeMap::new();
+    let corners = |p: usize| {
+        let corners = model.grid.corners(points.cell[p] as usize);
+        let active: Vec<usize> =
+            corners.nodes().iter().filter_map(|&node| links.moves_with(node as usize)).collect();
+        active.into_iter()
+    };
+    for p in 0..points.len() {
+        let body = points.body[p];
+        if moduli[body as usize] * CONTRAST <= most {
+            let taken = taken.entry(body).or_default();
+            if let Some(by) = holder(corners(p).map(|node| &stiffness[node]), body, &moduli) {
+                taken.held.push((p, by));
+                continue;
+            }
+            let volume = model.volume(points, p);
+            let stress = points.trial.kirchhoff_stress[p].norm().powi(2) * volume;
+            taken.free += stress;
+            for node in corners(p) {
+                if !stiffness[node].is_empty() {
+                    let [of_node, around] = taken.stress.entry(node).or_default();
+                    *of_node += stress;
+                    *around += volume;
+                }
+            }
+        }
+    }
+    let warning = |(body, taken): (u16, Taken)| {
+        // Stresses that a held point had before it was held say nothing of what it would carry now; those beside it do.
+        let would_carry = |p: usize| {
+            let around = corners(p).filter_map(|node| taken.stress.get(&node));
+            let [stress, volume] = around.fold([0.0; 2], |[s, v], [stress, volume]| [s + stress, v + volume]);
+            if volume > 0.0 { stress / volume * model.volume(points, p) } else { 0.0 }
+        };
+        let held: f64 = taken.held.iter().map(|(p, _)| would_carry(*p)).sum();
+        let &(point, by) = taken.held.first()?;
+        let share = held / (held + taken.free);
+        (share > MOST_STIFFENED).then(|| (body as usize, warn(model, points, [body, by], point, share, step)))
+    };
+    taken.into_iter().filter_map(warning).collect()
+}
+
+/// The one body, much stiffer than `body`, that holds all of the nodes.
+fn holder<'a>(nodes: impl Iterator<Item = &'a Vec<(u16, f64)>>, body: u16, moduli: &[f64]) -> Option<u16> {
+    let holders = |node: &[(u16, f64)]| -> Vec<u16> {
+        let own = node.iter().find(|(other, _)| *other == body).map_or(0.0, |(_, own)| *own);
+        let is_stiff = |other: u16| moduli[other as usize] > CONTRAST * moduli[body as usize];
+        let holds = |&&(other, stiffness): &&(u16, f64)| is_stiff(other) && stiffness > HOLDS * own;
+        node.iter().filter(holds).map(|(other, _)| *other).collect()
+    };
+    let mut common: Option<Vec<u16>> = None;
+    for node in nodes {
+        let here = holders(node);
+        let both = common
+            .take()
+            .map_or(here.clone(), |kept| kept.into_iter().filter(|b| here.contains(b)).collect());
+        if both.is_empty() {
+            return None;
+        }
+        common = Some(both);
+    }
+    common?.first().copied()
+}
+
+fn stiffness_of_bodies<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    moduli: &[f64],
+) -> Stiffness {
+    let is_shared = shared_nodes(points, links);
+    let mut stiffness: Stiffness = vec![Vec::new(); links.n_active()];
+    for group in 0..links.n_groups() {
+        let nodes = links.nodes_of(group);
+        if !nodes.iter().any(|&node| is_shared[node as usize]) {
+            continue;
+        }
+        for p in links.points_of(group) {
+            let body = points.body[p];
+            let modulus = model.volume(points, p) * moduli[body as usize];
+            links.for_each_link(p, |place, _, gradient| {
+                let node = nodes[place] as usize;
+                if is_shared[node] {
+                    let added = modulus * gradient.iter().map(|x| x * x).sum::<f64>();
+                    match stiffness[node].iter_mut().find(|(other, _)| *other == body) {
+                        Some((_, of_body)) => *of_body += added,
+                        None => stiffness[node].push((body, added)),
+                    }
+                }
+            });
+        }
+    }
+    stiffness
+}
+
+fn warn<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    bodies: [u16; 2],
+    point: usize,
+    share: f64,
+    step: usize,
+) -> Warning {
+    let names = bodies.map(|body| model.bodies[body as usize].name.clone());
+    let [soft, stiff] = &names;
+    let position = points.trial.position[point];
+    Warning {
+        code: Code::Stiffened,
+        step,
+        message: format!(
+            "body `{stiff}` reaches into cells of body `{soft}`, which is much softer, and takes all their nodes along: {:.0} % \
+             of the stress of `{soft}`, in energy, is at points that cannot strain any more, such as that at {}; `{soft}` is \
+             too stiff by about as much",
+            100.0 * share,
+            at(&position)
+        ),
+        place: Place { bodies: names.to_vec(), position: Some(position.to_vec()), ..Place::default() },
+        value: Some(share),
+        threshold: Some(MOST_STIFFENED),
+        help: "use a finer grid: what moves with the stiff body is up to one row of cells; or hold the nodes by a \
+               boundary condition in place of the stiff body"
+            .to_owned(),
+    }
+}
