@@ -30,6 +30,7 @@ use crate::quality::{BalanceSoFar, Code, Measures, Place, Warning};
 use crate::stress::{Axisymmetric, Mechanics, PlaneStrain};
 use crate::timing::{Phase, Timings};
 
+use attempt::{Attempt, OnTheWay};
 pub use attempt::{FailedAttempt, Iterate};
 pub use balance::ReactionMoment;
 pub use control::{NoPath, Path, path_length};
@@ -165,9 +166,49 @@ impl<const D: usize> Solver<D> {
         if observer.interrupted() {
             return Err(SolveError::Interrupted { step: step.index });
         }
-        match self.solve_step::<M>(model, points, step, observer) {
-            Ok((report, path)) => self.accept(model, points, report, path, observer),
+        let may_slump = damping::may_slump(model);
+        match self.solve_step::<M>(model, points, step, may_slump, observer) {
+            Ok(Attempt::Equilibrium(report, path)) => self.accept(model, points, *report, path, observer),
+            Ok(Attempt::OnTheWay(way)) => self.slump::<M>(model, points, step, way, observer),
             Err(failed) => self.refuse(model, points, *failed, observer),
+        }
+    }
+
+    /// Goes on to the equilibrium of a step from where damped iterations have led the points, on one fresh grid after another;
+    /// without success the points are as they were.
+    fn slump<M: Mechanics<D>>(
+        &mut self,
+        model: &Model<D>,
+        points: &mut Points<D>,
+        step: Step,
+        first: OnTheWay,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<(), SolveError> {
+        let before = points.clone();
+        let mut way = first;
+        let (mut grids, mut rests) = (0, 0);
+        loop {
+            points.commit();
+            if observer.interrupted() {
+                *points = before;
+                return Err(SolveError::Interrupted { step: step.index });
+            }
+            grids += 1;
+            rests = if way.is_at_rest { rests + 1 } else { 0 };
+            let goes_on = grids < damping::MOST_GRIDS && rests < damping::MOST_RESTS;
+            match self.solve_step::<M>(model, points, step, goes_on, observer) {
+                Ok(Attempt::Equilibrium(mut report, path)) => {
+                    way.lead_to(&mut report);
+                    return self.accept(model, points, *report, path, observer);
+                }
+                Ok(Attempt::OnTheWay(more)) => way = more.after(way),
+                Err(mut failed) => {
+                    *points = before;
+                    // It has the points of a state that is gone.
+                    failed.iterate = None;
+                    return self.refuse(model, points, *failed, observer);
+                }
+            }
         }
     }
 

@@ -443,8 +443,8 @@ fn parts_that_only_touch_are_allowed_and_told() {
     };
     assert_eq!(first, &[vec![2.0, 1.0]]);
     // A part far away, however large or small, changes nothing.
-    for side in [1e-3, 1e6] {
-        let (x, y) = (-1e7, side);
+    for (x, side) in [(-1e4, 1e-3), (-1e7, 1e6)] {
+        let y = side;
         let far = format!("{nodes}21 {x} 0 0\n22 {} 0 0\n23 {x} {y} 0\n", x + side);
         let mesh =
             Mesh::<2>::from_gmsh(&text(&far, &format!("9 2 0 21 22 23\n{elements}")).unwrap()).unwrap();

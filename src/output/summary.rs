@@ -172,6 +172,7 @@ impl Account {
             "bodies": bodies(model, points),
         });
         document["damped_steps"] = summary.damped.into();
+        document["damping_work"] = summary.damping_work.into();
         document["replaced_domains"] = summary.replaced_domains.into();
         let mut text = serde_json::to_string_pretty(&document).map_err(io::Error::other)?;
         text.push('\n');

@@ -1,8 +1,45 @@
-//! A step that did not reach equilibrium.
+//! How an attempt at a step ends: in equilibrium, on the way to it, or without.
 
 use crate::basis::Connectivity;
 
+use super::balance::Energy;
+use super::control::Path;
+use super::report::StepReport;
 use super::{Nodal, SolveError, Step};
+
+/// How an attempt at a step has ended that has not failed.
+pub(super) enum Attempt<const D: usize> {
+    /// In equilibrium.
+    Equilibrium(Box<StepReport<D>>, Path),
+    /// Before it, where damped iterations have led the points so far that they need a fresh grid.
+    OnTheWay(OnTheWay),
+}
+
+/// What has happened on the way to an equilibrium.
+pub(super) struct OnTheWay {
+    /// Work so far, and the energy of the last state.
+    pub(super) energy: Energy,
+    /// Permanent numbers of the points whose torn domains were replaced.
+    pub(super) replaced_domains: Vec<u32>,
+    /// Whether the points have come to rest in an equilibrium that is not stable.
+    pub(super) is_at_rest: bool,
+}
+
+impl OnTheWay {
+    /// All the way, of which this is the last part.
+    pub(super) fn after(mut self, before: OnTheWay) -> OnTheWay {
+        self.replaced_domains.extend(before.replaced_domains);
+        OnTheWay { energy: self.energy.after(before.energy), ..self }
+    }
+
+    /// Adds the way to the account of the equilibrium that it has led to.
+    pub(super) fn lead_to<const D: usize>(self, report: &mut StepReport<D>) {
+        report.energy = report.energy.after(self.energy);
+        report.replaced_domains.extend(self.replaced_domains);
+        report.replaced_domains.sort_unstable();
+        report.replaced_domains.dedup();
+    }
+}
 
 /// The fields of the grid where the iterations of a failed step ended. They are not in equilibrium.
 #[derive(Debug, Clone)]

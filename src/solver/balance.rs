@@ -23,6 +23,8 @@ pub struct Energy {
     pub regridding_work: f64,
     /// Work that the stabilisation of faces has taken over the step, [energy].
     pub stabilisation_work: f64,
+    /// Work that damped iterations have taken between grids, [energy].
+    pub damping_work: f64,
     /// Stored elastic energy, [energy].
     pub strain_energy: f64,
     /// Work that has gone into plastic flow since the start of the analysis, [energy].
@@ -30,6 +32,17 @@ pub struct Energy {
 }
 
 impl Energy {
+    /// Of a step that goes on from where another part of it has ended.
+    pub(super) fn after(self, before: Energy) -> Energy {
+        Energy {
+            external_work: before.external_work + self.external_work,
+            regridding_work: before.regridding_work + self.regridding_work,
+            stabilisation_work: before.stabilisation_work + self.stabilisation_work,
+            damping_work: before.damping_work + self.damping_work,
+            ..self
+        }
+    }
+
     /// Of a step that is in equilibrium but not committed, from its displacement increment, the external forces (loads,
     /// reactions) at its start and end, and the system with its internal force at the start.
     pub(super) fn new<const D: usize>(

@@ -7,6 +7,9 @@
 //! one whose stiffness is not positive definite is not accepted.
 
 use crate::assembly::System;
+use crate::constraints::BoundaryCondition;
+use crate::loads::{Action, Load};
+use crate::model::Model;
 
 use super::Nodal;
 
@@ -20,12 +23,38 @@ pub(super) const MOST_FACTORISATIONS: usize = 30;
 /// What is left to move without damping, relative to a cell, is more where nothing resists it.
 pub(super) const AT_REST: f64 = 1e-3;
 
+/// Points that have moved by more than this part of a cell are given a fresh grid, [-] …
+pub(super) const STRIDE: f64 = 0.5;
+/// … up to so many times in a step.
+pub(super) const MOST_GRIDS: usize = 300;
+
+/// An equilibrium that is not stable is left on a fresh grid, or else given up after so many of them.
+pub(super) const MOST_RESTS: usize = 3;
+
 /// μ of the first iteration, [-].
 const FIRST: f64 = 1e-4;
 /// A damping that has to grow is this at least, [-].
 const LEAST: f64 = 1e-6;
 /// By which μ changes from iteration to iteration.
 const CHANGE: f64 = 4.0;
+
+/// Whether bodies that collapse may slump to where they can stand: under nothing but weight. A prescribed motion would be
+/// applied afresh on every grid; and where other loads are more than the bodies carry, that is what a run is to find out.
+pub(super) fn may_slump<const D: usize>(model: &Model<D>) -> bool {
+    let is_weight = |load: &Load<D>| matches!(load.action, Action::Gravity(_));
+    model.loads.iter().all(is_weight) && !model.boundary_conditions.iter().any(BoundaryCondition::moves)
+}
+
+/// Largest component of a nodal displacement, [length].
+pub(super) fn farthest<const D: usize>(displacement: &[[f64; D]]) -> f64 {
+    displacement.iter().flatten().fold(0.0, |far, u| f64::max(far, u.abs()))
+}
+
+/// Work that damping takes over a displacement from a state in equilibrium, by the trapezoidal rule from what is out of
+/// balance at its end, [energy].
+pub(super) fn work<const D: usize>(out_of_balance: &[[f64; D]], delta_d: &[[f64; D]]) -> f64 {
+    0.5 * out_of_balance.iter().flatten().zip(delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>()
+}
 
 /// The damping of an iteration.
 pub(super) struct Damping<const D: usize> {

@@ -10,10 +10,11 @@ use crate::stepping::Control;
 use crate::stress::Mechanics;
 use crate::timing::Phase;
 
+use super::attempt::{Attempt, OnTheWay};
 use super::balance::{Energy, moment_error, reaction_moments};
 use super::control::{Condition, NoPath, Path, on_free};
 use super::course::Course;
-use super::damping::{AT_REST, Damping, MORE_ITERATIONS, MOST_FACTORISATIONS, MOST_TRIALS};
+use super::damping::{self, AT_REST, Damping, MORE_ITERATIONS, MOST_FACTORISATIONS, MOST_TRIALS, STRIDE};
 use super::equations::{Place, Solved, Tangent};
 use super::error::locate_failure;
 use super::forcing::Forcing;
@@ -36,13 +37,16 @@ const LATE: f64 = 0.75;
 
 impl<const D: usize> Solver<D> {
     /// Newton iterations until the out-of-balance force of eq. (40) meets the tolerance. Writes the trial state only.
+    ///
+    /// Where `may_slump`, damped iterations that have moved the points by more than [`STRIDE`] end there.
     pub(super) fn solve_step<M: Mechanics<D>>(
         &mut self,
         model: &Model<D>,
         points: &mut Points<D>,
         step: Step,
+        may_slump: bool,
         observer: &mut dyn Observer<D>,
-    ) -> Result<(StepReport<D>, Path), Box<FailedAttempt<D>>> {
+    ) -> Result<Attempt<D>, Box<FailedAttempt<D>>> {
         // What fails before the iterations has nothing to do with the size of the step.
         let at_once = |error: SolveError| {
             Box::new(FailedAttempt {
@@ -76,15 +80,24 @@ impl<const D: usize> Solver<D> {
             unknowns.predicted = path.motion.go_on(&links, step);
         }
         let mut course = Course::new();
-        let solved =
-            self.iterate::<M>(model, points, &links, &mut system, &mut unknowns, &mut course, step, observer);
+        let stride = if damped && may_slump { STRIDE * smallest_cell(model, &links) } else { f64::INFINITY };
+        let solved = self.iterate::<M>(
+            model,
+            points,
+            &links,
+            &mut system,
+            &mut unknowns,
+            &mut course,
+            (step, stride),
+            observer,
+        );
         let load_factor = match model.stepping.control {
             Control::Load => model.common_curve().map(|curve| curve.factor(step.end)),
             Control::Displacement { .. } | Control::ArcLength { .. } => Some(unknowns.factor),
         };
         let linear_iterations = course.solved.iter().map(|s| s.iterations).sum();
-        let replaced_domains = match solved {
-            Ok(replaced) => replaced,
+        let Ended { balanced, replaced_domains } = match solved {
+            Ok(ended) => ended,
             Err(error) => {
                 return Err(Box::new(FailedAttempt {
                     step,
@@ -105,6 +118,20 @@ impl<const D: usize> Solver<D> {
         let StepSystem { dofs, system, loading, condition, .. } = system;
         let reaction_field = reactions_of(&loading.f_ext, system.internal_force(), &dofs);
         let reaction_start = reactions_of(&loading.f_ext_start, &course.f_int_start, &dofs);
+        let energy = Energy::new(
+            model,
+            points,
+            &unknowns.delta_d,
+            [(&loading.f_ext_start, &reaction_start), (&loading.f_ext, &reaction_field)],
+            (&system, &course.f_int_start),
+        );
+        if !balanced {
+            self.links = links;
+            let damping_work = damping::work(&course.out_of_balance, &unknowns.delta_d);
+            let is_at_rest = damping::farthest(&unknowns.delta_d) <= stride;
+            let energy = Energy { damping_work, ..energy };
+            return Ok(Attempt::OnTheWay(OnTheWay { energy, replaced_domains, is_at_rest }));
+        }
         let motion = || match model.newton.predictor {
             Predictor::None => Motion::default(),
             Predictor::LastStep => Motion::new(&links, step, &unknowns.delta_d),
@@ -121,13 +148,7 @@ impl<const D: usize> Solver<D> {
             reactions: report::named_reactions(model, &reaction_field, &dofs),
             moments: reaction_moments(model, points, &links, &unknowns.delta_d, (&reaction_field, &dofs)),
             loads: loading.resultants,
-            energy: Energy::new(
-                model,
-                points,
-                &unknowns.delta_d,
-                [(&loading.f_ext_start, &reaction_start), (&loading.f_ext, &reaction_field)],
-                (&system, &course.f_int_start),
-            ),
+            energy,
             moment_error: moment_error(model, &links, &unknowns.delta_d, (&loading.f_ext, &reaction_field)),
             load_factor,
             unknowns: dofs.n_free(),
@@ -145,11 +166,11 @@ impl<const D: usize> Solver<D> {
             factorisations: course.solved.iter().map(|s: &Solved| s.factorisation).collect(),
             linear_iterations,
         };
-        Ok((report, path))
+        Ok(Attempt::Equilibrium(Box::new(report), path))
     }
 
-    /// The iterations, and the motion of the points once they have reached equilibrium; returns the points whose torn domains
-    /// were replaced.
+    /// The iterations, and the motion of the points once they have reached equilibrium, or before it if damped ones move them
+    /// farther than a stride.
     #[expect(clippy::too_many_arguments, reason = "what a step is made of")]
     fn iterate<M: Mechanics<D>>(
         &mut self,
@@ -159,9 +180,9 @@ impl<const D: usize> Solver<D> {
         set_up: &mut StepSystem<D>,
         unknowns: &mut Unknowns<D>,
         course: &mut Course<D>,
-        step: Step,
+        (step, stride): (Step, f64),
         observer: &mut dyn Observer<D>,
-    ) -> Result<Vec<u32>, SolveError> {
+    ) -> Result<Ended, SolveError> {
         let damped = self.reached.summary.pace.is_damped();
         let tolerance = model.newton.tolerance;
         let max_iterations = model.newton.max_iterations * if damped { MORE_ITERATIONS } else { 1 };
@@ -204,20 +225,26 @@ impl<const D: usize> Solver<D> {
             }
             let is_met =
                 unknowns.follows(dofs) && condition.as_ref().is_none_or(|condition| condition.is_met());
-            if is_met && course.is_equilibrium(tolerance) {
+            let balanced = is_met && course.is_equilibrium(tolerance);
+            if balanced || damping::farthest(&unknowns.delta_d) > stride {
                 if condition.as_ref().is_some_and(|condition| !condition.goes_on(&unknowns.delta_d)) {
                     return Err(SolveError::NoPath { step: step.index, reason: NoPath::Reversed });
                 }
-                if damped {
-                    self.see_that_it_is_stable(unknowns, system, place, course)
-                        .map_err(|error| SolveError::linear(error, place, step))?;
-                }
+                let stable = match (balanced && damped)
+                    .then(|| self.see_that_it_is_stable(unknowns, system, place, course))
+                {
+                    Some(Err(error)) if stride.is_infinite() => {
+                        return Err(SolveError::linear(error, place, step));
+                    }
+                    stable => stable.is_none_or(|stable| stable.is_ok()),
+                };
                 let replaces = self.reached.summary.pace.is_last_resort();
                 let timings = &mut self.reached.summary.timings;
                 system.conclude();
-                return timings.measure(Phase::Update, || {
+                let replaced_domains = timings.measure(Phase::Update, || {
                     update::move_points::<D, M>(model, points, links, &unknowns.delta_d, step, replaces)
-                });
+                })?;
+                return Ok(Ended { balanced: balanced && stable, replaced_domains });
             }
             if course.is_hopeless() || iteration == max_iterations || !residual.is_finite() {
                 break;
@@ -229,7 +256,9 @@ impl<const D: usize> Solver<D> {
                 damping = Some(Damping::new(system));
             }
             let used = match &mut damping {
-                Some(damping) => self.damped_step(unknowns, system, place, loading, course, damping),
+                Some(damping) => {
+                    self.damped_step(unknowns, system, place, loading, course, (damping, stride))
+                }
                 None => self.newton_step(
                     unknowns,
                     system,
@@ -417,10 +446,9 @@ impl<const D: usize> Solver<D> {
         let timings = &mut self.reached.summary.timings;
         let tolerance = place.model.newton.tolerance;
         let solved = self.equations.solve(place, system, rhs, iterative, tolerance, timings)?;
-        let farthest = iterative.iter().flatten().fold(0.0, |far, u| f64::max(far, u.abs()));
-        let cells = place.links.active_cells().iter();
-        let cell = cells.fold(f64::INFINITY, |least, &cell| least.min(place.model.grid.size(cell as usize)));
-        if solved.factorisation.is_definite() && farthest <= AT_REST * cell {
+        let farthest = damping::farthest(iterative);
+        if solved.factorisation.is_definite() && farthest <= AT_REST * smallest_cell(place.model, place.links)
+        {
             return Ok(());
         }
         Err(LinearError::Singular { unknown: None })
@@ -434,7 +462,7 @@ impl<const D: usize> Solver<D> {
         place: Place<D>,
         loading: &Loading<D>,
         course: &Course<D>,
-        damping: &mut Damping<D>,
+        (damping, stride): (&mut Damping<D>, f64),
     ) -> Result<Option<Solved>, Obstacle> {
         unknowns.right_hand_side(system, place.dofs, &course.out_of_balance);
         damping.add_to(system);
@@ -451,10 +479,28 @@ impl<const D: usize> Solver<D> {
                 _ => damping.increase(system),
             }
         };
+        let far = damping::farthest(&unknowns.iterative);
+        if far > stride {
+            unknowns.iterative.iter_mut().flatten().for_each(|u| *u *= stride / far);
+        }
         let advance = || unknowns.advance(system, place.dofs, loading, &course.out_of_balance);
         timings.measure(Phase::Solve, advance)?;
         Ok(Some(solved))
     }
+}
+
+/// How iterations have ended.
+struct Ended {
+    /// Whether in equilibrium.
+    balanced: bool,
+    /// Permanent numbers of the points whose torn domains were replaced.
+    replaced_domains: Vec<u32>,
+}
+
+/// Size of the smallest active cell, [length].
+fn smallest_cell<const D: usize>(model: &Model<D>, links: &Connectivity<D>) -> f64 {
+    let sizes = links.active_cells().iter().map(|&cell| model.grid.size(cell as usize));
+    sizes.fold(f64::INFINITY, f64::min)
 }
 
 /// What keeps an iteration from its displacement.

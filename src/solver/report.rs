@@ -207,6 +207,9 @@ pub struct Summary {
     pub regridding_work: f64,
     /// Work so far that the stabilisation of faces has taken, which is lost at the end of each step, [energy].
     pub stabilisation_work: f64,
+    /// Work so far that damped iterations have taken between grids, [energy].
+    #[serde(default)]
+    pub damping_work: f64,
     /// Sum of the magnitudes of the external and regridding work of all steps, [energy].
     pub gross_work: f64,
     /// Stored elastic energy, [energy].
@@ -278,7 +281,7 @@ impl Summary {
     /// What is missing between the work so far and the energy that is stored or has gone into plastic flow, relative to
     /// the magnitudes of all work, [-]: the error of the trapezoidal rule, which falls with the square of the steps.
     pub fn energy_error(&self) -> f64 {
-        let work = self.external_work + self.regridding_work - self.stabilisation_work;
+        let work = self.external_work + self.regridding_work - self.stabilisation_work - self.damping_work;
         let missing = work - self.strain_energy - self.plastic_work;
         if self.gross_work > 0.0 { missing / self.gross_work } else { 0.0 }
     }
@@ -297,8 +300,15 @@ impl Summary {
             self.largest_load_factor = before.or(Some(factor));
         }
         self.unknowns = self.unknowns.max(report.unknowns);
-        let Energy { external_work, regridding_work, stabilisation_work, strain_energy, plastic_work } =
-            report.energy;
+        let Energy {
+            external_work,
+            regridding_work,
+            stabilisation_work,
+            damping_work,
+            strain_energy,
+            plastic_work,
+        } = report.energy;
+        self.damping_work += damping_work;
         self.external_work += external_work;
         self.regridding_work += regridding_work;
         self.stabilisation_work += stabilisation_work;

@@ -92,6 +92,53 @@ def test_last_resorts_carry_a_run_to_its_end_and_say_so(mpm, tmp_path, code, sto
     assert summary["damped_steps"] == summary["replaced_domains"] == 0
 
 
+SLUMP = """
+version: 1
+grid: {type: structured, origin: [0, 0], size: [WIDTH, 3], spacing: 0.5}
+materials: {m: {model: von-mises, young: 1e6, poisson: 0.2, deviatoric_yield_stress: 4e3, density: 1000}}
+bodies:
+  - {name: bank, material: m, shape: {type: box, min: [0, 0], max: [3, 2]}, method: cpdi2, points_per_cell: 2}
+boundary_conditions:
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+  - {name: axis, nodes: {x: 0}, fix: [x]}
+loads:
+  - {name: weight, type: gravity, acceleration: [0, -20]}
+steps: {count: 5, damping: DAMPING}
+output: {every: 1}
+"""
+
+
+def slump(mpm, directory, width, damping):
+    deck = directory.with_suffix(".yaml")
+    deck.write_text(SLUMP.replace("WIDTH", str(width)).replace("DAMPING", damping))
+    process = mpm("run", deck, "--out", directory)
+    return process.returncode, summary_of(directory)
+
+
+def test_a_bank_that_collapses_slumps_to_where_it_can_stand(mpm, tmp_path):
+    code, stopped = slump(mpm, tmp_path / "stopped", 14, "false")
+    assert code == 1 and stopped["diagnosis"]["kind"] == "plastic-collapse"
+    assert stopped["diagnosis"]["largest_load_factor"] == pytest.approx(0.55)
+    code, summary = slump(mpm, tmp_path / "slumped", 14, "true")
+    assert code == 0 and residuals_are_met(tmp_path / "slumped")
+    assert "W013" in [warning["code"] for warning in summary["warnings"]] and summary["damped_steps"] >= 1
+    # Down and out, by cells, for good; what is lost on the way comes from the weight.
+    assert summary["largest"]["displacement"]["value"] > 2
+    assert 0 < summary["damping_work"] < summary["external_work"]
+
+
+def test_a_slump_that_fails_leaves_no_trace(mpm, tmp_path):
+    """The bank flows off the grid: all that is written is what the run without damping has written."""
+    for damping in ("false", "true"):
+        code, summary = slump(mpm, tmp_path / damping, 3.5, damping)
+        assert code == 1 and summary["diagnosis"]["kind"] == "plastic-collapse"
+        assert summary["damping_work"] == summary["damped_steps"] == 0
+    names = sorted(path.name for path in (tmp_path / "false").glob("*_0*.vtu"))
+    assert len(names) > 3 and names == sorted(path.name for path in (tmp_path / "true").glob("*_0*.vtu"))
+    for name in names:
+        assert (tmp_path / "false" / name).read_bytes() == (tmp_path / "true" / name).read_bytes(), name
+
+
 @pytest.mark.parametrize("method", ["mpm", "gimp", "cpdi2"])
 def test_a_beam_that_is_unloaded_carries_nothing(mpm, tmp_path, method):
     (tmp_path / "deck.yaml").write_text(STEEL.replace("METHOD", method))
