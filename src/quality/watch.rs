@@ -56,7 +56,7 @@ impl Quality {
         found.extend(contrast::watch(model, points, links, step));
         found.extend(self.turned_boxes(model, step));
         found.extend(hidden_residuals(model, report));
-        found.extend(report.damped.then(|| (0, damped(step))));
+        found.extend(report.damped.then(|| (0, damped(step, report.energy.damping_work != 0.0))));
         let is_definite =
             |of: Option<&Factorisation>| of.is_some_and(|factorisation| factorisation.is_definite());
         self.was_stable |= is_definite(report.factorisations.first());
@@ -224,16 +224,20 @@ fn unstable(step: usize) -> Warning {
     }
 }
 
-fn damped(step: usize) -> Warning {
+fn damped(step: usize, slumped: bool) -> Warning {
+    let way = if slumped {
+        "they have let the bodies slump, through states out of equilibrium, to where they stand: the load before this step is \
+         about the most that they carried without"
+    } else {
+        "it may lie beyond an instability: what comes before it in time is then not known, and dynamics could lead elsewhere"
+    };
     Warning {
         code: Code::Damped,
         step,
         place: Place::default(),
         value: None,
         threshold: None,
-        message: "no smaller step and no undamped iteration has found an equilibrium; damped ones have, which may lie beyond \
-                  an instability: what comes before it in time is then not known, and dynamics could lead elsewhere"
-            .to_owned(),
+        message: format!("no smaller step and no undamped iteration has found an equilibrium; damped ones have; {way}"),
         help: "look at the largest load before this step, and follow the path by `steps: {control: {type: arc-length}}`; with \
                `steps: {damping: false}` the run stops instead"
             .to_owned(),

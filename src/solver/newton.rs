@@ -226,7 +226,7 @@ impl<const D: usize> Solver<D> {
             let is_met =
                 unknowns.follows(dofs) && condition.as_ref().is_none_or(|condition| condition.is_met());
             let balanced = is_met && course.is_equilibrium(tolerance);
-            if balanced || damping::farthest(&unknowns.delta_d) > stride {
+            if balanced || residual.is_finite() && damping::farthest(&unknowns.delta_d) > stride {
                 if condition.as_ref().is_some_and(|condition| !condition.goes_on(&unknowns.delta_d)) {
                     return Err(SolveError::NoPath { step: step.index, reason: NoPath::Reversed });
                 }
