@@ -30,7 +30,7 @@ use crate::quality::{BalanceSoFar, Code, Measures, Place, Warning};
 use crate::stress::{Axisymmetric, Mechanics, PlaneStrain};
 use crate::timing::{Phase, Timings};
 
-use attempt::{Attempt, OnTheWay};
+use attempt::{Attempt, OnTheWay, Slump};
 pub use attempt::{FailedAttempt, Iterate};
 pub use balance::ReactionMoment;
 pub use control::{NoPath, Path, path_length};
@@ -166,8 +166,9 @@ impl<const D: usize> Solver<D> {
         if observer.interrupted() {
             return Err(SolveError::Interrupted { step: step.index });
         }
-        let may_slump = damping::may_slump(model);
-        match self.solve_step::<M>(model, points, step, may_slump, observer) {
+        let may_slump = self.reached.summary.pace.is_damped() && damping::may_slump(model, points);
+        let slump = if may_slump { Slump::MayBegin } else { Slump::Forbidden };
+        match self.solve_step::<M>(model, points, step, slump, observer) {
             Ok(Attempt::Equilibrium(report, path)) => self.accept(model, points, *report, path, observer),
             Ok(Attempt::OnTheWay(way)) => self.slump::<M>(model, points, step, way, observer),
             Err(failed) => self.refuse(model, points, *failed, observer),
@@ -196,7 +197,8 @@ impl<const D: usize> Solver<D> {
             grids += 1;
             rests = if way.is_at_rest { rests + 1 } else { 0 };
             let goes_on = grids < damping::MOST_GRIDS && rests < damping::MOST_RESTS;
-            match self.solve_step::<M>(model, points, step, goes_on, observer) {
+            let slump = if goes_on { Slump::GoesOn } else { Slump::Ends };
+            match self.solve_step::<M>(model, points, step, slump, observer) {
                 Ok(Attempt::Equilibrium(mut report, path)) => {
                     way.lead_to(&mut report);
                     return self.accept(model, points, *report, path, observer);

@@ -15,6 +15,29 @@ pub(super) enum Attempt<const D: usize> {
     OnTheWay(OnTheWay),
 }
 
+/// Whether bodies slump in an attempt.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Slump {
+    /// They may not.
+    Forbidden,
+    /// They may begin to.
+    MayBegin,
+    /// They do, and may go on.
+    GoesOn,
+    /// They do, and have to come to rest.
+    Ends,
+}
+
+impl Slump {
+    pub(super) fn may_go_on(self) -> bool {
+        matches!(self, Slump::MayBegin | Slump::GoesOn)
+    }
+
+    pub(super) fn has_begun(self) -> bool {
+        matches!(self, Slump::GoesOn | Slump::Ends)
+    }
+}
+
 /// What has happened on the way to an equilibrium.
 pub(super) struct OnTheWay {
     /// Work so far, and the energy of the last state.

@@ -10,8 +10,10 @@ use crate::assembly::System;
 use crate::constraints::BoundaryCondition;
 use crate::loads::{Action, Load};
 use crate::model::Model;
+use crate::points::Points;
 
 use super::Nodal;
+use super::evidence::share_that_flows;
 
 /// Damped iterations may be so many times as many as others.
 pub(super) const MORE_ITERATIONS: usize = 10;
@@ -28,6 +30,9 @@ pub(super) const STRIDE: f64 = 0.5;
 /// … up to so many times in a step.
 pub(super) const MOST_GRIDS: usize = 300;
 
+/// Bodies collapse where more than this share of their points has yielded, [-].
+const COLLAPSES: f64 = 0.2;
+
 /// An equilibrium that is not stable is left on a fresh grid, or else given up after so many of them.
 pub(super) const MOST_RESTS: usize = 3;
 
@@ -38,11 +43,14 @@ const LEAST: f64 = 1e-6;
 /// By which μ changes from iteration to iteration.
 const CHANGE: f64 = 4.0;
 
-/// Whether bodies that collapse may slump to where they can stand: under nothing but weight. A prescribed motion would be
-/// applied afresh on every grid; and where other loads are more than the bodies carry, that is what a run is to find out.
-pub(super) fn may_slump<const D: usize>(model: &Model<D>) -> bool {
+/// Whether bodies that collapse may slump to where they can stand: where they flow, under nothing but weight. A prescribed
+/// motion would be applied afresh on every grid; where other loads are more than the bodies carry, that is what a run is to
+/// find out; and what does not flow does not collapse, but buckles or is an hourglass.
+pub(super) fn may_slump<const D: usize>(model: &Model<D>, points: &Points<D>) -> bool {
     let is_weight = |load: &Load<D>| matches!(load.action, Action::Gravity(_));
-    model.loads.iter().all(is_weight) && !model.boundary_conditions.iter().any(BoundaryCondition::moves)
+    model.loads.iter().all(is_weight)
+        && !model.boundary_conditions.iter().any(BoundaryCondition::moves)
+        && share_that_flows(model, points) > COLLAPSES
 }
 
 /// Largest component of a nodal displacement, [length].

@@ -10,7 +10,7 @@ use crate::stepping::Control;
 use crate::stress::Mechanics;
 use crate::timing::Phase;
 
-use super::attempt::{Attempt, OnTheWay};
+use super::attempt::{Attempt, OnTheWay, Slump};
 use super::balance::{Energy, moment_error, reaction_moments};
 use super::control::{Condition, NoPath, Path, on_free};
 use super::course::Course;
@@ -38,13 +38,13 @@ const LATE: f64 = 0.75;
 impl<const D: usize> Solver<D> {
     /// Newton iterations until the out-of-balance force of eq. (40) meets the tolerance. Writes the trial state only.
     ///
-    /// Where `may_slump`, damped iterations that have moved the points by more than [`STRIDE`] end there.
+    /// Damped iterations that have moved the points by more than [`STRIDE`] end there, where a slump may begin or go on.
     pub(super) fn solve_step<M: Mechanics<D>>(
         &mut self,
         model: &Model<D>,
         points: &mut Points<D>,
         step: Step,
-        may_slump: bool,
+        slump: Slump,
         observer: &mut dyn Observer<D>,
     ) -> Result<Attempt<D>, Box<FailedAttempt<D>>> {
         // What fails before the iterations has nothing to do with the size of the step.
@@ -80,7 +80,8 @@ impl<const D: usize> Solver<D> {
             unknowns.predicted = path.motion.go_on(&links, step);
         }
         let mut course = Course::new();
-        let stride = if damped && may_slump { STRIDE * smallest_cell(model, &links) } else { f64::INFINITY };
+        let stride =
+            if damped && slump.may_go_on() { STRIDE * smallest_cell(model, &links) } else { f64::INFINITY };
         let solved = self.iterate::<M>(
             model,
             points,
@@ -115,7 +116,11 @@ impl<const D: usize> Solver<D> {
                 }));
             }
         };
-        let StepSystem { dofs, system, loading, condition, .. } = system;
+        let StepSystem { dofs, system, mut loading, condition, .. } = system;
+        if slump.has_begun() {
+            // The loads have grown before.
+            loading.f_ext_start.clone_from(&loading.f_ext);
+        }
         let reaction_field = reactions_of(&loading.f_ext, system.internal_force(), &dofs);
         let reaction_start = reactions_of(&loading.f_ext_start, &course.f_int_start, &dofs);
         let energy = Energy::new(
@@ -125,11 +130,12 @@ impl<const D: usize> Solver<D> {
             [(&loading.f_ext_start, &reaction_start), (&loading.f_ext, &reaction_field)],
             (&system, &course.f_int_start),
         );
+        let energy = if slump.has_begun() { energy.of_slump() } else { energy };
         if !balanced {
             self.links = links;
-            let damping_work = damping::work(&course.out_of_balance, &unknowns.delta_d);
+            let at_end = damping::work(&course.out_of_balance, &unknowns.delta_d);
             let is_at_rest = damping::farthest(&unknowns.delta_d) <= stride;
-            let energy = Energy { damping_work, ..energy };
+            let energy = Energy { damping_work: energy.damping_work + at_end, ..energy };
             return Ok(Attempt::OnTheWay(OnTheWay { energy, replaced_domains, is_at_rest }));
         }
         let motion = || match model.newton.predictor {
