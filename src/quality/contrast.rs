@@ -15,7 +15,7 @@ const CONTRAST: f64 = 20.0;
 /// A body holds a node whose stiffness there is so many times that of a softer one, [-].
 const HOLDS: f64 = 3.0;
 /// Share of the stress of a soft body, in energy, at points that cannot strain, beyond which there is a warning, [-].
-pub const MOST_STIFFENED: f64 = 0.1;
+const MOST_STIFFENED: f64 = 0.1;
 
 /// Stiffness Σ |∇S_vp|² V_p M_p of every body at each shared node.
 type Stiffness = Vec<Vec<(u16, f64)>>;

@@ -32,12 +32,12 @@ pub struct Energy {
 }
 
 impl Energy {
-    /// Of a part of a slump: what is out of balance at its start is so since the part before, not by the fresh grid.
+    /// The energy of a part of a slump: what is out of balance at its start is so since the part before, not by the fresh grid.
     pub(super) fn of_slump(self) -> Energy {
         Energy { damping_work: self.damping_work - self.regridding_work, regridding_work: 0.0, ..self }
     }
 
-    /// Of a step that goes on from where another part of it has ended.
+    /// The energy of a step that goes on from where another part of it has ended.
     pub(super) fn after(self, before: Energy) -> Energy {
         Energy {
             external_work: before.external_work + self.external_work,

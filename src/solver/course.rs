@@ -16,7 +16,7 @@ pub(super) struct Course<const D: usize> {
     /// What round-off has to do with the last of them.
     pub(super) round_off: RoundOff,
     pub(super) solved: Vec<Solved>,
-    /// Of the last evaluation.
+    /// Out-of-balance force of the last evaluation, [force].
     pub(super) out_of_balance: Nodal<D>,
     /// Internal force of the state that the step starts from.
     pub(super) f_int_start: Nodal<D>,

@@ -58,8 +58,8 @@ pub(super) fn farthest<const D: usize>(displacement: &[[f64; D]]) -> f64 {
     displacement.iter().flatten().fold(0.0, |far, u| f64::max(far, u.abs()))
 }
 
-/// Work that damping takes over a displacement from a state in equilibrium, by the trapezoidal rule from what is out of
-/// balance at its end, [energy].
+/// Work that damping takes over a displacement, [energy]: the share that the trapezoidal rule gives to what is out of balance
+/// at its end.
 pub(super) fn work<const D: usize>(out_of_balance: &[[f64; D]], delta_d: &[[f64; D]]) -> f64 {
     0.5 * out_of_balance.iter().flatten().zip(delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>()
 }

@@ -236,21 +236,24 @@ impl<const D: usize> Solver<D> {
                 if condition.as_ref().is_some_and(|condition| !condition.goes_on(&unknowns.delta_d)) {
                     return Err(SolveError::NoPath { step: step.index, reason: NoPath::Reversed });
                 }
-                let stable = match (balanced && damped)
-                    .then(|| self.see_that_it_is_stable(unknowns, system, place, course))
+                let mut stands = balanced;
+                if balanced
+                    && damped
+                    && let Err(error) = self.see_that_it_is_stable(unknowns, system, place, course)
                 {
-                    Some(Err(error)) if stride.is_infinite() => {
+                    if stride.is_infinite() {
                         return Err(SolveError::linear(error, place, step));
                     }
-                    stable => stable.is_none_or(|stable| stable.is_ok()),
-                };
+                    // A fresh grid may lead away from it.
+                    stands = false;
+                }
                 let replaces = self.reached.summary.pace.is_last_resort();
                 let timings = &mut self.reached.summary.timings;
                 system.conclude();
                 let replaced_domains = timings.measure(Phase::Update, || {
                     update::move_points::<D, M>(model, points, links, &unknowns.delta_d, step, replaces)
                 })?;
-                return Ok(Ended { balanced: balanced && stable, replaced_domains });
+                return Ok(Ended { balanced: stands, replaced_domains });
             }
             if course.is_hopeless() || iteration == max_iterations || !residual.is_finite() {
                 break;
@@ -497,7 +500,7 @@ impl<const D: usize> Solver<D> {
 
 /// How iterations have ended.
 struct Ended {
-    /// Whether in equilibrium.
+    /// Whether in equilibrium, which is stable if damped iterations have found it.
     balanced: bool,
     /// Permanent numbers of the points whose torn domains were replaced.
     replaced_domains: Vec<u32>,

@@ -192,7 +192,7 @@ impl<const D: usize> Forces<'_, D> {
             return told(&residuals, RoundOff::NoMatter);
         }
         let (mut carries_nothing, mut is_round_off) = (open.clone(), open.clone());
-        // Of what a body has carried before, equilibrium has left as much as the tolerance allows.
+        // Equilibrium leaves as much of what a body has carried before as the tolerance allows.
         let left: Vec<f64> = parts.carried.iter().map(|f| tolerance.min(MOST_OF_ROUND_OFF) * f).collect();
         self.exclude_beyond(at.round_off_at_most(), &left, parts, &mut is_round_off);
         if is_round_off.contains(&true) {
@@ -313,7 +313,7 @@ pub(super) fn of_bodies<const D: usize>(
     for ((body, _), force) in &passed_on {
         sums[*body as usize][2] += force.iter().map(|f| f * f).sum::<f64>();
     }
-    // Of a motion of a cell and of strains of one, as the stiffness is gone.
+    // The motion is taken as one of a cell and the strains as one, because the stiffness is gone.
     let round_off = f64::EPSILON * ACCUMULATED * (IN_MOTION + IN_STRAIN);
     let unit = forces_of_unit_strain(model, points, links);
     for (node, &owner) in owner.iter().enumerate().filter(|(_, owner)| (**owner as usize) < bodies) {
