@@ -83,6 +83,7 @@ pub fn go_on<const D: usize, M: Mechanics<D>>(
         equations: Equations::with(reached.summary.kept.clone()),
         links: Connectivity::default(),
         cause: None,
+        lost_points: None,
         reached,
     };
     let mut outcome = solver.observe(|| observer.started(model, points));
@@ -136,6 +137,8 @@ struct Solver<const D: usize> {
     links: Connectivity<D>,
     /// Why the step in hand fails, once last resorts are tried.
     cause: Option<(FailedAttempt<D>, Diagnosis)>,
+    /// Why the last attempt at the step in hand that met the tolerance has failed all the same.
+    lost_points: Option<SolveError>,
     reached: Reached,
 }
 
@@ -229,6 +232,7 @@ impl<const D: usize> Solver<D> {
         *step = report.step;
         summary.path = path;
         self.cause = None;
+        self.lost_points = None;
         summary.kept = self.equations.kept();
         summary.pace.succeeded(&model.stepping, report.residuals.len() - 1);
         summary.accept(&report);
@@ -259,10 +263,16 @@ impl<const D: usize> Solver<D> {
             failed.may_succeed_if_smaller && summary.pace.failed(&model.stepping, start, end, is_torn);
         // Why a step fails shows in the last attempt before the last resorts.
         let diagnosis = (!was_last_resort && (!goes_on || summary.pace.is_last_resort()))
-            .then(|| Diagnosis::new(model, points, &failed, summary));
+            .then(|| Diagnosis::new(model, points, &failed, self.lost_points.as_ref(), summary));
         if goes_on {
             let told = self.observe(|| observer.failed(model, points, &failed, None));
-            self.cause = diagnosis.map(|diagnosis| (failed, diagnosis)).or(self.cause.take());
+            match diagnosis {
+                Some(diagnosis) => self.cause = Some((failed, diagnosis)),
+                None if failed.has_lost_points(model.newton.tolerance) => {
+                    self.lost_points = Some(failed.error)
+                }
+                None => {}
+            }
             return told;
         }
         let cause = self.cause.take().filter(|_| was_last_resort);

@@ -95,3 +95,19 @@ pub struct FailedAttempt<const D: usize> {
     /// Where the iterations ended, if they began.
     pub iterate: Option<Iterate<D>>,
 }
+
+impl<const D: usize> FailedAttempt<D> {
+    /// Whether its residual meets the tolerance, so that what comes after it has failed.
+    pub(super) fn is_balanced(&self, tolerance: f64) -> bool {
+        self.residuals.last().is_some_and(|residual| *residual <= tolerance)
+    }
+
+    /// Whether it met the tolerance, but points or their domains could not follow the grid.
+    pub(super) fn has_lost_points(&self, tolerance: f64) -> bool {
+        let of_points = matches!(
+            self.error,
+            SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. }
+        );
+        of_points && self.is_balanced(tolerance)
+    }
+}

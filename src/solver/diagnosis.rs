@@ -28,6 +28,8 @@ const HOURGLASS: f64 = 10.0;
 const RUNS_AWAY: f64 = 100.0;
 /// Pressures that vary within cells by more than this multiple of the deviatoric stress are those of locking.
 const OSCILLATES: f64 = 1.0;
+/// Bodies with fewer points than this per cell on the average may yield before their load.
+const FEW: f64 = 1.5;
 /// Where the stiffest material is that much stiffer than the softest, a sum of both keeps hardly a digit of the softer one.
 const TOO_FAR_APART: f64 = 1e12;
 
@@ -66,6 +68,14 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// Whether it says why iterations do not come to an end.
+    fn is_about_iterations(self) -> bool {
+        matches!(
+            self,
+            Kind::PlasticCollapse | Kind::Instability | Kind::LargeSteps | Kind::Creeping | Kind::Unknown
+        )
+    }
+
     /// What it is, in words.
     pub fn words(self) -> &'static str {
         match self {
@@ -184,20 +194,30 @@ impl std::fmt::Display for Diagnosis {
 }
 
 impl Diagnosis {
-    /// Of the attempt that ended a run.
+    /// Of the attempt that ended a run, and why an attempt at a larger part of the same step failed that met the tolerance.
     pub(super) fn new<const D: usize>(
         model: &Model<D>,
         points: &Points<D>,
         failed: &FailedAttempt<D>,
+        lost_points: Option<&SolveError>,
         summary: &Summary,
     ) -> Diagnosis {
         let (node, place) = whereabouts(&failed.error);
         let links = failed.iterate.as_ref().map(|iterate| &iterate.links);
         let at = node.clone().or_else(|| place.map(|place| place.position.clone()));
-        let around = links.zip(at.as_ref()).and_then(|(links, at)| emptiest_cell(model, points, links, at));
+        let cell_at = |at: &Vec<f64>| emptiest_cell(model, points, links?, at);
+        let around = at.as_ref().and_then(cell_at);
         let flowing = links.map_or(0.0, |_| share_that_flows(model, points));
         let found = Found::new(model, points, failed, at.as_deref(), (around, flowing));
         let kind = kind_of(failed, &found);
+        // What keeps iterations from their end is no matter where an attempt has come to it.
+        let (kind, error) = match lost_points {
+            Some(error) if kind.is_about_iterations() => (Kind::LostDomain, error),
+            _ => (kind, &failed.error),
+        };
+        let (node, place) = whereabouts(error);
+        let at = node.clone().or_else(|| place.map(|place| place.position.clone()));
+        let around = at.as_ref().and_then(cell_at);
         let is_driven = model.stepping.control != Control::Load
             || model.boundary_conditions.iter().any(|condition| condition.moves());
         let advice = match kind {
@@ -211,9 +231,10 @@ impl Diagnosis {
             Kind::BadScaling if model.materials.len() == 1 => {
                 "see that units, loads and the size of cells fit together, and that Poisson's ratio is not next to 0.5 or -1"
             }
-            Kind::LostDomain
-                if matches!(failed.error, SolveError::Domain { .. } | SolveError::Collapsed { .. }) =>
-            {
+            Kind::LostDomain if matches!(error, SolveError::Domain { .. }) && !model.stepping.damping => {
+                "leave `steps: {damping}` out, so that torn domains are replaced; or use more points per cell, or `method: gimp`"
+            }
+            Kind::LostDomain if matches!(error, SolveError::Domain { .. } | SolveError::Collapsed { .. }) => {
                 "use more points per cell, smaller steps (`steps: {count, smallest}`), or `method: gimp`"
             }
             Kind::Setting => failed.error.help().unwrap_or(kind.advice()),
@@ -224,6 +245,9 @@ impl Diagnosis {
                 let enough = (model.newton.max_iterations + missing).next_multiple_of(10);
                 format!("allow more iterations, `solver: {{max_iterations: {enough}}}`, or use smaller steps")
             }
+            _ if kind == Kind::PlasticCollapse && evidence::mean_points_per_cell(points) < FEW => format!(
+                "use more points per cell (4 in the plane, 8 in space), since with one a body may collapse early; {advice}"
+            ),
             _ if matches!(kind, Kind::Hourglass | Kind::Locking) && flowing > MOST => format!(
                 "{advice}; most points have yielded, so that the load may also be beyond what the bodies can carry"
             ),
@@ -297,7 +321,7 @@ impl Found {
                     && !evidence::can_move_freely(model, points, &iterate.links, failed.step)
             }),
             is_small_step: evidence::is_small_step(model, failed),
-            is_balanced: failed.residuals.last().is_some_and(|residual| *residual <= tolerance),
+            is_balanced: failed.is_balanced(tolerance),
             missing: evidence::iterations_missing(&failed.residuals, tolerance, max_iterations),
             is_locked: evidence::is_isochoric(points)
                 && iterate

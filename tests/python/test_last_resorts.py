@@ -44,6 +44,19 @@ steps: {count: 5}
 output: {every: 0}
 """
 
+LEDGE = """
+version: 1
+grid: {type: structured, origin: [0, 0], size: [10, 6], spacing: 0.5}
+materials: {m: {model: von-mises, young: 1e6, poisson: 0.3, deviatoric_yield_stress: 10e3, hardening_modulus: 2e3, density: 1000}}
+bodies: [{name: block, material: m, method: cpdi2, points_per_cell: 2, shape: {type: box, min: [0, 0], max: [3, 3]}}]
+boundary_conditions:
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+  - {name: axis, nodes: {x: 0}, fix: [x]}
+loads: [{name: weight, type: gravity, acceleration: [0, -80]}]
+steps: {count: 10, damping: false}
+output: {every: 0}
+"""
+
 LAYERS = """
 version: 1
 grid: {type: structured, origin: [0, 0], size: [3, 4], spacing: 0.25}
@@ -126,6 +139,20 @@ def test_a_bank_that_collapses_slumps_to_where_it_can_stand(mpm, tmp_path):
     # Down and out, by cells, for good; what is lost on the way comes from the weight.
     assert summary["largest"]["displacement"]["value"] > 2
     assert 0 < summary["damping_work"] < summary["external_work"]
+
+
+def test_an_equilibrium_of_which_a_domain_is_torn_is_no_collapse(mpm, tmp_path):
+    """The last attempt runs out of iterations; one before it meets the tolerance and tears a domain."""
+    deck = tmp_path / "deck.yaml"
+    deck.write_text(LEDGE)
+    process = mpm("run", deck, "--out", tmp_path / "out")
+    assert process.returncode == 1 and "error[S001]" in process.stderr
+    diagnosis = summary_of(tmp_path / "out")["diagnosis"]
+    assert diagnosis["kind"] == "lost-domain" and "damping" in diagnosis["advice"]
+    assert diagnosis["body"] == "block" and diagnosis["node"] is None
+    # What the advice promises.
+    deck.write_text(LEDGE.replace(", damping: false", ""))
+    assert mpm("run", deck, "--out", tmp_path / "replaced").returncode == 0
 
 
 def test_a_slump_that_fails_leaves_no_trace(mpm, tmp_path):
