@@ -2,7 +2,7 @@
 //! with exit code 1, a diagnosis, and all that is written in equilibrium. None ends in any other way.
 //!
 //! `STRESS=200 cargo test --test stress -- --ignored --nocapture` runs so many decks four times each: with and without
-//! cutting of steps, with and without stabilisation.
+//! cutting of steps, with and without stabilisation. `STRESS_DECKS=DIRECTORY` keeps them.
 
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stdout, reason = "the counts belong to the test")]
@@ -136,7 +136,12 @@ fn stress(count: usize, first: u64, ways: &[(bool, bool)]) {
         }
         tried += 1;
         for &(stabilised, cut) in ways {
-            match run(&deck(seed, stabilised, cut), folder.path()) {
+            let text = deck(seed, stabilised, cut);
+            if let Some(keep) = std::env::var_os("STRESS_DECKS") {
+                let name = format!("{seed:04}_{}_{}.yaml", u8::from(stabilised), u8::from(cut));
+                std::fs::write(Path::new(&keep).join(name), &text).unwrap();
+            }
+            match run(&text, folder.path()) {
                 Ok(Outcome::Completed { failed_attempts }) => {
                     let entry: &mut [usize; 2] = counts.entry((stabilised, cut)).or_default();
                     entry[0] += 1;
