@@ -186,15 +186,15 @@ pub fn run_into(
             }
         }
     };
-    let asked = loaded.deck.output.clone();
+    let asked = loaded.deck.request();
     let account = Account {
         start,
         deck_file: loaded.source.name().to_owned(),
         deck_text: loaded.source.text().to_owned(),
         deck_hash: loaded.hash(),
         files_hash: loaded.hash_of_files(),
-        deck: Some(loaded.deck),
-        parameters: loaded.parameters,
+        deck: Some(serde_json::to_value(&loaded.deck)?),
+        parameters: loaded.parameters.into_iter().map(|(name, value)| (name, value.into())).collect(),
         set_up,
         threads: rayon::current_num_threads(),
     };

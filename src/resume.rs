@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use anyhow::{Context, bail};
+use mpm::deck::Deck;
 use mpm::deck::changes::{changes, is_end, step_at};
 use mpm::deck::load::LoadedDeck;
 use mpm::deck::ready::Analysis;
@@ -11,6 +12,7 @@ use mpm::output::checkpoint::{Checkpoint, latest};
 use mpm::output::{directory, status};
 use mpm::solver::{Reached, Step};
 use mpm::stepping::Pace;
+use serde::Deserialize;
 
 /// What to do where a run cannot go on.
 pub const AGAIN: &str = "run the deck without `--resume` to begin anew, which replaces the results";
@@ -42,7 +44,11 @@ pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> a
     };
     let name = checkpoint.path.display();
     let Step { index, end, .. } = checkpoint.step();
-    let mut changed = changes(&checkpoint.head.deck, &loaded.deck, end);
+    let of_checkpoint: Deck = match Deck::deserialize(&checkpoint.head.deck) {
+        Ok(deck) => deck,
+        Err(error) => bail!("the checkpoint `{name}` cannot be used: {error}\n  help: {AGAIN}"),
+    };
+    let mut changed = changes(&of_checkpoint, &loaded.deck, end);
     if checkpoint.head.files != loaded.hash_of_files() {
         changed.push("a mesh or surface that it names has changed".to_owned());
     }
@@ -75,7 +81,7 @@ pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> a
     let mut reached = checkpoint.head.reached.clone();
     reached.step.index = step;
     reached.summary.diagnosis = None;
-    if checkpoint.head.deck.steps != loaded.deck.steps {
+    if of_checkpoint.steps != loaded.deck.steps {
         reached.summary.pace = Pace::default();
     }
     Ok(Found::Step(Box::new(checkpoint), Box::new(reached)))

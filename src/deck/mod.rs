@@ -10,12 +10,14 @@ use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 pub use crate::basis::Method;
 pub use crate::domain::DomainUpdate;
 pub use crate::linear::Choice as LinearChoice;
 use crate::model::Newton;
 use crate::output::fields::PointField;
+use crate::output::results::Request;
 use crate::output::vtu::Precision;
 pub use crate::points::PointVolume;
 pub use crate::solver::{Patterns, Predictor, Tangent};
@@ -135,6 +137,15 @@ pub enum Parameter {
     Word(String),
 }
 
+impl From<Parameter> for Value {
+    fn from(parameter: Parameter) -> Value {
+        match parameter {
+            Parameter::Number(number) => number.into(),
+            Parameter::Word(word) => word.into(),
+        }
+    }
+}
+
 /// Kind of analysis.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -190,6 +201,17 @@ impl Deck {
     /// Number of axes of the geometry.
     pub fn dimensions(&self) -> usize {
         self.analysis.idealisation.dimensions()
+    }
+
+    /// What results it asks for.
+    pub fn request(&self) -> Request {
+        let OutputDeck { every, fields, precision, .. } = &self.output;
+        Request {
+            every: *every as usize,
+            fields: fields.clone(),
+            precision: *precision,
+            checkpoints: self.checkpoint.map(|checkpoint| checkpoint.every.max(1) as usize),
+        }
     }
 }
 

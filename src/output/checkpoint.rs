@@ -13,8 +13,8 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
-use crate::deck::Deck;
 use crate::model::Model;
 use crate::points::{Points, State};
 use crate::solver::{Reached, Step};
@@ -36,8 +36,8 @@ const KEPT: usize = 2;
 pub struct Head {
     /// Version of the program that wrote it.
     pub program: String,
-    /// The deck, its parameters inserted.
-    pub deck: Deck,
+    /// The deck, its parameters inserted; it is for the reader to make sense of.
+    pub deck: Value,
     /// Hash of the meshes and surfaces that the deck names.
     pub files: String,
     /// The last step in equilibrium, and the account of the run so far.
@@ -80,7 +80,7 @@ pub struct Checkpoint {
 /// Those of the file system; the checkpoints before it are then still there.
 pub(super) fn write<const D: usize>(
     directory: &Path,
-    identity: (&Deck, &str),
+    identity: (&Value, &str),
     reached: &Reached,
     findings: &Findings,
     points: &Points<D>,

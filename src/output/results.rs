@@ -4,7 +4,6 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::basis::{Connectivity, DomainKind};
-use crate::deck::OutputDeck;
 use crate::model::Model;
 use crate::points::Points;
 use crate::solver::{
@@ -18,6 +17,7 @@ use super::directory::{
     step_of_file,
 };
 use super::failed;
+use super::fields::PointField;
 use super::findings::{Extremes, Findings};
 use super::frames::{Frame, Frames};
 use super::lock::Lock;
@@ -25,6 +25,7 @@ use super::rows;
 use super::series::Series;
 use super::summary::{Account, Outcome};
 use super::table::{Entry, Table};
+use super::vtu::Precision;
 use super::writer::Writer;
 
 /// Columns of `quality.csv`.
@@ -49,10 +50,31 @@ const QUALITY: [&str; 15] = [
 /// Columns of `convergence.csv`.
 const CONVERGENCE: [&str; 3] = ["step", "iteration", "residual"];
 
+/// What of its results a run writes beside the tables, and how often.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Request {
+    /// VTU files are written every so many load steps, and for the last one; 0 writes none.
+    pub every: usize,
+    /// Fields of the points in them.
+    pub fields: Vec<PointField>,
+    /// Size of their numbers.
+    pub precision: Precision,
+    /// Checkpoints are written every so many load steps; otherwise only where a run ends early.
+    pub checkpoints: Option<usize>,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        let fields = PointField::ALL.to_vec();
+        Request { every: 1, fields, precision: Precision::default(), checkpoints: None }
+    }
+}
+
 /// Writes everything that a run leaves behind into one directory.
 pub struct Results {
     directory: PathBuf,
     every: usize,
+    checkpoints: Option<usize>,
     history: Table,
     quality: Table,
     convergence: Table,
@@ -78,13 +100,13 @@ pub struct Results {
 
 impl Results {
     /// Prepares a directory for a run: creates it, removes the series of an earlier run and opens the tables.
-    /// VTU files are written as `asked`.
+    /// VTU files and checkpoints are written as `asked`.
     ///
     /// # Errors
     /// When the directory cannot be created or written; `ResourceBusy` when another run writes there.
     pub fn create<const D: usize>(
         directory: &Path,
-        asked: &OutputDeck,
+        asked: &Request,
         model: &Model<D>,
         account: Account,
     ) -> io::Result<Results> {
@@ -96,7 +118,8 @@ impl Results {
         remove_earlier_results(directory)?;
         Ok(Results {
             directory: directory.to_owned(),
-            every: asked.every as usize,
+            every: asked.every,
+            checkpoints: asked.checkpoints,
             frames: Frames::new(&asked.fields, asked.precision),
             history: Table::create(directory.join("history.csv"), &columns_of_history(model))?,
             quality: Table::create(directory.join("quality.csv"), &QUALITY)?,
@@ -126,13 +149,13 @@ impl Results {
     /// nothing in it is changed.
     pub fn go_on<const D: usize>(
         (directory, lock): (&Path, Lock),
-        asked: &OutputDeck,
+        asked: &Request,
         model: &Model<D>,
         account: Account,
         checkpoint: &Checkpoint,
         reached: Step,
     ) -> io::Result<Results> {
-        let (last, every) = (checkpoint.step().index, asked.every as usize);
+        let (last, every) = (checkpoint.step().index, asked.every);
         let table = |name: &str, columns: &[String]| Table::keep(directory.join(name), columns, last);
         let history = table("history.csv", &columns_of_history(model))?;
         let quality = table("quality.csv", &QUALITY.map(String::from))?;
@@ -160,6 +183,7 @@ impl Results {
         Ok(Results {
             directory: directory.to_owned(),
             every,
+            checkpoints: asked.checkpoints,
             frames: Frames::new(&asked.fields, asked.precision),
             written: series[0].last().and_then(|(_, name)| step_of_file(name)),
             shown: None,
@@ -176,12 +200,6 @@ impl Results {
             secured: reached.index,
             _lock: lock,
         })
-    }
-
-    /// After how many steps checkpoints are written, if they are.
-    fn checkpoints(&self) -> Option<usize> {
-        let deck = self.account.deck.as_ref()?;
-        deck.checkpoint.map(|checkpoint| checkpoint.every.max(1) as usize)
     }
 
     /// Writes a checkpoint of the last step in equilibrium, if there is none yet. Attempts that have failed after it are not
@@ -425,7 +443,7 @@ impl<const D: usize> Observer<D> for Results {
             self.settle()?;
         }
         self.write_history(model, points, report, summary)?;
-        if self.checkpoints().is_some_and(|every| report.step.index.is_multiple_of(every)) {
+        if self.checkpoints.is_some_and(|every| report.step.index.is_multiple_of(every)) {
             self.secure(points)?;
         }
         Ok(())
@@ -469,7 +487,7 @@ impl<const D: usize> Observer<D> for Results {
         // Whatever ended the run early, it can go on from there; but not where the files of that step are missing.
         let secured = match error {
             Some(SolveError::Output(_)) => Ok(()),
-            _ if lost.is_err() || error.is_none() && self.checkpoints().is_none() => Ok(()),
+            _ if lost.is_err() || error.is_none() && self.checkpoints.is_none() => Ok(()),
             _ => self.secure(points),
         };
         // What can be written is, even where something else could not.

@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 use cpu_time::ProcessTime;
 use serde_json::{Map, Value, json};
 
-use crate::deck::{Deck, Parameter};
 use crate::model::Model;
 use crate::points::Points;
 use crate::quality::{Balance, Quality, Worst};
@@ -76,14 +75,14 @@ pub struct Account {
     pub deck_file: String,
     /// Its text.
     pub deck_text: String,
-    /// Hash of the deck, [`crate::deck::load::LoadedDeck::hash`].
+    /// Hash of the deck, of its text and parameters.
     pub deck_hash: String,
-    /// The deck, if there is one; without it there are no checkpoints.
-    pub deck: Option<Deck>,
-    /// Hash of the files that it names, [`crate::deck::load::LoadedDeck::hash_of_files`].
+    /// The deck, its parameters inserted, if there is one; without it there are no checkpoints.
+    pub deck: Option<Value>,
+    /// Hash of the files that it names.
     pub files_hash: String,
     /// Parameters of the deck with their final values.
-    pub parameters: BTreeMap<String, Parameter>,
+    pub parameters: BTreeMap<String, Value>,
     /// Time spent so far, reading the deck and building the model.
     pub set_up: Timings,
     /// Number of threads.

@@ -4,6 +4,7 @@
 //! compressed blocks, so that the damage reaches what is behind.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -11,23 +12,24 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
-use mpm::deck::OutputDeck;
+use mpm::deck::Deck;
 use mpm::deck::changes::{changes, step_at};
 use mpm::deck::load::{LoadedDeck, load_text};
 use mpm::deck::ready::{Analysis, ready};
 use mpm::output::checkpoint;
 use mpm::output::lock::Lock;
-use mpm::output::results::Results;
+use mpm::output::results::{Request, Results};
 use mpm::output::summary::{Account, Start};
 use mpm::points::Points;
 use mpm::timing::Timings;
+use serde::Deserialize;
 
 use crate::damage::damage;
 use crate::harness::Bench;
 use crate::random::Random;
 
-fn nothing_asked() -> OutputDeck {
-    OutputDeck { every: 0, ..OutputDeck::default() }
+fn nothing_asked() -> Request {
+    Request { every: 0, checkpoints: Some(1), ..Request::default() }
 }
 
 /// Small analyses of two load steps, all with a law that has a history.
@@ -90,9 +92,9 @@ fn account(loaded: &LoadedDeck) -> Account {
         deck_file: loaded.source.name().to_owned(),
         deck_text: loaded.source.text().to_owned(),
         deck_hash: loaded.hash(),
-        deck: Some(loaded.deck.clone()),
+        deck: Some(serde_json::to_value(&loaded.deck).unwrap()),
         files_hash: loaded.hash_of_files(),
-        parameters: loaded.parameters.clone(),
+        parameters: BTreeMap::new(),
         set_up: Timings::default(),
         threads: 1,
     }
@@ -134,7 +136,10 @@ impl Origin {
             }
         };
         let step = checkpoint.step();
-        if !changes(&checkpoint.head.deck, &self.loaded.deck, step.end).is_empty() {
+        let Ok(deck) = Deck::deserialize(&checkpoint.head.deck) else {
+            return "1 refused by the reader".into();
+        };
+        if !changes(&deck, &self.loaded.deck, step.end).is_empty() {
             return "2 refused as of another deck".into();
         }
         let Some(index) = step_at(&self.loaded.deck, step.end, step.index) else {

@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 
 use mpm::basis::Method;
 use mpm::constraints::NodeSet;
-use mpm::deck::OutputDeck;
 use mpm::domain::DomainUpdate;
 use mpm::grid::{Grid, Structured};
 use mpm::material::VonMises;
-use mpm::output::results::Results;
+use mpm::output::results::{Request, Results};
 use mpm::output::summary::{Account, Start};
 use mpm::points::Points;
 use mpm::solver;
@@ -48,7 +47,7 @@ fn results(
         set_up: Timings::default(),
         threads: 1,
     };
-    let mut files = Results::create(&directory, &OutputDeck::default(), &model, account).unwrap();
+    let mut files = Results::create(&directory, &Request::default(), &model, account).unwrap();
     solver::run::<3, Solid>(&model, &mut points, &mut files).unwrap_or_else(|error| panic!("{error}"));
     directory
 }

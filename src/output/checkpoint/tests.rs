@@ -4,12 +4,12 @@ use crate::deck::ready::{Analysis, ready};
 use crate::solver::Summary;
 
 /// The collapse, whose points have a domain and a history.
-fn analysis() -> (Deck, Model<2>, Points<2>) {
+fn analysis() -> (Value, Model<2>, Points<2>) {
     let set = [("h", "1"), ("n", "2"), ("method", "cpdi2")].map(|(k, v)| (k.to_owned(), v.to_owned()));
     let loaded = load(Path::new("inputs/collapse.yaml"), &set).unwrap();
     let Analysis::Plane(parts) = ready(&loaded, None).unwrap().analysis else { panic!() };
     let (model, points) = *parts;
-    (loaded.deck, model, points)
+    (serde_json::to_value(&loaded.deck).unwrap(), model, points)
 }
 
 fn reached(step: usize) -> Reached {
