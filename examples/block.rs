@@ -22,7 +22,7 @@ use mpm::model::{Body, Model, NamedMaterial, Newton};
 use mpm::points::{PointVolume, Points, Seed};
 use mpm::solver::{self, Silent};
 use mpm::stepping::Stepping;
-use mpm::stress::{Formulation, Solid};
+use mpm::stress::Formulation;
 use mpm::timing::Phase;
 
 /// Side of the block, [m].
@@ -51,7 +51,7 @@ fn run(spacing: f64, law: Box<dyn Material>, method: Method) {
     let (model, mut points) = block(spacing, law, method);
     let set_up = memory();
     let start = Instant::now();
-    let summary = match solver::run::<3, Solid>(&model, &mut points, &mut Silent) {
+    let summary = match solver::run(&model, &mut points, &mut Silent) {
         Ok(summary) => summary,
         Err(error) => return println!("{error}"),
     };

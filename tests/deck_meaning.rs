@@ -20,7 +20,7 @@ fn deck(text: &str) -> (Model<2>, Points<2>) {
 }
 
 fn run((model, mut points): (Model<2>, Points<2>)) -> (Points<2>, Summary) {
-    let summary = solver::run_in_plane(&model, &mut points, &mut Silent).unwrap();
+    let summary = solver::run(&model, &mut points, &mut Silent).unwrap();
     (points, summary)
 }
 

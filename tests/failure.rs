@@ -87,7 +87,7 @@ fn the_node_farthest_from_equilibrium_is_named() {
     let (mut model, mut points) = cantilever();
     model.newton.max_iterations = 1;
     model.stepping.smallest = 1.0;
-    let error = solver::run::<2, PlaneStrain>(&model, &mut points, &mut Silent).unwrap_err();
+    let error = solver::run(&model, &mut points, &mut Silent).unwrap_err();
     let message = error.to_string();
     let SolveError::NotConverged { step, residuals, worst } = error else { panic!("{message}") };
     assert_eq!((step, residuals.len()), (1, 2));
@@ -116,9 +116,9 @@ bodies: [{{name: square, material: m, shape: {{type: box, min: [0, 0], max: [{si
           method: {method}, points_per_cell: 1}}]
 {rest}"
     );
-    let (mut model, mut points) = build(&load_text("deck", text.as_bytes(), &[]).unwrap()).unwrap();
+    let (mut model, mut points) = build::<2>(&load_text("deck", text.as_bytes(), &[]).unwrap()).unwrap();
     model.stepping.smallest = 1.0;
-    solver::run::<2, PlaneStrain>(&model, &mut points, &mut Silent).unwrap_err()
+    solver::run(&model, &mut points, &mut Silent).unwrap_err()
 }
 
 /// In the last step as well: no later step would notice.

@@ -15,7 +15,7 @@ use mpm::loads::external_force;
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::quality::Code;
-use mpm::solver::{self, Observer, StepReport, Summary};
+use mpm::solver::{self, Observer, Solvable, StepReport, Summary};
 use mpm::stress::{Mechanics, PlaneStrain, Solid};
 
 /// Pseudo-random numbers in [−1, 1).
@@ -288,16 +288,15 @@ impl<const D: usize> Observer<D> for Record {
     }
 }
 
-fn run<const D: usize, M: Mechanics<D>>(
-    mut built: (Model<D>, Points<D>),
-    linear: Choice,
-    threads: usize,
-) -> (Record, Summary) {
+fn run<const D: usize>(mut built: (Model<D>, Points<D>), linear: Choice, threads: usize) -> (Record, Summary)
+where
+    Model<D>: Solvable<D>,
+{
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     built.0.newton.linear = linear;
     pool.install(|| {
         let mut record = Record::default();
-        let summary = solver::run::<D, M>(&built.0, &mut built.1, &mut record).unwrap();
+        let summary = solver::run(&built.0, &mut built.1, &mut record).unwrap();
         (record, summary)
     })
 }
@@ -309,8 +308,8 @@ fn equilibrium_is_reached_as_with_exact_solves() {
     for method in ["mpm", "gimp"] {
         let set = [("h", "0.5"), ("method", method), ("steps", "2")];
         let built = || build::<3>(&deck("block/block.yaml", &set)).unwrap();
-        let (exact, _) = run::<3, Solid>(built(), Choice::Direct, 1);
-        let (inexact, summary) = run::<3, Solid>(built(), Choice::Iterative, 1);
+        let (exact, _) = run(built(), Choice::Direct, 1);
+        let (inexact, summary) = run(built(), Choice::Iterative, 1);
         assert_eq!(summary.iterative_solves, summary.linear_solves);
         assert!(summary.linear_iterations > summary.linear_solves);
         for (a, b) in exact.residuals.iter().zip(&inexact.residuals) {
@@ -347,8 +346,8 @@ steps: {count: 2}
 ";
     let loaded = load_text("plate.yaml", text.as_bytes(), &[]).unwrap_or_else(|e| panic!("{e}"));
     let built = || build::<3>(&loaded).unwrap();
-    let (exact, _) = run::<3, Solid>(built(), Choice::Direct, 1);
-    let (inexact, _) = run::<3, Solid>(built(), Choice::Iterative, 1);
+    let (exact, _) = run(built(), Choice::Direct, 1);
+    let (inexact, _) = run(built(), Choice::Iterative, 1);
     let force = exact.reactions.iter().fold(0.0, |most: f64, f| most.max(f.abs()));
     assert!(force > 1e5, "{force:e}");
     for (a, b) in exact.reactions.iter().zip(&inexact.reactions) {
@@ -365,8 +364,8 @@ steps: {count: 2}
 fn indefinite_steps_reach_the_same_equilibrium() {
     let set = [("method", "mpm"), ("steps", "5"), ("h", "0.125")];
     let built = || build::<2>(&deck("beam.yaml", &set)).unwrap();
-    let (exact, account) = run::<2, PlaneStrain>(built(), Choice::Direct, 1);
-    let (inexact, summary) = run::<2, PlaneStrain>(built(), Choice::Iterative, 1);
+    let (exact, account) = run(built(), Choice::Direct, 1);
+    let (inexact, summary) = run(built(), Choice::Iterative, 1);
     println!("{} of {} indefinite", summary.indefinite_solves, summary.linear_solves);
     assert_eq!(summary.iterative_solves, summary.linear_solves);
     assert!(account.indefinite_solves > 0 && summary.indefinite_solves > 0);
@@ -381,7 +380,7 @@ fn indefinite_steps_reach_the_same_equilibrium() {
 fn what_iterations_cannot_solve_is_factorised_and_told() {
     let set = [("method", "mpm"), ("steps", "4"), ("h", "0.25")];
     let built = || build::<2>(&deck("collapse.yaml", &set)).unwrap();
-    let (_, summary) = run::<2, PlaneStrain>(built(), Choice::Iterative, 1);
+    let (_, summary) = run(built(), Choice::Iterative, 1);
     assert!((1..summary.linear_solves).contains(&summary.iterative_solves), "{summary:?}");
     assert!(summary.warnings.iter().any(|warning| warning.code == Code::Factorised), "{summary:?}");
 }
@@ -391,10 +390,10 @@ fn threads_change_no_bit() {
     for method in ["mpm", "gimp"] {
         let set = [("h", "0.25"), ("n", "2"), ("steps", "1"), ("method", method)];
         let built = || build::<3>(&deck("block/block.yaml", &set)).unwrap();
-        let (one, _) = run::<3, Solid>(built(), Choice::Iterative, 1);
+        let (one, _) = run(built(), Choice::Iterative, 1);
         assert!(one.factorisations.iter().all(|f| *f == Factorisation::Multigrid));
         for threads in [2, 3] {
-            let (more, _) = run::<3, Solid>(built(), Choice::Iterative, threads);
+            let (more, _) = run(built(), Choice::Iterative, threads);
             let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
             assert_eq!(bits(&one.reactions), bits(&more.reactions), "{method}, {threads} threads");
             assert!(bits(&one.positions) == bits(&more.positions), "{method}, {threads} threads");

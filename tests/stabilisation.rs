@@ -302,7 +302,7 @@ fn run(deck: &str, set: &[(&str, &str)], mode: Where) -> (Result<Summary, SolveE
     model.stabilisation.mode = mode;
     model.stepping.smallest = 1.0;
     let mut recorder = Recorder::default();
-    let outcome = solver::run_in_plane(&model, &mut points, &mut recorder);
+    let outcome = solver::run(&model, &mut points, &mut recorder);
     (outcome, recorder)
 }
 

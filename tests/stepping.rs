@@ -111,7 +111,7 @@ fn text(text: &str) -> (Model<2>, Points<2>) {
 
 fn run((model, mut points): (Model<2>, Points<2>)) -> (Result<Summary, SolveError>, Recorder, Points<2>) {
     let mut recorder = Recorder::default();
-    let outcome = solver::run_in_plane(&model, &mut points, &mut recorder);
+    let outcome = solver::run(&model, &mut points, &mut recorder);
     for record in &recorder.steps {
         let limit = if record.rounding_limited { 1e-6 } else { model.newton.tolerance };
         assert!(record.residual <= limit);
@@ -257,14 +257,14 @@ fn a_run_goes_on_where_it_stopped() {
     cases.push(("collapse", deck("collapse.yaml", &[("h", "0.5"), ("n", "2"), ("steps", "4")]), 2));
     for (name, (model, points), stop) in cases {
         let (mut whole, mut all) = (Recorder::default(), points.clone());
-        let _ = solver::run_in_plane(&model, &mut all, &mut whole);
+        let _ = solver::run(&model, &mut all, &mut whole);
         let mut first = Recorder { stop_after: Some(stop), ..Recorder::default() };
         let mut some = points.clone();
-        let stopped = solver::run_in_plane(&model, &mut some, &mut first);
+        let stopped = solver::run(&model, &mut some, &mut first);
         assert!(matches!(stopped, Err(SolveError::Interrupted { .. })), "{name}");
         let (mut points, reached) = first.reached.take().unwrap();
         let mut rest = Recorder::default();
-        let _ = solver::go_on_in_plane(&model, &mut points, reached, &mut rest);
+        let _ = solver::go_on(&model, &mut points, reached, &mut rest);
         let joined: Vec<Record> = first.steps.into_iter().chain(rest.steps).collect();
         assert_eq!(joined, whole.steps, "{name}");
         assert_eq!(points.converged, all.converged, "{name}");
@@ -439,9 +439,9 @@ fn a_prediction_and_a_kept_tangent_change_the_way_only() {
         }
         let (model, mut stopped) = with();
         let mut recorder = Recorder { stop_after: Some(9), ..Recorder::default() };
-        solver::run_in_plane(&model, &mut stopped, &mut recorder).unwrap_err();
+        solver::run(&model, &mut stopped, &mut recorder).unwrap_err();
         let (mut stopped, reached) = recorder.reached.unwrap();
-        solver::go_on_in_plane(&model, &mut stopped, reached, &mut Recorder::default()).unwrap();
+        solver::go_on(&model, &mut stopped, reached, &mut Recorder::default()).unwrap();
         assert!(stopped.converged.position == points.converged.position, "{predictor:?}, {tangent:?}");
     }
 }
@@ -478,8 +478,8 @@ fn an_analysis_serves_for_the_patterns_that_it_contains() {
     let (model, mut stopped) = start(Patterns::Contained);
     let stop_after = recorder.steps.iter().position(|step| step.unknowns == fewest).map(|k| k + 1);
     let mut recorder = Recorder { stop_after, ..Recorder::default() };
-    solver::run_in_plane(&model, &mut stopped, &mut recorder).unwrap_err();
+    solver::run(&model, &mut stopped, &mut recorder).unwrap_err();
     let (mut stopped, reached) = recorder.reached.unwrap();
-    solver::go_on_in_plane(&model, &mut stopped, reached, &mut Recorder::default()).unwrap();
+    solver::go_on(&model, &mut stopped, reached, &mut Recorder::default()).unwrap();
     assert!(stopped.converged.position == points.converged.position);
 }

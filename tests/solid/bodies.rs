@@ -15,7 +15,7 @@ use mpm::points::{PointVolume, Points, Seed};
 use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
 use mpm::stabilisation::{Stabilisation, Where};
 use mpm::stepping::Stepping;
-use mpm::stress::{Formulation, Solid};
+use mpm::stress::Formulation;
 use mpm::tensor::{Mat3, Sym3};
 
 /// A mesh of `tests/data/mesh`.
@@ -180,5 +180,5 @@ pub fn watch(
     points: &mut Points<3>,
     look: impl FnMut(&Points<3>, &StepReport<3>),
 ) -> Result<Summary, SolveError> {
-    solver::run::<3, Solid>(model, points, &mut Watcher(look))
+    solver::run(model, points, &mut Watcher(look))
 }

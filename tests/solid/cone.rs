@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use mpm::deck::build::build;
 use mpm::points::Points;
 use mpm::solver::{self, Silent};
-use mpm::stress::Axisymmetric;
 
 use crate::decks::{of_inputs, run_of_inputs};
 
@@ -62,7 +61,7 @@ fn distances(a: &Rings, b: &Rings) -> [f64; 2] {
 fn a_quarter_in_space_is_the_body_of_revolution() {
     let found = ["0.5", "0.25", "0.125"].map(|h| {
         let (model, mut points) = build::<2>(&of_inputs("cone/revolved.yaml", &[("h", h)])).unwrap();
-        solver::run::<2, Axisymmetric>(&model, &mut points, &mut Silent).unwrap();
+        solver::run(&model, &mut points, &mut Silent).unwrap();
         distances(&of_revolution(&points), &of_quarter(&run_of_inputs("cone/solid.yaml", &[("h", h)])))
     });
     println!("cone, distance over the body and of the profiles (m): {found:.5?}");

@@ -8,7 +8,6 @@ use mpm::model::Model;
 use mpm::points::Points;
 use mpm::region::{Accuracy, Frustum, Motion, Region};
 use mpm::solver::{self, Silent};
-use mpm::stress::Solid;
 use mpm::tensor::Sym3;
 
 fn loaded(text: &str) -> LoadedDeck {
@@ -27,7 +26,7 @@ pub fn of_inputs(deck: &str, set: &[(&str, &str)]) -> LoadedDeck {
 /// The points after the analysis in space of a deck of `inputs/` with parameters set.
 pub fn run_of_inputs(deck: &str, set: &[(&str, &str)]) -> Points<3> {
     let (model, mut points) = build(&of_inputs(deck, set)).unwrap_or_else(|found| panic!("{found:?}"));
-    solver::run::<3, Solid>(&model, &mut points, &mut Silent).unwrap_or_else(|error| panic!("{error}"));
+    solver::run(&model, &mut points, &mut Silent).unwrap_or_else(|error| panic!("{error}"));
     points
 }
 
@@ -73,7 +72,7 @@ steps: {{count: 1}}
     let (model, mut points) = solid(&text);
     let inner = points.outer_layer.iter().filter(|outer| !**outer).count();
     assert!(inner > 0 && inner < points.len(), "{inner} of {}", points.len());
-    let summary = solver::run::<3, Solid>(&model, &mut points, &mut Silent).unwrap();
+    let summary = solver::run(&model, &mut points, &mut Silent).unwrap();
     assert!(summary.unknowns > 0);
     for p in 0..points.len() {
         let (x, expected) = (points.converged.position[p], turn.apply(&points.original_position[p]));
@@ -105,7 +104,7 @@ fn a_column_in_space_is_that_of_the_plane() {
     for (method, update) in [("gimp", "stretch"), ("mpm", "none"), ("cpdi2", "corners")] {
         let set = [("method", method), ("update", update)].map(|(k, v)| (k.to_owned(), v.to_owned()));
         let (model, mut plane) = build::<2>(&load(&inputs, &set).unwrap()).unwrap();
-        solver::run_in_plane(&model, &mut plane, &mut Silent).unwrap();
+        solver::run(&model, &mut plane, &mut Silent).unwrap();
         let (model, mut space) = solid(&format!(
             "
 version: 1
@@ -124,7 +123,7 @@ steps: {{count: 20}}
 ",
             if method == "gimp" { format!("domain_update: {update},") } else { String::new() }
         ));
-        solver::run::<3, Solid>(&model, &mut space, &mut Silent).unwrap();
+        solver::run(&model, &mut space, &mut Silent).unwrap();
         let (mut differs, mut error) = (0.0f64, 0.0);
         let by_height = |id: usize| (id / 4) * 2; // two points of the plane where space has four
         let order = plane.by_id();
@@ -255,7 +254,7 @@ steps: {{count: 1}}
         assert!((of_points - exact).abs() < 1e-9, "{of_points} {exact}");
         // Domains that fill the grid would leave it.
         if points.corners_per_point == 0 {
-            solver::run::<3, Solid>(&model, &mut points, &mut Silent).unwrap();
+            solver::run(&model, &mut points, &mut Silent).unwrap();
             assert!(largest(&points.converged.kirchhoff_stress) > 1e3);
         }
     }

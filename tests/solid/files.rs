@@ -13,7 +13,6 @@ use mpm::output::results::{Request, Results};
 use mpm::output::summary::{Account, Start};
 use mpm::points::Points;
 use mpm::solver;
-use mpm::stress::Solid;
 use mpm::tensor::Mat3;
 use mpm::timing::Timings;
 use vtkio::model::CellType;
@@ -48,7 +47,7 @@ fn results(
         threads: 1,
     };
     let mut files = Results::create(&directory, &Request::default(), &model, account).unwrap();
-    solver::run::<3, Solid>(&model, &mut points, &mut files).unwrap_or_else(|error| panic!("{error}"));
+    solver::run(&model, &mut points, &mut files).unwrap_or_else(|error| panic!("{error}"));
     directory
 }
 

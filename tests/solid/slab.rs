@@ -11,7 +11,6 @@ use mpm::loads::{Action, Load, LoadCurve};
 use mpm::model::Model;
 use mpm::points::{Points, Seed};
 use mpm::solver::{self, Observer, StepReport, Summary};
-use mpm::stress::PlaneStrain;
 
 use crate::bodies::watch;
 
@@ -137,7 +136,7 @@ fn compare(deck: &str, set: &[(&str, &str)]) -> Vec<f64> {
     let (model, mut points) = in_the_plane(deck, set);
     let start: Vec<[f64; 2]> = points.original_position.clone();
     let mut plane = Recorder::default();
-    let outcome = solver::run::<2, PlaneStrain>(&model, &mut points, &mut plane);
+    let outcome = solver::run(&model, &mut points, &mut plane);
     outcome.unwrap_or_else(|error| panic!("{deck} {set:?}: {error}"));
 
     let thickness = 0.7;

@@ -89,7 +89,7 @@ fn finish(mut model: Model<2>, mut points: Points<2>) -> Analysis {
     // The steps are those of the paper.
     model.stepping.smallest = 1.0;
     let mut recorder = Recorder::default();
-    let summary = solver::run_in_plane(&model, &mut points, &mut recorder);
+    let summary = solver::run(&model, &mut points, &mut recorder);
     Analysis { model, points, steps: recorder.steps, summary }
 }
 
@@ -115,7 +115,7 @@ pub fn watch(
     points: &mut Points<2>,
     look: impl FnMut(&Points<2>, &StepReport<2>),
 ) -> Result<Summary, SolveError> {
-    solver::run_in_plane(model, points, &mut Watcher(look))
+    solver::run(model, points, &mut Watcher(look))
 }
 
 impl Analysis {

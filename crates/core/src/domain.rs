@@ -1,0 +1,164 @@
+//! How the domain of a point follows the deformation, eqs. (32)-(39).
+#![allow(non_snake_case)]
+
+use serde::{Deserialize, Serialize};
+
+use crate::tensor::{Mat3, Sym3};
+
+/// How the half lengths of a GIMP domain follow the deformation; equation numbers of Coombs et al. (2020).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum DomainUpdate {
+    /// No update: the domain keeps its original size.
+    None,
+    /// Eq. (32): all lengths scale with det(F)^(1/n_D).
+    Determinant,
+    /// Eq. (33): each length scales with F_ii.
+    Diagonal,
+    /// Eq. (34): each length scales with U_ii of the right stretch tensor.
+    Stretch,
+    /// Eq. (37): corners move with the grid, mid-sides give the lengths, the volume is corrected.
+    #[default]
+    Corners,
+    /// Eq. (38): F_ii with the volume corrected.
+    DiagonalCorrected,
+    /// Eq. (39): the incremental form of (38).
+    DiagonalIncremental,
+}
+
+/// The motion of one point over a load step, as far as its domain needs it.
+pub struct Motion<'a, const D: usize> {
+    /// Deformation gradient F at the end of the step.
+    pub F: &'a Mat3,
+    /// Its increment ΔF over the step.
+    pub dF: &'a Mat3,
+    /// Original half lengths l_p0, [length].
+    pub original: &'a [f64; D],
+    /// Half lengths at the start of the step, [length].
+    pub previous: &'a [f64; D],
+    /// Position at the start of the step, [length].
+    pub position: &'a [f64; D],
+    /// Displacement over the step of a place given at the start of the step, from the grid, eq. (35).
+    pub displacement: &'a dyn Fn(&[f64; D]) -> [f64; D],
+}
+
+/// The update would give a domain of no or negative length.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("the domain collapses along axis {axis}: half length {half_length:e}")]
+pub struct Collapsed {
+    /// Axis along which it does.
+    pub axis: usize,
+    /// The half length that the update gives, [length].
+    pub half_length: f64,
+}
+
+impl DomainUpdate {
+    /// Name in decks.
+    pub fn name(self) -> &'static str {
+        match self {
+            DomainUpdate::None => "none",
+            DomainUpdate::Determinant => "determinant",
+            DomainUpdate::Diagonal => "diagonal",
+            DomainUpdate::Stretch => "stretch",
+            DomainUpdate::Corners => "corners",
+            DomainUpdate::DiagonalCorrected => "diagonal-corrected",
+            DomainUpdate::DiagonalIncremental => "diagonal-incremental",
+        }
+    }
+
+    /// Half lengths at the end of the step, [length].
+    ///
+    /// # Errors
+    /// [`Collapsed`] when a length would not be positive: under (33), (38) and (39) at large rotations.
+    pub fn half_lengths<const D: usize>(self, motion: &Motion<D>) -> Result<[f64; D], Collapsed> {
+        let Motion { F, dF, original, previous, .. } = motion;
+        let scaled = |lengths: &[f64; D], factor: &dyn Fn(usize) -> f64| {
+            std::array::from_fn(|i| lengths[i] * factor(i))
+        };
+        let lengths: [f64; D] = match self {
+            DomainUpdate::None => **original,
+            DomainUpdate::Determinant => {
+                let factor = root::<D>(F.determinant());
+                scaled(original, &|_| factor)
+            }
+            DomainUpdate::Diagonal => scaled(original, &|i| F[(i, i)]),
+            DomainUpdate::Stretch => {
+                let U = right_stretch(F);
+                scaled(original, &|i| U.0[i])
+            }
+            DomainUpdate::Corners => {
+                let midsides = lengths_from_corners(motion);
+                let volume = F.determinant() * original.iter().product::<f64>();
+                with_volume(midsides, volume)
+            }
+            DomainUpdate::DiagonalCorrected => corrected(F, original),
+            DomainUpdate::DiagonalIncremental => corrected(dF, previous),
+        };
+        match lengths.iter().position(|l| l.is_nan() || *l <= 0.0) {
+            Some(axis) => Err(Collapsed { axis, half_length: lengths[axis] }),
+            None => Ok(lengths),
+        }
+    }
+}
+
+/// x^(1/n_D).
+fn root<const D: usize>(x: f64) -> f64 {
+    match D {
+        2 => x.sqrt(),
+        3 => x.cbrt(),
+        _ => x.powf(1.0 / D as f64),
+    }
+}
+
+/// U = √(Fᵀ F).
+fn right_stretch(F: &Mat3) -> Sym3 {
+    Sym3::symmetric_part(&(F.transpose() * F)).map_eigenvalues(f64::sqrt)
+}
+
+/// l_i F_ii (det F / ∏ F_jj)^(1/n_D) of eqs. (38) and (39). Where the diagonal of F is not positive, no factor mends
+/// it, and the lengths are l_i F_ii as they are.
+fn corrected<const D: usize>(F: &Mat3, lengths: &[f64; D]) -> [f64; D] {
+    let factor = if (0..D).all(|j| F[(j, j)] > 0.0) {
+        let product: f64 = (0..D).map(|j| F[(j, j)]).product();
+        root::<D>(F.determinant() / product)
+    } else {
+        1.0
+    };
+    std::array::from_fn(|i| lengths[i] * F[(i, i)] * factor)
+}
+
+/// Scales lengths uniformly to a volume (both per 2^n_D), as eq. (37).
+fn with_volume<const D: usize>(lengths: [f64; D], volume: f64) -> [f64; D] {
+    let factor = root::<D>(volume / lengths.iter().product::<f64>());
+    lengths.map(|l| l * factor)
+}
+
+/// Eqs. (35)-(36): half the largest distance between the mid-points of the sides (faces), after the corners have moved.
+fn lengths_from_corners<const D: usize>(motion: &Motion<D>) -> [f64; D] {
+    let mut low = [f64::INFINITY; D];
+    let mut high = [f64::NEG_INFINITY; D];
+    let corners = 1usize << D;
+    let mut middle = [[[0.0; D]; 2]; D]; // [axis][side]
+    for corner in 0..corners {
+        let place: [f64; D] = std::array::from_fn(|d| {
+            motion.position[d] + if corner >> d & 1 == 1 { motion.previous[d] } else { -motion.previous[d] }
+        });
+        let u = (motion.displacement)(&place);
+        for (axis, sides) in middle.iter_mut().enumerate() {
+            for d in 0..D {
+                sides[corner >> axis & 1][d] += (place[d] + u[d]) / (corners / 2) as f64;
+            }
+        }
+    }
+    for point in middle.iter().flatten() {
+        for d in 0..D {
+            low[d] = low[d].min(point[d]);
+            high[d] = high[d].max(point[d]);
+        }
+    }
+    std::array::from_fn(|d| 0.5 * (high[d] - low[d]))
+}
+
+#[cfg(test)]
+mod table_2;

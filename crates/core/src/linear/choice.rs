@@ -1,0 +1,69 @@
+//! The choice between a factorisation and conjugate gradients.
+
+use serde::{Deserialize, Serialize};
+
+/// How linear equations are to be solved.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum Choice {
+    /// Directly, or iteratively where that is faster or the factor does not fit into memory: many unknowns in space, on
+    /// a structured grid.
+    #[default]
+    Auto,
+    /// By a factorisation.
+    Direct,
+    /// By conjugate gradients, or GMRES where the stiffness is not positive definite, with a multigrid preconditioner; on a
+    /// structured grid only.
+    Iterative,
+}
+
+/// Operations of a factorisation for each cube of the number of columns of its last separator.
+const WORK_OF_SEPARATOR: f64 = 5.0;
+
+/// Operations that a factorisation does in twice the time that conjugate gradients, their set-up and all their
+/// iterations, spend for each block; measured, see `docs/performance.md`.
+const WORK_OF_BLOCK: f64 = 40e3;
+
+/// Unknowns in the plane up to which a factorisation is faster.
+const MOST_IN_PLANE: f64 = 1e6;
+
+/// The size of a system on the nodes of a grid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extent {
+    /// Number of nodes.
+    pub nodes: f64,
+    /// Largest distance along an axis, in cells, of two nodes that are coupled.
+    pub reach: f64,
+    /// Number of coupled pairs of nodes, each counted once.
+    pub pairs: f64,
+}
+
+impl Extent {
+    /// Whether conjugate gradients solve a positive definite system of this size in `D` dimensions much faster than a
+    /// factorisation. The work of that is the one of its last separator, which is as thick as nodes are coupled.
+    pub fn is_large<const D: usize>(&self) -> bool {
+        if D < 3 {
+            return D as f64 * self.nodes > MOST_IN_PLANE;
+        }
+        let separator = D as f64 * self.reach.max(1.0) * self.nodes.powf(2.0 / 3.0);
+        WORK_OF_SEPARATOR * separator.powi(3) > WORK_OF_BLOCK * self.pairs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_large_systems_in_space_are_solved_iteratively() {
+        let cube = |n: f64, reach: f64| {
+            let near = (2.0 * reach + 1.0).powi(3);
+            Extent { nodes: n.powi(3), reach, pairs: n.powi(3) * (near + 1.0) / 2.0 }
+        };
+        assert!(!cube(9.0, 1.0).is_large::<3>());
+        assert!(cube(17.0, 1.0).is_large::<3>() && cube(33.0, 1.0).is_large::<3>());
+        let plane = |n: f64| Extent { nodes: n * n, reach: 1.0, pairs: 5.0 * n * n };
+        assert!(!plane(700.0).is_large::<2>() && plane(1000.0).is_large::<2>());
+    }
+}

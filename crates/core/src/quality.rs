@@ -1,0 +1,384 @@
+//! How well a run goes, in numbers that cost next to nothing: what its basis functions lose, how its domains fit the
+//! bodies and the grid, how full the cells are, and how the iterations converge.
+//!
+//! [`Measures`] are taken once per equilibrated step; [`Quality`] keeps the worst of all steps and says when a measure
+//! is out of bounds for the first time. How much domains overlap costs more, and is found at the end of the run.
+
+mod cohesion;
+mod contrast;
+mod gaps;
+mod holding;
+mod measure;
+mod motion;
+mod overlap;
+mod pressure;
+#[cfg(test)]
+mod tests;
+pub mod warning;
+mod watch;
+
+use std::collections::BTreeSet;
+use std::fmt;
+
+use cohesion::Cohesion;
+use holding::Held;
+pub use measure::{AtPoint, Measures, OfBody, newton_order};
+pub use motion::Objection;
+use motion::rotation_of_turn;
+use overlap::domain_overlap;
+pub use pressure::oscillation;
+use pressure::oscillation_in_flow;
+pub use warning::{Code, Place, Warning};
+pub use watch::{BalanceSoFar, MOST_ENERGY_ERROR, MOST_REGRIDDING};
+use watch::{HARMFUL_REGRIDDING, MOST_BOX_ROTATION, MOST_CROSSINGS, MOST_OSCILLATION};
+
+use serde::{Deserialize, Serialize};
+
+use crate::basis::DomainKind;
+use crate::domain::DomainUpdate;
+use crate::model::Model;
+use crate::points::Points;
+
+/// Loss of the partition of unity beyond which there is a warning, [-].
+const MOST_LOSS: f64 = 1e-3;
+/// Share of a domain outside the grid beyond which there is a warning, [-].
+const MOST_OUTSIDE: f64 = 0.01;
+
+/// The worst value of a measure so far, and where it was.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Worst {
+    /// The value.
+    pub value: f64,
+    /// Number of the step.
+    pub step: usize,
+    /// Number of the body.
+    pub body: usize,
+    /// Permanent number of the point, for measures of points.
+    pub point: Option<u32>,
+}
+
+/// Smallest filling of a cell so far.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Filling {
+    /// Volume of the points in the cell by that of the cell, [-].
+    pub value: f64,
+    /// Number of the step.
+    pub step: usize,
+    /// The cell.
+    pub cell: u32,
+}
+
+/// A total now, and what has become of it since the start.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Balance {
+    /// At the start of the run.
+    pub start: f64,
+    /// Now.
+    pub now: f64,
+}
+
+impl Balance {
+    /// Change since the start relative to the start; 0 of nothing, [-].
+    pub fn relative_change(&self) -> f64 {
+        if self.start == 0.0 { 0.0 } else { self.now / self.start - 1.0 }
+    }
+}
+
+/// What a step shows, over all bodies.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct OfStep {
+    /// Largest 1 − Σ S_vp, [-].
+    pub partition_of_unity_loss: f64,
+    /// Largest share of a domain outside the grid, [-]; 0 without domains.
+    pub domain_outside_grid: f64,
+    /// Volume of the domains relative to that of their points, minus 1, [-]; 0 without domains.
+    pub domain_volume_excess: f64,
+    /// Smallest filling of a cell that holds points, [-].
+    pub smallest_cell_filling: f64,
+    /// Smallest and largest det F, [-].
+    pub det_f: [f64; 2],
+    /// Total mass, [mass].
+    pub mass: f64,
+    /// Total volume, [volume].
+    pub volume: f64,
+}
+
+impl OfStep {
+    fn new<const D: usize>(model: &Model<D>, measures: &Measures) -> OfStep {
+        let bodies = &measures.bodies;
+        let largest = |of: fn(&OfBody) -> Option<AtPoint>| {
+            bodies.iter().filter_map(of).map(|found| found.value).fold(0.0, f64::max)
+        };
+        let (mut domains, mut points) = (0.0, 0.0);
+        for (body, measured) in model.bodies.iter().zip(bodies) {
+            if body.method.domain() != DomainKind::None {
+                domains += measured.domain_volume;
+                points += measured.volume;
+            }
+        }
+        OfStep {
+            partition_of_unity_loss: largest(|body| body.partition_of_unity_loss),
+            domain_outside_grid: largest(|body| body.outside),
+            domain_volume_excess: if points > 0.0 { domains / points - 1.0 } else { 0.0 },
+            smallest_cell_filling: measures.smallest_filling.map_or(0.0, |(value, _)| value),
+            det_f: bodies.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], body| {
+                [low.min(body.det_f[0]), high.max(body.det_f[1])]
+            }),
+            mass: bodies.iter().map(|body| body.mass).sum(),
+            volume: bodies.iter().map(|body| body.volume).sum(),
+        }
+    }
+}
+
+/// The quality of a run so far. Measures that no step has shown are `None`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// Largest 1 − Σ S_vp, [-].
+    pub partition_of_unity_loss: Option<Worst>,
+    /// Largest share of a domain outside the grid; of the corners for domains given by corners, [-].
+    pub domain_outside_grid: Option<Worst>,
+    /// Smallest filling of a cell that holds points.
+    pub smallest_cell_filling: Option<Filling>,
+    /// Smallest and largest det F, [-].
+    pub det_f: Option<[f64; 2]>,
+    /// Total mass, [mass].
+    pub mass: Balance,
+    /// Total volume Σ J V_p0, [volume].
+    pub volume: Balance,
+    /// Volume of the domains of a body relative to that of its points, minus 1; the largest in magnitude, [-].
+    pub domain_volume_excess: Option<Worst>,
+    /// Volume that domains share with each other at the end of the run, relative to the volume of all, [-].
+    pub domain_overlap: Option<f64>,
+    /// What the last step has shown, over all bodies.
+    pub latest: OfStep,
+    /// Observed order of the Newton iterations of every step where it can be told, with the step.
+    pub newton_orders: Vec<(usize, f64)>,
+    /// Largest magnitude of the rotation in the plane, [degrees].
+    pub rotation: Option<Worst>,
+    /// Largest shear in the plane, [-].
+    pub shear: Option<Worst>,
+    /// Largest mean rotation of a body whose domains are boxes that cannot follow it, [degrees].
+    pub box_rotation: Option<Worst>,
+    /// Largest oscillation of the pressures, [`oscillation`], over the cells that flow in a step, [-]; with the step.
+    pub pressure_oscillation: Option<(f64, usize)>,
+    /// For each body, how often standard points have crossed the border of a cell, and their number.
+    crossed: Vec<[usize; 2]>,
+    /// What hung together at the start.
+    cohesion: Option<Cohesion>,
+    /// Whether a stiffness has been positive definite.
+    #[serde(default)]
+    was_stable: bool,
+    /// The material at the nodes of each boundary condition.
+    held: Vec<Held>,
+    /// Warnings that have been given, each with the number of the body or boundary condition that it concerns.
+    #[serde(default)]
+    raised: BTreeSet<(Code, usize)>,
+}
+
+impl Quality {
+    /// Of a run that begins from the converged state of `points`.
+    pub fn new<const D: usize>(points: &Points<D>) -> Quality {
+        let mass: f64 = points.mass.iter().sum();
+        let volume: f64 = (0..points.len()).map(|p| points.volume(p)).sum();
+        Quality {
+            mass: Balance { start: mass, now: mass },
+            volume: Balance { start: volume, now: volume },
+            ..Quality::default()
+        }
+    }
+
+    /// Whether this can be the quality of a run with so many bodies.
+    pub fn can_be_of(&self, bodies: usize) -> bool {
+        let worst = [
+            self.partition_of_unity_loss,
+            self.domain_outside_grid,
+            self.domain_volume_excess,
+            self.rotation,
+            self.shear,
+            self.box_rotation,
+        ];
+        worst.iter().flatten().all(|worst| worst.body < bodies)
+            && self.crossed.len() <= bodies
+            && self.cohesion.as_ref().is_none_or(|cohesion| cohesion.can_be_of(bodies))
+    }
+
+    /// Takes in the measures and the residuals of a step; returns the warnings that they give rise to for the first
+    /// time.
+    pub fn accept<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        step: usize,
+        measures: &Measures,
+        residuals: &[f64],
+    ) -> Vec<Warning> {
+        let mut warnings = Vec::new();
+        self.crossed.resize(model.bodies.len(), [0; 2]);
+        for (number, body) in measures.bodies.iter().enumerate() {
+            for (worst, found) in [
+                (&mut self.partition_of_unity_loss, body.partition_of_unity_loss),
+                (&mut self.domain_outside_grid, body.outside),
+                (&mut self.rotation, body.rotation),
+                (&mut self.shear, body.shear),
+            ] {
+                if let Some(AtPoint { value, point }) = found {
+                    keep_worst(worst, Worst { value, step, body: number, point: Some(point) });
+                }
+            }
+            if model.bodies[number].method.domain() != DomainKind::None && body.volume > 0.0 {
+                let value = body.domain_volume / body.volume - 1.0;
+                keep_worst(&mut self.domain_volume_excess, Worst { value, step, body: number, point: None });
+            }
+            if model.bodies[number].method.domain() == DomainKind::Box && body.volume > 0.0 {
+                let value = rotation_of_turn(body.box_turning / body.volume);
+                keep_worst(&mut self.box_rotation, Worst { value, step, body: number, point: None });
+            }
+            self.crossed[number][0] += body.crossings;
+            self.crossed[number][1] = body.points;
+            let [low, high] = self.det_f.unwrap_or(body.det_f);
+            self.det_f = Some([low.min(body.det_f[0]), high.max(body.det_f[1])]);
+            warn(model, step, number, body, &mut self.raised, &mut warnings);
+        }
+        if let Some((value, cell)) = measures.smallest_filling
+            && self.smallest_cell_filling.is_none_or(|kept| value < kept.value)
+        {
+            self.smallest_cell_filling = Some(Filling { value, step, cell });
+        }
+        self.latest = OfStep::new(model, measures);
+        self.mass.now = self.latest.mass;
+        self.volume.now = self.latest.volume;
+        self.newton_orders.extend(newton_order(residuals).map(|order| (step, order)));
+        warnings
+    }
+
+    /// Takes in the state that the run ends with, if it has made a step.
+    pub fn conclude<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) {
+        self.domain_overlap = self.det_f.and_then(|_| domain_overlap(model, points));
+    }
+
+    /// Median of the observed orders of the Newton iterations.
+    pub fn median_newton_order(&self) -> Option<f64> {
+        let mut orders: Vec<f64> = self.newton_orders.iter().map(|(_, order)| *order).collect();
+        orders.sort_by(f64::total_cmp);
+        let upper = orders.len() / 2;
+        let lower = orders.len().checked_sub(1)? / 2;
+        Some(0.5 * (orders[lower] + orders[upper]))
+    }
+
+    /// Smallest observed order of the Newton iterations, with the step.
+    pub fn smallest_newton_order(&self) -> Option<(usize, f64)> {
+        self.newton_orders.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// One line; nothing before the first step.
+impl fmt::Display for Quality {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut parts = Vec::new();
+        if let Some(loss) = self.partition_of_unity_loss {
+            parts
+                .push(format!("loss of partition of unity {:.1e} (warning above {MOST_LOSS:e})", loss.value));
+        }
+        if let Some(outside) = self.domain_outside_grid {
+            let [value, most] = [outside.value, MOST_OUTSIDE].map(|share| 100.0 * share);
+            parts.push(format!("{value:.2} % of a domain outside the grid (warning above {most} %)"));
+        }
+        if let Some(overlap) = self.domain_overlap {
+            parts.push(format!("overlap of domains {:.2} %", 100.0 * overlap));
+        }
+        if let Some(turned) = self.box_rotation {
+            parts.push(format!(
+                "boxes turned by {:.0}° in the mean (warning above {MOST_BOX_ROTATION}°)",
+                turned.value
+            ));
+        }
+        let crossings = (0..self.crossed.len()).filter_map(|body| self.mean_crossings(body)).reduce(f64::max);
+        if let Some(crossings) = crossings {
+            parts.push(format!(
+                "borders of cells crossed {crossings:.2} times (warning above {MOST_CROSSINGS} with regridding work above {} %)",
+                100.0 * HARMFUL_REGRIDDING
+            ));
+        }
+        if let Some((oscillation, _)) = self.pressure_oscillation {
+            parts.push(format!(
+                "pressures in a cell differ by {oscillation:.2} of the deviatoric stress (warning above {MOST_OSCILLATION})"
+            ));
+        }
+        if let Some(filling) = self.smallest_cell_filling {
+            parts.push(format!("cells filled to {:.1} % or more", 100.0 * filling.value));
+        }
+        if let Some([low, high]) = self.det_f {
+            parts.push(format!("det F {low:.4} to {high:.4}"));
+            parts.push(format!("volume changed by {:.2} %", 100.0 * self.volume.relative_change()));
+        }
+        if let Some(order) = self.median_newton_order() {
+            parts.push(format!("Newton order {order:.2}"));
+        }
+        f.write_str(&parts.join(", "))
+    }
+}
+
+fn keep_worst(kept: &mut Option<Worst>, found: Worst) {
+    if kept.is_none_or(|kept| found.value.abs() > kept.value.abs()) {
+        *kept = Some(found);
+    }
+}
+
+/// The warnings that a body has not had before.
+fn warn<const D: usize>(
+    model: &Model<D>,
+    step: usize,
+    number: usize,
+    measures: &OfBody,
+    raised: &mut BTreeSet<(Code, usize)>,
+    warnings: &mut Vec<Warning>,
+) {
+    let body = &model.bodies[number];
+    let name = &body.name;
+    let mut exceeds =
+        |code, found: Option<AtPoint>, threshold, message: &dyn Fn(AtPoint) -> String, help: &str| {
+            if let Some(found) = found
+                && found.value > threshold
+                && raised.insert((code, number))
+            {
+                warnings.push(Warning {
+                    code,
+                    step,
+                    place: Place::point(name, found.point),
+                    value: Some(found.value),
+                    threshold: Some(threshold),
+                    message: format!("body `{name}`: {}", message(found)),
+                    help: help.to_owned(),
+                });
+            }
+        };
+    if let Some(objection) = Objection::to::<D>(body.domain_update) {
+        let update = body.domain_update.name();
+        let message = |AtPoint { value, point }| {
+            let motion = (objection.describe)(value);
+            format!("its domain update `{update}` does not suit its motion: point {point} has {motion}")
+        };
+        let help = "use `domain_update: corners`";
+        exceeds(Code::DomainUpdate, measures.objection, objection.limit, &message, help);
+    }
+    let advice = match body.method.domain() {
+        DomainKind::Box if body.domain_update != DomainUpdate::Corners => {
+            "use a larger grid or `domain_update: corners`, which keeps domains inside the body"
+        }
+        _ => "use a larger grid",
+    };
+    let of = match body.method.domain() {
+        DomainKind::Corners => "the corners of the domain",
+        DomainKind::Box | DomainKind::None => "the domain",
+    };
+    let message = |AtPoint { value, point }| {
+        format!("{:.1} % of {of} of point {point} is outside the grid", 100.0 * value)
+    };
+    exceeds(Code::DomainOutside, measures.outside, MOST_OUTSIDE, &message, advice);
+    let message = |AtPoint { value, point }| {
+        let sum = 1.0 - value;
+        format!(
+            "the basis functions of point {point} add up to {sum:.4} instead of 1, as its domain is partly outside the grid"
+        )
+    };
+    exceeds(Code::PartitionOfUnity, measures.partition_of_unity_loss, MOST_LOSS, &message, advice);
+}

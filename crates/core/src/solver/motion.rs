@@ -1,0 +1,93 @@
+//! The motion of the grid in the last step, from which the next one may start: as the direction of a path, or as a
+//! prediction.
+
+use serde::{Deserialize, Serialize};
+
+use crate::basis::Connectivity;
+
+use super::Step;
+
+/// Where the iterations of a step begin.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum Predictor {
+    /// With the solution of the equations at the start of the step.
+    #[default]
+    None,
+    /// With the displacement increment of the step before, scaled to the length of the step, in place of the first
+    /// solution of the equations. Where that leaves more out of balance than there was at the start, it is dropped.
+    LastStep,
+}
+
+/// The displacement increment of a step on the nodes of the grid.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Motion {
+    /// Grid nodes that were active, ascending.
+    nodes: Vec<u32>,
+    /// Their displacement increment, one number per axis and node, [length].
+    increment: Vec<f64>,
+    /// Time that the step took.
+    duration: f64,
+}
+
+impl Motion {
+    /// The motion of a step.
+    pub(super) fn new<const D: usize>(links: &Connectivity<D>, step: Step, delta_d: &[[f64; D]]) -> Self {
+        Motion {
+            nodes: links.active_nodes().to_vec(),
+            increment: delta_d.as_flattened().to_vec(),
+            duration: step.end - step.start,
+        }
+    }
+
+    /// Whether a run in so many dimensions can have come to this.
+    pub(super) fn can_be_of<const D: usize>(&self) -> bool {
+        self.increment.len() == D * self.nodes.len() && self.nodes.is_sorted()
+    }
+
+    /// The increment at each node of another step, where it was active.
+    fn known<const D: usize>(&self, links: &Connectivity<D>) -> Vec<Option<[f64; D]>> {
+        let (increments, _) = self.increment.as_chunks::<D>();
+        let at = |node: &u32| {
+            let place = self.nodes.binary_search(node).ok();
+            place.and_then(|place| increments.get(place)).copied()
+        };
+        links.active_nodes().iter().map(at).collect()
+    }
+
+    /// The increment on the nodes of another step; zero where they were not active.
+    pub(super) fn direction<const D: usize>(&self, links: &Connectivity<D>) -> Vec<[f64; D]> {
+        self.known(links).into_iter().map(|known| known.unwrap_or([0.0; D])).collect()
+    }
+
+    /// The increment on the nodes of the step that follows, as if the motion went on; nodes that were not active move as
+    /// those around them do on average. `None` where there was no step.
+    pub(super) fn go_on<const D: usize>(&self, links: &Connectivity<D>, step: Step) -> Option<Vec<[f64; D]>> {
+        let factor = (step.end - step.start) / self.duration;
+        if self.nodes.is_empty() || !factor.is_finite() {
+            return None;
+        }
+        let known = self.known(links);
+        let mut sum = vec![[0.0; D]; known.len()];
+        let mut count = vec![0.0; known.len()];
+        for group in 0..links.n_groups() {
+            let nodes = links.nodes_of(group);
+            let around = || nodes.iter().filter_map(|&node| known[node as usize]);
+            for &node in nodes.iter().filter(|&&node| known[node as usize].is_none()) {
+                for increment in around() {
+                    count[node as usize] += 1.0;
+                    for d in 0..D {
+                        sum[node as usize][d] += increment[d];
+                    }
+                }
+            }
+        }
+        let of_node = |n: usize| match known[n] {
+            Some(increment) => increment,
+            None if count[n] > 0.0 => sum[n].map(|sum| sum / count[n]),
+            None => [0.0; D],
+        };
+        Some((0..known.len()).map(|n| of_node(n).map(|u| factor * u)).collect())
+    }
+}

@@ -1,0 +1,585 @@
+//! Gate three, feasibility: from a deck to the model and its points. What needs the mesh is checked here.
+
+mod magnitudes;
+mod nearest;
+
+use nearest::Ties;
+
+use std::collections::HashMap;
+
+use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote};
+use super::formulas::{self, at_nodes, at_points};
+use super::load::LoadedDeck;
+use super::region::{FromFiles, Groups, OfDeck, Refusal, region};
+use super::seeding::{Filled, Filling};
+use super::size::Size;
+use super::{
+    AXES, BoundaryConditionDeck, ControlDeck, Deck, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
+    MaterialDeck, NodeSelector, Per, PerAxis, StepsDeck,
+};
+use super::{axisymmetry, placing};
+use mpm_core::constraints::{BoundaryCondition, NodeSet};
+use mpm_core::formula::Formula;
+use mpm_core::grid::gmsh::{self, GmshError};
+use mpm_core::grid::{Grid, Mesh, Structured};
+use mpm_core::loads::{Action, Load, LoadCurve};
+use mpm_core::material::{Hencky, Material, NeoHookean, VonMises};
+use mpm_core::memory::Memory;
+use mpm_core::model::{Body, Model, NamedMaterial, Newton, Probe};
+use mpm_core::points::{Points, Seed};
+use mpm_core::region::Region;
+use mpm_core::stepping::{Control, Stepping};
+
+/// Relative distance to a grid line within which a selected coordinate counts as lying on it.
+const ON_LINE: f64 = 1e-6;
+
+/// Part of the area of a region that is probably not missed on purpose.
+const MUCH: f64 = 0.05;
+
+/// Builds the model of a deck that passed the earlier gates, and its points; `D` must be the number of dimensions of
+/// the deck.
+///
+/// # Errors
+/// Everything that cannot be done with this mesh, each with its place in the deck.
+#[expect(private_bounds, reason = "there are two numbers of dimensions, and no other can be added")]
+pub fn build<const D: usize>(loaded: &LoadedDeck) -> Result<(Model<D>, Points<D>), Vec<Diagnostic>>
+where
+    Region<D>: OfDeck<D>,
+{
+    built(loaded, Memory::of_this_machine()).map(|built| (built.model, built.points))
+}
+
+/// What a deck is built into.
+pub(super) struct Built<const D: usize> {
+    pub(super) model: Model<D>,
+    pub(super) points: Points<D>,
+    /// Warnings and notes that are no errors.
+    pub(super) notes: Vec<Diagnostic>,
+    /// The memory that the analysis will need at most, estimated, [byte].
+    pub(super) memory: f64,
+}
+
+/// As [`build`], for a machine with this memory: a model that does not fit into it is refused.
+pub(super) fn built<const D: usize>(
+    loaded: &LoadedDeck,
+    memory: Option<Memory>,
+) -> Result<Built<D>, Vec<Diagnostic>>
+where
+    Region<D>: OfDeck<D>,
+{
+    let deck = &loaded.deck;
+    let mut builder =
+        Builder { loaded, deck, found: Vec::new(), body_numbers: HashMap::new(), memory_needed: 0.0 };
+    let built = builder.build(memory);
+    let Builder { mut found, memory_needed, .. } = builder;
+    assign(Gate::Feasibility, &mut found);
+    match built {
+        Some((model, points)) if !found.iter().any(Diagnostic::is_error) => {
+            Ok(Built { model, points, notes: found, memory: memory_needed })
+        }
+        _ => Err(found),
+    }
+}
+
+/// The load curve that a deck gives; from 0 to 1 over the analysis where it gives none.
+pub(super) fn load_curve(curve: Option<&CurveDeck>, end_time: f64) -> LoadCurve {
+    match curve {
+        Some(CurveDeck(pairs)) => LoadCurve::table(pairs.clone()),
+        None => LoadCurve::ramp(end_time),
+    }
+}
+
+/// The law of a material.
+fn law(material: &MaterialDeck) -> Box<dyn Material> {
+    match *material {
+        MaterialDeck::Hencky { young, poisson, .. } => Box::new(Hencky::new(young, poisson)),
+        MaterialDeck::NeoHookean { young, poisson, .. } => Box::new(NeoHookean::new(young, poisson)),
+        MaterialDeck::VonMises { young, poisson, deviatoric_yield_stress, hardening_modulus, .. } => {
+            Box::new(VonMises::new(young, poisson, deviatoric_yield_stress).hardening(hardening_modulus))
+        }
+    }
+}
+
+/// The entries of a list; those that are missing are zero.
+pub(super) fn array<const D: usize>(values: &[f64]) -> [f64; D] {
+    std::array::from_fn(|d| values.get(d).copied().unwrap_or(0.0))
+}
+
+/// One value for each axis.
+pub(super) fn per_axis<T: Copy + Default, const D: usize>(value: &PerAxis<T>) -> [T; D] {
+    match value {
+        PerAxis::Same(value) => [*value; D],
+        PerAxis::Each(values) => std::array::from_fn(|d| values.get(d).copied().unwrap_or_default()),
+    }
+}
+
+struct Builder<'a, const D: usize> {
+    loaded: &'a LoadedDeck,
+    deck: &'a Deck,
+    found: Vec<Diagnostic>,
+    body_numbers: HashMap<&'a str, usize>,
+    memory_needed: f64,
+}
+
+impl<'a, const D: usize> Builder<'a, D>
+where
+    Region<D>: OfDeck<D>,
+{
+    /// The model and its points; nothing where what is missing keeps the rest from being looked at.
+    fn build(&mut self, memory: Option<Memory>) -> Option<(Model<D>, Points<D>)> {
+        let deck = self.deck;
+        if deck.dimensions() != D {
+            let message = format!("the deck has {} dimensions, and {D} are needed here", deck.dimensions());
+            let help = "change the idealisation".to_owned();
+            self.error("D048", "/analysis/idealisation", message, help);
+            return None;
+        }
+        self.body_numbers = deck.bodies.iter().enumerate().map(|(k, body)| (body.name.as_str(), k)).collect();
+        let grid = self.grid()?;
+        self.magnitudes(grid.as_ref());
+        let (regions, groups) = self.regions(grid.as_ref())?;
+        let size = Size::of(deck, grid.as_ref(), &regions);
+        self.memory_needed = size.memory();
+        if size.points > f64::from(u32::MAX) {
+            let message = format!(
+                "there would be {:.1e} points; at most {:.1e} can be numbered",
+                size.points,
+                u32::MAX
+            );
+            let (pointer, help) = size.largest_part(deck);
+            self.error("D036", &pointer, message, help.to_owned());
+            return None;
+        }
+        if let Some(memory) = memory {
+            let found = size.judge(deck, &self.loaded.source, &memory);
+            let is_too_large = found.as_ref().is_some_and(Diagnostic::is_error);
+            self.found.extend(found);
+            if is_too_large {
+                return None;
+            }
+        }
+        let materials: Vec<NamedMaterial> = deck
+            .materials
+            .iter()
+            .map(|(name, m)| NamedMaterial { name: name.clone(), law: law(m) })
+            .collect();
+        let bodies = self.bodies();
+        let revolved = deck.analysis.idealisation == Idealisation::Axisymmetric;
+        let mut seeds = self.seeds(grid.as_ref(), &materials, &bodies, (&regions, &groups));
+        if revolved {
+            axisymmetry::revolve(&mut seeds);
+        }
+        let points = Points::new(&seeds);
+        drop(seeds);
+        let boundary_conditions = self.boundary_conditions(grid.as_ref());
+        let loads = self.loads(grid.as_ref(), &points);
+        if revolved {
+            self.found.extend(axisymmetry::faults(self.loaded, grid.as_ref()));
+        }
+        let probes = self.probes(grid.as_ref(), &points);
+        let stepping = self.stepping(&boundary_conditions, &loads);
+        let model = Model {
+            title: deck.title.clone().unwrap_or_default(),
+            grid,
+            revolved,
+            formulation: deck.analysis.formulation,
+            point_volume: deck.analysis.point_volume,
+            stabilisation: deck.analysis.stabilisation,
+            materials,
+            bodies,
+            boundary_conditions,
+            loads,
+            stepping,
+            newton: Newton {
+                tolerance: deck.solver.tolerance,
+                max_iterations: deck.solver.max_iterations as usize,
+                linear: deck.solver.linear,
+                predictor: deck.solver.predictor,
+                tangent: deck.solver.tangent,
+                pattern: deck.solver.pattern,
+            },
+            probes,
+        };
+        Some((model, points))
+    }
+
+    fn stepping(&self, conditions: &[BoundaryCondition<D>], loads: &[Load<D>]) -> Stepping {
+        let StepsDeck { count, end_time, smallest, damping, largest, ref control } = self.deck.steps;
+        let mut stepping = Stepping {
+            smallest,
+            damping,
+            largest,
+            stops: self.deck.output.every.max(1) as usize,
+            control: match control {
+                ControlDeck::Load {} => Control::Load,
+                ControlDeck::ArcLength { length } => Control::ArcLength { length: *length },
+                ControlDeck::Displacement { probe, axis, to } => Control::Displacement {
+                    probe: self.deck.output.probes.iter().position(|p| p.name == *probe).unwrap_or(0),
+                    axis: *axis as usize,
+                    to: *to,
+                },
+            },
+            ..Stepping::fixed(count as usize, end_time)
+        };
+        // Without output but at the end steps may grow as they like.
+        if self.deck.output.every == 0 {
+            stepping.stops = stepping.count;
+        }
+        let curves = loads.iter().map(|load| &load.curve).chain(conditions.iter().map(|c| &c.curve));
+        let between = |t: &f64| *t > 0.0 && *t < end_time;
+        // Those that end a requested step do so to the last bit.
+        let of_step = |t: f64| stepping.requested(t).map_or(t, |step| stepping.time(step));
+        let mut knots: Vec<f64> = curves.flat_map(|c| c.knots()).filter(between).map(of_step).collect();
+        knots.sort_by(f64::total_cmp);
+        knots.dedup();
+        Stepping { knots, ..stepping }
+    }
+
+    fn error(&mut self, code: &'static str, pointer: &str, message: String, help: String) {
+        self.found.push(Diagnostic::at(&self.loaded.source, code, pointer, message).help(help));
+    }
+
+    fn grid(&mut self) -> Option<Box<dyn Grid<D>>> {
+        match &self.deck.grid {
+            GridDeck::Structured { origin, size, spacing } => {
+                let (size, spacing): ([f64; D], [f64; D]) = (array(size), per_axis(spacing));
+                let cells: [usize; D] =
+                    std::array::from_fn(|d| ((size[d] / spacing[d]).round() as usize).max(1));
+                let spacing = std::array::from_fn(|d| size[d] / cells[d] as f64);
+                Some(Box::new(Structured::<D>::new(array(origin), spacing, cells)))
+            }
+            GridDeck::Gmsh { file } => self.mesh(file).map(|mesh| Box::new(mesh) as Box<dyn Grid<D>>),
+        }
+    }
+
+    /// The mesh of a gmsh file; a message if it cannot be used.
+    fn mesh(&mut self, file: &str) -> Option<Mesh<D>> {
+        let path = self.loaded.directory.join(file);
+        let source = &self.loaded.source;
+        let read = gmsh::read_file(&path);
+        // What is in the file can only be mended in gmsh.
+        let help = match &read {
+            Err(GmshError::Io(_) | GmshError::NotAFile | GmshError::TooLarge { .. }) => {
+                format!("the path is relative to the deck; this is `{}`", path.display())
+            }
+            Err(GmshError::NotGmsh) => "save the mesh from gmsh as `.msh`, format 4.1 or 2.2".to_owned(),
+            _ => "mend the mesh in gmsh and save it again".to_owned(),
+        };
+        let mesh = read
+            .map_err(|error| format!("the mesh {} cannot be read: {error}", quote(file)))
+            .and_then(|read| {
+                Mesh::from_gmsh(&read)
+                    .map_err(|error| format!("the mesh {} cannot be used: {error}", quote(file)))
+            });
+        match mesh {
+            Ok(mesh) => {
+                for warning in mesh.warnings() {
+                    let message = format!("the mesh {}: {warning}", quote(file));
+                    let found = Diagnostic::at(source, "D032", "/grid/file", message);
+                    let help = "mend the mesh in gmsh and save it again, if this is not meant";
+                    self.found.push(found.severity(Severity::Warning).help(help));
+                }
+                Some(mesh)
+            }
+            Err(message) => {
+                self.error("D032", "/grid/file", message, help);
+                None
+            }
+        }
+    }
+
+    fn body_number(&self, name: &str) -> usize {
+        self.body_numbers.get(name).copied().unwrap_or(0)
+    }
+
+    /// The regions of all bodies, and the groups of cells that they are made from; nothing where one is not known.
+    fn regions(&mut self, grid: &dyn Grid<D>) -> Option<(Vec<Region<D>>, Groups)> {
+        let (directory, source) = (self.loaded.directory.as_path(), &self.loaded.source);
+        let mut given = FromFiles { grid, directory, source, groups: Groups::default(), found: Vec::new() };
+        let mut regions = Vec::new();
+        for (number, body) in self.deck.bodies.iter().enumerate() {
+            let place = format!("/bodies/{number}/shape");
+            match region(&body.shape, &place, &mut given) {
+                Ok(region) => regions.push(region),
+                Err(Refusal::Numbers(place, error)) => {
+                    let fault = Diagnostic::at(source, "D016", &place, error.to_string());
+                    given.found.push(fault.help("change the numbers so that they enclose a region"));
+                }
+                Err(Refusal::Unknown) => {}
+            }
+        }
+        let FromFiles { groups, found, .. } = given;
+        self.found.extend(found);
+        (regions.len() == self.deck.bodies.len()).then_some((regions, groups))
+    }
+
+    fn bodies(&self) -> Vec<Body> {
+        let body = |b: &super::BodyDeck| Body {
+            name: b.name.clone(),
+            material: self.deck.materials.keys().position(|name| *name == b.material).unwrap_or(0),
+            method: b.method,
+            domain_update: b.domain_update.unwrap_or_default(),
+        };
+        self.deck.bodies.iter().map(body).collect()
+    }
+
+    /// Fills every body with points.
+    fn seeds(
+        &mut self,
+        grid: &dyn Grid<D>,
+        materials: &[NamedMaterial],
+        bodies: &[Body],
+        (regions, groups): (&[Region<D>], &Groups),
+    ) -> Vec<Seed<D>> {
+        let mut seeds = Vec::new();
+        for (number, deck) in self.deck.bodies.iter().enumerate() {
+            let body = &bodies[number];
+            let fields = materials[body.material].law.state_fields();
+            let filling = Filling {
+                grid,
+                region: &regions[number],
+                groups,
+                body: number as u16,
+                method: body.method,
+                density: self.deck.materials[&deck.material].density().unwrap_or(0.0),
+                history: fields.iter().map(|f| f.initial).collect(),
+            };
+            let filled = filling.fill(deck).and_then(|filled| {
+                placing::inside_grid(grid, &deck.name, &filled.seeds)?;
+                Ok(filled)
+            });
+            match filled {
+                Ok(filled) => {
+                    self.report_volume(number, deck, &filled);
+                    if seeds.is_empty() {
+                        seeds = filled.seeds;
+                    } else {
+                        seeds.extend(filled.seeds);
+                    }
+                }
+                Err(fault) => {
+                    let pointer = format!("/bodies/{number}{}", fault.key);
+                    self.error(fault.code, &pointer, fault.message, fault.help);
+                }
+            }
+        }
+        for (number, message) in placing::overlaps(grid, &self.deck.bodies, (regions, groups), &seeds) {
+            let found =
+                Diagnostic::at(&self.loaded.source, "D025", &format!("/bodies/{number}/shape"), message);
+            let help = "take the one from the other by a `difference`, if this is not meant";
+            self.found.push(found.severity(Severity::Warning).help(help));
+        }
+        seeds
+    }
+
+    /// Says how far the points of a body miss the area (volume) of its region.
+    fn report_volume(&mut self, number: usize, deck: &super::BodyDeck, filled: &Filled<D>) {
+        let Some(exact) = filled.exact.filter(|exact| exact.value > 0.0) else { return };
+        let volume: f64 = filled.seeds.iter().map(|s| s.volume).sum();
+        let part = (volume - exact.value) / exact.value;
+        if part.abs() > 1e-9 + exact.error / exact.value {
+            let what = if D > 2 { "a volume" } else { "an area" };
+            let word = if part > 0.0 { "more" } else { "less" };
+            let message = format!(
+                "the points of the body {} stand for {what} of {volume:.6}, {:.3} % {word} than its region",
+                quote(&deck.name),
+                100.0 * part.abs()
+            );
+            let found =
+                Diagnostic::at(&self.loaded.source, "D033", &format!("/bodies/{number}/shape"), message);
+            self.found.push(if part.abs() > MUCH {
+                let help = "use more points or smaller cells, and see that the region lies in the grid";
+                found.severity(Severity::Warning).help(help)
+            } else {
+                let help = "use more points, or smaller cells, where this matters";
+                found.severity(Severity::Note).help(help)
+            });
+        }
+    }
+
+    fn faulty_formulas(&mut self, pointer: &str, faults: Vec<formulas::Fault>) {
+        for fault in faults {
+            let help = "see the reference of formulas".to_owned();
+            self.error("D021", &format!("{pointer}/{}", fault.key), fault.error.message, help);
+        }
+    }
+
+    fn boundary_conditions(&mut self, grid: &dyn Grid<D>) -> Vec<BoundaryCondition<D>> {
+        let deck = self.deck;
+        let mut conditions = Vec::new();
+        for (number, condition) in deck.boundary_conditions.iter().enumerate() {
+            let pointer = format!("/boundary_conditions/{number}");
+            let nodes = self.nodes(grid, condition, &pointer);
+            let mut prescribed = match at_nodes(condition, &self.loaded.parameters, D) {
+                Ok(formulas) => formulas,
+                Err(faults) => {
+                    self.faulty_formulas(&pointer, faults);
+                    continue;
+                }
+            };
+            let mut displacement: [Option<Formula>; D] = std::array::from_fn(|axis| prescribed[axis].take());
+            for axis in condition.fix.iter().map(|axis| *axis as usize).filter(|axis| *axis < D) {
+                displacement[axis] = Some(Formula::constant(0.0));
+            }
+            conditions.push(BoundaryCondition {
+                name: condition.name.clone(),
+                nodes,
+                displacement,
+                curve: load_curve(condition.curve.as_ref(), self.deck.steps.end_time),
+            });
+        }
+        conditions
+    }
+
+    fn nodes(&mut self, grid: &dyn Grid<D>, condition: &BoundaryConditionDeck, pointer: &str) -> NodeSet {
+        let NodeSelector { within, group, outer_layer, .. } = &condition.nodes;
+        let coordinates = condition.nodes.coordinates();
+        if let Some(body) = outer_layer {
+            return NodeSet::OuterLayer(self.body_number(body) as u16);
+        }
+        if let Some(name) = group {
+            let pointer = format!("{pointer}/nodes/group");
+            return NodeSet::Fixed(match grid.node_set(name) {
+                Some(nodes) => nodes.to_vec(),
+                None => {
+                    let (message, help) = placing::unknown_group(grid, name, false);
+                    self.error("D031", &pointer, message, help);
+                    Vec::new()
+                }
+            });
+        }
+        let mut off_line = false;
+        for (axis, coordinate) in coordinates.iter().enumerate().take(D) {
+            if let (Some(c), Some(grid)) = (coordinate, grid.structured()) {
+                off_line |= self.check_line(grid, axis, *c, &format!("{pointer}/nodes/{}", AXES[axis]));
+            }
+        }
+        // On an imported grid the cells around a node say what counts as near.
+        let spacing = grid.structured().map(|grid| grid.spacing());
+        let slack = |node: usize| spacing.unwrap_or_else(|| [grid.size_around(node); D]).map(|h| ON_LINE * h);
+        let all = grid.bounds();
+        let bounds: [[f64; D]; 2] = match within {
+            Some(region) => [array(&region.min), array(&region.max)],
+            None => [0, 1].map(|side| std::array::from_fn(|d| coordinates[d].unwrap_or(all[side][d]))),
+        };
+        // What no coordinate restricts is not left out for its round-off.
+        let restricts = |d: usize| within.is_some() || coordinates[d].is_some();
+        let inside = |node: usize| {
+            let (x, slack) = (grid.node_position(node), slack(node));
+            let between = |d: usize| bounds[0][d] - slack[d] <= x[d] && x[d] <= bounds[1][d] + slack[d];
+            (0..D).all(|d| !restricts(d) || between(d))
+        };
+        let nodes: Vec<u32> =
+            placing::nodes_near(grid, &bounds).filter(|&node| inside(node)).map(|node| node as u32).collect();
+        if nodes.is_empty() && !off_line {
+            let message = format!("the boundary condition {} selects no grid node", quote(&condition.name));
+            let help = grid.structured().map_or_else(
+                || {
+                    let names = grid.set_names();
+                    format!("name a physical group of the mesh by `group`; there are {}", list(names))
+                },
+                |grid| {
+                    let along = |d: usize| {
+                        let (origin, spacing) = (grid.origin()[d], grid.spacing()[d]);
+                        format!("{origin} + {} {spacing} in {}", ["i", "j", "k"][d], AXES[d])
+                    };
+                    let along: Vec<String> = (0..D).map(along).collect();
+                    let (last, first) = along.split_last().unwrap_or((&along[0], &[]));
+                    format!("grid nodes lie at {} and {last}", first.join(", "))
+                },
+            );
+            self.error("D029", &format!("{pointer}/nodes"), message, help);
+        }
+        NodeSet::Fixed(nodes)
+    }
+
+    /// Reports a coordinate that is on no grid line; returns whether it did.
+    fn check_line(&mut self, grid: &Structured<D>, axis: usize, c: f64, pointer: &str) -> bool {
+        let (origin, spacing) = (grid.origin()[axis], grid.spacing()[axis]);
+        let line = ((c - origin) / spacing).round().clamp(0.0, grid.cells()[axis] as f64);
+        let nearest = origin + line * spacing;
+        if (c - nearest).abs() <= ON_LINE * spacing {
+            return false;
+        }
+        let name = AXES[axis];
+        let message = format!("no grid line lies at {name} = {c}");
+        self.error("D029", pointer, message, format!("the nearest one is {name} = {nearest}"));
+        true
+    }
+
+    /// For each body whether a load acts on it.
+    fn acts_on(&self, chosen: Option<&[String]>) -> Vec<bool> {
+        let Some(chosen) = chosen else { return vec![true; self.deck.bodies.len()] };
+        let mut acts_on = vec![false; self.deck.bodies.len()];
+        for name in chosen {
+            acts_on[self.body_number(name)] = true;
+        }
+        acts_on
+    }
+
+    fn loads(&mut self, grid: &dyn Grid<D>, points: &Points<D>) -> Vec<Load<D>> {
+        let deck = self.deck;
+        let mut loads = Vec::new();
+        for (number, load) in deck.loads.iter().enumerate() {
+            let pointer = format!("/loads/{number}");
+            loads.push(match load {
+                LoadDeck::Gravity { name, acceleration, bodies, curve } => Load {
+                    name: name.clone(),
+                    action: Action::Gravity(array(acceleration)),
+                    acts_on: self.acts_on(bodies.as_deref()),
+                    curve: load_curve(curve.as_ref(), self.deck.steps.end_time),
+                },
+                LoadDeck::BodyForce { name, force, per, intermediate, bodies, curve } => {
+                    match at_points::<D>(force, intermediate, &self.loaded.parameters) {
+                        Ok(formula) => Load {
+                            name: name.clone(),
+                            action: match per {
+                                Per::Volume => Action::BodyForce(formula),
+                                Per::Mass => Action::MassForce(formula),
+                            },
+                            acts_on: self.acts_on(bodies.as_deref()),
+                            curve: load_curve(curve.as_ref(), self.deck.steps.end_time),
+                        },
+                        Err(faults) => {
+                            self.faulty_formulas(&pointer, faults);
+                            continue;
+                        }
+                    }
+                }
+                LoadDeck::PointForce { name, body, points: selector, total, curve } => {
+                    let place = format!("{pointer}/points");
+                    let chosen = self.nearest(
+                        (grid, points),
+                        body,
+                        (&selector.nearest, selector.count, Ties::Refused),
+                        &place,
+                    );
+                    let share = 1.0 / chosen.len().max(1) as f64;
+                    Load {
+                        name: name.clone(),
+                        action: Action::PointForce {
+                            points: chosen,
+                            force: array::<D>(total).map(|f| f * share),
+                        },
+                        acts_on: self.acts_on(Some(std::slice::from_ref(body))),
+                        curve: load_curve(curve.as_ref(), self.deck.steps.end_time),
+                    }
+                }
+            });
+        }
+        loads
+    }
+
+    fn probes(&mut self, grid: &dyn Grid<D>, points: &Points<D>) -> Vec<Probe> {
+        let deck = self.deck;
+        let mut probes = Vec::new();
+        for (number, probe) in deck.output.probes.iter().enumerate() {
+            let pointer = format!("/output/probes/{number}");
+            let ties = Ties::All;
+            let wanted = (probe.nearest.as_slice(), probe.count, ties);
+            let points = self.nearest((grid, points), &probe.body, wanted, &pointer);
+            probes.push(Probe { name: probe.name.clone(), points });
+        }
+        probes
+    }
+}

@@ -1,0 +1,51 @@
+//! Units so small or so large that forces and energies cannot be computed with.
+
+use super::Builder;
+use crate::MaterialDeck;
+use crate::diagnostic::quote;
+use crate::region::OfDeck;
+use mpm_core::grid::Grid;
+use mpm_core::region::Region;
+
+/// Forces and energies between these can be squared, and so can what a tolerance leaves of them.
+const POSSIBLE: std::ops::RangeInclusive<f64> = 1e-120..=1e140;
+
+impl<const D: usize> Builder<'_, D>
+where
+    Region<D>: OfDeck<D>,
+{
+    /// Refuses materials whose forces on a cell or on the whole grid are out of reach of floating point. Within it, results
+    /// do not depend on the units: they are the same to the last bit in units that differ by powers of four.
+    pub(super) fn magnitudes(&mut self, grid: &dyn Grid<D>) {
+        let [low, high] = grid.bounds();
+        let whole = low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()));
+        let cell = match grid.structured() {
+            Some(grid) => grid.spacing().into_iter().fold(f64::INFINITY, f64::min),
+            None => (0..grid.n_cells()).map(|cell| grid.size(cell)).fold(f64::INFINITY, f64::min),
+        };
+        let deck = self.deck;
+        for (name, material) in &deck.materials {
+            let (MaterialDeck::Hencky { young, .. }
+            | MaterialDeck::NeoHookean { young, .. }
+            | MaterialDeck::VonMises { young, .. }) = *material;
+            for (length, what) in [(cell, "a cell"), (whole, "the grid")] {
+                let powers = [length.powi(D as i32 - 1), length.powi(D as i32)];
+                let out =
+                    powers.map(|power| young * power).into_iter().find(|force| !POSSIBLE.contains(force));
+                let Some(force) = out else { continue };
+                let message = format!(
+                    "Young's modulus {young:e} of the material {} and lengths of {length:e}, those of {what}, make forces \
+                     or energies of {force:e}, which cannot be computed with",
+                    quote(name)
+                );
+                let help = format!(
+                    "use units in which they are between {:e} and {:e}",
+                    POSSIBLE.start(),
+                    POSSIBLE.end()
+                );
+                self.error("D009", &format!("/materials/{name}/young"), message, help);
+                break;
+            }
+        }
+    }
+}

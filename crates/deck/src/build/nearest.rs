@@ -1,0 +1,85 @@
+//! The points of a body nearest to a place, for point forces and probes.
+
+use super::{Builder, array};
+use crate::diagnostic::{Diagnostic, Severity, quote};
+use crate::region::OfDeck;
+use mpm_core::grid::Grid;
+use mpm_core::points::{Points, coordinates};
+use mpm_core::region::Region;
+
+/// What becomes of points that are equally near, where not all of them were asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Ties {
+    /// Round-off would choose between them: an error.
+    Refused,
+    /// All of them are taken.
+    All,
+}
+
+/// Distances that differ by less than this part of a cell are the same.
+const SAME: f64 = 1e-9;
+
+impl<const D: usize> Builder<'_, D>
+where
+    Region<D>: OfDeck<D>,
+{
+    /// Permanent numbers of the points of a body nearest to a place.
+    pub(super) fn nearest(
+        &mut self,
+        (grid, points): (&dyn Grid<D>, &Points<D>),
+        body: &str,
+        (place, count, ties): (&[f64], u32, Ties),
+        pointer: &str,
+    ) -> Vec<u32> {
+        let number = self.body_number(body) as u16;
+        let at = array(place);
+        let (mut found, clear) = points.nearest(number, &at, count as usize);
+        if ties == Ties::All && !found.is_empty() {
+            let cell = grid.structured().map_or_else(
+                || grid.size(grid.nearest_cell(&points.original_position[found[0] as usize]) as usize),
+                |grid| grid.spacing().into_iter().fold(f64::INFINITY, f64::min),
+            );
+            found = points.nearest_with_ties(number, &at, count as usize, SAME * cell);
+        }
+        if found.len() < count as usize {
+            let message = format!("the body {} has only {} points", quote(body), found.len());
+            self.error("D030", &format!("{pointer}/count"), message, "lower `count`".to_owned());
+        } else if !clear && ties == Ties::Refused {
+            let message = format!("more than {count} points are equally near to {place:?}");
+            let help = "change `count`, or move the place so that the choice is clear".to_owned();
+            self.error("D030", &format!("{pointer}/nearest"), message, help);
+        } else if let Some(&first) = found.first() {
+            self.distance(grid, body, &array(place), &points.original_position[first as usize], pointer);
+        }
+        found
+    }
+
+    /// Warns of a point that is far from the place where one was asked for. Points are in the order of their permanent
+    /// numbers.
+    fn distance(
+        &mut self,
+        grid: &dyn Grid<D>,
+        body: &str,
+        place: &[f64; D],
+        found: &[f64; D],
+        pointer: &str,
+    ) {
+        let distance = length::<D>(std::array::from_fn(|d| found[d] - place[d]));
+        let cell = grid
+            .structured()
+            .map_or_else(|| grid.size(grid.nearest_cell(found) as usize), |grid| length(grid.spacing()));
+        if distance > cell {
+            let message = format!(
+                "the point of the body {} nearest to this place is at {}, {distance:.3} away and more than a cell",
+                quote(body),
+                coordinates(found)
+            );
+            let found = Diagnostic::at(&self.loaded.source, "D041", &format!("{pointer}/nearest"), message);
+            self.found.push(found.severity(Severity::Warning).help("give a place in the body at the start"));
+        }
+    }
+}
+
+fn length<const D: usize>(vector: [f64; D]) -> f64 {
+    vector.iter().fold(0.0, |length: f64, x| length.hypot(*x))
+}

@@ -1,0 +1,236 @@
+//! What may not change in a deck when a run goes on from a checkpoint: everything that the steps so far depend on.
+
+use std::collections::BTreeSet;
+
+use serde_json::{Map, Value};
+
+use super::build::load_curve;
+use super::diagnostic::quote;
+use super::{Deck, Expression, LoadCurve, LoadDeck};
+use mpm_core::formula::names;
+
+/// Times that differ by less than this, relative to the end of the analysis, are the same.
+const SAME: f64 = 1e-12;
+/// Longest value that is shown.
+const LONGEST: usize = 60;
+
+/// Changes of a deck that do not allow a run to go on from `time`, each as a sentence. The control of steps and
+/// iterations, loads after that time, titles and the output may change.
+pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
+    let mut found = Vec::new();
+    compare("", &essential(old), &essential(new), &mut found);
+    if found.is_empty() {
+        // Conditions and loads now correspond to each other.
+        let curves = curves(old).into_iter().zip(curves(new));
+        for ((name, before), (_, after)) in curves {
+            if differ(before, old.steps.end_time, after, new.steps.end_time, time) {
+                found.push(format!(
+                    "the load curve of {} is another before time {time}, which has been reached",
+                    quote(name)
+                ));
+            }
+        }
+    }
+    found
+}
+
+/// The number of a step that has been reached at a time: its own, or that of the requested step of this deck that ends
+/// there if it is larger, so that no file of an earlier step is written again. `None` after the end of the analysis.
+pub fn step_at(deck: &Deck, time: f64, own: usize) -> Option<usize> {
+    let (count, end) = (f64::from(deck.steps.count), deck.steps.end_time);
+    if time > end * (1.0 + SAME) {
+        return None;
+    }
+    let requested = (time / end * count).round();
+    let matches = (end * (requested / count) - time).abs() <= SAME * end;
+    Some(if matches { own.max(requested as usize) } else { own })
+}
+
+/// Whether a time is the end of the analysis.
+pub fn is_end(deck: &Deck, time: f64) -> bool {
+    (time - deck.steps.end_time).abs() <= SAME * deck.steps.end_time
+}
+
+/// A deck without what may change.
+fn essential(deck: &Deck) -> Value {
+    let mut value = serde_json::to_value(deck).unwrap_or_default();
+    let used: BTreeSet<&str> =
+        formulas(deck).into_iter().flat_map(|text| names(text)).map(|(_, n)| n).collect();
+    if let Some(map) = value.as_object_mut() {
+        for key in ["title", "solver", "checkpoint"] {
+            map.remove(key);
+        }
+        // What is prescribed along the steps is no matter of their size.
+        if let Some(steps) = map.get_mut("steps").and_then(Value::as_object_mut) {
+            steps.retain(|key, _| key == "control");
+        }
+        if let Some(output) = map.get_mut("output").and_then(Value::as_object_mut) {
+            output.retain(|key, _| key == "probes");
+        }
+        if let Some(parameters) = map.get_mut("parameters").and_then(Value::as_object_mut) {
+            // The others stand in the deck with their values.
+            parameters.retain(|name, _| used.contains(name.as_str()));
+        }
+        for section in ["boundary_conditions", "loads"] {
+            for entry in map.get_mut(section).and_then(Value::as_array_mut).into_iter().flatten() {
+                entry.as_object_mut().map(|entry: &mut Map<String, Value>| entry.remove("curve"));
+            }
+        }
+    }
+    value
+}
+
+/// The texts of all formulas that are evaluated during a run.
+fn formulas(deck: &Deck) -> Vec<&str> {
+    super::validate::expressions(deck)
+        .filter_map(|expression| match expression {
+            Expression::Formula(text) => Some(text.as_str()),
+            Expression::Number(_) => None,
+        })
+        .collect()
+}
+
+/// Names and curves of all loads, and of the conditions that move something.
+fn curves(deck: &Deck) -> Vec<(&str, Option<&LoadCurve>)> {
+    let moving =
+        deck.boundary_conditions.iter().filter(|c| c.displacements().iter().any(|(_, u)| u.is_some()));
+    let conditions = moving.map(|c| (c.name.as_str(), c.curve.as_ref()));
+    let loads = deck.loads.iter().map(|load| match load {
+        LoadDeck::Gravity { curve, .. }
+        | LoadDeck::BodyForce { curve, .. }
+        | LoadDeck::PointForce { curve, .. } => (load.name(), curve.as_ref()),
+    });
+    conditions.chain(loads).collect()
+}
+
+/// Whether two curves, which are lines between their pairs, differ up to a time.
+fn differ(
+    before: Option<&LoadCurve>,
+    end_before: f64,
+    after: Option<&LoadCurve>,
+    end_after: f64,
+    time: f64,
+) -> bool {
+    let knots = |curve: Option<&LoadCurve>| {
+        curve.map(|LoadCurve(pairs)| pairs.iter().map(|pair| pair[0]).collect::<Vec<_>>()).unwrap_or_default()
+    };
+    let times = knots(before).into_iter().chain(knots(after)).filter(|t| (0.0..time).contains(t));
+    let (before, after) = (load_curve(before, end_before), load_curve(after, end_after));
+    times.chain([0.0, time]).any(|t| {
+        let (a, b) = (before.factor(t), after.factor(t));
+        (a - b).abs() > SAME * a.abs().max(b.abs())
+    })
+}
+
+/// Where two values differ, each with its path.
+fn compare(path: &str, old: &Value, new: &Value, found: &mut Vec<String>) {
+    match (old, new) {
+        (Value::Object(a), Value::Object(b)) => {
+            let keys: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
+            for key in keys {
+                let at = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                compare(&at, a.get(key).unwrap_or(&Value::Null), b.get(key).unwrap_or(&Value::Null), found);
+            }
+        }
+        (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
+            for (index, (a, b)) in a.iter().zip(b).enumerate() {
+                compare(&format!("{path}[{index}]"), a, b, found);
+            }
+        }
+        _ if old != new => found.push(format!("`{path}` was {} and is {}", shown(old), shown(new))),
+        _ => {}
+    }
+}
+
+fn shown(value: &Value) -> String {
+    match value {
+        Value::Null => "not there".to_owned(),
+        value => {
+            let text = value.to_string();
+            let short: String = text.chars().take(LONGEST).collect();
+            if short.len() < text.len() { format!("{short}…") } else { text }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::load_text;
+
+    fn deck(change: &[(&str, &str)]) -> Deck {
+        let mut text = std::fs::read_to_string("../../inputs/beam.yaml").unwrap();
+        for (a, b) in change {
+            assert!(text.contains(a), "{a}");
+            text = text.replace(a, b);
+        }
+        load_text("deck.yaml", text.as_bytes(), &[]).unwrap_or_else(|failure| panic!("{failure}")).deck
+    }
+
+    #[test]
+    fn what_the_past_depends_on_must_not_change() {
+        let old = deck(&[]);
+        for (change, says) in [
+            (("12e6", "13e6"), "`materials"),
+            (("h: 0.5", "h: 0.25"), "`grid.spacing` was 0.5 and is 0.25"),
+            (("method: gimp", "method: mpm"), "method` was \"gimp\" and is \"mpm\""),
+            (
+                ("steps: {count: \"${steps}\"", "steps: {control: {type: arc-length}, count: \"${steps}\""),
+                "`steps.control",
+            ),
+            (("total: [0, -100e3]", "total: [0, -90e3]"), "total[1]` was -100000.0 and is -90000.0"),
+        ] {
+            let found = changes(&old, &deck(&[change]), 0.5);
+            assert!(
+                !found.is_empty() && found.iter().any(|text| text.contains(says)),
+                "{change:?}: {found:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn steps_output_and_later_loads_may_change() {
+        let curve =
+            |pairs: &str| deck(&[("total: [0, -100e3]", &format!("total: [0, -100e3], curve: {pairs}"))]);
+        let old = curve("[[0, 0], [1, 1]]");
+        assert!(changes(&old, &deck(&[]), 0.5).is_empty(), "the same load without a curve");
+        for later in ["[[0, 0], [0.5, 0.5], [1, 3]]", "[[0, 0], [0.25, 0.25], [0.75, 0.75], [1, 0]]"] {
+            assert!(changes(&old, &curve(later), 0.5).is_empty(), "{later}");
+            assert_eq!(changes(&old, &curve(later), 0.9).len(), 1, "{later}");
+        }
+        assert_eq!(changes(&old, &curve("[[0, 0], [0.25, 0.3], [0.5, 0.5], [1, 1]]"), 0.5).len(), 1);
+        let mut other = old.clone();
+        other.title = None;
+        other.steps.count = 200;
+        other.solver.max_iterations = 7;
+        other.output.every = 3;
+        assert!(changes(&old, &other, 0.5).is_empty());
+        other.steps.end_time = 2.0;
+        assert!(changes(&old, &other, 0.5).is_empty(), "the curve is given and stays");
+        let mut ramp = deck(&[]);
+        ramp.steps.end_time = 2.0;
+        assert_eq!(changes(&deck(&[]), &ramp, 0.5).len(), 1, "the ramp is less steep");
+    }
+
+    #[test]
+    fn steps_keep_their_numbers_or_get_larger_ones() {
+        let mut deck = deck(&[]);
+        for (count, own, step) in [
+            (50, 25, 25),
+            (100, 25, 50),
+            (10, 25, 25),
+            (25, 25, 25), // in the middle of a requested step
+            (75, 25, 25),
+            (50, 31, 31), // some of its steps were cut
+        ] {
+            deck.steps.count = count;
+            assert_eq!(step_at(&deck, 0.5, own), Some(step), "{count}");
+        }
+        deck.steps.count = 3;
+        assert_eq!(step_at(&deck, 2.0 / 3.0, 0), Some(2));
+        assert_eq!(step_at(&deck, 1.0, 50), Some(50));
+        assert!(is_end(&deck, 1.0) && !is_end(&deck, 0.999));
+        deck.steps.end_time = 0.4;
+        assert_eq!(step_at(&deck, 0.5, 25), None);
+    }
+}

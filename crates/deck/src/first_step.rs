@@ -1,0 +1,221 @@
+//! Gate three, feasibility, second half: what the first load step would begin with, looked at without solving it.
+//!
+//! What cannot even begin is told with its place in the deck; the solver finds the same in later steps, where the
+//! deck alone cannot.
+
+use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote, sort};
+use super::load::LoadedDeck;
+use super::source::escape;
+use super::{AXES, Expression, LoadDeck, Parameter};
+use mpm_core::basis::{Connectivity, Method, SupportFailure};
+use mpm_core::constraints::{ConstraintError, Covered, DofMap, HOLD_THE_AXIS, NodeSet, covered};
+use mpm_core::loads::{LoadNotFinite, external_force};
+use mpm_core::model::Model;
+use mpm_core::points::{Points, coordinates};
+use mpm_core::rigid::{FreePart, free_parts};
+
+/// Most parts of the bodies about which something is said.
+const MOST_PARTS: usize = 20;
+
+/// The size of the first load step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FirstStep {
+    /// Nodes that the points touch.
+    pub active_nodes: usize,
+    /// Degrees of freedom that no boundary condition prescribes.
+    pub unknowns: usize,
+}
+
+/// Sets the first load step up as far as the deck is concerned; returns its size, with warnings and notes.
+///
+/// # Errors
+/// Everything that keeps the step from being solved, with warnings and notes.
+pub fn first_step<const D: usize>(
+    loaded: &LoadedDeck,
+    model: &Model<D>,
+    points: &mut Points<D>,
+) -> Result<(FirstStep, Vec<Diagnostic>), Vec<Diagnostic>> {
+    let mut check = Check { loaded, found: Vec::new() };
+    let size = check.run(model, points);
+    assign(Gate::Feasibility, &mut check.found);
+    sort(&mut check.found);
+    match size {
+        Some(size) if !check.found.iter().any(Diagnostic::is_error) => Ok((size, check.found)),
+        _ => Err(check.found),
+    }
+}
+
+struct Check<'a> {
+    loaded: &'a LoadedDeck,
+    found: Vec<Diagnostic>,
+}
+
+impl Check<'_> {
+    fn run<const D: usize>(&mut self, model: &Model<D>, points: &mut Points<D>) -> Option<FirstStep> {
+        let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
+        let links = match Connectivity::new(model.grid.as_ref(), points, &methods) {
+            Ok(links) => links,
+            Err(failure) => {
+                self.unsupported(model, points, failure);
+                return None;
+            }
+        };
+        let end = model.stepping.end_time * (1.0 / model.stepping.count as f64);
+        if let Err(error) = external_force(model, points, &links, end) {
+            self.load_without_value(&error);
+        }
+        let dofs = match DofMap::new(model, points, &links, 0.0, end) {
+            Ok(dofs) => dofs,
+            Err(error) => {
+                self.constraint(&error);
+                return None;
+            }
+        };
+        for (number, condition) in model.boundary_conditions.iter().enumerate() {
+            let is_list = matches!(condition.nodes, NodeSet::Fixed(_));
+            if is_list && condition.active_nodes(points, &links).is_empty() {
+                self.touches_nothing(number, &condition.name);
+            }
+        }
+        self.held_already(model);
+        let parts = free_parts(model, points, &links, &dofs);
+        for part in parts.iter().take(MOST_PARTS) {
+            self.free_part(model, part);
+        }
+        Some(FirstStep { active_nodes: links.n_active(), unknowns: dofs.n_free() })
+    }
+
+    fn at(&self, code: &'static str, pointer: &str, message: String) -> Diagnostic {
+        Diagnostic::at(&self.loaded.source, code, pointer, message)
+    }
+
+    fn unsupported<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>, failure: SupportFailure) {
+        let (p, body) = (failure.point, points.body[failure.point] as usize);
+        let message = format!(
+            "point {} of the body {} at {}: {}",
+            points.id[p],
+            quote(&model.bodies[body].name),
+            coordinates(&points.converged.position[p]),
+            failure.error
+        );
+        let found = self.at("D028", &format!("/bodies/{body}/shape"), message);
+        self.found.push(found.help("make the grid larger, or use another method"));
+    }
+
+    fn load_without_value(&mut self, error: &LoadNotFinite) {
+        let loads = &self.loaded.deck.loads;
+        let number = loads.iter().position(|load| load.name() == error.load).unwrap_or(0);
+        let key = loads.get(number).and_then(|load| key_of(load, &error.formula)).unwrap_or_default();
+        let found = self.at("D043", &format!("/loads/{number}{key}"), error.to_string());
+        self.found.push(found.help("the formula divides by zero or leaves its domain there"));
+    }
+
+    fn constraint(&mut self, error: &ConstraintError) {
+        let number = |name: &str| {
+            let conditions = &self.loaded.deck.boundary_conditions;
+            conditions.iter().position(|condition| condition.name == name).unwrap_or(0)
+        };
+        let found = match error {
+            ConstraintError::Conflict { first, second, node, axis, a, b } => {
+                let pointer = format!("/boundary_conditions/{}", number(second));
+                let message = format!(
+                    "the boundary conditions {} and {} contradict each other: at the grid node {} they move it by {} \
+                     and {} along {axis} in the first load step",
+                    quote(first),
+                    quote(second),
+                    coordinates(node),
+                    Parameter::Number(*a),
+                    Parameter::Number(*b),
+                );
+                let found = self.at("D042", &pointer, message);
+                found.help("prescribe each axis of a node by one boundary condition only")
+            }
+            ConstraintError::NotFinite { name, axis, .. } => {
+                let pointer = format!("/boundary_conditions/{}/u{axis}", number(name));
+                let found = self.at("D043", &pointer, error.to_string());
+                found.help("the formula divides by zero or leaves its domain there")
+            }
+            ConstraintError::LooseAxis { .. } => {
+                let found = self.at("D046", "/boundary_conditions", error.to_string());
+                found.help(HOLD_THE_AXIS)
+            }
+        };
+        self.found.push(found);
+    }
+
+    /// A boundary condition on nodes that no point touches: perhaps a wall that a body will reach.
+    fn touches_nothing(&mut self, number: usize, name: &str) {
+        let message =
+            format!("the boundary condition {} holds no node of a cell with points yet", quote(name));
+        let found = self.at("D037", &format!("/boundary_conditions/{number}/nodes"), message);
+        let help =
+            "see that it lies where the bodies are; a wall that a body will reach later is fine as it is";
+        self.found.push(found.severity(Severity::Note).help(help));
+    }
+
+    /// Boundary conditions that hold along an axis only nodes which others hold already.
+    fn held_already<const D: usize>(&mut self, model: &Model<D>) {
+        for Covered { condition, axis, by } in covered(&model.boundary_conditions) {
+            let name = |number: usize| model.boundary_conditions[number].name.as_str();
+            let others = list(by.iter().map(|&number| name(number)));
+            let message = format!(
+                "the boundary condition {} has no effect along {}: all of its nodes are held by {others}, which gets the \
+                 reaction",
+                quote(name(condition)),
+                AXES[axis]
+            );
+            let at = format!("/boundary_conditions/{condition}");
+            let help = format!("leave {} to one of them, or select other nodes", AXES[axis]);
+            let found = self.at("D037", &at, message).severity(Severity::Warning);
+            self.found.push(found.help(help));
+        }
+    }
+
+    fn free_part<const D: usize>(&mut self, model: &Model<D>, part: &FreePart<D>) {
+        let names = part.bodies.iter().map(|&body| model.bodies[body as usize].name.as_str());
+        let bodies = match (part.bodies.len(), part.whole) {
+            (1, true) => format!("the body {}", list(names)),
+            (1, false) => format!("a part of the body {}", list(names)),
+            (_, true) => format!("the bodies {}, which share cells of the grid,", list(names)),
+            (_, false) => format!("a part of the bodies {}, which share cells of the grid,", list(names)),
+        };
+        let first = part.bodies.first().copied().unwrap_or(0);
+        let pointer = format!("/bodies/{first}");
+        let place = coordinates(&part.node);
+        let found = if part.axes.is_empty() {
+            let about = match &part.centre {
+                Some(centre) => format!(" about {}", coordinates(centre)),
+                None if D > 2 => String::new(),
+                None => " about a point".to_owned(),
+            };
+            let message =
+                format!("no boundary condition keeps {bodies} at the node {place} from turning{about}");
+            let help = if D > 2 {
+                "hold it at three nodes that are on no line, along more than one axis"
+            } else {
+                "hold it along one axis at two nodes that are apart along the other"
+            };
+            self.at("D035", &pointer, message).severity(Severity::Warning).help(help)
+        } else {
+            let axes: Vec<&str> = part.axes.iter().map(|&axis| AXES[axis % 3]).collect();
+            let turning = if part.rotations > 0 { ", or from turning" } else { "" };
+            let axes = axes.join(" and ");
+            let message =
+                format!("no boundary condition holds {bodies} at the node {place} along {axes}{turning}");
+            let help = "fix or prescribe the displacement along that axis at one node of each separate part at least";
+            self.at("D035", &pointer, message).help(help)
+        };
+        self.found.push(found);
+    }
+}
+
+/// The key, under a body force, of the formula with this text.
+fn key_of(load: &LoadDeck, formula: &str) -> Option<String> {
+    let LoadDeck::BodyForce { force, intermediate, .. } = load else { return None };
+    let is_it = |expression: &Expression| matches!(expression, Expression::Formula(text) if text == formula);
+    let name = intermediate.iter().find(|(_, expression)| is_it(expression)).map(|(name, _)| name);
+    match name {
+        Some(name) => Some(format!("/where/{}", escape(name))),
+        None => force.iter().position(is_it).map(|axis| format!("/force/{axis}")),
+    }
+}

@@ -1,0 +1,279 @@
+//! From the texts of a deck to formulas: which names each knows, and in which order intermediate values are found.
+
+use std::collections::BTreeMap;
+
+use super::{AXES, BoundaryConditionDeck, Expression, Parameter};
+use mpm_core::formula::{Formula, FormulaError, MOST_INTERMEDIATE, names};
+use mpm_core::loads::VectorFormula;
+
+/// Names of the variables of a formula for points or for grid nodes, in the order of their values.
+fn variables(dimensions: usize) -> Vec<&'static str> {
+    let n = dimensions.min(3);
+    [&["x", "y", "z"][..n], &["X", "Y", "Z"][..n], &["factor"]].concat()
+}
+
+/// Names that stand for variables in some formula, so that no parameter may have them.
+pub const VARIABLES: [&str; 7] = ["x", "y", "z", "X", "Y", "Z", "factor"];
+
+/// A fault of a formula: the key under the load or boundary condition (`force/0`, `where/q`), the text, and what is
+/// wrong.
+pub struct Fault {
+    /// Key, relative to the load or boundary condition.
+    pub key: String,
+    /// Text of the formula.
+    pub text: String,
+    /// What is wrong.
+    pub error: FormulaError,
+}
+
+/// Numeric parameters, as constants of a formula.
+fn constants(parameters: &BTreeMap<String, Parameter>) -> Vec<(&str, f64)> {
+    parameters
+        .iter()
+        .filter_map(|(name, parameter)| match parameter {
+            Parameter::Number(value) => Some((name.as_str(), *value)),
+            Parameter::Word(_) => None,
+        })
+        .collect()
+}
+
+fn parse(
+    expression: &Expression,
+    variables: &[&str],
+    parameters: &BTreeMap<String, Parameter>,
+) -> Result<Formula, FormulaError> {
+    let text = match expression {
+        Expression::Number(value) => return Ok(Formula::constant(*value)),
+        Expression::Formula(text) => text,
+    };
+    let formula = Formula::parse_with_constants(text, variables, &constants(parameters))?;
+    match formula.as_constant() {
+        Some(value) if !value.is_finite() => Err(FormulaError {
+            message: format!("the formula `{text}` has no finite value"),
+            offset: 0,
+            length: text.len(),
+            help: Some(
+                "write one that does not divide by zero and keeps to the domains of its functions".into(),
+            ),
+        }),
+        _ => Ok(formula),
+    }
+}
+
+fn text_of(expression: &Expression) -> String {
+    match expression {
+        Expression::Number(value) => value.to_string(),
+        Expression::Formula(text) => text.clone(),
+    }
+}
+
+/// Components of a vector with their keys, and the intermediate values that they use, as formulas of the same variables
+/// and the intermediate values before.
+type Parsed = (Vec<Formula>, Vec<Formula>);
+
+/// # Errors
+/// The first fault of each text, names with a meaning already, and values that depend on themselves.
+fn parse_all<'a>(
+    components: &[(String, &Expression)],
+    intermediate: &'a BTreeMap<String, Expression>,
+    mut variables: Vec<&'a str>,
+    parameters: &BTreeMap<String, Parameter>,
+) -> Result<Parsed, Vec<Fault>> {
+    let mut faults = Vec::new();
+    let ordered = in_order(intermediate, parameters, &mut faults);
+    if !faults.is_empty() {
+        return Err(faults); // formulas that use these names have no faults of their own
+    }
+    let mut read = |key: String, expression: &Expression, variables: &[&str]| {
+        parse(expression, variables, parameters).unwrap_or_else(|error| {
+            faults.push(Fault { key, text: text_of(expression), error });
+            Formula::constant(0.0)
+        })
+    };
+    let mut given = Vec::new();
+    for name in ordered {
+        given.push(read(format!("where/{name}"), &intermediate[name], &variables));
+        variables.push(name);
+    }
+    let vector = components.iter().map(|(key, part)| read(key.clone(), part, &variables)).collect();
+    if faults.is_empty() { Ok((given, vector)) } else { Err(faults) }
+}
+
+/// The displacements that a boundary condition prescribes, along each axis, as formulas of the place of a grid node, x, y
+/// and in three dimensions z, of the original position X, Y, Z of the material there, and of factor.
+///
+/// # Errors
+/// As for [`at_points`].
+pub fn at_nodes(
+    condition: &BoundaryConditionDeck,
+    parameters: &BTreeMap<String, Parameter>,
+    dimensions: usize,
+) -> Result<[Option<Formula>; AXES.len()], Vec<Fault>> {
+    let displacements = condition.displacements().into_iter().enumerate().take(dimensions);
+    let (axes, components): (Vec<usize>, Vec<(String, &Expression)>) = displacements
+        .filter_map(|(axis, (key, given))| Some((axis, (key.to_owned(), given.as_ref()?))))
+        .unzip();
+    let parsed = parse_all(&components, &condition.intermediate, variables(dimensions), parameters);
+    let (given, vector) = parsed?;
+    let mut all = [const { None }; AXES.len()];
+    for (axis, formula) in axes.into_iter().zip(vector) {
+        all[axis] = Some(formula.with_intermediate(&given));
+    }
+    Ok(all)
+}
+
+/// The vector formula of a body force and its intermediate values.
+///
+/// # Errors
+/// The first fault of each text, names with a meaning already, and values that depend on themselves.
+pub fn at_points<const D: usize>(
+    components: &[Expression],
+    intermediate: &BTreeMap<String, Expression>,
+    parameters: &BTreeMap<String, Parameter>,
+) -> Result<VectorFormula<D>, Vec<Fault>> {
+    let components: Vec<(String, &Expression)> =
+        components.iter().take(D).enumerate().map(|(axis, part)| (format!("force/{axis}"), part)).collect();
+    let (given, vector) = parse_all(&components, intermediate, variables(D), parameters)?;
+    let mut vector = vector.into_iter();
+    let vector = std::array::from_fn(|_| vector.next().unwrap_or(Formula::constant(0.0)));
+    Ok(VectorFormula::new(given, vector))
+}
+
+/// The intermediate values in an order in which each needs only those before it.
+fn in_order<'a>(
+    intermediate: &'a BTreeMap<String, Expression>,
+    parameters: &BTreeMap<String, Parameter>,
+    faults: &mut Vec<Fault>,
+) -> Vec<&'a str> {
+    let fault = |name: &str, message: String, help: &str| Fault {
+        key: format!("where/{name}"),
+        text: text_of(&intermediate[name]),
+        error: FormulaError { message, offset: 0, length: 0, help: Some(help.to_owned()) },
+    };
+    if intermediate.len() > MOST_INTERMEDIATE {
+        if let Some(name) = intermediate.keys().next() {
+            let message = format!("at most {MOST_INTERMEDIATE} intermediate values are possible");
+            faults.push(fault(name, message, "write some of them out where they are used"));
+        }
+        return Vec::new();
+    }
+    let mut waiting: Vec<&str> = Vec::new();
+    for name in intermediate.keys() {
+        let first = name.chars().next().unwrap_or(' ');
+        let is_name =
+            (first.is_alphabetic() || first == '_') && name.chars().all(|c| c.is_alphanumeric() || c == '_');
+        if !is_name {
+            let help = "begin it with a letter or `_`, and go on with letters, digits and `_`";
+            faults.push(fault(name, format!("`{name}` cannot be a name in a formula"), help));
+        } else if VARIABLES.contains(&name.as_str()) || mpm_core::formula::is_reserved(name) {
+            faults.push(fault(
+                name,
+                format!("`{name}` already has a meaning in formulas"),
+                "choose another name",
+            ));
+        } else if parameters.contains_key(name) {
+            let help = "choose another name, or use the parameter";
+            faults.push(fault(name, format!("`{name}` is a parameter already"), help));
+        } else {
+            waiting.push(name);
+        }
+    }
+    let needs = |name: &str| -> Vec<&str> {
+        match &intermediate[name] {
+            Expression::Formula(text) => names(text).into_iter().map(|(_, used)| used).collect(),
+            Expression::Number(_) => Vec::new(),
+        }
+    };
+    let mut ordered: Vec<&str> = Vec::new();
+    while !waiting.is_empty() {
+        let ready = |name: &&str| !needs(name).iter().any(|used| waiting.contains(used));
+        let Some(place) = waiting.iter().position(ready) else {
+            // What leads back to itself is at fault; what only needs such a value is a consequence.
+            for name in &waiting {
+                let mut reached: Vec<&str> = needs(name);
+                let mut next = 0;
+                while let Some(&used) = reached.get(next) {
+                    next += 1;
+                    if waiting.contains(&used) {
+                        let further: Vec<&str> =
+                            needs(used).into_iter().filter(|n| !reached.contains(n)).collect();
+                        reached.extend(further);
+                    }
+                }
+                if reached.contains(name) {
+                    let help = "write it by the coordinates, by parameters and by values that do not use it";
+                    faults.push(fault(name, format!("`{name}` depends on itself"), help));
+                }
+            }
+            break;
+        };
+        ordered.push(waiting.remove(place));
+    }
+    ordered
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn formulas(pairs: &[(&str, &str)]) -> BTreeMap<String, Expression> {
+        pairs.iter().map(|(n, t)| (n.to_string(), Expression::Formula(t.to_string()))).collect()
+    }
+
+    fn text(text: &str) -> Expression {
+        Expression::Formula(text.into())
+    }
+
+    #[test]
+    fn intermediate_values_are_found_in_any_order() {
+        let parameters = BTreeMap::from([("E".to_string(), Parameter::Number(10.0))]);
+        let values = formulas(&[("a", "b + 1"), ("b", "c*2"), ("c", "X + Y")]);
+        let force = at_points(&[text("E*a + x"), text("factor*b")], &values, &parameters).ok().unwrap();
+        // c = 7, b = 14, a = 15; the first is scaled by the factor, the second depends on it.
+        assert_eq!(force.evaluate(&[1.0, 2.0], &[3.0, 4.0], 0.5), [0.5 * 151.0, 7.0]);
+    }
+
+    #[test]
+    fn a_factor_inside_an_intermediate_value_is_found() {
+        let values = formulas(&[("q", "factor^2"), ("r", "q + 1")]);
+        let force = at_points(&[text("r"), text("1")], &values, &BTreeMap::new()).ok().unwrap();
+        assert_eq!(force.evaluate(&[0.0; 2], &[0.0; 2], 3.0), [10.0, 3.0]);
+    }
+
+    #[test]
+    fn faults_are_told_with_their_place() {
+        let faults = |values: &[(&str, &str)], force: &str| -> Vec<(String, String)> {
+            match at_points::<2>(&[text(force), text("0")], &formulas(values), &BTreeMap::new()) {
+                Ok(_) => vec![],
+                Err(faults) => faults.into_iter().map(|f| (f.key, f.error.message)).collect(),
+            }
+        };
+        assert_eq!(faults(&[("a", "b"), ("b", "a")], "1").len(), 2);
+        assert_eq!(faults(&[("sin", "1")], "1")[0].0, "where/sin");
+        assert_eq!(faults(&[("a", "1 +")], "1")[0].0, "where/a");
+        assert_eq!(faults(&[], "unknown")[0].0, "force/0");
+        assert!(faults(&[("a", "1")], "a").is_empty());
+        assert_eq!(faults(&[], "z")[0].0, "force/0");
+    }
+
+    #[test]
+    fn space_has_a_third_coordinate() {
+        let force = [text("x + 10*y + 100*z"), text("Z"), text("factor*X")];
+        let force = at_points::<3>(&force, &BTreeMap::new(), &BTreeMap::new()).ok().unwrap();
+        assert_eq!(force.evaluate(&[1.0, 2.0, 3.0], &[4.0, 5.0, 6.0], 2.0), [642.0, 12.0, 8.0]);
+        let moved = |ux: &str, dimensions: usize| {
+            let condition = serde_json::json!(
+                {"name": "a", "nodes": {"x": 0.0}, "where": {"b": "c + y", "c": "2*x"}, "ux": ux}
+            );
+            let condition: BoundaryConditionDeck = serde_json::from_value(condition).unwrap();
+            at_nodes(&condition, &BTreeMap::new(), dimensions)
+        };
+        let [ux, uy, uz] = moved("z*factor + b", 3).ok().unwrap();
+        assert_eq!(ux.unwrap().evaluate(&[1.0, 2.0, 3.0, 7.0, 8.0, 9.0, 0.5]), 1.5 + 4.0);
+        assert!(uy.is_none() && uz.is_none());
+        let fault = moved("z", 2).err().unwrap().remove(0);
+        assert_eq!((fault.key.as_str(), fault.error.message.as_str()), ("ux", "unknown name `z`"));
+        let [ux, ..] = moved("X + 10*Y", 2).ok().unwrap();
+        assert_eq!(ux.unwrap().evaluate(&[1.0, 2.0, 7.0, 8.0, 0.5]), 87.0);
+    }
+}

@@ -1,0 +1,650 @@
+//! The deck: serde types that mirror the YAML input one to one.
+//!
+//! A deck is declarative. Unknown keys are errors, every quantity states its unit (any consistent system; the
+//! examples use m, N, Pa, kg), and a number may be written as an expression of the deck's parameters, `${h/2}`.
+//! The doc comments of this file become the descriptions in `schema/deck.schema.json` and in `docs/deck.md`.
+
+#![allow(rustdoc::broken_intra_doc_links, reason = "units stand in brackets")]
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+pub use mpm_core::basis::Method;
+pub use mpm_core::domain::DomainUpdate;
+pub use mpm_core::linear::Choice as LinearChoice;
+use mpm_core::model::Newton;
+pub use mpm_core::points::PointVolume;
+pub use mpm_core::solver::{Patterns, Predictor, Tangent};
+pub use mpm_core::stabilisation::Stabilisation;
+pub use mpm_core::stress::Formulation;
+use mpm_files::fields::PointField;
+use mpm_files::results::Request;
+use mpm_files::vtu::Precision;
+pub use region::{Direction, Shape};
+pub use steps::{ControlDeck, StepsDeck};
+
+mod axisymmetry;
+pub mod build;
+pub mod changes;
+pub mod diagnostic;
+pub mod first_step;
+pub mod formulas;
+pub mod load;
+mod parameters;
+mod placing;
+pub mod ready;
+pub mod reference;
+mod references;
+mod region;
+pub mod schema;
+mod seeding;
+mod shape;
+pub mod size;
+pub mod source;
+mod steps;
+pub mod validate;
+mod yaml;
+
+/// A vector as the schema describes it: two entries in the plane, three in space.
+#[derive(JsonSchema)]
+#[schemars(inline)]
+#[expect(dead_code, reason = "only its schema is used")]
+struct Vector(#[schemars(length(min = 2, max = 3))] Vec<f64>);
+
+/// A position in the plane.
+type Pair = [f64; 2];
+
+/// A vector of lengths above zero, [length].
+#[derive(JsonSchema)]
+#[schemars(inline)]
+#[expect(dead_code, reason = "only its schema is used")]
+struct Lengths(#[schemars(length(min = 2, max = 3))] Vec<Length>);
+
+/// A vector of numbers or formulas.
+#[derive(JsonSchema)]
+#[schemars(inline)]
+#[expect(dead_code, reason = "only its schema is used")]
+struct Expressions(#[schemars(length(min = 2, max = 3))] Vec<Expression>);
+
+/// A length above zero, [length].
+#[derive(JsonSchema)]
+#[schemars(inline)]
+#[expect(dead_code, reason = "only its schema is used")]
+struct Length(#[schemars(extend("exclusiveMinimum" = 0.0))] f64);
+
+/// Points along one axis of a cell.
+#[derive(JsonSchema)]
+#[schemars(inline)]
+#[expect(dead_code, reason = "only its schema is used")]
+struct AlongAxis(#[schemars(range(min = 1, max = 1000))] u32);
+
+/// An input deck of `mpm`, version 1.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Deck {
+    /// Version of the deck format. Always 1.
+    #[schemars(range(min = 1, max = 1))]
+    pub version: u32,
+    /// One line that says what is analysed; copied into the results.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["Elastic cantilever"]))]
+    pub title: Option<String>,
+    /// Named numbers or words, used as `${name}` or `${h/2}` anywhere in the deck and overridden by `--set name=value`.
+    #[serde(default)]
+    #[schemars(extend("examples" = [{"h": 0.5, "method": "gimp"}]))]
+    pub parameters: BTreeMap<String, Parameter>,
+    /// What kind of analysis this is.
+    #[serde(default)]
+    pub analysis: Analysis,
+    /// The background grid on which equilibrium is solved.
+    pub grid: GridDeck,
+    /// Materials by name.
+    #[schemars(extend("minProperties" = 1))]
+    pub materials: BTreeMap<String, MaterialDeck>,
+    /// Bodies, each filled with material points.
+    #[schemars(length(min = 1, max = 60_000))]
+    pub bodies: Vec<BodyDeck>,
+    /// Prescribed displacements of grid nodes.
+    #[serde(default)]
+    #[schemars(length(max = 60_000))]
+    pub boundary_conditions: Vec<BoundaryConditionDeck>,
+    /// External forces.
+    #[serde(default)]
+    pub loads: Vec<LoadDeck>,
+    /// Division of the loading into load steps.
+    pub steps: StepsDeck,
+    /// Control of the Newton iterations.
+    #[serde(default)]
+    pub solver: SolverDeck,
+    /// How often the run is secured against whatever may end it; without it, only when it ends early.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub checkpoint: Option<CheckpointDeck>,
+    /// What is written, and how often.
+    #[serde(default)]
+    pub output: OutputDeck,
+}
+
+/// A parameter: a number, or a word such as the name of a method.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Parameter {
+    /// A number.
+    Number(f64),
+    /// A word.
+    Word(String),
+}
+
+impl From<Parameter> for Value {
+    fn from(parameter: Parameter) -> Value {
+        match parameter {
+            Parameter::Number(number) => number.into(),
+            Parameter::Word(word) => word.into(),
+        }
+    }
+}
+
+/// Kind of analysis.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Analysis {
+    /// How the geometry represents the three-dimensional body, and with it the number of axes: one entry of every
+    /// vector of the deck for each.
+    pub idealisation: Idealisation,
+    /// Configuration in which equilibrium is written; both give the same answers.
+    pub formulation: Formulation,
+    /// Where the current volume of a point comes from.
+    pub point_volume: PointVolume,
+    /// Stabilisation of cells that hold hardly any material.
+    pub stabilisation: Stabilisation,
+}
+
+/// How the geometry represents the three-dimensional body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Idealisation {
+    /// Plane strain per unit thickness: no displacement and no strain in z.
+    #[default]
+    PlaneStrain,
+    /// Body of revolution about the axis x = 0, without twist: x is the distance from the axis, y runs along it, and z
+    /// is the direction around it. Volumes, masses and forces are those of the full circle.
+    Axisymmetric,
+    /// The body as it is: three axes, and three entries in every vector of the deck.
+    Solid,
+}
+
+impl Idealisation {
+    /// Number of axes of the geometry.
+    pub fn dimensions(self) -> usize {
+        match self {
+            Idealisation::PlaneStrain | Idealisation::Axisymmetric => 2,
+            Idealisation::Solid => 3,
+        }
+    }
+
+    /// Name in decks.
+    pub fn name(self) -> &'static str {
+        match self {
+            Idealisation::PlaneStrain => "plane-strain",
+            Idealisation::Axisymmetric => "axisymmetric",
+            Idealisation::Solid => "solid",
+        }
+    }
+}
+
+/// Names of the axes.
+pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
+
+impl Deck {
+    /// Number of axes of the geometry.
+    pub fn dimensions(&self) -> usize {
+        self.analysis.idealisation.dimensions()
+    }
+
+    /// What results it asks for.
+    pub fn request(&self) -> Request {
+        let OutputDeck { every, fields, precision, .. } = &self.output;
+        Request {
+            every: *every as usize,
+            fields: fields.clone(),
+            precision: *precision,
+            checkpoints: self.checkpoint.map(|checkpoint| checkpoint.every.max(1) as usize),
+        }
+    }
+}
+
+/// The background grid.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum GridDeck {
+    /// A regular grid of rectangles (of bricks in space) aligned with the axes.
+    Structured {
+        /// Corner with the smallest coordinates, [length].
+        #[schemars(with = "Vector", extend("examples" = [[0, 0]]))]
+        origin: Vec<f64>,
+        /// Extent along each axis, [length]; a whole multiple of the spacing.
+        #[schemars(with = "Lengths", extend("examples" = [[11, 10]]))]
+        size: Vec<f64>,
+        /// Side of a cell, [length]; one number, or one per axis.
+        #[schemars(with = "PerAxis<Length>", extend("examples" = [0.5, [0.5, 0.25]]))]
+        spacing: PerAxis<f64>,
+    },
+    /// Triangles and quadrilaterals (tetrahedra and hexahedra in space) from a mesh file of gmsh, format 2.2 or 4.1,
+    /// text or binary.
+    Gmsh {
+        /// Path of the mesh file, relative to the deck.
+        #[schemars(length(min = 1), extend("examples" = ["ring.msh"]))]
+        file: String,
+    },
+}
+
+/// One value for all axes, or a list with one value per axis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum PerAxis<T> {
+    /// The same value along every axis.
+    Same(T),
+    /// One value per axis.
+    Each(#[schemars(length(min = 2, max = 3))] Vec<T>),
+}
+
+/// A constitutive law and its parameters.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "model", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum MaterialDeck {
+    /// Hencky elasticity: Kirchhoff stress linear in the logarithmic strain.
+    Hencky {
+        /// Young's modulus E, [stress].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [12e6]))]
+        young: f64,
+        /// Poisson's ratio ν, [-].
+        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
+        poisson: f64,
+        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(range(min = 0.0), extend("examples" = [2000]))]
+        density: Option<f64>,
+    },
+    /// Compressible neo-Hookean elasticity: W = μ/2 (tr b − 3) − μ ln J + λ/2 (ln J)², with λ and μ from E and ν.
+    NeoHookean {
+        /// Young's modulus E of small strains, [stress].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1e6]))]
+        young: f64,
+        /// Poisson's ratio ν of small strains, [-].
+        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
+        poisson: f64,
+        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(range(min = 0.0), extend("examples" = [2000]))]
+        density: Option<f64>,
+    },
+    /// Von Mises plasticity with linear isotropic hardening: f = √(2 J₂) − (ρ_y + H κ) on the Kirchhoff stress, κ the
+    /// equivalent plastic strain.
+    VonMises {
+        /// Young's modulus E, [stress].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [12e6]))]
+        young: f64,
+        /// Poisson's ratio ν, [-].
+        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
+        poisson: f64,
+        /// Deviatoric yield stress ρ_y = √(2 J₂) at yield, [stress]; √(2/3) times the uniaxial yield stress.
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [20e3]))]
+        deviatoric_yield_stress: f64,
+        /// H, the growth of ρ_y per unit of equivalent plastic strain, [stress]; √(2/3) times the slope of the uniaxial
+        /// stress over the plastic strain. Perfect plasticity where not stated.
+        #[serde(default)]
+        #[schemars(range(min = 0.0))]
+        hardening_modulus: f64,
+        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(range(min = 0.0), extend("examples" = [2000]))]
+        density: Option<f64>,
+    },
+}
+
+impl MaterialDeck {
+    /// Its density, if it states one.
+    pub fn density(&self) -> Option<f64> {
+        match self {
+            MaterialDeck::Hencky { density, .. }
+            | MaterialDeck::NeoHookean { density, .. }
+            | MaterialDeck::VonMises { density, .. } => *density,
+        }
+    }
+}
+
+/// A body: a region filled with material points of one material.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BodyDeck {
+    /// Name, unique among the bodies.
+    pub name: String,
+    /// Name of its material.
+    pub material: String,
+    /// The region it fills at the start.
+    pub shape: Shape,
+    /// Material point method of its points.
+    #[serde(default)]
+    pub method: Method,
+    /// How the domains of GIMP points follow the deformation; `corners` where not stated. Points of the standard
+    /// method have no domain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub domain_update: Option<DomainUpdate>,
+    /// Points along each axis of every filled rectangle, quadrilateral, brick or hexahedron, at the centres of an even
+    /// subdivision: one number or one per axis.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<PerAxis<AlongAxis>>", extend("examples" = [4, [2, 3]]))]
+    pub points_per_cell: Option<PerAxis<u32>>,
+    /// Points in every filled triangle of a gmsh grid: 1, 4, 9, 16, … at the centroids of an even subdivision, or 8, for
+    /// which the triangles of the subdivision by 4 are halved.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 10_000), extend("examples" = [4]))]
+    pub points_per_triangle: Option<u32>,
+    /// Points in every filled tetrahedron of a gmsh grid: 1, 8, 27, 64, … at the centroids of an even subdivision, or 4,
+    /// for which the faces are joined to the centroid.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 10_000), extend("examples" = [8]))]
+    pub points_per_tetrahedron: Option<u32>,
+    /// Instead of `points_per_cell`: distance between points, [length], for a body that does not line up with the
+    /// grid; one number or one per axis; the sides of the body are whole multiples of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<PerAxis<Length>>", extend("examples" = [0.1, [0.1, 0.2]]))]
+    pub point_spacing: Option<PerAxis<f64>>,
+}
+
+/// A named set of prescribed nodal displacements; its reaction is reported under its name.
+/// Conditions that hold the same node along an axis share its reaction equally; they come before conditions that move it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BoundaryConditionDeck {
+    /// Name, unique among the boundary conditions.
+    pub name: String,
+    /// The grid nodes it acts on.
+    pub nodes: NodeSelector,
+    /// Axes along which these nodes do not move.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(extend("examples" = [["x", "y"]]))]
+    pub fix: Vec<Axis>,
+    /// Displacement along x at load factor 1, [length]: a number or a formula of X, Y (in space also Z), the original
+    /// position of the material at the node, of the node's coordinates x, y (in space also z), of `factor` (the load
+    /// factor) and the parameters. One that depends on `factor` is the whole displacement as it stands; any other is
+    /// multiplied by the load factor. Over several steps material moves past the nodes, and each step adds the change of
+    /// the formula where the node is: write X, Y, Z for the displacement of the material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [0.1, "gamma*Y"]))]
+    pub ux: Option<Expression>,
+    /// Displacement along y at load factor 1, [length]: a number or a formula, as `ux`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
+    pub uy: Option<Expression>,
+    /// Displacement along z at load factor 1, [length]: a number or a formula, as `ux`; in space only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
+    pub uz: Option<Expression>,
+    /// Intermediate values with a name each, in any order, for use in the displacements.
+    #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub intermediate: BTreeMap<String, Expression>,
+    /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve: Option<LoadCurve>,
+}
+
+impl BoundaryConditionDeck {
+    /// The prescribed displacements: key and expression along each axis.
+    pub fn displacements(&self) -> [(&'static str, &Option<Expression>); 3] {
+        [("ux", &self.ux), ("uy", &self.uy), ("uz", &self.uz)]
+    }
+}
+
+/// A coordinate axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    /// The first axis.
+    X,
+    /// The second axis.
+    Y,
+    /// The third axis, in space.
+    Z,
+}
+
+/// Selects grid nodes: by coordinates (`{x: 0}` a line, in space a plane, `{x: 0, y: 9.5}` a point, in space a line), by
+/// a box, by a physical group of a gmsh grid, or the nodes of all cells touched by the outer layer of a body's points.
+/// Exactly one of these kinds.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct NodeSelector {
+    /// Nodes with this x coordinate, [length].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub x: Option<f64>,
+    /// Nodes with this y coordinate, [length].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub y: Option<f64>,
+    /// Nodes with this z coordinate, [length]; in space only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub z: Option<f64>,
+    /// Nodes inside this box, its boundary included.
+    #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
+    pub within: Option<BoxDeck>,
+    /// Name of a physical group of a gmsh grid.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub group: Option<String>,
+    /// Name of a body: all nodes of the grid cells that hold (or, with a domain, overlap) the points which form the
+    /// outer layer of the body at the start; found afresh at each load step.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub outer_layer: Option<String>,
+}
+
+impl NodeSelector {
+    /// The stated coordinates.
+    pub fn coordinates(&self) -> [Option<f64>; 3] {
+        [self.x, self.y, self.z]
+    }
+}
+
+/// A box aligned with the axes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BoxDeck {
+    /// Corner with the smallest coordinates, [length].
+    #[schemars(with = "Vector", extend("examples" = [[0, 0]]))]
+    pub min: Vec<f64>,
+    /// Corner with the largest coordinates, [length].
+    #[schemars(with = "Vector", extend("examples" = [[0, 10]]))]
+    pub max: Vec<f64>,
+}
+
+/// A number, or a formula written as text.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Expression {
+    /// A number.
+    Number(f64),
+    /// A formula, for example `gamma*y`.
+    Formula(String),
+}
+
+/// Load factor over time as a table of [time, factor] pairs, linear in between; times increase and cover the analysis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+#[schemars(extend("examples" = [[[0, 0], [1, 1]]]))]
+pub struct LoadCurve(#[schemars(length(min = 2))] pub Vec<[f64; 2]>);
+
+/// An external force.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum LoadDeck {
+    /// Weight: the constant mass of each point times the acceleration.
+    Gravity {
+        /// Name, unique among the loads.
+        name: String,
+        /// Acceleration at load factor 1, [length/time²], one number per axis.
+        #[schemars(with = "Vector", extend("examples" = [[0, -9.81]]))]
+        acceleration: Vec<f64>,
+        /// Names of the bodies it acts on; all where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        bodies: Option<Vec<String>>,
+        /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        curve: Option<LoadCurve>,
+    },
+    /// Force per volume at the start of the load step, eq. (24), or per mass.
+    BodyForce {
+        /// Name, unique among the loads.
+        name: String,
+        /// Force per volume, [force/volume], or per mass, [length/time²], at load factor 1, one number or formula per axis. A
+        /// formula knows x, y (the
+        /// position at the start of the step), X, Y (the original position), in space also z and Z, `factor` (the
+        /// load factor), the parameters and the names under `where`. One that depends on `factor` is taken as it stands; any other is
+        /// multiplied by the load factor.
+        #[schemars(with = "Expressions", extend("examples" = [["gamma*y", 0]]))]
+        force: Vec<Expression>,
+        /// What `force` is divided by.
+        #[serde(default)]
+        per: Per,
+        /// Intermediate values with a name each, in any order, for use in `force`.
+        #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
+        intermediate: BTreeMap<String, Expression>,
+        /// Names of the bodies it acts on; all where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        bodies: Option<Vec<String>>,
+        /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        curve: Option<LoadCurve>,
+    },
+    /// A force shared equally by some points of a body and carried along with them, eq. (25).
+    PointForce {
+        /// Name, unique among the loads.
+        name: String,
+        /// Name of the body.
+        body: String,
+        /// The points that carry it.
+        points: PointSelector,
+        /// Sum of the forces at load factor 1, [force] (per unit thickness in plane strain, on the full
+        /// circle in axisymmetry), one number per axis.
+        #[schemars(with = "Vector", extend("examples" = [[0, -100e3]]))]
+        total: Vec<f64>,
+        /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        curve: Option<LoadCurve>,
+    },
+}
+
+/// What a body force is divided by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Per {
+    /// The volume of each point at the start of the load step.
+    #[default]
+    Volume,
+    /// The constant mass of each point, as for gravity; the material needs a density.
+    Mass,
+}
+
+impl LoadDeck {
+    /// Name of the load.
+    pub fn name(&self) -> &str {
+        match self {
+            LoadDeck::Gravity { name, .. }
+            | LoadDeck::BodyForce { name, .. }
+            | LoadDeck::PointForce { name, .. } => name,
+        }
+    }
+}
+
+/// Selects the points of a body that are nearest to a place at the start.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PointSelector {
+    /// The place, [length].
+    #[schemars(with = "Vector", extend("examples" = [[10, 9.5]]))]
+    pub nearest: Vec<f64>,
+    /// How many points; a choice between equally near points must not be left open.
+    #[serde(default = "one")]
+    #[schemars(range(min = 1))]
+    pub count: u32,
+}
+
+fn one() -> u32 {
+    1
+}
+
+/// Control of the Newton iterations.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SolverDeck {
+    /// Largest relative out-of-balance force, eq. (40), of an equilibrated step, [-].
+    #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0, "examples" = [1e-9]))]
+    pub tolerance: f64,
+    /// Largest number of linear solves in a step.
+    #[schemars(range(min = 1, max = 1000))]
+    pub max_iterations: u32,
+    /// How their linear equations are solved.
+    pub linear: LinearChoice,
+    /// Where the iterations of a step begin, where loads are prescribed.
+    pub predictor: Predictor,
+    /// When the stiffness is factorised within a step.
+    pub tangent: Tangent,
+    /// For which equations an order of elimination and the layout of the factor serve.
+    pub pattern: Patterns,
+}
+
+impl Default for SolverDeck {
+    fn default() -> Self {
+        let Newton { tolerance, max_iterations, linear, predictor, tangent, pattern } = Newton::default();
+        SolverDeck { tolerance, max_iterations: max_iterations as u32, linear, predictor, tangent, pattern }
+    }
+}
+
+/// How often everything is written that a run needs to go on with `mpm run --resume`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CheckpointDeck {
+    /// Checkpoints are written every so many load steps.
+    #[schemars(range(min = 1, max = 10_000_000), extend("examples" = [10]))]
+    pub every: u32,
+}
+
+/// What is written, and how often.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct OutputDeck {
+    /// VTU files are written every so many load steps, and for the last one; 0 writes no VTU files.
+    #[schemars(range(max = 10_000_000))]
+    pub every: u32,
+    /// Fields of the points in VTU files, beside their volume and the numbers of point, body and material, which every file
+    /// has. All of them unless this says less.
+    pub fields: Vec<PointField>,
+    /// Size of floating-point numbers in VTU files; those of a failed step are always `double`.
+    pub precision: Precision,
+    /// Places whose displacement is recorded in `history.csv`.
+    pub probes: Vec<ProbeDeck>,
+}
+
+impl Default for OutputDeck {
+    fn default() -> Self {
+        let (fields, precision) = (PointField::ALL.to_vec(), Precision::default());
+        OutputDeck { every: 1, fields, precision, probes: Vec::new() }
+    }
+}
+
+/// Records the mean displacement of the points of a body that are nearest to a place at the start, of all those that are
+/// equally near where there are more than were asked for.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ProbeDeck {
+    /// Name, unique among the probes; the columns of `history.csv` are `name_ux`, `name_uy`, in space
+    /// also `name_uz`.
+    pub name: String,
+    /// Name of the body.
+    pub body: String,
+    /// The place, [length].
+    #[schemars(with = "Vector", extend("examples" = [[10, 9.5]]))]
+    pub nearest: Vec<f64>,
+    /// How many points; those that are as near as the last of them, up to round-off relative to a cell, are taken too.
+    #[serde(default = "one")]
+    #[schemars(range(min = 1))]
+    pub count: u32,
+}

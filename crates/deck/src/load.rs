@@ -1,0 +1,241 @@
+//! From a file to a deck that can be used, or to all messages about why it cannot.
+
+use std::collections::{BTreeMap, HashSet};
+use std::fmt;
+use std::io::{ErrorKind, Read};
+use std::path::{Path, PathBuf};
+
+use super::diagnostic::{self, Diagnostic, Gate, quote};
+use super::references::dangling;
+use super::source::Source;
+use super::{Deck, GridDeck, Parameter, parameters, shape, validate};
+use mpm_core::formula::closest;
+
+/// A deck that passed every check which needs no mesh.
+#[derive(Debug, Clone)]
+pub struct LoadedDeck {
+    /// The deck, its parameters inserted.
+    pub deck: Deck,
+    /// The parameters with their final values.
+    pub parameters: BTreeMap<String, Parameter>,
+    /// Directory of the deck, to which paths in it are relative.
+    pub directory: PathBuf,
+    /// The text and its places, for messages of later checks.
+    pub source: Source,
+    /// Warnings and notes, in the order of their places.
+    pub notes: Vec<Diagnostic>,
+}
+
+impl LoadedDeck {
+    /// A hash of the text of the deck, of the final values of its parameters and of the files it names: decks with the same
+    /// hash describe the same analysis. It does not change from one build of the program to another.
+    pub fn hash(&self) -> String {
+        // Writing numbers and words as JSON into a string cannot fail.
+        let parameters = serde_json::to_string(&self.parameters).unwrap_or_default();
+        let mut bytes = self.source.text().as_bytes().to_vec();
+        bytes.push(0);
+        bytes.extend(parameters.as_bytes());
+        self.add_files(&mut bytes);
+        format!("{:032x}", fnv1a(&bytes))
+    }
+
+    /// A hash of the files that the deck names.
+    pub fn hash_of_files(&self) -> String {
+        let mut bytes = Vec::new();
+        self.add_files(&mut bytes);
+        format!("{:032x}", fnv1a(&bytes))
+    }
+
+    fn add_files(&self, bytes: &mut Vec<u8>) {
+        let surfaces = self.deck.bodies.iter().flat_map(|body| body.shape.files());
+        let surfaces = surfaces.map(|file| self.directory.join(file));
+        for file in self.mesh_path().into_iter().chain(surfaces).filter(|path| path.is_file()) {
+            bytes.push(0);
+            // A file that cannot be read has no analysis that could be mistaken for another.
+            bytes.extend(std::fs::read(file).unwrap_or_default());
+        }
+    }
+
+    /// Path of the mesh file, if the grid comes from one.
+    pub fn mesh_path(&self) -> Option<PathBuf> {
+        match &self.deck.grid {
+            GridDeck::Gmsh { file } => Some(self.directory.join(file)),
+            GridDeck::Structured { .. } => None,
+        }
+    }
+}
+
+/// The 128-bit hash FNV-1a: short, fixed for all time (the standard library promises neither), and long enough that
+/// two decks never share it by chance.
+fn fnv1a(bytes: &[u8]) -> u128 {
+    const BASIS: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
+    const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;
+    bytes.iter().fold(BASIS, |hash, byte| (hash ^ u128::from(*byte)).wrapping_mul(PRIME))
+}
+
+/// Why a deck cannot be used.
+#[derive(Debug, Clone)]
+pub struct LoadFailure {
+    /// The text and its places.
+    pub source: Source,
+    /// All messages, in the order of their places; at least one is an error.
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+impl LoadFailure {
+    /// All messages as text, each with its line of the deck.
+    pub fn render(&self, colour: bool) -> String {
+        diagnostic::render_all(&self.source, &self.diagnostics, colour)
+    }
+}
+
+impl fmt::Display for LoadFailure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.render(false).trim_end())
+    }
+}
+
+impl std::error::Error for LoadFailure {}
+
+/// Reads a deck from a file; `overrides` are names and values of parameters that replace those in the deck.
+///
+/// # Errors
+/// All faults that can be found, each with its place.
+pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedDeck, Box<LoadFailure>> {
+    let name = path.display().to_string();
+    load_text(&name, &read(path)?, overrides)
+}
+
+/// Reads the text of a deck from a file, for [`load_text`].
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn read(path: &Path) -> Result<Vec<u8>, Box<LoadFailure>> {
+    read_bounded(path).map_err(|error| {
+        let source = Source::without_text(&path.display().to_string());
+        Box::new(LoadFailure { source, diagnostics: vec![unreadable(path, &error)] })
+    })
+}
+
+/// Why a file cannot be read, in words that do not depend on the system where they are known.
+fn unreadable(path: &Path, error: &std::io::Error) -> Diagnostic {
+    let fault = |what: &str| Diagnostic::error("D001", format!("the deck cannot be read: {what}"));
+    match error.kind() {
+        ErrorKind::NotFound => match similar_file(path) {
+            Some(name) => fault("there is no such file").help(format!("did you mean {}?", quote(&name))),
+            None => fault("there is no such file").help("give the path of a YAML file"),
+        },
+        ErrorKind::IsADirectory => fault("it is a directory").help("give the path of a YAML file"),
+        ErrorKind::PermissionDenied => {
+            fault("permission is denied").help("change the permissions of the file, or copy it")
+        }
+        _ => fault(&error.to_string()).help("see that the file can be read by other programs, or copy it"),
+    }
+}
+
+/// The deck beside a path that does not exist whose name is most like it.
+fn similar_file(path: &Path) -> Option<String> {
+    let wanted = path.file_name()?.to_str()?;
+    let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    // A directory with more entries than this is no place where one looks for a deck.
+    let entries = std::fs::read_dir(directory).ok()?.take(10_000).flatten();
+    let mut names: Vec<String> = entries
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .filter(|name| name.ends_with(".yaml") || name.ends_with(".yml"))
+        .collect();
+    names.sort();
+    let best = closest(wanted, names.iter().map(String::as_str))?;
+    Some(path.with_file_name(best).display().to_string())
+}
+
+/// Names of the parameters that the text of a deck defines; `name` stands for the file in messages.
+///
+/// # Errors
+/// When the text is no YAML. Nothing else is checked.
+pub fn parameter_names(name: &str, text: &[u8]) -> Result<Vec<String>, Box<LoadFailure>> {
+    let (source, value, diagnostics) = Source::read(name, text);
+    let Some(deck) = value else { return Err(Box::new(LoadFailure { source, diagnostics })) };
+    let parameters = deck.get("parameters").and_then(|parameters| parameters.as_object());
+    Ok(parameters.map_or_else(Vec::new, |parameters| parameters.keys().cloned().collect()))
+}
+
+/// Reads just enough of a file to know that it is too large, should it be (a device never ends).
+fn read_bounded(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut text = Vec::new();
+    let limit = Source::MAX_BYTES as u64 + 1;
+    std::fs::File::open(path)?.take(limit).read_to_end(&mut text)?;
+    Ok(text)
+}
+
+/// Reads a deck from text; `name` stands for the file in messages.
+///
+/// # Errors
+/// All faults that can be found, each with its place.
+pub fn load_text(
+    name: &str,
+    text: &[u8],
+    overrides: &[(String, String)],
+) -> Result<LoadedDeck, Box<LoadFailure>> {
+    let (mut source, value, mut diagnostics) = Source::read(name, text);
+    let mut deck = None;
+    if let Some(mut value) = value {
+        parameters::apply(&mut value, &mut source, overrides, &mut diagnostics);
+        let before = diagnostics.len();
+        let checked = shape::check(value, &mut source, &mut diagnostics);
+        diagnostic::assign(Gate::Shape, &mut diagnostics[before..]);
+        match checked {
+            Ok(whole) => deck = Some(whole),
+            Err(part) => {
+                let mut found = dangling(&part, &source);
+                diagnostic::assign(Gate::Meaning, &mut found);
+                diagnostics.extend(found);
+            }
+        }
+    }
+    if let Some(deck) = &deck {
+        let told: HashSet<(String, &str)> =
+            diagnostics.iter().filter_map(|d| Some((d.pointer.clone()?, d.code))).collect();
+        let is_news =
+            |d: &Diagnostic| d.pointer.as_ref().is_none_or(|at| !told.contains(&(at.clone(), d.code)));
+        diagnostics.extend(validate::validate(deck, &source).into_iter().filter(is_news));
+        // What is suspicious in a deck with errors is mostly a consequence of them.
+        if !diagnostics.iter().any(Diagnostic::is_error) {
+            diagnostics.extend(validate::suspicions(deck, &source));
+        }
+    }
+    diagnostic::sort(&mut diagnostics);
+    match deck {
+        Some(deck) if !diagnostics.iter().any(Diagnostic::is_error) => {
+            let directory = Path::new(name).parent().map(Path::to_path_buf).unwrap_or_default();
+            let parameters = deck.parameters.clone();
+            Ok(LoadedDeck { parameters, deck, directory, source, notes: diagnostics })
+        }
+        _ => Err(Box::new(LoadFailure { source, diagnostics })),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fnv1a_is_the_published_one() {
+        assert_eq!(fnv1a(b""), 0x6c62272e07bb014262b821756295c58d);
+        assert_eq!(fnv1a(b"a"), 0xd228cb696f1a8caf78912b704e4a8964);
+    }
+
+    #[test]
+    fn hash_knows_text_and_values() {
+        let text = std::fs::read_to_string("../../inputs/beam.yaml").unwrap();
+        let hash = |text: &str, name: &str, value: &str| {
+            load_text("deck", text.as_bytes(), &[(name.to_owned(), value.to_owned())]).unwrap().hash()
+        };
+        let first = hash(&text, "h", "0.5");
+        assert_eq!(first.len(), 32);
+        assert_eq!(first, hash(&text, "h", "5e-1"));
+        assert_eq!(first, hash(&text, "n", "6"), "these are the values in the deck");
+        assert_ne!(first, hash(&text, "h", "0.25"));
+        assert_ne!(first, hash(&text, "method", "mpm"));
+        assert_ne!(first, hash(&text.replace("12e6", "13e6"), "h", "0.5"));
+    }
+}

@@ -1,0 +1,123 @@
+//! Checks of the points of bodies against the grid, and the groups of nodes and cells.
+
+use std::collections::BTreeMap;
+
+use super::BodyDeck;
+use super::diagnostic::{list, quote};
+use super::region::Groups;
+use super::seeding::Fault;
+use mpm_core::formula::closest;
+use mpm_core::grid::Grid;
+use mpm_core::points::{Seed, coordinates};
+use mpm_core::region::{Region, contains_in_cell};
+
+/// Message and help for the name of a physical group that does not exist, or has no cells where it needs some.
+pub(super) fn unknown_group<const D: usize>(
+    grid: &dyn Grid<D>,
+    name: &str,
+    of_cells: bool,
+) -> (String, String) {
+    if grid.structured().is_some() {
+        let help = "physical groups exist on grids of type `gmsh` only".to_owned();
+        return ("a structured grid has no physical groups".to_owned(), help);
+    }
+    let kind = if of_cells { " of cells" } else { "" };
+    let names: Vec<&str> =
+        grid.set_names().into_iter().filter(|name| !of_cells || grid.cell_set(name).is_some()).collect();
+    let help = match closest(name, names.iter().copied()) {
+        _ if names.is_empty() => format!("the mesh has no physical groups{kind}"),
+        Some(best) => {
+            format!("did you mean {}? the physical groups{kind} are {}", quote(best), list(names))
+        }
+        None => format!("the physical groups{kind} are {}", list(names)),
+    };
+    let message = if of_cells && grid.node_set(name).is_some() {
+        format!("the physical group {} has no cells", quote(name))
+    } else {
+        format!("the mesh has no physical group {}", quote(name))
+    };
+    (message, help)
+}
+
+/// All nodes within bounds, ascending, and some that are outside: those just beside the bounds, or all of the grid
+/// where it has no lines.
+pub(super) fn nodes_near<'a, const D: usize>(
+    grid: &'a dyn Grid<D>,
+    bounds: &[[f64; D]; 2],
+) -> Box<dyn Iterator<Item = usize> + 'a> {
+    match grid.structured() {
+        Some(lines) => Box::new(lines.nodes_near(bounds)),
+        None => Box::new(0..grid.n_nodes()),
+    }
+}
+
+/// All points of a body, and the corners of their domains, must lie in cells.
+pub(super) fn inside_grid<const D: usize>(
+    grid: &dyn Grid<D>,
+    body: &str,
+    seeds: &[Seed<D>],
+) -> Result<(), Fault> {
+    let outside = |x: &[f64; D]| grid.locate(x, None).is_none();
+    let mut lost = seeds.iter().filter(|s| outside(&s.position) || s.corners.iter().any(outside));
+    let Some(first) = lost.next() else { return Ok(()) };
+    let part = if outside(&first.position) { "" } else { " (a corner of its domain)" };
+    let message = format!(
+        "{} of the {} points of the body {} lie outside the grid, the first at {}{part}",
+        lost.count() + 1,
+        seeds.len(),
+        quote(body),
+        coordinates(&first.position)
+    );
+    let help =
+        "move the body, make the grid larger, or take away what is outside by a `difference`".to_owned();
+    Err(Fault { code: "D028", key: "/shape".to_owned(), message, help })
+}
+
+/// Bodies whose points lie in the region of an earlier body: the number of the body, and a message.
+pub(super) fn overlaps<const D: usize>(
+    grid: &dyn Grid<D>,
+    bodies: &[BodyDeck],
+    (regions, groups): (&[Region<D>], &Groups),
+    seeds: &[Seed<D>],
+) -> Vec<(usize, String)> {
+    if bodies.len() < 2 {
+        return Vec::new();
+    }
+    let mut in_cell: BTreeMap<u32, Vec<&Seed<D>>> = BTreeMap::new();
+    for seed in seeds {
+        if let Some(cell) = grid.locate(&seed.position, None) {
+            in_cell.entry(cell).or_default().push(seed);
+        }
+    }
+    // Points inside the region of another body, by the later and the earlier body: how many, and the first.
+    let mut found: BTreeMap<(u16, u16), (usize, [f64; D])> = BTreeMap::new();
+    let in_group = |key: usize, cell: usize| groups.holds(key, cell);
+    for (cell, seeds) in &in_cell {
+        let mut present: Vec<u16> = seeds.iter().map(|s| s.body).collect();
+        present.sort_unstable();
+        present.dedup();
+        if present.len() < 2 {
+            continue;
+        }
+        for &other in &present {
+            let region = &regions[other as usize];
+            for seed in seeds.iter().filter(|s| s.body != other) {
+                if contains_in_cell(region, grid, &seed.position, *cell as usize, in_group) {
+                    let pair = (seed.body.max(other), seed.body.min(other));
+                    found.entry(pair).or_insert((0, seed.position)).0 += 1;
+                }
+            }
+        }
+    }
+    let name = |body: u16| quote(&bodies[body as usize].name);
+    let message = |((later, earlier), (count, place)): ((u16, u16), (usize, [f64; D]))| {
+        let text = format!(
+            "the body {} overlaps the body {}: {count} points of either lie in the region of the other, the first at {}",
+            name(later),
+            name(earlier),
+            coordinates(&place)
+        );
+        (later as usize, text)
+    };
+    found.into_iter().map(message).collect()
+}

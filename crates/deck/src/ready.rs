@@ -1,0 +1,119 @@
+//! From a deck that was read to an analysis that is ready to run, in the plane or in space.
+
+use super::build::{Built, built};
+use super::diagnostic::Diagnostic;
+use super::first_step::{FirstStep, first_step};
+use super::load::LoadedDeck;
+use super::region::OfDeck;
+use mpm_core::memory::Memory;
+use mpm_core::model::Model;
+use mpm_core::points::Points;
+use mpm_core::region::Region;
+use mpm_core::solver::{self, Observer, Reached, SolveError, Summary};
+
+/// A model and its points.
+#[derive(Debug)]
+pub enum Analysis {
+    /// In the plane.
+    Plane(Box<(Model<2>, Points<2>)>),
+    /// In space.
+    Solid(Box<(Model<3>, Points<3>)>),
+}
+
+/// The size of an analysis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extent {
+    /// Number of bodies.
+    pub bodies: usize,
+    /// Number of points.
+    pub points: usize,
+    /// Number of cells of the grid.
+    pub cells: usize,
+    /// Number of load steps.
+    pub steps: usize,
+    /// The size of the first load step.
+    pub first: FirstStep,
+    /// The memory that the analysis will need at most, estimated, [byte].
+    pub memory: f64,
+}
+
+/// An analysis whose first load step can begin.
+#[derive(Debug)]
+pub struct Ready {
+    /// The model and its points.
+    pub analysis: Analysis,
+    /// Its size.
+    pub extent: Extent,
+    /// Warnings and notes about the deck.
+    pub notes: Vec<Diagnostic>,
+}
+
+/// Builds what a deck describes and looks at its first load step. An analysis that does not fit into this memory is
+/// refused.
+///
+/// # Errors
+/// Everything that keeps the first load step from being solved, with warnings and notes.
+pub fn ready(loaded: &LoadedDeck, memory: Option<Memory>) -> Result<Ready, Vec<Diagnostic>> {
+    Ok(if loaded.deck.dimensions() == 3 {
+        let (parts, extent, notes) = prepare::<3>(loaded, memory)?;
+        Ready { analysis: Analysis::Solid(Box::new(parts)), extent, notes }
+    } else {
+        let (parts, extent, notes) = prepare::<2>(loaded, memory)?;
+        Ready { analysis: Analysis::Plane(Box::new(parts)), extent, notes }
+    })
+}
+
+type Prepared<const D: usize> = ((Model<D>, Points<D>), Extent, Vec<Diagnostic>);
+
+fn prepare<const D: usize>(
+    loaded: &LoadedDeck,
+    memory: Option<Memory>,
+) -> Result<Prepared<D>, Vec<Diagnostic>>
+where
+    Region<D>: OfDeck<D>,
+{
+    let Built { model, mut points, mut notes, memory } = built::<D>(loaded, memory)?;
+    match first_step(loaded, &model, &mut points) {
+        Ok((first, more)) => {
+            notes.extend(more);
+            let extent = Extent {
+                bodies: model.bodies.len(),
+                points: points.len(),
+                cells: model.grid.n_cells(),
+                steps: model.stepping.count,
+                first,
+                memory,
+            };
+            Ok(((model, points), extent, notes))
+        }
+        Err(found) => {
+            notes.extend(found);
+            Err(notes)
+        }
+    }
+}
+
+impl Analysis {
+    /// Nothing has been reached yet.
+    pub fn beginning(&self) -> Reached {
+        match self {
+            Analysis::Plane(parts) => Reached::nothing(&parts.1),
+            Analysis::Solid(parts) => Reached::nothing(&parts.1),
+        }
+    }
+
+    /// Runs the analysis from what has been reached, in whose state the points are.
+    ///
+    /// # Errors
+    /// As [`solver::run`].
+    pub fn go_on<O: Observer<2> + Observer<3>>(
+        &mut self,
+        reached: Reached,
+        observer: &mut O,
+    ) -> Result<Summary, SolveError> {
+        match self {
+            Analysis::Plane(parts) => solver::go_on(&parts.0, &mut parts.1, reached, observer),
+            Analysis::Solid(parts) => solver::go_on(&parts.0, &mut parts.1, reached, observer),
+        }
+    }
+}

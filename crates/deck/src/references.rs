@@ -1,0 +1,70 @@
+//! Names in a deck that refer to nothing, also in a deck that lacks something and has no meaning yet.
+
+use serde_json::Value;
+
+use super::diagnostic::{Diagnostic, list, quote};
+use super::source::Source;
+use mpm_core::formula::closest;
+
+/// A name that should refer to one of several things of a deck.
+pub(super) fn unknown_reference(
+    source: &Source,
+    pointer: &str,
+    (one, several): (&str, &str),
+    name: &str,
+    names: Vec<&str>,
+) -> Diagnostic {
+    let help = match (closest(name, names.iter().copied()), names.len()) {
+        (_, 0) => format!("the deck has no {several}"),
+        (Some(best), 1) => format!("did you mean {}?", quote(best)),
+        (Some(best), _) => {
+            format!("did you mean {}? the {several} are {}", quote(best), list(names.iter().copied()))
+        }
+        (None, 1) => format!("the only {one} is {}", list(names.iter().copied())),
+        (None, _) => format!("the {several} are {}", list(names.iter().copied())),
+    };
+    let message = format!("there is no {one} {}", quote(name));
+    let mut diagnostic = Diagnostic::at(source, "D018", pointer, message).help(help);
+    if !names.is_empty() {
+        diagnostic.expected = Some(format!("one of the {several} {}", list(names)));
+    }
+    diagnostic
+}
+
+/// The names of materials and bodies that refer to nothing, in a deck that cannot be read as a whole.
+pub(super) fn dangling(deck: &Value, source: &Source) -> Vec<Diagnostic> {
+    let materials: Option<Vec<&str>> =
+        deck["materials"].as_object().map(|materials| materials.keys().map(String::as_str).collect());
+    // Where a body has no name yet, any name may be meant for it.
+    let bodies: Option<Vec<&str>> = deck["bodies"]
+        .as_array()
+        .and_then(|bodies| bodies.iter().map(|body| body["name"].as_str()).collect());
+    let mut found = Vec::new();
+    let mut check = |pointer: String, kind: (&str, &str), known: &Option<Vec<&str>>, name: &Value| {
+        if let (Some(known), Some(name)) = (known, name.as_str())
+            && !known.contains(&name)
+            && !source.is_poisoned(&pointer)
+        {
+            found.push(unknown_reference(source, &pointer, kind, name, known.clone()));
+        }
+    };
+    let each = |section: &Value| section.as_array().cloned().unwrap_or_default().into_iter().enumerate();
+    let (material, body) = (("material", "materials"), ("body", "bodies"));
+    for (k, of) in each(&deck["bodies"]) {
+        check(format!("/bodies/{k}/material"), material, &materials, &of["material"]);
+    }
+    for (k, of) in each(&deck["boundary_conditions"]) {
+        let at = format!("/boundary_conditions/{k}/nodes/outer_layer");
+        check(at, body, &bodies, &of["nodes"]["outer_layer"]);
+    }
+    for (k, of) in each(&deck["loads"]) {
+        check(format!("/loads/{k}/body"), body, &bodies, &of["body"]);
+        for (j, name) in each(&of["bodies"]) {
+            check(format!("/loads/{k}/bodies/{j}"), body, &bodies, &name);
+        }
+    }
+    for (k, of) in each(&deck["output"]["probes"]) {
+        check(format!("/output/probes/{k}/body"), body, &bodies, &of["body"]);
+    }
+    found
+}

@@ -1,0 +1,382 @@
+//! Regions that bodies fill: as decks describe them, and what they are as regions of the plane or of space.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Axis, Pair, Vector};
+use mpm_core::region::{
+    Ball, Brick, Frustum, Group, HollowBall, Motion, Polygon, Prism, Region, ShapeError, Surface,
+};
+
+mod files;
+
+pub(super) use files::{FromFiles, Groups, volume};
+
+/// A region. A box whose sides lie on grid lines of a structured grid is filled exactly; any other region gets the
+/// points of the cells whose centres fall inside it, and the area (volume) gained or lost is reported.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Shape {
+    /// A box aligned with the axes.
+    Box {
+        /// Corner with the smallest coordinates, [length].
+        #[schemars(with = "Vector", extend("examples" = [[0, 9]]))]
+        min: Vec<f64>,
+        /// Corner with the largest coordinates, [length].
+        #[schemars(with = "Vector", extend("examples" = [[10, 10]]))]
+        max: Vec<f64>,
+    },
+    /// A polygon in the plane that does not cross itself, in either sense.
+    Polygon {
+        /// Its corners, [length], in order.
+        #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 0], [2, 0], [0, 1]]]))]
+        vertices: Vec<Vec<f64>>,
+    },
+    /// A circle in the plane.
+    Circle {
+        /// Centre, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2]]))]
+        center: Vec<f64>,
+        /// Radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.5]))]
+        radius: f64,
+    },
+    /// The region between two circles in the plane with the same centre.
+    Annulus {
+        /// Centre, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2]]))]
+        center: Vec<f64>,
+        /// Inner radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.75]))]
+        inner: f64,
+        /// Outer radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.25]))]
+        outer: f64,
+    },
+    /// A right circular cylinder in space.
+    Cylinder {
+        /// Centre of one end, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 0]]))]
+        start: Vec<f64>,
+        /// Centre of the other end, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 3]]))]
+        end: Vec<f64>,
+        /// Radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.5]))]
+        radius: f64,
+    },
+    /// A right circular cone in space, whole or truncated.
+    Cone {
+        /// Centre of one end, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 0]]))]
+        start: Vec<f64>,
+        /// Centre of the other end, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 3]]))]
+        end: Vec<f64>,
+        /// Radii at the start and at the end, [length]; one of them may be 0.
+        #[schemars(with = "Pair", extend("examples" = [[1.5, 0]]))]
+        radii: Vec<f64>,
+    },
+    /// A sphere in space.
+    Sphere {
+        /// Centre, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 2]]))]
+        center: Vec<f64>,
+        /// Radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.5]))]
+        radius: f64,
+    },
+    /// A polygon drawn out along an axis of space.
+    Extrusion {
+        /// Corners of the polygon in the other two coordinates, those of the alphabetically first axis first, [length],
+        /// in order; it does not cross itself.
+        #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 0], [2, 0], [0, 1]]]))]
+        polygon: Vec<Vec<f64>>,
+        /// The axis along which it is drawn out.
+        #[schemars(extend("examples" = ["z"]))]
+        axis: Axis,
+        /// Lower end along the axis, [length].
+        #[schemars(extend("examples" = [0]))]
+        from: f64,
+        /// Upper end along the axis, [length].
+        #[schemars(extend("examples" = [3]))]
+        to: f64,
+    },
+    /// What a closed surface of triangles encloses, in space.
+    Stl {
+        /// Path of an STL file, text or binary, relative to the deck. Its surface must be closed and must not cross
+        /// itself.
+        #[schemars(length(min = 1), extend("examples" = ["rock.stl"]))]
+        file: String,
+    },
+    /// Whole cells of the grid.
+    Cells {
+        /// Name of a physical group of a gmsh grid; all cells where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        group: Option<String>,
+    },
+    /// What lies in any of some regions.
+    Union {
+        /// The regions.
+        #[schemars(length(min = 1))]
+        of: Vec<Shape>,
+    },
+    /// What lies in all of some regions.
+    Intersection {
+        /// The regions.
+        #[schemars(length(min = 1))]
+        of: Vec<Shape>,
+    },
+    /// What lies in one region but in none of some others.
+    Difference {
+        /// The region to start from.
+        from: Box<Shape>,
+        /// The regions taken away.
+        #[schemars(length(min = 1))]
+        minus: Vec<Shape>,
+    },
+    /// A region that is shifted.
+    Translate {
+        /// The shift, [length].
+        #[schemars(with = "Vector", extend("examples" = [[1, 0]]))]
+        by: Vec<f64>,
+        /// The region before the shift.
+        shape: Box<Shape>,
+    },
+    /// A region that is turned.
+    Rotate {
+        /// The angle, [degree]: counter-clockwise in the plane, by the right-hand rule about the axis in space.
+        #[schemars(extend("examples" = [30]))]
+        angle: f64,
+        /// A place that stays where it is, [length].
+        #[schemars(with = "Vector", extend("examples" = [[0, 0]]))]
+        center: Vec<f64>,
+        /// Direction of the axis, of any length, [-], or the name of a coordinate axis; in space only.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("examples" = ["z", [1, 1, 0]]))]
+        axis: Option<Direction>,
+        /// The region before the turn.
+        shape: Box<Shape>,
+    },
+}
+
+/// A direction in space.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Direction {
+    /// That of a coordinate axis.
+    Along(Axis),
+    /// That of a vector.
+    Vector(#[schemars(length(min = 2, max = 3))] Vec<f64>),
+}
+
+impl Shape {
+    /// The word that stands for its type in decks.
+    pub(super) fn word(&self) -> &'static str {
+        match self {
+            Shape::Box { .. } => "box",
+            Shape::Polygon { .. } => "polygon",
+            Shape::Circle { .. } => "circle",
+            Shape::Annulus { .. } => "annulus",
+            Shape::Cylinder { .. } => "cylinder",
+            Shape::Cone { .. } => "cone",
+            Shape::Sphere { .. } => "sphere",
+            Shape::Extrusion { .. } => "extrusion",
+            Shape::Stl { .. } => "stl",
+            Shape::Cells { .. } => "cells",
+            Shape::Union { .. } => "union",
+            Shape::Intersection { .. } => "intersection",
+            Shape::Difference { .. } => "difference",
+            Shape::Translate { .. } => "translate",
+            Shape::Rotate { .. } => "rotate",
+        }
+    }
+
+    /// The number of dimensions it needs; `None` where there is one of it in each.
+    pub(super) fn dimensions(&self) -> Option<usize> {
+        match self {
+            Shape::Polygon { .. } | Shape::Circle { .. } | Shape::Annulus { .. } => Some(2),
+            Shape::Cylinder { .. }
+            | Shape::Cone { .. }
+            | Shape::Sphere { .. }
+            | Shape::Extrusion { .. }
+            | Shape::Stl { .. } => Some(3),
+            _ => None,
+        }
+    }
+
+    /// The regions it is made from, each with its key.
+    pub(super) fn parts(&self) -> Vec<(String, &Shape)> {
+        let all = |key: &str, parts: &'_ [Shape]| -> Vec<String> {
+            (0..parts.len()).map(|k| format!("{key}/{k}")).collect()
+        };
+        match self {
+            Shape::Union { of } | Shape::Intersection { of } => all("of", of).into_iter().zip(of).collect(),
+            Shape::Difference { from, minus } => {
+                let first = ("from".to_owned(), from.as_ref());
+                std::iter::once(first).chain(all("minus", minus).into_iter().zip(minus)).collect()
+            }
+            Shape::Translate { shape, .. } | Shape::Rotate { shape, .. } => {
+                vec![("shape".to_owned(), shape.as_ref())]
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// Whether some region of it, or itself, is such.
+    pub(super) fn any(&self, is_such: &dyn Fn(&Shape) -> bool) -> bool {
+        is_such(self) || self.parts().into_iter().any(|(_, part)| part.any(is_such))
+    }
+
+    /// Paths of all surfaces that it is made from.
+    pub(super) fn files(&self) -> Vec<&str> {
+        match self {
+            Shape::Stl { file } => vec![file],
+            _ => self.parts().into_iter().flat_map(|(_, part)| part.files()).collect(),
+        }
+    }
+}
+
+/// Why a deck does not describe a region.
+pub(super) enum Refusal {
+    /// Numbers at this place are no region.
+    Numbers(String, ShapeError),
+    /// What it is made from is not known, or a message about it has been given.
+    Unknown,
+}
+
+/// What regions are made from that a deck only names; `place` is where in the deck.
+pub(super) trait Given<const D: usize> {
+    /// A group of cells, or all of them.
+    fn cells(&mut self, place: &str, group: Option<&str>) -> Option<Group<D>>;
+    /// The surface of a file.
+    fn surface(&mut self, place: &str, file: &str) -> Option<Surface>;
+}
+
+/// A region of a deck as one of the plane or of space; what has a form in one of them only is told apart here.
+pub(super) trait OfDeck<const D: usize>: Sized {
+    /// A region that only this number of dimensions has; `None` for others.
+    fn own(shape: &Shape, place: &str, given: &mut dyn Given<D>) -> Result<Option<Self>, Refusal>;
+
+    /// A turn about a place.
+    fn turn(angle: f64, center: [f64; D], axis: Option<&Direction>) -> Result<Motion<D>, ShapeError>;
+}
+
+/// The region that a deck describes at a place.
+///
+/// # Errors
+/// The first fault.
+pub(super) fn region<const D: usize>(
+    shape: &Shape,
+    place: &str,
+    given: &mut dyn Given<D>,
+) -> Result<Region<D>, Refusal>
+where
+    Region<D>: OfDeck<D>,
+{
+    let refuse = |error| Refusal::Numbers(place.to_owned(), error);
+    let mut parts = Vec::new();
+    for (key, part) in shape.parts() {
+        parts.push(region(part, &format!("{place}/{key}"), given)?);
+    }
+    match shape {
+        Shape::Box { min, max } => Ok(Brick::new(vector(min)?, vector(max)?).map_err(refuse)?.into()),
+        Shape::Cells { group } => {
+            let cells = given.cells(place, group.as_deref());
+            cells.map(Region::group).ok_or(Refusal::Unknown)
+        }
+        Shape::Union { .. } => Region::union(parts).map_err(refuse),
+        Shape::Intersection { .. } => Region::intersection(parts).map_err(refuse),
+        Shape::Difference { .. } => {
+            let mut parts = parts.into_iter();
+            let from = parts.next().ok_or(Refusal::Unknown)?;
+            Ok(Region::difference(from, parts.collect()))
+        }
+        Shape::Translate { by, .. } => moved(parts, &Motion::translation(vector(by)?).map_err(refuse)?),
+        Shape::Rotate { angle, center, axis, .. } => {
+            let turn = Region::turn(angle.to_radians(), vector(center)?, axis.as_ref());
+            moved(parts, &turn.map_err(refuse)?)
+        }
+        _ => Region::own(shape, place, given)?.ok_or(Refusal::Unknown),
+    }
+}
+
+fn moved<const D: usize>(mut parts: Vec<Region<D>>, motion: &Motion<D>) -> Result<Region<D>, Refusal> {
+    parts.pop().map(|part| part.moved(motion)).ok_or(Refusal::Unknown)
+}
+
+/// A list of the right length; one of another is told of elsewhere.
+fn vector<const D: usize>(values: &[f64]) -> Result<[f64; D], Refusal> {
+    values.try_into().map_err(|_| Refusal::Unknown)
+}
+
+fn polygon(corners: &[Vec<f64>], place: &str) -> Result<Polygon, Refusal> {
+    let corners = corners.iter().map(|x| vector(x)).collect::<Result<_, _>>()?;
+    Polygon::new(corners).map_err(|error| Refusal::Numbers(place.to_owned(), error))
+}
+
+impl OfDeck<2> for Region<2> {
+    fn own(shape: &Shape, place: &str, _: &mut dyn Given<2>) -> Result<Option<Self>, Refusal> {
+        let refuse = |error| Refusal::Numbers(place.to_owned(), error);
+        Ok(Some(match shape {
+            Shape::Polygon { vertices } => polygon(vertices, place)?.into(),
+            Shape::Circle { center, radius } => Ball::new(vector(center)?, *radius).map_err(refuse)?.into(),
+            Shape::Annulus { center, inner, outer } => {
+                HollowBall::new(vector(center)?, *inner, *outer).map_err(refuse)?.into()
+            }
+            _ => return Ok(None),
+        }))
+    }
+
+    fn turn(angle: f64, center: [f64; 2], _: Option<&Direction>) -> Result<Motion<2>, ShapeError> {
+        Motion::<2>::rotation(angle, center)
+    }
+}
+
+impl OfDeck<3> for Region<3> {
+    fn own(shape: &Shape, place: &str, given: &mut dyn Given<3>) -> Result<Option<Self>, Refusal> {
+        let refuse = |error| Refusal::Numbers(place.to_owned(), error);
+        Ok(Some(match shape {
+            Shape::Cylinder { start, end, radius } => {
+                Frustum::cylinder(vector(start)?, vector(end)?, *radius).map_err(refuse)?.into()
+            }
+            Shape::Cone { start, end, radii } => {
+                Frustum::new(vector(start)?, vector(end)?, vector(radii)?).map_err(refuse)?.into()
+            }
+            Shape::Sphere { center, radius } => Ball::new(vector(center)?, *radius).map_err(refuse)?.into(),
+            Shape::Extrusion { polygon: corners, axis, from, to } => {
+                let base = polygon(corners, place)?;
+                Prism::new(base, *axis as usize, [*from, *to]).map_err(refuse)?.into()
+            }
+            Shape::Stl { file } => given.surface(place, file).ok_or(Refusal::Unknown)?.into(),
+            _ => return Ok(None),
+        }))
+    }
+
+    fn turn(angle: f64, center: [f64; 3], axis: Option<&Direction>) -> Result<Motion<3>, ShapeError> {
+        let direction = match axis {
+            Some(Direction::Along(axis)) => std::array::from_fn(|d| f64::from(u8::from(d == *axis as usize))),
+            Some(Direction::Vector(vector)) => std::array::from_fn(|d| vector.get(d).copied().unwrap_or(0.0)),
+            None => [0.0; 3],
+        };
+        Motion::<3>::rotation(direction, angle, center)
+    }
+}
+
+/// What is known without any file: that a structured grid is a box.
+pub(super) struct WithoutFiles<const D: usize> {
+    /// Lowest and highest corner of a structured grid, [length].
+    pub(super) grid: Option<[[f64; D]; 2]>,
+}
+
+impl<const D: usize> Given<D> for WithoutFiles<D> {
+    fn cells(&mut self, _: &str, group: Option<&str>) -> Option<Group<D>> {
+        let bounds = self.grid.filter(|_| group.is_none())?;
+        let volume = (0..D).map(|d| bounds[1][d] - bounds[0][d]).product();
+        Some(Group { key: 0, bounds, volume })
+    }
+
+    fn surface(&mut self, _: &str, _: &str) -> Option<Surface> {
+        None
+    }
+}

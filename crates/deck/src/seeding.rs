@@ -1,0 +1,382 @@
+//! Fills bodies with material points.
+
+use std::collections::HashSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use super::build::{array, per_axis};
+use super::diagnostic::quote;
+use super::region::Groups;
+use super::{AXES, BodyDeck, PerAxis, Shape};
+use mpm_core::basis::{DomainKind, Method};
+use mpm_core::grid::element::ElementShape;
+use mpm_core::grid::subdivide::{Part, subdivide_box, subdivide_simplex};
+use mpm_core::grid::{Grid, Structured};
+use mpm_core::points::Seed;
+use mpm_core::region::{Accuracy, FilledCell, Region, Volume, brick_parts, contains_in_cell, fill};
+
+/// Relative distance to a grid line within which a side of a box counts as lying on it.
+const ON_LINE: f64 = 1e-6;
+
+/// Parts along each axis of a cut cell by which its part of a region is measured, in the plane and in space.
+const FINE: usize = 32;
+const FINE_IN_SPACE: usize = 10;
+/// Parts along each axis by which it is found out whether a cell is cut.
+const PROBED: usize = 8;
+
+/// Most points of a body.
+const MOST_POINTS: f64 = 1e8;
+
+/// Why a body cannot be filled: a code, the key of the body that is to blame, and what to do.
+pub(super) struct Fault {
+    pub(super) code: &'static str,
+    pub(super) key: String,
+    pub(super) message: String,
+    pub(super) help: String,
+}
+
+/// Points of a cell, made one by one.
+type Parts<'a, const D: usize> = Box<dyn Iterator<Item = Seed<D>> + 'a>;
+
+/// The points of a body.
+pub(super) struct Filled<const D: usize> {
+    pub(super) seeds: Vec<Seed<D>>,
+    /// Volume (area) of the region, where it is known.
+    pub(super) exact: Option<Volume>,
+}
+
+/// What all points of a body share.
+pub(super) struct Filling<'a, const D: usize> {
+    pub(super) grid: &'a dyn Grid<D>,
+    pub(super) region: &'a Region<D>,
+    pub(super) groups: &'a Groups,
+    pub(super) body: u16,
+    pub(super) method: Method,
+    pub(super) density: f64,
+    pub(super) history: Vec<f64>,
+}
+
+impl<const D: usize> Filling<'_, D> {
+    /// The points of a body, as its deck says.
+    pub(super) fn fill(&self, deck: &BodyDeck) -> Result<Filled<D>, Fault> {
+        if matches!(deck.shape, Shape::Stl { .. }) {
+            self.surface_in_grid(deck)?;
+        }
+        let box_on_lines = match (&deck.shape, self.grid.structured(), &deck.points_per_cell) {
+            (Shape::Box { min, max }, Some(grid), Some(counts)) => self.box_on_lines(grid, min, max, counts),
+            _ => None,
+        };
+        let is_by_cells = box_on_lines.is_none() && deck.point_spacing.is_none();
+        let seeds = match (box_on_lines, &deck.point_spacing) {
+            (Some(seeds), _) => seeds,
+            (None, Some(spacing)) => self.lattice(deck, per_axis(spacing))?,
+            (None, None) => self.cell_by_cell(deck)?,
+        };
+        if seeds.is_empty() {
+            return Err(Fault {
+                code: "D028",
+                key: String::new(),
+                message: format!("the body {} holds no material point", quote(&deck.name)),
+                help: "its region must be inside the grid and hold the centre of at least one part of a cell"
+                    .to_owned(),
+            });
+        }
+        let exact = self.region.volume(Accuracy::default());
+        Ok(Filled { seeds, exact: exact.or_else(|| is_by_cells.then(|| self.measured())) })
+    }
+
+    /// Volume of a region of whole cells from which something is cut: the cells that it fills, and the fine parts of the
+    /// others whose centres lie inside.
+    fn measured(&self) -> Volume {
+        let fine = if D > 2 { FINE_IN_SPACE } else { FINE };
+        let divide = |cell: usize| -> Result<Vec<(Part<D>, bool)>, std::convert::Infallible> {
+            let nodes = self.grid.corners(cell);
+            let x: Vec<[f64; D]> =
+                nodes.nodes().iter().map(|&n| self.grid.node_position(n as usize)).collect();
+            let parts = |n: usize| match ElementShape::from_nodes::<D>(x.len()) {
+                Some(ElementShape::Simplex) => subdivide_simplex(&x, n.pow(D as u32)).unwrap_or_default(),
+                _ => subdivide_box(&x, [n; D]).unwrap_or_default(),
+            };
+            let holds = |key: usize, cell: usize| self.groups.holds(key, cell);
+            let is_inside =
+                |part: &Part<D>| contains_in_cell(self.region, self.grid, &part.position, cell, holds);
+            let is_full = parts(PROBED).iter().all(is_inside);
+            Ok(parts(if is_full { 1 } else { fine }).into_iter().map(|part| (part, !is_full)).collect())
+        };
+        let in_group = |key: usize, cell: usize| self.groups.holds(key, cell);
+        let Ok(parts) = fill(self.region, self.grid, in_group, divide, |(part, _)| part.position);
+        let cut: f64 = parts.parts.iter().filter(|(_, is_cut)| *is_cut).map(|(part, _)| part.volume).sum();
+        Volume {
+            value: parts.parts.iter().map(|(part, _)| part.volume).sum(),
+            error: 0.5 * cut / fine as f64,
+        }
+    }
+
+    fn domain(&self) -> DomainKind {
+        self.method.domain()
+    }
+
+    fn seed(&self, position: [f64; D], volume: f64) -> Seed<D> {
+        Seed {
+            body: self.body,
+            position,
+            half_lengths: [0.0; D],
+            corners: Vec::new(),
+            volume,
+            mass: self.density * volume,
+            outer_layer: false,
+            history: self.history.clone(),
+        }
+    }
+
+    /// The point of a box with sides along the axes, given by its lowest and highest corner.
+    fn brick(&self, position: [f64; D], [low, high]: [[f64; D]; 2], sides: [f64; D]) -> Seed<D> {
+        let mut seed = self.seed(position, sides.iter().product());
+        if self.domain() != DomainKind::None {
+            seed.half_lengths = sides.map(|s| 0.5 * s);
+        }
+        if self.domain() == DomainKind::Corners {
+            let corner = |c: usize| std::array::from_fn(|d| if c >> d & 1 == 1 { high[d] } else { low[d] });
+            seed.corners = (0..1usize << D).map(corner).collect();
+        }
+        seed
+    }
+
+    /// A box whose sides lie on grid lines, filled as a whole; `None` when they do not.
+    fn box_on_lines(
+        &self,
+        grid: &Structured<D>,
+        min: &[f64],
+        max: &[f64],
+        counts: &PerAxis<u32>,
+    ) -> Option<Vec<Seed<D>>> {
+        let (min, max): ([f64; D], [f64; D]) = (array(min), array(max));
+        let h = grid.spacing();
+        let on_line = |d: usize, x: f64| {
+            let xi = (x - grid.origin()[d]) / h[d];
+            (xi - xi.round()).abs() <= ON_LINE
+        };
+        if !(0..D).all(|d| on_line(d, min[d]) && on_line(d, max[d])) {
+            return None;
+        }
+        let per_cell: [u32; D] = per_axis(counts);
+        let n = std::array::from_fn(|d| ((max[d] - min[d]) / h[d]).round() as usize * per_cell[d] as usize);
+        Some(self.rows([min, max], n, |_| true))
+    }
+
+    /// A lattice of `n` points along the sides of a box, of which those inside the region stay.
+    fn rows(
+        &self,
+        [min, max]: [[f64; D]; 2],
+        n: [usize; D],
+        inside: impl Fn(&[f64; D]) -> bool + Sync,
+    ) -> Vec<Seed<D>> {
+        let spacing: [f64; D] = std::array::from_fn(|d| (max[d] - min[d]) / n[d] as f64);
+        let lattice = Structured::<D>::new(min, spacing, n);
+        // From the ends of the box, not from its cells: both sides of a row get the same round-off.
+        let at = |index: &[usize; D], shift: f64| -> [f64; D] {
+            std::array::from_fn(|d| min[d] + (index[d] as f64 + shift) * spacing[d])
+        };
+        let kept: Vec<bool> = (0..lattice.n_cells())
+            .into_par_iter()
+            .map(|place| inside(&at(&lattice.cell_index(place), 0.5)))
+            .collect();
+        let is_outer = |index: &[usize; D]| {
+            // Subtraction below zero wraps round to a number that is beyond the lattice.
+            let neighbour = |k: usize| -> [usize; D] {
+                std::array::from_fn(|d| (index[d] + k / 3usize.pow(d as u32) % 3).wrapping_sub(1))
+            };
+            let is_full = |at: [usize; D]| (0..D).all(|d| at[d] < n[d]) && kept[lattice.cell(at)];
+            !(0..3usize.pow(D as u32)).all(|k| is_full(neighbour(k)))
+        };
+        let one = |place: usize| {
+            let index = lattice.cell_index(place);
+            let mut seed = self.brick(at(&index, 0.5), [at(&index, 0.0), at(&index, 1.0)], spacing);
+            seed.outer_layer = is_outer(&index);
+            seed
+        };
+        (0..kept.len()).into_par_iter().filter(|&place| kept[place]).map(one).collect()
+    }
+
+    /// Points at a stated spacing, whatever the grid.
+    fn lattice(&self, deck: &BodyDeck, spacing: [f64; D]) -> Result<Vec<Seed<D>>, Fault> {
+        if deck.shape.any(&|part| matches!(part, Shape::Cells { .. })) {
+            return Err(Fault {
+                code: "D023",
+                key: "/point_spacing".to_owned(),
+                message: "a region of whole cells cannot be filled at a spacing".to_owned(),
+                help: format!("give {}", placed_in_cells(D)),
+            });
+        }
+        let [min, max] = self.region.bounds();
+        let along = |d: usize| ((max[d] - min[d]) / spacing[d] - ON_LINE).max(0.0);
+        let count: f64 = (0..D).map(along).product();
+        if count > MOST_POINTS {
+            return Err(Fault {
+                code: "D028",
+                key: "/point_spacing".to_owned(),
+                message: format!(
+                    "the body {} would be cut from {count:.1e} points; at most {MOST_POINTS:.0e} are possible",
+                    quote(&deck.name),
+                ),
+                help: "give a larger spacing".to_owned(),
+            });
+        }
+        if !(0..D).all(|d| min[d] < max[d]) {
+            return Ok(Vec::new()); // an intersection of what lies apart
+        }
+        let n: [usize; D] = std::array::from_fn(|d| (along(d).ceil() as usize).max(1));
+        let high = std::array::from_fn(|d| min[d] + n[d] as f64 * spacing[d]);
+        Ok(self.rows([min, high], n, |x| self.region.contains(x)))
+    }
+
+    /// A surface is known only once its file has been read.
+    fn surface_in_grid(&self, deck: &BodyDeck) -> Result<(), Fault> {
+        let ([low, high], [from, to]) = (self.region.bounds(), self.grid.bounds());
+        for d in 0..D {
+            let slack = 1e-6 * (to[d] - from[d]);
+            if low[d] < from[d] - slack || high[d] > to[d] + slack {
+                return Err(Fault {
+                    code: "D028",
+                    key: "/shape".to_owned(),
+                    message: format!(
+                        "the surface of the body {} goes from {} to {} along {}, beyond the grid, which covers {} to {}",
+                        quote(&deck.name),
+                        low[d],
+                        high[d],
+                        AXES[d],
+                        from[d],
+                        to[d]
+                    ),
+                    help: "make the grid larger, or move the body; an `intersection` with a box takes a part of it".to_owned(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The parts of every cell whose centres lie in the region.
+    fn cell_by_cell(&self, deck: &BodyDeck) -> Result<Vec<Seed<D>>, Fault> {
+        let cut = AtomicUsize::new(0);
+        let divide = |cell: usize| {
+            let (parts, n) = self.parts(cell, deck)?;
+            if cut.fetch_add(n, Ordering::Relaxed) as f64 > MOST_POINTS {
+                return Err(Fault {
+                    code: "D028",
+                    key: String::new(),
+                    message: format!(
+                        "the body {} would be cut from more than {MOST_POINTS:.0e} points",
+                        quote(&deck.name)
+                    ),
+                    help: "use fewer points per cell".to_owned(),
+                });
+            }
+            Ok(parts)
+        };
+        let in_group = |key: usize, cell: usize| self.groups.holds(key, cell);
+        let filled = fill(self.region, self.grid, in_group, divide, |seed| seed.position)?;
+        let mut seeds = filled.parts;
+        self.mark_outer_layer(&mut seeds, &filled.cells);
+        Ok(seeds)
+    }
+
+    /// The points of cells that are not full, or share a node with the border of the full ones.
+    fn mark_outer_layer(&self, seeds: &mut [Seed<D>], filled: &[FilledCell]) {
+        let mut sides: Vec<[u32; 4]> = Vec::new();
+        for filled in filled.iter().filter(|filled| filled.full) {
+            let corners = self.grid.corners(filled.cell as usize);
+            let nodes = corners.nodes();
+            let shape = ElementShape::from_nodes::<D>(nodes.len());
+            for places in shape.map(|shape| shape.sides::<D>()).unwrap_or_default() {
+                let mut side = [u32::MAX; 4];
+                side.iter_mut().zip(*places).for_each(|(node, &k)| *node = nodes[k]);
+                side.sort_unstable();
+                sides.push(side);
+            }
+        }
+        sides.sort_unstable();
+        // A side of one full cell only is part of the border.
+        let of_one = sides.chunk_by(|a, b| a == b).filter(|same| same.len() == 1);
+        let border: HashSet<u32> = of_one.flat_map(|side| side[0]).collect();
+        for FilledCell { cell, parts, full } in filled {
+            let corners = self.grid.corners(*cell as usize);
+            let is_outer = !full || corners.nodes().iter().any(|node| border.contains(node));
+            seeds[parts.clone()].iter_mut().for_each(|seed| seed.outer_layer = is_outer);
+        }
+    }
+
+    /// The points of the even subdivision of a cell, and how many there are.
+    fn parts(&self, cell: usize, deck: &BodyDeck) -> Result<(Parts<'_, D>, usize), Fault> {
+        let corners = self.grid.corners(cell);
+        let shape = ElementShape::from_nodes::<D>(corners.nodes().len()).unwrap_or(ElementShape::Box);
+        let (key, of_simplex) = match D {
+            3 => ("points_per_tetrahedron", deck.points_per_tetrahedron),
+            _ => ("points_per_triangle", deck.points_per_triangle),
+        };
+        let missing = |key: &str| Fault {
+            code: "D023",
+            key: String::new(),
+            message: format!(
+                "the grid has {}, and the body does not say how many points they get",
+                shape.plural::<D>()
+            ),
+            help: format!("give `{key}`"),
+        };
+        let x: Vec<[f64; D]> = corners.nodes().iter().map(|&n| self.grid.node_position(n as usize)).collect();
+        if shape == ElementShape::Simplex {
+            let n = of_simplex.ok_or_else(|| missing(key))?;
+            return self.simplex(&x, key, n);
+        }
+        let counts = deck.points_per_cell.as_ref().ok_or_else(|| missing("points_per_cell"))?;
+        let n = per_axis::<u32, D>(counts).map(|n| n as usize);
+        if let Some(grid) = self.grid.structured() {
+            let sides = std::array::from_fn(|d| grid.spacing()[d] / n[d] as f64);
+            let point = move |x: [f64; D]| {
+                let end = |sign: f64| std::array::from_fn(|d| x[d] + sign * 0.5 * sides[d]);
+                self.brick(x, [end(-1.0), end(1.0)], sides)
+            };
+            let parts = brick_parts(grid, n, cell).map(move |part| point(part.position));
+            return Ok((Box::new(parts), n.iter().product()));
+        }
+        Ok(self.points(subdivide_box(&x, n).unwrap_or_default()))
+    }
+
+    fn points(&self, parts: Vec<Part<D>>) -> (Parts<'_, D>, usize) {
+        let n = parts.len();
+        (Box::new(parts.into_iter().map(|part| self.point(part))), n)
+    }
+
+    fn simplex(&self, x: &[[f64; D]], key: &str, n: u32) -> Result<(Parts<'_, D>, usize), Fault> {
+        let parts = subdivide_simplex(x, n as usize).ok_or_else(|| Fault {
+            code: "D009",
+            key: format!("/{key}"),
+            message: match D {
+                3 => format!("a tetrahedron cannot be divided evenly for {n} points"),
+                _ => format!("a triangle cannot be divided evenly for {n} points"),
+            },
+            help: match D {
+                3 => "use 1, 8, 27, … or 4".to_owned(),
+                _ => "use 1, 4, 9, 16, … or 8".to_owned(),
+            },
+        })?;
+        Ok(self.points(parts))
+    }
+
+    /// The point of a part of a cell of any form.
+    fn point(&self, part: Part<D>) -> Seed<D> {
+        let mut seed = self.seed(part.position, part.volume);
+        if self.domain() == DomainKind::Corners {
+            seed.corners = part.corners;
+        }
+        seed
+    }
+}
+
+/// The keys that place points in cells.
+pub(super) fn placed_in_cells(dimensions: usize) -> &'static str {
+    match dimensions {
+        3 => "`points_per_cell` or `points_per_tetrahedron`",
+        _ => "`points_per_cell` or `points_per_triangle`",
+    }
+}

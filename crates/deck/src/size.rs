@@ -1,0 +1,313 @@
+//! How large an analysis will be and how much memory it will need, known before any of it is taken.
+
+use super::build::per_axis;
+use super::diagnostic::{Diagnostic, Severity};
+use super::region::volume;
+use super::source::Source;
+use super::{BodyDeck, Deck, GridDeck, LinearChoice, OutputDeck};
+use mpm_core::basis::{DomainKind, Method};
+use mpm_core::grid::Grid;
+use mpm_core::linear::Extent;
+use mpm_core::memory::{Bound, Memory, in_words};
+use mpm_core::region::{Accuracy, Region};
+use mpm_files::fields::PointField;
+
+/// Memory of the program itself, [byte].
+const PROGRAM: f64 = 16e6;
+/// Memory per grid node, [byte].
+const PER_NODE: f64 = 10.0;
+/// Memory of the stiffness and of the preconditioner for an iterative solution per unknown, [byte], with points that
+/// reach the nodes of their cell and with domains that reach beyond: in the plane, counted, and in space, measured.
+const ITERATIVE: [[f64; 2]; 2] = [[450.0, 850.0], [1200.0, 4500.0]];
+/// Memory per point for the order, volumes and numbers of points in files, [byte].
+const MAKING: f64 = 50.0;
+/// How well the volume of a region is to be known.
+const ROUGHLY: Accuracy = Accuracy { relative: 1e-2, lines: 20_000 };
+/// Part of the memory from which on there is a warning.
+const MUCH: f64 = 0.8;
+/// Addresses that each thread reserves for products of dense matrices, [byte]; hardly any of them become memory.
+const PER_THREAD: f64 = 67_108_864.0;
+
+/// Memory per point without output files, and memory of the stiffness and its factor relative to N log₂ N with N unknowns in
+/// the plane, to N^(4/3) in space, [byte]. Measured, see `docs/performance.md`.
+fn costs<const D: usize>(method: Method) -> (f64, f64) {
+    if D > 2 {
+        return match method {
+            Method::Mpm => (550.0, 290.0),
+            Method::Gimp => (950.0, 720.0),
+            Method::Cpdi1 | Method::Cpdi2 => (2150.0, 720.0),
+        };
+    }
+    match method {
+        Method::Mpm => (900.0, 120.0),
+        Method::Gimp => (1000.0, 290.0),
+        Method::Cpdi1 | Method::Cpdi2 => (1200.0, 290.0),
+    }
+}
+
+/// Memory that the files of a step take per point until the file system has them, [byte]: their numbers, and what it takes
+/// to make them.
+fn cost_of_files<const D: usize>(method: Method, output: &OutputDeck) -> f64 {
+    if output.every == 0 {
+        return 0.0;
+    }
+    let is_written = |field: &&PointField| **field == PointField::Volume || output.fields.contains(field);
+    let fields: usize = PointField::ALL.iter().filter(is_written).map(|field| field.components()).sum();
+    let corners = match method.domain() {
+        DomainKind::None => 0,
+        DomainKind::Box | DomainKind::Corners => 1 << D,
+    };
+    let numbers = fields + 3 * (1 + corners);
+    MAKING + numbers as f64 * output.precision.bytes() as f64
+}
+
+/// The size of an analysis, estimated; the memory is that of each part, [byte].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Size {
+    pub points: f64,
+    pub nodes: f64,
+    pub unknowns: f64,
+    memory_of_grid: f64,
+    memory_of_points: f64,
+    memory_of_stiffness: f64,
+    /// The body with the most points.
+    largest_body: usize,
+}
+
+impl Size {
+    /// Of a deck with the regions of its bodies on a grid, which may be described but must not be filled yet.
+    pub(super) fn of<const D: usize>(deck: &Deck, grid: &dyn Grid<D>, regions: &[Region<D>]) -> Size {
+        let nodes = grid.n_nodes() as f64;
+        let whole = volume(grid);
+        let of_cell = whole / grid.n_cells().max(1) as f64;
+        let (mut points, mut memory_of_points, mut cells, mut factor) = (0.0, 0.0, 0.0, 0.0_f64);
+        let mut largest = (0.0, 0);
+        for (number, (body, region)) in deck.bodies.iter().zip(regions).enumerate() {
+            let all = volume_of(region);
+            let volume = all.min(whole);
+            // At a spacing of their own, points outside the grid are there until they are found.
+            let seeded = if body.point_spacing.is_some() { all } else { volume };
+            let n = seeded * density::<D>(body, deck, of_cell);
+            if n > largest.0 {
+                largest = (n, number);
+            }
+            let (per_point, per_unknown) = costs::<D>(body.method);
+            points += n;
+            memory_of_points += n * (per_point + cost_of_files::<D>(body.method, &deck.output));
+            cells += volume / of_cell;
+            factor = factor.max(per_unknown);
+        }
+        // Domains reach into the cells around a body; a body thinner than a cell still touches its nodes.
+        let border =
+            if deck.bodies.iter().any(|b| b.method.domain() != DomainKind::None) { 3.0 } else { 1.0 };
+        let active = (cells.powf(1.0 / D as f64) + border).powi(D as i32).min(nodes);
+        let unknowns = D as f64 * active;
+        // Fill of a nested dissection: the separators of a square, the faces of a cube.
+        let fill = if D > 2 { unknowns.powf(4.0 / 3.0) } else { unknowns * unknowns.max(2.0).log2() };
+        let reach = if border > 1.0 { 2.0 } else { 1.0 };
+        let is_iterative = match deck.solver.linear {
+            _ if grid.structured().is_none() => false,
+            LinearChoice::Direct => false,
+            LinearChoice::Iterative => true,
+            LinearChoice::Auto => {
+                let near = (2.0_f64 * reach + 1.0).powi(D as i32);
+                Extent { nodes: active, reach, pairs: 0.5 * (near + 1.0) * active }.is_large::<D>()
+            }
+        };
+        Size {
+            points,
+            nodes,
+            unknowns,
+            memory_of_grid: PER_NODE * nodes,
+            memory_of_points,
+            memory_of_stiffness: if is_iterative {
+                ITERATIVE[usize::from(D > 2)][usize::from(reach > 1.0)] * unknowns
+            } else {
+                factor * fill
+            },
+            largest_body: largest.1,
+        }
+    }
+
+    /// The memory that the analysis will need at most, [byte].
+    pub(super) fn memory(&self) -> f64 {
+        PROGRAM + self.memory_of_grid + self.memory_of_points + self.memory_of_stiffness
+    }
+
+    /// What is to be said about it where this memory can be had: an error when it is not enough, a warning when it
+    /// hardly is.
+    pub(super) fn judge(&self, deck: &Deck, source: &Source, memory: &Memory) -> Option<Diagnostic> {
+        let needed = self.memory();
+        let (limit, available) = (memory.limit as f64, memory.available as f64);
+        let has = match memory.bound {
+            Bound::Machine => "this machine has",
+            Bound::ControlGroup => "the control group of this program may use",
+            Bound::AddressSpace => "`ulimit -v` allows",
+        };
+        let needs = format!("the analysis needs about {} of memory", in_words(needed));
+        let is_of_addresses = memory.bound == Bound::AddressSpace;
+        let reserved = if is_of_addresses { PER_THREAD * rayon::current_num_threads() as f64 } else { 0.0 };
+        let of_which = |word: &str| {
+            format!("{needs}, {has} {}, of which {} {word}", in_words(limit), in_words(available))
+        };
+        // What this program has of its own address space, it does not give back.
+        let (severity, message) = if is_of_addresses && needed <= limit && needed - PROGRAM > available {
+            (Severity::Error, of_which("are left"))
+        } else if needed <= limit && is_of_addresses && needed - PROGRAM + reserved > available {
+            let more = format!("; its threads reserve another {} of addresses", in_words(reserved));
+            (Severity::Warning, of_which("are left") + &more)
+        } else if needed > limit {
+            (Severity::Error, format!("{needs}, {has} {}", in_words(limit)))
+        } else if needed > available {
+            (Severity::Warning, of_which("are free now"))
+        } else if needed > MUCH * limit {
+            (Severity::Warning, format!("{needs}, {has} {}", in_words(limit)))
+        } else {
+            return None;
+        };
+        let (pointer, help) = self.largest_part(deck);
+        let parts = format!(
+            "about {} points take {}, {} grid nodes {}, {} unknowns {}",
+            count(self.points),
+            in_words(self.memory_of_points),
+            count(self.nodes),
+            in_words(self.memory_of_grid),
+            count(self.unknowns),
+            in_words(self.memory_of_stiffness)
+        );
+        let found = Diagnostic::at(source, "D036", &pointer, message).note(parts).help(help);
+        Some(found.severity(severity))
+    }
+
+    /// The place in the deck that takes the most memory, and what to do about it.
+    pub(super) fn largest_part(&self, deck: &Deck) -> (String, &'static str) {
+        let grid = match deck.grid {
+            GridDeck::Structured { .. } => "/grid/spacing",
+            GridDeck::Gmsh { .. } => "/grid/file",
+        };
+        if self.memory_of_points < self.memory_of_grid.max(self.memory_of_stiffness) {
+            return (
+                grid.to_owned(),
+                "use larger cells, or a grid that reaches no farther than the bodies move",
+            );
+        }
+        let body = &deck.bodies[self.largest_body];
+        let key = if body.point_spacing.is_some() {
+            "point_spacing"
+        } else if body.points_per_cell.is_some() {
+            "points_per_cell"
+        } else if deck.dimensions() > 2 {
+            "points_per_tetrahedron"
+        } else {
+            "points_per_triangle"
+        };
+        (format!("/bodies/{}/{key}", self.largest_body), "use fewer points, or larger cells")
+    }
+}
+
+/// A number of things, with as many digits as an estimate has.
+fn count(n: f64) -> String {
+    if n < 1e4 { format!("{n:.0}") } else { format!("{n:.1e}") }
+}
+
+/// Points of a body per volume (area).
+fn density<const D: usize>(body: &BodyDeck, deck: &Deck, of_cell: f64) -> f64 {
+    if let Some(spacing) = &body.point_spacing {
+        return 1.0 / per_axis::<f64, D>(spacing).iter().product::<f64>();
+    }
+    let in_box = body
+        .points_per_cell
+        .as_ref()
+        .map_or(0.0, |counts| per_axis::<u32, D>(counts).iter().map(|n| f64::from(*n)).product());
+    // Of a mesh with both kinds of cells it is not known which of them the body fills.
+    let in_simplex = match deck.grid {
+        GridDeck::Gmsh { .. } if D > 2 => body.points_per_tetrahedron,
+        GridDeck::Gmsh { .. } => body.points_per_triangle,
+        GridDeck::Structured { .. } => None,
+    };
+    f64::max(in_box, f64::from(in_simplex.unwrap_or(0))) / of_cell
+}
+
+/// Volume (area) of a region, roughly; that of its bounds where groups of cells meet other regions.
+fn volume_of<const D: usize>(region: &Region<D>) -> f64 {
+    let [low, high] = region.bounds();
+    let around = (0..D).map(|d| (high[d] - low[d]).max(0.0)).product();
+    region.volume(ROUGHLY).map_or(around, |volume| volume.value)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::load::load_text;
+    use crate::region::{WithoutFiles, region};
+    use mpm_core::grid::Structured;
+
+    const DECK: &str = "
+version: 1
+grid: {type: structured, origin: [0, 0], size: [20, 10], spacing: 0.5}
+materials: {m: {model: hencky, young: 1, poisson: 0}}
+bodies: [{name: a, material: m, shape: SHAPE, METHOD}]
+steps: {count: 1}
+";
+
+    fn size(shape: &str, method: &str) -> Size {
+        let text = DECK.replace("SHAPE", shape).replace("METHOD", method);
+        let loaded = load_text("deck", text.as_bytes(), &[]).unwrap_or_else(|failure| panic!("{failure}"));
+        size_of(&loaded.deck)
+    }
+
+    fn size_of(deck: &Deck) -> Size {
+        let grid = Structured::<2>::new([0.0; 2], [0.5; 2], [40, 20]);
+        let mut given = WithoutFiles { grid: Some(grid.bounds()) };
+        let region = region(&deck.bodies[0].shape, "", &mut given).ok().unwrap();
+        Size::of(deck, &grid, &[region])
+    }
+
+    #[test]
+    fn sizes_are_those_of_the_model() {
+        let of_box = size("{type: box, min: [0, 0], max: [10, 10]}", "points_per_cell: [2, 3], method: mpm");
+        assert_eq!((of_box.points, of_box.nodes, of_box.unknowns), (2400.0, 861.0, 882.0));
+        let ring = "{type: difference, from: {type: circle, center: [5, 5], radius: 4},
+            minus: [{type: circle, center: [5, 5], radius: 2}]}";
+        let of_ring = size(ring, "point_spacing: 0.1, method: mpm");
+        let exact = 100.0 * std::f64::consts::PI * 12.0;
+        assert!((of_ring.points / exact - 1.0).abs() < 0.01, "{of_ring:?}");
+        assert_eq!(size("{type: cells}", "points_per_cell: 2").points, 3200.0);
+    }
+
+    #[test]
+    fn more_than_there_is_is_refused_and_nearly_all_is_warned_of() {
+        let text = DECK
+            .replace("SHAPE", "{type: box, min: [0, 0], max: [10, 10]}")
+            .replace("METHOD", "points_per_cell: 350");
+        let loaded = load_text("deck", text.as_bytes(), &[]).unwrap();
+        let size = size_of(&loaded.deck);
+        assert_eq!(size.points, 49e6);
+        let needed = size.memory();
+        assert!((4e10..1e11).contains(&needed), "{needed:e}");
+        let judge = |limit: f64, available: f64| {
+            let memory = Memory { limit: limit as u64, available: available as u64, bound: Bound::Machine };
+            size.judge(&loaded.deck, &loaded.source, &memory).map(|found| (found.severity, found.message))
+        };
+        assert_eq!(judge(2.0 * needed, 2.0 * needed), None);
+        let (severity, message) = judge(0.99 * needed, 0.99 * needed).unwrap();
+        assert_eq!(severity, Severity::Error);
+        assert!(message.contains(&in_words(needed)) && message.contains("this machine has"), "{message}");
+        assert_eq!(judge(1.1 * needed, 1.1 * needed).unwrap().0, Severity::Warning);
+        assert_eq!(judge(2.0 * needed, 0.5 * needed).unwrap().0, Severity::Warning);
+        let of_process = |available: f64| {
+            let (limit, available) = (2.0 * needed, available);
+            let memory =
+                Memory { limit: limit as u64, available: available as u64, bound: Bound::AddressSpace };
+            size.judge(&loaded.deck, &loaded.source, &memory).map(|found| (found.severity, found.message))
+        };
+        let threads = rayon::current_num_threads() as f64;
+        assert_eq!(of_process(needed + PER_THREAD * threads), None);
+        let (severity, message) = of_process(needed).unwrap();
+        assert_eq!(severity, Severity::Warning);
+        assert!(message.contains("its threads reserve another"), "{message}");
+        let (severity, message) = of_process(0.9 * needed).unwrap();
+        assert!(severity == Severity::Error && message.ends_with("are left"), "{message}");
+    }
+}

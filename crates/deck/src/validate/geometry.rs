@@ -1,0 +1,406 @@
+//! Vectors, boxes, the grid, and the points of bodies.
+
+use super::Check;
+use crate::diagnostic::{Diagnostic, quote};
+use crate::seeding::placed_in_cells;
+use crate::{AXES, BodyDeck, GridDeck, LinearChoice, Method, PerAxis};
+use mpm_core::grid::ON_LINE;
+
+/// Most cells of a grid, and most points of a body: far beyond what can be computed.
+const MOST: f64 = 1e8;
+/// Most points along an axis of a cell.
+const MOST_PER_CELL: u32 = 1000;
+/// Error up to which the ratio of two lengths is a whole number; text such as 0.1 is not exact.
+const WHOLE: f64 = 1e-6;
+
+/// A box with extent along every axis.
+#[derive(Debug, Clone)]
+pub(super) struct Extent {
+    pub(super) min: Vec<f64>,
+    pub(super) max: Vec<f64>,
+}
+
+impl Extent {
+    pub(super) fn side(&self, axis: usize) -> f64 {
+        self.max[axis] - self.min[axis]
+    }
+}
+
+/// The region of a grid and the sides of its cells.
+#[derive(Debug, Clone)]
+pub(super) struct GridBox {
+    pub(super) extent: Extent,
+    pub(super) spacing: Vec<f64>,
+}
+
+impl Check<'_> {
+    /// Number of axes.
+    pub(super) fn dimensions(&self) -> usize {
+        self.deck.dimensions()
+    }
+
+    /// A list with one number per axis.
+    pub(super) fn vector(&mut self, pointer: &str, values: &[f64]) -> Option<Vec<f64>> {
+        if values.len() != self.dimensions() {
+            self.wrong_count(pointer, values.len());
+            return None;
+        }
+        Some(values.to_vec())
+    }
+
+    pub(super) fn wrong_count(&mut self, pointer: &str, count: usize) {
+        let axes = self.dimensions();
+        let expected = format!("{axes} entries, one per axis");
+        let message = format!("expected {expected}, found {count}");
+        let found = Diagnostic::at(self.source, "D015", pointer, message).expected(expected);
+        let help = match (axes, count) {
+            (2, 3) => "three axes need `analysis: {idealisation: solid}`",
+            (2, _) => "give two, along x and y",
+            (_, 2) => "add the third, along z; two are for `idealisation: plane-strain` or `axisymmetric`",
+            _ => "give three, along x, y and z",
+        };
+        self.found.push(found.help(help));
+    }
+
+    /// What needs another number of dimensions than the deck has.
+    pub(super) fn of_other_dimension(&mut self, pointer: &str, what: &str, needed: usize) {
+        let idealisation = self.deck.analysis.idealisation.name();
+        let (place, help) = match needed {
+            3 => ("space", "`idealisation: solid`"),
+            _ => ("the plane", "`idealisation: plane-strain` or `axisymmetric`"),
+        };
+        let message = format!("{what} exists in {place} only, and the idealisation here is `{idealisation}`");
+        self.error("D048", pointer, message, format!("{what} needs {help}"));
+    }
+
+    fn per_axis<T: Copy>(&mut self, pointer: &str, values: &PerAxis<T>) -> Option<Vec<(String, T)>> {
+        match values {
+            PerAxis::Same(value) => Some(vec![(pointer.to_owned(), *value); self.dimensions()]),
+            PerAxis::Each(values) if values.len() == self.dimensions() => {
+                let at = |(axis, value): (usize, &T)| (format!("{pointer}/{axis}"), *value);
+                Some(values.iter().enumerate().map(at).collect())
+            }
+            PerAxis::Each(values) => {
+                self.wrong_count(pointer, values.len());
+                None
+            }
+        }
+    }
+
+    /// A positive length per axis.
+    fn lengths(&mut self, pointer: &str, values: &PerAxis<f64>) -> Option<Vec<f64>> {
+        let values = self.per_axis(pointer, values)?;
+        for (at, value) in &values {
+            if *value <= 0.0 {
+                self.error("D009", at, format!("{value} is not above 0"), "give a length above 0");
+                if at == pointer {
+                    break;
+                }
+            }
+        }
+        let lengths: Vec<f64> = values.into_iter().map(|(_, value)| value).collect();
+        lengths.iter().all(|value| *value > 0.0).then_some(lengths)
+    }
+
+    pub(super) fn grid(&mut self) -> Option<GridBox> {
+        let GridDeck::Structured { origin, size, spacing } = &self.deck.grid else { return None };
+        let origin = self.vector("/grid/origin", origin);
+        let sides = self.lengths("/grid/size", &PerAxis::Each(size.clone()));
+        let spacing = self.lengths("/grid/spacing", spacing);
+        let (origin, sides, spacing) = (origin?, sides?, spacing?);
+        let mut cells = 1.0;
+        for axis in 0..self.dimensions() {
+            let count = sides[axis] / spacing[axis];
+            cells *= count;
+            let farthest = origin[axis].abs().max((origin[axis] + sides[axis]).abs());
+            if count < MOST && f64::EPSILON * farthest > ON_LINE * spacing[axis] {
+                let message = format!(
+                    "the grid reaches to {farthest:e} along {}, where coordinates have a round-off of more than {ON_LINE:e} of \
+                     a cell of {}",
+                    AXES[axis], spacing[axis]
+                );
+                let help = "take the origin of the coordinates near the bodies";
+                self.error("D027", &format!("/grid/origin/{axis}"), message, help);
+            }
+            if !is_whole(count) {
+                let message = format!(
+                    "the size {} along {} is not a whole multiple of the spacing {}",
+                    sides[axis], AXES[axis], spacing[axis]
+                );
+                let help = format!("{} would fit", count.round().max(1.0) * spacing[axis]);
+                self.error("D027", &format!("/grid/size/{axis}"), message, help);
+            }
+        }
+        if cells.is_nan() || cells > MOST {
+            let message = format!("the grid would have {cells:.1e} cells; at most {MOST:.0e} are possible");
+            let least = self.dimensions() as f64;
+            let fits = (sides.iter().product::<f64>() / MOST).powf(1.0 / least);
+            let help = format!("use a spacing above {fits:.1e}, or a smaller grid");
+            self.error("D027", "/grid/spacing", message, help);
+            return None;
+        }
+        let max = origin.iter().zip(&sides).map(|(low, side)| low + side).collect();
+        Some(GridBox { extent: Extent { min: origin, max }, spacing })
+    }
+
+    /// A box whose smallest corner is below its largest.
+    pub(super) fn extent(&mut self, pointer: &str, min: &[f64], max: &[f64]) -> Option<Extent> {
+        let low = self.vector(&format!("{pointer}/min"), min);
+        let high = self.vector(&format!("{pointer}/max"), max);
+        let (min, max) = (low?, high?);
+        let mut fits = true;
+        for axis in 0..min.len() {
+            if min[axis] >= max[axis] {
+                fits = false;
+                let message = format!(
+                    "the box has no extent along {}: its min {} is not below its max {}",
+                    AXES[axis], min[axis], max[axis]
+                );
+                let help = format!("give a max above {}", min[axis]);
+                self.error("D016", &format!("{pointer}/max/{axis}"), message, help);
+            }
+        }
+        fits.then_some(Extent { min, max })
+    }
+
+    /// Points are placed in cells or at a spacing, not both.
+    pub(super) fn points_given_once(&mut self, pointer: &str, body: &BodyDeck) -> bool {
+        let in_cells = body.points_per_cell.is_some()
+            || body.points_per_triangle.is_some()
+            || body.points_per_tetrahedron.is_some();
+        if in_cells == body.point_spacing.is_none() {
+            return true;
+        }
+        if in_cells {
+            let at = format!("{pointer}/point_spacing");
+            let message = "`point_spacing` and points per cell exclude each other";
+            let found = Diagnostic::at_key(self.source, "D023", &at, message);
+            self.found.push(found.help("remove one of them"));
+        } else {
+            let message = format!("the body {} does not say how its points are placed", quote(&body.name));
+            let help = format!(
+                "give {}",
+                placed_in_cells(self.dimensions()).replace(" or ", ", ") + " or `point_spacing`"
+            );
+            self.found.push(Diagnostic::at_key(self.source, "D023", pointer, message).help(help));
+        }
+        false
+    }
+
+    /// Points of a body, whatever its region.
+    fn placing(&mut self, pointer: &str, body: &BodyDeck) -> bool {
+        let of_simplices = [
+            ("points_per_triangle", body.points_per_triangle, 2, "triangles"),
+            ("points_per_tetrahedron", body.points_per_tetrahedron, 3, "tetrahedra"),
+        ];
+        let mut fits = self.points_given_once(pointer, body);
+        for (key, given, dimensions, plural) in of_simplices {
+            let at = format!("{pointer}/{key}");
+            if given.is_some() && dimensions != self.dimensions() {
+                self.of_other_dimension(&at, &format!("`{key}`"), dimensions);
+                fits = false;
+            } else if given.is_some() && fits && matches!(self.deck.grid, GridDeck::Structured { .. }) {
+                let message = format!("a structured grid has no {plural}");
+                self.error("D023", &at, message, "give `points_per_cell` instead");
+                fits = false;
+            }
+        }
+        if !fits {
+            return false;
+        }
+        if matches!(self.deck.grid, GridDeck::Gmsh { .. }) && body.method == Method::Gimp {
+            let message = "method `gimp` needs a structured grid";
+            let help = "use method `mpm`, `cpdi1` or `cpdi2`";
+            self.error("D034", &format!("{pointer}/method"), message, help);
+        }
+        true
+    }
+
+    /// Conjugate gradients need a grid that can be made coarser.
+    pub(super) fn linear_solver(&mut self) {
+        let iterative = self.deck.solver.linear == LinearChoice::Iterative;
+        if iterative && matches!(self.deck.grid, GridDeck::Gmsh { .. }) {
+            let message = "an iterative solution of the linear equations needs a structured grid";
+            self.error("D034", "/solver/linear", message, "use `auto` or `direct`");
+        }
+    }
+
+    pub(super) fn points(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: Option<&GridBox>) {
+        if let Some(grid) = grid {
+            self.inside_grid(pointer, body, extent, grid);
+        }
+        if !self.placing(pointer, body) {
+            return;
+        }
+        let counts = match (&body.points_per_cell, &body.point_spacing) {
+            (Some(per_cell), _) => {
+                if let Some(grid) = grid {
+                    self.aligned(pointer, body, extent, grid);
+                }
+                self.points_per_cell(&format!("{pointer}/points_per_cell"), per_cell, extent, grid)
+            }
+            (_, Some(spacing)) => self.point_spacing(&format!("{pointer}/point_spacing"), spacing, extent),
+            _ => None,
+        };
+        if let Some(counts) = counts
+            && counts.iter().product::<f64>() > MOST
+        {
+            let message = format!(
+                "the body {} would have {:.1e} points; at most {MOST:.0e} are possible",
+                quote(&body.name),
+                counts.iter().product::<f64>()
+            );
+            self.error("D028", pointer, message, "give fewer points per cell, or a larger `point_spacing`");
+        }
+    }
+
+    /// A number of points along each axis of a cell.
+    fn counts(&mut self, pointer: &str, per_cell: &PerAxis<u32>) -> Option<Vec<u32>> {
+        let values = self.per_axis(pointer, per_cell)?;
+        for (at, value) in &values {
+            if !(1..=MOST_PER_CELL).contains(value) {
+                let message =
+                    format!("{value} points along an axis of a cell; 1 to {MOST_PER_CELL} are possible");
+                self.error("D009", at, message, "give 2 to 4, as is usual");
+                return None;
+            }
+        }
+        Some(values.into_iter().map(|(_, value)| value).collect())
+    }
+
+    /// The points of a body that is no simple box.
+    pub(super) fn points_in_region(&mut self, pointer: &str, body: &BodyDeck) {
+        if !self.placing(pointer, body) {
+            return;
+        }
+        if let Some(per_cell) = &body.points_per_cell {
+            self.counts(&format!("{pointer}/points_per_cell"), per_cell);
+        }
+        if let Some(spacing) = &body.point_spacing {
+            self.lengths(&format!("{pointer}/point_spacing"), spacing);
+        }
+    }
+
+    fn points_per_cell(
+        &mut self,
+        pointer: &str,
+        per_cell: &PerAxis<u32>,
+        extent: &Extent,
+        grid: Option<&GridBox>,
+    ) -> Option<Vec<f64>> {
+        let values = self.counts(pointer, per_cell)?;
+        let grid = grid?;
+        let along = |axis: usize| extent.side(axis) / grid.spacing[axis] * f64::from(values[axis]);
+        Some((0..values.len()).map(along).collect())
+    }
+
+    /// Points per cell need a body whose sides lie on grid lines.
+    fn aligned(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: &GridBox) {
+        for (axis, name) in AXES.iter().enumerate().take(self.dimensions()) {
+            for (corner, edge) in [("min", extent.min[axis]), ("max", extent.max[axis])] {
+                let (origin, spacing) = (grid.extent.min[axis], grid.spacing[axis]);
+                let line = origin + ((edge - origin) / spacing).round() * spacing;
+                if (edge - line).abs() > WHOLE * spacing {
+                    // Six digits beyond the size of a cell are enough to read.
+                    let digits = 10f64.powf(6.0 - spacing.log10().floor());
+                    let line = (line * digits).round() / digits;
+                    let message = format!(
+                        "the {corner} edge {name} = {edge} of the body {} lies {:.6} off the nearest grid line {line}",
+                        quote(&body.name),
+                        (edge - line).abs()
+                    );
+                    let help = format!(
+                        "move the edge to {line}, or give `point_spacing` instead of `points_per_cell`"
+                    );
+                    self.error("D028", &format!("{pointer}/shape/{corner}/{axis}"), message, help);
+                }
+            }
+        }
+    }
+
+    fn point_spacing(&mut self, pointer: &str, spacing: &PerAxis<f64>, extent: &Extent) -> Option<Vec<f64>> {
+        let spacing = self.lengths(pointer, spacing)?;
+        let counts: Vec<f64> = (0..spacing.len()).map(|axis| extent.side(axis) / spacing[axis]).collect();
+        for axis in 0..counts.len() {
+            if !is_whole(counts[axis]) {
+                let message = format!(
+                    "the side {} of the body along {} is not a whole multiple of the point spacing {}",
+                    extent.side(axis),
+                    AXES[axis],
+                    spacing[axis]
+                );
+                let fits = extent.side(axis) / counts[axis].round().max(1.0);
+                self.error("D028", pointer, message, format!("{fits} would fit along {}", AXES[axis]));
+            }
+        }
+        Some(counts)
+    }
+
+    fn inside_grid(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: &GridBox) {
+        let (low, high) = (&grid.extent.min, &grid.extent.max);
+        for axis in 0..low.len() {
+            let slack = WHOLE * grid.spacing[axis];
+            let corner = if extent.min[axis] < low[axis] - slack {
+                "min"
+            } else if extent.max[axis] > high[axis] + slack {
+                "max"
+            } else {
+                continue;
+            };
+            let message = format!(
+                "the body {} reaches beyond the grid, which covers {} to {} along {}",
+                quote(&body.name),
+                low[axis],
+                high[axis],
+                AXES[axis]
+            );
+            let help = format!(
+                "let the body end at {} at {}, or make the grid larger",
+                if corner == "min" { low[axis] } else { high[axis] },
+                if corner == "min" { "least" } else { "most" },
+            );
+            self.error("D028", &format!("{pointer}/shape/{corner}/{axis}"), message, help);
+        }
+    }
+
+    /// Bodies must not share a region; boxes that touch are fine.
+    pub(super) fn overlaps(&mut self, mut boxes: Vec<(usize, Extent)>) {
+        // In the order of their lower sides a box can only overlap those that start before its upper side; along the
+        // axis on which they are spread out most these are few.
+        let spread = |axis: usize| {
+            let low = boxes.iter().map(|(_, b)| b.min[axis]).fold(f64::INFINITY, f64::min);
+            let high = boxes.iter().map(|(_, b)| b.max[axis]).fold(f64::NEG_INFINITY, f64::max);
+            let sides: f64 = boxes.iter().map(|(_, b)| b.side(axis)).sum();
+            (high - low) / sides
+        };
+        let axes = 0..self.dimensions();
+        let axis = axes.clone().fold(0, |most, axis| if spread(axis) > spread(most) { axis } else { most });
+        boxes.sort_by(|(_, a), (_, b)| a.min[axis].total_cmp(&b.min[axis]));
+        for (position, (first, a)) in boxes.iter().enumerate() {
+            for (second, b) in boxes[position + 1..].iter().take_while(|(_, b)| b.min[axis] < a.max[axis]) {
+                let overlap = |axis: usize| {
+                    a.max[axis].min(b.max[axis]) - a.min[axis].max(b.min[axis]) > slack(a, b, axis)
+                };
+                if !axes.clone().all(overlap) {
+                    continue;
+                }
+                let (earlier, later) = (first.min(second), first.max(second));
+                let name = |index: usize| quote(&self.deck.bodies[index].name);
+                let message = format!("the body {} overlaps the body {}", name(*later), name(*earlier));
+                let help = "move one of them, or take it away from the other by a `difference`";
+                self.error("D025", &format!("/bodies/{later}/shape"), message, help);
+                // One message per body is enough; a deck where all overlap would have a quadratic number.
+                break;
+            }
+        }
+    }
+}
+
+/// Overlap below which two boxes only touch.
+fn slack(a: &Extent, b: &Extent, axis: usize) -> f64 {
+    1e-9 * a.side(axis).min(b.side(axis))
+}
+
+fn is_whole(count: f64) -> bool {
+    count.round() >= 1.0 && (count - count.round()).abs() <= WHOLE
+}

@@ -1,0 +1,236 @@
+//! Boundary conditions, loads, their formulas and curves.
+
+use std::collections::BTreeMap;
+
+use super::Check;
+use crate::diagnostic::{Diagnostic, Severity, quote};
+use crate::formulas::{Fault, at_nodes, at_points};
+use crate::{AXES, BoundaryConditionDeck, Expression, LoadCurve, LoadDeck, NodeSelector, Per, PointSelector};
+
+impl Check<'_> {
+    pub(super) fn boundary_conditions(&mut self) {
+        let conditions = &self.deck.boundary_conditions;
+        self.unique_names("/boundary_conditions", conditions.iter().map(|condition| condition.name.as_str()));
+        for (index, condition) in conditions.iter().enumerate() {
+            let pointer = format!("/boundary_conditions/{index}");
+            self.column_name(&format!("{pointer}/name"), &condition.name);
+            self.nodes(&format!("{pointer}/nodes"), &condition.nodes);
+            self.prescribed(&pointer, condition);
+            self.curve(&format!("{pointer}/curve"), condition.curve.as_ref());
+        }
+    }
+
+    fn nodes(&mut self, pointer: &str, nodes: &NodeSelector) {
+        let by_place = nodes.coordinates().iter().any(Option::is_some);
+        let kinds = [by_place, nodes.within.is_some(), nodes.group.is_some(), nodes.outer_layer.is_some()];
+        let given = kinds.iter().filter(|given| **given).count();
+        if given != 1 {
+            let message = if given == 0 {
+                "no nodes are selected here"
+            } else {
+                "nodes are selected in more than one way here"
+            };
+            let help =
+                "give exactly one of: coordinates (`x`, `y`, in space `z`), `box`, `group`, `outer_layer`";
+            self.error("D019", pointer, message, help);
+        }
+        if nodes.z.is_some() && self.dimensions() < 3 {
+            self.of_other_dimension(&format!("{pointer}/z"), "the coordinate z", 3);
+        }
+        if let Some(within) = &nodes.within {
+            // A flat box is a fine selection of nodes, one turned inside out is not.
+            self.ordered(&format!("{pointer}/box"), &within.min, &within.max);
+        }
+        if let Some(name) = &nodes.outer_layer {
+            self.body(&format!("{pointer}/outer_layer"), name);
+        }
+    }
+
+    fn ordered(&mut self, pointer: &str, min: &[f64], max: &[f64]) {
+        let low = self.vector(&format!("{pointer}/min"), min);
+        let high = self.vector(&format!("{pointer}/max"), max);
+        let (Some(min), Some(max)) = (low, high) else { return };
+        for axis in 0..min.len() {
+            if min[axis] > max[axis] {
+                let message = format!("the min {} of the box is above its max {}", min[axis], max[axis]);
+                let help = format!("exchange the two; both may be {} for nodes on a line", min[axis]);
+                self.error("D016", &format!("{pointer}/max/{axis}"), message, help);
+            }
+        }
+    }
+
+    fn prescribed(&mut self, pointer: &str, condition: &BoundaryConditionDeck) {
+        let displacements = condition.displacements();
+        if condition.fix.is_empty() && displacements.iter().all(|(_, given)| given.is_none()) {
+            let message = format!("the boundary condition {} prescribes nothing", quote(&condition.name));
+            let keys = displacements.map(|(key, _)| quote(key));
+            let keys = keys[..self.dimensions() - 1].join(", ") + " and " + &keys[self.dimensions() - 1];
+            let help = format!("give at least one of `fix`, {keys}");
+            self.found.push(Diagnostic::at_key(self.source, "D020", pointer, message).help(help));
+        }
+        for (index, axis) in condition.fix.iter().enumerate() {
+            let at = format!("{pointer}/fix/{index}");
+            let name = AXES[*axis as usize];
+            let (key, given) = displacements[*axis as usize];
+            if *axis as usize >= self.dimensions() {
+                self.of_other_dimension(&at, &format!("the axis `{name}`"), 3);
+            } else if condition.fix[..index].contains(axis) {
+                self.error("D020", &at, format!("the axis `{name}` is fixed twice"), "remove one of the two");
+            } else if given.is_some() {
+                let message = format!("the axis `{name}` is fixed and also moved by `{key}`");
+                let help = format!("remove it from `fix`, or remove `{key}`");
+                self.error("D020", &at, message, help);
+            }
+        }
+        for (axis, (key, expression)) in displacements.into_iter().enumerate() {
+            if expression.is_some() && axis >= self.dimensions() {
+                let at = format!("{pointer}/{key}");
+                self.of_other_dimension(&at, &format!("the displacement `{key}`"), 3);
+            }
+        }
+        let faults = at_nodes(condition, &self.deck.parameters, self.dimensions()).err();
+        self.formulas(pointer, faults.unwrap_or_default());
+    }
+
+    /// The formulas of a body force and their intermediate values.
+    fn body_force(
+        &mut self,
+        pointer: &str,
+        force: &[Expression],
+        intermediate: &BTreeMap<String, Expression>,
+    ) {
+        let parameters = &self.deck.parameters;
+        let faults = match self.dimensions() {
+            3 => at_points::<3>(force, intermediate, parameters).err(),
+            _ => at_points::<2>(force, intermediate, parameters).err(),
+        };
+        self.formulas(pointer, faults.unwrap_or_default());
+    }
+
+    fn formulas(&mut self, pointer: &str, faults: Vec<Fault>) {
+        for fault in faults {
+            let at = format!("{pointer}/{}", fault.key);
+            let place = (fault.text.as_str(), fault.error.offset, fault.error.length);
+            let mut diagnostic = Diagnostic::inside(self.source, "D021", &at, place, fault.error.message);
+            diagnostic.help = fault.error.help;
+            self.found.push(diagnostic);
+        }
+    }
+
+    fn curve(&mut self, pointer: &str, curve: Option<&LoadCurve>) {
+        let Some(LoadCurve(pairs)) = curve else { return };
+        for (index, pair) in pairs.windows(2).enumerate() {
+            if pair[1][0] <= pair[0][0] {
+                let message =
+                    format!("the times of a load curve must increase; {} follows {}", pair[1][0], pair[0][0]);
+                let help = format!("give a time above {}, or remove the pair", pair[0][0]);
+                self.error("D022", &format!("{pointer}/{}/0", index + 1), message, help);
+            }
+        }
+        let end_time = self.deck.steps.end_time;
+        if let Some([first, _]) = pairs.first()
+            && *first > 0.0
+        {
+            let message = format!("the load curve starts at time {first}; it must cover time 0");
+            self.error("D022", &format!("{pointer}/0/0"), message, "add the pair `[0, 0]` before it");
+        }
+        if let Some([last, _]) = pairs.last()
+            && *last < end_time
+        {
+            let message =
+                format!("the load curve ends at time {last}, before the analysis does at {end_time}");
+            let factor = pairs.last().map_or(0.0, |pair| pair[1]);
+            let help = format!("add a pair at time {end_time}, such as `[{end_time}, {factor}]`");
+            self.error("D022", &format!("{pointer}/{}/0", pairs.len() - 1), message, help);
+        }
+    }
+
+    pub(super) fn loads(&mut self) {
+        let loads = &self.deck.loads;
+        self.unique_names("/loads", loads.iter().map(LoadDeck::name));
+        for (index, load) in loads.iter().enumerate() {
+            self.load(&format!("/loads/{index}"), load);
+        }
+    }
+
+    fn load(&mut self, pointer: &str, load: &LoadDeck) {
+        let at = |key: &str| format!("{pointer}/{key}");
+        match load {
+            LoadDeck::Gravity { name, acceleration, bodies, curve } => {
+                self.column_name(&at("name"), name);
+                self.vector(&at("acceleration"), acceleration);
+                self.targets(&at("bodies"), bodies.as_deref());
+                self.weight(pointer, name, bodies.as_deref());
+                self.curve(&at("curve"), curve.as_ref());
+            }
+            LoadDeck::BodyForce { name, force, per, intermediate, bodies, curve } => {
+                self.column_name(&at("name"), name);
+                if force.len() != self.dimensions() {
+                    self.wrong_count(&at("force"), force.len());
+                }
+                self.body_force(pointer, force, intermediate);
+                if *per == Per::Mass {
+                    self.weight(pointer, name, bodies.as_deref());
+                }
+                self.targets(&at("bodies"), bodies.as_deref());
+                self.curve(&at("curve"), curve.as_ref());
+            }
+            LoadDeck::PointForce { name, body, points: PointSelector { nearest, .. }, total, curve } => {
+                self.column_name(&at("name"), name);
+                self.body(&at("body"), body);
+                self.vector(&at("points/nearest"), nearest);
+                self.vector(&at("total"), total);
+                self.curve(&at("curve"), curve.as_ref());
+            }
+        }
+    }
+
+    fn targets(&mut self, pointer: &str, bodies: Option<&[String]>) {
+        let Some(bodies) = bodies else { return };
+        if bodies.is_empty() {
+            let help = "remove `bodies` to let the load act on all of them";
+            self.error("D015", pointer, "this load acts on no body", help);
+        }
+        for (index, name) in bodies.iter().enumerate() {
+            let at = format!("{pointer}/{index}");
+            self.body(&at, name);
+            if bodies[..index.min(1000)].contains(name) {
+                self.error(
+                    "D017",
+                    &at,
+                    format!("the body {} is listed twice", quote(name)),
+                    "remove one of the two",
+                );
+            }
+        }
+    }
+
+    /// Gravity, and a force per mass, need the density of every body that they act on.
+    fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>) {
+        for (index, body) in self.deck.bodies.iter().enumerate() {
+            let is_target = bodies.is_none_or(|names| names.contains(&body.name));
+            let Some(material) = self.deck.materials.get(&body.material).filter(|_| is_target) else {
+                continue;
+            };
+            let at = format!("/bodies/{index}/material");
+            let (load, body, material_name) = (quote(load), quote(&body.name), quote(&body.material));
+            match material.density() {
+                None => {
+                    let message = format!(
+                        "the load {load} needs the density of the body {body}, but its material {material_name} has none"
+                    );
+                    let help = format!("add `density` to the material {material_name}");
+                    self.error("D024", &at, message, help);
+                }
+                Some(0.0) => {
+                    let message =
+                        format!("the load {load} does not move the body {body}, whose density is 0");
+                    let diagnostic = Diagnostic::at(self.source, "D024", pointer, message);
+                    let help = format!("give the material {material_name} a `density` above 0");
+                    self.found.push(diagnostic.severity(Severity::Warning).help(help));
+                }
+                Some(_) => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! What is legal but probably not meant.
+
+use std::collections::BTreeSet;
+
+use super::Check;
+use crate::build::per_axis;
+use crate::diagnostic::{Diagnostic, Severity, quote};
+use crate::source::escape;
+use crate::{BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, PerAxis};
+use mpm_core::formula::{Formula, names};
+
+/// Poisson's ratio from which on cells of low order lock.
+const NEARLY_INCOMPRESSIBLE: f64 = 0.49;
+/// Tolerance above which a step is hardly in equilibrium.
+const LOOSE: f64 = 1e-4;
+/// Tolerance below which round-off keeps a step from it.
+const OUT_OF_REACH: f64 = 1e-14;
+
+impl Check<'_> {
+    /// Warnings about a deck without errors.
+    pub(super) fn suspicions(&mut self) {
+        self.unused();
+        self.loads_without_effect();
+        self.keys_without_effect();
+        self.incompressible();
+        self.one_point_per_cell();
+        self.units();
+        self.prescribed_motion();
+        self.tolerance();
+    }
+
+    pub(super) fn warn(&mut self, code: &'static str, pointer: &str, message: String, help: &str) {
+        let found = Diagnostic::at(self.source, code, pointer, message).severity(Severity::Warning);
+        self.found.push(found.help(help));
+    }
+
+    pub(super) fn warn_at_key(&mut self, code: &'static str, pointer: &str, message: String, help: &str) {
+        let found = Diagnostic::at_key(self.source, code, pointer, message).severity(Severity::Warning);
+        self.found.push(found.help(help));
+    }
+
+    /// Materials and parameters that nothing refers to.
+    fn unused(&mut self) {
+        let deck = self.deck;
+        let used: BTreeSet<&str> = deck.bodies.iter().map(|body| body.material.as_str()).collect();
+        for name in deck.materials.keys().filter(|name| !used.contains(name.as_str())) {
+            let message = format!("no body is made of the material {}", quote(name));
+            self.warn_at_key("D037", &format!("/materials/{}", escape(name)), message, "remove it");
+        }
+        let mut in_formulas: BTreeSet<&str> = BTreeSet::new();
+        for expression in expressions(deck) {
+            if let Expression::Formula(text) = expression {
+                in_formulas.extend(names(text).into_iter().map(|(_, name)| name));
+            }
+        }
+        for name in deck.parameters.keys() {
+            if !in_formulas.contains(name.as_str()) && !self.source.uses_parameter(name) {
+                let message = format!("the parameter {} is not used", quote(name));
+                let help = "write it as `${...}` where it should stand, or remove it";
+                self.warn_at_key("D037", &format!("/parameters/{}", escape(name)), message, help);
+            }
+        }
+    }
+
+    /// Loads that are zero, curves that are, and decks in which nothing loads the bodies.
+    fn loads_without_effect(&mut self) {
+        let deck = self.deck;
+        let mut any = false;
+        for (index, load) in deck.loads.iter().enumerate() {
+            let (key, curve) = match load {
+                LoadDeck::Gravity { curve, .. } => ("acceleration", curve),
+                LoadDeck::BodyForce { curve, .. } => ("force", curve),
+                LoadDeck::PointForce { curve, .. } => ("total", curve),
+            };
+            let name = quote(load.name());
+            if load_is_zero(load) {
+                let at = format!("/loads/{index}/{key}");
+                self.warn(
+                    "D037",
+                    &at,
+                    format!("the load {name} is zero"),
+                    "give it a value, or remove the load",
+                );
+            } else if self.stays_zero(curve.as_ref()) {
+                let message = format!("the factor of the load {name} is zero all the time");
+                let help = "give a factor other than 0 within the analysis, or remove the load";
+                self.warn("D037", &format!("/loads/{index}/curve"), message, help);
+            } else {
+                any = true;
+            }
+        }
+        for (index, condition) in deck.boundary_conditions.iter().enumerate() {
+            let moves =
+                condition.displacements().into_iter().filter_map(|(_, u)| u.as_ref()).any(|u| !is_zero(u));
+            if moves && self.stays_zero(condition.curve.as_ref()) {
+                let name = quote(&condition.name);
+                let message = format!("the factor of the boundary condition {name} is zero all the time");
+                let help = "give a factor other than 0 within the analysis, or hold the nodes by `fix`";
+                self.warn("D037", &format!("/boundary_conditions/{index}/curve"), message, help);
+            }
+            any |= moves;
+        }
+        // Something that is zero has been told of already.
+        if !any && deck.loads.is_empty() {
+            let message =
+                "nothing loads the bodies: there are no loads, and no prescribed displacement but zero";
+            let help = "add `loads`, or give `ux` or another displacement in a boundary condition";
+            self.warn_at_key("D037", "/boundary_conditions", message.to_owned(), help);
+        }
+    }
+
+    /// Whether a load curve is zero throughout the analysis.
+    fn stays_zero(&self, curve: Option<&LoadCurve>) -> bool {
+        curve.is_some_and(|LoadCurve(pairs)| {
+            let end = self.deck.steps.end_time;
+            // The pair after the end has an influence unless one lies at the end itself.
+            let after = pairs.iter().position(|pair| pair[0] >= end).map_or(pairs.len(), |last| last + 1);
+            pairs[..after].iter().all(|pair| pair[1] == 0.0)
+        })
+    }
+
+    fn incompressible(&mut self) {
+        for (name, material) in &self.deck.materials {
+            let (MaterialDeck::Hencky { poisson, .. }
+            | MaterialDeck::NeoHookean { poisson, .. }
+            | MaterialDeck::VonMises { poisson, .. }) = material;
+            if *poisson >= NEARLY_INCOMPRESSIBLE {
+                let message = format!(
+                    "with Poisson's ratio {poisson} the material {} hardly changes its volume, and cells of low order \
+                     lock: they come out too stiff, with stresses that jump from point to point",
+                    quote(name)
+                );
+                let help = "stay below 0.49, or compare several grids and look at mean stresses over cells";
+                self.warn("D039", &format!("/materials/{}/poisson", escape(name)), message, help);
+            }
+        }
+    }
+
+    /// A single point in the middle of a cell does not feel the hourglass motions of its corners.
+    fn one_point_per_cell(&mut self) {
+        let single_of = |counts: &PerAxis<u32>| {
+            per_axis::<u32, 3>(counts).iter().take(self.deck.dimensions()).all(|n| *n == 1)
+        };
+        for (index, body) in self.deck.bodies.iter().enumerate() {
+            let of_simplices = body.points_per_triangle.or(body.points_per_tetrahedron);
+            let (key, single) = match (&self.deck.grid, &body.points_per_cell, &body.point_spacing) {
+                (GridDeck::Gmsh { .. }, Some(counts), _) if of_simplices.is_none() => {
+                    ("points_per_cell", single_of(counts))
+                }
+                (GridDeck::Structured { .. }, Some(counts), _) => ("points_per_cell", single_of(counts)),
+                (GridDeck::Structured { spacing: cell, .. }, None, Some(spacing)) => {
+                    let (points, cell) = (per_axis::<f64, 3>(spacing), per_axis::<f64, 3>(cell));
+                    let is_coarse = |d: usize| points[d] > 0.99 * cell[d];
+                    ("point_spacing", (0..self.deck.dimensions()).all(is_coarse))
+                }
+                _ => continue,
+            };
+            if single {
+                let message = format!(
+                    "the body {} has one point per cell: nothing resists the hourglass motions of the cells",
+                    quote(&body.name)
+                );
+                let help = "use at least two points along each axis of a cell";
+                self.warn("D038", &format!("/bodies/{index}/{key}"), message, help);
+            }
+        }
+    }
+
+    fn tolerance(&mut self) {
+        let tolerance = self.deck.solver.tolerance;
+        if tolerance > LOOSE {
+            let message = format!(
+                "with the tolerance {tolerance} a step counts as in equilibrium while {} % of its load is missing",
+                100.0 * tolerance
+            );
+            let help = "use 1e-6 or less: one more iteration, as they converge quadratically";
+            self.warn("D045", "/solver/tolerance", message, help);
+        } else if tolerance < OUT_OF_REACH {
+            let message =
+                format!("the tolerance {tolerance:e} is below round-off: hardly any step can meet it");
+            self.warn("D045", "/solver/tolerance", message, "use 1e-12 or more");
+        }
+    }
+}
+
+/// Whether a load is zero, whatever its factor.
+pub(super) fn load_is_zero(load: &LoadDeck) -> bool {
+    match load {
+        LoadDeck::Gravity { acceleration, .. } => acceleration.iter().all(|a| *a == 0.0),
+        LoadDeck::BodyForce { force, .. } => force.iter().all(is_zero),
+        LoadDeck::PointForce { total, .. } => total.iter().all(|f| *f == 0.0),
+    }
+}
+
+/// Whether an expression is zero everywhere.
+pub(super) fn is_zero(expression: &Expression) -> bool {
+    match expression {
+        Expression::Number(value) => *value == 0.0,
+        Expression::Formula(text) => {
+            Formula::parse(text, &[]).ok().and_then(|f| f.as_constant()) == Some(0.0)
+        }
+    }
+}
+
+/// All expressions of a deck that may be formulas.
+pub(crate) fn expressions(deck: &Deck) -> impl Iterator<Item = &Expression> {
+    let displacements = deck.boundary_conditions.iter().flat_map(BoundaryConditionDeck::displacements);
+    let displacements = displacements.filter_map(|(_, u)| u.as_ref());
+    let given = deck.boundary_conditions.iter().flat_map(|condition| condition.intermediate.values());
+    let forces = deck.loads.iter().flat_map(|load| match load {
+        LoadDeck::BodyForce { force, intermediate, .. } => {
+            force.iter().chain(intermediate.values()).collect::<Vec<_>>()
+        }
+        _ => Vec::new(),
+    });
+    displacements.chain(given).chain(forces)
+}

@@ -1,0 +1,122 @@
+//! Units that look mixed: stiffness, density and gravity that do not go together.
+
+use std::collections::BTreeSet;
+
+use super::Check;
+use super::geometry::Extent;
+use crate::diagnostic::quote;
+use crate::source::escape;
+use crate::{BodyDeck, GridDeck, LoadDeck, MaterialDeck};
+
+/// Acceleration of gravity in metres and seconds, and the same rounded.
+const GRAVITY_IN_METRES: std::ops::RangeInclusive<f64> = 9.5..=10.5;
+/// Speed of waves in metres and seconds that no solid reaches.
+const FASTEST: f64 = 20e3;
+/// Densities up to this are those of solids in tonnes per cubic metre; those in kilograms are far above.
+const DENSEST_IN_TONNES: f64 = 12.0;
+/// Strain by the own weight below which a stiffness with such a density looks like one in other units.
+const HARDLY_STRAINED: f64 = 1e-3;
+/// Strain by the own weight that no body stands.
+const CRUSHED: f64 = 100.0;
+/// Ratio of the densities of two solids that has no other reason than units.
+const DENSITIES_APART: f64 = 200.0;
+
+impl Check<'_> {
+    /// Stiffness, density and gravity that do not go together in one system of units.
+    pub(super) fn units(&mut self) {
+        let deck = self.deck;
+        let mut told: BTreeSet<&str> = BTreeSet::new();
+        for load in &deck.loads {
+            let LoadDeck::Gravity { acceleration, bodies, .. } = load else { continue };
+            let gravity = acceleration.iter().map(|a| a * a).sum::<f64>().sqrt();
+            let loaded =
+                deck.bodies.iter().filter(|b| bodies.as_ref().is_none_or(|names| names.contains(&b.name)));
+            for body in loaded {
+                let Some(material) = deck.materials.get(&body.material) else { continue };
+                if !told.insert(&body.material) {
+                    continue;
+                }
+                let (MaterialDeck::Hencky { young, .. }
+                | MaterialDeck::NeoHookean { young, .. }
+                | MaterialDeck::VonMises { young, .. }) = *material;
+                let density = material.density().unwrap_or(0.0);
+                if density > 0.0 && gravity > 0.0 {
+                    self.units_of(&body.material, young, density, gravity, self.height(body));
+                }
+            }
+        }
+        if !told.is_empty() {
+            self.densities();
+        }
+    }
+
+    /// Extent of a body, at most that of the grid; [length].
+    fn height(&self, body: &BodyDeck) -> f64 {
+        let extent = self.bounds("", &body.shape).ok().or(match &self.deck.grid {
+            GridDeck::Structured { origin, size, .. } => {
+                let max = origin.iter().zip(size).map(|(low, side)| low + side).collect();
+                Some(Extent { min: origin.clone(), max })
+            }
+            GridDeck::Gmsh { .. } => None,
+        });
+        let largest = |extent: Extent| {
+            (0..extent.min.len()).map(|d| extent.side(d)).filter(|side| side.is_finite()).fold(0.0, f64::max)
+        };
+        extent.map_or(1.0, largest)
+    }
+
+    fn units_of(&mut self, name: &str, young: f64, density: f64, gravity: f64, height: f64) {
+        let at = format!("/materials/{}/density", escape(name));
+        let in_metres = GRAVITY_IN_METRES.contains(&gravity);
+        let speed = (young / density).sqrt();
+        let strain = density * gravity * height / young;
+        let values = format!("density {density} with gravity {gravity} and Young's modulus {young:e}");
+        let material = quote(name);
+        let help = "give all values in one system of units, for example m, kg, N, Pa or m, t, kN, kPa";
+        if in_metres && speed > FASTEST {
+            let message = format!(
+                "the units look mixed: {values} mean waves of {:.0} km/s in the material {material}, more than in any \
+                 solid",
+                speed / 1e3
+            );
+            self.warn("D040", &at, message, help);
+        } else if in_metres && density <= DENSEST_IN_TONNES && strain < HARDLY_STRAINED {
+            let message = format!(
+                "the units look mixed: {values}; the density of the material {material} looks like t/m³, which goes \
+                 with kPa, but its weight strains a body of this size by {strain:.0e} only"
+            );
+            self.warn("D040", &at, message, help);
+        } else if strain > CRUSHED {
+            let message = format!(
+                "the units look mixed: {values} mean that a body of this size is strained by {strain:.0e} by its own \
+                 weight, beyond anything that the material {material} can stand"
+            );
+            self.warn("D040", &at, message, help);
+        }
+    }
+
+    /// Solids whose densities differ as much as kilograms and tonnes.
+    fn densities(&mut self) {
+        let used: BTreeSet<&str> = self.deck.bodies.iter().map(|body| body.material.as_str()).collect();
+        let densities: Vec<(&str, f64)> = (self.deck.materials.iter())
+            .filter(|(name, _)| used.contains(name.as_str()))
+            .filter_map(|(name, material)| {
+                Some((name.as_str(), material.density().filter(|rho| *rho > 0.0)?))
+            })
+            .collect();
+        let least = densities.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+        let most = densities.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        if let (Some((light, least)), Some((heavy, most))) = (least, most)
+            && most / least >= DENSITIES_APART
+        {
+            let message = format!(
+                "the units look mixed: the density {most} of the material {} is {:.0} times that of the material {}",
+                quote(heavy),
+                most / least,
+                quote(light)
+            );
+            let help = "give all densities in the same unit";
+            self.warn("D040", &format!("/materials/{}/density", escape(heavy)), message, help);
+        }
+    }
+}

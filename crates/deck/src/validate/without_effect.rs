@@ -1,0 +1,104 @@
+//! Keys that are written in a deck but have no effect beside the others.
+
+use super::Check;
+use super::suspicions::is_zero;
+use crate::ControlDeck;
+use crate::diagnostic::quote;
+use mpm_core::basis::DomainKind;
+use mpm_core::stabilisation::Where;
+
+impl Check<'_> {
+    /// Keys whose value changes nothing. One that comes from a parameter may have an effect in another run of a study, as
+    /// may one beside a value that does.
+    pub(super) fn keys_without_effect(&mut self) {
+        self.stabilisation_without_effect();
+        self.curves_without_effect();
+        self.volume_without_effect();
+        self.predictor_without_effect();
+        self.damping_without_effect();
+    }
+
+    /// Whether the deck itself gives a key its value.
+    fn is_written(&self, pointer: &str) -> bool {
+        self.source.span_of(pointer).is_some() && !self.source.is_from_parameter(pointer)
+    }
+
+    fn stabilisation_without_effect(&mut self) {
+        let mode = "/analysis/stabilisation/mode";
+        if self.deck.analysis.stabilisation.mode != Where::Off || self.source.is_from_parameter(mode) {
+            return;
+        }
+        for key in ["parameter", "filling"] {
+            let at = format!("/analysis/stabilisation/{key}");
+            if self.is_written(&at) {
+                let message = format!("`{key}` has no effect: the stabilisation is off");
+                let help = format!("set `mode: auto` or `on`, or remove `{key}`");
+                self.warn_at_key("D037", &at, message, &help);
+            }
+        }
+    }
+
+    /// Load curves of boundary conditions that hold their nodes.
+    fn curves_without_effect(&mut self) {
+        for (index, condition) in self.deck.boundary_conditions.iter().enumerate() {
+            let at = format!("/boundary_conditions/{index}");
+            let moves = condition.displacements().into_iter().any(|(key, given)| {
+                given.as_ref().is_some_and(|u| !is_zero(u))
+                    || self.source.is_from_parameter(&format!("{at}/{key}"))
+            });
+            let at = format!("{at}/curve");
+            if condition.curve.is_some() && !moves && self.is_written(&at) {
+                let name = quote(&condition.name);
+                let message =
+                    format!("the curve has no effect: the boundary condition {name} only holds its nodes");
+                let help = "remove `curve`, or prescribe a displacement other than 0 by `ux`, `uy` or `uz`";
+                self.warn_at_key("D037", &at, message, help);
+            }
+        }
+    }
+
+    /// Where the volume of points without a domain comes from is no choice.
+    fn volume_without_effect(&mut self) {
+        let at = "/analysis/point_volume";
+        let bodies = self.deck.bodies.iter().enumerate();
+        let has_no_domain = |(index, body): (usize, &crate::BodyDeck)| {
+            body.method.domain() == DomainKind::None
+                && !self.source.is_from_parameter(&format!("/bodies/{index}/method"))
+        };
+        if self.is_written(at) && bodies.clone().all(has_no_domain) {
+            let message = "`point_volume` has no effect: points of method `mpm` have no domain".to_owned();
+            let help = "remove it, or use another method for a body";
+            self.warn_at_key("D037", at, message, help);
+        }
+    }
+
+    fn predictor_without_effect(&mut self) {
+        let control = match &self.deck.steps.control {
+            ControlDeck::Load {} => return,
+            ControlDeck::Displacement { .. } => "displacement",
+            ControlDeck::ArcLength { .. } => "arc-length",
+        };
+        let at = "/solver/predictor";
+        if self.is_written(at) && !self.source.is_from_parameter("/steps/control/type") {
+            let message = format!("`predictor` has no effect with `control: {{type: {control}}}`");
+            let help = "remove it; it is for prescribed loads, `control: {type: load}`";
+            self.warn_at_key("D037", at, message, help);
+        }
+    }
+
+    fn damping_without_effect(&mut self) {
+        let steps = &self.deck.steps;
+        let (because, other) = match steps.control {
+            ControlDeck::Load {} if steps.smallest < 1.0 => return,
+            ControlDeck::Load {} => {
+                ("with `smallest: 1`, which ends a run at the first failure", "/steps/smallest")
+            }
+            _ => ("where the load factor is unknown", "/steps/control/type"),
+        };
+        let at = "/steps/damping";
+        if self.is_written(at) && !self.source.is_from_parameter(other) {
+            let help = "remove it; it is for steps under prescribed loads that may be cut";
+            self.warn_at_key("D037", at, format!("`damping` has no effect {because}"), help);
+        }
+    }
+}

@@ -1,0 +1,155 @@
+use super::*;
+use mpm_core::solver::Summary;
+use mpm_deck::load::load;
+use mpm_deck::ready::{Analysis, ready};
+
+/// The collapse, whose points have a domain and a history.
+fn analysis() -> (Value, Model<2>, Points<2>) {
+    let set = [("h", "1"), ("n", "2"), ("method", "cpdi2")].map(|(k, v)| (k.to_owned(), v.to_owned()));
+    let loaded = load(Path::new("../../inputs/collapse.yaml"), &set).unwrap();
+    let Analysis::Plane(parts) = ready(&loaded, None).unwrap().analysis else { panic!() };
+    let (model, points) = *parts;
+    (serde_json::to_value(&loaded.deck).unwrap(), model, points)
+}
+
+fn reached(step: usize) -> Reached {
+    let summary = Summary { steps: step, external_work: 0.1 + 0.2, ..Summary::default() };
+    Reached { step: Step { index: step, start: 0.1, end: 1.0 / 3.0 }, summary }
+}
+
+fn names(directory: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        fs::read_dir(directory).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn the_last_two_are_kept_and_read_back_exactly() {
+    let directory = tempfile::tempdir().unwrap();
+    let (deck, model, mut points) = analysis();
+    for (step, stress) in [(9, 0.1), (10, 1.0 / 3.0), (10000, -5e-324)] {
+        points.converged.kirchhoff_stress[7].0[2] = stress;
+        points.converged.position[3] = [stress, 0.25];
+        write(directory.path(), (&deck, "f"), &reached(step), &Findings::default(), &points).unwrap();
+    }
+    assert_eq!(names(directory.path()), ["checkpoint_0010.mpm", "checkpoint_10000.mpm"]);
+    let (found, refused) = latest(directory.path()).unwrap();
+    let found = found.unwrap();
+    assert!(refused.is_empty());
+    assert_eq!((found.head.reached.clone(), &found.head.deck), (reached(10000), &deck));
+    // Into points in another order.
+    let mut others = analysis().2;
+    let mut order: Vec<u32> = (0..others.len() as u32).rev().collect();
+    order.swap(1, 5);
+    let (cell, state) = (others.cell.clone(), others.converged.clone());
+    others.restore(&order, cell, state).unwrap();
+    found.restore(&model, &mut others).unwrap();
+    assert_eq!((&others.id, &others.cell), (&points.id, &points.cell));
+    assert_eq!(others.converged, points.converged);
+    assert_eq!((&others.mass, &others.original_position), (&points.mass, &points.original_position));
+    assert_eq!(others.original_corners, points.original_corners);
+}
+
+#[test]
+fn damaged_files_are_refused_by_name_and_the_one_before_is_used() {
+    let directory = tempfile::tempdir().unwrap();
+    let (deck, _, points) = analysis();
+    for step in [1, 2] {
+        write(directory.path(), (&deck, "f"), &reached(step), &Findings::default(), &points).unwrap();
+    }
+    let path = directory.path().join("checkpoint_0002.mpm");
+    let good = fs::read(&path).unwrap();
+    let refused = |bytes: &[u8]| {
+        fs::write(&path, bytes).unwrap();
+        let (found, refused) = latest(directory.path()).unwrap();
+        assert_eq!(found.unwrap().step().index, 1);
+        assert_eq!(refused.len(), 1);
+        let text = refused[0].to_string();
+        assert!(text.contains("checkpoint_0002.mpm"), "{text}");
+        refused[0].reason.clone()
+    };
+    for end in (0..good.len()).step_by(97) {
+        refused(&good[..end]);
+    }
+    for (place, bit) in (0..good.len()).step_by(61).zip((0..8).cycle()) {
+        let mut bytes = good.clone();
+        bytes[place] ^= 1 << bit;
+        refused(&bytes);
+    }
+    assert!(refused(b"").contains("checksum"));
+    assert!(refused(b"PNG").contains("no checkpoint") || refused(b"PNG").contains("checksum"));
+    let mut other = good.clone();
+    other[NAME_LENGTH] = b'7';
+    assert_eq!(refused(&other), "it has version 7 of the format, and this program reads 3");
+    fs::write(&path, &good).unwrap();
+    assert_eq!(latest(directory.path()).unwrap().0.unwrap().step().index, 2);
+}
+
+/// Where the version stands.
+const NAME_LENGTH: usize = "mpm checkpoint ".len();
+
+#[test]
+fn points_of_another_kind_are_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let (deck, model, points) = analysis();
+    write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
+    let found = latest(directory.path()).unwrap().0.unwrap();
+    let mut other = Points::<2>::new(&[]);
+    assert!(found.restore(&model, &mut other).unwrap_err().contains("other points"));
+    assert_eq!(latest(tempfile::tempdir().unwrap().path()).unwrap_err().kind(), io::ErrorKind::NotFound);
+}
+
+/// What fits together as a file, but was not written by a run of the deck.
+#[test]
+fn a_state_that_no_run_has_reached_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let (deck, model, good) = analysis();
+    let refused = |points: &Points<2>, reached: &Reached, findings: &Findings| {
+        write(directory.path(), (&deck, "f"), reached, findings, points).unwrap();
+        let found = latest(directory.path()).unwrap().0.unwrap();
+        found.restore(&model, &mut analysis().2).unwrap_err()
+    };
+    let nothing = Findings::default();
+    let mut points = good.clone();
+    points.cell[5] = model.grid.n_cells() as u32;
+    assert!(refused(&points, &reached(1), &nothing).contains("cell that does not exist"));
+    let mut points = good.clone();
+    points.converged.deformation_gradient[2][(0, 0)] = -1.0;
+    assert!(refused(&points, &reached(2), &nothing).contains("inside out"));
+    let mut points = good.clone();
+    points.id[1] = points.id[0];
+    assert!(refused(&points, &reached(3), &nothing).contains("numbers of its points"));
+    let mut account = reached(4);
+    account.step.end = 2.0;
+    assert!(refused(&good, &account, &nothing).contains("account"));
+    let mut account = reached(5);
+    account.summary.quality.shear =
+        Some(mpm_core::quality::Worst { value: 1.0, step: 1, body: 1, point: None });
+    assert!(refused(&good, &account, &nothing).contains("account"));
+}
+
+#[test]
+fn a_number_that_is_not_finite_reaches_no_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let (deck, _, good) = analysis();
+    let says = |change: &dyn Fn(&mut State<2>)| {
+        let mut points = good.clone();
+        change(&mut points.converged);
+        let error = write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points);
+        let error = error.unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::InvalidInput);
+        error.to_string()
+    };
+    let of = |place: usize| format!(" of point {} is ", good.id[place]);
+    assert!(says(&|state| state.position[3][1] = f64::NAN).contains(&format!("position{}NaN", of(3))));
+    assert!(says(&|state| state.corners[4 * 5 + 3][0] = f64::NAN).contains(&format!("domain{}NaN", of(5))));
+    let gradient = says(&|state| state.deformation_gradient[2][8] = f64::INFINITY);
+    assert!(gradient.contains(&format!("deformation gradient{}inf", of(2))));
+    let strain = says(&|state| state.elastic_strain[7].0[5] = f64::NAN);
+    assert!(strain.contains(&format!("elastic strain{}NaN", of(7))));
+    let stress = says(&|state| state.kirchhoff_stress[0].0[0] = -f64::INFINITY);
+    assert!(stress.contains(&format!("Kirchhoff stress{}-inf", of(0))));
+    assert!(says(&|state| state.history[9] = f64::NAN).contains(&format!("history{}NaN", of(9))));
+    assert!(names(directory.path()).is_empty());
+}

@@ -1,0 +1,427 @@
+//! The fields of material points and grid nodes as they stand in the files.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use mpm_core::basis::{Connectivity, DomainKind};
+use mpm_core::grid::vtk_corner;
+use mpm_core::model::{Body, Model};
+use mpm_core::points::{PIECE, PointVolume, Points};
+use mpm_core::tensor::{Mat3, Sym3, padded};
+
+use super::vtu::{
+    CellKind, Compute, Encoded, Field, Precision, Room, SYMMETRIC_TENSOR, TENSOR, VECTOR, Values,
+};
+
+/// Row and column of each component of a symmetric tensor in ParaView's order.
+const PARAVIEW: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)];
+
+/// The history variable that every file carries, zero for laws that do not have it.
+const EQUIVALENT_PLASTIC_STRAIN: &str = "equivalent_plastic_strain";
+
+/// A field of the points that files may have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum PointField {
+    /// From the original to the current position, [length].
+    Displacement,
+    /// F.
+    DeformationGradient,
+    /// det F.
+    #[serde(rename = "J")]
+    VolumeRatio,
+    /// Force per current area, [stress].
+    CauchyStress,
+    /// Logarithmic elastic strain.
+    ElasticStrain,
+    /// Logarithmic plastic strain in the original configuration.
+    PlasticStrain,
+    /// √(3/2) times the norm of the deviator of the Cauchy stress, [stress].
+    VonMisesStress,
+    /// Minus a third of the trace of the Cauchy stress, [stress].
+    Pressure,
+    /// Current volume, [area] in the plane; in every file, named or not.
+    Volume,
+    /// The history variable of laws with plasticity, zero for others.
+    EquivalentPlasticStrain,
+}
+
+impl PointField {
+    /// All of them, in the order of the files.
+    pub const ALL: [PointField; 10] = [
+        PointField::Displacement,
+        PointField::DeformationGradient,
+        PointField::VolumeRatio,
+        PointField::CauchyStress,
+        PointField::ElasticStrain,
+        PointField::PlasticStrain,
+        PointField::VonMisesStress,
+        PointField::Pressure,
+        PointField::Volume,
+        PointField::EquivalentPlasticStrain,
+    ];
+
+    /// Its name in files and decks.
+    pub fn name(self) -> &'static str {
+        match self {
+            PointField::Displacement => "displacement",
+            PointField::DeformationGradient => "deformation_gradient",
+            PointField::VolumeRatio => "J",
+            PointField::CauchyStress => "cauchy_stress",
+            PointField::ElasticStrain => "elastic_strain",
+            PointField::PlasticStrain => "plastic_strain",
+            PointField::VonMisesStress => "von_mises_stress",
+            PointField::Pressure => "pressure",
+            PointField::Volume => "volume",
+            PointField::EquivalentPlasticStrain => EQUIVALENT_PLASTIC_STRAIN,
+        }
+    }
+
+    fn component_names(self) -> &'static [&'static str] {
+        match self {
+            PointField::Displacement => &VECTOR,
+            PointField::DeformationGradient => &TENSOR,
+            PointField::CauchyStress | PointField::ElasticStrain | PointField::PlasticStrain => {
+                &SYMMETRIC_TENSOR
+            }
+            PointField::VolumeRatio
+            | PointField::VonMisesStress
+            | PointField::Pressure
+            | PointField::Volume
+            | PointField::EquivalentPlasticStrain => &[],
+        }
+    }
+
+    /// Numbers per point.
+    pub fn components(self) -> usize {
+        self.component_names().len().max(1)
+    }
+
+    /// Fills the field of some points of a file.
+    fn fill<const D: usize>(self, of: Of<D>, tuples: Range<usize>, out: &mut [f64]) {
+        let Of { model, points, .. } = of;
+        let (order, volumes) = (&of.order[tuples.clone()], &of.volumes[tuples]);
+        let state = &points.converged;
+        let stress = |(&p, [ratio, _]): (&usize, &[f64; 2])| state.kirchhoff_stress[p] * (1.0 / ratio);
+        let stresses = order.iter().zip(volumes).map(stress);
+        match self {
+            PointField::Displacement => {
+                fill(out, order.iter().map(|&p| padded(&displacement(points, p))));
+            }
+            PointField::DeformationGradient => {
+                let rows = |f: &Mat3| std::array::from_fn::<f64, 9, _>(|c| f[(c / 3, c % 3)]);
+                fill(out, order.iter().map(|&p| rows(&state.deformation_gradient[p])));
+            }
+            PointField::VolumeRatio => fill(out, volumes.iter().map(|[ratio, _]| [*ratio])),
+            PointField::CauchyStress => fill(out, stresses.map(|sigma| paraview(&sigma))),
+            PointField::ElasticStrain => {
+                let logarithmic =
+                    |p: usize| model.law(points, p).strain_measure().logarithmic(&state.elastic_strain[p]);
+                fill(out, order.iter().map(|&p| paraview(&logarithmic(p))));
+            }
+            PointField::PlasticStrain => {
+                let history = History::new(model, EQUIVALENT_PLASTIC_STRAIN);
+                let plastic = |p: usize| {
+                    if history.of(points, p) == 0.0 {
+                        return Sym3::ZERO;
+                    }
+                    let measure = model.law(points, p).strain_measure();
+                    let b = measure.left_cauchy_green(&state.elastic_strain[p]);
+                    plastic_strain(&state.deformation_gradient[p], &b)
+                };
+                fill(out, order.iter().map(|&p| paraview(&plastic(p))));
+            }
+            PointField::VonMisesStress => fill(out, stresses.map(|sigma| [von_mises_stress(&sigma)])),
+            PointField::Pressure => fill(out, stresses.map(|sigma| [pressure(&sigma)])),
+            PointField::Volume => fill(out, volumes.iter().map(|[_, volume]| [*volume])),
+            PointField::EquivalentPlasticStrain => {
+                let history = History::new(model, EQUIVALENT_PLASTIC_STRAIN);
+                fill(out, order.iter().map(|&p| [history.of(points, p)]));
+            }
+        }
+    }
+}
+
+/// Fills tuples one after the other.
+#[inline(always)]
+fn fill<const N: usize>(out: &mut [f64], tuples: impl Iterator<Item = [f64; N]>) {
+    for (out, tuple) in out.as_chunks_mut::<N>().0.iter_mut().zip(tuples) {
+        *out = tuple;
+    }
+}
+
+/// Where the history variable of a name stands.
+struct History {
+    /// By number of the body, if its law has it.
+    place: Vec<Option<usize>>,
+}
+
+impl History {
+    fn new<const D: usize>(model: &Model<D>, name: &str) -> History {
+        let law = |body: &Body| &model.materials[body.material].law;
+        let place = |body| law(body).state_fields().iter().position(|field| field.name == name);
+        History { place: model.bodies.iter().map(place).collect() }
+    }
+
+    /// Its value, zero for laws that do not have it.
+    fn of<const D: usize>(&self, points: &Points<D>, p: usize) -> f64 {
+        match self.place[points.body[p] as usize] {
+            Some(k) => points.converged.history[p * points.history_len + k],
+            None => 0.0,
+        }
+    }
+}
+
+fn paraview(t: &Sym3) -> [f64; 6] {
+    PARAVIEW.map(|(i, j)| t.component(i, j))
+}
+
+/// Logarithmic plastic strain −½ ln(F⁻¹ b^e F⁻ᵀ) in the original configuration.
+fn plastic_strain(f: &Mat3, b: &Sym3) -> Sym3 {
+    let inverse = f.try_inverse().unwrap_or_else(Mat3::identity);
+    let b = b.to_matrix();
+    Sym3::symmetric_part(&(inverse * b * inverse.transpose())).map_eigenvalues(f64::ln) * -0.5
+}
+
+/// Displacement of a point in its converged state, [length].
+pub fn displacement<const D: usize>(points: &Points<D>, p: usize) -> [f64; D] {
+    std::array::from_fn(|d| points.converged.position[p][d] - points.original_position[p][d])
+}
+
+/// Cauchy stress σ = τ/J of a point in its converged state, [stress].
+pub fn cauchy_stress<const D: usize>(points: &Points<D>, p: usize) -> Sym3 {
+    points.converged.kirchhoff_stress[p] * (1.0 / points.converged.deformation_gradient[p].determinant())
+}
+
+/// √(3/2) |dev σ|, [stress].
+pub fn von_mises_stress(sigma: &Sym3) -> f64 {
+    (1.5f64).sqrt() * sigma.deviator().norm()
+}
+
+/// −tr σ/3, [stress].
+pub fn pressure(sigma: &Sym3) -> f64 {
+    -sigma.trace() / 3.0
+}
+
+/// Puts J and current volume of some points in place of what is in `out`.
+pub fn volumes<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    order: &[usize],
+    out: &mut Vec<[f64; 2]>,
+) {
+    let ratio = |p: usize| points.converged.deformation_gradient[p].determinant();
+    let order = order.par_iter().with_min_len(PIECE);
+    match model.point_volume {
+        PointVolume::Deformation => order
+            .map(|&p| {
+                let ratio = ratio(p);
+                [ratio, ratio * points.original_volume[p]]
+            })
+            .collect_into_vec(out),
+        PointVolume::Domain => order.map(|&p| [ratio(p), model.volume(points, p)]).collect_into_vec(out),
+    }
+}
+
+/// The points of a file, whose fields are computed piece by piece, in their converged state.
+#[derive(Clone, Copy)]
+pub struct Of<'a, const D: usize> {
+    /// The model that they are of.
+    pub model: &'a Model<D>,
+    /// All points.
+    pub points: &'a Points<D>,
+    /// Those of the file, in its order.
+    pub order: &'a [usize],
+    /// J and current volume of each of these, [`volumes`].
+    pub volumes: &'a [[f64; 2]],
+    /// Size of floating-point numbers.
+    pub precision: Precision,
+    /// Memory for the encoded arrays.
+    pub room: &'a Room,
+}
+
+/// One field of the points of a file.
+struct Part<'a, const D: usize, F> {
+    of: Of<'a, D>,
+    tuples: usize,
+    fill: F,
+}
+
+impl<const D: usize, F: Fn(Of<D>, Range<usize>, &mut [f64]) + Sync> Compute for Part<'_, D, F> {
+    fn tuples(&self) -> usize {
+        self.tuples
+    }
+
+    fn fill(&self, tuples: Range<usize>, out: &mut [f64]) {
+        (self.fill)(self.of, tuples, out);
+    }
+}
+
+impl<const D: usize> Of<'_, D> {
+    fn encode(&self, field: &Field) -> Result<Arc<Encoded>, String> {
+        Encoded::new(field, ("point", self.order.len()), self.precision, self.room).map(Arc::new)
+    }
+
+    fn float(
+        &self,
+        name: &str,
+        component_names: &[&str],
+        fill: impl Fn(Of<D>, Range<usize>, &mut [f64]) + Sync,
+    ) -> Result<Arc<Encoded>, String> {
+        let part = Part { of: *self, tuples: self.order.len(), fill };
+        let components = component_names.len().max(1);
+        self.encode(&Field { name, components, component_names, values: Values::Computed(&part) })
+    }
+
+    /// Positions.
+    ///
+    /// # Errors
+    /// Of these and all that follow: a number that is not finite, in words.
+    pub fn positions(&self) -> Result<Arc<Encoded>, String> {
+        let place = |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| {
+            fill(out, of.order[tuples].iter().map(|&p| padded(&of.points.converged.position[p])));
+        };
+        let values = Part { of: *self, tuples: self.order.len(), fill: place };
+        let values = Values::Computed(&values);
+        Encoded::positions(self.order.len(), values, self.precision, self.room).map(Arc::new)
+    }
+
+    /// The fields that are asked for, the volume, and the history variables of laws that no [`PointField`] is.
+    pub fn fields(&self, asked: &[PointField]) -> Result<Vec<Arc<Encoded>>, String> {
+        let is_asked = |field: &PointField| *field == PointField::Volume || asked.contains(field);
+        let known = PointField::ALL.into_iter().filter(is_asked).map(|field| {
+            let fill = move |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| field.fill(of, tuples, out);
+            self.float(field.name(), field.component_names(), fill)
+        });
+        let other = other_history(self.model).into_iter().map(|name| {
+            let history = History::new(self.model, name);
+            self.float(name, &[], move |of, tuples, out| {
+                fill(out, of.order[tuples].iter().map(|&p| [history.of(of.points, p)]));
+            })
+        });
+        known.chain(other).collect()
+    }
+
+    /// What never changes: body, material and number of each point.
+    pub fn identity(&self) -> Result<Vec<Arc<Encoded>>, String> {
+        let body = |p: &usize| self.points.body[*p];
+        let material = |p: &usize| self.model.bodies[body(p) as usize].material as i32;
+        let all: [(&str, Vec<i32>); 3] = [
+            ("body_id", self.order.iter().map(|p| i32::from(body(p))).collect()),
+            ("material_id", self.order.iter().map(material).collect()),
+            ("point_id", self.order.iter().map(|&p| self.points.id[p] as i32).collect()),
+        ];
+        all.iter().map(|(name, numbers)| self.encode(&number(name, numbers))).collect()
+    }
+
+    /// Shapes of the domains of the points, which must have one.
+    pub fn domains(&self) -> Vec<CellKind> {
+        self.order.iter().map(|&p| cell_kind::<D>(number_of_corners(self.model, self.points, p))).collect()
+    }
+
+    /// Corners of their domains, in the order of the VTK cells of these shapes.
+    pub fn corners(&self, domains: &[CellKind]) -> Result<Arc<Encoded>, String> {
+        let end = |end: &mut usize, kind: &CellKind| {
+            *end += kind.points();
+            Some(*end)
+        };
+        let ends: Vec<usize> = domains.iter().scan(0, end).collect();
+        let count = ends.last().copied().unwrap_or(0);
+        let fill = |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| {
+            let mut domain = ends.partition_point(|end| *end <= tuples.start);
+            for (out, tuple) in out.as_chunks_mut::<3>().0.iter_mut().zip(tuples) {
+                domain += usize::from(ends[domain] == tuple);
+                let corners = domains[domain].points();
+                let k = tuple + corners - ends[domain];
+                let k = if corners == 1 << D { vtk_corner(k) } else { k };
+                *out = padded(&corner_of(of.model, of.points, of.order[domain], k));
+            }
+        };
+        let values = Part { of: *self, tuples: count, fill };
+        let values = Values::Computed(&values);
+        Encoded::positions(count, values, self.precision, self.room).map(Arc::new)
+    }
+}
+
+/// Names of the history variables of all laws, without the one that is a [`PointField`].
+fn other_history<const D: usize>(model: &Model<D>) -> Vec<&'static str> {
+    let mut names: Vec<&str> =
+        model.materials.iter().flat_map(|m| m.law.state_fields()).map(|f| f.name).collect();
+    names.sort_unstable();
+    names.dedup();
+    names.retain(|name| *name != EQUIVALENT_PLASTIC_STRAIN);
+    names
+}
+
+/// The shape of a cell or domain with this many corners.
+fn cell_kind<const D: usize>(corners: usize) -> CellKind {
+    match (D, corners) {
+        (_, 3) => CellKind::Triangle,
+        (3, 4) => CellKind::Tetrahedron,
+        (_, 4) => CellKind::Quad,
+        _ => CellKind::Hexahedron,
+    }
+}
+
+/// The cells that points or their domains meet, without those that they only touch from outside, of which not all nodes
+/// are active: as corners among the active nodes in the order of the VTK cell of their kind.
+#[derive(Debug, PartialEq)]
+pub struct GridMesh {
+    /// Positions of the active nodes.
+    pub nodes: Vec<[f64; 3]>,
+    /// Corners of the active cells.
+    pub corners: Vec<i64>,
+    /// Kinds of the active cells.
+    pub kinds: Vec<CellKind>,
+}
+
+/// The active part of the grid in a load step.
+pub fn grid_mesh<const D: usize>(model: &Model<D>, links: &Connectivity<D>) -> GridMesh {
+    let (mut corners, mut kinds) = (Vec::new(), Vec::new());
+    for &cell in links.active_cells() {
+        let nodes = model.grid.corners(cell as usize);
+        let number = |&node: &u32| links.active_number(node as usize).map(|active| active as i64);
+        if let Some(numbers) = nodes.nodes().iter().map(number).collect::<Option<Vec<i64>>>() {
+            kinds.push(cell_kind::<D>(numbers.len()));
+            corners.extend(numbers);
+        }
+    }
+    let position = |&node: &u32| padded(&model.grid.node_position(node as usize));
+    GridMesh { nodes: links.active_nodes().iter().map(position).collect(), corners, kinds }
+}
+
+/// A vector with three components per node or point.
+pub fn vector<'a>(name: &'a str, values: &'a [[f64; 3]]) -> Field<'a> {
+    Field { name, components: 3, component_names: &VECTOR, values: Values::Float64(values.as_flattened()) }
+}
+
+/// A whole number per node or point.
+pub fn number<'a>(name: &'a str, values: &'a [i32]) -> Field<'a> {
+    Field { name, components: 1, component_names: &[], values: Values::Int32(values) }
+}
+
+/// Number of corners of the domain of a point, 0 of one without.
+pub fn number_of_corners<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize) -> usize {
+    match model.bodies[points.body[p] as usize].method.domain() {
+        DomainKind::None => 0,
+        DomainKind::Corners => points.corner_range(p).len(),
+        DomainKind::Box => 1 << D,
+    }
+}
+
+/// A corner of the domain of a point, its position where it has none; of 2^D corners, bit d of a corner's number is its side along axis d.
+pub fn corner_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, k: usize) -> [f64; D] {
+    let state = &points.converged;
+    match model.bodies[points.body[p] as usize].method.domain() {
+        DomainKind::None => state.position[p],
+        DomainKind::Corners => points.corners(p)[k],
+        DomainKind::Box => {
+            let (x, l) = (&state.position[p], &state.half_lengths[p]);
+            std::array::from_fn(|d| if k >> d & 1 == 1 { x[d] + l[d] } else { x[d] - l[d] })
+        }
+    }
+}

@@ -1,0 +1,292 @@
+//! What a run found, in a few numbers: how its forces balance, where displacement and stress are largest, and how the
+//! iterations went.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use mpm_core::model::Model;
+use mpm_core::points::Points;
+use mpm_core::solver::{ReactionMoment, StepReport, Summary};
+
+use super::fields::{cauchy_stress, displacement, pressure, von_mises_stress};
+
+/// All external forces on the bodies at the end of a step.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ForceBalance {
+    /// Sum of the loads along each axis, [force].
+    pub applied: Vec<f64>,
+    /// Name and resultant of each load, [force].
+    pub loads: Vec<(String, Vec<f64>)>,
+    /// Name and reaction of each boundary condition, [force].
+    pub reactions: Vec<(String, Vec<f64>)>,
+    /// Moment of each of these reactions; empty for bodies of revolution.
+    pub moments: Vec<Moment>,
+    /// Whether each axis has a balance of forces: not the radius of a body of revolution, where hoop stresses pull
+    /// inwards all around.
+    balanced: Vec<bool>,
+    /// Sum of the magnitudes of the forces at all nodes that are held, or of the loads, whichever is larger, [force].
+    scale: f64,
+}
+
+/// The moment of a reaction, [`mpm_core::solver::ReactionMoment`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Moment {
+    /// The point it is taken about, [length]; none where the condition holds nothing.
+    pub about: Option<Vec<f64>>,
+    /// The moment about each axis that it can have, [force·length].
+    pub moment: Vec<f64>,
+}
+
+impl Moment {
+    fn can_be_of<const D: usize>(&self) -> bool {
+        self.about.as_ref().is_none_or(|about| about.len() == D)
+            && self.moment.len() == ReactionMoment::<D>::AXES.len()
+    }
+}
+
+impl ForceBalance {
+    /// Of a step in equilibrium.
+    pub fn new<const D: usize>(model: &Model<D>, report: &StepReport<D>) -> ForceBalance {
+        let names = model.boundary_conditions.iter().map(|condition| condition.name.clone());
+        let reactions = names.zip(report.reactions.iter().map(|r| r.to_vec())).collect();
+        let held: f64 = report.grid.reaction.iter().flatten().map(|r| r.abs()).sum();
+        let applied = report.applied();
+        let magnitude: f64 = applied.iter().map(|f| f.abs()).sum();
+        let loads = model.loads.iter().zip(&report.loads);
+        let moments = report.moments.iter().flatten().map(|of| Moment {
+            about: of.about.map(|about| about.to_vec()),
+            moment: of.components().to_vec(),
+        });
+        ForceBalance {
+            applied: applied.to_vec(),
+            loads: loads.map(|(load, force)| (load.name.clone(), force.to_vec())).collect(),
+            reactions,
+            moments: moments.collect(),
+            balanced: (0..D).map(|axis| !(model.revolved && axis == 0)).collect(),
+            scale: held.max(magnitude),
+        }
+    }
+
+    /// Loads and reactions together, along each axis that has a balance, [force]: what the iterations left, and what
+    /// is lost where basis functions do not add up to 1.
+    pub fn difference(&self) -> Vec<Option<f64>> {
+        let reactions = |axis: usize| self.reactions.iter().map(|(_, r)| r[axis]).sum::<f64>();
+        let sum = |axis: usize| self.balanced[axis].then(|| self.applied[axis] + reactions(axis));
+        (0..self.applied.len()).map(sum).collect()
+    }
+
+    /// Length of the difference relative to all forces, [-]; none where there are no forces.
+    pub fn relative_difference(&self) -> Option<f64> {
+        let length = self.difference().iter().flatten().map(|f| f * f).sum::<f64>().sqrt();
+        (self.scale > 0.0).then(|| length / self.scale)
+    }
+}
+
+/// A value of a field, and where it is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Extreme {
+    /// The value.
+    pub value: f64,
+    /// Name of the body.
+    pub body: String,
+    /// Permanent number of the point.
+    pub point: u32,
+    /// Where the point is, [length].
+    pub position: Vec<f64>,
+}
+
+/// The largest values of the fields of the points in their converged state.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Extremes {
+    /// Largest magnitude of the displacement, [length].
+    pub displacement: Extreme,
+    /// Largest von Mises stress √(3/2) |dev σ|, [stress].
+    pub von_mises_stress: Extreme,
+    /// Smallest pressure −tr σ/3, that is the largest mean tension, [stress].
+    pub lowest_pressure: Extreme,
+    /// Largest pressure, [stress].
+    pub highest_pressure: Extreme,
+}
+
+impl Extremes {
+    /// Of the converged state; `None` where there is no point.
+    pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Extremes> {
+        // Of several points with the same value the one with the smallest number is named.
+        let largest = |of: &(dyn Fn(usize) -> f64 + Sync)| {
+            let best = (0..points.len())
+                .into_par_iter()
+                .map(|p| (of(p), p))
+                .max_by(|a, b| a.0.total_cmp(&b.0).then(points.id[b.1].cmp(&points.id[a.1])));
+            best.map(|(value, p)| Extreme {
+                value,
+                body: model.bodies[points.body[p] as usize].name.clone(),
+                point: points.id[p],
+                position: points.converged.position[p].to_vec(),
+            })
+        };
+        let length = |p: usize| displacement(points, p).iter().map(|u| u * u).sum::<f64>().sqrt();
+        let lowest = largest(&|p| -pressure(&cauchy_stress(points, p)))?;
+        Some(Extremes {
+            displacement: largest(&length)?,
+            von_mises_stress: largest(&|p| von_mises_stress(&cauchy_stress(points, p)))?,
+            lowest_pressure: Extreme { value: -lowest.value, ..lowest },
+            highest_pressure: largest(&|p| pressure(&cauchy_stress(points, p)))?,
+        })
+    }
+}
+
+/// Largest error of each balance and its step; none where no step has shown one.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    /// Of energy, [`Summary::energy_error`], in magnitude, [-].
+    pub energy: Option<(f64, usize)>,
+    /// Of forces, [`ForceBalance::relative_difference`], [-].
+    pub force: Option<(f64, usize)>,
+    /// Of moments, [`StepReport::moment_error`], [-].
+    pub moment: Option<(f64, usize)>,
+}
+
+/// What a run found.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Findings {
+    /// Fewest and most linear solves of a step.
+    pub iterations: Option<[usize; 2]>,
+    /// Largest residual of a step in equilibrium, eq. (40), and the step, [-].
+    pub worst_residual: Option<(f64, usize)>,
+    /// Forces at the end of the last step in equilibrium.
+    pub balance: Option<ForceBalance>,
+    /// What is least in balance of all steps.
+    pub errors: Errors,
+    /// Largest values at the end of the last step in equilibrium.
+    pub extremes: Option<Extremes>,
+}
+
+impl Findings {
+    /// Whether a run of this model can have found this.
+    pub(super) fn can_be_of<const D: usize>(&self, model: &Model<D>) -> bool {
+        self.balance.as_ref().is_none_or(|balance| {
+            balance.applied.len() == D
+                && balance.balanced.len() == D
+                && balance.loads.len() == model.loads.len()
+                && balance.loads.iter().all(|(_, force)| force.len() == D)
+                && balance.moments.len() == if model.revolved { 0 } else { model.boundary_conditions.len() }
+                && balance.moments.iter().all(Moment::can_be_of::<D>)
+                && balance.reactions.len() == model.boundary_conditions.len()
+                && balance.reactions.iter().all(|(_, reaction)| reaction.len() == D)
+        })
+    }
+
+    /// Takes in a step in equilibrium.
+    pub(super) fn accept<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        report: &StepReport<D>,
+        summary: &Summary,
+    ) {
+        let solves = report.residuals.len().saturating_sub(1);
+        let [low, high] = self.iterations.unwrap_or([solves; 2]);
+        self.iterations = Some([low.min(solves), high.max(solves)]);
+        let keep_worst = |kept: &mut Option<(f64, usize)>, found: f64| {
+            if kept.is_none_or(|(worst, _)| found > worst) {
+                *kept = Some((found, report.step.index));
+            }
+        };
+        keep_worst(&mut self.worst_residual, report.residuals.last().copied().unwrap_or(0.0));
+        self.balance = Some(ForceBalance::new(model, report));
+        keep_worst(&mut self.errors.energy, summary.energy_error().abs());
+        let force_error = self.force_error();
+        keep_worst(&mut self.errors.force, force_error);
+        if let Some(error) = report.moment_error {
+            keep_worst(&mut self.errors.moment, error);
+        }
+    }
+
+    /// Error of the balance of forces at the end of the last step in equilibrium; 0 where there are none, [-].
+    pub(super) fn force_error(&self) -> f64 {
+        self.balance.as_ref().and_then(ForceBalance::relative_difference).unwrap_or(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mpm_core::solver::{self, Observer};
+    use mpm_deck::{build::build, load::load_text};
+
+    #[derive(Default)]
+    struct Keeper(Findings);
+
+    impl<const D: usize> Observer<D> for Keeper {
+        fn converged(
+            &mut self,
+            model: &Model<D>,
+            _points: &Points<D>,
+            report: &StepReport<D>,
+            summary: &Summary,
+        ) -> std::io::Result<()> {
+            self.0.accept(model, report, summary);
+            Ok(())
+        }
+    }
+
+    /// A square under its weight and a body force, in a grid of this height.
+    fn findings(method: &str, top: f64, force: [f64; 2]) -> Findings {
+        let deck = format!(
+            "version: 1
+grid: {{type: structured, origin: [0, 0], size: [2, {top}], spacing: 1}}
+materials: {{m: {{model: hencky, young: 1e3, poisson: 0.2, density: 3}}}}
+bodies: [{{name: b, material: m, shape: {{type: box, min: [0, 0], max: [2, 2]}}, {method}, points_per_cell: 2}}]
+boundary_conditions:
+  - {{name: base, nodes: {{y: 0}}, fix: [y]}}
+  - {{name: left, nodes: {{x: 0}}, fix: [x]}}
+  - {{name: right, nodes: {{x: 2}}, ux: 0}}
+loads:
+  - {{name: weight, type: gravity, acceleration: [0, -2]}}
+  - {{name: push, type: body-force, force: {force:?}}}
+steps: {{count: 4}}"
+        );
+        let (model, mut points) = build::<2>(&load_text("deck", deck.as_bytes(), &[]).unwrap()).unwrap();
+        let mut keeper = Keeper::default();
+        solver::run(&model, &mut points, &mut keeper).unwrap();
+        let mut findings = keeper.0;
+        findings.extremes = Extremes::new(&model, &points);
+        findings
+    }
+
+    #[test]
+    fn reactions_balance_weight_and_body_force() {
+        let found = findings("method: mpm", 4.0, [5.0, 7.0]);
+        let balance = found.balance.unwrap();
+        // A weight of 3 · 2 · 4, and a body force on the volume at the start of the last step.
+        assert!(balance.applied[1] > -24.0 && balance.applied[1] < 7.0 * 4.1 - 24.0, "{:?}", balance.applied);
+        assert!((balance.applied[0] / (balance.applied[1] + 24.0) - 5.0 / 7.0).abs() < 1e-12);
+        assert_eq!(balance.reactions.len(), 3);
+        assert!(balance.relative_difference().unwrap() < 1e-9, "{balance:?}");
+        assert!(balance.difference().iter().all(|f| f.unwrap().abs() < 1e-7));
+        let [low, high] = found.iterations.unwrap();
+        assert!(1 <= low && low <= high && high < 10);
+        assert!(found.worst_residual.unwrap().0 <= 1e-9);
+    }
+
+    /// The body stretches beyond the top of the grid, where nothing of its domains' basis functions is: the load that
+    /// is lost there is not hidden.
+    #[test]
+    fn a_load_that_basis_functions_lose_is_a_difference() {
+        let gimp = "method: gimp, domain_update: none";
+        let whole = findings(gimp, 4.0, [0.0, 7.0]).balance.unwrap();
+        let cut = findings(gimp, 2.0, [0.0, 7.0]).balance.unwrap();
+        assert!(whole.relative_difference().unwrap() < 1e-9);
+        assert!(cut.relative_difference().unwrap() > 1e-4, "{cut:?}");
+    }
+
+    #[test]
+    fn extremes_are_those_of_a_column() {
+        let Extremes { displacement, von_mises_stress, lowest_pressure, highest_pressure } =
+            findings("method: mpm", 4.0, [0.0, 7.0]).extremes.unwrap();
+        // The net body force points up: the top rises most, the base is pulled most.
+        assert!(displacement.value > 0.0 && displacement.position[1] > 1.7);
+        assert!(von_mises_stress.value > 0.0 && von_mises_stress.position[1] < 0.3);
+        assert!(lowest_pressure.value < highest_pressure.value && lowest_pressure.position[1] < 0.3);
+        assert_eq!(displacement.body, "b");
+    }
+}

@@ -1,0 +1,215 @@
+//! What shows a step: the points, their domains and the active part of the grid, each a file of a series, encoded.
+
+use std::io;
+use std::mem::take;
+use std::sync::Arc;
+
+use mpm_core::basis::{Connectivity, DomainKind};
+use mpm_core::model::{Body, Model};
+use mpm_core::points::Points;
+use mpm_core::solver::Step;
+use mpm_core::tensor::padded;
+
+use super::directory::{SERIES, file_name};
+use super::fields::{GridMesh, Of, PointField, grid_mesh, vector, volumes};
+use super::invalid;
+use super::vtu::{CellKind, Cells, Encoded, Field, File, Kinds, Precision, Room, Values};
+
+/// A file of a series, independent of the run.
+pub(super) struct Frame {
+    /// Number of the series.
+    pub series: usize,
+    /// Name of the file.
+    pub name: String,
+    /// The step that it shows.
+    pub step: Step,
+    /// The file.
+    pub file: File,
+}
+
+impl Frame {
+    fn new(series: usize, step: Step, file: Result<File, String>) -> io::Result<Frame> {
+        let name = file_name(SERIES[series], step.index);
+        match file {
+            Ok(file) => Ok(Frame { series, name, step, file }),
+            Err(problem) => Err(invalid(format!("{name}: {problem}"))),
+        }
+    }
+}
+
+/// Makes the frames of a run.
+pub(super) struct Frames {
+    fields: Vec<PointField>,
+    precision: Precision,
+    room: Room,
+    /// Memory of order and volumes of the points.
+    order: Vec<usize>,
+    volumes: Vec<[f64; 2]>,
+    /// What is the same in all frames of the points, once there is one, and in those of the domains.
+    steady: [Option<Steady>; 2],
+    /// The grid of the last frame.
+    grid: Option<Active>,
+}
+
+/// What is the same in all frames of a series.
+#[derive(Clone)]
+struct Steady {
+    cells: Arc<Cells>,
+    identity: Vec<Arc<Encoded>>,
+}
+
+impl Steady {
+    /// What has been kept, or is now made, of cells of these kinds that share no points.
+    fn once<const D: usize>(
+        kept: &mut Option<Steady>,
+        of: Of<D>,
+        kinds: impl FnOnce() -> Vec<CellKind>,
+    ) -> Result<Steady, String> {
+        if let Some(steady) = kept {
+            return Ok(steady.clone());
+        }
+        let kinds = kinds();
+        let n: usize = kinds.iter().map(|kind| kind.points()).sum();
+        let corners: Vec<i64> = (0..n as i64).collect();
+        let cells = Arc::new(Cells::new(n, &Kinds::Each(&kinds), &corners, of.room)?);
+        Ok(kept.insert(Steady { cells, identity: of.identity()? }).clone())
+    }
+}
+
+/// A field on the active nodes of the grid.
+pub(super) type OnNodes<'a, const D: usize> = (&'a str, &'a [[f64; D]]);
+
+impl Frames {
+    /// With these fields of the points, in numbers of this size.
+    pub fn new(fields: &[PointField], precision: Precision) -> Frames {
+        let (room, order, volumes) = (Room::default(), Vec::new(), Vec::new());
+        let steady = [None, None];
+        Frames { fields: fields.to_vec(), precision, room, order, volumes, steady, grid: None }
+    }
+
+    /// The points of the converged state, and their domains if they have any.
+    ///
+    /// # Errors
+    /// `InvalidInput` if a number is not finite.
+    pub fn of_points<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        step: Step,
+    ) -> io::Result<Vec<Frame>> {
+        let (mut order, mut all) = (take(&mut self.order), take(&mut self.volumes));
+        points.order_by_id(&mut order);
+        volumes(model, points, &order, &mut all);
+        let frames = self.of_ordered_points((model, points), (&order, &all), step);
+        (self.order, self.volumes) = (order, all);
+        frames
+    }
+
+    /// The same of points in this order, with these J and volumes.
+    fn of_ordered_points<const D: usize>(
+        &mut self,
+        (model, points): (&Model<D>, &Points<D>),
+        (order, all): (&[usize], &[[f64; 2]]),
+        step: Step,
+    ) -> io::Result<Vec<Frame>> {
+        let room = self.room.clone();
+        let of = Of { model, points, order, volumes: all, precision: self.precision, room: &room };
+        let fields = of.fields(&self.fields);
+        let file = fields.clone().and_then(|fields| self.file_of_points(of, fields, step));
+        let mut frames = vec![Frame::new(0, step, file)?];
+        let with_domain = |body: &Body| body.method.domain() != DomainKind::None;
+        let file = if model.bodies.iter().all(with_domain) {
+            fields.and_then(|fields| self.file_of_domains(of, fields, step))
+        } else if model.bodies.iter().any(with_domain) {
+            let has_domain = |p: &usize| with_domain(&model.bodies[points.body[*p] as usize]);
+            let order: Vec<usize> = order.iter().copied().filter(has_domain).collect();
+            let mut some = Vec::new();
+            volumes(model, points, &order, &mut some);
+            let of = Of { order: &order, volumes: &some, ..of };
+            of.fields(&self.fields).and_then(|fields| self.file_of_domains(of, fields, step))
+        } else {
+            return Ok(frames);
+        };
+        frames.push(Frame::new(1, step, file)?);
+        Ok(frames)
+    }
+
+    /// The points, each a cell.
+    fn file_of_points<const D: usize>(
+        &mut self,
+        of: Of<D>,
+        mut fields: Vec<Arc<Encoded>>,
+        step: Step,
+    ) -> Result<File, String> {
+        let vertices = || vec![CellKind::Vertex; of.order.len()];
+        let steady = Steady::once(&mut self.steady[0], of, vertices)?;
+        fields.extend(steady.identity);
+        File::new(step.end, step.index as i64, of.positions()?, steady.cells, fields, Vec::new())
+    }
+
+    /// The domains of the points.
+    fn file_of_domains<const D: usize>(
+        &mut self,
+        of: Of<D>,
+        mut fields: Vec<Arc<Encoded>>,
+        step: Step,
+    ) -> Result<File, String> {
+        let domains = of.domains();
+        let steady = Steady::once(&mut self.steady[1], of, || domains.clone())?;
+        fields.extend(steady.identity);
+        File::new(step.end, step.index as i64, of.corners(&domains)?, steady.cells, Vec::new(), fields)
+    }
+
+    /// The active part of the grid, with these fields on its nodes.
+    ///
+    /// # Errors
+    /// As [`Frames::of_points`].
+    pub fn of_grid<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        links: &Connectivity<D>,
+        fields: &[OnNodes<D>],
+        step: Step,
+    ) -> io::Result<Frame> {
+        Frame::new(2, step, self.file_of_grid(grid_mesh(model, links), fields, step))
+    }
+
+    fn file_of_grid<const D: usize>(
+        &mut self,
+        mesh: GridMesh,
+        fields: &[OnNodes<D>],
+        step: Step,
+    ) -> Result<File, String> {
+        let (room, precision) = (&self.room, self.precision);
+        let same = self.grid.take().filter(|last| last.mesh == mesh);
+        let grid = match same {
+            Some(last) => last,
+            None => Active::new(mesh, precision, room)?,
+        };
+        let encoded = |(name, values): &OnNodes<D>| {
+            let values: Vec<[f64; 3]> = values.iter().map(padded).collect();
+            let field: Field = vector(name, &values);
+            Encoded::new(&field, ("point", values.len()), precision, room).map(Arc::new)
+        };
+        let fields = fields.iter().map(encoded).collect::<Result<_, String>>()?;
+        let Active { positions, cells, .. } = self.grid.insert(grid);
+        let (positions, cells) = (Arc::clone(positions), Arc::clone(cells));
+        File::new(step.end, step.index as i64, positions, cells, fields, Vec::new())
+    }
+}
+
+/// The active part of the grid, which often stays what it is for some steps, and what stands of it in a file.
+struct Active {
+    mesh: GridMesh,
+    positions: Arc<Encoded>,
+    cells: Arc<Cells>,
+}
+
+impl Active {
+    fn new(mesh: GridMesh, precision: Precision, room: &Room) -> Result<Active, String> {
+        let n = mesh.nodes.len();
+        let positions = Encoded::positions(n, Values::Float64(mesh.nodes.as_flattened()), precision, room)?;
+        let cells = Cells::new(n, &Kinds::Each(&mesh.kinds), &mesh.corners, room)?;
+        Ok(Active { mesh, positions: Arc::new(positions), cells: Arc::new(cells) })
+    }
+}

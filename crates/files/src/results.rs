@@ -1,0 +1,507 @@
+//! The results directory of a run: VTU series, tables and summary.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use mpm_core::basis::{Connectivity, DomainKind};
+use mpm_core::model::Model;
+use mpm_core::points::Points;
+use mpm_core::solver::{
+    Diagnosis, FailedAttempt, GridFields, Observer, Reached, ReactionMoment, SolveError, Step, StepReport,
+    Summary,
+};
+
+use super::checkpoint::{self, Checkpoint};
+use super::directory::{
+    SERIES, file_name, foreign_file, remove_earlier_results, remove_later_results, series_without_list,
+    step_of_file,
+};
+use super::failed;
+use super::fields::PointField;
+use super::findings::{Extremes, Findings};
+use super::frames::{Frame, Frames};
+use super::lock::Lock;
+use super::rows;
+use super::series::Series;
+use super::summary::{Account, Outcome};
+use super::table::{Entry, Table};
+use super::vtu::Precision;
+use super::writer::Writer;
+
+/// Columns of `quality.csv`.
+const QUALITY: [&str; 15] = [
+    "step",
+    "partition_of_unity_loss",
+    "domain_outside_grid",
+    "domain_volume_excess",
+    "smallest_cell_filling",
+    "smallest_det_f",
+    "largest_det_f",
+    "mass",
+    "volume",
+    "plastic_work",
+    "regridding_work",
+    "stabilisation_work",
+    "energy_error",
+    "force_error",
+    "moment_error",
+];
+
+/// Columns of `convergence.csv`.
+const CONVERGENCE: [&str; 3] = ["step", "iteration", "residual"];
+
+/// What of its results a run writes beside the tables, and how often.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Request {
+    /// VTU files are written every so many load steps, and for the last one; 0 writes none.
+    pub every: usize,
+    /// Fields of the points in them.
+    pub fields: Vec<PointField>,
+    /// Size of their numbers.
+    pub precision: Precision,
+    /// Checkpoints are written every so many load steps; otherwise only where a run ends early.
+    pub checkpoints: Option<usize>,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        let fields = PointField::ALL.to_vec();
+        Request { every: 1, fields, precision: Precision::default(), checkpoints: None }
+    }
+}
+
+/// Writes everything that a run leaves behind into one directory.
+pub struct Results {
+    directory: PathBuf,
+    every: usize,
+    checkpoints: Option<usize>,
+    history: Table,
+    quality: Table,
+    convergence: Table,
+    frames: Frames,
+    writer: Writer,
+    /// The last step whose points were written.
+    written: Option<usize>,
+    /// The step that is being written.
+    shown: Option<usize>,
+    /// The first failure of a table that could not be reported at once.
+    failure: Option<io::Error>,
+    account: Account,
+    findings: Findings,
+    all_have_domains: bool,
+    last: Step,
+    /// The account of the run up to that step, once this run has made one.
+    accepted: Option<Summary>,
+    /// The last step of which there is a checkpoint.
+    secured: usize,
+    /// Kept until the end of the run.
+    _lock: Lock,
+}
+
+impl Results {
+    /// Prepares a directory for a run: creates it, removes the series of an earlier run and opens the tables.
+    /// VTU files and checkpoints are written as `asked`.
+    ///
+    /// # Errors
+    /// When the directory cannot be created or written; `ResourceBusy` when another run writes there.
+    pub fn create<const D: usize>(
+        directory: &Path,
+        asked: &Request,
+        model: &Model<D>,
+        account: Account,
+    ) -> io::Result<Results> {
+        std::fs::create_dir_all(directory)?;
+        let lock = Lock::take(directory)?;
+        if let Some(name) = foreign_file(directory)? {
+            return Err(foreign(&name));
+        }
+        remove_earlier_results(directory)?;
+        Ok(Results {
+            directory: directory.to_owned(),
+            every: asked.every,
+            checkpoints: asked.checkpoints,
+            frames: Frames::new(&asked.fields, asked.precision),
+            history: Table::create(directory.join("history.csv"), &columns_of_history(model))?,
+            quality: Table::create(directory.join("quality.csv"), &QUALITY)?,
+            convergence: Table::create(directory.join("convergence.csv"), &CONVERGENCE)?,
+            writer: Writer::new(
+                directory,
+                SERIES.map(|name| Series::new(directory.join(format!("{name}.pvd")))),
+            ),
+            written: None,
+            shown: None,
+            failure: None,
+            account,
+            findings: Findings::default(),
+            all_have_domains: all_have_domains(model),
+            last: Step { index: 0, start: 0.0, end: 0.0 },
+            accepted: None,
+            secured: 0,
+            _lock: lock,
+        })
+    }
+
+    /// Prepares a directory for a run that goes on from a checkpoint in it: what was written after the step of the
+    /// checkpoint is removed. `reached` is that step, with its number in this run.
+    ///
+    /// # Errors
+    /// When the directory cannot be written, or does not hold the results up to the checkpoint; in the latter case
+    /// nothing in it is changed.
+    pub fn go_on<const D: usize>(
+        (directory, lock): (&Path, Lock),
+        asked: &Request,
+        model: &Model<D>,
+        account: Account,
+        checkpoint: &Checkpoint,
+        reached: Step,
+    ) -> io::Result<Results> {
+        let (last, every) = (checkpoint.step().index, asked.every);
+        let table = |name: &str, columns: &[String]| Table::keep(directory.join(name), columns, last);
+        let history = table("history.csv", &columns_of_history(model))?;
+        let quality = table("quality.csv", &QUALITY.map(String::from))?;
+        let convergence = table("convergence.csv", &CONVERGENCE.map(String::from))?;
+        rows::check([&history, &quality, &convergence], checkpoint.head.reached.summary.steps)?;
+        if let Some(name) = foreign_file(directory)? {
+            return Err(foreign(&name));
+        }
+        if let Some(series) = series_without_list(directory)? {
+            let what =
+                format!("`{series}.pvd` is missing, without which the files of the series have no times");
+            return Err(io::Error::new(io::ErrorKind::InvalidData, what));
+        }
+        let [history, quality, convergence] = [history.reopen()?, quality.reopen()?, convergence.reopen()?];
+        // A run that is stopped writes its last step, due or not. One that is to write nothing removes nothing, either.
+        let is_due = every == 0 || is_due(every, model, reached);
+        let is_kept =
+            |name: &str| step_of_file(name).is_some_and(|step| step < last || step == last && is_due);
+        let mut series = Vec::new();
+        for name in SERIES {
+            series.push(Series::reopen(directory.join(format!("{name}.pvd")), reached.end, is_kept)?);
+        }
+        remove_later_results(directory, last, is_kept)?;
+        let series: [Series; 3] = series.try_into().map_err(|_| io::Error::other("three series"))?;
+        Ok(Results {
+            directory: directory.to_owned(),
+            every,
+            checkpoints: asked.checkpoints,
+            frames: Frames::new(&asked.fields, asked.precision),
+            written: series[0].last().and_then(|(_, name)| step_of_file(name)),
+            shown: None,
+            writer: Writer::new(directory, series),
+            history,
+            quality,
+            convergence,
+            failure: None,
+            account,
+            findings: checkpoint.head.findings.clone(),
+            all_have_domains: all_have_domains(model),
+            last: reached,
+            accepted: None,
+            secured: reached.index,
+            _lock: lock,
+        })
+    }
+
+    /// Writes a checkpoint of the last step in equilibrium, if there is none yet. Attempts that have failed after it are not
+    /// part of it: whoever goes on from there makes them again.
+    fn secure<const D: usize>(&mut self, points: &Points<D>) -> io::Result<()> {
+        // A run that goes on from there does not write again what came before.
+        self.settle()?;
+        if let Some(deck) = &self.account.deck
+            && let Some(summary) = &self.accepted
+            && self.last.index > self.secured
+        {
+            let reached = Reached { step: self.last, summary: summary.clone() };
+            let identity = (deck, self.account.files_hash.as_str());
+            checkpoint::write(&self.directory, identity, &reached, &self.findings, points)?;
+            self.secured = self.last.index;
+        }
+        Ok(())
+    }
+
+    /// The directory.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// What the run has found so far; the largest values of the fields are there once it has ended.
+    pub fn findings(&self) -> &Findings {
+        &self.findings
+    }
+
+    /// The last file that shows the points, by their domains if all have one; `None` where none was written.
+    pub fn last_picture(&self) -> Option<Picture> {
+        let step = self.written?;
+        let series = SERIES[usize::from(self.all_have_domains)];
+        Some(Picture {
+            series: self.directory.join(format!("{series}.pvd")),
+            file: self.directory.join(file_name(series, step)),
+        })
+    }
+
+    /// Whether the deck asks for files that show the points.
+    pub fn asks_for_pictures(&self) -> bool {
+        self.every > 0
+    }
+
+    /// Begins to write what shows a step.
+    fn show(&mut self, step: Step, frames: Vec<Frame>) -> io::Result<()> {
+        self.settle()?;
+        self.writer.begin(frames)?;
+        self.shown = Some(step.index);
+        if self.writer.is_at_work() { Ok(()) } else { self.settle() }
+    }
+
+    /// Waits for what is being written.
+    fn settle(&mut self) -> io::Result<()> {
+        let shown = self.shown.take();
+        self.writer.settle()?;
+        self.written = shown.or(self.written);
+        Ok(())
+    }
+
+    fn write_history<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        report: &StepReport<D>,
+        summary: &Summary,
+    ) -> io::Result<()> {
+        let residual = report.residuals.last().copied().unwrap_or(0.0);
+        let mut row: Vec<Entry> = vec![
+            (report.step.index as i64).into(),
+            report.step.end.into(),
+            (report.residuals.len() as i64 - 1).into(),
+            residual.into(),
+            (report.linear_iterations as i64).into(),
+            1.into(),
+            i64::from(report.rounding_limited).into(),
+        ];
+        row.extend(report.load_factor.map(Entry::from));
+        for (number, reaction) in report.reactions.iter().enumerate() {
+            row.extend(reaction.map(Entry::from));
+            let moment = report.moments.as_ref().and_then(|moments| moments.get(number));
+            row.extend(moment.iter().flat_map(|of| of.components()).map(|m| Entry::from(*m)));
+        }
+        row.extend(report.loads.iter().flatten().map(|f| Entry::from(*f)));
+        let place = points.by_id();
+        for probe in &model.probes {
+            for d in 0..D {
+                let moved = |id: &u32| {
+                    let p = place[*id as usize];
+                    points.converged.position[p][d] - points.original_position[p][d]
+                };
+                let sum: f64 = probe.points.iter().map(moved).sum();
+                row.push((sum / probe.points.len().max(1) as f64).into());
+            }
+        }
+        row.extend([Entry::from(summary.external_work), Entry::from(summary.strain_energy)]);
+        self.history.push(&row)?;
+        let of = &summary.quality.latest;
+        let measures = [
+            of.partition_of_unity_loss,
+            of.domain_outside_grid,
+            of.domain_volume_excess,
+            of.smallest_cell_filling,
+            of.det_f[0],
+            of.det_f[1],
+            of.mass,
+            of.volume,
+            summary.plastic_work,
+            summary.regridding_work,
+            summary.stabilisation_work,
+            summary.energy_error(),
+            self.findings.force_error(),
+            report.moment_error.unwrap_or(0.0),
+        ];
+        let mut row = vec![Entry::from(report.step.index as i64)];
+        row.extend(measures.map(Entry::from));
+        self.quality.push(&row)
+    }
+
+    /// Writes the row of an attempt that has failed: what does not exist is left empty.
+    fn write_attempt<const D: usize>(&mut self, attempt: &FailedAttempt<D>) -> io::Result<()> {
+        let residual = attempt.residuals.last().copied().filter(|r| r.is_finite());
+        let mut row: Vec<Entry> = vec![
+            (attempt.step.index as i64).into(),
+            attempt.step.end.into(),
+            (attempt.residuals.len().saturating_sub(1) as i64).into(),
+            residual.into(),
+            (attempt.linear_iterations as i64).into(),
+            0.into(),
+        ];
+        row.resize(self.history.width(), Entry::Missing);
+        self.history.push(&row)
+    }
+}
+
+/// The error of a file that a run would replace although no run has written it.
+fn foreign(name: &str) -> io::Error {
+    let what = format!(
+        "its file `{name}` is not the result of a run; choose another directory with `--out`, or move the file away"
+    );
+    io::Error::new(io::ErrorKind::AlreadyExists, what)
+}
+
+/// Whether VTU files of a step are to be written: after every so many requested steps, and at the end.
+fn is_due<const D: usize>(every: usize, model: &Model<D>, step: Step) -> bool {
+    let requested = model.stepping.requested(step.end);
+    let is_due = |number: usize| number.is_multiple_of(every) || number == model.stepping.count;
+    every > 0 && requested.is_some_and(is_due)
+}
+
+/// What the files of the grid show.
+fn on_nodes<'a, const D: usize>(
+    delta_d: &'a [[f64; D]],
+    reaction: &'a [[f64; D]],
+) -> [(&'static str, &'a [[f64; D]]); 2] {
+    [("displacement_increment", delta_d), ("reaction", reaction)]
+}
+
+/// A time series, and its last file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Picture {
+    /// The series, for ParaView.
+    pub series: PathBuf,
+    /// The mesh at the last step that was written.
+    pub file: PathBuf,
+}
+
+fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
+    let axes = &["x", "y", "z"][..D];
+    let mut columns: Vec<String> =
+        ["step", "time", "iterations", "residual", "linear_iterations", "converged", "rounding_limited"]
+            .map(String::from)
+            .to_vec();
+    if model.has_one_load_factor() {
+        columns.push("load_factor".to_owned());
+    }
+    for condition in &model.boundary_conditions {
+        columns.extend(axes.iter().map(|axis| format!("{}_r{axis}", condition.name)));
+        let turns = if model.revolved { &[] } else { ReactionMoment::<D>::AXES };
+        columns.extend(turns.iter().map(|axis| format!("{}_m{axis}", condition.name)));
+    }
+    for load in &model.loads {
+        columns.extend(axes.iter().map(|axis| format!("{}_f{axis}", load.name)));
+    }
+    for probe in &model.probes {
+        columns.extend(axes.iter().map(|axis| format!("{}_u{axis}", probe.name)));
+    }
+    columns.extend(["external_work", "strain_energy"].map(String::from));
+    columns
+}
+
+fn all_have_domains<const D: usize>(model: &Model<D>) -> bool {
+    model.bodies.iter().all(|b| b.method.domain() != DomainKind::None)
+}
+
+impl<const D: usize> Observer<D> for Results {
+    fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
+        self.account.write_start(&self.directory.join("run.json"), model, points)?;
+        if self.every == 0 || self.last.index > 0 {
+            return Ok(());
+        }
+        let mut frames = self.frames.of_points(model, points, self.last)?;
+        // The links of the undeformed points, only to show which cells are active.
+        let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
+        let mut copy = points.clone();
+        if let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut copy, &methods) {
+            let zero = vec![[0.0; D]; links.n_active()];
+            frames.push(self.frames.of_grid(model, &links, &on_nodes(&zero, &zero), self.last)?);
+        }
+        drop(copy);
+        self.show(self.last, frames)
+    }
+
+    fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
+        if residual.is_finite() && self.failure.is_none() {
+            let row = [Entry::from(step.index as i64), Entry::from(iteration as i64), Entry::from(residual)];
+            self.failure = self.convergence.push(&row).err();
+        }
+    }
+
+    fn converged(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        report: &StepReport<D>,
+        summary: &Summary,
+    ) -> io::Result<()> {
+        self.last = report.step;
+        self.accepted = Some(summary.clone());
+        self.findings.accept(model, report, summary);
+        if let Some(error) = self.failure.take() {
+            return Err(error);
+        }
+        if is_due(self.every, model, report.step) {
+            self.settle()?; // before the next frames take memory
+            let mut frames = self.frames.of_points(model, points, report.step)?;
+            let GridFields { links, delta_d, reaction, .. } = &report.grid;
+            frames.push(self.frames.of_grid(model, links, &on_nodes(delta_d, reaction), report.step)?);
+            self.show(report.step, frames)?;
+        } else if !self.writer.is_at_work() {
+            self.settle()?;
+        }
+        self.write_history(model, points, report, summary)?;
+        if self.checkpoints.is_some_and(|every| report.step.index.is_multiple_of(every)) {
+            self.secure(points)?;
+        }
+        Ok(())
+    }
+
+    fn failed(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        attempt: &FailedAttempt<D>,
+        ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
+    ) -> io::Result<()> {
+        if let Some(error) = self.failure.take() {
+            return Err(error);
+        }
+        self.write_attempt(attempt)?;
+        match ended {
+            Some((cause, _)) if self.every > 0 => failed::write(&self.directory, model, points, cause),
+            _ => Ok(()),
+        }
+    }
+
+    fn finished(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        summary: &Summary,
+        error: Option<&SolveError>,
+    ) -> io::Result<()> {
+        let lost = self.settle();
+        let rows = self.failure.take().map_or(Ok(()), Err);
+        let tables = [&self.history, &self.quality, &self.convergence].into_iter().try_for_each(Table::check);
+        // The last equilibrated step is never lost, whatever `every` says.
+        let is_missing = self.last.index > 0 && self.writer.reached().is_none_or(|time| time < self.last.end);
+        let mesh = if self.every > 0 && is_missing {
+            let frames = self.frames.of_points(model, points, self.last);
+            frames.and_then(|frames| self.show(self.last, frames)).and_then(|()| self.settle())
+        } else {
+            Ok(())
+        };
+        // Whatever ended the run early, it can go on from there; but not where the files of that step are missing.
+        let secured = match error {
+            Some(SolveError::Output(_)) => Ok(()),
+            _ if lost.is_err() || error.is_none() && self.checkpoints.is_none() => Ok(()),
+            _ => self.secure(points),
+        };
+        // What can be written is, even where something else could not.
+        let written = lost.and(rows).and(mesh).and(secured).and(tables);
+        // The summary comes last: where it says that the run is completed, nothing is missing.
+        let lost = written.as_ref().err().map(SolveError::output);
+        let outcome = match error.or(lost.as_ref()) {
+            None => Outcome::Completed,
+            Some(SolveError::Interrupted { .. }) => Outcome::Interrupted,
+            Some(error) => Outcome::Failed { code: error.code(), reason: error.to_string() },
+        };
+        self.findings.extremes = Extremes::new(model, points);
+        let path = self.directory.join("summary.json");
+        let told = self.account.write(&path, model, points, summary, &self.findings, &outcome);
+        written.and(told)
+    }
+}

@@ -1,0 +1,65 @@
+//! `run.json`: what is run, from which deck and on which machine, written before the first load step.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use mpm_core::model::Model;
+use mpm_core::points::Points;
+
+use super::replace::replace_file;
+use super::summary::{Account, VERSION};
+
+impl Account {
+    /// Writes the file.
+    pub(super) fn write_start<const D: usize>(
+        &self,
+        path: &Path,
+        model: &Model<D>,
+        points: &Points<D>,
+    ) -> io::Result<()> {
+        let began = jiff::Timestamp::now() - self.start.elapsed().wall;
+        let document = json!({
+            "title": model.title,
+            "version": VERSION,
+            "build": if cfg!(debug_assertions) { "debug" } else { "release" },
+            "started": format!("{began:.0}"),
+            "deck": {"file": self.deck_file, "text": self.deck_text},
+            "deck_hash": self.deck_hash,
+            "parameters": self.parameters,
+            "idealisation": match (D, model.revolved) {
+                (2, true) => "axisymmetric",
+                (2, false) => "plane-strain",
+                _ => "solid",
+            },
+            "points": points.len(),
+            "cells": model.grid.n_cells(),
+            "steps_requested": model.stepping.count,
+            "threads": self.threads,
+            "machine": machine(),
+        });
+        let mut text = serde_json::to_string_pretty(&document).map_err(io::Error::other)?;
+        text.push('\n');
+        replace_file(path, |out| out.write_all(text.as_bytes()))
+    }
+}
+
+/// The machine, as far as the system tells.
+fn machine() -> Value {
+    let line = |path: &str, key: &str| {
+        let text = fs::read_to_string(path).ok()?;
+        let line = text.lines().find(|line| line.starts_with(key))?;
+        Some(line.split_once(':')?.1.trim().to_owned())
+    };
+    let kibibytes = |text: String| text.split_whitespace().next()?.parse::<u64>().ok();
+    let kernel = fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
+    let system = format!("{} {} {}", std::env::consts::OS, kernel.trim(), std::env::consts::ARCH);
+    json!({
+        "processor": line("/proc/cpuinfo", "model name"),
+        "cores": std::thread::available_parallelism().ok(),
+        "memory_bytes": line("/proc/meminfo", "MemTotal").and_then(kibibytes).map(|kib| kib * 1024),
+        "system": system.split_whitespace().collect::<Vec<_>>().join(" "),
+    })
+}

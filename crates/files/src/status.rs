@@ -1,0 +1,370 @@
+//! `status.json`: how far a run is, for those who watch it from outside.
+
+use std::collections::VecDeque;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use jiff::{Timestamp, Unit};
+use serde::{Deserialize, Serialize};
+
+use mpm_core::loads::LoadCurve;
+use mpm_core::memory;
+use mpm_core::model::Model;
+use mpm_core::points::Points;
+use mpm_core::solver::{Reached, SolveError, Step, StepReport, Summary};
+use mpm_core::stepping::Control;
+
+use super::checkpoint;
+use super::lock::Lock;
+use super::replace::replace_file;
+use super::summary::{Start, VERSION};
+
+/// Name of the file.
+pub(super) const NAME: &str = "status.json";
+
+/// The file is replaced at most this often while a run goes on.
+const INTERVAL: Duration = Duration::from_secs(1);
+
+/// So many of the last steps tell how long the remaining ones will take.
+const RECENT: usize = 10;
+
+/// What has become of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum State {
+    /// It goes on.
+    Running,
+    /// All steps are in equilibrium.
+    Completed,
+    /// It could not go on.
+    Failed,
+    /// The user stopped it.
+    Interrupted,
+    /// Its process ended without a word.
+    Died,
+}
+
+impl State {
+    /// The state in a word.
+    pub fn word(self) -> &'static str {
+        match self {
+            State::Running => "running",
+            State::Completed => "completed",
+            State::Failed => "failed",
+            State::Interrupted => "interrupted",
+            State::Died => "died",
+        }
+    }
+}
+
+/// How far a run is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    /// What has become of it; nobody writes `died`, it is found out by [`read`].
+    pub state: State,
+    /// Why it failed.
+    pub reason: Option<String>,
+    /// Title of the deck.
+    pub title: String,
+    /// Version of the program.
+    pub version: String,
+    /// Number of the process.
+    pub process: u32,
+    /// When it began.
+    pub started: Timestamp,
+    /// When this was written.
+    pub updated: Timestamp,
+    /// Steps in equilibrium.
+    pub steps: usize,
+    /// Steps of the deck.
+    pub steps_requested: usize,
+    /// The step in hand, or the last one.
+    pub step: usize,
+    /// The last evaluation in it; 0 is the one before the first solve.
+    pub iteration: usize,
+    /// Relative out-of-balance force, eq. (40), of that evaluation, [-]; none where it is not finite.
+    pub residual: Option<f64>,
+    /// Largest residual of a step in equilibrium, [-].
+    pub tolerance: f64,
+    /// Time at the end of the step in hand, [time].
+    pub time: f64,
+    /// Time at the end of the analysis, [time].
+    pub end_time: f64,
+    /// Load factor at the end of the step in hand, where there is one for all loads and prescribed motions, [-].
+    pub load_factor: Option<f64>,
+    /// Number of material points.
+    pub points: usize,
+    /// Free degrees of freedom of the last step in equilibrium.
+    pub unknowns: usize,
+    /// Evaluations of internal force and stiffness so far.
+    pub evaluations: usize,
+    /// Points times evaluations by the time that the steps took so far, output included, [1/s].
+    pub points_per_second: Option<f64>,
+    /// Since the program began, [s].
+    pub elapsed_seconds: f64,
+    /// Estimate for the rest of the run from the pace of the last steps, [s].
+    pub seconds_left: Option<f64>,
+    /// Resident memory, [byte], where the system tells.
+    pub memory_bytes: Option<u64>,
+    /// Largest resident memory so far, [byte], where the system tells.
+    pub peak_memory_bytes: Option<u64>,
+    /// Number of warnings so far.
+    pub warnings: usize,
+    /// Step of the last checkpoint in the directory, if there is one.
+    pub checkpoint: Option<usize>,
+}
+
+/// Keeps account of how far a run is.
+#[derive(Debug)]
+pub struct Progress {
+    start: Start,
+    status: Status,
+    curve: Option<LoadCurve>,
+    /// When the first step began.
+    began: Instant,
+    /// Time of the analysis and of the clock at the ends of the last steps.
+    recent: VecDeque<(f64, Instant)>,
+}
+
+impl Progress {
+    /// Of a run that is about to begin; `start` is where its times begin.
+    pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, start: Start) -> Progress {
+        let now = Timestamp::now();
+        let before = jiff::SignedDuration::try_from(start.elapsed().wall).unwrap_or_default();
+        let status = Status {
+            state: State::Running,
+            reason: None,
+            title: model.title.clone(),
+            version: VERSION.to_owned(),
+            process: std::process::id(),
+            started: to_milliseconds(now.checked_sub(before).unwrap_or(now)),
+            updated: to_milliseconds(now),
+            steps: 0,
+            steps_requested: model.stepping.count,
+            step: 0,
+            iteration: 0,
+            residual: None,
+            tolerance: model.newton.tolerance,
+            time: 0.0,
+            end_time: model.stepping.end_time,
+            load_factor: model.has_one_load_factor().then_some(0.0),
+            points: points.len(),
+            unknowns: 0,
+            evaluations: 0,
+            points_per_second: None,
+            elapsed_seconds: 0.0,
+            seconds_left: None,
+            memory_bytes: None,
+            peak_memory_bytes: None,
+            warnings: 0,
+            checkpoint: None,
+        };
+        let began = Instant::now();
+        let curve = model.common_curve().filter(|_| model.stepping.control == Control::Load).cloned();
+        Progress { start, status, curve, began, recent: VecDeque::from([(0.0, began)]) }
+    }
+
+    /// The run goes on from a step that an earlier one has reached.
+    pub fn goes_on(&mut self, reached: &Reached) {
+        let end = reached.step.end;
+        self.status.steps = reached.summary.steps;
+        self.status.step = reached.step.index;
+        self.status.time = end;
+        self.status.load_factor = reached.summary.load_factor;
+        self.status.warnings = reached.summary.warnings.len();
+        self.recent = VecDeque::from([(end, self.began)]);
+    }
+
+    /// An evaluation of the out-of-balance force.
+    pub fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
+        let status = &mut self.status;
+        status.step = step.index;
+        status.iteration = iteration;
+        status.residual = residual.is_finite().then_some(residual);
+        status.time = step.end;
+        // An unknown load factor is that of the last step in equilibrium.
+        if let Some(curve) = &self.curve {
+            status.load_factor = Some(curve.factor(step.end));
+        }
+        status.evaluations += 1;
+    }
+
+    /// A step is in equilibrium.
+    pub fn converged<const D: usize>(&mut self, report: &StepReport<D>, summary: &Summary) {
+        self.status.steps = summary.steps;
+        self.status.unknowns = report.unknowns;
+        self.status.load_factor = report.load_factor;
+        self.status.warnings = summary.warnings.len();
+        self.recent.push_back((report.step.end, Instant::now()));
+        if self.recent.len() > RECENT + 1 {
+            self.recent.pop_front();
+        }
+    }
+
+    /// The run has ended.
+    pub fn finished(&mut self, error: Option<&SolveError>) {
+        let (state, reason) = match error {
+            None => (State::Completed, None),
+            Some(SolveError::Interrupted { .. }) => (State::Interrupted, None),
+            Some(error) => (State::Failed, Some(error.to_string())),
+        };
+        self.status.state = state;
+        self.status.reason = reason;
+    }
+
+    /// How far the run is now.
+    pub fn status(&self) -> Status {
+        let now = Instant::now();
+        let stepping = now.duration_since(self.began).as_secs_f64();
+        let visits = (self.status.points * self.status.evaluations) as f64;
+        Status {
+            updated: to_milliseconds(Timestamp::now()),
+            elapsed_seconds: self.start.elapsed().wall.as_secs_f64(),
+            points_per_second: (visits > 0.0 && stepping > 0.0).then(|| visits / stepping),
+            seconds_left: self.seconds_left(now),
+            memory_bytes: memory::resident(),
+            peak_memory_bytes: memory::peak(),
+            ..self.status.clone()
+        }
+    }
+
+    fn seconds_left(&self, now: Instant) -> Option<f64> {
+        if self.status.state != State::Running {
+            return None;
+        }
+        let ((from, began), (to, ended)) = (self.recent.front()?, self.recent.back()?);
+        let covered = to - from;
+        let took = ended.duration_since(*began).as_secs_f64();
+        let in_hand = now.duration_since(*ended).as_secs_f64();
+        (covered > 0.0).then(|| ((self.status.end_time - to) * took / covered - in_hand).max(0.0))
+    }
+}
+
+/// Nobody needs more, and it is easier to read.
+fn to_milliseconds(time: Timestamp) -> Timestamp {
+    time.round(Unit::Millisecond).unwrap_or(time)
+}
+
+/// Writes the status of a run into its directory.
+#[derive(Debug)]
+pub struct StatusFile {
+    directory: PathBuf,
+    written: Option<Instant>,
+}
+
+impl StatusFile {
+    /// In a directory of results.
+    pub fn new(directory: &Path) -> StatusFile {
+        StatusFile { directory: directory.to_owned(), written: None }
+    }
+
+    /// Replaces the file if the last time is long enough ago, or if the run has ended.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn update(&mut self, progress: &Progress) -> io::Result<()> {
+        let fresh = self.written.is_some_and(|written| written.elapsed() < INTERVAL);
+        if fresh && progress.status.state == State::Running {
+            return Ok(());
+        }
+        self.written = Some(Instant::now());
+        let status = Status { checkpoint: checkpoint::last_step(&self.directory), ..progress.status() };
+        let mut text = serde_json::to_string_pretty(&status).map_err(io::Error::other)?;
+        text.push('\n');
+        replace_file(&self.directory.join(NAME), |out| out.write_all(text.as_bytes()))
+    }
+}
+
+/// Reads how far the run in a directory is. One that neither goes on nor has ended in good order has died.
+///
+/// # Errors
+/// When there is no run in the directory, or its status cannot be read.
+pub fn read(directory: &Path) -> io::Result<Status> {
+    let status = read_as_written(directory)?;
+    if status.state != State::Running || Lock::is_held(directory) {
+        return Ok(status);
+    }
+    // It may have ended, or another one begun, since the file was read.
+    let again = read_as_written(directory)?;
+    let same = again.state == State::Running && again.started == status.started;
+    // The summary is written before the status tells of the end.
+    let state = if is_complete(directory) { State::Completed } else { State::Died };
+    Ok(if same { Status { state, seconds_left: None, ..again } } else { again })
+}
+
+/// Whether the run in a directory has come to its end and written everything: the summary is the last of its results.
+pub fn is_complete(directory: &Path) -> bool {
+    let summary = std::fs::read(directory.join("summary.json")).ok();
+    let summary: Option<serde_json::Value> = summary.and_then(|text| serde_json::from_slice(&text).ok());
+    summary.is_some_and(|summary| summary["outcome"] == "completed")
+}
+
+fn read_as_written(directory: &Path) -> io::Result<Status> {
+    let status: Status = serde_json::from_slice(&std::fs::read(directory.join(NAME))?)?;
+    // One may have been written since.
+    Ok(Status { checkpoint: checkpoint::last_step(directory), ..status })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mpm_deck::{build::build, load::load_text};
+
+    fn progress() -> Progress {
+        let deck = "version: 1
+grid: {type: structured, origin: [0, 0], size: [2, 2], spacing: 1}
+materials: {m: {model: hencky, young: 1e3, poisson: 0}}
+bodies: [{name: b, material: m, shape: {type: box, min: [0, 0], max: [1, 1]}, points_per_cell: 2}]
+boundary_conditions: [{name: base, nodes: {y: 0}, fix: [x, y]}]
+loads: [{name: push, type: body-force, force: [0, -1], curve: [[0, 0], [0.5, 3], [1, 1]]}]
+steps: {count: 4}";
+        let (model, points) = build::<2>(&load_text("deck", deck.as_bytes(), &[]).unwrap()).unwrap();
+        Progress::new(&model, &points, Start::now())
+    }
+
+    #[test]
+    fn the_rest_takes_as_long_as_the_last_steps_say() {
+        let mut progress = progress();
+        let began = progress.began;
+        let at = |seconds: f64| began + Duration::from_secs_f64(seconds);
+        assert_eq!(progress.seconds_left(at(3.0)), None, "nothing is known before the first step is solved");
+        // Half of the analysis in 8 s; 1 s of the next step is over.
+        progress.recent.push_back((0.25, at(2.0)));
+        progress.recent.push_back((0.5, at(8.0)));
+        assert!((progress.seconds_left(at(9.0)).unwrap() - 7.0).abs() < 1e-6);
+        assert_eq!(progress.seconds_left(at(1e3)), Some(0.0));
+        progress.finished(None);
+        assert_eq!(progress.seconds_left(at(9.0)), None);
+    }
+
+    #[test]
+    fn a_run_without_lock_has_died_unless_it_said_goodbye() {
+        let directory = tempfile::tempdir().unwrap();
+        assert_eq!(read(directory.path()).unwrap_err().kind(), io::ErrorKind::NotFound);
+        let mut progress = progress();
+        let mut file = StatusFile::new(directory.path());
+        let lock = Lock::take(directory.path()).unwrap();
+        file.update(&progress).unwrap();
+        let first = read(directory.path()).unwrap();
+        assert_eq!((first.state, first.step, first.points), (State::Running, 0, 4));
+        progress.iteration(Step { index: 1, start: 0.0, end: 0.25 }, 2, f64::NAN);
+        file.update(&progress).unwrap();
+        assert_eq!(read(directory.path()).unwrap(), first, "not more than once a second");
+        drop(lock);
+        assert_eq!(read(directory.path()).unwrap().state, State::Died);
+        let summary = directory.path().join("summary.json");
+        std::fs::write(&summary, r#"{"outcome": "failed"}"#).unwrap();
+        assert_eq!(read(directory.path()).unwrap().state, State::Died);
+        std::fs::write(&summary, r#"{"outcome": "completed"}"#).unwrap();
+        assert_eq!(read(directory.path()).unwrap().state, State::Completed, "killed between the two files");
+        std::fs::remove_file(&summary).unwrap();
+        progress.finished(Some(&SolveError::OutOfMemory { step: 1, needed: None }));
+        file.update(&progress).unwrap();
+        let last = read(directory.path()).unwrap();
+        assert_eq!((last.state, last.iteration, last.residual), (State::Failed, 2, None));
+        assert_eq!(last.load_factor, Some(1.5));
+        assert!(last.reason.unwrap().contains("memory"));
+        assert_eq!(last.points_per_second.map(|rate| rate > 0.0), Some(true));
+    }
+}

@@ -1,0 +1,372 @@
+//! `summary.json`: what a run did, how well, and at what cost.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use cpu_time::ProcessTime;
+use serde_json::{Map, Value, json};
+
+use mpm_core::model::Model;
+use mpm_core::points::Points;
+use mpm_core::quality::{Balance, Quality, Worst};
+use mpm_core::solver::Summary;
+use mpm_core::timing::{Phase, Spent, Timings};
+
+/// Version of the program, as it appears in the results.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+use super::fields::{corner_of, number_of_corners};
+use super::findings::{Extreme, Extremes, Findings, ForceBalance};
+use super::invalid;
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Outcome {
+    /// All steps are in equilibrium.
+    Completed,
+    /// The user stopped it.
+    Interrupted,
+    /// It could not go on.
+    Failed {
+        /// Code of the failure, [`mpm_core::solver::CODES`].
+        code: Option<&'static str>,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// Where the account of a run begins.
+#[derive(Debug, Clone, Copy)]
+pub struct Start {
+    wall: Instant,
+    /// Processor time of the program that went into other things before.
+    cpu: Duration,
+}
+
+impl Start {
+    /// For a run that is all the program does: since the program began, and that was at `wall`.
+    pub fn of_program(wall: Instant) -> Start {
+        Start { wall, cpu: Duration::ZERO }
+    }
+
+    /// For one run among others: since now. Where the system allows it, the largest memory is counted afresh, too;
+    /// what the program still holds of earlier runs is part of it.
+    pub fn now() -> Start {
+        // Linux; elsewhere, the largest memory is that of the program so far.
+        let _ = std::fs::write("/proc/self/clear_refs", "5");
+        Start { wall: Instant::now(), cpu: ProcessTime::now().as_duration() }
+    }
+
+    /// Time since then, the processor time being that of all threads.
+    pub fn elapsed(&self) -> Spent {
+        let cpu = ProcessTime::now().as_duration().saturating_sub(self.cpu);
+        Spent { wall: self.wall.elapsed(), cpu }
+    }
+}
+
+/// What is known before the run begins.
+#[derive(Debug, Clone)]
+pub struct Account {
+    /// Where its times begin.
+    pub start: Start,
+    /// Name of the deck.
+    pub deck_file: String,
+    /// Its text.
+    pub deck_text: String,
+    /// Hash of the deck, of its text and parameters.
+    pub deck_hash: String,
+    /// The deck, its parameters inserted, if there is one; without it there are no checkpoints.
+    pub deck: Option<Value>,
+    /// Hash of the files that it names.
+    pub files_hash: String,
+    /// Parameters of the deck with their final values.
+    pub parameters: BTreeMap<String, Value>,
+    /// Time spent so far, reading the deck and building the model.
+    pub set_up: Timings,
+    /// Number of threads.
+    pub threads: usize,
+}
+
+impl Account {
+    pub(super) fn write<const D: usize>(
+        &self,
+        path: &Path,
+        model: &Model<D>,
+        points: &Points<D>,
+        summary: &Summary,
+        findings: &Findings,
+        outcome: &Outcome,
+    ) -> io::Result<()> {
+        check(path, summary, findings)?;
+        let mut timings = self.set_up.clone();
+        timings.add(&summary.timings);
+        let (word, code, reason) = match outcome {
+            Outcome::Completed => ("completed", None, Value::Null),
+            Outcome::Interrupted => ("interrupted", None, Value::Null),
+            Outcome::Failed { code, reason } => ("failed", *code, json!(reason)),
+        };
+        let seconds = |total: f64, of: &dyn Fn(Phase) -> f64| {
+            let mut map = Map::new();
+            map.insert("total".to_owned(), json!(total));
+            for phase in Phase::ALL {
+                map.insert(phase.name().to_owned(), json!(of(phase)));
+            }
+            Value::Object(map)
+        };
+        let load_factor = summary.load_factor.filter(|_| summary.steps > 0);
+        let spent = self.start.elapsed();
+        let (wall, cpu) = (spent.wall.as_secs_f64(), spent.cpu.as_secs_f64());
+        let solved = cpu - timings.of(Phase::Output).cpu.as_secs_f64();
+        let visits = (points.len() * summary.evaluations) as f64;
+        let mut document = json!({
+            "outcome": word,
+            "code": code,
+            "reason": reason,
+            "version": VERSION,
+            "deck_hash": self.deck_hash,
+            "title": model.title,
+            "parameters": self.parameters,
+            "threads": self.threads,
+            "points": points.len(),
+            "cells": model.grid.n_cells(),
+            "unknowns": summary.unknowns,
+            "steps": summary.steps,
+            "steps_requested": model.stepping.count,
+            "rounding_limited": summary.rounding_limited,
+            "failed_attempts": summary.failed_attempts,
+            "load_factor": load_factor,
+            "largest_load_factor": summary.largest_load_factor,
+            "diagnosis": summary.diagnosis,
+            "stabilised_faces": summary.stabilised_faces,
+            "evaluations": summary.evaluations,
+            "linear_solves": summary.linear_solves,
+            "iterative_solves": summary.iterative_solves,
+            "linear_iterations": summary.linear_iterations,
+            "indefinite_solves": summary.indefinite_solves,
+            "external_work": summary.external_work,
+            "strain_energy": summary.strain_energy,
+            "plastic_work": summary.plastic_work,
+            "regridding_work": summary.regridding_work,
+            "stabilisation_work": summary.stabilisation_work,
+            "wall_seconds": seconds(wall, &|phase| timings.of(phase).wall.as_secs_f64()),
+            "cpu_seconds": seconds(cpu, &|phase| timings.of(phase).cpu.as_secs_f64()),
+            "cpu_microseconds_per_point_and_evaluation": {
+                "all": if visits > 0.0 { json!(1e6 * cpu / visits) } else { Value::Null },
+                "without_output": if visits > 0.0 { json!(1e6 * solved / visits) } else { Value::Null },
+            },
+            "peak_memory_bytes": mpm_core::memory::peak(),
+            "iterations": findings.iterations.map(|[min, max]| json!({"min": min, "max": max})),
+            "worst_residual": findings.worst_residual.map(at_step),
+            "balance_errors": {
+                "energy": findings.errors.energy.map(at_step),
+                "force": findings.errors.force.map(at_step),
+                "moment": findings.errors.moment.map(at_step),
+            },
+            "forces": findings.balance.as_ref().map(forces),
+            "largest": findings.extremes.as_ref().map(largest),
+            "quality": quality(model, &summary.quality),
+            "warnings": summary.warnings,
+            "bodies": bodies(model, points),
+        });
+        document["damped_steps"] = summary.damped.into();
+        document["damping_work"] = summary.damping_work.into();
+        document["replaced_domains"] = summary.replaced_domains.into();
+        let mut text = serde_json::to_string_pretty(&document).map_err(io::Error::other)?;
+        text.push('\n');
+        super::replace::replace_file(path, |out| out.write_all(text.as_bytes()))
+    }
+}
+
+/// Whether all numbers are finite: JSON has no others, and would be silent about it.
+///
+/// # Errors
+/// `InvalidInput` with the name of the first that is not.
+fn check(path: &Path, summary: &Summary, findings: &Findings) -> io::Result<()> {
+    let mut numbers = vec![
+        ("external_work", summary.external_work),
+        ("regridding_work", summary.regridding_work),
+        ("strain_energy", summary.strain_energy),
+        ("plastic_work", summary.plastic_work),
+        ("mass", summary.quality.mass.now),
+        ("volume", summary.quality.volume.now),
+    ];
+    numbers.extend(summary.quality.det_f.iter().flatten().map(|det_f| ("det_f", *det_f)));
+    let errors = [findings.errors.energy, findings.errors.force, findings.errors.moment];
+    numbers.extend(errors.iter().flatten().map(|(error, _)| ("balance_errors", *error)));
+    numbers.extend(findings.worst_residual.map(|(residual, _)| ("worst_residual", residual)));
+    if let Some(balance) = &findings.balance {
+        let named = balance.loads.iter().chain(&balance.reactions).flat_map(|(_, force)| force);
+        let moments = balance.moments.iter().flat_map(|of| of.about.iter().flatten().chain(&of.moment));
+        let all = balance.applied.iter().chain(named).chain(moments);
+        numbers.extend(all.map(|value| ("forces", *value)));
+    }
+    if let Some(extremes) = &findings.extremes {
+        for (name, extreme) in [
+            ("displacement", &extremes.displacement),
+            ("von_mises_stress", &extremes.von_mises_stress),
+            ("lowest_pressure", &extremes.lowest_pressure),
+            ("highest_pressure", &extremes.highest_pressure),
+        ] {
+            numbers.push((name, extreme.value));
+            numbers.extend(extreme.position.iter().map(|x| ("position", *x)));
+        }
+    }
+    match numbers.iter().find(|(_, value)| !value.is_finite()) {
+        Some((name, value)) => Err(invalid(format!("`{}`: {name} is {value}", path.display()))),
+        None => Ok(()),
+    }
+}
+
+/// The extent of every body: of its points, and of their domains. A point without domain counts as a square (cube)
+/// of its volume, as the paper's footnote 7.
+fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
+    let mut map = Map::new();
+    for (number, body) in model.bodies.iter().enumerate() {
+        let (mut low, mut high) = ([f64::INFINITY; D], [f64::NEG_INFINITY; D]);
+        let (mut inner, mut outer) = (low, high);
+        let mut count = 0usize;
+        for p in (0..points.len()).filter(|&p| points.body[p] as usize == number) {
+            count += 1;
+            let x = points.converged.position[p];
+            let size = model.volume(points, p) / model.depth(&x);
+            let side = 0.5 * size.powf(1.0 / D as f64);
+            let domain = 0..number_of_corners(model, points, p);
+            let mut corners: Vec<_> = domain.map(|k| corner_of(model, points, p, k)).collect();
+            if corners.is_empty() {
+                corners = vec![x.map(|x| x - side), x.map(|x| x + side)];
+            }
+            for d in 0..D {
+                low[d] = low[d].min(x[d]);
+                high[d] = high[d].max(x[d]);
+                for corner in &corners {
+                    inner[d] = inner[d].min(corner[d]);
+                    outer[d] = outer[d].max(corner[d]);
+                }
+            }
+        }
+        let extent = |min: [f64; D], max: [f64; D]| json!({"min": min.to_vec(), "max": max.to_vec()});
+        let value = json!({
+            "points": count,
+            "extent": {"points": extent(low, high), "domain": extent(inner, outer)},
+        });
+        map.insert(body.name.clone(), value);
+    }
+    Value::Object(map)
+}
+
+/// A value and the step that it is of.
+fn at_step((value, step): (f64, usize)) -> Value {
+    json!({"value": value, "step": step})
+}
+
+/// Loads and reactions at the end.
+fn forces(balance: &ForceBalance) -> Value {
+    let by_name = |forces: &[(String, Vec<f64>)]| -> Map<String, Value> {
+        forces.iter().map(|(name, force)| (name.clone(), json!(force))).collect()
+    };
+    let moments: Map<String, Value> = (balance.reactions.iter().zip(&balance.moments))
+        .map(|((name, _), of)| (name.clone(), json!({"about": of.about, "moment": of.moment})))
+        .collect();
+    json!({
+        "applied": balance.applied,
+        "loads": by_name(&balance.loads),
+        "reactions": by_name(&balance.reactions),
+        "moments": moments,
+        "difference": balance.difference(),
+        "relative_difference": balance.relative_difference(),
+    })
+}
+
+/// The largest values of the fields at the end.
+fn largest(extremes: &Extremes) -> Value {
+    let Extremes { displacement, von_mises_stress, lowest_pressure, highest_pressure } = extremes;
+    let place = |extreme: &Extreme| {
+        let Extreme { value, body, point, position } = extreme;
+        json!({"value": value, "body": body, "point": point, "position": position})
+    };
+    json!({
+        "displacement": place(displacement),
+        "von_mises_stress": place(von_mises_stress),
+        "lowest_pressure": place(lowest_pressure),
+        "highest_pressure": place(highest_pressure),
+    })
+}
+
+/// How well the run went; null for what no step has shown.
+fn quality<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
+    let worst = |worst: Option<Worst>| {
+        worst.map(|Worst { value, step, body, point }| {
+            let mut entry = json!({"value": value, "step": step, "body": model.bodies[body].name});
+            if let Some(point) = point {
+                entry["point"] = json!(point);
+            }
+            entry
+        })
+    };
+    let balance = |of: &Balance| json!({"total": of.now, "relative_change": of.relative_change()});
+    let slowest = quality.smallest_newton_order();
+    json!({
+        "partition_of_unity_loss": worst(quality.partition_of_unity_loss),
+        "domain_outside_grid": worst(quality.domain_outside_grid),
+        "smallest_cell_filling": quality.smallest_cell_filling.map(|filling| {
+            json!({"value": filling.value, "step": filling.step, "cell": filling.cell})
+        }),
+        "det_f": quality.det_f.map(|[min, max]| json!({"min": min, "max": max})),
+        "mass": balance(&quality.mass),
+        "volume": balance(&quality.volume),
+        "domain_overlap": quality.domain_overlap,
+        "domain_volume_excess": worst(quality.domain_volume_excess),
+        "newton_order": quality.median_newton_order().map(|median| json!({
+            "median": median,
+            "smallest": slowest.map(|(_, order)| order),
+            "step": slowest.map(|(step, _)| step),
+            "steps": quality.newton_orders.len(),
+        })),
+        "rotation": worst(quality.rotation),
+        "shear": worst(quality.shear),
+        "box_rotation": worst(quality.box_rotation),
+        "crossings": by_body(model, |body| quality.mean_crossings(body)),
+        "pressure_oscillation": quality.pressure_oscillation.map(at_step),
+        "held_by_nodes": held_by_nodes(model, quality),
+    })
+}
+
+/// A measure of bodies by their names, of those that have it; null where none has.
+fn by_body<const D: usize>(model: &Model<D>, of: impl Fn(usize) -> Option<f64>) -> Value {
+    let entries =
+        model.bodies.iter().enumerate().filter_map(|(k, body)| Some((body.name.clone(), json!(of(k)?))));
+    let map: Map<String, Value> = entries.collect();
+    if map.is_empty() { Value::Null } else { Value::Object(map) }
+}
+
+/// Share of the material that the nodes of each moving boundary condition still hold; null where there is none.
+fn held_by_nodes<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
+    let entries = model
+        .boundary_conditions
+        .iter()
+        .enumerate()
+        .filter_map(|(k, condition)| Some((condition.name.clone(), json!(quality.held_by_nodes(k)?))));
+    let map: Map<String, Value> = entries.collect();
+    if map.is_empty() { Value::Null } else { Value::Object(map) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_that_is_not_finite_is_named() {
+        let path = Path::new("out/summary.json");
+        let findings = Findings::default();
+        check(path, &Summary::default(), &findings).unwrap();
+        let summary = Summary { strain_energy: f64::NAN, ..Summary::default() };
+        let error = check(path, &summary, &findings).unwrap_err();
+        assert_eq!(error.to_string(), "`out/summary.json`: strain_energy is NaN");
+        let findings = Findings { worst_residual: Some((f64::INFINITY, 3)), ..Findings::default() };
+        assert!(
+            check(path, &Summary::default(), &findings).unwrap_err().to_string().contains("worst_residual")
+        );
+    }
+}

@@ -1,0 +1,379 @@
+//! Comma-separated tables that grow by whole rows, and the way back.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use super::replace::replace_file;
+use super::{invalid, shortest};
+
+/// An entry of a table.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Entry {
+    /// A whole number.
+    Integer(i64),
+    /// A finite number, written so that it reads back exactly.
+    Number(f64),
+    /// Nothing: a value that does not exist.
+    Missing,
+}
+
+impl From<i64> for Entry {
+    fn from(value: i64) -> Entry {
+        Entry::Integer(value)
+    }
+}
+
+impl From<Option<f64>> for Entry {
+    fn from(value: Option<f64>) -> Entry {
+        value.map_or(Entry::Missing, Entry::Number)
+    }
+}
+
+impl From<f64> for Entry {
+    fn from(value: f64) -> Entry {
+        Entry::Number(value)
+    }
+}
+
+/// A `.csv` table with one header line.
+#[derive(Debug)]
+pub struct Table {
+    path: PathBuf,
+    file: File,
+    /// Length of the whole rows in the file, [byte].
+    length: u64,
+    columns: Vec<String>,
+}
+
+/// What a table that is to go on begins with.
+#[derive(Debug)]
+pub struct Kept {
+    path: PathBuf,
+    columns: Vec<String>,
+    text: String,
+}
+
+impl Kept {
+    /// The file.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The entries of some columns, row by row; whole numbers, `None` where there is something else.
+    pub(super) fn numbers<const N: usize>(&self, columns: [&str; N]) -> Vec<[Option<usize>; N]> {
+        let places = columns.map(|name| self.columns.iter().position(|column| column == name));
+        let rows = self.text.lines().skip(1).map(|row| row.split(',').collect::<Vec<_>>());
+        rows.map(|row| places.map(|place| row.get(place?)?.parse().ok())).collect()
+    }
+
+    /// Replaces the file by what is kept of it, to be extended.
+    ///
+    /// Errors: those of the file system.
+    pub(super) fn reopen(self) -> io::Result<Table> {
+        Table::begin(self.path, self.columns, &self.text)
+    }
+}
+
+impl Table {
+    /// Creates the file, or empties it, and writes the header.
+    ///
+    /// Errors: those of the file system; `InvalidInput` if there is no column or two have the same name.
+    pub fn create(path: impl AsRef<Path>, columns: &[impl AsRef<str>]) -> io::Result<Table> {
+        let path = path.as_ref().to_owned();
+        let columns: Vec<String> = columns.iter().map(|name| name.as_ref().to_owned()).collect();
+        if columns.is_empty() {
+            return Err(invalid(format!("{} would have no column", path.display())));
+        }
+        if let Some(index) = (1..columns.len()).find(|&i| columns[..i].contains(&columns[i])) {
+            return Err(invalid(format!("{} would have two columns `{}`", path.display(), columns[index])));
+        }
+        let header: Vec<String> = columns.iter().map(|name| quoted(name)).collect();
+        Table::begin(path, columns, &format!("{}\n", header.join(",")))
+    }
+
+    /// A file with this text, to be extended; whoever kills the run leaves none without header.
+    fn begin(path: PathBuf, columns: Vec<String>, text: &str) -> io::Result<Table> {
+        replace_file(&path, |file| file.write_all(text.as_bytes()))?;
+        let file = fs::OpenOptions::new().append(true).open(&path)?;
+        Ok(Table { path, file, columns, length: text.len() as u64 })
+    }
+
+    /// What is to be kept of a file with these columns: the rows whose first entry is not greater than `last`. The file
+    /// stays as it is.
+    ///
+    /// Errors, which name the file: those of the file system; `InvalidData` if the file has other columns, is damaged,
+    /// or has no row with `last` although that is not 0.
+    pub fn keep(path: impl AsRef<Path>, columns: &[impl AsRef<str>], last: usize) -> io::Result<Kept> {
+        let path = path.as_ref().to_owned();
+        let columns: Vec<String> = columns.iter().map(|name| name.as_ref().to_owned()).collect();
+        let text = fs::read_to_string(&path).map_err(|error| {
+            let what = match error.kind() {
+                io::ErrorKind::NotFound => "is missing".to_owned(),
+                _ => format!("cannot be read: {error}"),
+            };
+            io::Error::new(error.kind(), format!("`{}` {what}", path.display()))
+        })?;
+        let wrong =
+            |what: &str| io::Error::new(io::ErrorKind::InvalidData, format!("`{}` {what}", path.display()));
+        let (header, rows) = text.split_once('\n').ok_or_else(|| wrong("is empty"))?;
+        if unquoted(header) != columns {
+            return Err(wrong("has other columns"));
+        }
+        let mut kept = format!("{header}\n");
+        let mut reached = 0;
+        for row in rows.split_inclusive('\n').filter(|row| row.ends_with('\n')) {
+            let step = row.split(',').next().and_then(|entry| entry.parse::<usize>().ok());
+            let step = step.ok_or_else(|| wrong("has a row without a step"))?;
+            if step <= last {
+                kept.push_str(row);
+                reached = step;
+            }
+        }
+        if reached != last {
+            return Err(wrong(&format!("does not reach step {last}")));
+        }
+        Ok(Kept { path, columns, text: kept })
+    }
+
+    /// Sees to it that the file is still what this table has written.
+    ///
+    /// Errors, which name the file: those of the file system; `Other` if it was removed, replaced or changed.
+    pub fn check(&self) -> io::Result<()> {
+        let wrong =
+            |what: &str| io::Error::other(format!("`{}` was {what} during the run", self.path.display()));
+        let there = match fs::metadata(&self.path) {
+            Ok(there) => there,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Err(wrong("removed")),
+            Err(error) => {
+                return Err(io::Error::new(error.kind(), format!("`{}`: {error}", self.path.display())));
+            }
+        };
+        if !is_same(&there, &self.file.metadata()?) {
+            return Err(wrong("replaced"));
+        }
+        if there.len() == self.length { Ok(()) } else { Err(wrong("changed")) }
+    }
+
+    /// Number of columns.
+    pub fn width(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Appends a row with one entry per column; it is in the file when this returns.
+    ///
+    /// Errors: those of the file system; `InvalidInput` if the number of entries is wrong or one is not finite. Nothing
+    /// of the row is then in the file.
+    pub fn push(&mut self, row: &[Entry]) -> io::Result<()> {
+        if row.len() != self.columns.len() {
+            let (path, wanted) = (self.path.display(), self.columns.len());
+            return Err(invalid(format!("{path} has {wanted} columns, the row has {}", row.len())));
+        }
+        let mut line = String::new();
+        for (number, (entry, column)) in row.iter().zip(&self.columns).enumerate() {
+            if number > 0 {
+                line.push(',');
+            }
+            match entry {
+                Entry::Integer(value) => line.push_str(&value.to_string()),
+                Entry::Missing => {}
+                Entry::Number(value) if value.is_finite() => line.push_str(&shortest(*value)),
+                Entry::Number(value) => {
+                    return Err(invalid(format!("{value} for column `{column}` of {}", self.path.display())));
+                }
+            }
+        }
+        line.push('\n');
+        // One unbuffered write per row: whoever reads the file, or kills the run, meets whole rows.
+        if let Err(error) = self.file.write_all(line.as_bytes()) {
+            // A full disk takes the first bytes of a row. Where they cannot be taken back, either, the first error says it.
+            let _ = self.file.set_len(self.length);
+            return Err(io::Error::new(error.kind(), format!("`{}`: {error}", self.path.display())));
+        }
+        self.length += line.len() as u64;
+        Ok(())
+    }
+}
+
+/// Whether two accounts are of the same file.
+#[cfg(unix)]
+fn is_same(a: &fs::Metadata, b: &fs::Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    (a.dev(), a.ino()) == (b.dev(), b.ino())
+}
+
+/// Whether two accounts are of the same file, as far as the system tells.
+#[cfg(not(unix))]
+fn is_same(a: &fs::Metadata, b: &fs::Metadata) -> bool {
+    a.is_file() && a.created().ok() == b.created().ok()
+}
+
+/// A text as a field of a line, quoted where it would otherwise break the line.
+pub fn quoted(name: &str) -> String {
+    if name.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", name.replace('"', "\"\""))
+    } else {
+        name.to_owned()
+    }
+}
+
+/// A table of numbers as it was read from a file.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Columns {
+    names: Vec<String>,
+    /// The values of the first column, of the second, and so on; not a number where there is none.
+    values: Vec<Vec<f64>>,
+}
+
+impl Columns {
+    /// Reads a table that [`Table`] has written.
+    ///
+    /// Errors: those of the file system; `InvalidData` with file and line if there is no header, a row has another
+    /// number of entries, an entry is no number, or the last row is cut off.
+    pub fn read(path: &Path) -> io::Result<Columns> {
+        let text = fs::read_to_string(path)?;
+        Columns::parse(&text)
+            .map_err(|what| io::Error::new(io::ErrorKind::InvalidData, format!("{}: {what}", path.display())))
+    }
+
+    fn parse(text: &str) -> Result<Columns, String> {
+        let (header, body) = text.split_once('\n').ok_or("there is no complete header")?;
+        let names = unquoted(header);
+        let mut values = vec![Vec::new(); names.len()];
+        for (index, line) in body.split_terminator('\n').enumerate() {
+            let number = index + 2;
+            let entries: Vec<&str> = line.split(',').collect();
+            if entries.len() != names.len() {
+                let (found, wanted) = (entries.len(), names.len());
+                return Err(format!("line {number} has {found} entries, the header has {wanted}"));
+            }
+            for (entry, column) in entries.iter().zip(&mut values) {
+                match entry.parse::<f64>() {
+                    Err(_) if entry.is_empty() => column.push(f64::NAN),
+                    Ok(value) if value.is_finite() => column.push(value),
+                    _ => return Err(format!("line {number}: {entry:?} is no number")),
+                }
+            }
+        }
+        if !text.ends_with('\n') {
+            return Err(format!("line {} is cut off", body.lines().count() + 1));
+        }
+        Ok(Columns { names, values })
+    }
+
+    /// The rows in which a column has a value; all where there is no such column.
+    pub fn where_column(mut self, name: &str, has: impl Fn(f64) -> bool) -> Columns {
+        let Some(kept) = self.column(name).map(|column| column.iter().map(|v| has(*v)).collect::<Vec<_>>())
+        else {
+            return self;
+        };
+        for column in &mut self.values {
+            let mut kept = kept.iter();
+            column.retain(|_| kept.next() == Some(&true));
+        }
+        self
+    }
+
+    /// Names of the columns.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.values.first().map_or(0, Vec::len)
+    }
+
+    /// The values of a column.
+    pub fn column(&self, name: &str) -> Option<&[f64]> {
+        let index = self.names.iter().position(|known| known == name)?;
+        Some(&self.values[index])
+    }
+
+    /// Names and values of all columns.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &[f64])> {
+        self.names.iter().map(String::as_str).zip(self.values.iter().map(Vec::as_slice))
+    }
+}
+
+/// The fields of a line that [`quoted`] has made.
+fn unquoted(line: &str) -> Vec<String> {
+    let (mut fields, mut field, mut inside) = (Vec::new(), String::new(), false);
+    let mut rest = line.chars().peekable();
+    while let Some(c) = rest.next() {
+        match c {
+            '"' if inside && rest.peek() == Some(&'"') => {
+                rest.next();
+                field.push('"');
+            }
+            '"' => inside = !inside,
+            ',' if !inside => fields.push(std::mem::take(&mut field)),
+            c => field.push(c),
+        }
+    }
+    fields.push(field);
+    fields
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_are_read_back_exactly() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("t.csv");
+        let mut table = Table::create(&path, &["step", "a, \"b\""]).unwrap();
+        assert_eq!(Columns::read(&path).unwrap().rows(), 0);
+        for (step, value) in [(1, 1.0 / 3.0), (2, -5e-324), (3, 12e6)] {
+            table.push(&[step.into(), value.into()]).unwrap();
+        }
+        let read = Columns::read(&path).unwrap();
+        assert_eq!(read.names(), ["step", "a, \"b\""]);
+        assert_eq!(read.column("a, \"b\""), Some(&[1.0 / 3.0, -5e-324, 12e6][..]));
+        assert_eq!(read.column("b"), None);
+        assert_eq!(read.iter().last(), Some(("a, \"b\"", &[1.0 / 3.0, -5e-324, 12e6][..])));
+    }
+
+    #[test]
+    fn damaged_tables_are_refused_with_the_line() {
+        for (text, complaint) in [
+            ("", "header"),
+            ("step,a", "header"),
+            ("step,a\n1,2\n3", "line 3 has 1 entries"),
+            ("step,a\n1,2\n3,4", "line 3 is cut off"),
+            ("step,a\n1,2\n3,x\n", "line 3: \"x\" is no number"),
+            ("step,a\n1,NaN\n", "line 2"),
+            ("step,a\n\n1,2\n", "line 2 has 1 entries"),
+        ] {
+            let error = Columns::parse(text).unwrap_err();
+            assert!(error.contains(complaint), "{text:?}: {error}");
+        }
+    }
+
+    #[test]
+    fn rows_are_on_disk_at_once() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("history.csv");
+        let mut table = Table::create(&path, &["step", "time", "a, \"b\""]).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "step,time,\"a, \"\"b\"\"\"\n");
+        table.push(&[0.into(), 0.0.into(), (-1.5e-12).into()]).unwrap();
+        table.push(&[1.into(), (1.0 / 3.0).into(), 12e6.into()]).unwrap();
+        let text = fs::read_to_string(&path).unwrap();
+        let rows: Vec<&str> = text.lines().skip(1).collect();
+        assert_eq!(rows, ["0,0,-1.5e-12", "1,0.3333333333333333,12000000"]);
+    }
+
+    #[test]
+    fn refuses_what_cannot_be_read_back() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("t.csv");
+        assert_eq!(Table::create(&path, &["a", "b", "a"]).unwrap_err().kind(), io::ErrorKind::InvalidInput);
+        assert!(Table::create(&path, &[] as &[&str]).is_err());
+        let mut table = Table::create(&path, &["a", "b"]).unwrap();
+        for row in [&[1.0.into(), f64::NAN.into()][..], &[f64::INFINITY.into(), 0.into()], &[1.into()], &[]] {
+            assert_eq!(table.push(row).unwrap_err().kind(), io::ErrorKind::InvalidInput);
+        }
+        assert_eq!(fs::read_to_string(&path).unwrap(), "a,b\n");
+    }
+}

@@ -1,0 +1,366 @@
+//! Charts of curves as SVG, each curve with its name at its end.
+
+use std::fmt::Write;
+
+use mpm_files::shortest;
+
+use super::page::escape;
+use super::scale::Scale;
+use super::units::{Naming, Quantity};
+
+/// Width of a chart; lengths are in pixels of the screen.
+const WIDTH: f64 = 720.0;
+/// Space left of the axes.
+const LEFT: f64 = 66.0;
+/// Space above.
+const TOP: f64 = 26.0;
+/// Space below.
+const BOTTOM: f64 = 48.0;
+/// Distance between the names of curves.
+const LINE: f64 = 15.0;
+/// Mean width of a letter.
+const LETTER: f64 = 6.6;
+/// Most letters of a name that are shown.
+const LONGEST_NAME: usize = 26;
+/// Most points of a curve that are drawn.
+const MOST_POINTS: usize = 1600;
+
+/// How a curve looks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Look {
+    /// In the colour and dashes of a number.
+    Number(usize),
+    /// One of an ordered family: 0 is the first, 1 the last.
+    Family(f64),
+    /// The one to look at in such a family.
+    Alarm,
+}
+
+/// A curve.
+#[derive(Debug, Clone)]
+pub(super) struct Curve {
+    /// Its name in plain text; empty for one that is not named on the chart.
+    pub name: String,
+    /// Its points.
+    pub points: Vec<[f64; 2]>,
+    /// How it looks.
+    pub look: Look,
+}
+
+/// An axis.
+#[derive(Debug, Clone)]
+pub(super) struct Axis {
+    /// What it measures, in plain text.
+    pub name: String,
+    /// The kind of quantity.
+    pub quantity: Quantity,
+    /// Whether equal steps stand for equal ratios.
+    pub logarithmic: bool,
+    /// Values that it must contain.
+    pub contains: Vec<f64>,
+    /// Whether its values are whole numbers.
+    pub whole_numbers: bool,
+}
+
+impl Axis {
+    /// A linear axis.
+    pub fn new(name: &str, quantity: Quantity) -> Axis {
+        Axis {
+            name: name.to_owned(),
+            quantity,
+            logarithmic: false,
+            contains: Vec::new(),
+            whole_numbers: false,
+        }
+    }
+
+    /// An axis that counts.
+    pub fn counting(name: &str) -> Axis {
+        Axis { whole_numbers: true, ..Axis::new(name, Quantity::Number) }
+    }
+
+    /// The axis over the values of the curves, between two places.
+    fn scale(&self, values: impl Iterator<Item = f64>, places: [f64; 2], marks: usize) -> Scale {
+        let usable = |v: &f64| v.is_finite() && (!self.logarithmic || *v > 0.0);
+        let all = values.chain(self.contains.iter().copied()).filter(usable);
+        let bounds = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
+        if self.logarithmic {
+            return Scale::logarithmic(bounds, places, marks);
+        }
+        let marks =
+            if self.whole_numbers { marks.min((bounds[1] - bounds[0]).max(1.0) as usize) } else { marks };
+        Scale::linear(bounds, places, marks, true)
+    }
+}
+
+/// A chart.
+#[derive(Debug, Clone)]
+pub(super) struct Chart {
+    /// What it shows, for those who do not see it.
+    pub description: String,
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// The curves.
+    pub curves: Vec<Curve>,
+    /// Values of y with a name, drawn as lines across.
+    pub levels: Vec<(f64, String)>,
+    /// Height.
+    pub height: f64,
+}
+
+impl Chart {
+    /// The chart as an SVG element; the names of units come from `naming`.
+    pub fn svg(&self, naming: &Naming) -> String {
+        let names = self.curves.iter().map(|curve| shown(&curve.name).chars().count()).max().unwrap_or(0);
+        let right = WIDTH - if names == 0 { 18.0 } else { 26.0 + LETTER * names as f64 };
+        let bottom = self.height - BOTTOM;
+        let along = |axis: usize| self.curves.iter().flat_map(move |c| c.points.iter().map(move |p| p[axis]));
+        let x = self.x.scale(along(0), [LEFT, right], 8);
+        let levels = self.levels.iter().map(|(value, _)| *value);
+        let y = self.y.scale(along(1).chain(levels), [bottom, TOP], ((bottom - TOP) / 42.0) as usize);
+
+        let mut svg = format!(
+            "<svg class=\"chart\" viewBox=\"0 0 {WIDTH} {}\" role=\"img\" aria-label=\"{}\">\n",
+            self.height,
+            escape(&self.description)
+        );
+        self.draw_axes(&mut svg, naming, &x, &y, right, bottom);
+        for (value, name) in &self.levels {
+            let place = y.place(*value);
+            let _ = writeln!(
+                svg,
+                "<line class=\"level\" x1=\"{LEFT}\" x2=\"{right:.1}\" y1=\"{place:.1}\" y2=\"{place:.1}\"/>\
+                 <text class=\"level\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
+                LEFT + 6.0,
+                place - 4.0,
+                escape(name)
+            );
+        }
+        let mut ends = Vec::new();
+        for curve in &self.curves {
+            let points = thinned(&curve.points);
+            let places: Vec<[f64; 2]> = points.iter().map(|p| [x.place(p[0]), y.place(p[1])]).collect();
+            draw_curve(&mut svg, curve, &points, &places);
+            if let (Some(end), false) = (places.last(), curve.name.is_empty()) {
+                ends.push((*end, curve));
+            }
+        }
+        draw_names(&mut svg, ends, right, [TOP, bottom]);
+        svg.push_str("<g class=\"readout\"><circle r=\"4\"/><text></text></g>\n</svg>\n");
+        svg
+    }
+
+    fn draw_axes(&self, svg: &mut String, naming: &Naming, x: &Scale, y: &Scale, right: f64, bottom: f64) {
+        svg.push_str("<g class=\"axes\">\n");
+        for tick in &y.ticks {
+            let place = y.place(tick.value);
+            let class = if tick.label.is_empty() { " class=\"small\"" } else { "" };
+            let _ = writeln!(svg, "<path{class} d=\"M{LEFT} {place:.1}H{right:.1}\"/>");
+            if !tick.label.is_empty() {
+                let (at, line) = (LEFT - 8.0, place + 4.0);
+                let _ = writeln!(svg, "<text class=\"y\" x=\"{at}\" y=\"{line:.1}\">{}</text>", tick.label);
+            }
+        }
+        for tick in &x.ticks {
+            let place = x.place(tick.value);
+            let _ = writeln!(
+                svg,
+                "<path class=\"tick\" d=\"M{place:.1} {bottom}v5\"/><text class=\"x\" x=\"{place:.1}\" y=\"{}\">{}</text>",
+                bottom + 19.0,
+                tick.label
+            );
+        }
+        let (x_name, y_name) = (
+            escape(&naming.label(&self.x.name, self.x.quantity, x.power)),
+            escape(&naming.label(&self.y.name, self.y.quantity, y.power)),
+        );
+        let _ = writeln!(
+            svg,
+            "<path class=\"base\" d=\"M{LEFT} {bottom}H{right:.1}\"/>\
+             <text class=\"name x\" x=\"{:.1}\" y=\"{}\">{x_name}</text>\
+             <text class=\"name\" x=\"2\" y=\"12\">{y_name}</text>\n</g>",
+            0.5 * (LEFT + right),
+            self.height - 8.0,
+        );
+    }
+}
+
+/// A name as it is shown.
+fn shown(name: &str) -> String {
+    if name.chars().count() <= LONGEST_NAME {
+        return name.to_owned();
+    }
+    name.chars().take(LONGEST_NAME - 1).chain(['…']).collect()
+}
+
+fn class_of(look: Look) -> String {
+    match look {
+        Look::Number(number) => format!("c{}", number % 8),
+        Look::Family(_) => "family".to_owned(),
+        Look::Alarm => "alarm".to_owned(),
+    }
+}
+
+fn draw_curve(svg: &mut String, curve: &Curve, points: &[[f64; 2]], places: &[[f64; 2]]) {
+    let class = class_of(curve.look);
+    let style = match curve.look {
+        Look::Family(share) => {
+            let percent = (100.0 * share.clamp(0.0, 1.0)).round();
+            format!(" style=\"stroke:color-mix(in oklab,var(--late) {percent}%,var(--early))\"")
+        }
+        Look::Number(_) | Look::Alarm => String::new(),
+    };
+    let joined = |values: &mut dyn Iterator<Item = String>| values.collect::<Vec<String>>().join(" ");
+    let path = joined(&mut places.iter().map(|[x, y]| format!("{x:.1},{y:.1}")));
+    let value = |axis: usize| joined(&mut points.iter().map(|p| compact(p[axis])));
+    let _ = writeln!(
+        svg,
+        "<polyline class=\"curve {class}\"{style} points=\"{path}\" data-name=\"{}\" data-x=\"{}\" data-y=\"{}\"/>",
+        escape(&curve.name),
+        value(0),
+        value(1)
+    );
+    // Few points are shown one by one: what lies between them is only a line.
+    if points.len() <= 60 && matches!(curve.look, Look::Number(_)) {
+        let dots: String = places.iter().map(|[x, y]| format!("M{x:.1} {y:.1}h0")).collect();
+        let _ = writeln!(svg, "<path class=\"dots {class}\" d=\"{dots}\"/>");
+    }
+}
+
+/// A number with six significant digits, as short as it goes.
+fn compact(value: f64) -> String {
+    shortest(format!("{value:.5e}").parse().unwrap_or(value))
+}
+
+/// Writes the names of curves right of their ends, apart from each other.
+fn draw_names(svg: &mut String, mut ends: Vec<([f64; 2], &Curve)>, right: f64, [top, bottom]: [f64; 2]) {
+    ends.sort_by(|a, b| a.0[1].total_cmp(&b.0[1]));
+    let wanted: Vec<f64> = ends.iter().map(|(end, _)| end[1]).collect();
+    for ((end, curve), place) in ends.iter().zip(apart(&wanted, LINE, [top, bottom])) {
+        let (x, class) = (right + 12.0, class_of(curve.look));
+        let name = shown(&curve.name);
+        let title = if name == curve.name {
+            String::new()
+        } else {
+            format!("<title>{}</title>", escape(&curve.name))
+        };
+        let _ = writeln!(
+            svg,
+            "<path class=\"leader {class}\" d=\"M{:.1} {:.1}L{:.1} {place:.1}\"/>\
+             <text class=\"of {class}\" x=\"{x:.1}\" y=\"{:.1}\">{}{title}</text>",
+            end[0] + 3.0,
+            end[1],
+            x - 3.0,
+            place + 4.0,
+            escape(&name)
+        );
+    }
+}
+
+/// Places close to the wanted ones, which ascend, that keep a distance from each other and stay between two bounds if
+/// there is room.
+fn apart(wanted: &[f64], distance: f64, [low, high]: [f64; 2]) -> Vec<f64> {
+    let mut places = wanted.to_vec();
+    let mut least = low;
+    for place in &mut places {
+        *place = place.max(least);
+        least = *place + distance;
+    }
+    let mut most = high;
+    for place in places.iter_mut().rev() {
+        *place = place.min(most);
+        most = *place - distance;
+    }
+    places
+}
+
+/// The points of a curve, or so many of them that it looks the same.
+fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let finite: Vec<[f64; 2]> = points.iter().copied().filter(|p| p.iter().all(|c| c.is_finite())).collect();
+    if finite.len() <= MOST_POINTS {
+        return finite;
+    }
+    let group = finite.len().div_ceil(MOST_POINTS / 4);
+    let mut kept = Vec::with_capacity(MOST_POINTS);
+    for points in finite.chunks(group) {
+        let extreme = |sign: f64| {
+            let order = |(_, a): &(usize, &[f64; 2]), (_, b): &(usize, &[f64; 2])| {
+                (sign * a[1]).total_cmp(&(sign * b[1]))
+            };
+            points.iter().enumerate().min_by(order).map_or(0, |(index, _)| index)
+        };
+        let mut indices = [0, extreme(1.0), extreme(-1.0), points.len() - 1];
+        indices.sort_unstable();
+        for (place, index) in indices.iter().enumerate() {
+            if place == 0 || indices[place - 1] != *index {
+                kept.push(points[*index]);
+            }
+        }
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chart(curves: Vec<Curve>) -> Chart {
+        Chart {
+            description: "a & b".to_owned(),
+            x: Axis::new("load factor", Quantity::Number),
+            y: Axis::new("reaction", Quantity::Force),
+            curves,
+            levels: vec![(2.0, "limit <2>".to_owned())],
+            height: 300.0,
+        }
+    }
+
+    #[test]
+    fn a_chart_names_axes_curves_and_levels() {
+        let points = (0..=10).map(|i| [0.1 * f64::from(i), 1e5 * f64::from(i)]).collect();
+        let name = "a name that is far too long to stand beside a curve".to_owned();
+        let svg =
+            chart(vec![Curve { name: name.clone(), points, look: Look::Number(9) }]).svg(&Naming::default());
+        for part in [
+            "aria-label=\"a &amp; b\"",
+            ">load factor</text>",
+            ">reaction [10⁶ force]</text>",
+            "limit &lt;2&gt;",
+            "class=\"curve c1\"",
+            "data-y=\"0 100000 200000",
+            "…<title>a name that is far too long",
+        ] {
+            assert!(svg.contains(part), "{part} is not in\n{svg}");
+        }
+        assert!(!svg.contains("NaN") && !svg.contains("inf"));
+    }
+
+    #[test]
+    fn a_chart_without_points_is_still_a_chart() {
+        let svg =
+            chart(vec![Curve { name: String::new(), points: vec![[f64::NAN, 1.0]], look: Look::Alarm }]);
+        let svg = svg.svg(&Naming::default());
+        assert!(svg.ends_with("</svg>\n") && !svg.contains("NaN"));
+    }
+
+    #[test]
+    fn names_stand_apart_within_the_chart() {
+        assert_eq!(apart(&[10.0, 50.0], 15.0, [0.0, 100.0]), [10.0, 50.0]);
+        assert_eq!(apart(&[10.0, 10.0, 12.0], 15.0, [0.0, 100.0]), [10.0, 25.0, 40.0]);
+        assert_eq!(apart(&[95.0, 99.0], 15.0, [0.0, 100.0]), [85.0, 100.0]);
+    }
+
+    #[test]
+    fn long_curves_keep_their_peaks() {
+        let mut points: Vec<[f64; 2]> = (0..100_000).map(|i| [f64::from(i), 0.0]).collect();
+        points[54_321][1] = 7.0;
+        points[54_322][1] = -7.0;
+        let thin = thinned(&points);
+        assert!(thin.len() <= MOST_POINTS);
+        assert!(thin.contains(&points[54_321]) && thin.contains(&points[54_322]));
+        assert_eq!((thin[0], thin[thin.len() - 1]), (points[0], points[99_999]));
+        assert!(thin.windows(2).all(|pair| pair[0][0] < pair[1][0]));
+    }
+}

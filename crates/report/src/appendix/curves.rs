@@ -1,0 +1,288 @@
+//! The curves of one run or of several.
+
+use mpm_core::quality::newton_order;
+
+use super::chart::{Axis, Chart, Curve, Look};
+use super::page::escape;
+use super::run::{Run, State};
+use super::units::Quantity;
+
+/// Most curves in one chart.
+const MOST_CURVES: usize = 12;
+/// Most steps whose residuals are drawn.
+const MOST_STEPS: usize = 40;
+/// Forces and displacements below this share of the largest are round-off.
+const ROUND_OFF: f64 = 1e-9;
+/// Names of the axes.
+pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// What the load is plotted against: the load factor where there is one for all, else time.
+pub(super) struct Progress {
+    by_factor: bool,
+}
+
+impl Progress {
+    /// The measure that all runs have.
+    pub fn of(runs: &[Run]) -> Progress {
+        Progress { by_factor: runs.iter().all(|run| run.is_ramp() && run.end_time().is_some()) }
+    }
+
+    /// Whether it is the load factor.
+    pub fn is_factor(&self) -> bool {
+        self.by_factor
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &'static str {
+        if self.by_factor { "load factor" } else { "time" }
+    }
+
+    fn axis(&self) -> Axis {
+        Axis::new(self.name(), if self.by_factor { Quantity::Number } else { Quantity::Time })
+    }
+
+    /// Its value at a time.
+    pub fn at(&self, run: &Run, time: f64) -> f64 {
+        match run.end_time() {
+            Some(end) if self.by_factor => time / end,
+            _ => time,
+        }
+    }
+
+    /// Its values at the ends of the steps, and the values of a column, from the undeformed state on: at time 0 nothing acts,
+    /// whatever the load curves say.
+    fn points(&self, run: &Run, column: &str) -> Vec<[f64; 2]> {
+        let times = run.column("time").iter().map(|time| self.at(run, *time));
+        let values = times.zip(run.column(column)).map(|(x, y)| [x, *y]);
+        std::iter::once([0.0, 0.0]).chain(values).collect()
+    }
+}
+
+/// A column of `history.csv` that belongs to something with a name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Component {
+    /// The column.
+    pub column: String,
+    /// Name of the boundary condition, load or probe.
+    pub of: String,
+    /// The axis.
+    pub axis: &'static str,
+}
+
+impl Component {
+    /// Name and axis.
+    pub fn label(&self) -> String {
+        format!("{} {}", self.of, self.axis)
+    }
+}
+
+fn largest(run: &Run, column: &str) -> f64 {
+    run.column(column).iter().fold(0.0, |largest, value| value.abs().max(largest))
+}
+
+/// Components with a letter (`r` of reactions, `f` of loads, `u` of displacements) that are more than round-off in some run.
+pub(super) fn components(runs: &[Run], letter: char) -> Vec<Component> {
+    let mut found: Vec<Component> = Vec::new();
+    for run in runs {
+        for axis in AXES {
+            for name in run.names_before(&format!("_{letter}{axis}")) {
+                let component =
+                    Component { column: format!("{name}_{letter}{axis}"), of: name.to_owned(), axis };
+                if !found.contains(&component) {
+                    found.push(component);
+                }
+            }
+        }
+    }
+    let size =
+        |component: &Component| runs.iter().map(|run| largest(run, &component.column)).fold(0.0, f64::max);
+    let most = found.iter().map(size).fold(0.0, f64::max);
+    found.retain(|component| size(component) > ROUND_OFF * most);
+    // In the order of the deck, the axes of one thing together.
+    let order: Vec<String> = found.iter().map(|component| component.of.clone()).collect();
+    found.sort_by_key(|component| (order.iter().position(|of| *of == component.of), component.axis));
+    found
+}
+
+fn chart(description: String, x: Axis, y: Axis, curves: Vec<Curve>) -> Chart {
+    Chart { description, x, y, curves, levels: Vec::new(), height: 320.0 }
+}
+
+/// The components of one run against its load, in charts of a dozen curves at most.
+pub(super) fn against_load(
+    run: &Run,
+    components: &[Component],
+    name: &str,
+    quantity: Quantity,
+) -> Vec<Chart> {
+    let progress = Progress::of(std::slice::from_ref(run));
+    let chart_of = |group: &[Component]| {
+        let curve = |(number, component): (usize, &Component)| Curve {
+            name: component.label(),
+            points: progress.points(run, &component.column),
+            look: Look::Number(number),
+        };
+        let description = format!("{name} against {}", progress.name());
+        let curves = group.iter().enumerate().map(curve).collect();
+        chart(description, progress.axis(), Axis::new(name, quantity), curves)
+    };
+    components.chunks(MOST_CURVES).map(chart_of).collect()
+}
+
+/// A component of all runs against their load.
+pub(super) fn of_runs(runs: &[Run], column: &str, name: &str, quantity: Quantity) -> Chart {
+    let progress = Progress::of(runs);
+    let curve = |(number, run): (usize, &Run)| Curve {
+        name: run.name.clone(),
+        points: progress.points(run, column),
+        look: Look::Number(number),
+    };
+    let curves =
+        runs.iter().enumerate().filter(|(_, run)| !run.column(column).is_empty()).map(curve).collect();
+    let description = format!("{name} against {} of each run", progress.name());
+    chart(description, progress.axis(), Axis::new(name, quantity), curves)
+}
+
+/// What carries or drives the bodies against the largest displacement, and its caption: the resultant of each load where
+/// several act, else the largest reaction, of the conditions that move where any does.
+pub(super) fn load_displacement(runs: &[Run]) -> Option<(String, Chart)> {
+    let size =
+        |component: &Component| runs.iter().map(|run| largest(run, &component.column)).fold(0.0, f64::max);
+    let displacement = components(runs, 'u').into_iter().max_by(|a, b| size(a).total_cmp(&size(b)))?;
+    let moves = |name: &str| runs.iter().any(|run| run.moves(name));
+    let mut reactions = components(runs, 'r');
+    let is_driven = reactions.iter().any(|reaction| moves(&reaction.of));
+    reactions.retain(|reaction| !is_driven || moves(&reaction.of));
+    let loads = if is_driven { Vec::new() } else { components(runs, 'f') };
+    let of_loads = loads.iter().any(|load| load.of != loads[0].of);
+    let forces = if of_loads {
+        loads
+    } else {
+        reactions.into_iter().max_by(|a, b| size(a).total_cmp(&size(b))).into_iter().collect()
+    };
+    let has_all = |run: &Run| {
+        forces.iter().chain([&displacement]).all(|component| !run.column(&component.column).is_empty())
+    };
+    let number_of_curves = runs.len() * forces.len();
+    if number_of_curves == 0 || number_of_curves > MOST_CURVES || !runs.iter().all(has_all) {
+        return None;
+    }
+    let progress = Progress::of(runs);
+    let mut curves = Vec::new();
+    for run in runs {
+        for force in &forces {
+            let displacements = progress.points(run, &displacement.column);
+            let values = progress.points(run, &force.column);
+            let points = displacements.iter().zip(values).map(|(u, r)| [u[1], r[1]]).collect();
+            let parts = [(runs.len() > 1).then(|| run.name.clone()), of_loads.then(|| force.label())];
+            let name = parts.into_iter().flatten().collect::<Vec<_>>().join(", ");
+            curves.push(Curve { name, points, look: Look::Number(curves.len()) });
+        }
+    }
+    let x = Axis::new(&format!("displacement of {}", displacement.label()), Quantity::Length);
+    let what = if of_loads { "load".to_owned() } else { format!("reaction of {}", forces[0].label()) };
+    let chart = chart(format!("{what} against {}", x.name), x, Axis::new(&what, Quantity::Force), curves);
+    let force = if of_loads {
+        "resultant of each load".to_owned()
+    } else {
+        format!("reaction of <code>{}</code> along {}", escape(&forces[0].of), forces[0].axis)
+    };
+    let caption = format!(
+        "Load and displacement: {force} against displacement of <code>{}</code> along {}.",
+        escape(&displacement.of),
+        displacement.axis
+    );
+    Some((caption, chart))
+}
+
+/// Work and energy of a run against its load.
+pub(super) fn energies(run: &Run) -> Chart {
+    let progress = Progress::of(std::slice::from_ref(run));
+    let named = [("external work", "external_work"), ("strain energy", "strain_energy")];
+    let curve = |(number, (name, column)): (usize, (&str, &str))| Curve {
+        name: name.to_owned(),
+        points: progress.points(run, column),
+        look: Look::Number(number),
+    };
+    let curves = named.into_iter().enumerate().map(curve).collect();
+    let description = format!("external work and strain energy against {}", progress.name());
+    let chart = chart(description, progress.axis(), Axis::new("energy", Quantity::Energy), curves);
+    Chart { height: 240.0, ..chart }
+}
+
+/// The residuals of the steps of a run, one curve per step; how many steps are drawn, and of how many.
+pub(super) fn residuals(run: &Run) -> Option<(Chart, usize, usize)> {
+    let steps = run.residuals();
+    let failed = match run.state {
+        State::Failed(..) => steps.last().map(|(step, _)| *step).filter(|step| *step > run.steps()),
+        _ => None,
+    };
+    let (first, last) = (steps.first()?.0, steps.last()?.0);
+    let stride = steps.len().div_ceil(MOST_STEPS);
+    let longest = (0..steps.len()).rev().max_by_key(|index| steps[*index].1.len())?;
+    let is_drawn =
+        |index: usize| index.is_multiple_of(stride) || index == longest || index + 1 == steps.len();
+    let mut curves = Vec::new();
+    for (index, (step, residuals)) in steps.iter().enumerate().filter(|(index, _)| is_drawn(*index)) {
+        let share = index as f64 / (steps.len() - 1).max(1) as f64;
+        let name = match *step {
+            step if Some(step) == failed => format!("step {step}, failed"),
+            step if [first, last, steps[longest].0].contains(&step) => format!("step {step}"),
+            _ => String::new(),
+        };
+        let positive = residuals.iter().enumerate().filter(|(_, r)| **r > 0.0);
+        let points = positive.map(|(iteration, r)| [iteration as f64, *r]).collect();
+        let look = if Some(*step) == failed { Look::Alarm } else { Look::Family(share) };
+        curves.push(Curve { name, points, look });
+    }
+    let drawn = curves.len();
+    let y = Axis { logarithmic: true, ..Axis::new("relative out-of-balance force", Quantity::Number) };
+    let description = "residual against iteration, one curve per load step".to_owned();
+    let mut chart = chart(description, Axis::counting("iteration"), y, curves);
+    if let Some(deck) = &run.deck {
+        chart.levels.push((deck.solver.tolerance, "tolerance".to_owned()));
+    }
+    chart.height = 360.0;
+    Some((chart, drawn, steps.len()))
+}
+
+/// The axis of load steps, from the first one on.
+fn load_steps() -> Axis {
+    Axis { contains: vec![0.0, 1.0], ..Axis::counting("load step") }
+}
+
+/// Linear solves of each step of all runs.
+pub(super) fn iterations(runs: &[Run]) -> Chart {
+    let curve = |(number, run): (usize, &Run)| Curve {
+        name: if runs.len() > 1 { run.name.clone() } else { String::new() },
+        points: run.column("step").iter().zip(run.column("iterations")).map(|(x, y)| [*x, *y]).collect(),
+        look: Look::Number(number),
+    };
+    let y = Axis { contains: vec![0.0], ..Axis::counting("iterations") };
+    let curves = runs.iter().enumerate().map(curve).collect();
+    let chart = chart("iterations of each load step".to_owned(), load_steps(), y, curves);
+    Chart { height: 220.0, ..chart }
+}
+
+/// Observed order of the iterations of each step of all runs, where it can be told.
+pub(super) fn orders(runs: &[Run]) -> Option<Chart> {
+    let curve = |(number, run): (usize, &Run)| {
+        // The order of a step that failed says nothing.
+        let order = |(step, residuals): (usize, Vec<f64>)| {
+            if step <= run.steps() { Some([step as f64, newton_order(&residuals)?]) } else { None }
+        };
+        Curve {
+            name: if runs.len() > 1 { run.name.clone() } else { String::new() },
+            points: run.residuals().into_iter().filter_map(order).collect(),
+            look: Look::Number(number),
+        }
+    };
+    let curves: Vec<Curve> =
+        runs.iter().enumerate().map(curve).filter(|curve| !curve.points.is_empty()).collect();
+    if curves.is_empty() {
+        return None;
+    }
+    let y = Axis { contains: vec![1.0, 2.5], ..Axis::new("observed order", Quantity::Number) };
+    let chart = chart("observed order of convergence of each load step".to_owned(), load_steps(), y, curves);
+    Some(Chart { levels: vec![(2.0, "quadratic".to_owned())], height: 240.0, ..chart })
+}

@@ -1,0 +1,190 @@
+//! One state of the points, ready to be drawn: polygons in the plane of the picture, in the order of drawing.
+
+use std::collections::BTreeSet;
+
+use mpm_files::vtu::read::Section;
+
+use super::ReportError;
+use super::field::FieldChoice;
+use super::run::{Run, Snapshot, read_mesh, values};
+use super::view::{Face, View};
+
+/// One state of the points.
+#[derive(Debug)]
+pub(super) struct Scene {
+    /// What is written over it, in plain text.
+    pub title: String,
+    /// Value of the field at each point.
+    pub values: Vec<f64>,
+    /// Position of each point.
+    pub positions: Vec<[f64; 2]>,
+    /// Radius of each point that has no domain, 0 of those that have one.
+    pub radii: Vec<f64>,
+    /// What is filled, in this order.
+    pub domains: Vec<Polygon>,
+    /// Sides of the active cells, each once.
+    pub sides: Vec<[[f64; 2]; 2]>,
+    /// Of a scene in space, the smallest and largest coordinates.
+    pub space: Option<[[f64; 3]; 2]>,
+}
+
+/// The domain of a point, or a side of it.
+#[derive(Debug)]
+pub(super) struct Polygon {
+    /// Its corners.
+    pub corners: Vec<[f64; 2]>,
+    /// Number of the point.
+    pub point: usize,
+    /// Brightness.
+    pub shade: f64,
+}
+
+fn plane(position: [f64; 3]) -> [f64; 2] {
+    [position[0], position[1]]
+}
+
+/// The cells of a mesh as polygons.
+fn polygons(positions: &[[f64; 3]], corners: Vec<Vec<usize>>) -> Vec<Vec<[f64; 2]>> {
+    corners
+        .into_iter()
+        .map(|cell| cell.into_iter().map(|corner| plane(positions[corner])).collect())
+        .collect()
+}
+
+/// The sides of some cells; neighbours share theirs.
+fn sides(cells: &[Vec<usize>]) -> impl Iterator<Item = [usize; 2]> {
+    let of_cell = |corners: &Vec<usize>| {
+        let side = |k: usize| [corners[k], corners[(k + 1) % corners.len()]];
+        (0..corners.len()).map(side).map(|[a, b]| [a.min(b), a.max(b)]).collect::<Vec<_>>()
+    };
+    cells.iter().flat_map(of_cell).collect::<BTreeSet<_>>().into_iter()
+}
+
+impl Scene {
+    /// Reads a state of a run.
+    pub fn read(
+        run: &Run,
+        snapshot: &Snapshot,
+        field: &FieldChoice,
+        title: String,
+    ) -> Result<Scene, ReportError> {
+        if !run.is_plane() {
+            return Scene::read_in_space(run, snapshot, field, title);
+        }
+        let points = read_mesh(&snapshot.path)?;
+        let positions = points.positions().map_err(ReportError::from_reader)?;
+        let volumes = values(&points, Section::PointData, "volume")?;
+        // The square of a ring is its section.
+        let round = |x: f64| {
+            if run.is_revolved() { std::f64::consts::TAU * x.abs().max(f64::MIN_POSITIVE) } else { 1.0 }
+        };
+        let areas = volumes.iter().zip(&positions).map(|(volume, x)| volume.abs() / round(x[0]));
+        let mut scene = Scene {
+            title,
+            values: field.values(&points)?,
+            positions: positions.iter().copied().map(plane).collect(),
+            // As the squares of a standard point's volume, a little apart.
+            radii: areas.map(|area| 0.45 * area.sqrt()).collect(),
+            domains: Vec::new(),
+            sides: Vec::new(),
+            space: None,
+        };
+        if let Some(mesh) = run.mesh("domains", snapshot.step)? {
+            let positions = mesh.positions().map_err(ReportError::from_reader)?;
+            let corners = mesh.corners().map_err(ReportError::from_reader)?;
+            let ids = values(&mesh, Section::CellData, "point_id")?;
+            for (polygon, id) in polygons(&positions, corners).into_iter().zip(ids) {
+                // Points stand in the order of their numbers.
+                if let Some(radius) = scene.radii.get_mut(id as usize) {
+                    *radius = 0.0;
+                    scene.domains.push(Polygon { corners: polygon, point: id as usize, shade: 1.0 });
+                }
+            }
+        }
+        if let Some(mesh) = run.mesh("grid", snapshot.step)? {
+            let positions = mesh.positions().map_err(ReportError::from_reader)?;
+            let corners = mesh.corners().map_err(ReportError::from_reader)?;
+            scene.sides = sides(&corners).map(|side| side.map(|node| plane(positions[node]))).collect();
+        }
+        Ok(scene)
+    }
+
+    /// Reads a state of bodies in space: the sides of domains, or of cubes of the volume of points without domain, that
+    /// are in view, from the farthest to the nearest.
+    fn read_in_space(
+        run: &Run,
+        snapshot: &Snapshot,
+        field: &FieldChoice,
+        title: String,
+    ) -> Result<Scene, ReportError> {
+        let view = View::new();
+        let points = read_mesh(&snapshot.path)?;
+        let positions = points.positions().map_err(ReportError::from_reader)?;
+        let mut sides: Vec<f64> =
+            values(&points, Section::PointData, "volume")?.iter().map(|v| 0.95 * v.abs().cbrt()).collect();
+        let mut space = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        let mut take_in = |place: &[f64; 3], reach: f64| {
+            for d in 0..3 {
+                space[0][d] = space[0][d].min(place[d] - reach);
+                space[1][d] = space[1][d].max(place[d] + reach);
+            }
+        };
+        let mut faces = Vec::new();
+        if let Some(mesh) = run.mesh("domains", snapshot.step)? {
+            let places = mesh.positions().map_err(ReportError::from_reader)?;
+            let cells = mesh.corners().map_err(ReportError::from_reader)?;
+            let ids = values(&mesh, Section::CellData, "point_id")?;
+            for (cell, id) in cells.iter().zip(ids) {
+                let point = id as usize;
+                if let Some(side) = sides.get_mut(point) {
+                    *side = 0.0;
+                    let corners: Vec<[f64; 3]> = cell.iter().map(|&corner| places[corner]).collect();
+                    corners.iter().for_each(|corner| take_in(corner, 0.0));
+                    faces.extend(view.faces(&corners).into_iter().map(|face| (face, point)));
+                }
+            }
+        }
+        for (point, (place, side)) in positions.iter().zip(&sides).enumerate() {
+            if *side > 0.0 {
+                take_in(place, 0.5 * side);
+                faces.extend(view.cube(*place, *side).into_iter().map(|face| (face, point)));
+            }
+        }
+        faces.sort_by(|(a, _), (b, _)| a.depth.total_cmp(&b.depth));
+        let polygon =
+            |(face, point): (Face, usize)| Polygon { corners: face.corners, point, shade: face.shade };
+        Ok(Scene {
+            title,
+            values: field.values(&points)?,
+            positions: Vec::new(),
+            radii: sides,
+            domains: faces.into_iter().map(polygon).collect(),
+            sides: Vec::new(),
+            space: Some(space),
+        })
+    }
+
+    /// Whether points have domains of their own.
+    pub fn has_domains(&self) -> bool {
+        self.radii.contains(&0.0)
+    }
+
+    /// Smallest and largest coordinates.
+    pub fn extent(&self) -> [[f64; 2]; 2] {
+        let corners =
+            self.domains.iter().flat_map(|polygon| &polygon.corners).chain(self.sides.iter().flatten());
+        let mut extent = corners.chain(&self.positions).fold(NOWHERE, |e, p| around(e, [*p, *p]));
+        for (position, radius) in self.positions.iter().zip(&self.radii) {
+            extent = around(extent, [position.map(|x| x - radius), position.map(|x| x + radius)]);
+        }
+        extent
+    }
+}
+
+/// The extent of nothing.
+pub(super) const NOWHERE: [[f64; 2]; 2] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+
+/// The extent of two extents.
+pub(super) fn around(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
+    [[a[0][0].min(b[0][0]), a[0][1].min(b[0][1])], [a[1][0].max(b[1][0]), a[1][1].max(b[1][1])]]
+}

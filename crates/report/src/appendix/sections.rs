@@ -1,0 +1,201 @@
+//! Parts that pages about one run and about several have in common.
+
+use serde_json::Value;
+
+use mpm_files::summary::VERSION;
+
+use super::Options;
+use super::number::{duration, html};
+use super::page::{Page, escape};
+use super::run::{Run, State};
+use super::units::{Naming, Quantity};
+
+/// How the units of some runs are named.
+pub(super) fn naming(runs: &[Run], options: &Options) -> Naming {
+    let per_thickness = runs.iter().all(|run| run.is_plane() && !run.is_revolved());
+    Naming { units: options.units.clone(), per_thickness }
+}
+
+/// One or two words for how a run stands.
+pub(super) fn state_in_words(state: &State) -> &'static str {
+    match state {
+        State::Completed => "completed",
+        State::Failed(..) => "failed",
+        State::Interrupted => "interrupted",
+        State::Running => "running",
+        State::Died => "died",
+        State::Unknown => "unknown",
+    }
+}
+
+/// The load steps in equilibrium, and of how many.
+pub(super) fn steps_in_words(run: &Run) -> String {
+    let wanted = run.number("/steps_requested").or_else(|| Some(f64::from(run.deck.as_ref()?.steps.count)));
+    match wanted {
+        Some(wanted) => format!("{} of {}", run.steps(), html(wanted, 9)),
+        None => run.steps().to_string(),
+    }
+}
+
+/// A box that says how a run stands.
+pub(super) fn banner(page: &mut Page, run: &Run, name: Option<&str>) {
+    let of = name.map_or_else(String::new, |name| format!("<code>{}</code>: ", escape(name)));
+    let (steps, class) = (steps_in_words(run), state_in_words(&run.state));
+    let only = "Everything on this page shows the steps in equilibrium only.";
+    let text = match &run.state {
+        State::Completed => {
+            format!("<strong>{of}Completed.</strong> All {} load steps are in equilibrium.", run.steps())
+        }
+        State::Failed(code, reason) => {
+            let code = code.as_ref().map_or_else(String::new, |code| format!(" with {}", escape(code)));
+            let reason = escape(reason);
+            format!(
+                "<strong>{of}The analysis failed{code}</strong> after {steps} load steps: {reason}. {only}"
+            )
+        }
+        State::Interrupted => {
+            format!("<strong>{of}The analysis was interrupted</strong> after {steps} load steps. {only}")
+        }
+        State::Running => format!(
+            "<strong>{of}The analysis is still going on.</strong> {steps} load steps are in equilibrium so far. {only}"
+        ),
+        State::Died => format!(
+            "<strong>{of}The analysis was killed:</strong> its process ended without a word after {steps} load \
+             steps. {only}"
+        ),
+        State::Unknown => format!(
+            "<strong>{of}How the analysis ended is not known:</strong> there is no summary. {steps} load steps are in \
+             equilibrium. {only}"
+        ),
+    };
+    page.push(&format!("<p class=\"outcome {class}\" role=\"status\">{text}</p>\n"));
+}
+
+/// The warnings of a run as a list: what has happened and what to do, in a line each.
+pub(super) fn warnings(page: &mut Page, run: &Run) {
+    let warnings: Vec<&Value> = run.summary["warnings"].as_array().into_iter().flatten().collect();
+    if !warnings.is_empty() {
+        page.push("<ul class=\"warnings\">\n");
+        for warning in warnings {
+            page.push(&format!("<li>{}</li>\n", in_a_line(warning)));
+        }
+        page.push("</ul>\n");
+    }
+}
+
+/// A warning in HTML.
+fn in_a_line(warning: &Value) -> String {
+    let text = |key: &str| escape(warning[key].as_str().unwrap_or_default());
+    let (code, message, help) = (text("code"), text("message"), text("help"));
+    let step = warning["step"].as_u64().unwrap_or_default();
+    format!("<b>Warning {code}.</b> Step {step}: {message}. <i>{help}</i>")
+}
+
+/// A description list of the title block; entries without a value are left out.
+pub(super) fn title_block(entries: &[(&str, Option<String>)]) -> String {
+    let mut block = "<dl class=\"block\">\n".to_owned();
+    for (name, value) in entries {
+        if let Some(value) = value {
+            block.push_str(&format!("<div><dt>{name}</dt><dd>{value}</dd></div>\n"));
+        }
+    }
+    block.push_str("</dl>\n");
+    block
+}
+
+/// The time at which a run was started, in HTML.
+pub(super) fn started(run: &Run) -> Option<String> {
+    run.text("/started").map(date)
+}
+
+/// Date and time of a timestamp, to the minute.
+fn date(timestamp: &str) -> String {
+    match (timestamp.get(..10), timestamp.get(11..16)) {
+        (Some(day), Some(time)) => {
+            format!("<span class=\"date\">{} {} UTC</span>", escape(day), escape(time))
+        }
+        _ => escape(timestamp),
+    }
+}
+
+/// The program that made the run, in HTML.
+pub(super) fn program(run: &Run) -> Option<String> {
+    let version = run.text("/version")?;
+    let build = run.text("/build").filter(|build| *build != "release");
+    let build = build.map_or_else(String::new, |build| format!(" ({} build)", escape(build)));
+    Some(format!("mpm\u{a0}{}{build}", escape(version)))
+}
+
+/// The machine of the run, in HTML.
+pub(super) fn machine(run: &Run) -> Option<String> {
+    let text = |key: &str| run.text(&format!("/machine/{key}")).map(escape);
+    let mut parts: Vec<String> = text("processor").into_iter().collect();
+    parts.extend(run.number("/machine/cores").map(|cores| format!("{cores}\u{a0}cores")));
+    parts.extend(run.number("/machine/memory_bytes").map(super::number::memory));
+    parts.extend(text("system"));
+    (!parts.is_empty()).then(|| parts.join(", "))
+}
+
+/// The wall time of the run, in HTML.
+pub(super) fn wall_time(run: &Run) -> Option<String> {
+    run.summary.pointer("/wall_seconds/total")?.as_f64().map(duration)
+}
+
+/// The foot of a page.
+pub(super) fn foot(runs: &[Run], naming: &Naming) -> String {
+    let sources: Vec<String> = runs
+        .iter()
+        .map(|run| format!("<code>{}</code>", escape(&run.directory.display().to_string())))
+        .collect();
+    let sources = sources.join(", ");
+    let now = date(&jiff::Timestamp::now().to_string());
+    let units = match &naming.units {
+        Some(_) => String::new(),
+        None => " Units are those of the deck; words in brackets say of what kind.".to_owned(),
+    };
+    let thickness = match (naming.per_thickness, runs.iter().any(Run::is_revolved)) {
+        (true, _) => " Plane strain: forces, energies, volumes and masses are per unit thickness.",
+        (_, true) => {
+            " Bodies of revolution: x is the distance from the axis; forces, energies, volumes and masses are those of \
+             the full circle."
+        }
+        _ => "",
+    };
+    format!(
+        "<p>Written by mpm\u{a0}{VERSION} on {now} from the results in {sources}.{units}{thickness}</p>\n"
+    )
+}
+
+/// The largest residual of a step in equilibrium.
+pub(super) fn largest_residual(run: &Run) -> Option<f64> {
+    run.column("residual").iter().copied().reduce(f64::max)
+}
+
+/// A value with its unit, in HTML.
+pub(super) fn with_unit(value: f64, quantity: Quantity, naming: &Naming) -> String {
+    let unit = naming.unit(quantity);
+    let unit = if unit.is_empty() { unit } else { format!("\u{a0}{}", escape(&unit)) };
+    format!("{}{unit}", html(value, 5))
+}
+
+/// The entries of a deck in words: `key value, key value`, in HTML.
+pub(super) fn in_words(value: &Value) -> String {
+    match value {
+        Value::Object(map) => {
+            let entry = |(key, value): (&String, &Value)| match value {
+                Value::String(text) if key == "type" => escape(text),
+                Value::Object(_) => format!("{}\u{a0}({})", escape(&key.replace('_', " ")), in_words(value)),
+                _ => format!("{}\u{a0}{}", escape(&key.replace('_', " ")), in_words(value)),
+            };
+            map.iter().filter(|(_, value)| !value.is_null()).map(entry).collect::<Vec<_>>().join(", ")
+        }
+        Value::Array(items) => {
+            let words: Vec<String> = items.iter().map(in_words).collect();
+            let is_list = items.iter().all(Value::is_string);
+            if is_list { words.join(" and ") } else { format!("({})", words.join(", ")) }
+        }
+        Value::Number(number) => number.as_f64().map_or_else(|| number.to_string(), |value| html(value, 9)),
+        Value::String(text) => escape(text),
+        other => other.to_string(),
+    }
+}

@@ -1,0 +1,124 @@
+//! What a member of a study left in its directory.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use serde_json::Value;
+
+use mpm_deck::load::LoadedDeck;
+use mpm_files::shortest;
+use mpm_files::summary::VERSION;
+use mpm_files::table::Columns;
+
+/// Columns of the table that come from `summary.json`, and their places in it.
+pub(super) const MEASURES: [(&str, &str); 7] = [
+    ("steps", "/steps"),
+    ("evaluations", "/evaluations"),
+    ("linear_solves", "/linear_solves"),
+    ("points", "/points"),
+    ("unknowns", "/unknowns"),
+    ("cpu_seconds", "/cpu_seconds/total"),
+    ("peak_memory_bytes", "/peak_memory_bytes"),
+];
+
+/// Columns of `history.csv` that describe the step rather than the state it reached.
+const STEP_COLUMNS: [&str; 6] = ["step", "time", "iterations", "residual", "linear_iterations", "converged"];
+
+/// The results of a run, read from its directory. The table of a study is made from these alone, so that it is the
+/// same whether a member was run just now or earlier.
+#[derive(Debug, Clone)]
+pub struct Record {
+    summary: Value,
+    /// The columns of the last row of `history.csv`, without those of the step; empty before the first step.
+    history: Vec<(String, String)>,
+}
+
+impl Record {
+    /// Reads `summary.json` and `history.csv` of a directory.
+    ///
+    /// # Errors
+    /// When one of them is missing or not understood.
+    pub fn read(directory: &Path) -> io::Result<Record> {
+        let summary = serde_json::from_slice(&fs::read(directory.join("summary.json"))?)?;
+        let history =
+            Columns::read(&directory.join("history.csv"))?.where_column("converged", |value| value == 1.0);
+        Ok(Record { summary, history: last_row(&history) })
+    }
+
+    /// Whether this is a completed run of a deck by this version of the program.
+    pub fn completes(&self, loaded: &LoadedDeck) -> bool {
+        self.summary["outcome"] == "completed"
+            && self.summary["version"] == VERSION
+            && self.summary["deck_hash"] == loaded.hash()
+    }
+
+    /// The measures of the run, in the order of [`MEASURES`].
+    pub(super) fn measures(&self) -> impl Iterator<Item = String> {
+        MEASURES.iter().map(|(_, place)| self.summary.pointer(place).map_or_else(String::new, text_of))
+    }
+
+    /// Columns and values of the extents of all bodies: those of the points and those of their domains.
+    pub(super) fn extents(&self) -> Vec<(String, String)> {
+        let mut found = Vec::new();
+        let Some(bodies) = self.summary["bodies"].as_object() else { return found };
+        for (name, body) in bodies {
+            for (of, infix) in [("points", ""), ("domain", "domain_")] {
+                for bound in ["min", "max"] {
+                    let Some(values) = body["extent"][of][bound].as_array() else { continue };
+                    for (axis, value) in ["x", "y", "z"].iter().zip(values) {
+                        found.push((format!("{name}_extent_{infix}{axis}_{bound}"), text_of(value)));
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Columns and last values of `history.csv`.
+    pub(super) fn history(&self) -> &[(String, String)] {
+        &self.history
+    }
+}
+
+fn text_of(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::Number(number) if number.is_f64() => number.as_f64().map_or_else(String::new, shortest),
+        other => other.to_string(),
+    }
+}
+
+/// The columns of a table with the entries of its last row; empty ones before the first step.
+fn last_row(table: &Columns) -> Vec<(String, String)> {
+    let of_state = table.iter().filter(|(name, _)| !STEP_COLUMNS.contains(name));
+    let last = |values: &[f64]| values.last().map_or_else(String::new, |value| shortest(*value));
+    of_state.map(|(name, values)| (name.to_owned(), last(values))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn last_rows() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("history.csv");
+        let row_of = |text: &str| {
+            fs::write(&path, text).unwrap();
+            last_row(&Columns::read(&path).unwrap())
+        };
+        let expected = |entry: &str| vec![("a_rx".to_owned(), entry.to_owned())];
+        assert_eq!(row_of("step,time,a_rx\n1,0.5,2\n2,1,1e-9\n"), expected("1e-9"));
+        assert_eq!(row_of("step,a_rx\n"), expected(""));
+    }
+
+    #[test]
+    fn numbers_are_those_of_the_file() {
+        for text in ["0.1", "0.30000000000000004", "12", "-1e-9", "1.7976931348623157e308"] {
+            let value: Value = serde_json::from_str(text).unwrap();
+            assert_eq!(text_of(&value), text);
+        }
+        assert_eq!(text_of(&Value::Null), "");
+    }
+}

@@ -1,0 +1,138 @@
+//! The table of a study, one row per member.
+
+use std::collections::BTreeMap;
+use std::io::{self, BufRead};
+use std::path::Path;
+
+use mpm_files::replace::replace_file;
+use mpm_files::table::quoted;
+
+use super::record::MEASURES;
+use super::{Member, Record, Study};
+
+/// How a member of a study ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Outcome {
+    /// All steps are in equilibrium.
+    Completed,
+    /// It could not go on, with the reason.
+    Failed(String),
+    /// The user stopped it.
+    Interrupted,
+    /// The deck cannot be used with these values, with the reason.
+    Invalid(String),
+}
+
+impl Outcome {
+    /// The word for it in the table.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Outcome::Completed => "completed",
+            Outcome::Failed(_) => "failed",
+            Outcome::Interrupted => "interrupted",
+            Outcome::Invalid(_) => "invalid",
+        }
+    }
+
+    fn reason(&self) -> &str {
+        match self {
+            Outcome::Completed | Outcome::Interrupted => "",
+            Outcome::Failed(reason) | Outcome::Invalid(reason) => reason,
+        }
+    }
+}
+
+/// What is known of a member.
+#[derive(Debug, Clone)]
+pub struct Row {
+    /// The member.
+    pub member: Member,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// What it left behind, if it began.
+    pub record: Option<Record>,
+}
+
+/// Writes the table of a study, in the order of `rows`. Its columns are the varied parameters, the outcome, the
+/// measures, the extents of the bodies, the final values of those columns of `history.csv` that all members have,
+/// and the reason of a failure; an entry is empty where a member has no such value.
+///
+/// # Errors
+/// Those of the file system; then the file is as it was before.
+pub fn write_table<'a>(
+    path: &Path,
+    study: &Study,
+    rows: impl IntoIterator<Item = &'a Row>,
+) -> io::Result<()> {
+    let rows: Vec<&Row> = rows.into_iter().collect();
+    let records: Vec<&Record> = rows.iter().filter_map(|row| row.record.as_ref()).collect();
+    let extents = extent_columns(&records);
+    let history = common_history(&records);
+
+    let mut results = vec!["outcome"];
+    results.extend(MEASURES.map(|(name, _)| name));
+    results.extend(extents.iter().chain(&history).map(String::as_str));
+    results.push("reason");
+    let mut columns: Vec<String> = study.names().map(|name| heading(name, &results)).collect();
+    columns.extend(results.into_iter().map(str::to_owned));
+
+    let mut text = line(&columns);
+    for row in rows {
+        text.push_str(&line(&entries(row, &extents, &history)));
+    }
+    replace_file(path, |out| out.write_all(text.as_bytes()))
+}
+
+/// Whether there is nothing at a path, an empty file, or the table of a study.
+pub fn may_be_replaced(path: &Path) -> bool {
+    let Ok(about) = std::fs::metadata(path) else { return true };
+    let mut header = String::new();
+    let read = about.is_file()
+        && std::fs::File::open(path).and_then(|file| io::BufReader::new(file).read_line(&mut header)).is_ok();
+    let has = |name: &str| header.trim_end().split(',').any(|column| column == name);
+    read && (header.is_empty() || has("outcome") && header.trim_end().ends_with(",reason"))
+}
+
+fn entries(row: &Row, extents: &[String], history: &[String]) -> Vec<String> {
+    let mut entries: Vec<String> = row.member.settings.iter().map(|(_, value)| value.clone()).collect();
+    entries.push(row.outcome.word().to_owned());
+    match &row.record {
+        Some(record) => {
+            entries.extend(record.measures());
+            let pairs = record.extents().into_iter().chain(record.history().iter().cloned());
+            let mut values: BTreeMap<String, String> = pairs.collect();
+            entries.extend(extents.iter().chain(history).map(|name| values.remove(name).unwrap_or_default()));
+        }
+        None => entries.resize(entries.len() + MEASURES.len() + extents.len() + history.len(), String::new()),
+    }
+    entries.push(row.outcome.reason().to_owned());
+    entries
+}
+
+fn line(fields: &[String]) -> String {
+    let fields: Vec<String> = fields.iter().map(|field| quoted(field)).collect();
+    fields.join(",") + "\n"
+}
+
+/// The heading of a parameter; a deck may well call one of them `steps`, which is a result, too.
+fn heading(name: &str, results: &[&str]) -> String {
+    if results.contains(&name) { format!("parameter_{name}") } else { name.to_owned() }
+}
+
+/// The columns of all bodies that appear; their names may depend on the parameters.
+fn extent_columns(records: &[&Record]) -> Vec<String> {
+    let mut columns: Vec<String> = Vec::new();
+    for (name, _) in records.iter().flat_map(|record| record.extents()) {
+        if !columns.contains(&name) {
+            columns.push(name);
+        }
+    }
+    columns
+}
+
+fn common_history(records: &[&Record]) -> Vec<String> {
+    let Some((first, others)) = records.split_first() else { return Vec::new() };
+    let is_common =
+        |name: &String| others.iter().all(|record| record.history().iter().any(|(other, _)| other == name));
+    first.history().iter().map(|(name, _)| name.clone()).filter(is_common).collect()
+}
