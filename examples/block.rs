@@ -12,16 +12,15 @@
 use std::time::Instant;
 
 use mpm::basis::{DomainKind, Method};
-use mpm::constraints::{BoundaryCondition, NodeSet};
 use mpm::domain::DomainUpdate;
 use mpm::formula::Formula;
 use mpm::grid::{Grid, Structured};
-use mpm::loads::{Action, Load, LoadCurve};
 use mpm::material::{Hencky, Material, NeoHookean, VonMises};
-use mpm::model::{Body, Model, NamedMaterial, Newton};
+use mpm::model::{
+    Action, Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, Newton, NodeSet, Stepping,
+};
 use mpm::points::{PointVolume, Points, Seed};
 use mpm::solver::{self, Silent};
-use mpm::stepping::Stepping;
 use mpm::stress::Formulation;
 use mpm::timing::Phase;
 

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, anyhow};
 
-use crate::INTERRUPTED;
+use crate::exit::INTERRUPTED;
 
 /// Stack of the waiting thread, [byte].
 #[cfg(unix)]

@@ -39,7 +39,7 @@ mod unix {
     use signal_hook::consts::{SIGABRT, SIGXFSZ};
     use signal_hook::low_level::{self, pipe};
 
-    use crate::FAILED;
+    use crate::exit::FAILED;
 
     const NO_MEMORY: &[u8] = b"error[S008]: not enough memory: the system refuses what the analysis asks for\n  results up \
         to the last equilibrated step are in its directory\n  help: use larger cells or fewer points, run on a machine \

@@ -8,11 +8,11 @@ use mpm::assembly::System;
 use mpm::basis::Connectivity;
 use mpm::deck::build::build;
 use mpm::deck::load::{load, load_text};
-use mpm::loads::external_force;
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::{self, Silent, SolveError};
 use mpm::stress::PlaneStrain;
+use mpm::terms::external_force::external_force;
 use nalgebra::{DMatrix, DVector};
 
 fn cantilever() -> (Model<2>, Points<2>) {

@@ -7,16 +7,16 @@ use std::path::Path;
 
 use mpm::assembly::System;
 use mpm::basis::Connectivity;
-use mpm::constraints::DofMap;
 use mpm::deck::build::build;
 use mpm::deck::load::{LoadedDeck, load, load_text};
+use mpm::dofs::DofMap;
 use mpm::linear::{BlockMatrix, Choice, Direct, Division, Factorisation, Krylov, LinearError, LinearSolver};
-use mpm::loads::external_force;
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::quality::Code;
 use mpm::solver::{self, Observer, Solvable, StepReport, Summary};
 use mpm::stress::{Mechanics, PlaneStrain, Solid};
+use mpm::terms::external_force::external_force;
 
 /// Pseudo-random numbers in [−1, 1).
 struct Random(u64);

@@ -6,14 +6,14 @@ use std::path::Path;
 
 use mpm::assembly::System;
 use mpm::basis::Connectivity;
-use mpm::constraints::DofMap;
 use mpm::deck::build::build;
 use mpm::deck::load::{load, load_text};
-use mpm::model::Model;
+use mpm::dofs::DofMap;
+use mpm::model::{Model, Where};
 use mpm::points::Points;
 use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
-use mpm::stabilisation::{Ghost, Where};
 use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid};
+use mpm::terms::ghost::Ghost;
 use nalgebra::DMatrix;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");

@@ -7,14 +7,11 @@ use std::path::Path;
 
 use mpm::deck::build::build;
 use mpm::deck::load::{load, load_text};
-use mpm::model::Model;
+use mpm::model::{Control, Model, Patterns, Predictor, Tangent, Where};
 use mpm::points::Points;
 use mpm::solver::{
-    self, Diagnosis, FailedAttempt, Kind, Observer, Patterns, Predictor, Reached, SolveError, Step,
-    StepReport, Summary, Tangent,
+    self, Diagnosis, FailedAttempt, Kind, Observer, Reached, SolveError, Step, StepReport, Summary,
 };
-use mpm::stabilisation::Where;
-use mpm::stepping::Control;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use mpm::assembly::System;
 use mpm::basis::{Connectivity, Method};
-use mpm::constraints::DofMap;
 use mpm::deck::{build::build, load::load_text};
+use mpm::dofs::DofMap;
 use mpm::grid::Grid;
 use mpm::linear::{Direct, FactorSize, Factorisation, LinearSolver, ordering};
 use mpm::model::Model;

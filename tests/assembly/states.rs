@@ -6,10 +6,8 @@ use mpm::grid::Structured;
 use mpm::material::{
     Elasticity, Hencky, Material, MaterialError, NeoHookean, Response, StateField, StrainMeasure, VonMises,
 };
-use mpm::model::{Body, Model, NamedMaterial, Newton};
+use mpm::model::{Body, Model, NamedMaterial, Newton, Stabilisation, Stepping, Where};
 use mpm::points::{PointVolume, Points, Seed};
-use mpm::stabilisation::{Stabilisation, Where};
-use mpm::stepping::Stepping;
 use mpm::stress::{Formulation, Mechanics};
 use mpm::tensor::{Mat3, Sym3, Tangent};
 

@@ -204,8 +204,7 @@ fn point_tangent(
 ) -> [[[[f64; 2]; 2]; 2]; 2] {
     let place = &points.converged.position[p];
     let mut room = mpm::basis::Room { value: &mut [], gradient: &mut [] }; // in the plane none is needed
-    let increment =
-        Increment::new::<PlaneStrain>(links.nodes_of(group), &links.links(p, &mut room), delta_d, place);
+    let increment = Increment::new(false, links.nodes_of(group), &links.links(p, &mut room), delta_d, place);
     let f_n = points.converged.deformation_gradient[p];
     let law = model.law(points, p);
     let strain = &points.converged.elastic_strain[p];

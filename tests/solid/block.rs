@@ -3,10 +3,9 @@
 use mpm::basis::Method;
 use mpm::domain::DomainUpdate;
 use mpm::grid::Structured;
-use mpm::loads::{Action, Load, LoadCurve};
 use mpm::material::NeoHookean;
 use mpm::memory;
-use mpm::model::Model;
+use mpm::model::{Action, Load, LoadCurve, Model};
 use mpm::points::Points;
 use mpm::solver::{self, Silent, Summary};
 use mpm::timing::Phase;

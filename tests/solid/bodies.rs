@@ -3,18 +3,16 @@
 use std::path::Path;
 
 use mpm::basis::{DomainKind, Method};
-use mpm::constraints::{BoundaryCondition, NodeSet};
 use mpm::domain::DomainUpdate;
 use mpm::formula::Formula;
 use mpm::grid::subdivide::{Part, subdivide_box, subdivide_tetrahedron};
 use mpm::grid::{Grid, Mesh, Structured, gmsh};
-use mpm::loads::LoadCurve;
 use mpm::material::Material;
-use mpm::model::{Body, Model, NamedMaterial, Newton};
+use mpm::model::{
+    Body, BoundaryCondition, LoadCurve, Model, NamedMaterial, Newton, NodeSet, Stabilisation, Stepping, Where,
+};
 use mpm::points::{PointVolume, Points, Seed};
 use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
-use mpm::stabilisation::{Stabilisation, Where};
-use mpm::stepping::Stepping;
 use mpm::stress::Formulation;
 use mpm::tensor::{Mat3, Sym3};
 

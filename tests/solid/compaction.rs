@@ -4,8 +4,8 @@
 use mpm::basis::Method;
 use mpm::domain::DomainUpdate;
 use mpm::grid::Structured;
-use mpm::loads::{Action, Load, LoadCurve};
 use mpm::material::Hencky;
+use mpm::model::{Action, Load, LoadCurve};
 use mpm::points::Points;
 
 use crate::bodies::{Filling, cells_in, fill, fixed, model, nodes_where, watch};

@@ -5,10 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use mpm::basis::Method;
-use mpm::constraints::NodeSet;
 use mpm::domain::DomainUpdate;
 use mpm::grid::{Grid, Structured};
 use mpm::material::VonMises;
+use mpm::model::NodeSet;
 use mpm::output::results::{Request, Results};
 use mpm::output::summary::{Account, Start};
 use mpm::points::Points;

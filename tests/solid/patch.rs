@@ -1,10 +1,10 @@
 //! Homogeneous motions: no stress under rotation, uniform stress under stretch, whatever the method and the grid.
 
 use mpm::basis::Method;
-use mpm::constraints::NodeSet;
 use mpm::domain::DomainUpdate;
 use mpm::grid::{Grid, Structured};
 use mpm::material::{Elasticity, Hencky};
+use mpm::model::NodeSet;
 use mpm::points::Points;
 use mpm::tensor::{Mat3, Sym3};
 

@@ -3,10 +3,10 @@
 use std::f64::consts::SQRT_2;
 
 use mpm::basis::Method;
-use mpm::constraints::NodeSet;
 use mpm::domain::DomainUpdate;
 use mpm::grid::Structured;
 use mpm::material::{Hencky, Material, VonMises};
+use mpm::model::NodeSet;
 use mpm::points::Points;
 use mpm::tensor::{Mat3, Sym3};
 

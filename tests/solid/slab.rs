@@ -3,12 +3,10 @@
 
 use std::path::Path;
 
-use mpm::constraints::{BoundaryCondition, NodeSet};
 use mpm::deck::{build::build, load::load};
 use mpm::formula::Formula;
 use mpm::grid::Structured;
-use mpm::loads::{Action, Load, LoadCurve};
-use mpm::model::Model;
+use mpm::model::{Action, BoundaryCondition, Load, LoadCurve, Model, NodeSet};
 use mpm::points::{Points, Seed};
 use mpm::solver::{self, Observer, StepReport, Summary};
 

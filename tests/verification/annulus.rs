@@ -48,7 +48,7 @@ fn slope(results: &[(usize, f64)]) -> f64 {
 #[test]
 fn the_body_force_balances_the_stress_of_the_motion() {
     let (model, _) = crate::analysis::build_deck("annulus.yaml", &[]);
-    let mpm::loads::Action::BodyForce(formula) = &model.loads[0].action else { panic!("a body force") };
+    let mpm::model::Action::BodyForce(formula) = &model.loads[0].action else { panic!("a body force") };
     let alpha = 0.1;
     // Cauchy stress at the material point X; E = 1, ν = 0, J = 1: σ = ½ ln(F Fᵀ).
     let stress = |x: [f64; 2]| {

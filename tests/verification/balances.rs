@@ -1,8 +1,8 @@
 //! Balances of energy, forces and moments, step by step.
 
+use mpm::model::{Stabilisation, Where};
 use mpm::output::findings::ForceBalance;
 use mpm::solver::Summary;
-use mpm::stabilisation::{Stabilisation, Where};
 
 use crate::analysis::{Analysis, build_deck, run, watch};
 

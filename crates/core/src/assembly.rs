@@ -15,14 +15,15 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::basis::{Connectivity, Room};
-use crate::constraints::DofMap;
+use crate::dofs::DofMap;
 use crate::linear::{Block, BlockMatrix, Division};
 use crate::model::Model;
 use crate::points::{PIECE, Points};
-use crate::stabilisation::Ghost;
-use crate::stress::{Mechanics, PointError, StartOfStep};
+use crate::stress::{Mechanics, StartOfStep};
+use crate::terms::ghost::Ghost;
 
-use evaluation::{Task, Trial, Work};
+pub use evaluation::PointFailure;
+use evaluation::{Task, Trial, Wanted, Work};
 pub use pattern::FreeEntries;
 use pattern::{NodePairs, UNCOUPLED};
 
@@ -53,24 +54,6 @@ pub struct System<const D: usize> {
 struct DenseBatch<const D: usize> {
     blocks: Vec<Block<D>>,
     force: Vec<[f64; D]>,
-}
-
-/// What an evaluation is to assemble.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Wanted {
-    /// Internal force and stiffness.
-    Stiffness,
-    /// The internal force, with the same bits.
-    Force,
-}
-
-/// A point failed during assembly.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PointFailure {
-    /// Index of the point.
-    pub point: usize,
-    /// What failed.
-    pub error: PointError,
 }
 
 impl<const D: usize> System<D> {

@@ -4,14 +4,16 @@
 //! allocates nor fails. Numbers, names, `+ - * / ^`, comparisons (1 or 0) and the usual functions are understood;
 //! `^` binds tighter than a sign in front of it and is right associative, so `-x^2` is `-(x^2)` and `2^3^2` is 512.
 
-use thiserror::Error;
-
+mod error;
+mod functions;
 mod parser;
+mod spelling;
 
+use functions::{Op, STACK, function};
 use parser::{Parser, number_length};
 
-/// Values that a formula may need at the same time; the parser refuses deeper formulas.
-const STACK: usize = 64;
+pub use error::FormulaError;
+pub use spelling::closest;
 
 /// Most intermediate values that a formula may use.
 pub const MOST_INTERMEDIATE: usize = 64;
@@ -26,31 +28,6 @@ pub struct Formula {
     variables: usize,
     /// Formulas of the variables that come after the given ones; each may use those before it.
     intermediate: Vec<Formula>,
-}
-
-/// What is wrong with the text of a formula, and where.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("{message}")]
-pub struct FormulaError {
-    /// The fault, as a fragment in lower case.
-    pub message: String,
-    /// Byte at which the faulty part of the text starts.
-    pub offset: usize,
-    /// Length of the faulty part in bytes; 0 at the end of the text.
-    pub length: usize,
-    /// What to do about it.
-    pub help: Option<String>,
-}
-
-/// One instruction: takes its operands from the stack and leaves its result there.
-#[derive(Debug, Clone, Copy)]
-enum Op {
-    Constant(f64),
-    Variable(usize),
-    One(fn(f64) -> f64),
-    Two(Binary),
-    /// `if(c, a, b)`: both branches are values already, so an unused one cannot spoil the result.
-    Select,
 }
 
 impl Formula {
@@ -197,114 +174,11 @@ pub fn names(text: &str) -> Vec<(usize, &str)> {
     found
 }
 
-/// A function of two numbers.
-type Binary = fn(f64, f64) -> f64;
-
-/// A built-in function.
-enum Function {
-    One(fn(f64) -> f64),
-    Two(Binary),
-    /// Two or more arguments, taken together pair by pair.
-    Fold(Binary),
-    If,
-}
-
-const FUNCTIONS: [&str; 26] = [
-    "abs", "sqrt", "exp", "ln", "log10", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh",
-    "cosh", "tanh", "asinh", "acosh", "atanh", "floor", "ceil", "sign", "pow", "hypot", "min", "max", "if",
-];
-
-fn function(name: &str) -> Option<Function> {
-    Some(match name {
-        "abs" => Function::One(f64::abs),
-        "sqrt" => Function::One(f64::sqrt),
-        "exp" => Function::One(f64::exp),
-        "ln" => Function::One(f64::ln),
-        "log10" => Function::One(f64::log10),
-        "sin" => Function::One(f64::sin),
-        "cos" => Function::One(f64::cos),
-        "tan" => Function::One(f64::tan),
-        "asin" => Function::One(f64::asin),
-        "acos" => Function::One(f64::acos),
-        "atan" => Function::One(f64::atan),
-        "sinh" => Function::One(f64::sinh),
-        "cosh" => Function::One(f64::cosh),
-        "tanh" => Function::One(f64::tanh),
-        "asinh" => Function::One(f64::asinh),
-        "acosh" => Function::One(f64::acosh),
-        "atanh" => Function::One(f64::atanh),
-        "floor" => Function::One(f64::floor),
-        "ceil" => Function::One(f64::ceil),
-        "sign" => Function::One(sign),
-        "atan2" => Function::Two(f64::atan2),
-        "pow" => Function::Two(power),
-        "hypot" => Function::Two(f64::hypot),
-        "min" => Function::Fold(minimum),
-        "max" => Function::Fold(maximum),
-        "if" => Function::If,
-        _ => return None,
-    })
-}
-
-fn sign(x: f64) -> f64 {
-    if x == 0.0 { 0.0 } else { x.signum() }
-}
-
-// NaN is passed on: `f64::min` would hide a formula that is undefined at a place.
-fn minimum(a: f64, b: f64) -> f64 {
-    if a.is_nan() || a < b { a } else { b }
-}
-
-fn maximum(a: f64, b: f64) -> f64 {
-    if a.is_nan() || a > b { a } else { b }
-}
-
-fn power(base: f64, exponent: f64) -> f64 {
-    // Whole exponents are multiplied out, so that squares are exact and the same on every platform. Of what is undefined
-    // no power is 1, not even the power 0.
-    if base.is_nan() || exponent.is_nan() {
-        f64::NAN
-    } else if exponent.abs() <= 16.0 && exponent.fract() == 0.0 {
-        base.powi(exponent as i32)
-    } else {
-        base.powf(exponent)
-    }
-}
-
-/// 1 or 0 for a comparison of two numbers; what is undefined stays so.
-fn truth(condition: bool, a: f64, b: f64) -> f64 {
-    if a.is_nan() || b.is_nan() { f64::NAN } else { f64::from(u8::from(condition)) }
-}
-
-/// The candidate most like a misspelt name, if any is like it.
-pub fn closest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let lower = name.to_lowercase();
-    let close = |candidate: &'a str| Some((slips(&lower, &candidate.to_lowercase())?, candidate));
-    candidates.into_iter().filter_map(close).min_by_key(|(slips, _)| *slips).map(|(_, candidate)| candidate)
-}
-
-/// Letters that are wrong, missing, too many or exchanged with their neighbour between two words, where they are so few
-/// for the length of the words that one may stand for the other; fewest where one word begins with the other.
-fn slips(a: &str, b: &str) -> Option<usize> {
-    let (shorter, longer) = if a.len() <= b.len() { (a, b) } else { (b, a) };
-    let [short, long] = [shorter, longer].map(|word| word.chars().count());
-    let most = match long {
-        0 | 1 => 0,
-        2 => usize::from(short == 1),
-        _ => (long / 4).clamp(1, 3),
-    };
-    let slips = strsim::osa_distance(a, b);
-    // What is cut short, or has a word behind it: `tol`, `poisson_ratio`.
-    let goes_on = short >= 3 && longer.starts_with(shorter);
-    // A slip hardly ever takes the first letter, too.
-    let begins_alike = slips <= 1 || a.chars().next() == b.chars().next();
-    (slips <= most && begins_alike || goes_on).then_some(if goes_on { slips.min(most) } else { slips })
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+    use crate::formula::functions::FUNCTIONS;
     use proptest::prelude::*;
 
     fn value(text: &str) -> f64 {

@@ -2,7 +2,6 @@
 #![allow(non_snake_case)]
 
 use crate::basis::Links;
-use crate::stress::Mechanics;
 
 /// How the surroundings of a point deform over the load step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,9 +16,11 @@ pub struct Increment<const D: usize> {
 
 impl<const D: usize> Increment<D> {
     /// Eq. (7) at a point whose group touches `nodes`: ΔF = I + Σ_v Δu_v ⊗ ∂S_vp/∂X̃, with `delta_d` the displacement
-    /// increments of the active nodes and `position` that of the point at the start of the step.
+    /// increments of the active nodes and `position` that of the point at the start of the step; `revolved` bodies turn about
+    /// the axis where the first coordinate vanishes.
     #[inline(always)]
-    pub fn new<M: Mechanics<D>>(
+    pub fn new(
+        revolved: bool,
         nodes: &[u32],
         links: &Links<D>,
         delta_d: &[[f64; D]],
@@ -37,7 +38,7 @@ impl<const D: usize> Increment<D> {
                 }
             }
         }
-        if !M::REVOLVED {
+        if !revolved {
             return Increment { dF, hoop: 1.0, radius: 0.0 };
         }
         let radius = position[0];

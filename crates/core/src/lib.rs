@@ -16,12 +16,12 @@
 //!    P̃ and Ã. [`stress::Solid`] is the general kernel, [`stress::PlaneStrain`] is in closed form,
 //!    [`stress::Axisymmetric`] for bodies of revolution. [`material`] holds the laws, [`tensor`] the spectral functions
 //!    and the index conventions.
-//! 5. [`assembly`], [`constraints`], [`loads`], [`linear`]: internal force and stiffness of the grid, prescribed
-//!    displacements, external force, and the sparse direct solver.
+//! 5. [`dofs`]: which nodes are prescribed, and the motions that are left free. [`terms`]: the parts of equilibrium beside
+//!    the material points, which are external force and ghost stabilisation. [`assembly`] and [`linear`]: internal force
+//!    and stiffness of the grid, and the sparse solvers. [`equilibrium`]: what is known of a step that is in equilibrium.
 //! 6. [`domain`]: how the domain of a GIMP point follows the deformation. Domains of CPDI are given by their corners,
 //!    [`points::State::corners`], which the last step of [`solver`] moves.
-//! 7. [`quality`]: how well a run goes, and warnings when its answer may be bad. [`rigid`]: motions that
-//!    boundary conditions leave free. [`memory`]: how much there is.
+//! 7. [`quality`]: how well a run goes, and warnings when its answer may be bad. [`memory`]: how much there is.
 //! 8. [`region`]: the geometry of solids, which are primitives, closed surfaces from STL files, booleans and motions;
 //!    their volumes. [`formula`]: numbers that depend on place and time.
 //!
@@ -69,23 +69,21 @@
 
 pub mod assembly;
 pub mod basis;
-pub mod constraints;
+pub mod dofs;
 pub mod domain;
+pub mod equilibrium;
 pub mod formula;
 pub mod grid;
 pub mod kinematics;
 pub mod linear;
-pub mod loads;
 pub mod material;
 pub mod memory;
 pub mod model;
 pub mod points;
 pub mod quality;
 pub mod region;
-pub mod rigid;
 pub mod solver;
-pub mod stabilisation;
-pub mod stepping;
 pub mod stress;
 pub mod tensor;
+pub mod terms;
 pub mod timing;

@@ -1,17 +1,23 @@
 //! The model: everything about an analysis that does not change while it runs.
 
 use crate::basis::{DomainKind, Method, domain_volume};
-use crate::constraints::BoundaryCondition;
 use crate::domain::DomainUpdate;
 use crate::grid::Grid;
-use crate::linear::Choice;
-use crate::loads::{Load, LoadCurve};
 use crate::material::Material;
 use crate::points::{PointVolume, Points};
-use crate::solver::{Patterns, Predictor, Tangent};
-use crate::stabilisation::Stabilisation;
-use crate::stepping::{Control, Stepping};
 use crate::stress::Formulation;
+
+mod boundary_condition;
+mod load;
+mod newton;
+mod stabilisation;
+mod stepping;
+
+pub use boundary_condition::{BoundaryCondition, NodeSet};
+pub use load::{Action, Load, LoadCurve, VectorFormula};
+pub use newton::{Newton, Patterns, Predictor, Tangent};
+pub use stabilisation::{Stabilisation, Where};
+pub use stepping::{Control, SAME, Stepping};
 
 /// A material under its name.
 #[derive(Debug)]
@@ -42,36 +48,6 @@ pub struct Probe {
     pub name: String,
     /// Permanent numbers of the points.
     pub points: Vec<u32>,
-}
-
-/// Control of the Newton iterations.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Newton {
-    /// Largest relative out-of-balance force, eq. (40), of an equilibrated step, [-].
-    pub tolerance: f64,
-    /// Largest number of linear solves in a step.
-    pub max_iterations: usize,
-    /// How their linear equations are solved.
-    pub linear: Choice,
-    /// Where the iterations begin.
-    pub predictor: Predictor,
-    /// When the stiffness is factorised.
-    pub tangent: Tangent,
-    /// For which equations an analysis of their pattern serves.
-    pub pattern: Patterns,
-}
-
-impl Default for Newton {
-    fn default() -> Self {
-        Newton {
-            tolerance: 1e-9,
-            max_iterations: 20,
-            linear: Choice::Auto,
-            predictor: Predictor::None,
-            tangent: Tangent::Fresh,
-            pattern: Patterns::Same,
-        }
-    }
 }
 
 /// An analysis in `D` dimensions; immutable after construction.

@@ -14,6 +14,7 @@ mod overlap;
 mod pressure;
 #[cfg(test)]
 mod tests;
+mod thresholds;
 pub mod warning;
 mod watch;
 
@@ -28,9 +29,10 @@ use motion::rotation_of_turn;
 use overlap::domain_overlap;
 pub use pressure::oscillation;
 use pressure::oscillation_in_flow;
+use thresholds::{HARMFUL_REGRIDDING, MOST_BOX_ROTATION, MOST_CROSSINGS, MOST_OSCILLATION};
+pub use thresholds::{MOST_ENERGY_ERROR, MOST_REGRIDDING};
 pub use warning::{Code, Place, Warning};
-pub use watch::{BalanceSoFar, MOST_ENERGY_ERROR, MOST_REGRIDDING};
-use watch::{HARMFUL_REGRIDDING, MOST_BOX_ROTATION, MOST_CROSSINGS, MOST_OSCILLATION};
+pub use watch::BalanceSoFar;
 
 use serde::{Deserialize, Serialize};
 

@@ -4,7 +4,6 @@
 //! that the deck allows; only equilibrium is committed.
 
 mod attempt;
-mod balance;
 mod control;
 mod course;
 mod damping;
@@ -16,45 +15,30 @@ mod forcing;
 mod loading;
 mod motion;
 mod newton;
-mod report;
+mod observer;
+mod pace;
 mod residual;
+mod stepper;
+mod summary;
 mod unknowns;
 mod update;
 
-use serde::{Deserialize, Serialize};
-
-use crate::basis::Connectivity;
 use crate::model::Model;
 use crate::points::Points;
-use crate::quality::{BalanceSoFar, Code, Measures, Place, Warning};
 use crate::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid};
-use crate::timing::{Phase, Timings};
+use crate::timing::Phase;
 
-use attempt::{Attempt, OnTheWay, Slump};
+use stepper::Stepper;
+
+pub use crate::equilibrium::{GridFields, ReactionMoment, Step, StepReport};
 pub use attempt::{FailedAttempt, Iterate};
-pub use balance::ReactionMoment;
 pub use control::{NoPath, Path, path_length};
 pub use diagnosis::{Diagnosis, Kind};
-pub use equations::{Patterns, Tangent};
 pub use error::{CODES, SolveError};
-pub use motion::{Motion, Predictor};
-pub use report::{GridFields, Observer, Reached, Silent, StepReport, Summary};
-
-use equations::Equations;
-
-/// A load step: the time it starts from and the time it reaches.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Step {
-    /// Number, from 1.
-    pub index: usize,
-    /// Time of the state it starts from.
-    pub start: f64,
-    /// Time of the state it reaches.
-    pub end: f64,
-}
-
-/// A vector on the active nodes, one entry per axis.
-type Nodal<const D: usize> = Vec<[f64; D]>;
+pub use motion::Motion;
+pub use observer::{Observer, Silent};
+pub use pace::Pace;
+pub use summary::{Reached, Summary};
 
 /// A model with as many axes as there are mechanics for.
 pub trait Solvable<const D: usize> {
@@ -135,13 +119,7 @@ fn load_steps<const D: usize, M: Mechanics<D>>(
     reached: Reached,
     observer: &mut dyn Observer<D>,
 ) -> Result<Summary, SolveError> {
-    let mut solver = Solver {
-        equations: Equations::with(reached.summary.kept.clone()),
-        links: Connectivity::default(),
-        cause: None,
-        lost_points: None,
-        reached,
-    };
+    let mut solver = Stepper::new(reached);
     let mut outcome = solver.observe(|| observer.started(model, points));
     while outcome.is_ok() {
         match solver.next_step(model) {
@@ -154,190 +132,4 @@ fn load_steps<const D: usize, M: Mechanics<D>>(
     let finished = solver.reached.summary;
     let told = observer.finished(model, points, &finished, outcome.as_ref().err());
     outcome.and(told.map_err(SolveError::Output)).map(|()| finished)
-}
-
-/// What lives from step to step: the linear solvers with their analyses, and how far the run has come.
-struct Solver<const D: usize> {
-    equations: Equations<D>,
-    /// Links of the step before, for their memory.
-    links: Connectivity<D>,
-    /// Why the step in hand fails, once last resorts are tried.
-    cause: Option<(FailedAttempt<D>, Diagnosis)>,
-    /// Why the last attempt at the step in hand that met the tolerance has failed all the same.
-    lost_points: Option<SolveError>,
-    reached: Reached,
-}
-
-impl<const D: usize> Solver<D> {
-    fn observe(&mut self, tell: impl FnOnce() -> Result<(), std::io::Error>) -> Result<(), SolveError> {
-        self.reached.summary.timings.measure(Phase::Output, tell).map_err(SolveError::Output)
-    }
-
-    /// The step that follows the last one in equilibrium; `None` at the end of the analysis.
-    fn next_step(&self, model: &Model<D>) -> Option<Step> {
-        let Reached { step: Step { index, end: start, .. }, summary } = &self.reached;
-        let end = summary.pace.end_of_step(&model.stepping, *start)?;
-        Some(Step { index: index + 1, start: *start, end })
-    }
-
-    /// Solves one step and, only if it is in equilibrium, commits and reports it. One that fails is followed by a smaller
-    /// one, if that is allowed and may help.
-    ///
-    /// # Errors
-    /// [`SolveError`] that ends the run.
-    fn try_step<M: Mechanics<D>>(
-        &mut self,
-        model: &Model<D>,
-        points: &mut Points<D>,
-        step: Step,
-        observer: &mut dyn Observer<D>,
-    ) -> Result<(), SolveError> {
-        if observer.interrupted() {
-            return Err(SolveError::Interrupted { step: step.index });
-        }
-        let may_slump = self.reached.summary.pace.is_damped() && damping::may_slump(model, points);
-        let slump = if may_slump { Slump::MayBegin } else { Slump::Forbidden };
-        match self.solve_step::<M>(model, points, step, slump, observer) {
-            Ok(Attempt::Equilibrium(report, path)) => self.accept(model, points, *report, path, observer),
-            Ok(Attempt::OnTheWay(way)) => self.slump::<M>(model, points, step, way, observer),
-            Err(failed) => self.refuse(model, points, *failed, observer),
-        }
-    }
-
-    /// Goes on to the equilibrium of a step from where damped iterations have led the points, on one fresh grid after another;
-    /// without success the points are as they were.
-    fn slump<M: Mechanics<D>>(
-        &mut self,
-        model: &Model<D>,
-        points: &mut Points<D>,
-        step: Step,
-        first: OnTheWay,
-        observer: &mut dyn Observer<D>,
-    ) -> Result<(), SolveError> {
-        let before = points.clone();
-        let mut way = first;
-        let (mut grids, mut rests) = (0, 0);
-        loop {
-            points.commit();
-            if observer.interrupted() {
-                *points = before;
-                return Err(SolveError::Interrupted { step: step.index });
-            }
-            grids += 1;
-            rests = if way.is_at_rest { rests + 1 } else { 0 };
-            let goes_on = grids < damping::MOST_GRIDS && rests < damping::MOST_RESTS;
-            let slump = if goes_on { Slump::GoesOn } else { Slump::Ends };
-            match self.solve_step::<M>(model, points, step, slump, observer) {
-                Ok(Attempt::Equilibrium(mut report, path)) => {
-                    way.lead_to(&mut report);
-                    return self.accept(model, points, *report, path, observer);
-                }
-                Ok(Attempt::OnTheWay(more)) => way = more.after(way),
-                Err(mut failed) => {
-                    *points = before;
-                    // It has the points of a state that is gone.
-                    failed.iterate = None;
-                    return self.refuse(model, points, *failed, observer);
-                }
-            }
-        }
-    }
-
-    /// The trial state of a step in equilibrium becomes the converged state.
-    fn accept(
-        &mut self,
-        model: &Model<D>,
-        points: &mut Points<D>,
-        report: StepReport<D>,
-        path: Path,
-        observer: &mut dyn Observer<D>,
-    ) -> Result<(), SolveError> {
-        self.judge(model, points, &report);
-        points.commit();
-        let Reached { step, summary } = &mut self.reached;
-        *step = report.step;
-        summary.path = path;
-        self.cause = None;
-        self.lost_points = None;
-        summary.kept = self.equations.kept();
-        summary.pace.succeeded(&model.stepping, report.residuals.len() - 1);
-        summary.accept(&report);
-        let balance = BalanceSoFar::new(summary);
-        let raised = summary.quality.judge_balances(model, points, &balance, report.step.index);
-        summary.warnings.extend(raised);
-        let mut timings = Timings::default();
-        let told = timings.measure(Phase::Output, || observer.converged(model, points, &report, summary));
-        summary.timings.add(&timings);
-        self.links = report.grid.links;
-        told.map_err(SolveError::Output)
-    }
-
-    /// Makes the next step smaller, or says why the run ends.
-    fn refuse(
-        &mut self,
-        model: &Model<D>,
-        points: &Points<D>,
-        failed: FailedAttempt<D>,
-        observer: &mut dyn Observer<D>,
-    ) -> Result<(), SolveError> {
-        let Reached { summary, .. } = &mut self.reached;
-        summary.failed_attempts += 1;
-        let Step { start, end, .. } = failed.step;
-        let is_torn = matches!(failed.error, SolveError::Domain { .. });
-        let was_last_resort = summary.pace.is_last_resort();
-        let goes_on =
-            failed.may_succeed_if_smaller && summary.pace.failed(&model.stepping, start, end, is_torn);
-        // Why a step fails shows in the last attempt before the last resorts.
-        let diagnosis = (!was_last_resort && (!goes_on || summary.pace.is_last_resort()))
-            .then(|| Diagnosis::new(model, points, &failed, self.lost_points.as_ref(), summary));
-        if goes_on {
-            let told = self.observe(|| observer.failed(model, points, &failed, None));
-            match diagnosis {
-                Some(diagnosis) => self.cause = Some((failed, diagnosis)),
-                None if failed.has_lost_points(model.newton.tolerance) => {
-                    self.lost_points = Some(failed.error)
-                }
-                None => {}
-            }
-            return told;
-        }
-        let cause = self.cause.take().filter(|_| was_last_resort);
-        let ended = match (&cause, &diagnosis) {
-            (Some((cause, diagnosis)), _) => Some((cause, diagnosis)),
-            (None, Some(diagnosis)) => Some((&failed, diagnosis)),
-            (None, None) => None,
-        };
-        self.reached.summary.diagnosis = ended.map(|(_, diagnosis)| diagnosis.clone());
-        // The run has failed already.
-        let _ = self.observe(|| observer.failed(model, points, &failed, ended));
-        Err(cause.map_or(failed.error, |(cause, _)| cause.error))
-    }
-
-    /// Takes the measures of a step in equilibrium, before it is committed.
-    fn judge(&mut self, model: &Model<D>, points: &Points<D>, report: &StepReport<D>) {
-        let Summary { timings, quality, warnings, .. } = &mut self.reached.summary;
-        let raised = timings.measure(Phase::Update, || {
-            let measures = Measures::new(model, points, &report.grid.links);
-            let mut raised = quality.accept(model, report.step.index, &measures, &report.residuals);
-            raised.extend(quality.watch(model, points, report));
-            raised
-        });
-        warnings.extend(raised);
-        if let Some(error) = self.equations.news()
-            && quality.is_first(Code::Factorised)
-        {
-            let step = report.step.index;
-            warnings.push(Warning {
-                code: Code::Factorised,
-                step,
-                place: Place::default(),
-                value: None,
-                threshold: None,
-                message: format!("iterations cannot solve the equations, which are factorised instead: {error}"),
-                help: "the results are not affected; for less memory and time see what makes the equations ill-conditioned \
-                       (`mpm explain W004`)"
-                    .to_owned(),
-            });
-        }
-    }
 }

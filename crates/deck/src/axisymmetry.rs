@@ -4,7 +4,7 @@
 use super::LoadDeck;
 use super::diagnostic::Diagnostic;
 use super::load::LoadedDeck;
-use mpm_core::constraints::ON_AXIS;
+use mpm_core::dofs::ON_AXIS;
 use mpm_core::grid::Grid;
 use mpm_core::points::Seed;
 

@@ -3,32 +3,32 @@
 mod magnitudes;
 mod nearest;
 
-use nearest::Ties;
-
 use std::collections::HashMap;
 
-use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote};
+use super::diagnostic::{Diagnostic, Gate, Severity, assign};
 use super::formulas::{self, at_nodes, at_points};
 use super::load::LoadedDeck;
+use super::per_axis::{array, per_axis};
+use super::quoting::{list, quote};
 use super::region::{FromFiles, Groups, OfDeck, Refusal, region};
 use super::seeding::{Filled, Filling};
 use super::size::Size;
 use super::{
     AXES, BoundaryConditionDeck, ControlDeck, Deck, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
-    MaterialDeck, NodeSelector, Per, PerAxis, StepsDeck,
+    MaterialDeck, NodeSelector, Per, StepsDeck,
 };
 use super::{axisymmetry, placing};
-use mpm_core::constraints::{BoundaryCondition, NodeSet};
 use mpm_core::formula::Formula;
 use mpm_core::grid::gmsh::{self, GmshError};
 use mpm_core::grid::{Grid, Mesh, Structured};
-use mpm_core::loads::{Action, Load, LoadCurve};
 use mpm_core::material::{Hencky, Material, NeoHookean, VonMises};
 use mpm_core::memory::Memory;
-use mpm_core::model::{Body, Model, NamedMaterial, Newton, Probe};
+use mpm_core::model::{
+    Action, Body, BoundaryCondition, Control, Load, LoadCurve, Model, NamedMaterial, Newton, NodeSet, Probe,
+    Stepping,
+};
 use mpm_core::points::{Points, Seed};
 use mpm_core::region::Region;
-use mpm_core::stepping::{Control, Stepping};
 
 /// Relative distance to a grid line within which a selected coordinate counts as lying on it.
 const ON_LINE: f64 = 1e-6;
@@ -100,17 +100,13 @@ fn law(material: &MaterialDeck) -> Box<dyn Material> {
     }
 }
 
-/// The entries of a list; those that are missing are zero.
-pub(super) fn array<const D: usize>(values: &[f64]) -> [f64; D] {
-    std::array::from_fn(|d| values.get(d).copied().unwrap_or(0.0))
-}
-
-/// One value for each axis.
-pub(super) fn per_axis<T: Copy + Default, const D: usize>(value: &PerAxis<T>) -> [T; D] {
-    match value {
-        PerAxis::Same(value) => [*value; D],
-        PerAxis::Each(values) => std::array::from_fn(|d| values.get(d).copied().unwrap_or_default()),
-    }
+/// What becomes of points that are equally near, where not all of them were asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ties {
+    /// Round-off would choose between them: an error.
+    Refused,
+    /// All of them are taken.
+    All,
 }
 
 struct Builder<'a, const D: usize> {

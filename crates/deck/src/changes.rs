@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde_json::{Map, Value};
 
 use super::build::load_curve;
-use super::diagnostic::quote;
+use super::quoting::quote;
 use super::{Deck, Expression, LoadCurve, LoadDeck};
 use mpm_core::formula::names;
 

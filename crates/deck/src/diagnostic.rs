@@ -321,31 +321,3 @@ pub fn sort(diagnostics: &mut Vec<Diagnostic>) {
     });
     diagnostics.dedup_by(|a, b| a.span == b.span && a.code == b.code && a.message == b.message);
 }
-
-/// Text of a deck made fit for a message: in backquotes, short, without control characters.
-pub fn quote(text: &str) -> String {
-    let mut shown: String = text
-        .chars()
-        .take(60)
-        .map(|c| if c.is_control() || ('\u{200b}'..='\u{202e}').contains(&c) { '\u{fffd}' } else { c })
-        .collect();
-    if text.chars().nth(60).is_some() {
-        shown.push('…');
-    }
-    format!("`{shown}`")
-}
-
-/// Names as a list for a message: `` `a`, `b` and `c` ``; long lists are cut.
-pub fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    let mut names: Vec<String> = names.into_iter().map(quote).collect();
-    if names.len() > 20 {
-        let more = names.len() - 20;
-        names.truncate(20);
-        return format!("{} and {more} more", names.join(", "));
-    }
-    match names.pop() {
-        None => "none".into(),
-        Some(last) if names.is_empty() => last,
-        Some(last) => format!("{} and {last}", names.join(", ")),
-    }
-}

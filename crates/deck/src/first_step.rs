@@ -3,16 +3,17 @@
 //! What cannot even begin is told with its place in the deck; the solver finds the same in later steps, where the
 //! deck alone cannot.
 
-use super::diagnostic::{Diagnostic, Gate, Severity, assign, list, quote, sort};
+use super::diagnostic::{Diagnostic, Gate, Severity, assign, sort};
 use super::load::LoadedDeck;
-use super::source::escape;
+use super::quoting::{list, quote};
+use super::span::escape;
 use super::{AXES, Expression, LoadDeck, Parameter};
 use mpm_core::basis::{Connectivity, Method, SupportFailure};
-use mpm_core::constraints::{ConstraintError, Covered, DofMap, HOLD_THE_AXIS, NodeSet, covered};
-use mpm_core::loads::{LoadNotFinite, external_force};
-use mpm_core::model::Model;
+use mpm_core::dofs::rigid::{FreePart, free_parts};
+use mpm_core::dofs::{ConstraintError, Covered, DofMap, HOLD_THE_AXIS, covered, nodes_of};
+use mpm_core::model::{Model, NodeSet};
 use mpm_core::points::{Points, coordinates};
-use mpm_core::rigid::{FreePart, free_parts};
+use mpm_core::terms::external_force::{LoadNotFinite, external_force};
 
 /// Most parts of the bodies about which something is said.
 const MOST_PARTS: usize = 20;
@@ -73,7 +74,7 @@ impl Check<'_> {
         };
         for (number, condition) in model.boundary_conditions.iter().enumerate() {
             let is_list = matches!(condition.nodes, NodeSet::Fixed(_));
-            if is_list && condition.active_nodes(points, &links).is_empty() {
+            if is_list && nodes_of(condition, points, &links).is_empty() {
                 self.touches_nothing(number, &condition.name);
             }
         }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{AXES, BoundaryConditionDeck, Expression, Parameter};
 use mpm_core::formula::{Formula, FormulaError, MOST_INTERMEDIATE, names};
-use mpm_core::loads::VectorFormula;
+use mpm_core::model::VectorFormula;
 
 /// Names of the variables of a formula for points or for grid nodes, in the order of their values.
 fn variables(dimensions: usize) -> Vec<&'static str> {

@@ -5,7 +5,8 @@ use std::fmt;
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
-use super::diagnostic::{self, Diagnostic, Gate, quote};
+use super::diagnostic::{self, Diagnostic, Gate};
+use super::quoting::quote;
 use super::references::dangling;
 use super::source::Source;
 use super::{Deck, GridDeck, Parameter, parameters, shape, validate};

@@ -6,8 +6,10 @@ use std::fmt::Display;
 use serde_json::{Map, Value};
 
 use super::Parameter;
-use super::diagnostic::{Diagnostic, list, quote};
-use super::source::{Source, Substitution, escape};
+use super::diagnostic::Diagnostic;
+use super::quoting::{list, quote};
+use super::source::{Source, Substitution};
+use super::span::escape;
 use super::yaml;
 use mpm_core::formula::{self, Formula, FormulaError, closest};
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::BodyDeck;
-use super::diagnostic::{list, quote};
+use super::quoting::{list, quote};
 use super::region::Groups;
 use super::seeding::Fault;
 use mpm_core::formula::closest;

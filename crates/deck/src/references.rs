@@ -2,7 +2,8 @@
 
 use serde_json::Value;
 
-use super::diagnostic::{Diagnostic, list, quote};
+use super::diagnostic::Diagnostic;
+use super::quoting::{list, quote};
 use super::source::Source;
 use mpm_core::formula::closest;
 

@@ -9,8 +9,10 @@ use mpm_core::region::{
 };
 
 mod files;
+mod groups;
 
-pub(super) use files::{FromFiles, Groups, volume};
+pub(super) use files::{FromFiles, volume};
+pub(super) use groups::Groups;
 
 /// A region. A box whose sides lie on grid lines of a structured grid is filled exactly; any other region gets the
 /// points of the cells whose centres fall inside it, and the area (volume) gained or lost is reported.

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use super::build::{array, per_axis};
-use super::diagnostic::quote;
+use super::per_axis::{array, per_axis};
+use super::quoting::quote;
 use super::region::Groups;
 use super::{AXES, BodyDeck, PerAxis, Shape};
 use mpm_core::basis::{DomainKind, Method};

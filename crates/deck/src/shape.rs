@@ -4,6 +4,7 @@
 //! schemas.
 
 mod remedy;
+mod words;
 
 use std::collections::HashSet;
 use std::sync::OnceLock;
@@ -13,10 +14,13 @@ use jsonschema::{Draft, Validator};
 use serde::Deserialize;
 use serde_json::Value;
 
+use self::words::{count_in_words, number_help, subschema};
 use super::Deck;
-use super::diagnostic::{Diagnostic, list, quote};
+use super::diagnostic::Diagnostic;
+use super::quoting::{list, quote};
 use super::schema::{resolve, shortest, strict_schema};
-use super::source::{Source, escape};
+use super::source::Source;
+use super::span::escape;
 use mpm_core::formula::closest;
 
 /// Times that a deck is looked at when keys are misspelt.
@@ -266,12 +270,6 @@ impl Gate<'_> {
     }
 }
 
-/// The part of the schema that holds the keyword which a value does not meet.
-fn subschema(error: &ValidationError<'_>) -> Option<&'static Value> {
-    let path = error.schema_path().as_str();
-    strict_schema().pointer(&path[..path.rfind('/')?])
-}
-
 /// The key that is probably meant to be the missing tag of a choice between variants, which none of them knows.
 fn misspelt_tag<'e>(error: &'e ValidationError<'_>, tag: &str) -> Option<&'e str> {
     let variants = subschema(error)?.get("allOf")?.as_array()?;
@@ -364,52 +362,6 @@ fn found(value: &Value) -> String {
     }
 }
 
-/// The number of entries that a schema allows, in words.
-fn count_in_words(error: &ValidationError<'_>) -> String {
-    let limit = |key: &str| subschema(error).and_then(|schema| schema.get(key)).and_then(Value::as_u64);
-    let entries = |n: u64| if n == 1 { "1 entry".to_owned() } else { format!("{n} entries") };
-    // Lists of a fixed length are vectors, but for the pairs of load curves.
-    let each =
-        if error.schema_path().as_str().contains("LoadCurve") { "[time, factor]" } else { "one per axis" };
-    match (limit("minItems"), limit("maxItems"), error.kind()) {
-        (Some(2), Some(3), _) => format!("2 or 3 entries, {each}"),
-        (Some(least), Some(most), _) if least == most => format!("{}, {each}", entries(least)),
-        (_, Some(most), ValidationErrorKind::MaxItems { .. }) => format!("at most {}", entries(most)),
-        (least, ..) => format!("at least {}", entries(least.unwrap_or(1))),
-    }
-}
-
 fn mismatch_of_count(what: &str, value: &Value) -> String {
     format!("expected {what}, found {}", value.as_array().map_or(0, Vec::len))
-}
-
-/// The whole range, where only one end of it was missed.
-fn range_help(error: &ValidationError<'_>) -> Option<String> {
-    if !matches!(
-        error.kind(),
-        ValidationErrorKind::ExclusiveMaximum { .. }
-            | ValidationErrorKind::ExclusiveMinimum { .. }
-            | ValidationErrorKind::Maximum { .. }
-            | ValidationErrorKind::Minimum { .. }
-    ) || error.instance_path().as_str() == "/version"
-    {
-        return None;
-    }
-    let schema = subschema(error)?;
-    let range = super::schema::range_in_words(schema)?;
-    // Only the description of a key says what the number means.
-    let path = error.schema_path().as_str();
-    let of_key = path.rsplit('/').nth(2) == Some("properties");
-    let Some(description) = schema.get("description").and_then(Value::as_str).filter(|_| of_key) else {
-        return Some(format!("must be {range}"));
-    };
-    let meaning = description.split([';', ':']).next().unwrap_or(description).trim_end_matches('.');
-    Some(format!("must be {range} ({meaning})"))
-}
-
-/// Advice where a text was probably meant as a number.
-fn number_help(value: &Value, code: &str) -> Option<String> {
-    let text = value.as_str().filter(|_| code == "D008")?;
-    let bare = text.replace(['_', ' ', '\''], "").replace(',', ".");
-    bare.parse::<f64>().ok().filter(|value| value.is_finite()).map(|_| format!("write the number as {bare}"))
 }

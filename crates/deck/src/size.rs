@@ -1,7 +1,7 @@
 //! How large an analysis will be and how much memory it will need, known before any of it is taken.
 
-use super::build::per_axis;
 use super::diagnostic::{Diagnostic, Severity};
+use super::per_axis::per_axis;
 use super::region::volume;
 use super::source::Source;
 use super::{BodyDeck, Deck, GridDeck, LinearChoice, OutputDeck};

@@ -3,6 +3,7 @@
 //! References by name, combinations of keys, geometry, formulas and curves. Ranges of single numbers are part of the
 //! schema. All faults are reported at once.
 
+mod extent;
 mod geometry;
 mod loading;
 mod prescribed_motion;
@@ -16,7 +17,8 @@ pub(super) use suspicions::expressions;
 
 use std::collections::HashMap;
 
-use super::diagnostic::{Diagnostic, Gate, Severity, assign, quote};
+use super::diagnostic::{Diagnostic, Gate, Severity, assign};
+use super::quoting::quote;
 use super::references::unknown_reference;
 use super::source::Source;
 use super::{BodyDeck, Deck, Method, OutputDeck};
@@ -129,7 +131,7 @@ impl Check<'_> {
         self.found.push(unknown_reference(self.source, pointer, (one, several), name, names));
     }
 
-    fn bodies(&mut self, grid: Option<&geometry::GridBox>) {
+    fn bodies(&mut self, grid: Option<&extent::GridBox>) {
         let deck = self.deck;
         self.unique_names("/bodies", deck.bodies.iter().map(|body| body.name.as_str()));
         let mut boxes = Vec::new();

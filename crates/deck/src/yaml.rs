@@ -8,8 +8,9 @@ use std::rc::Rc;
 use serde_json::{Map, Number, Value};
 use serde_yaml::granit_parser::{self, Event, Marker, Parser, ScalarStyle, Tag};
 
-use super::diagnostic::{Diagnostic, quote};
-use super::source::{Place, Span, escape};
+use super::diagnostic::Diagnostic;
+use super::quoting::quote;
+use super::span::{Place, Span, escape};
 
 /// Nesting of a deck; the deepest valid one needs a tenth of it.
 const MAX_DEPTH: usize = 64;

@@ -8,12 +8,10 @@ use std::time::{Duration, Instant};
 use jiff::{Timestamp, Unit};
 use serde::{Deserialize, Serialize};
 
-use mpm_core::loads::LoadCurve;
 use mpm_core::memory;
-use mpm_core::model::Model;
+use mpm_core::model::{Control, LoadCurve, Model};
 use mpm_core::points::Points;
 use mpm_core::solver::{Reached, SolveError, Step, StepReport, Summary};
-use mpm_core::stepping::Control;
 
 use super::checkpoint;
 use super::lock::Lock;

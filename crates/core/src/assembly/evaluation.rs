@@ -8,14 +8,32 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::group::{Cell, Dense, Forces, Square, Triangle, Whole};
 use super::pattern::NodePairs;
-use super::{PointFailure, Wanted};
+
 use crate::basis::{Connectivity, Links, Room};
 use crate::kinematics::Increment;
 use crate::linear::Block;
 use crate::material::Material;
 use crate::model::Model;
-use crate::stress::{Formulation, Mechanics, PointResponse, StartOfStep, WeakForm};
+use crate::stress::{Formulation, Mechanics, PointError, PointResponse, StartOfStep, WeakForm};
 use crate::tensor::{Lanes, Sym3};
+
+/// What an evaluation is to assemble.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// Internal force and stiffness.
+    Stiffness,
+    /// The internal force, with the same bits.
+    Force,
+}
+
+/// A point failed during assembly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PointFailure {
+    /// Index of the point.
+    pub point: usize,
+    /// What failed.
+    pub error: PointError,
+}
 
 /// A task of this many groups or fewer is not split between threads.
 const GRAIN: usize = 4;
@@ -221,7 +239,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     fn increment(&mut self, p: usize) -> Increment<D> {
         let task = self.task;
         let nodes = task.links.nodes_of(self.group);
-        Increment::new::<M>(nodes, &task.links.links(p, self.room), task.delta_d, &task.position[p])
+        Increment::new(M::REVOLVED, nodes, &task.links.links(p, self.room), task.delta_d, &task.position[p])
     }
 
     /// Adds the first points of a range side by side, where they have one law that can be evaluated so; returns how many.
@@ -269,7 +287,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let (start, law) = (&task.start[p], task.law(p));
         let links = task.links.links(p, room);
         let nodes = task.links.nodes_of(*group);
-        let increment = Increment::new::<M>(nodes, &links, task.delta_d, &task.position[p]);
+        let increment = Increment::new(M::REVOLVED, nodes, &links, task.delta_d, &task.position[p]);
         let isotropic = if UPDATED { None } else { M::respond_isotropic(start, &increment, law) };
         if let Some(response) = isotropic {
             keep(p, response.as_ref().map_err(|e| failure(*e))?, &links, trial, *dense, force);

@@ -1,7 +1,7 @@
 //! The stiffness between the nodes of one group of points, and how a point adds its part: eqs. (21) and (23).
 
-use super::Block;
 use crate::basis::Links;
+use crate::linear::Block;
 use crate::stress::WeakForm;
 use crate::tensor::Lanes;
 

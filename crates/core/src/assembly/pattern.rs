@@ -3,9 +3,9 @@
 use std::ops::Range;
 
 use crate::basis::Connectivity;
-use crate::constraints::DofMap;
+use crate::dofs::DofMap;
 use crate::linear::{Block, BlockMatrix, Division, Pattern};
-use crate::stabilisation::Ghost;
+use crate::terms::ghost::Ghost;
 
 /// Marks a pair of nodes of a group that no point couples.
 pub(super) const UNCOUPLED: u32 = u32::MAX;

@@ -1,6 +1,8 @@
 //! The parser of formulas: from text to postfix code.
 
-use super::{Binary, FUNCTIONS, FormulaError, Function, Op, STACK, closest, function, power, truth};
+use super::error::FormulaError;
+use super::functions::{Binary, FUNCTIONS, Function, Op, STACK, function, power, truth};
+use super::spelling::closest;
 
 /// Nesting of parentheses, calls, powers and signs that the parser accepts.
 const MAX_NESTING: usize = 64;

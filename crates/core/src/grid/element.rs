@@ -210,17 +210,6 @@ impl ElementShape {
         })
     }
 
-    /// Local coordinates ξ of a position; the inverse of [`map`](Self::map) in and around the element.
-    ///
-    /// The map of a simplex is linear and has its inverse everywhere. That of a quadrilateral or hexahedron folds
-    /// over at some distance from the element if opposite sides are not parallel: `None` beyond the fold.
-    pub fn inverse<const D: usize>(self, corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]> {
-        match self {
-            ElementShape::Simplex => inverse::linear(corners, x),
-            ElementShape::Box => inverse::multilinear(corners, x),
-        }
-    }
-
     /// Volume (area), positive for corners in the order of the VTK cell, [length^`D`].
     pub fn volume<const D: usize>(self, corners: &[[f64; D]]) -> f64 {
         if corners.len() < self.n_nodes::<D>() {

@@ -11,12 +11,6 @@ use super::{Factorisation, LinearError};
 use conjugate::ConjugateGradients;
 use gmres::Gmres;
 
-/// Iterations of either method after which a system is given up.
-const MOST: usize = 300;
-
-/// Numbers that one thread adds up.
-const TERMS: usize = 1024;
-
 /// An iterative solver for symmetric systems. The matrix is applied block by block where it stands; only the
 /// preconditioner keeps a copy, in single precision.
 #[derive(Default)]
@@ -107,29 +101,5 @@ fn mask<const D: usize>(x: &mut [[f64; D]], held: &[[bool; D]]) {
                 x[d] = 0.0;
             }
         }
-    }
-}
-
-/// Scalar product, by halves: the order of the sum is fixed, whatever the number of threads.
-fn dot<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
-    if a.len() <= TERMS {
-        let mut sum = [0.0; D];
-        for (a, b) in a.iter().zip(b) {
-            for d in 0..D {
-                sum[d] += a[d] * b[d];
-            }
-        }
-        return sum.iter().sum();
-    }
-    let middle = a.len() / 2;
-    let ((a_low, a_high), (b_low, b_high)) = (a.split_at(middle), b.split_at(middle));
-    let (low, high) = rayon::join(|| dot(a_low, b_low), || dot(a_high, b_high));
-    low + high
-}
-
-/// x ← x + α p.
-fn add<const D: usize>(x: &mut [[f64; D]], alpha: f64, p: &[[f64; D]]) {
-    for (x, p) in x.as_flattened_mut().iter_mut().zip(p.as_flattened()) {
-        *x += alpha * p;
     }
 }

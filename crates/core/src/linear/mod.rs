@@ -9,6 +9,7 @@ mod lattice;
 mod multifrontal;
 mod multigrid;
 pub mod ordering;
+mod reduction;
 
 use serde::{Deserialize, Serialize};
 

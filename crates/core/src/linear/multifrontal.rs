@@ -20,10 +20,8 @@ mod tree;
 use super::{FactorSize, Pattern};
 use elimination::Elimination;
 use fronts::Fronts;
+use nodes::NONE;
 use tasks::Task;
-
-/// No node, no front.
-const NONE: u32 = u32::MAX;
 
 /// What is fixed for a pattern, and working space. The factor is kept by the caller.
 pub(super) struct Multifrontal {

@@ -5,12 +5,14 @@
 //! finite ones. Laws of b^e are evaluated without its eigenvalues. Laws know no grid, dimension or load step, and their
 //! result depends on nothing but their arguments.
 
+mod at_rest;
 mod hencky;
 mod neo_hookean;
 mod von_mises;
 
 use crate::tensor::{Lane, Lanes, Sym3, Tangent, dyad};
 
+pub use at_rest::{axial_modulus_at_rest, shear_modulus_at_rest};
 pub use hencky::Hencky;
 pub use neo_hookean::NeoHookean;
 pub use von_mises::VonMises;

@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use super::warning::{Code, Place, Warning, at};
 use crate::basis::Connectivity;
+use crate::equilibrium::GridFields;
 use crate::model::Model;
 use crate::points::Points;
-use crate::solver::GridFields;
 
 /// Marks a node that no cluster has touched.
 const NOBODY: u16 = u16::MAX;

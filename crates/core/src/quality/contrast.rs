@@ -6,9 +6,9 @@ use std::collections::{BTreeMap, HashMap};
 use super::gaps::shared_nodes;
 use super::warning::{Code, Place, Warning, at};
 use crate::basis::Connectivity;
+use crate::material::axial_modulus_at_rest;
 use crate::model::Model;
 use crate::points::Points;
-use crate::stabilisation::axial_modulus_at_rest;
 
 /// Bodies whose moduli differ by more than this factor are looked at, [-].
 const CONTRAST: f64 = 20.0;

@@ -7,8 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::warning::{Code, Place, Warning, at};
 use crate::basis::Connectivity;
-use crate::constraints::NodeSet;
-use crate::model::Model;
+use crate::model::{Model, NodeSet};
 use crate::points::Points;
 
 /// Share of the material that prescribed nodes have held at most, below which there is a warning, [-].

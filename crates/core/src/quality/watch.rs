@@ -2,33 +2,24 @@
 //! leaves, gaps that forces cross, and balances that do not balance.
 
 use super::cohesion::Cohesion;
+use super::thresholds::{
+    HARMFUL_REGRIDDING, MOST_BOX_ROTATION, MOST_CROSSINGS, MOST_ENERGY_ERROR, MOST_OSCILLATION,
+    MOST_REGRIDDING,
+};
 use super::warning::{Code, Place, Warning, at};
 use super::{Quality, Worst, contrast, gaps, holding, oscillation_in_flow};
+use crate::equilibrium::StepReport;
 use crate::linear::Factorisation;
-use crate::model::{Body, Model};
+use crate::model::{Body, Control, Model};
 use crate::points::Points;
-use crate::solver::{StepReport, Summary};
-use crate::stepping::Control;
 use crate::tensor::Sym3;
 
-/// Work of the fresh grids relative to that of loads and reactions beyond which there is a warning, [-].
-pub const MOST_REGRIDDING: f64 = 0.1;
-/// Error of the balance of energy beyond which there is a warning, [-].
-pub const MOST_ENERGY_ERROR: f64 = 0.1;
 /// The balances are judged after so many steps: before, their error is that of few steps.
 const FIRST_BALANCE: usize = 5;
 /// Work below that of this strain is round-off, [-].
 const STRAIN_OF_ROUND_OFF: f64 = 1e-6;
-/// Crossings of cell borders by a standard point, in the mean over a body, beyond which there is a warning, [-] …
-pub const MOST_CROSSINGS: f64 = 0.1;
-/// … where the work of the fresh grids is beyond this part of the external work, [-]: they do harm.
-pub const HARMFUL_REGRIDDING: f64 = 0.015;
 /// Root mean square error of the stresses of standard points relative to the square root of that part, as measured, [-].
 const STRESS_BY_REGRIDDING: f64 = 0.6;
-/// Mean rotation of a body whose domains are boxes beyond which there is a warning, [degrees].
-pub const MOST_BOX_ROTATION: f64 = 30.0;
-/// Oscillation of the pressures beyond which there is a warning, [-].
-pub const MOST_OSCILLATION: f64 = 1.2;
 
 /// Bodies are elastic as long as plastic flow has taken less than this part of the energy that they store, [-].
 const ELASTIC: f64 = 1e-3;
@@ -305,17 +296,6 @@ pub struct BalanceSoFar {
 }
 
 impl BalanceSoFar {
-    /// From the account of a run.
-    pub fn new(summary: &Summary) -> BalanceSoFar {
-        BalanceSoFar {
-            steps: summary.steps,
-            external_work: summary.external_work,
-            regridding_work: summary.regridding_work,
-            gross_work: summary.gross_work,
-            energy_error: summary.energy_error(),
-        }
-    }
-
     /// Work of the fresh grids relative to the external work, or to the sum of the magnitudes of all work where that is
     /// larger, as on a path that leads back; 0 of nothing, [-].
     pub fn regridding(&self) -> f64 {

@@ -7,21 +7,20 @@ mod box_tree;
 mod closed;
 mod crossing;
 mod error;
+mod facets;
 mod inside;
+mod triangle;
 mod weld;
 
 use std::fmt;
 
-use robust::{Coord3D, orient3d};
-
-use super::vector::{cross, dot, minus};
 use super::{Intervals, Line, Primitive};
 use box_tree::BoxTree;
+use facets::Facets;
+use triangle::volume;
 
 pub use error::{EdgeReport, FacetReport, SurfaceError};
-
-/// Corners of a triangle, against the clock seen from outside, [length].
-pub type Triangle = [[f64; 3]; 3];
+pub use triangle::Triangle;
 
 /// Coordinates beyond this could overflow in exact predicates.
 const LARGEST: f64 = 1e60;
@@ -119,26 +118,6 @@ impl Primitive<3> for Surface {
     }
 }
 
-/// Triangles by the numbers of their corners.
-struct Facets {
-    positions: Vec<[f64; 3]>,
-    corners: Vec<[u32; 3]>,
-}
-
-impl Facets {
-    fn triangle(&self, facet: usize) -> Triangle {
-        self.corners[facet].map(|corner| self.positions[corner as usize])
-    }
-
-    fn triangles(&self) -> Vec<Triangle> {
-        (0..self.corners.len()).map(|facet| self.triangle(facet)).collect()
-    }
-
-    fn report(&self, facet: usize) -> FacetReport {
-        FacetReport { facet: facet + 1, corners: self.triangle(facet) }
-    }
-}
-
 fn check_numbers(triangles: &[Triangle]) -> Result<(), SurfaceError> {
     let strange = |t: &Triangle| t.as_flattened().iter().any(|x| !x.is_finite() || x.abs() > LARGEST);
     if triangles.len() < 4 {
@@ -165,27 +144,6 @@ fn check_areas(triangles: &[Triangle], facets: &Facets) -> Result<(), SurfaceErr
         0 => Ok(()),
         n => Err(SurfaceError::Degenerate { n, first: flat.iter().take(error::SHOWN).map(report).collect() }),
     }
-}
-
-/// Enclosed volume by the divergence theorem: the sum of signed tetrahedra over the facets.
-fn volume(triangles: &[Triangle]) -> f64 {
-    // About a corner of the surface: far from the origin the tetrahedra would be large and cancel.
-    let about = triangles[0][0];
-    let six_times = |t: &Triangle| {
-        let [a, b, c] = t.map(|x| minus(&x, &about));
-        dot(&a, &cross(&b, &c))
-    };
-    triangles.iter().map(six_times).sum::<f64>() / 6.0
-}
-
-/// Above zero when x lies on the inner side of a facet, zero in its plane; exact in sign.
-fn depth(t: &Triangle, x: &[f64; 3]) -> f64 {
-    // The exact decision is slow where all is in a plane; across an axis it is plain.
-    if (0..3).any(|d| t.iter().all(|corner| corner[d] == x[d])) {
-        return 0.0;
-    }
-    let at = |x: &[f64; 3]| Coord3D { x: x[0], y: x[1], z: x[2] };
-    orient3d(at(&t[0]), at(&t[1]), at(&t[2]), at(x))
 }
 
 #[cfg(test)]

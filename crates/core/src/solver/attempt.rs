@@ -2,10 +2,11 @@
 
 use crate::basis::Connectivity;
 
-use super::balance::Energy;
 use super::control::Path;
-use super::report::StepReport;
-use super::{Nodal, SolveError, Step};
+use super::error::SolveError;
+use crate::equilibrium::Energy;
+use crate::equilibrium::StepReport;
+use crate::equilibrium::{Nodal, Step};
 
 /// How an attempt at a step has ended that has not failed.
 pub(super) enum Attempt<const D: usize> {

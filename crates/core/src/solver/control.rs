@@ -7,14 +7,13 @@
 use serde::{Deserialize, Serialize};
 
 use crate::basis::Connectivity;
-use crate::constraints::DofMap;
-use crate::model::Model;
+use crate::dofs::DofMap;
+use crate::model::{Control, Model};
 use crate::points::Points;
-use crate::stepping::Control;
 
-use super::Step;
 use super::motion::Motion;
-use super::newton::{for_each_dof, norm};
+use super::residual::norm;
+use crate::equilibrium::Step;
 
 /// Where a run is, as far as its next step builds on it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -253,7 +252,7 @@ impl<const D: usize> Condition<D> {
 
 /// A force on the free degrees of freedom only.
 pub(super) fn on_free<const D: usize>(dofs: &DofMap<D>, force: &[[f64; D]], out: &mut [[f64; D]]) {
-    for_each_dof(dofs, |node, axis, free| {
+    dofs.for_each(|node, axis, free| {
         out[node][axis] = if free.is_some() { force[node][axis] } else { 0.0 };
     });
 }

@@ -1,9 +1,9 @@
 //! The course of the iterations of a step, and what it says of how they will go on.
 
-use super::Nodal;
 use super::equations::Solved;
 use super::forcing::Forcing;
 use super::residual::RoundOff;
+use crate::equilibrium::Nodal;
 
 /// A tangent may be kept after an iteration that leaves at most this part of what was out of balance.
 const FAST: f64 = 0.1;

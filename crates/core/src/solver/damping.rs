@@ -7,13 +7,11 @@
 //! one whose stiffness is not positive definite is not accepted.
 
 use crate::assembly::System;
-use crate::constraints::BoundaryCondition;
-use crate::loads::{Action, Load};
-use crate::model::Model;
+use crate::model::{Action, BoundaryCondition, Load, Model};
 use crate::points::Points;
 
-use super::Nodal;
 use super::evidence::share_that_flows;
+use crate::equilibrium::Nodal;
 
 /// Damped iterations may be so many times as many as others.
 pub(super) const MORE_ITERATIONS: usize = 10;

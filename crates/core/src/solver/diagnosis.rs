@@ -2,15 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Model, Newton};
+use crate::model::{Control, Model, Newton, Where};
 use crate::points::{Points, coordinates};
 use crate::quality::oscillation;
-use crate::stabilisation::Where;
-use crate::stepping::Control;
 
-use super::error::{PointPlace, stiffness_spread};
+use super::attempt::FailedAttempt;
+use super::error::{PointPlace, SolveError, stiffness_spread};
 use super::evidence::{self, emptiest_cell, share_that_flows};
-use super::{FailedAttempt, SolveError, Summary};
 
 /// A cell whose weakest node carries less than this of its share of a full cell is a small cut cell.
 const SMALL: f64 = 0.1;
@@ -200,7 +198,7 @@ impl Diagnosis {
         points: &Points<D>,
         failed: &FailedAttempt<D>,
         lost_points: Option<&SolveError>,
-        summary: &Summary,
+        largest_load_factor: Option<f64>,
     ) -> Diagnosis {
         let (node, place) = whereabouts(&failed.error);
         let links = failed.iterate.as_ref().map(|iterate| &iterate.links);
@@ -258,7 +256,7 @@ impl Diagnosis {
             kind,
             step: failed.step.index,
             time: failed.step.start,
-            largest_load_factor: summary.largest_load_factor,
+            largest_load_factor,
             body: place.map(|place| place.body.clone()),
             point: place.map(|place| place.point),
             cell: around.map(|(cell, _)| cell),

@@ -2,19 +2,15 @@
 
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-
 use crate::assembly::{FreeEntries, System};
 use crate::basis::Connectivity;
-use crate::constraints::DofMap;
+use crate::dofs::DofMap;
 use crate::linear::{
     Choice, Direct, Embedding, Extent, Factorisation, Krylov, LinearError, LinearSolver, Named, Pattern,
     ordering,
 };
-use crate::model::Model;
+use crate::model::{Model, Patterns};
 use crate::timing::{Phase, Timings};
-
-use super::newton::for_each_dof;
 
 /// Solves K δd = r on the free degrees of freedom, directly or iteratively, with all that is kept from step to step.
 #[derive(Default)]
@@ -43,31 +39,6 @@ enum Method {
     #[default]
     Direct,
     Iterative,
-}
-
-/// When the stiffness is factorised within a step. A preconditioner is always set up as with `kept`, which does not change
-/// what the equations are.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub enum Tangent {
-    /// In each iteration.
-    #[default]
-    Fresh,
-    /// In the first iteration, and after one that has not made the out-of-balance force ten times smaller.
-    Kept,
-}
-
-/// For which equations an order of elimination and the layout of the factor serve.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub enum Patterns {
-    /// For equations of the same pattern.
-    #[default]
-    Same,
-    /// Also for equations whose pattern is part of it.
-    Contained,
 }
 
 /// How a system was solved.
@@ -103,7 +74,7 @@ impl<const D: usize> Place<'_, D> {
     /// Names of the unknowns that outlast the step, as those of [`Named`].
     fn names(&self) -> Vec<u64> {
         let mut names = Vec::new();
-        for_each_dof(self.dofs, |node, axis, free| {
+        self.dofs.for_each(|node, axis, free| {
             if free.is_some() {
                 names.push((self.links.active_nodes()[node] as usize * D + axis) as u64);
             }
@@ -294,7 +265,7 @@ impl<const D: usize> Equations<D> {
         let multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| system.multiply(x, out);
         let (factorisation, iterations) =
             self.iterative.solve(multiply, rhs, &mut self.solution, tolerance)?;
-        for_each_dof(place.dofs, |node, axis, free| {
+        place.dofs.for_each(|node, axis, free| {
             if free.is_some() {
                 delta[node][axis] = self.solution[node][axis];
             }
@@ -349,7 +320,7 @@ impl<const D: usize> Equations<D> {
         delta: &mut [[f64; D]],
     ) -> Result<(), LinearError> {
         self.values.clear();
-        for_each_dof(place.dofs, |node, axis, free| {
+        place.dofs.for_each(|node, axis, free| {
             if free.is_some() {
                 self.values.push(rhs[node][axis]);
             }
@@ -364,7 +335,7 @@ impl<const D: usize> Equations<D> {
             }
         };
         solved.map_err(|error| self.in_hand(error))?;
-        for_each_dof(place.dofs, |node, axis, free| {
+        place.dofs.for_each(|node, axis, free| {
             if let Some(unknown) = free {
                 delta[node][axis] = self.values[unknown];
             }

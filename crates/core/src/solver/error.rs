@@ -2,20 +2,20 @@
 
 use crate::assembly::PointFailure;
 use crate::basis::{Connectivity, SupportError, SupportFailure};
-use crate::constraints::{ConstraintError, HOLD_THE_AXIS};
+use crate::dofs::{ConstraintError, HOLD_THE_AXIS};
 use crate::domain::Collapsed;
 use crate::linear::LinearError;
-use crate::loads::LoadNotFinite;
+use crate::material::shear_modulus_at_rest;
 use crate::memory::in_words;
 use crate::model::Model;
 use crate::points::{Points, coordinates};
-use crate::stabilisation::shear_modulus_at_rest;
 use crate::stress::PointError;
+use crate::terms::external_force::LoadNotFinite;
 
-use super::Step;
 use super::control::NoPath;
 use super::equations::Place as Equation;
 use super::residual::MOST_OF_ROUND_OFF;
+use crate::equilibrium::Step;
 
 /// A material point, as an error names it.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,13 +4,13 @@
 use nalgebra::SMatrix;
 
 use crate::basis::Connectivity;
-use crate::constraints::DofMap;
+use crate::dofs::{DofMap, rigid::free_parts};
 use crate::model::Model;
 use crate::points::Points;
-use crate::rigid::free_parts;
-use crate::stabilisation::HeldMaterial;
+use crate::terms::held_material::HeldMaterial;
 
-use super::{FailedAttempt, Iterate, Step};
+use super::attempt::{FailedAttempt, Iterate};
+use crate::equilibrium::Step;
 
 /// Cells whose weakest node carries less than this of its share tell nothing about hourglass modes: their nodes move far
 /// for another reason.

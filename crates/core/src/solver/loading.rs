@@ -2,16 +2,16 @@
 
 use crate::assembly::System;
 use crate::basis::Connectivity;
-use crate::constraints::DofMap;
-use crate::loads::{ExternalForce, external_force, external_force_of_factor};
-use crate::model::Model;
+use crate::dofs::DofMap;
+use crate::model::{Control, Model};
 use crate::points::Points;
-use crate::stepping::Control;
 use crate::stress::Mechanics;
+use crate::terms::external_force::{ExternalForce, external_force, external_force_of_factor};
 
 use super::control::{Condition, Path};
+use super::error::SolveError;
 use super::residual::Parts;
-use super::{Nodal, SolveError, Step};
+use crate::equilibrium::{Nodal, Step};
 
 /// The external force of a step.
 pub(super) struct Loading<const D: usize> {

@@ -5,20 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::basis::Connectivity;
 
-use super::Step;
-
-/// Where the iterations of a step begin.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub enum Predictor {
-    /// With the solution of the equations at the start of the step.
-    #[default]
-    None,
-    /// With the displacement increment of the step before, scaled to the length of the step, in place of the first
-    /// solution of the equations. Where that leaves more out of balance than there was at the start, it is dropped.
-    LastStep,
-}
+use crate::equilibrium::Step;
 
 /// The displacement increment of a step on the nodes of the grid.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

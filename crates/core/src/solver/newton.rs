@@ -2,28 +2,29 @@
 
 use crate::assembly::System;
 use crate::basis::{Connectivity, Method};
-use crate::constraints::DofMap;
+use crate::equilibrium::{
+    Energy, GridFields, Step, StepReport, moment_error, named_reactions, reaction_moments, reactions_of,
+};
 use crate::linear::LinearError;
-use crate::model::Model;
+use crate::model::{Control, Model, Predictor, Tangent};
 use crate::points::Points;
-use crate::stepping::Control;
 use crate::stress::Mechanics;
 use crate::timing::Phase;
 
-use super::attempt::{Attempt, OnTheWay, Slump};
-use super::balance::{Energy, moment_error, reaction_moments};
+use super::attempt::{Attempt, FailedAttempt, Iterate, OnTheWay, Slump};
 use super::control::{Condition, NoPath, Path, on_free};
 use super::course::Course;
 use super::damping::{self, AT_REST, Damping, MORE_ITERATIONS, MOST_FACTORISATIONS, MOST_TRIALS, STRIDE};
-use super::equations::{Place, Solved, Tangent};
-use super::error::locate_failure;
+use super::equations::{Place, Solved};
+use super::error::{SolveError, locate_failure};
 use super::forcing::Forcing;
 use super::loading::{Loading, StepSystem};
-use super::motion::{Motion, Predictor};
-use super::report::{self, GridFields, Observer, StepReport, reactions_of};
-use super::residual::{self, Iterate as At, Measured, RoundOff};
+use super::motion::Motion;
+use super::observer::Observer;
+use super::residual::{self, Iterate as At, Measured, RoundOff, norm};
+use super::stepper::Stepper;
 use super::unknowns::Unknowns;
-use super::{FailedAttempt, Iterate, SolveError, Solver, Step, update};
+use super::update;
 
 /// A step on which a point turns inside out is halved up to so many times.
 const MOST_HALVINGS: usize = 5;
@@ -35,7 +36,7 @@ const FIRST_SEARCH: usize = 3;
 /// left alone.
 const LATE: f64 = 0.75;
 
-impl<const D: usize> Solver<D> {
+impl<const D: usize> Stepper<D> {
     /// Newton iterations until the out-of-balance force of eq. (40) meets the tolerance. Writes the trial state only.
     ///
     /// Damped iterations that have moved the points by more than [`STRIDE`] end there, where a slump may begin or go on.
@@ -151,7 +152,7 @@ impl<const D: usize> Solver<D> {
             step,
             body_residuals: residual::of_bodies(&forces, model, points, &links),
             carried: forces.carried(&unknowns.parts, &self.reached.summary.carried, model.bodies.len()),
-            reactions: report::named_reactions(model, &reaction_field, &dofs),
+            reactions: named_reactions(model, &reaction_field, &dofs),
             moments: reaction_moments(model, points, &links, &unknowns.delta_d, (&reaction_field, &dofs)),
             loads: loading.resultants,
             energy,
@@ -403,7 +404,7 @@ impl<const D: usize> Solver<D> {
             forcing.next(rhs, residual, place.model.newton.tolerance)
         });
         if let Some(predicted) = unknowns.predicted.take() {
-            for_each_dof(dofs, |node, axis, free| {
+            dofs.for_each(|node, axis, free| {
                 if free.is_some() {
                     unknowns.iterative[node][axis] = predicted[node][axis];
                 }
@@ -463,7 +464,7 @@ impl<const D: usize> Solver<D> {
         Err(LinearError::Singular { unknown: None })
     }
 
-    /// As [`Solver::newton_step`], with a stiffness that is damped until it is positive definite.
+    /// As [`Stepper::newton_step`], with a stiffness that is damped until it is positive definite.
     fn damped_step(
         &mut self,
         unknowns: &mut Unknowns<D>,
@@ -522,19 +523,4 @@ impl From<LinearError> for Obstacle {
     fn from(error: LinearError) -> Self {
         Obstacle::Linear(error)
     }
-}
-
-pub(super) fn for_each_dof<const D: usize>(
-    dofs: &DofMap<D>,
-    mut visit: impl FnMut(usize, usize, Option<usize>),
-) {
-    for node in 0..dofs.n_nodes() {
-        for axis in 0..D {
-            visit(node, axis, dofs.free(node, axis));
-        }
-    }
-}
-
-pub(super) fn norm(values: impl Iterator<Item = f64>) -> f64 {
-    values.map(|x| x * x).sum::<f64>().sqrt()
 }

@@ -8,12 +8,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::assembly::System;
 use crate::basis::Connectivity;
+use crate::material::axial_modulus_at_rest;
 use crate::model::Model;
 use crate::points::Points;
-use crate::stabilisation::axial_modulus_at_rest;
 
-use super::Nodal;
-use super::newton::norm;
+use crate::equilibrium::Nodal;
 
 /// Largest residual of a part, and largest resultant of its out-of-balance force relative to the sum of its forces, that is
 /// accepted where round-off forbids a smaller one, [-].
@@ -389,6 +388,11 @@ fn largest(a: f64, b: f64) -> f64 {
 /// `out` relative to `force`; nothing is nothing, whatever it is relative to.
 fn ratio(out: f64, force: f64) -> f64 {
     if out == 0.0 { 0.0 } else { out / force }
+}
+
+/// The Euclidean norm.
+pub(super) fn norm(values: impl Iterator<Item = f64>) -> f64 {
+    values.map(|x| x * x).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]

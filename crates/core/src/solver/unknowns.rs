@@ -1,14 +1,14 @@
 //! The unknowns of a load step: displacement increments, reactions and load factor, eqs. (28), (30) and (40).
 
 use crate::assembly::System;
-use crate::constraints::DofMap;
+use crate::dofs::DofMap;
 use crate::linear::LinearError;
 use crate::model::Model;
 
-use super::Nodal;
 use super::loading::Loading;
-use super::newton::{for_each_dof, norm};
+use super::residual::norm;
 use super::residual::{Forces, Parts};
+use crate::equilibrium::Nodal;
 
 /// The unknowns of a load step and the vectors that an iteration works with.
 pub(super) struct Unknowns<const D: usize> {
@@ -82,7 +82,7 @@ impl<const D: usize> Unknowns<D> {
         k_delta.fill([0.0; D]);
         // The motion of the prescribed degrees of freedom loads the free ones through K.
         let mut moves = false;
-        for_each_dof(dofs, |node, axis, _| {
+        dofs.for_each(|node, axis, _| {
             if let Some((increment, _)) = dofs.prescribed(node, axis) {
                 delta[node][axis] = increment - delta_d[node][axis];
                 moves |= delta[node][axis] != 0.0;
@@ -92,7 +92,7 @@ impl<const D: usize> Unknowns<D> {
         if moves {
             system.multiply(delta, k_delta);
         }
-        for_each_dof(dofs, |node, axis, free| {
+        dofs.for_each(|node, axis, free| {
             let force = out_of_balance[node][axis] - k_delta[node][axis];
             rhs[node][axis] = if free.is_some() { force } else { 0.0 };
         });
@@ -116,7 +116,7 @@ impl<const D: usize> Unknowns<D> {
         }
         system.multiply(&self.iterative, &mut self.k_delta);
         let change = self.iterative_factor;
-        for_each_dof(dofs, |node, axis, free| {
+        dofs.for_each(|node, axis, free| {
             self.delta_d[node][axis] += self.iterative[node][axis]; // (30)
             if free.is_none() {
                 let load = loading.unit.as_ref().map_or(0.0, |unit| change * unit[node][axis]);
@@ -174,7 +174,7 @@ impl<const D: usize> Unknowns<D> {
     /// Whether all prescribed displacements have been reached.
     pub(super) fn follows(&self, dofs: &DofMap<D>) -> bool {
         let mut follows = true;
-        for_each_dof(dofs, |node, axis, _| {
+        dofs.for_each(|node, axis, _| {
             if let Some((increment, _)) = dofs.prescribed(node, axis) {
                 follows &= (increment - self.delta_d[node][axis]).abs() <= REACHED * increment.abs();
             }

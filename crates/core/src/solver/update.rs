@@ -4,9 +4,10 @@
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-use super::{SolveError, Step};
+use super::error::SolveError;
 use crate::basis::{Connectivity, DomainKind, Method, Room as Products, check_domain};
 use crate::domain::Motion;
+use crate::equilibrium::Step;
 use crate::grid::interpolate;
 use crate::kinematics::Increment;
 use crate::model::Model;
@@ -200,7 +201,7 @@ fn move_point<const D: usize, M: Mechanics<D>>(
         return Err(SolveError::off_grid(model, points, p, position, step));
     }
     let start = &points.converged.position[p];
-    let dF = M::embed(&Increment::new::<M>(nodes, &of_point, delta_d, start));
+    let dF = M::embed(&Increment::new(M::REVOLVED, nodes, &of_point, delta_d, start));
     let F = dF * points.converged.deformation_gradient[p];
     let body = &model.bodies[points.body[p] as usize];
     let mut moved = Moved {

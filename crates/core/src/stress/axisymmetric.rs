@@ -4,7 +4,7 @@
 //! That direction stays principal. A node carries the ring through it: moving it outwards by u_r stretches the ring,
 //! ΔF_θθ = 1 + Σ S_vp Δu_r/r̃. Forces, masses and volumes are those of the full circle.
 
-use super::solid::PLACE;
+use super::products::PLACE;
 use super::{
     Contribution, Lane, Lanes, Mechanics, PointError, PointResponse, Solid, Spatial, StartOfStep, WeakForm,
     transposed,

@@ -1,6 +1,6 @@
 //! A point in three dimensions whose law has isotropic moduli in the current configuration.
 
-use super::solid::{full, times};
+use super::products::{full, times};
 use super::{Lane, Lanes, WeakForm, transposed};
 use crate::material::IsotropicResponse;
 

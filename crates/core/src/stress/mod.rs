@@ -12,6 +12,7 @@ mod contribution;
 mod in_plane;
 mod isotropic;
 mod plane_strain;
+mod products;
 mod solid;
 #[cfg(test)]
 mod tests;

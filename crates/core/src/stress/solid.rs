@@ -1,5 +1,6 @@
 //! The kernel in three dimensions.
 
+use super::products::{PLACE, full, times};
 use super::{
     Contribution, Isotropic, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep, WeakForm,
     transposed,
@@ -12,9 +13,6 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 /// Three-dimensional solid: nothing is idealised.
 #[derive(Debug, Clone, Copy)]
 pub struct Solid;
-
-/// Row of the Mandel layout in which component (i, j) of a symmetric tensor stands.
-pub(super) const PLACE: [[usize; 3]; 3] = [[0, 5, 4], [5, 1, 3], [4, 3, 2]];
 
 /// A point of the previously converged formulation with gradients in the current configuration.
 ///
@@ -86,20 +84,6 @@ impl WeakForm<3> for Spatial {
             *entry += gradient[0] * x[e] + gradient[1] * y[e] + gradient[2] * z[e];
         }
     }
-}
-
-#[inline(always)]
-pub(super) fn times(a: &[[f64; 3]; 3], x: &[f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| a[i][0] * x[0] + a[i][1] * x[1] + a[i][2] * x[2])
-}
-
-/// A symmetric tensor as a full matrix of rows, times a factor.
-#[inline(always)]
-pub(super) fn full(t: &Sym3, factor: f64) -> [[f64; 3]; 3] {
-    let [xx, yy, zz] = [t.0[0] * factor, t.0[1] * factor, t.0[2] * factor];
-    let shear = FRAC_1_SQRT_2 * factor;
-    let [yz, xz, xy] = [t.0[3] * shear, t.0[4] * shear, t.0[5] * shear];
-    [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 }
 
 /// det(ΔF) and ΔF⁻¹.

@@ -2,7 +2,7 @@
 
 use super::Builder;
 use crate::MaterialDeck;
-use crate::diagnostic::quote;
+use crate::quoting::quote;
 use crate::region::OfDeck;
 use mpm_core::grid::Grid;
 use mpm_core::region::Region;

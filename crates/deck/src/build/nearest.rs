@@ -1,20 +1,13 @@
 //! The points of a body nearest to a place, for point forces and probes.
 
-use super::{Builder, array};
-use crate::diagnostic::{Diagnostic, Severity, quote};
+use super::{Builder, Ties};
+use crate::diagnostic::{Diagnostic, Severity};
+use crate::per_axis::array;
+use crate::quoting::quote;
 use crate::region::OfDeck;
 use mpm_core::grid::Grid;
 use mpm_core::points::{Points, coordinates};
 use mpm_core::region::Region;
-
-/// What becomes of points that are equally near, where not all of them were asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Ties {
-    /// Round-off would choose between them: an error.
-    Refused,
-    /// All of them are taken.
-    All,
-}
 
 /// Distances that differ by less than this part of a cell are the same.
 const SAME: f64 = 1e-9;

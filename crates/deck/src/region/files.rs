@@ -3,31 +3,14 @@
 use std::path::Path;
 
 use super::Given;
-use crate::diagnostic::{Diagnostic, Severity, quote};
+use super::groups::Groups;
+use crate::diagnostic::{Diagnostic, Severity};
 use crate::placing;
+use crate::quoting::quote;
 use crate::source::Source;
 use mpm_core::grid::Grid;
 use mpm_core::region::stl::{self, StlError};
 use mpm_core::region::{Group, Surface};
-
-/// The groups of cells that the regions of a deck are made from, by the numbers that stand for them in regions.
-#[derive(Default)]
-pub(crate) struct Groups {
-    names: Vec<Option<String>>,
-    /// For each group whether a cell belongs to it; nothing for all cells.
-    members: Vec<Vec<bool>>,
-}
-
-impl Groups {
-    /// Whether a cell belongs to a group.
-    pub(crate) fn holds(&self, key: usize, cell: usize) -> bool {
-        match self.names.get(key) {
-            Some(None) => true,
-            Some(Some(_)) => self.members[key].get(cell) == Some(&true),
-            None => false,
-        }
-    }
-}
 
 /// Reads what regions name; tells what cannot be read.
 pub(crate) struct FromFiles<'a, const D: usize> {

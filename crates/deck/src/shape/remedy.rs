@@ -3,8 +3,8 @@
 use jsonschema::error::{ValidationError, ValidationErrorKind};
 use serde_json::Value;
 
-use super::{count_in_words, number_help, range_help, subschema};
-use crate::diagnostic::{list, quote};
+use super::words::{count_in_words, number_help, range_help, subschema};
+use crate::quoting::{list, quote};
 use crate::schema::{resolve, shortest};
 
 /// The next action for a value that does not meet a keyword of the schema.

@@ -1,7 +1,9 @@
 //! Vectors, boxes, the grid, and the points of bodies.
 
 use super::Check;
-use crate::diagnostic::{Diagnostic, quote};
+use super::extent::{Extent, GridBox};
+use crate::diagnostic::Diagnostic;
+use crate::quoting::quote;
 use crate::seeding::placed_in_cells;
 use crate::{AXES, BodyDeck, GridDeck, LinearChoice, Method, PerAxis};
 use mpm_core::grid::ON_LINE;
@@ -12,26 +14,6 @@ const MOST: f64 = 1e8;
 const MOST_PER_CELL: u32 = 1000;
 /// Error up to which the ratio of two lengths is a whole number; text such as 0.1 is not exact.
 const WHOLE: f64 = 1e-6;
-
-/// A box with extent along every axis.
-#[derive(Debug, Clone)]
-pub(super) struct Extent {
-    pub(super) min: Vec<f64>,
-    pub(super) max: Vec<f64>,
-}
-
-impl Extent {
-    pub(super) fn side(&self, axis: usize) -> f64 {
-        self.max[axis] - self.min[axis]
-    }
-}
-
-/// The region of a grid and the sides of its cells.
-#[derive(Debug, Clone)]
-pub(super) struct GridBox {
-    pub(super) extent: Extent,
-    pub(super) spacing: Vec<f64>,
-}
 
 impl Check<'_> {
     /// Number of axes.

@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::Check;
-use crate::diagnostic::{Diagnostic, Severity, quote};
+use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::{Fault, at_nodes, at_points};
+use crate::quoting::quote;
 use crate::{AXES, BoundaryConditionDeck, Expression, LoadCurve, LoadDeck, NodeSelector, Per, PointSelector};
 
 impl Check<'_> {

@@ -3,13 +3,13 @@
 use nalgebra::SMatrix;
 
 use super::Check;
-use super::geometry::Extent;
+use super::extent::Extent;
 use crate::build::load_curve;
-use crate::diagnostic::quote;
 use crate::formulas::at_nodes;
+use crate::quoting::quote;
 use crate::{BodyDeck, BoundaryConditionDeck};
 use mpm_core::basis::DomainKind;
-use mpm_core::constraints::displacement_increment;
+use mpm_core::dofs::displacement_increment;
 use mpm_core::formula::Formula;
 use mpm_core::quality::Objection;
 use mpm_core::tensor::Mat3;

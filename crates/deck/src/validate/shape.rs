@@ -1,8 +1,8 @@
 //! The regions that bodies fill.
 
 use super::Check;
-use super::geometry::{Extent, GridBox};
-use crate::build::array;
+use super::extent::{Extent, GridBox};
+use crate::per_axis::array;
 use crate::region::{Direction, OfDeck, Refusal, WithoutFiles, region};
 use crate::{AXES, GridDeck, Shape};
 use mpm_core::region::{Polygon, Primitive, Region, ShapeError, crossing_sides};

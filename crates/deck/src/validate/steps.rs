@@ -2,7 +2,7 @@
 
 use super::Check;
 use super::suspicions::{is_zero, load_is_zero};
-use crate::diagnostic::{list, quote};
+use crate::quoting::{list, quote};
 use crate::{ControlDeck, Expression, GridDeck, LoadDeck};
 use mpm_core::formula::names;
 

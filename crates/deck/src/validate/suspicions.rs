@@ -3,9 +3,10 @@
 use std::collections::BTreeSet;
 
 use super::Check;
-use crate::build::per_axis;
-use crate::diagnostic::{Diagnostic, Severity, quote};
-use crate::source::escape;
+use crate::diagnostic::{Diagnostic, Severity};
+use crate::per_axis::per_axis;
+use crate::quoting::quote;
+use crate::span::escape;
 use crate::{BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, PerAxis};
 use mpm_core::formula::{Formula, names};
 

@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::Check;
-use super::geometry::Extent;
-use crate::diagnostic::quote;
-use crate::source::escape;
+use super::extent::Extent;
+use crate::quoting::quote;
+use crate::span::escape;
 use crate::{BodyDeck, GridDeck, LoadDeck, MaterialDeck};
 
 /// Acceleration of gravity in metres and seconds, and the same rounded.

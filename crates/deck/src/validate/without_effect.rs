@@ -3,9 +3,9 @@
 use super::Check;
 use super::suspicions::is_zero;
 use crate::ControlDeck;
-use crate::diagnostic::quote;
+use crate::quoting::quote;
 use mpm_core::basis::DomainKind;
-use mpm_core::stabilisation::Where;
+use mpm_core::model::Where;
 
 impl Check<'_> {
     /// Keys whose value changes nothing. One that comes from a parameter may have an effect in another run of a study, as

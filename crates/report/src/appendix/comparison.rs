@@ -5,8 +5,10 @@ use similar::{ChangeTag, TextDiff};
 use mpm_core::timing::Phase;
 
 use super::curves::{self, Progress};
+use super::error::ReportError;
 use super::field::StepChoice;
 use super::number::plain;
+use super::options::Options;
 use super::page::{Cell, Page, Table, escape};
 use super::picture::Gallery;
 use super::run::{Run, Snapshot, State};
@@ -16,7 +18,6 @@ use super::sections::{
     wall_time, warnings,
 };
 use super::units::{Naming, Quantity};
-use super::{Options, ReportError};
 
 /// Lines around a difference that are shown with it.
 const CONTEXT: usize = 2;

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use mpm_files::vtu::read::{Array, MeshFile, Section};
 
-use super::ReportError;
+use super::error::ReportError;
 use super::run::{Snapshot, read_mesh};
 use super::units::Quantity;
 

@@ -6,8 +6,8 @@ use std::fmt::Write;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::ReportError;
 use super::colour::{ColourMap, hex};
+use super::error::ReportError;
 use super::field::FieldChoice;
 use super::number::html;
 use super::page::escape;

@@ -13,7 +13,7 @@ use mpm_files::status;
 use mpm_files::table::Columns;
 use mpm_files::vtu::read::{MeshFile, Section};
 
-use super::ReportError;
+use super::error::{NoResults, ReportError};
 
 /// How a run stands.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -250,17 +250,6 @@ impl Run {
     pub fn is_revolved(&self) -> bool {
         self.text("/idealisation") == Some("axisymmetric")
     }
-}
-
-/// Why a directory holds no results.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum NoResults {
-    /// It is a file.
-    File,
-    /// It is the directory of a study, which has those of its members in it.
-    Study,
-    /// There is no history of a run.
-    Other,
 }
 
 fn state_of(summary: &Value, directory: &Path) -> Result<State, ReportError> {

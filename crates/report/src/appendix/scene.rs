@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use mpm_files::vtu::read::Section;
 
-use super::ReportError;
+use super::error::ReportError;
 use super::field::FieldChoice;
 use super::run::{Run, Snapshot, read_mesh, values};
 use super::view::{Face, View};

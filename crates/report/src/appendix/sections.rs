@@ -4,8 +4,8 @@ use serde_json::Value;
 
 use mpm_files::summary::VERSION;
 
-use super::Options;
 use super::number::{duration, html};
+use super::options::Options;
 use super::page::{Page, escape};
 use super::run::{Run, State};
 use super::units::{Naming, Quantity};

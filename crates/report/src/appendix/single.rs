@@ -6,8 +6,10 @@ use mpm_core::timing::Phase;
 use mpm_deck::Parameter;
 
 use super::curves::{self, AXES, Progress};
+use super::error::ReportError;
 use super::field::StepChoice;
 use super::number::{duration, html, memory};
+use super::options::Options;
 use super::page::{Cell, Page, Table, escape};
 use super::picture::Gallery;
 use super::run::Run;
@@ -17,7 +19,6 @@ use super::sections::{
     wall_time, warnings, with_unit,
 };
 use super::units::{Naming, Quantity};
-use super::{Options, ReportError};
 
 /// Writes the page.
 pub(super) fn page(run: &Run, options: &Options) -> Result<String, ReportError> {

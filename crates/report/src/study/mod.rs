@@ -10,7 +10,7 @@ use std::str::FromStr;
 
 use mpm_core::formula::closest;
 use mpm_deck::Parameter;
-use mpm_deck::diagnostic::{list, quote};
+use mpm_deck::quoting::{list, quote};
 
 pub use record::Record;
 pub use table::{Outcome, Row, may_be_replaced, write_table};

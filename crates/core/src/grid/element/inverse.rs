@@ -2,8 +2,21 @@
 
 use super::{ElementShape, adjugate, cross, dot, minus};
 
+impl ElementShape {
+    /// Local coordinates ξ of a position; the inverse of [`map`](Self::map) in and around the element.
+    ///
+    /// The map of a simplex is linear and has its inverse everywhere. That of a quadrilateral or hexahedron folds
+    /// over at some distance from the element if opposite sides are not parallel: `None` beyond the fold.
+    pub fn inverse<const D: usize>(self, corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]> {
+        match self {
+            ElementShape::Simplex => linear(corners, x),
+            ElementShape::Box => multilinear(corners, x),
+        }
+    }
+}
+
 /// The local coordinates of a position in a simplex, whose map is linear.
-pub(super) fn linear<const D: usize>(corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]> {
+fn linear<const D: usize>(corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]> {
     let origin = *corners.first()?;
     let shape = ElementShape::Simplex;
     if corners.len() < shape.n_nodes::<D>() {
@@ -19,7 +32,7 @@ fn solve<const D: usize>(jacobian: &[[f64; D]; D], b: [f64; D]) -> [f64; D] {
 }
 
 /// The local coordinates of a position in a quadrilateral or hexahedron.
-pub(super) fn multilinear<const D: usize>(corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]> {
+fn multilinear<const D: usize>(corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]> {
     if D == 2 {
         let [p, q, r, s] = *corners else { return None };
         let xi = bilinear([p, q, r, s].map(|c| [c[0], c[1]]), [x[0], x[1]])?;

@@ -2,10 +2,11 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use super::entity::{Element, EntityGroups, GroupKey};
+use super::error::GmshError;
 use super::kinds::{ElementKind, name_and_nodes};
 use super::nodes::{Nodes, total_22, totals_41};
 use super::reader::{Encoding, Reader};
-use super::{Element, EntityGroups, GmshError, GroupKey};
 
 /// Elements and the distinct sets of groups that they belong to.
 #[derive(Default)]

@@ -1,6 +1,6 @@
 //! The nodes of a mesh file.
 
-use super::GmshError;
+use super::error::GmshError;
 use super::reader::{Encoding, Reader};
 
 /// Marks a number that no node has.

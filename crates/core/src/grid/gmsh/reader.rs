@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use super::{GmshError, Place};
+use super::error::{GmshError, Place};
 
 /// Names of sections are short; a limit keeps the search for their end proportional to the file.
 const MAX_SECTION_NAME: usize = 100;

@@ -1,6 +1,10 @@
 //! Preconditioned conjugate gradients (Hestenes and Stiefel, 1952).
 
-use super::{LinearError, MOST, add, dot};
+use crate::linear::LinearError;
+use crate::linear::reduction::{add, dot};
+
+/// Iterations of either method after which a system is given up.
+pub(super) const MOST: usize = 300;
 
 /// Conjugate gradients have ended without a solution.
 pub(super) enum Failure {

@@ -1,6 +1,9 @@
 //! Generalised minimal residuals (Saad and Schultz, 1986), preconditioned from the right and restarted.
 
-use super::{LinearError, MOST, add, dot};
+use crate::linear::LinearError;
+use crate::linear::reduction::{add, dot};
+
+use super::conjugate::MOST;
 
 /// Directions after which the iterations start again from their solution, which bounds the memory.
 const RESTART: usize = 40;

@@ -3,9 +3,8 @@
 
 use std::ops::Range;
 
-use super::NONE;
 use super::dense;
-use super::nodes::Nodes;
+use super::nodes::{NONE, Nodes};
 use super::tree::{self, Tree};
 use crate::linear::Pattern;
 

@@ -1,8 +1,10 @@
 //! The pattern of a matrix by nodes: neighbouring unknowns that are coupled to the same others, such as the degrees of
 //! freedom of a node of the grid, count as one.
 
-use super::NONE;
 use crate::linear::Pattern;
+
+/// No node, no front.
+pub(super) const NONE: u32 = u32::MAX;
 
 /// Which nodes are coupled; nodes are numbered in the order of elimination.
 pub(super) struct Nodes {

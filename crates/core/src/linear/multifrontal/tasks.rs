@@ -3,8 +3,8 @@
 
 use std::ops::Range;
 
-use super::NONE;
 use super::fronts::{Front, Fronts};
+use super::nodes::NONE;
 
 /// A part of the tree is a task of its own if it takes longer, [ns]: much longer than waking a thread.
 const LEAST: f64 = 60e3;

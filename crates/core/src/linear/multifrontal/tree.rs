@@ -1,7 +1,6 @@
 //! Which columns are eliminated together: the fronts and their tree, from the elimination tree of the nodes.
 
-use super::NONE;
-use super::nodes::{Nodes, postorder};
+use super::nodes::{NONE, Nodes, postorder};
 
 /// What a front costs beside its operations, [ns]: that of any front, of each entry of its columns, of each entry that it
 /// passes to its parent; and the operations, sums and products, of a nanosecond. Measured; little depends on them.

@@ -1,6 +1,6 @@
 //! A tree of boxes around facets, for searches.
 
-use super::Triangle;
+use super::triangle::Triangle;
 use crate::region::{Bounds, hull, nothing};
 
 /// Most facets of a leaf.

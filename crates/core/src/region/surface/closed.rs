@@ -1,7 +1,7 @@
 //! Whether triangles fit together to closed shells.
 
-use super::error::SHOWN;
-use super::{EdgeReport, Facets, SurfaceError};
+use super::error::{EdgeReport, SHOWN, SurfaceError};
+use super::facets::Facets;
 
 /// The connected parts of a surface.
 pub(super) struct Shells {

@@ -3,7 +3,9 @@
 use rayon::prelude::*;
 
 use super::box_tree::{BoxTree, bounds};
-use super::{Facets, SurfaceError, Triangle, depth};
+use super::error::SurfaceError;
+use super::facets::Facets;
+use super::triangle::{Triangle, depth};
 use crate::region::Bounds;
 use crate::region::polygon::{opposite, segments_meet, turn};
 

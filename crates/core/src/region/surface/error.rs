@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::Triangle;
+use super::triangle::Triangle;
 
 /// The most places that an error lists.
 pub(super) const SHOWN: usize = 5;

@@ -2,7 +2,9 @@
 
 use super::box_tree::BoxTree;
 use super::closed::Shells;
-use super::{Facets, SurfaceError, Triangle, depth, volume};
+use super::error::SurfaceError;
+use super::facets::Facets;
+use super::triangle::{Triangle, depth, volume};
 use crate::region::polygon::{passes_right_of, turn};
 use crate::region::vector::{along, cross, dot, minus, norm, unit};
 use crate::region::{Intervals, Line};

@@ -6,6 +6,7 @@ use std::time::Instant;
 use super::*;
 use crate::region::stl;
 use crate::region::tests::Random;
+use crate::region::vector::{dot, minus};
 use crate::region::{Accuracy, Ball, Brick, Motion, Region};
 
 /// Two triangles for each part of a surface x(u, v), closed in u, and in v unless it ends in poles.

@@ -3,7 +3,9 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
-use super::{Facets, Triangle, closed};
+use super::closed;
+use super::facets::Facets;
+use super::triangle::Triangle;
 use crate::region::vector::{minus, norm};
 use crate::region::{hull, nothing};
 

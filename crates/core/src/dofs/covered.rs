@@ -1,0 +1,55 @@
+//! Boundary conditions without effect beside those before them.
+
+use crate::model::{BoundaryCondition, NodeSet};
+
+/// A boundary condition that holds along an axis no node which is not held by others before it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Covered {
+    /// Number of the condition.
+    pub condition: usize,
+    /// The axis.
+    pub axis: usize,
+    /// Numbers of the conditions that hold its nodes, ascending.
+    pub by: Vec<usize>,
+}
+
+/// The conditions that add nothing to those before them, axis by axis: a node belongs to the first that holds it.
+pub fn covered<const D: usize>(conditions: &[BoundaryCondition<D>]) -> Vec<Covered> {
+    (0..D).flat_map(|axis| along(conditions, axis)).collect()
+}
+
+fn along<const D: usize>(conditions: &[BoundaryCondition<D>], axis: usize) -> Vec<Covered> {
+    let holding = || conditions.iter().enumerate().filter(|(_, c)| c.displacement[axis].is_some());
+    let mut nodes: Vec<(u32, u32)> = Vec::new();
+    let mut found = Vec::new();
+    for (number, condition) in holding() {
+        match &condition.nodes {
+            NodeSet::Fixed(list) => nodes.extend(list.iter().map(|&node| (node, number as u32))),
+            // Which nodes these are changes from step to step: only the same selection covers them.
+            NodeSet::OuterLayer(_) => {
+                let earlier = holding().take_while(|(other, _)| *other < number);
+                let same =
+                    earlier.filter(|(_, other)| other.nodes == condition.nodes).map(|(other, _)| other);
+                found.extend(same.take(1).map(|other| Covered { condition: number, axis, by: vec![other] }));
+            }
+        }
+    }
+    nodes.sort_unstable();
+    let mut by: Vec<Vec<usize>> = vec![Vec::new(); conditions.len()];
+    let mut is_first = vec![false; conditions.len()];
+    for same in nodes.chunk_by(|a, b| a.0 == b.0) {
+        let first = same[0].1 as usize;
+        is_first[first] = true;
+        for (_, later) in &same[1..] {
+            let by = &mut by[*later as usize];
+            if !by.contains(&first) {
+                by.push(first);
+            }
+        }
+    }
+    for (condition, mut by) in by.into_iter().enumerate().filter(|(k, by)| !is_first[*k] && !by.is_empty()) {
+        by.sort_unstable();
+        found.push(Covered { condition, axis, by });
+    }
+    found
+}

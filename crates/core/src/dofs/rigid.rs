@@ -1,0 +1,260 @@
+//! Rigid-body motions that boundary conditions leave free, found by counting what they hold.
+//!
+//! The grid carries every translation and every small rotation exactly, so a part of the bodies whose held degrees of
+//! freedom do not stop such a motion has a singular stiffness as long as it is free of stress.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::DMatrix;
+
+use crate::basis::Connectivity;
+use crate::model::Model;
+use crate::points::Points;
+
+use super::DofMap;
+
+/// Eigenvalue, relative to the largest, below which a motion counts as free. Two held nodes at one end of a body of a
+/// million cells still give more.
+const FREE: f64 = 1e-13;
+
+/// A part of the bodies that hangs together through the grid and is free to move as a rigid body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FreePart<const D: usize> {
+    /// The bodies that have points in it, ascending.
+    pub bodies: Vec<u16>,
+    /// Whether these bodies have no points in other parts.
+    pub whole: bool,
+    /// One of its nodes, [length].
+    pub node: [f64; D],
+    /// Axes along which nothing holds it.
+    pub axes: Vec<usize>,
+    /// Number of independent rotations that it can make beyond that.
+    pub rotations: usize,
+    /// The place about which it can turn, [length], where it can make one rotation in the plane and nothing else.
+    pub centre: Option<[f64; D]>,
+}
+
+/// What is summed over the nodes of a part.
+struct Part<const D: usize> {
+    /// Sum of the node positions, and their number.
+    sum: [f64; D],
+    n_nodes: usize,
+    low: [f64; D],
+    high: [f64; D],
+    held: [bool; D],
+    /// Σ rᵀ r over the rows r of the held degrees of freedom, which give their displacement in each rigid motion.
+    gram: DMatrix<f64>,
+}
+
+/// Number of rigid motions in `D` dimensions: translations, then rotations in the planes of two axes each.
+const fn n_motions(dimensions: usize) -> usize {
+    dimensions * (dimensions + 1) / 2
+}
+
+/// The parts that are free to move in the step that `dofs` describes, in the order of their lowest nodes.
+pub fn free_parts<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    dofs: &DofMap<D>,
+) -> Vec<FreePart<D>> {
+    let root = links.parts();
+    let place = |node: usize| model.grid.node_position(links.active_nodes()[node] as usize);
+    let mut parts: BTreeMap<usize, Part<D>> = BTreeMap::new();
+    for (node, &part) in root.iter().enumerate() {
+        parts.entry(part).or_insert_with(Part::empty).add(&place(node));
+    }
+    for (node, part) in root.iter().enumerate() {
+        let Some(part) = parts.get_mut(part) else { continue };
+        for axis in (0..D).filter(|&axis| dofs.free(node, axis).is_none()) {
+            part.hold(&place(node), axis);
+        }
+    }
+    if model.revolved {
+        parts.values_mut().for_each(Part::resist_by_hoops);
+    }
+    let mut free: BTreeMap<usize, FreePart<D>> = BTreeMap::new();
+    for (&node, part) in &parts {
+        if let Some(motions) = part.free(place(node)) {
+            free.insert(node, motions);
+        }
+    }
+    if !free.is_empty() {
+        name_bodies(points, links, &root, &mut free);
+    }
+    free.into_values().collect()
+}
+
+/// Finds which bodies have points in which free part.
+fn name_bodies<const D: usize>(
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    root: &[usize],
+    free: &mut BTreeMap<usize, FreePart<D>>,
+) {
+    let mut members: BTreeSet<(u16, usize)> = BTreeSet::new();
+    for group in 0..links.n_groups() {
+        let nodes = links.nodes_of(group);
+        for p in links.points_of(group) {
+            if let Some(&first) = links.places(p).first() {
+                members.insert((points.body[p], root[nodes[first as usize] as usize]));
+            }
+        }
+    }
+    for (part, found) in free.iter_mut() {
+        found.bodies = members.iter().filter(|(_, in_part)| in_part == part).map(|(body, _)| *body).collect();
+        let elsewhere = |body: &u16| members.iter().any(|(other, in_part)| other == body && in_part != part);
+        found.whole = !found.bodies.iter().any(elsewhere);
+    }
+}
+
+impl<const D: usize> Part<D> {
+    fn empty() -> Self {
+        let n = n_motions(D);
+        Part {
+            sum: [0.0; D],
+            n_nodes: 0,
+            low: [f64::INFINITY; D],
+            high: [f64::NEG_INFINITY; D],
+            held: [false; D],
+            gram: DMatrix::zeros(n, n),
+        }
+    }
+
+    fn add(&mut self, x: &[f64; D]) {
+        self.n_nodes += 1;
+        for d in 0..D {
+            self.sum[d] += x[d];
+            self.low[d] = self.low[d].min(x[d]);
+            self.high[d] = self.high[d].max(x[d]);
+        }
+    }
+
+    /// Centre and size of the part, [length].
+    fn frame(&self) -> ([f64; D], f64) {
+        let size = (0..D).map(|d| self.high[d] - self.low[d]).fold(f64::MIN_POSITIVE, f64::max);
+        (self.sum.map(|sum| sum / self.n_nodes as f64), size)
+    }
+
+    /// A body of revolution moves as a rigid body along its axis only; all else stretches its rings.
+    fn resist_by_hoops(&mut self) {
+        self.held[0] = true;
+        for motion in (0..n_motions(D)).filter(|&motion| motion != 1) {
+            self.gram[(motion, motion)] += 1.0;
+        }
+    }
+
+    /// Adds a held degree of freedom, after all nodes are known.
+    fn hold(&mut self, x: &[f64; D], axis: usize) {
+        self.held[axis] = true;
+        let (centre, size) = self.frame();
+        let arm: [f64; D] = std::array::from_fn(|d| (x[d] - centre[d]) / size);
+        // Displacement along the axis in each rigid motion; the rotation from axis i to axis j is −x_j along i and
+        // x_i along j.
+        let mut row = vec![0.0; n_motions(D)];
+        row[axis] = 1.0;
+        let mut rotation = D;
+        for i in 0..D {
+            for j in i + 1..D {
+                if axis == i {
+                    row[rotation] = -arm[j];
+                } else if axis == j {
+                    row[rotation] = arm[i];
+                }
+                rotation += 1;
+            }
+        }
+        for (a, &of_row) in row.iter().enumerate() {
+            for (b, &of_column) in row.iter().enumerate() {
+                self.gram[(a, b)] += of_row * of_column;
+            }
+        }
+    }
+
+    /// The motions that are left free; `None` where there are none.
+    fn free(&self, node: [f64; D]) -> Option<FreePart<D>> {
+        let eigen = self.gram.clone().symmetric_eigen();
+        let largest = eigen.eigenvalues.iter().fold(0.0_f64, |a, &b| a.max(b));
+        let is_free = |k: &usize| eigen.eigenvalues[*k] <= FREE * largest;
+        let null: Vec<usize> = (0..n_motions(D)).filter(is_free).collect();
+        if null.is_empty() {
+            return None;
+        }
+        let axes: Vec<usize> = (0..D).filter(|&axis| !self.held[axis]).collect();
+        let rotations = null.len().saturating_sub(axes.len());
+        let mut centre = None;
+        if let (2, true, [only]) = (D, axes.is_empty(), null.as_slice()) {
+            let motion = eigen.eigenvectors.column(*only);
+            let ((middle, size), turn) = (self.frame(), motion[2]);
+            // The displacement (t_x − ω y, t_y + ω x) vanishes there.
+            let offset = [-motion[1] / turn, motion[0] / turn];
+            let found: [f64; D] = std::array::from_fn(|d| middle[d] + size * offset[d]);
+            centre = Some(found).filter(|x| x.iter().all(|x| x.is_finite()));
+        }
+        Some(FreePart { bodies: Vec::new(), whole: true, node, axes, rotations, centre })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// The motions left free to the nodes of a plane box, of which some are held along some axes.
+    fn plane(held: &[([f64; 2], usize)]) -> Option<FreePart<2>> {
+        let mut part = Part::empty();
+        for i in 0..=10 {
+            for j in 0..=4 {
+                part.add(&[f64::from(i), f64::from(j)]);
+            }
+        }
+        for (x, axis) in held {
+            part.hold(x, *axis);
+        }
+        part.free([0.0, 0.0])
+    }
+
+    #[test]
+    fn three_motions_of_a_plane_body() {
+        let free =
+            |held: &[([f64; 2], usize)]| plane(held).map_or((vec![], 0), |free| (free.axes, free.rotations));
+        assert_eq!(free(&[]), (vec![0, 1], 1));
+        assert_eq!(free(&[([0.0, 0.0], 0)]), (vec![1], 1));
+        assert_eq!(free(&[([0.0, 0.0], 0), ([0.0, 1.0], 0)]), (vec![1], 0));
+        assert_eq!(free(&[([0.0, 0.0], 0), ([5.0, 0.0], 0), ([0.0, 0.0], 1)]), (vec![], 1));
+        assert_eq!(free(&[([0.0, 0.0], 0), ([0.0, 4.0], 0), ([3.0, 2.0], 1)]), (vec![], 0));
+        assert_eq!(free(&[([0.0, 0.0], 1), ([0.1, 0.0], 1), ([3.0, 2.0], 0)]), (vec![], 0));
+    }
+
+    #[test]
+    fn the_centre_of_a_rotation_is_where_the_held_lines_meet() {
+        // Sliding along a floor and a wall at once: the instantaneous centre is above the one and beside the other.
+        let free = plane(&[([7.0, 0.0], 1), ([0.0, 3.0], 0)]).unwrap();
+        let centre = free.centre.unwrap();
+        assert!((centre[0] - 7.0).abs() < 1e-9 && (centre[1] - 3.0).abs() < 1e-9, "{centre:?}");
+        let pinned = plane(&[([2.0, 1.0], 1), ([2.0, 1.0], 0)]).unwrap().centre.unwrap();
+        assert!((pinned[0] - 2.0).abs() < 1e-9 && (pinned[1] - 1.0).abs() < 1e-9, "{pinned:?}");
+    }
+
+    #[test]
+    fn six_motions_of_a_solid_body() {
+        let free = |held: &[([f64; 3], usize)]| {
+            let mut part = Part::<3>::empty();
+            for corner in 0..8 {
+                part.add(&std::array::from_fn(|d| f64::from(corner >> d & 1)));
+            }
+            for (x, axis) in held {
+                part.hold(x, *axis);
+            }
+            part.free([0.0; 3]).map_or((vec![], 0), |free| (free.axes, free.rotations))
+        };
+        let corner = [0.0; 3];
+        assert_eq!(free(&[]), (vec![0, 1, 2], 3));
+        assert_eq!(free(&[(corner, 0), (corner, 1), (corner, 2)]), (vec![], 3));
+        let hinge = [([0.0, 0.0, 1.0], 0), ([0.0, 0.0, 1.0], 1)];
+        let pinned = [(corner, 0), (corner, 1), (corner, 2), hinge[0], hinge[1]];
+        assert_eq!(free(&pinned), (vec![], 1));
+        let held: Vec<_> = pinned.into_iter().chain([([1.0, 0.0, 0.0], 1)]).collect();
+        assert_eq!(free(&held), (vec![], 0));
+    }
+}

@@ -1,0 +1,100 @@
+//! What is known of a load step that is in equilibrium.
+
+use crate::basis::Connectivity;
+use crate::dofs::DofMap;
+use crate::linear::Factorisation;
+use crate::model::Model;
+
+use super::balance::{Energy, ReactionMoment};
+use super::step::{Nodal, Step};
+
+/// The fields of the grid in a load step.
+#[derive(Debug, Clone)]
+pub struct GridFields<const D: usize> {
+    /// The links of the step; tells which nodes are active.
+    pub links: Connectivity<D>,
+    /// Number of connected parts of the active nodes.
+    pub parts: usize,
+    /// Displacement increment of the active nodes, [length].
+    pub delta_d: Nodal<D>,
+    /// Reaction on the active nodes, zero where free, [force].
+    pub reaction: Nodal<D>,
+}
+
+/// What is known of an equilibrated step.
+#[derive(Debug, Clone)]
+pub struct StepReport<const D: usize> {
+    /// The step.
+    pub step: Step,
+    /// Residual of every evaluation, eq. (40); the first is the one before any solve.
+    pub residuals: Vec<f64>,
+    /// Whether the step has been accepted as far as round-off allows, [`MOST_OF_ROUND_OFF`] at most, rather than to the
+    /// tolerance.
+    pub rounding_limited: bool,
+    /// What is out of balance at the nodes of each body alone, relative to the forces on it; none for one body, [-].
+    pub body_residuals: Vec<f64>,
+    /// The largest norm of the external forces and reactions on a part of each body, in this step or before, [force].
+    pub carried: Vec<f64>,
+    /// Whether only damped iterations found the equilibrium.
+    pub damped: bool,
+    /// Permanent numbers of the points whose torn domains were replaced, ascending.
+    pub replaced_domains: Vec<u32>,
+    /// Factorisation used in each iteration.
+    pub factorisations: Vec<Factorisation>,
+    /// Iterations of the linear solver in all of them, none where it is direct.
+    pub linear_iterations: usize,
+    /// Reaction of each boundary condition, [force].
+    pub reactions: Vec<[f64; D]>,
+    /// Moment of the reaction of each boundary condition; none for bodies of revolution.
+    pub moments: Option<Vec<ReactionMoment<D>>>,
+    /// Resultant of each load on the points, [force].
+    pub loads: Vec<[f64; D]>,
+    /// Work and energy.
+    pub energy: Energy,
+    /// Moment of loads and reactions together, relative to all of them, [-]; none for bodies of revolution.
+    pub moment_error: Option<f64>,
+    /// Load factor at the end of the step, where there is one for all loads and prescribed motions, [-].
+    pub load_factor: Option<f64>,
+    /// Number of free degrees of freedom.
+    pub unknowns: usize,
+    /// Number of faces that are stabilised.
+    pub stabilised_faces: usize,
+    /// Fields of the grid.
+    pub grid: GridFields<D>,
+}
+
+impl<const D: usize> StepReport<D> {
+    /// Sum of all loads on the points, [force].
+    pub fn applied(&self) -> [f64; D] {
+        // The sum of no numbers would be −0.
+        std::array::from_fn(|d| self.loads.iter().fold(0.0, |sum, force| sum + force[d]))
+    }
+}
+
+/// f_int − f_ext on the prescribed degrees of freedom, zero on the free ones.
+pub fn reactions_of<const D: usize>(f_ext: &[[f64; D]], f_int: &[[f64; D]], dofs: &DofMap<D>) -> Nodal<D> {
+    (0..f_ext.len())
+        .map(|n| {
+            std::array::from_fn(|d| if dofs.free(n, d).is_none() { f_int[n][d] - f_ext[n][d] } else { 0.0 })
+        })
+        .collect()
+}
+
+/// Sum of the reactions of each boundary condition, by [`DofMap::bearers`].
+pub fn named_reactions<const D: usize>(
+    model: &Model<D>,
+    reaction: &[[f64; D]],
+    dofs: &DofMap<D>,
+) -> Vec<[f64; D]> {
+    let mut sums = vec![[0.0; D]; model.boundary_conditions.len()];
+    for (node, force) in reaction.iter().enumerate() {
+        for (axis, f) in force.iter().enumerate() {
+            let conditions = dofs.bearers(model, node, axis);
+            let share = f / conditions.len().max(1) as f64;
+            for condition in conditions {
+                sums[condition][axis] += share;
+            }
+        }
+    }
+    sums
+}

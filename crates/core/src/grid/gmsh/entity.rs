@@ -1,0 +1,40 @@
+//! Elements and groups of a mesh file.
+
+use std::collections::HashMap;
+
+use super::kinds::ElementKind;
+
+/// One element of a mesh file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Element {
+    /// Number of the element in the file; not necessarily unique.
+    pub tag: u64,
+    /// Type of the element.
+    pub kind: ElementKind,
+    pub(super) nodes: [u32; 8],
+    pub(super) group_set: u32,
+}
+
+impl Element {
+    /// Indices of the nodes into [`GmshFile::nodes`], in gmsh's order.
+    pub fn nodes(&self) -> &[u32] {
+        &self.nodes[..self.kind.n_nodes()]
+    }
+}
+
+/// A named set of elements of one dimension.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PhysicalGroup {
+    /// 0 for points to 3 for volumes.
+    pub dimension: u8,
+    /// Number of the group; unique within its dimension.
+    pub tag: u32,
+    /// Name of the group; the tag in digits when the file has no name for it.
+    pub name: String,
+}
+
+/// A physical group as (dimension, tag).
+pub(super) type GroupKey = (u8, u32);
+
+/// The physical groups of the entities of format 4.1, by dimension and number of the entity.
+pub(super) type EntityGroups = HashMap<(u8, i32), Vec<GroupKey>>;

@@ -1,0 +1,143 @@
+//! External forces as they are stated: what they do, and how they follow time.
+
+use crate::formula::{Formula, MOST_INTERMEDIATE};
+
+/// Load factor over time, linear between given times.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LoadCurve(Vec<[f64; 2]>);
+
+impl LoadCurve {
+    /// From 0 at time 0 to 1 at the end.
+    pub fn ramp(end_time: f64) -> Self {
+        LoadCurve(vec![[0.0, 0.0], [end_time, 1.0]])
+    }
+
+    /// From [time, factor] pairs with increasing times.
+    pub fn table(pairs: Vec<[f64; 2]>) -> Self {
+        LoadCurve(pairs)
+    }
+
+    /// The times at which it has a kink, ascending, [time].
+    pub fn knots(&self) -> impl Iterator<Item = f64> + '_ {
+        let slope = |a: &[f64; 2], b: &[f64; 2]| (b[1] - a[1]) / (b[0] - a[0]);
+        self.0.windows(3).filter(move |w| slope(&w[0], &w[1]) != slope(&w[1], &w[2])).map(|w| w[1][0])
+    }
+
+    /// The factor at a time; constant before the first and after the last pair.
+    pub fn factor(&self, time: f64) -> f64 {
+        let after = self.0.partition_point(|pair| pair[0] <= time);
+        match (after.checked_sub(1).and_then(|k| self.0.get(k)), self.0.get(after)) {
+            (Some([t0, f0]), Some([t1, f1])) => f0 + (f1 - f0) * (time - t0) / (t1 - t0),
+            (Some(last), None) => last[1],
+            (None, Some(first)) => first[1],
+            (None, None) => 0.0,
+        }
+    }
+}
+
+/// What a load does.
+#[derive(Debug, Clone)]
+pub enum Action<const D: usize> {
+    /// Constant mass of each point times this acceleration, [length/time²].
+    Gravity([f64; D]),
+    /// Force per volume at the start of the step, [force/volume], eq. (24).
+    BodyForce(VectorFormula<D>),
+    /// Force per constant mass of each point, [length/time²].
+    MassForce(VectorFormula<D>),
+    /// The same force on each of these points (permanent numbers), [force], eq. (25).
+    PointForce {
+        /// Permanent numbers of the points.
+        points: Vec<u32>,
+        /// Force on each of them at load factor 1.
+        force: [f64; D],
+    },
+}
+
+/// A vector by formulas, with intermediate values, of position, original position and load factor.
+///
+/// The variables of all formulas are, in this order: position x (`D` values), original position X (`D` values), the
+/// load factor, and the intermediate values that come before.
+#[derive(Debug, Clone)]
+pub struct VectorFormula<const D: usize> {
+    intermediate: Vec<Formula>,
+    components: [Formula; D],
+    /// For each formula whether it depends on the load factor, directly or through an intermediate value.
+    scaled: [bool; D],
+}
+
+impl<const D: usize> VectorFormula<D> {
+    /// From formulas of the variables listed above; at most [`MOST_INTERMEDIATE`] intermediate values are kept.
+    pub fn new(mut intermediate: Vec<Formula>, components: [Formula; D]) -> Self {
+        intermediate.truncate(MOST_INTERMEDIATE);
+        let fixed = 2 * D + 1;
+        let mut explicit = vec![false; intermediate.len()];
+        let depends = |formula: &Formula, explicit: &[bool]| {
+            formula.depends_on(2 * D)
+                || (0..explicit.len()).any(|k| explicit[k] && formula.depends_on(fixed + k))
+        };
+        for k in 0..intermediate.len() {
+            explicit[k] = depends(&intermediate[k], &explicit);
+        }
+        let scaled = std::array::from_fn(|d| !depends(&components[d], &explicit));
+        VectorFormula { intermediate, components, scaled }
+    }
+
+    /// The vector at a load factor; components that do not depend on it are multiplied by it.
+    pub fn evaluate(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> [f64; D] {
+        let values = self.values(x, original, factor);
+        std::array::from_fn(|d| {
+            let value = self.components[d].evaluate(&values);
+            if self.scaled[d] { value * factor } else { value }
+        })
+    }
+
+    /// The variables with the intermediate values.
+    fn values(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> [f64; 7 + MOST_INTERMEDIATE] {
+        let mut values = [0.0; 7 + MOST_INTERMEDIATE];
+        values[..D].copy_from_slice(x);
+        values[D..2 * D].copy_from_slice(original);
+        values[2 * D] = factor;
+        for (known, formula) in (2 * D + 1..).zip(&self.intermediate) {
+            values[known] = formula.evaluate(&values[..known]);
+        }
+        values
+    }
+
+    /// The first formula without a finite value, and that value: an intermediate one, if any, before the components.
+    pub fn not_finite(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> Option<(&str, f64)> {
+        let values = self.values(x, original, factor);
+        let of_intermediate = self.intermediate.iter().zip(&values[2 * D + 1..]).map(|(f, v)| (f, *v));
+        let of_components = self.components.iter().zip(self.evaluate(x, original, factor));
+        let mut all = of_intermediate.chain(of_components);
+        all.find(|(_, value)| !value.is_finite()).map(|(formula, value)| (formula.text(), value))
+    }
+}
+
+/// A named external force.
+#[derive(Debug, Clone)]
+pub struct Load<const D: usize> {
+    /// Name.
+    pub name: String,
+    /// What it does.
+    pub action: Action<D>,
+    /// Whether it acts on each body.
+    pub acts_on: Vec<bool>,
+    /// Load factor over time.
+    pub curve: LoadCurve,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn load_curves_interpolate_and_stay_constant_outside() {
+        let curve = LoadCurve::table(vec![[0.0, 0.0], [0.5, 2.0], [1.0, -1.0]]);
+        for (time, factor) in
+            [(-1.0, 0.0), (0.0, 0.0), (0.25, 1.0), (0.5, 2.0), (0.75, 0.5), (1.0, -1.0), (9.0, -1.0)]
+        {
+            assert_eq!(curve.factor(time), factor);
+        }
+        assert_eq!(LoadCurve::ramp(2.0).factor(1.5), 0.75);
+    }
+}

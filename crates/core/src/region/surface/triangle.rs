@@ -1,0 +1,29 @@
+//! A triangle of a surface: the volume under it, and the side that a place is on.
+
+use robust::{Coord3D, orient3d};
+
+use crate::region::vector::{cross, dot, minus};
+
+/// Corners of a triangle, against the clock seen from outside, [length].
+pub type Triangle = [[f64; 3]; 3];
+
+/// Enclosed volume by the divergence theorem: the sum of signed tetrahedra over the facets.
+pub(super) fn volume(triangles: &[Triangle]) -> f64 {
+    // About a corner of the surface: far from the origin the tetrahedra would be large and cancel.
+    let about = triangles[0][0];
+    let six_times = |t: &Triangle| {
+        let [a, b, c] = t.map(|x| minus(&x, &about));
+        dot(&a, &cross(&b, &c))
+    };
+    triangles.iter().map(six_times).sum::<f64>() / 6.0
+}
+
+/// Above zero when x lies on the inner side of a facet, zero in its plane; exact in sign.
+pub(super) fn depth(t: &Triangle, x: &[f64; 3]) -> f64 {
+    // The exact decision is slow where all is in a plane; across an axis it is plain.
+    if (0..3).any(|d| t.iter().all(|corner| corner[d] == x[d])) {
+        return 0.0;
+    }
+    let at = |x: &[f64; 3]| Coord3D { x: x[0], y: x[1], z: x[2] };
+    orient3d(at(&t[0]), at(&t[1]), at(&t[2]), at(x))
+}

@@ -1,0 +1,208 @@
+//! Load steps: where they end, how one that fails is cut, and how they grow again.
+
+use serde::{Deserialize, Serialize};
+
+use crate::model::{SAME, Stepping};
+
+/// A step that converges in at most so many iterations may be followed by one of twice the size, …
+const FEW: usize = 8;
+/// … but one that follows a failure only after so many that succeed.
+const PATIENCE: u32 = 2;
+/// A rest of less than this, relative to the step before it, is not left for a step of its own: the two share the way.
+const REST: f64 = 0.5;
+
+/// How large steps are at the moment.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Pace {
+    /// Relative to a requested step, [-].
+    size: f64,
+    /// So many steps have to succeed before they may grow.
+    patience: u32,
+    /// What is tried where steps cannot be made smaller.
+    #[serde(default)]
+    resort: Option<Resort>,
+}
+
+/// What is tried where steps that fail cannot be made smaller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+enum Resort {
+    /// New domains in place of torn ones.
+    Domains,
+    /// That, and damped iterations.
+    Damping,
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Pace { size: 1.0, patience: 0, resort: None }
+    }
+}
+
+/// Smallest step, relative to a requested one, that any deck can ask for: below it, time would not go on.
+const LEAST: f64 = 1e-9;
+
+impl Pace {
+    /// Whether a run can have come to this.
+    pub fn is_possible(&self) -> bool {
+        (LEAST..=f64::MAX).contains(&self.size)
+    }
+
+    /// Where the step that starts at a time ends, [time]; `None` at the end of the analysis.
+    pub fn end_of_step(&self, stepping: &Stepping, start: f64) -> Option<f64> {
+        let unit = stepping.size();
+        if start >= stepping.end_time - SAME * unit {
+            return None;
+        }
+        let stop = stepping.next_stop(start);
+        let (step, rest) = (self.size * unit, stop - start);
+        Some(if rest <= step * (1.0 + SAME) {
+            stop
+        } else if rest < step * (1.0 + REST) {
+            start + 0.5 * rest
+        } else {
+            start + step
+        })
+    }
+
+    /// Whether a step has failed shortly before.
+    pub fn is_careful(&self) -> bool {
+        self.patience > 0
+    }
+
+    /// Whether steps cannot be made smaller any more; torn domains are then replaced.
+    pub fn is_last_resort(&self) -> bool {
+        self.resort.is_some()
+    }
+
+    /// Whether iterations are damped.
+    pub fn is_damped(&self) -> bool {
+        self.resort == Some(Resort::Damping)
+    }
+
+    /// A step has succeeded with so many iterations.
+    pub fn succeeded(&mut self, stepping: &Stepping, iterations: usize) {
+        self.patience = self.patience.saturating_sub(1);
+        self.resort = None;
+        if self.patience == 0 && iterations <= FEW {
+            self.size = (2.0 * self.size).min(stepping.largest.max(1.0));
+        }
+    }
+
+    /// A step has failed, perhaps because a domain was torn; says whether another attempt may be made: at a smaller step, or at
+    /// the same by what is left.
+    pub fn failed(&mut self, stepping: &Stepping, start: f64, end: f64, is_torn: bool) -> bool {
+        let smaller = 0.5 * (end - start) / stepping.size();
+        if smaller >= stepping.smallest * (1.0 - SAME) {
+            *self = Pace { size: smaller, patience: PATIENCE, resort: None };
+            return true;
+        }
+        self.resort = match self.resort {
+            _ if !stepping.may_damp() => None,
+            None if is_torn => Some(Resort::Domains),
+            None | Some(Resort::Domains) => Some(Resort::Damping),
+            Some(Resort::Damping) => None,
+        };
+        self.resort.is_some()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Control;
+
+    /// The ends of all steps, where those for which `fails` says so fail.
+    fn ends(stepping: &Stepping, iterations: usize, mut fails: impl FnMut(f64, f64) -> bool) -> Vec<f64> {
+        let (mut pace, mut time, mut ends) = (Pace::default(), 0.0, Vec::new());
+        while let Some(end) = pace.end_of_step(stepping, time) {
+            if !pace.is_damped() && fails(time, end) {
+                if !pace.failed(stepping, time, end, false) {
+                    break;
+                }
+            } else {
+                pace.succeeded(stepping, iterations);
+                time = end;
+                ends.push(end);
+            }
+            assert!(ends.len() < 10_000);
+        }
+        ends
+    }
+
+    #[test]
+    fn without_failure_the_steps_are_those_that_were_asked_for() {
+        for count in [1, 3, 7, 50, 1000] {
+            let stepping = Stepping { smallest: 1e-3, ..Stepping::fixed(count, 0.7) };
+            let expected: Vec<f64> = (1..=count).map(|k| 0.7 * (k as f64 / count as f64)).collect();
+            assert_eq!(ends(&stepping, 5, |_, _| false), expected, "to the last bit");
+            assert_eq!(ends(&stepping, 19, |_, _| false), expected);
+        }
+    }
+
+    #[test]
+    fn a_failed_step_is_halved_and_grows_again() {
+        let stepping = Stepping { smallest: 0.01, ..Stepping::fixed(4, 4.0) };
+        // Steps of more than a quarter fail between 1 and 2.
+        let found = ends(&stepping, 5, |start, end| start < 1.99 && end > 1.01 && end - start > 0.26);
+        assert_eq!(found, [1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0]);
+        let slowly = ends(&stepping, 15, |start, end| start < 1.99 && end > 1.01 && end - start > 0.26);
+        assert_eq!(slowly.len(), 1 + 12, "steps that need many iterations do not grow");
+    }
+
+    #[test]
+    fn steps_are_cut_down_to_the_smallest_and_no_further() {
+        for (smallest, least) in [(1.0, None), (0.5, Some(0.5)), (0.01, Some(1.0 / 64.0))] {
+            let stepping = Stepping { smallest, ..Stepping::fixed(2, 2.0) };
+            let mut shortest = None;
+            let found = ends(&stepping, 5, |start, end| {
+                shortest = Some(end - start);
+                end > 1.3
+            });
+            let reached = found.last().copied().unwrap();
+            assert!(reached <= 1.3 && 1.3 - reached <= least.unwrap_or(1.0), "{found:?}");
+            assert_eq!(shortest, Some(least.unwrap_or(1.0)));
+        }
+    }
+
+    #[test]
+    fn the_smallest_step_is_tried_once_more_with_damped_iterations() {
+        let damped = Stepping { smallest: 0.25, damping: true, ..Stepping::fixed(2, 2.0) };
+        let found = ends(&damped, 5, |start, end| start < 1.5 && end > 1.3);
+        assert_eq!(found, [1.0, 1.25, 1.5, 2.0], "not damped where it need not be");
+        for stepping in [
+            Stepping { damping: false, ..damped.clone() },
+            Stepping { smallest: 1.0, ..damped.clone() },
+            Stepping { control: Control::ArcLength { length: None }, ..damped.clone() },
+        ] {
+            assert!(ends(&stepping, 5, |start, end| start < 1.5 && end > 1.3).last() < Some(&1.3));
+        }
+        let tries = |is_torn: bool| {
+            let mut pace = Pace::default();
+            (0..9).take_while(|_| pace.failed(&damped, 0.0, 0.25, is_torn)).count()
+        };
+        assert_eq!((tries(false), tries(true)), (1, 2), "once with damping, before that with other domains");
+    }
+
+    #[test]
+    fn knots_and_output_times_are_met_exactly_by_steps_that_grow() {
+        let stepping =
+            Stepping { largest: 8.0, stops: 10, knots: vec![0.123, 0.5, 0.77], ..Stepping::fixed(100, 1.0) };
+        let found = ends(&stepping, 3, |_, _| false);
+        for time in [0.123, 0.5, 0.77, 1.0].into_iter().chain((1..10).map(|k| f64::from(k * 10) / 100.0)) {
+            assert!(found.contains(&time), "{time} is not among {found:?}");
+        }
+        assert!(found.len() < 45, "{} steps", found.len());
+        let sizes = std::iter::once(0.0).chain(found.iter().copied()).zip(&found).map(|(a, b)| b - a);
+        assert!(sizes.fold(0.0, f64::max) <= 0.08 + 1e-12);
+        // Steps that do not grow end at all requested times as well.
+        let fixed = Stepping { largest: 1.0, ..stepping };
+        assert_eq!(ends(&fixed, 3, |_, _| false).len(), 101, "a knot between two of them splits a step");
+    }
+
+    #[test]
+    fn requested_steps_are_recognised() {
+        let stepping = Stepping::fixed(3, 0.3);
+        assert_eq!([0.0, 0.1, 0.1 + 0.1, 0.3].map(|t| stepping.requested(t)), [0, 1, 2, 3].map(Some));
+        assert_eq!(stepping.requested(0.05), None);
+    }
+}

@@ -1,0 +1,151 @@
+//! External forces on the grid: weight, body forces and point forces, eqs. (24), (25), (29).
+
+use crate::basis::Connectivity;
+use crate::model::{Action, Load, Model};
+use crate::points::{Points, coordinates};
+
+/// A body force has no finite value at a point.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error(
+    "load `{load}` is not finite at point {point} of body `{body}` at {}: the formula `{formula}` gives {value} at \
+     load factor {factor}",
+    coordinates(.position)
+)]
+pub struct LoadNotFinite {
+    /// Name of the load.
+    pub load: String,
+    /// Name of the body.
+    pub body: String,
+    /// Permanent number of the point.
+    pub point: u32,
+    /// Where the point is, [length].
+    pub position: Vec<f64>,
+    /// The load factor.
+    pub factor: f64,
+    /// Text of the first formula without a finite value, which may be an intermediate one.
+    pub formula: String,
+    /// Its value.
+    pub value: f64,
+}
+
+/// The external force at a time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExternalForce<const D: usize> {
+    /// On each active node, eq. (29), [force].
+    pub nodal: Vec<[f64; D]>,
+    /// Resultant of each load over the material points, as the deck states it: what the nodes get from it, and what basis
+    /// functions lose that do not add up to 1, [force].
+    pub resultants: Vec<[f64; D]>,
+}
+
+/// The external force of eq. (29) at a time.
+///
+/// Weight uses the constant mass of the points: b V_p^n of eq. (24) with b per volume at the start of the step.
+///
+/// # Errors
+/// [`LoadNotFinite`] when a formula is not finite at a point.
+pub fn external_force<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    time: f64,
+) -> Result<ExternalForce<D>, LoadNotFinite> {
+    forces_on_points(model, points, |load| load.curve.factor(time))
+        .map(|(forces, resultants)| on_nodes(links, (&forces, resultants)))
+}
+
+/// The external force where all loads have the same factor, whatever their curves say.
+///
+/// # Errors
+/// As [`external_force`].
+pub fn external_force_of_factor<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+    factor: f64,
+) -> Result<ExternalForce<D>, LoadNotFinite> {
+    forces_on_points(model, points, |_| factor)
+        .map(|(forces, resultants)| on_nodes(links, (&forces, resultants)))
+}
+
+/// Eq. (29) for the forces on the points, [force], that have these resultants.
+fn on_nodes<const D: usize>(
+    links: &Connectivity<D>,
+    (at_points, resultants): (&[[f64; D]], Vec<[f64; D]>),
+) -> ExternalForce<D> {
+    let mut force = vec![[0.0; D]; links.n_active()];
+    for group in 0..links.n_groups() {
+        let nodes = links.nodes_of(group);
+        for p in links.points_of(group) {
+            if at_points[p] == [0.0; D] {
+                continue; // most points, where forces act on some
+            }
+            links.for_each_value(p, |local, value| {
+                let node = &mut force[nodes[local] as usize];
+                for d in 0..D {
+                    node[d] += value * at_points[p][d];
+                }
+            });
+        }
+    }
+    ExternalForce { nodal: force, resultants }
+}
+
+/// Forces on the points, or resultants of the loads.
+type Forces<const D: usize> = Vec<[f64; D]>;
+
+/// Sum of all loads on each point, and the resultant of each load over all points, [force].
+fn forces_on_points<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    factor_of: impl Fn(&Load<D>) -> f64,
+) -> Result<(Forces<D>, Forces<D>), LoadNotFinite> {
+    let mut forces = vec![[0.0; D]; points.len()];
+    let mut resultants = vec![[0.0; D]; model.loads.len()];
+    for (load, resultant) in model.loads.iter().zip(&mut resultants) {
+        let mut add = |p: usize, force: [f64; D]| {
+            for d in 0..D {
+                forces[p][d] += force[d];
+                resultant[d] += force[d];
+            }
+        };
+        let factor = factor_of(load);
+        let acts_on = |p: usize| load.acts_on[points.body[p] as usize];
+        match &load.action {
+            Action::Gravity(acceleration) => {
+                for p in (0..points.len()).filter(|&p| acts_on(p)) {
+                    add(p, acceleration.map(|a| factor * points.mass[p] * a));
+                }
+            }
+            Action::BodyForce(formula) | Action::MassForce(formula) => {
+                let is_per_mass = matches!(load.action, Action::MassForce(_));
+                for p in (0..points.len()).filter(|&p| acts_on(p)) {
+                    let (x, original) = (&points.converged.position[p], &points.original_position[p]);
+                    let density = formula.evaluate(x, original, factor);
+                    if density.iter().any(|b| !b.is_finite()) {
+                        let fault = formula.not_finite(x, original, factor);
+                        let (text, value) = fault.unwrap_or(("", f64::NAN));
+                        return Err(LoadNotFinite {
+                            load: load.name.clone(),
+                            body: model.bodies[points.body[p] as usize].name.clone(),
+                            point: points.id[p],
+                            position: x.to_vec(),
+                            factor,
+                            formula: text.to_owned(),
+                            value,
+                        });
+                    }
+                    let amount = if is_per_mass { points.mass[p] } else { model.volume(points, p) };
+                    add(p, density.map(|b| b * amount));
+                }
+            }
+            Action::PointForce { points: chosen, force } => {
+                let place = points.by_id();
+                for &id in chosen {
+                    add(place[id as usize], force.map(|f| factor * f));
+                }
+            }
+        }
+    }
+    Ok((forces, resultants))
+}

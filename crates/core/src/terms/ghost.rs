@@ -1,0 +1,299 @@
+//! Ghost stabilisation: a penalty on jumps of the displacement gradient over the faces of cells that hold hardly any
+//! material, after Coombs (2023), doi 10.1002/nme.7332, and Burman (2010), doi 10.1016/j.crma.2010.10.006.
+//!
+//! The stiffness of a cut cell goes to zero with the material in it, and so does that of nodes which nothing else holds:
+//! equations become ill-conditioned, round-off moves such nodes, and iterations stumble. The penalty extends the
+//! displacement field of the neighbours smoothly into such a cell,
+//!
+//! f_G = Σ_faces ∫ γ G h ⟦∂N/∂n⟧ᵀ ⟦∂Δd/∂n⟧ dA,
+//!
+//! with the shear modulus G at rest of the material around, the thickness h of the cells across the face and a number γ.
+//! It acts on the displacement increment of the step, in the configuration where the step starts, as equilibrium does.
+//! A linear increment (uniform strain, any translation, any rotation by the linearised measure) has no jump: patch tests
+//! hold, the forces have no resultant and no moment. f_G is linear in Δd, so Newton iterations stay quadratic.
+#![allow(non_snake_case)]
+
+use std::collections::HashSet;
+
+use crate::basis::Connectivity;
+use crate::grid::element::ElementShape;
+use crate::grid::{CellBasis, Grid};
+use crate::model::{Model, Stabilisation, Where};
+use crate::points::Points;
+
+use super::held_material::HeldMaterial;
+
+/// Share of the penalty on the faces of cells that hold few points: enough against hourglass motions, whose stiffness is
+/// zero otherwise, and too little to carry load where the material flows, [-].
+const OF_FEW_POINTS: f64 = 0.01;
+
+/// The stiffness of the penalty, by faces. It couples axes with themselves only, all in the same way.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Ghost {
+    /// Where the nodes of each face start in `nodes`.
+    node_start: Vec<usize>,
+    /// Active nodes of both cells, ascending.
+    nodes: Vec<u32>,
+    /// Lower triangle by rows for each face, [force/length].
+    stiffness: Vec<f64>,
+    /// Where it starts.
+    stiffness_start: Vec<usize>,
+}
+
+impl Ghost {
+    /// The faces to stabilise in a step that starts from the converged state, which `links` belong to.
+    pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Ghost {
+        let mut ghost = Ghost { node_start: vec![0], stiffness_start: vec![0], ..Ghost::default() };
+        let Stabilisation { mode, parameter, filling } = model.stabilisation;
+        if mode == Where::Off {
+            return ghost;
+        }
+        let grid = model.grid.as_ref();
+        let held = HeldMaterial::new(model, points, links);
+        let cells: Vec<u32> = (links.active_cells().iter().copied())
+            .filter(|&cell| {
+                grid.corners(cell as usize).nodes().iter().all(|n| links.active_number(*n as usize).is_some())
+            })
+            .collect();
+        let (faces, mut weak) = faces_of(grid, &cells);
+        if mode == Where::Auto {
+            weak.fill(false);
+        }
+        let few = cells_of_few_points(model, points, links);
+        for (weak, &cell) in weak.iter_mut().zip(&cells) {
+            *weak |= held.filling(model, links, cell) < filling;
+        }
+        for Face { cells: [a, b], nodes } in &faces {
+            let both = [cells[*a], cells[*b]];
+            let strength = if weak[*a] || weak[*b] {
+                parameter
+            } else if both.iter().any(|cell| few.contains(cell)) {
+                OF_FEW_POINTS * parameter
+            } else {
+                continue;
+            };
+            ghost.push(model, links, &held, both, nodes, strength);
+        }
+        ghost
+    }
+
+    /// Adds a face between two cells.
+    fn push<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        links: &Connectivity<D>,
+        held: &HeldMaterial,
+        cells: [u32; 2],
+        face: &[u32],
+        parameter: f64,
+    ) {
+        let grid = model.grid.as_ref();
+        let mut nodes: Vec<u32> = Vec::with_capacity(12);
+        for cell in cells {
+            let corners = grid.corners(cell as usize);
+            nodes.extend(
+                corners.nodes().iter().filter_map(|n| links.active_number(*n as usize)).map(|n| n as u32),
+            );
+        }
+        nodes.sort_unstable();
+        nodes.dedup();
+        let corners: Vec<[f64; D]> = face.iter().map(|n| grid.node_position(*n as usize)).collect();
+        let places = quadrature::<D>(&corners);
+        let area: f64 = places.iter().map(|p| p.weight).sum();
+        let thickness = cells.iter().map(|c| grid.volume(*c as usize)).sum::<f64>() / (2.0 * area);
+        let modulus = held.shear_modulus(&nodes);
+        let first = self.stiffness.len();
+        self.stiffness.resize(first + nodes.len() * (nodes.len() + 1) / 2, 0.0);
+        let mut jump = vec![0.0; nodes.len()];
+        for Place { position, normal, weight } in &places {
+            jump.fill(0.0);
+            for (cell, sign) in cells.into_iter().zip([1.0, -1.0]) {
+                let basis: CellBasis<D> = grid.basis_at(cell, position);
+                for (node, gradient) in basis.nodes().iter().zip(basis.gradient()) {
+                    let active = links.active_number(*node as usize).map(|n| n as u32);
+                    let Some(place) = active.and_then(|n| nodes.binary_search(&n).ok()) else { continue };
+                    jump[place] += sign * (0..D).map(|d| gradient[d] * normal[d]).sum::<f64>();
+                }
+            }
+            let factor = parameter * modulus * thickness * weight * model.depth(position);
+            let mut at = first;
+            for a in 0..nodes.len() {
+                for b in 0..=a {
+                    self.stiffness[at] += factor * jump[a] * jump[b];
+                    at += 1;
+                }
+            }
+        }
+        self.nodes.extend(nodes);
+        self.node_start.push(self.nodes.len());
+        self.stiffness_start.push(self.stiffness.len());
+    }
+
+    /// Number of faces.
+    pub fn n_faces(&self) -> usize {
+        self.node_start.len().saturating_sub(1)
+    }
+
+    /// Active nodes that a face couples, ascending.
+    pub fn nodes_of(&self, face: usize) -> &[u32] {
+        &self.nodes[self.node_start[face]..self.node_start[face + 1]]
+    }
+
+    /// Stiffness between them along each axis: the lower triangle by rows, [force/length].
+    pub fn stiffness_of(&self, face: usize) -> &[f64] {
+        &self.stiffness[self.stiffness_start[face]..self.stiffness_start[face + 1]]
+    }
+
+    /// Work over a displacement increment of the active nodes, [length], from 0: ½ f_G·Δd, [energy]. The next step forgets it.
+    pub fn work<const D: usize>(&self, delta_d: &[[f64; D]]) -> f64 {
+        if self.n_faces() == 0 {
+            return 0.0;
+        }
+        let mut force = vec![[0.0; D]; delta_d.len()];
+        self.add_force(delta_d, &mut force);
+        0.5 * force.iter().flatten().zip(delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>()
+    }
+
+    /// Adds f_G of a displacement increment of the active nodes, [length], to a force on them, [force].
+    pub fn add_force<const D: usize>(&self, delta_d: &[[f64; D]], force: &mut [[f64; D]]) {
+        for face in 0..self.n_faces() {
+            let (nodes, stiffness) = (self.nodes_of(face), self.stiffness_of(face));
+            let mut at = 0;
+            for (a, &row) in nodes.iter().enumerate() {
+                for (b, &column) in nodes[..=a].iter().enumerate() {
+                    for d in 0..D {
+                        force[row as usize][d] += stiffness[at] * delta_d[column as usize][d];
+                        if a != b {
+                            force[column as usize][d] += stiffness[at] * delta_d[row as usize][d];
+                        }
+                    }
+                    at += 1;
+                }
+            }
+        }
+    }
+}
+
+/// The cells that hold points, but fewer than resist all motions of their nodes: the strain of a quadrilateral at one point
+/// does not see its hourglass motions, nor that of a hexahedron at three. Simplices have none.
+fn cells_of_few_points<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+) -> HashSet<u32> {
+    let of_group = (0..links.n_groups()).map(|group| links.points_of(group));
+    let few = of_group.filter(|range| range.len() < 1 << (D - 1)).map(|range| points.cell[range.start]);
+    few.filter(|cell| model.grid.corners(*cell as usize).nodes().len() == 1 << D).collect()
+}
+
+/// A face between two cells.
+struct Face {
+    /// Their places in the list of cells.
+    cells: [usize; 2],
+    /// Its nodes, in turn around it.
+    nodes: Vec<u32>,
+}
+
+/// The faces between cells of a list, and for each cell whether it lies at the boundary of the list: it has a side that no
+/// other cell of the list shares and that is not at the edge of a structured grid, where there is nothing to cut.
+fn faces_of<const D: usize>(grid: &dyn Grid<D>, cells: &[u32]) -> (Vec<Face>, Vec<bool>) {
+    let mut sides: Vec<([u32; 4], usize, Vec<u32>)> = Vec::new();
+    for (place, &cell) in cells.iter().enumerate() {
+        let corners = grid.corners(cell as usize);
+        let Some(shape) = ElementShape::from_nodes::<D>(corners.nodes().len()) else { continue };
+        for side in shape.sides::<D>() {
+            let nodes: Vec<u32> = side.iter().map(|&k| corners.nodes()[k]).collect();
+            let mut key = [u32::MAX; 4];
+            key[..nodes.len()].copy_from_slice(&nodes);
+            key.sort_unstable();
+            sides.push((key, place, nodes));
+        }
+    }
+    sides.sort_unstable();
+    let mut faces = Vec::new();
+    let mut at_boundary = vec![false; cells.len()];
+    for equal in sides.chunk_by(|a, b| a.0 == b.0) {
+        match equal {
+            [a, b] => faces.push(Face { cells: [a.1, b.1], nodes: a.2.clone() }),
+            [a] => at_boundary[a.1] |= !is_at_edge(grid, &a.2),
+            _ => {}
+        }
+    }
+    // In the order of the cells, whatever the numbers of the nodes are.
+    faces.sort_unstable_by_key(|face| face.cells);
+    (faces, at_boundary)
+}
+
+/// Whether all nodes lie on the same side of a structured grid.
+fn is_at_edge<const D: usize>(grid: &dyn Grid<D>, nodes: &[u32]) -> bool {
+    let Some(structured) = grid.structured() else { return false };
+    let indices = || nodes.iter().map(|n| structured.node_index(*n as usize));
+    (0..D).any(|d| {
+        let last = structured.cells()[d];
+        indices().all(|index| index[d] == 0) || indices().all(|index| index[d] == last)
+    })
+}
+
+/// A quadrature point of a face.
+struct Place<const D: usize> {
+    position: [f64; D],
+    /// Unit normal.
+    normal: [f64; D],
+    /// Part of the length (area) of the face.
+    weight: f64,
+}
+
+/// Gauss points of an edge, or of a triangular or quadrilateral face; exact for products of two linear jumps.
+fn quadrature<const D: usize>(corners: &[[f64; D]]) -> Vec<Place<D>> {
+    let g = 0.5 / 3f64.sqrt();
+    let pair = [0.5 - g, 0.5 + g];
+    let difference = |a: &[f64; D], b: &[f64; D]| -> [f64; D] { std::array::from_fn(|d| b[d] - a[d]) };
+    match corners {
+        [a, b] => {
+            let along = difference(a, b);
+            let length = along.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let mut normal = [0.0; D];
+            (normal[0], normal[1]) = (along[1] / length, -along[0] / length);
+            let place = |s: f64| Place {
+                position: std::array::from_fn(|d| a[d] + s * along[d]),
+                normal,
+                weight: 0.5 * length,
+            };
+            pair.map(place).into()
+        }
+        [a, b, c] => {
+            let (normal, twice) = cross(&difference(a, b), &difference(a, c));
+            let position = std::array::from_fn(|d| (a[d] + b[d] + c[d]) / 3.0);
+            vec![Place { position, normal, weight: 0.5 * twice }]
+        }
+        [a, b, c, e] => {
+            let mut places = Vec::with_capacity(4);
+            for (s, t) in pair.into_iter().flat_map(|s| pair.map(|t| (s, t))) {
+                let mix = |f: &dyn Fn(usize) -> [f64; 4]| -> [f64; D] {
+                    std::array::from_fn(|d| {
+                        let w = f(d);
+                        w[0] * a[d] + w[1] * b[d] + w[2] * c[d] + w[3] * e[d]
+                    })
+                };
+                let position = mix(&|_| [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t]);
+                let along_s = mix(&|_| [t - 1.0, 1.0 - t, t, -t]);
+                let along_t = mix(&|_| [s - 1.0, -s, s, 1.0 - s]);
+                let (normal, area) = cross(&along_s, &along_t);
+                places.push(Place { position, normal, weight: 0.25 * area });
+            }
+            places
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// Direction and length of a × b in space.
+fn cross<const D: usize>(a: &[f64; D], b: &[f64; D]) -> ([f64; D], f64) {
+    let entry = |d: usize| {
+        let (i, j) = ((d + 1) % D, (d + 2) % D);
+        a[i] * b[j] - a[j] * b[i]
+    };
+    let product: [f64; D] = std::array::from_fn(entry);
+    let length = product.iter().map(|x| x * x).sum::<f64>().sqrt();
+    (product.map(|x| x / length), length)
+}

@@ -1,0 +1,68 @@
+//! How much material the nodes of the grid carry, and how full cells are.
+
+use crate::basis::Connectivity;
+use crate::grid::Grid;
+use crate::material::shear_modulus_at_rest;
+use crate::model::Model;
+use crate::points::Points;
+
+/// The material that each active node carries at the start of a step.
+pub struct HeldMaterial {
+    /// Σ S_vp V_p, [volume].
+    volume: Vec<f64>,
+    /// Σ S_vp V_p G_p, [stress·volume].
+    stiffness: Vec<f64>,
+}
+
+impl HeldMaterial {
+    /// The material at the start of the step that the links belong to.
+    pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Self {
+        let moduli: Vec<f64> =
+            model.materials.iter().map(|m| shear_modulus_at_rest(m.law.as_ref())).collect();
+        let mut held =
+            HeldMaterial { volume: vec![0.0; links.n_active()], stiffness: vec![0.0; links.n_active()] };
+        for group in 0..links.n_groups() {
+            let nodes = links.nodes_of(group);
+            for p in links.points_of(group) {
+                let volume = model.volume(points, p);
+                let modulus = moduli[model.bodies[points.body[p] as usize].material];
+                links.for_each_value(p, |local, value| {
+                    let node = nodes[local] as usize;
+                    held.volume[node] += value * volume;
+                    held.stiffness[node] += value * volume * modulus;
+                });
+            }
+        }
+        held
+    }
+
+    /// The material of the weakest node of a cell relative to its share of the full cell, [-].
+    pub fn filling<const D: usize>(&self, model: &Model<D>, links: &Connectivity<D>, cell: u32) -> f64 {
+        let grid = model.grid.as_ref();
+        let corners = grid.corners(cell as usize);
+        let n = corners.nodes().len() as f64;
+        let of_node = |node: &u32| {
+            let full = grid.volume(cell as usize) * model.depth(&middle(grid, corners.nodes())) / n;
+            links.active_number(*node as usize).map_or(0.0, |active| self.volume[active] / full)
+        };
+        corners.nodes().iter().map(of_node).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Mean shear modulus of the material that some nodes carry, [stress].
+    pub fn shear_modulus(&self, nodes: &[u32]) -> f64 {
+        let sum = |of: &[f64]| nodes.iter().map(|n| of[*n as usize]).sum::<f64>();
+        let volume = sum(&self.volume);
+        if volume > 0.0 { sum(&self.stiffness) / volume } else { 0.0 }
+    }
+}
+
+fn middle<const D: usize>(grid: &dyn Grid<D>, nodes: &[u32]) -> [f64; D] {
+    let mut middle = [0.0; D];
+    for &node in nodes {
+        let place = grid.node_position(node as usize);
+        for d in 0..D {
+            middle[d] += place[d] / nodes.len() as f64;
+        }
+    }
+    middle
+}

@@ -1,0 +1,58 @@
+//! What the schema says of a value, in words.
+
+use jsonschema::error::{ValidationError, ValidationErrorKind};
+use serde_json::Value;
+
+use crate::schema::strict_schema;
+
+/// The part of the schema that holds the keyword which a value does not meet.
+pub(super) fn subschema(error: &ValidationError<'_>) -> Option<&'static Value> {
+    let path = error.schema_path().as_str();
+    strict_schema().pointer(&path[..path.rfind('/')?])
+}
+
+/// The number of entries that a schema allows, in words.
+pub(super) fn count_in_words(error: &ValidationError<'_>) -> String {
+    let limit = |key: &str| subschema(error).and_then(|schema| schema.get(key)).and_then(Value::as_u64);
+    let entries = |n: u64| if n == 1 { "1 entry".to_owned() } else { format!("{n} entries") };
+    // Lists of a fixed length are vectors, but for the pairs of load curves.
+    let each =
+        if error.schema_path().as_str().contains("LoadCurve") { "[time, factor]" } else { "one per axis" };
+    match (limit("minItems"), limit("maxItems"), error.kind()) {
+        (Some(2), Some(3), _) => format!("2 or 3 entries, {each}"),
+        (Some(least), Some(most), _) if least == most => format!("{}, {each}", entries(least)),
+        (_, Some(most), ValidationErrorKind::MaxItems { .. }) => format!("at most {}", entries(most)),
+        (least, ..) => format!("at least {}", entries(least.unwrap_or(1))),
+    }
+}
+
+/// The whole range, where only one end of it was missed.
+pub(super) fn range_help(error: &ValidationError<'_>) -> Option<String> {
+    if !matches!(
+        error.kind(),
+        ValidationErrorKind::ExclusiveMaximum { .. }
+            | ValidationErrorKind::ExclusiveMinimum { .. }
+            | ValidationErrorKind::Maximum { .. }
+            | ValidationErrorKind::Minimum { .. }
+    ) || error.instance_path().as_str() == "/version"
+    {
+        return None;
+    }
+    let schema = subschema(error)?;
+    let range = crate::schema::range_in_words(schema)?;
+    // Only the description of a key says what the number means.
+    let path = error.schema_path().as_str();
+    let of_key = path.rsplit('/').nth(2) == Some("properties");
+    let Some(description) = schema.get("description").and_then(Value::as_str).filter(|_| of_key) else {
+        return Some(format!("must be {range}"));
+    };
+    let meaning = description.split([';', ':']).next().unwrap_or(description).trim_end_matches('.');
+    Some(format!("must be {range} ({meaning})"))
+}
+
+/// Advice where a text was probably meant as a number.
+pub(super) fn number_help(value: &Value, code: &str) -> Option<String> {
+    let text = value.as_str().filter(|_| code == "D008")?;
+    let bare = text.replace(['_', ' ', '\''], "").replace(',', ".");
+    bare.parse::<f64>().ok().filter(|value| value.is_finite()).map(|_| format!("write the number as {bare}"))
+}

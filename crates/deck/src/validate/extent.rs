@@ -1,0 +1,21 @@
+//! What bodies and the grid extend over.
+
+/// A box with extent along every axis.
+#[derive(Debug, Clone)]
+pub(super) struct Extent {
+    pub(super) min: Vec<f64>,
+    pub(super) max: Vec<f64>,
+}
+
+impl Extent {
+    pub(super) fn side(&self, axis: usize) -> f64 {
+        self.max[axis] - self.min[axis]
+    }
+}
+
+/// The region of a grid and the sides of its cells.
+#[derive(Debug, Clone)]
+pub(super) struct GridBox {
+    pub(super) extent: Extent,
+    pub(super) spacing: Vec<f64>,
+}

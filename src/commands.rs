@@ -1,0 +1,12 @@
+//! The commands of the program.
+
+mod analysis;
+pub mod arguments;
+pub mod explain;
+pub mod manual;
+pub mod new;
+pub mod report;
+mod resume;
+pub mod run;
+pub mod status;
+pub mod sweep;

@@ -1,0 +1,307 @@
+//! One analysis: from a deck to a model that is ready, and from there to a directory of results.
+
+use std::io::{self, IsTerminal, Write};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use anyhow::{anyhow, bail};
+use mpm::deck::diagnostic::{self, Diagnostic, as_json, render_all};
+use mpm::deck::load::{LoadFailure, LoadedDeck, load};
+use mpm::deck::ready::{self, Analysis, Extent, ready};
+use mpm::deck::source::Source;
+use mpm::memory::Memory;
+use mpm::output::checkpoint::last_step;
+use mpm::output::lock::Lock;
+use mpm::output::results::Results;
+use mpm::output::summary::{Account, Start};
+use mpm::solver::{SolveError, Summary};
+use mpm::timing::Timings;
+use serde_json::{Value, json};
+
+use crate::commands::arguments::{DeckArgs, Format};
+use crate::commands::resume::{self, AGAIN, Found};
+use crate::last_words::wait_for_lack_of_memory;
+use crate::screen::closing::Closing;
+use crate::screen::failure::{Coded, in_words};
+use crate::screen::print::print_json;
+use crate::screen::progress::{View, Watch};
+use crate::screen::tell::clean;
+
+/// A deck and the analysis built from it.
+pub struct Ready {
+    /// The deck.
+    pub loaded: LoadedDeck,
+    /// The model and its points.
+    analysis: Analysis,
+    /// The size of the analysis.
+    pub extent: Extent,
+}
+
+/// Builds the model of a deck that was read, as far as the first load step. With `deny_warnings` a warning about the
+/// deck is an error.
+pub fn prepare(
+    loaded: Result<LoadedDeck, Box<LoadFailure>>,
+    deny_warnings: bool,
+) -> Result<Ready, Box<LoadFailure>> {
+    let mut loaded = loaded?;
+    let built = rayon::scope(|_| ready(&loaded, Memory::of_this_machine())); // as the analysis itself
+    let mut diagnostics = std::mem::take(&mut loaded.notes);
+    let built = match built {
+        Ok(ready::Ready { analysis, extent, notes }) => {
+            diagnostics.extend(notes);
+            Some((analysis, extent))
+        }
+        Err(found) => {
+            diagnostics.extend(found);
+            None
+        }
+    };
+    diagnostic::sort(&mut diagnostics);
+    let denied = deny_warnings && diagnostic::deny_warnings(&mut diagnostics);
+    match built {
+        Some((analysis, extent)) if !denied => {
+            loaded.notes = diagnostics;
+            Ok(Ready { loaded, analysis, extent })
+        }
+        _ => Err(Box::new(LoadFailure { source: loaded.source, diagnostics })),
+    }
+}
+
+/// The source of a deck and what there is to say about it.
+fn findings(prepared: &Result<Ready, Box<LoadFailure>>) -> (&Source, &[Diagnostic]) {
+    match prepared {
+        Ok(Ready { loaded, .. }) => (&loaded.source, &loaded.notes),
+        Err(failure) => (&failure.source, &failure.diagnostics),
+    }
+}
+
+/// Reads and builds a deck; messages about it are printed, and handed to `write_down` if there are any. `None` when
+/// the deck cannot be used.
+pub fn prepare_aloud(args: &DeckArgs, write_down: &dyn Fn(&str)) -> anyhow::Result<Option<Ready>> {
+    let prepared = prepare(load(&args.deck, &args.set), args.deny_warnings);
+    let plain = messages(&prepared, false);
+    if !plain.is_empty() {
+        write_down(&plain);
+    }
+    match args.format {
+        Format::Json => {
+            print_json(&as_document(&prepared))?;
+        }
+        Format::Text if !plain.is_empty() => {
+            tell_messages(&prepared);
+            if prepared.is_err() && io::stderr().is_terminal() {
+                tell!("`mpm explain CODE` says more about a message");
+            }
+        }
+        Format::Text => {}
+    }
+    Ok(prepared.ok())
+}
+
+/// Writes messages about a deck to standard error, in colours where there is a terminal.
+pub fn tell_messages(prepared: &Result<Ready, Box<LoadFailure>>) {
+    let plain = messages(prepared, false);
+    // Colours are told from what foreign text smuggles in only where that holds no sequence of its own.
+    if io::stderr().is_terminal() && clean(&plain) == plain {
+        let _ = writeln!(io::stderr(), "{}", messages(prepared, true));
+    } else {
+        tell!("{plain}");
+    }
+}
+
+/// All messages about a deck, without the last line break; empty where there is nothing to say.
+pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>, colour: bool) -> String {
+    let (source, diagnostics) = findings(prepared);
+    let text = render_all(source, diagnostics, colour);
+    match diagnostic::count(diagnostics) {
+        count if count.is_empty() => text.trim_end().to_owned(),
+        count => format!("{text}\n{}: {count}", source.name()),
+    }
+}
+
+/// All messages about a deck for programs, with the size of the analysis where it can be run.
+fn as_document(prepared: &Result<Ready, Box<LoadFailure>>) -> Value {
+    let (source, diagnostics) = findings(prepared);
+    let mut report = as_json(source, diagnostics);
+    report["size"] = prepared.as_ref().map_or(Value::Null, |Ready { extent, .. }| {
+        json!({
+            "bodies": extent.bodies,
+            "points": extent.points,
+            "cells": extent.cells,
+            "active_nodes": extent.first.active_nodes,
+            "unknowns": extent.first.unknowns,
+            "steps": extent.steps,
+            "memory_bytes": extent.memory.round(),
+        })
+    });
+    report
+}
+
+/// How an analysis ended.
+pub struct Ended {
+    /// The account of the run, or why it ended early.
+    pub outcome: Result<Summary, SolveError>,
+    /// What there is to say at the end; `None` where no step is in equilibrium.
+    pub closing: Option<Closing>,
+}
+
+/// Where a run begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Begin {
+    /// Without a load; earlier results are replaced.
+    Anew,
+    /// At the last checkpoint in the directory.
+    AtCheckpoint,
+    /// There if it can, otherwise anew.
+    AtCheckpointIfAny,
+}
+
+/// Runs an analysis into a directory; `set_up` is the time that went into making it ready. `None` where it is at its end
+/// already.
+///
+/// # Errors
+/// When the directory cannot be written, another run writes there, or there is nothing to go on from.
+pub fn run_into(
+    directory: &Path,
+    ready: Ready,
+    start: Start,
+    set_up: Timings,
+    view: View,
+    stop: &Arc<AtomicBool>,
+    begin: Begin,
+) -> anyhow::Result<Option<Ended>> {
+    let Ready { loaded, mut analysis, .. } = ready;
+    let from = match begin {
+        Begin::Anew => None,
+        Begin::AtCheckpoint | Begin::AtCheckpointIfAny => {
+            match checkpoint_in(directory, &loaded, &mut analysis, begin)? {
+                Some((_, Found::End(steps))) => {
+                    tell!(
+                        "the run in `{}` is complete: {steps} steps in equilibrium; nothing is left to do",
+                        directory.display()
+                    );
+                    return Ok(None);
+                }
+                Some((lock, Found::Step(checkpoint, reached))) => Some((lock, checkpoint, reached)),
+                None => None,
+            }
+        }
+    };
+    let asked = loaded.deck.request();
+    let account = Account {
+        start,
+        deck_file: loaded.source.name().to_owned(),
+        deck_text: loaded.source.text().to_owned(),
+        deck_hash: loaded.hash(),
+        files_hash: loaded.hash_of_files(),
+        deck: Some(serde_json::to_value(&loaded.deck)?),
+        parameters: loaded.parameters.into_iter().map(|(name, value)| (name, value.into())).collect(),
+        set_up,
+        threads: rayon::current_num_threads(),
+    };
+    let (results, from) = match from {
+        None => {
+            let created = match &analysis {
+                Analysis::Plane(parts) => Results::create(directory, &asked, &parts.0, account),
+                Analysis::Solid(parts) => Results::create(directory, &asked, &parts.0, account),
+            };
+            (created.map_err(|error| not_writable(directory, error))?, None)
+        }
+        Some((lock, checkpoint, reached)) => {
+            let (place, step) = ((directory, lock), reached.step);
+            let reopened = match &analysis {
+                Analysis::Plane(parts) => Results::go_on(place, &asked, &parts.0, account, &checkpoint, step),
+                Analysis::Solid(parts) => Results::go_on(place, &asked, &parts.0, account, &checkpoint, step),
+            };
+            let results = reopened.map_err(|error| {
+                let what = format!("the results of the steps up to the checkpoint cannot be used: {error}");
+                Coded::new("R002", format!("{what}\n  help: put the file back, or {AGAIN}"))
+            })?;
+            (results, Some((checkpoint, reached)))
+        }
+    };
+    let stop = Arc::clone(stop);
+    let mut watch = match &analysis {
+        Analysis::Plane(parts) => Watch::new(results, &parts.0, &parts.1, start, view, stop),
+        Analysis::Solid(parts) => Watch::new(results, &parts.0, &parts.1, start, view, stop),
+    };
+    let reached = match from {
+        Some((checkpoint, reached)) => {
+            watch.goes_on(&checkpoint, &reached);
+            *reached
+        }
+        None => analysis.beginning(),
+    };
+    // On one of the threads that share the work, so that none of its parts has to be handed over to them.
+    let outcome = rayon::scope(|_| analysis.go_on(reached, &mut watch));
+    Ok(Some(Ended { outcome, closing: watch.end() }))
+}
+
+/// Locks a directory and looks for a checkpoint there; the points are then in its state. `None` where the run may begin
+/// anew instead.
+fn checkpoint_in(
+    directory: &Path,
+    loaded: &LoadedDeck,
+    analysis: &mut Analysis,
+    begin: Begin,
+) -> anyhow::Result<Option<(Lock, Found)>> {
+    let lock = match Lock::take(directory) {
+        Ok(lock) => Some(lock),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+        Err(error) => return Err(not_writable(directory, error).into()),
+    };
+    match (resume::find(directory, loaded, analysis), lock) {
+        (Ok(found), Some(lock)) if begin == Begin::AtCheckpoint || matches!(found, Found::Step(..)) => {
+            Ok(Some((lock, found)))
+        }
+        (Err(error), _) if begin == Begin::AtCheckpoint => Err(Coded::new("R002", in_words(&error)).into()),
+        (Err(error), Some(_)) if last_step(directory).is_some() => {
+            tell!("  begins anew: {}", in_words(&error));
+            Ok(None)
+        }
+        _ => Ok(None),
+    }
+}
+
+/// Why a run cannot begin in a directory.
+pub fn not_writable(directory: &Path, error: io::Error) -> Coded {
+    Coded::new("R001", format!("the results directory `{}` cannot be written: {error}", directory.display()))
+}
+
+/// Of many residuals of a failed step so many are told from the beginning …
+const FIRST_TOLD: usize = 20;
+/// … and so many from the end.
+const LAST_TOLD: usize = 10;
+
+/// Why an analysis failed, in a few lines.
+pub fn describe_failure(error: &SolveError) -> String {
+    let code = error.code().map(|code| format!("[{code}]")).unwrap_or_default();
+    let mut text = format!("error{code}: {error}");
+    if !error.residuals().is_empty() {
+        let mut history: Vec<String> = error.residuals().iter().map(|r| format!("{r:.3e}")).collect();
+        if history.len() > FIRST_TOLD + LAST_TOLD + 1 {
+            history.splice(FIRST_TOLD..history.len() - LAST_TOLD, ["…".to_owned()]);
+        }
+        text.push_str(&format!("\n  residuals: {}", history.join(", ")));
+    }
+    if let Some(help) = error.help() {
+        text.push_str(&format!("\n  help: {help}"));
+    }
+    text
+}
+
+/// Most threads that can be asked for.
+const MOST_THREADS: usize = 1024;
+
+/// Starts the threads, as many as there are cores if no number is given.
+pub fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
+    if threads.is_some_and(|n| !(1..=MOST_THREADS).contains(&n)) {
+        bail!("--threads takes a number from 1 to {MOST_THREADS}");
+    }
+    wait_for_lack_of_memory()?;
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.unwrap_or(0))
+        .build_global()
+        .map_err(|error| anyhow!("the threads cannot be started: {error}; `--threads` chooses their number"))
+}

@@ -1,0 +1,36 @@
+//! Arguments that several commands share.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+#[derive(Args)]
+pub struct DeckArgs {
+    /// The deck, a YAML file.
+    pub deck: PathBuf,
+    /// Set a parameter of the deck, as often as needed.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
+    pub set: Vec<(String, String)>,
+    /// How messages about the deck are written.
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
+    pub format: Format,
+    /// Take warnings about the deck for errors.
+    #[arg(long, visible_alias = "warnings-as-errors")]
+    pub deny_warnings: bool,
+}
+
+/// For whom something is written.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Text for people.
+    Text,
+    /// One JSON document for programs, to standard output.
+    Json,
+}
+
+fn assignment(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.to_owned())),
+        _ => Err("expected NAME=VALUE, for example h=0.25".to_owned()),
+    }
+}

@@ -1,0 +1,20 @@
+//! `mpm explain`: what a message means and what to do about it.
+
+use std::process::ExitCode;
+
+use anyhow::bail;
+use mpm::codes::{PAGES, page};
+
+use crate::screen::print::print;
+
+/// Prints the page of a code, or all codes with their titles.
+pub fn explain(code: Option<&str>) -> anyhow::Result<ExitCode> {
+    let Some(code) = code else {
+        let list: String = PAGES.iter().map(|page| format!("{}  {}\n", page.code, page.title())).collect();
+        return print(&list);
+    };
+    match page(code.trim()) {
+        Some(page) => print(page.text),
+        None => bail!("there is no message `{code}`; `mpm explain` lists all"),
+    }
+}

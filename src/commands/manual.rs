@@ -1,0 +1,35 @@
+//! `mpm completions` and `mpm man`: what shells and `man` want to know of the command line.
+
+use std::process::ExitCode;
+
+use anyhow::Context;
+use clap::{Command, CommandFactory};
+use clap_complete::Shell;
+use clap_mangen::Man;
+
+use crate::cli::Cli;
+use crate::screen::print::print;
+
+/// Prints a completion script.
+pub fn completions(shell: Shell) -> anyhow::Result<ExitCode> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "mpm", &mut script);
+    print(&String::from_utf8(script)?)
+}
+
+/// Prints the manual page of the program, or that of one of its commands.
+pub fn man(name: Option<&str>) -> anyhow::Result<ExitCode> {
+    let mut program = Cli::command();
+    // Fills in what is only known when the arguments are read, such as the names of commands in the synopsis.
+    program.build();
+    let command: Command = match name {
+        None => program,
+        Some(name) => program
+            .find_subcommand(name)
+            .with_context(|| format!("there is no command `{name}`; `mpm --help` lists all"))?
+            .clone(),
+    };
+    let mut page = Vec::new();
+    Man::new(command).render(&mut page)?;
+    print(&String::from_utf8(page)?)
+}

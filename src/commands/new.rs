@@ -1,0 +1,136 @@
+//! `mpm new`: decks to start from.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, bail};
+use clap::Args;
+use mpm::deck::quoting::list;
+use mpm::deck::schema::deck_schema;
+
+use crate::screen::print::{json_text, print};
+
+/// Arguments of `mpm new`.
+#[derive(Args)]
+pub struct NewArgs {
+    /// Name of an example; all are listed where none is given.
+    name: Option<String>,
+    /// The deck to write [default: NAME.yaml].
+    #[arg(long, value_name = "FILE", requires = "name")]
+    out: Option<PathBuf>,
+    /// Overwrite files that are there.
+    #[arg(long, requires = "name")]
+    force: bool,
+    /// List the examples.
+    #[arg(long, conflicts_with = "name")]
+    list: bool,
+}
+
+/// A deck to start from.
+struct Example {
+    name: &'static str,
+    deck: &'static str,
+    /// Names and contents of further files that the deck needs beside it.
+    files: &'static [(&'static str, &'static [u8])],
+}
+
+macro_rules! example {
+    ($name:literal $(, $file:literal)*) => {
+        Example {
+            name: $name,
+            deck: include_str!(concat!("../../inputs/new/", $name, ".yaml")),
+            files: &[$(($file, include_bytes!(concat!("../../inputs/new/", $file)))),*],
+        }
+    };
+}
+
+/// All examples, the simplest first.
+const EXAMPLES: &[Example] = &[
+    example!("column"),
+    example!("beam"),
+    example!("shear"),
+    example!("collapse"),
+    example!("footing"),
+    example!("annulus", "annulus.msh", "annulus.geo"),
+];
+
+/// The schema, for editors; the first line of every deck names it.
+const SCHEMA: &str = "deck.schema.json";
+
+impl Example {
+    /// What the deck analyses, in a line: its title.
+    fn title(&self) -> &'static str {
+        self.deck.lines().find_map(|line| line.strip_prefix("title: ")).unwrap_or_default()
+    }
+}
+
+/// Writes an example, or lists all.
+pub fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
+    let Some(name) = &args.name else { return print(&listing()) };
+    let Some(example) = EXAMPLES.iter().find(|example| example.name == name) else {
+        bail!(
+            "there is no example `{name}`; there are {}",
+            list(EXAMPLES.iter().map(|example| example.name))
+        );
+    };
+    let deck = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.yaml")));
+    let folder = deck.parent().map(Path::to_owned).unwrap_or_default();
+    let schema = json_text(&deck_schema())?;
+    let mut files = vec![(deck.clone(), example.deck.as_bytes())];
+    files.extend(example.files.iter().map(|(file, content)| (folder.join(file), *content)));
+    files.push((folder.join(SCHEMA), schema.as_bytes()));
+    let is_taken = |(path, _): &(PathBuf, &[u8])| path.file_name() == deck.file_name();
+    if let Some((path, _)) = files[1..].iter().find(|file| is_taken(file)) {
+        bail!(
+            "`{}` is what another file of the example is called; `--out` chooses another name",
+            path.display()
+        );
+    }
+    write_all(&files, args.force)?;
+    let names: Vec<String> = files.iter().map(|(path, _)| path.display().to_string()).collect();
+    let deck = deck.display();
+    print(&format!("wrote {}\nnext: read {deck}, then `mpm run {deck}`\n", names.join(", ")))
+}
+
+fn listing() -> String {
+    let mut text = String::from("Examples to start from; `mpm new NAME` writes the deck:\n");
+    for example in EXAMPLES {
+        text.push_str(&format!("  {:<9} {}\n", example.name, example.title()));
+    }
+    text
+}
+
+/// Writes all files or, where one is there with another content, none.
+fn write_all(files: &[(PathBuf, &[u8])], force: bool) -> anyhow::Result<()> {
+    let mut missing = Vec::new();
+    for (path, content) in files {
+        // A device or a pipe takes everything and keeps nothing, or never ends.
+        if fs::metadata(path).is_ok_and(|about| !about.is_file()) {
+            bail!("`{}` is no file that could be written; `--out` chooses another name", path.display());
+        }
+        match fs::read(path) {
+            Ok(found) if found == *content => {}
+            Ok(found) if !force && !is_schema(path, &found) => {
+                bail!(
+                    "`{}` is there already; `--out` chooses another name, `--force` overwrites",
+                    path.display()
+                )
+            }
+            _ => missing.push((path, content)),
+        }
+    }
+    for (path, content) in missing {
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).with_context(|| format!("`{}` cannot be made", folder.display()))?;
+        }
+        fs::write(path, content).with_context(|| format!("`{}` cannot be written", path.display()))?;
+    }
+    Ok(())
+}
+
+/// Whether a file is the schema of another version of the program: nobody edits it.
+fn is_schema(path: &Path, content: &[u8]) -> bool {
+    let schema: Option<serde_json::Value> = serde_json::from_slice(content).ok();
+    path.ends_with(SCHEMA) && schema.is_some_and(|schema| schema["title"] == "Deck")
+}

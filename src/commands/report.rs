@@ -1,0 +1,65 @@
+//! `mpm report`: a page of HTML about results.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::bail;
+use clap::Args;
+use mpm::appendix::{self, FieldChoice, Options, StepChoice, Units};
+
+use crate::commands::analysis::start_threads;
+
+/// Bytes at the beginning of a page among which it names the program.
+const FIRST: u64 = 1000;
+/// How it does so.
+const GENERATOR: &str = r#"<meta name="generator" content="mpm "#;
+
+/// Arguments of `mpm report`.
+#[derive(Args)]
+pub struct ReportArgs {
+    /// Directories of results; several are compared.
+    #[arg(required = true, value_name = "DIR")]
+    directories: Vec<PathBuf>,
+    /// The page [default: DIR/report.html; comparison.html for several directories].
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Field that the points are coloured by, as often as needed; cauchy_stress:XX is a component [default:
+    /// von_mises_stress, or another field if the run did not write that].
+    #[arg(long, value_name = "NAME[:COMPONENT]")]
+    field: Vec<FieldChoice>,
+    /// Load steps that the points are shown at: numbers, first, middle, last.
+    #[arg(long, value_name = "STEP,...", value_delimiter = ',', default_value = "first,middle,last")]
+    steps: Vec<StepChoice>,
+    /// Units of length, force and time in the decks, for example m,kN,s.
+    #[arg(long, value_name = "LENGTH,FORCE,TIME")]
+    units: Option<Units>,
+}
+
+/// Writes the page.
+pub fn report(args: ReportArgs) -> anyhow::Result<ExitCode> {
+    start_threads(None)?;
+    let options = Options { fields: args.field, steps: args.steps, units: args.units };
+    let page = appendix::report(&args.directories, &options)?;
+    let path = args.out.unwrap_or_else(|| match &args.directories[..] {
+        [directory] => directory.join("report.html"),
+        _ => PathBuf::from("comparison.html"),
+    });
+    if !may_be_replaced(&path) {
+        bail!("`{}` exists and is no report of mpm; choose another name with `--out`", path.display());
+    }
+    appendix::write(&path, &page)?;
+    tell!("the report is {}", path.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Whether there is nothing at a path, an empty file, or a report.
+fn may_be_replaced(path: &Path) -> bool {
+    let Ok(about) = std::fs::metadata(path) else { return true };
+    let mut first = Vec::new();
+    // What cannot be read cannot be known to be a report.
+    let read =
+        about.is_file() && File::open(path).and_then(|file| file.take(FIRST).read_to_end(&mut first)).is_ok();
+    read && (first.is_empty() || String::from_utf8_lossy(&first).contains(GENERATOR))
+}

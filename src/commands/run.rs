@@ -1,0 +1,180 @@
+//! `mpm run` and `mpm check`: one deck.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::Args;
+use mpm::memory::in_words;
+use mpm::output::summary::Start;
+use mpm::solver::SolveError;
+use mpm::timing::{Phase, Timings};
+
+use crate::commands::analysis::{self, Begin, Ended, describe_failure, prepare_aloud, run_into};
+use crate::commands::arguments::{DeckArgs, Format};
+use crate::exit::{FAILED, INTERRUPTED, USAGE};
+use crate::interrupt::stop_on_interrupt;
+use crate::screen::closing::counted;
+use crate::screen::log::{self, LogFile};
+use crate::screen::print::print;
+use crate::screen::progress::View;
+
+/// Arguments of `mpm run`.
+#[derive(Args)]
+pub struct RunArgs {
+    #[command(flatten)]
+    deck: DeckArgs,
+    /// Directory for the results [default: results/<deck name>].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Go on from the last checkpoint in the directory for the results.
+    #[arg(long)]
+    resume: bool,
+    /// Number of threads [default: all cores]. The results are the same for any number.
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Write down every iteration, warning and time.
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Print where the time went.
+    #[arg(long)]
+    timings: bool,
+}
+
+/// Runs a deck; `began` is when the program did.
+pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
+    analysis::start_threads(args.threads)?;
+    let directory = args.out.clone().unwrap_or_else(|| default_directory(&args.deck.deck));
+    if let Some(log) = &args.log {
+        log::keep_out_of_results(log, &directory)?;
+    }
+    let log = args.log.as_deref().map(|path| LogFile::create(path, began, args.resume)).transpose()?;
+    // The log tells itself when it can no longer be written.
+    let write_down = |text: &str| {
+        let _ = log.as_ref().map(|log| log.line(text));
+    };
+    write_down(&heading(&args.deck));
+    let mut timings = Timings::default();
+    let prepared = timings.measure(Phase::SetUp, || prepare_aloud(&args.deck, &write_down));
+    let Some(ready) = prepared? else {
+        return Ok(ExitCode::from(USAGE));
+    };
+    let stop = stop_on_interrupt()?;
+    let view = View::Run { log: log.clone() };
+    let start = Start::of_program(began);
+    let begin = if args.resume { Begin::AtCheckpoint } else { Begin::Anew };
+    let ended = run_into(&directory, ready, start, timings.clone(), view, &stop, begin)?;
+    let Some(Ended { outcome, closing }) = ended else {
+        return Ok(ExitCode::SUCCESS);
+    };
+    let mut is_shown = true;
+    if let Some(closing) = closing {
+        let table = closing.table(began.elapsed().as_secs_f64());
+        write_down(&table);
+        match args.deck.format {
+            Format::Text => {
+                if let Err(error) = print(&table) {
+                    is_shown = false;
+                    tell!(
+                        "error: the table of results cannot be written to standard output: {error:#}\n  the results are \
+                         in {}",
+                        directory.display()
+                    );
+                }
+            }
+            // Standard output has its one document.
+            Format::Json => tell!("{}", table.trim_end()),
+        }
+    }
+    let (text, code) = match &outcome {
+        Ok(summary) => {
+            timings.add(&summary.timings);
+            let table = timings_table(&timings);
+            write_down(&table);
+            (if args.timings { table } else { String::new() }, 0)
+        }
+        Err(error) => conclude(error, &directory),
+    };
+    if !text.is_empty() {
+        tell!("{text}");
+    }
+    if outcome.is_err() {
+        write_down(&text);
+    }
+    Ok(ExitCode::from(if is_shown { code } else { code.max(FAILED) }))
+}
+
+/// What a log begins with.
+fn heading(deck: &DeckArgs) -> String {
+    let version = env!("CARGO_PKG_VERSION");
+    let now = jiff::Timestamp::now();
+    // Names of files need not be UTF-8.
+    let command: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+    format!(
+        "mpm {version}, {now:.0}\n{}\ndeck: {}, threads: {}",
+        command.join(" "),
+        deck.deck.display(),
+        rayon::current_num_threads()
+    )
+}
+
+/// Why a run ended early, and the exit code.
+fn conclude(error: &SolveError, directory: &Path) -> (String, u8) {
+    let directory = directory.display();
+    if let SolveError::Interrupted { step } = error {
+        let text = format!(
+            "interrupted: all steps before step {step} are in equilibrium and written to {directory}; the same command \
+             with `--resume` goes on from there"
+        );
+        return (text, INTERRUPTED);
+    }
+    let text =
+        format!("{}\n  results up to the last equilibrated step are in {directory}", describe_failure(error));
+    (text, FAILED)
+}
+
+fn default_directory(deck: &Path) -> PathBuf {
+    Path::new("results").join(deck.file_stem().unwrap_or_default())
+}
+
+/// The phases of a run in the manner of the paper's Table 5, without a line break at the end.
+fn timings_table(timings: &Timings) -> String {
+    let total: f64 = Phase::ALL.iter().map(|&phase| timings.of(phase).wall.as_secs_f64()).sum();
+    let mut text = format!("{:<10} {:>10} {:>10} {:>7}", "phase", "wall [s]", "CPU [s]", "share");
+    for phase in Phase::ALL {
+        let spent = timings.of(phase);
+        let wall = spent.wall.as_secs_f64();
+        text.push_str(&format!(
+            "\n{:<10} {:>10.3} {:>10.3} {:>6.1}%",
+            phase.name(),
+            wall,
+            spent.cpu.as_secs_f64(),
+            100.0 * wall / total.max(f64::MIN_POSITIVE)
+        ));
+    }
+    text
+}
+
+/// Does everything up to the first load step and reports.
+pub fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
+    analysis::start_threads(None)?;
+    let Some(ready) = prepare_aloud(args, &|_| ())? else {
+        return Ok(ExitCode::from(USAGE));
+    };
+    if args.format == Format::Json {
+        return Ok(ExitCode::SUCCESS);
+    }
+    let extent = ready.extent;
+    print(&format!(
+        "{}: ready\n  {} points in {}, {} cells, {} active nodes, {} unknowns in the first of {} steps, \
+         about {} of memory\n",
+        ready.loaded.source.name(),
+        extent.points,
+        counted(extent.bodies, "body", "bodies"),
+        extent.cells,
+        extent.first.active_nodes,
+        extent.first.unknowns,
+        extent.steps,
+        in_words(extent.memory),
+    ))
+}

@@ -1,0 +1,112 @@
+//! `mpm status`: how far a run is, from another shell.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::bail;
+use clap::Args;
+use jiff::Timestamp;
+use mpm::output::status::{self, State, Status};
+
+use crate::commands::arguments::Format;
+use crate::exit::{FAILED, INTERRUPTED};
+use crate::screen::print::{print, print_json};
+use crate::screen::quantities::{bytes, duration, rate, significant};
+
+/// The run has not ended.
+const RUNNING: u8 = 3;
+
+/// Arguments of `mpm status`.
+#[derive(Args)]
+pub struct StatusArgs {
+    /// The results of the run.
+    #[arg(value_name = "DIR")]
+    directory: PathBuf,
+    /// How it is printed.
+    #[arg(long, value_name = "FORMAT", default_value = "text")]
+    format: Format,
+}
+
+/// Prints how far a run is; the exit code is that of the run, or 3 while it goes on.
+pub fn status(args: &StatusArgs) -> anyhow::Result<ExitCode> {
+    let directory = &args.directory;
+    let status = match status::read(directory) {
+        Ok(status) => status,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            bail!("there is no run in `{}`", directory.display())
+        }
+        Err(error) => bail!("the status of the run in `{}` cannot be read: {error}", directory.display()),
+    };
+    match args.format {
+        Format::Text => print(&in_words(directory, &status))?,
+        Format::Json => print_json(&status)?,
+    };
+    Ok(match status.state {
+        State::Completed => ExitCode::SUCCESS,
+        State::Running => ExitCode::from(RUNNING),
+        State::Failed | State::Died => ExitCode::from(FAILED),
+        State::Interrupted => ExitCode::from(INTERRUPTED),
+    })
+}
+
+fn in_words(directory: &Path, status: &Status) -> String {
+    let running = status.state == State::Running;
+    let mut rows: Vec<(&str, String)> = Vec::new();
+    if !status.title.is_empty() {
+        rows.push(("title", status.title.clone()));
+    }
+    let steps = match status.steps <= status.steps_requested {
+        true => format!("{} of {} steps", status.steps, status.steps_requested),
+        false => format!("{} steps, up to time {}", status.steps, significant(status.time, 4)),
+    };
+    rows.push(("equilibrium", steps));
+    if status.state != State::Completed && status.evaluations > 0 {
+        let residual =
+            status.residual.map_or_else(|| "not finite".to_owned(), |residual| format!("{residual:.1e}"));
+        rows.push((
+            "step in hand",
+            format!(
+                "{}, iteration {}, residual {residual}, tolerance {:e}",
+                status.step, status.iteration, status.tolerance
+            ),
+        ));
+    }
+    rows.push(("time", format!("{} of {}", significant(status.time, 6), significant(status.end_time, 6))));
+    rows.extend(status.load_factor.map(|factor| ("load factor", significant(factor, 6))));
+    let mut elapsed = duration(status.elapsed_seconds);
+    if let Some(left) = status.seconds_left {
+        elapsed.push_str(&format!(", about {} left", duration(left)));
+    }
+    rows.push(("elapsed", elapsed));
+    rows.extend(
+        status.points_per_second.map(|of| ("rate", format!("{} ({} points)", rate(of), status.points))),
+    );
+    if let Some(memory) = status.memory_bytes {
+        let peak = status.peak_memory_bytes.map(|peak| format!(", at most {}", bytes(peak)));
+        rows.push(("memory", format!("{}{}", bytes(memory), peak.unwrap_or_default())));
+    }
+    if status.warnings > 0 {
+        rows.push(("warnings", status.warnings.to_string()));
+    }
+    rows.push(("process", status.process.to_string()));
+    // The clock may have been set back since; `duration` shows that as no time.
+    let ago = Timestamp::now().duration_since(status.updated).as_secs_f64();
+    let last = if running { "last word" } else { "ended" };
+    rows.push((last, format!("{} ago, {}", duration(ago), status.updated)));
+    rows.extend(status.reason.as_ref().map(|reason| ("reason", reason.clone())));
+    rows.extend(match (status.state, status.checkpoint) {
+        (State::Completed, _) | (State::Running, None) => None,
+        (State::Running, Some(step)) => Some(("checkpoint", format!("of step {step}"))),
+        (_, Some(step)) => {
+            let text = format!("of step {step}, from where `mpm run` goes on with `--resume`");
+            Some(("checkpoint", text))
+        }
+        (_, None) => Some(("checkpoint", "none: the run has to begin anew".to_owned())),
+    });
+    let mut text = format!("{}: {}\n", directory.display(), status.state.word());
+    for (label, value) in rows {
+        text.push_str(&format!("  {label:<13} {value}\n"));
+    }
+    text
+}

@@ -1,0 +1,221 @@
+//! `mpm sweep`: the members of a parameter study, one after the other.
+
+use std::collections::BTreeSet;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::Context;
+use clap::Args;
+use mpm::deck::diagnostic::Diagnostic;
+use mpm::deck::load::{self, LoadFailure, load_text};
+use mpm::output::summary::Start;
+use mpm::solver::SolveError;
+use mpm::study::{Axis, Member, Outcome, Record, Row, Study, may_be_replaced, write_table};
+use mpm::timing::{Phase, Timings};
+
+use crate::commands::analysis::{
+    self, Begin, Ended, describe_failure, messages, not_writable, prepare, run_into, tell_messages,
+};
+use crate::commands::arguments::DeckArgs;
+use crate::exit::{FAILED, INTERRUPTED, USAGE};
+use crate::interrupt::stop_on_interrupt;
+use crate::screen::failure::{Coded, as_error, in_words};
+use crate::screen::progress::View;
+
+/// Arguments of `mpm sweep`.
+#[derive(Args)]
+pub struct SweepArgs {
+    #[command(flatten)]
+    deck: DeckArgs,
+    /// Vary a parameter of the deck, as often as needed; the last one varies fastest.
+    #[arg(long, value_name = "NAME=VALUE,VALUE,...", required = true)]
+    over: Vec<Axis>,
+    /// Directory for the table and for the results of the members [default: results/<deck name>-sweep].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Number of threads [default: all cores]. The results are the same for any number.
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Let members that were stopped go on from their last checkpoint; the others begin anew.
+    #[arg(long)]
+    resume: bool,
+}
+
+/// Runs all members of the study that were not completed earlier.
+pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
+    let study = Study::new(args.over, args.deck.set)?;
+    let path = args.deck.deck;
+    let name = path.display().to_string();
+    let read = load::read(&path).and_then(|text| Ok((load::parameter_names(&name, &text)?, text)));
+    let (known, text) = match read {
+        Ok(read) => read,
+        Err(failure) => {
+            tell!("{}", failure.render(std::io::stderr().is_terminal()).trim_end());
+            return Ok(ExitCode::from(USAGE));
+        }
+    };
+    study.check_names(&known)?;
+    analysis::start_threads(args.threads)?;
+    let stop = stop_on_interrupt()?;
+    let directory = args.out.unwrap_or_else(|| {
+        let mut name = path.file_stem().unwrap_or_default().to_owned();
+        name.push("-sweep");
+        Path::new("results").join(name)
+    });
+    std::fs::create_dir_all(&directory).map_err(|error| not_writable(&directory, error))?;
+    let table = directory.join(TABLE);
+    if !may_be_replaced(&table) {
+        let what =
+            format!("`{}` exists and is no table of a study; choose another directory", table.display());
+        return Err(Coded::new("R001", what).into());
+    }
+    let begin = if args.resume { Begin::AtCheckpointIfAny } else { Begin::Anew };
+    let (rows, told) = (Vec::new(), BTreeSet::new());
+    let mut sweep = Sweep { study, name, text, directory, stop, begin, rows, told };
+    sweep.take_completed();
+    sweep.write_table()?;
+    Ok(ExitCode::from(sweep.run_members()))
+}
+
+/// Name of the table of a study.
+const TABLE: &str = "sweep.csv";
+
+/// A study in the making.
+struct Sweep {
+    study: Study,
+    /// Name of the deck, and its text: read once, so that all members have the same.
+    name: String,
+    text: Vec<u8>,
+    directory: PathBuf,
+    stop: Arc<AtomicBool>,
+    /// Where members begin.
+    begin: Begin,
+    /// What is known of each member so far.
+    rows: Vec<Option<Row>>,
+    /// Remarks about the deck that were printed.
+    told: BTreeSet<String>,
+}
+
+impl Sweep {
+    /// Takes over the members that were completed earlier with the same deck and the same program. All of them
+    /// before the first one is run, so that the table never knows less than it did.
+    fn take_completed(&mut self) {
+        let taken = |member: Member| {
+            let loaded = load_text(&self.name, &self.text, &self.study.overrides(&member)).ok()?;
+            let record = Record::read(&self.directory.join(member.directory_name())).ok()?;
+            let completed = record.completes(&loaded);
+            completed.then_some(Row { member, outcome: Outcome::Completed, record: Some(record) })
+        };
+        self.rows = self.study.members().map(taken).collect();
+    }
+
+    /// Runs what is missing; returns the exit code.
+    fn run_members(&mut self) -> u8 {
+        let members: Vec<Member> = self.study.members().collect();
+        for (index, member) in members.into_iter().enumerate() {
+            let label = format!("member {}/{}", index + 1, self.study.size());
+            if self.rows[index].is_some() {
+                tell!("{label}: {member}: completed earlier");
+                continue;
+            }
+            if self.stop.load(Ordering::SeqCst) {
+                break;
+            }
+            tell!("{label}: {member}");
+            self.rows[index] = Some(self.run_member(member, label));
+            if let Err(error) = self.write_table() {
+                tell!("error: {error:#}");
+                return FAILED;
+            }
+        }
+        self.conclude()
+    }
+
+    fn run_member(&mut self, member: Member, label: String) -> Row {
+        let directory = self.directory.join(member.directory_name());
+        let (start, mut set_up) = (Start::now(), Timings::default());
+        let overrides = self.study.overrides(&member);
+        let prepared =
+            set_up.measure(Phase::SetUp, || prepare(load_text(&self.name, &self.text, &overrides), false));
+        let messages = messages(&prepared, false);
+        // Remarks are the same for many members; once is enough. Errors belong to the member.
+        if !messages.is_empty() && (prepared.is_err() || self.told.insert(messages.clone())) {
+            tell_messages(&prepared);
+        }
+        let ready = match prepared {
+            Ok(ready) => ready,
+            Err(failure) => {
+                tell!("  invalid");
+                return Row { member, outcome: Outcome::Invalid(in_one_line(&failure)), record: None };
+            }
+        };
+        let ended = run_into(&directory, ready, start, set_up, View::Member(label), &self.stop, self.begin);
+        let record = ended.as_ref().ok().and_then(|_| Record::read(&directory).ok());
+        let outcome = match ended {
+            Err(error) => {
+                tell!("{}", as_error(&error));
+                Outcome::Failed(in_words(&error))
+            }
+            Ok(None) => Outcome::Completed,
+            Ok(Some(Ended { outcome: Ok(summary), .. })) => {
+                tell!(
+                    "  completed: {} steps in equilibrium, {} evaluations, {:.1} s",
+                    summary.steps,
+                    summary.evaluations,
+                    start.elapsed().wall.as_secs_f64()
+                );
+                Outcome::Completed
+            }
+            Ok(Some(Ended { outcome: Err(SolveError::Interrupted { step }), .. })) => {
+                tell!("  interrupted: all steps before step {step} are in equilibrium");
+                Outcome::Interrupted
+            }
+            Ok(Some(Ended { outcome: Err(error), .. })) => {
+                tell!("{}", describe_failure(&error));
+                Outcome::Failed(error.to_string())
+            }
+        };
+        if matches!(outcome, Outcome::Failed(_)) {
+            tell!("  failed");
+        }
+        Row { member, outcome, record }
+    }
+
+    fn write_table(&self) -> anyhow::Result<()> {
+        let path = self.directory.join(TABLE);
+        write_table(&path, &self.study, self.rows.iter().flatten())
+            .with_context(|| format!("the table `{}` cannot be written", path.display()))
+    }
+
+    /// Prints how many members ended in which way; returns the exit code.
+    fn conclude(&self) -> u8 {
+        let count = |word: &str| self.rows.iter().flatten().filter(|row| row.outcome.word() == word).count();
+        let words = ["completed", "failed", "interrupted", "invalid"];
+        let mut counts: Vec<String> =
+            words.iter().filter(|w| count(w) > 0).map(|w| format!("{} {w}", count(w))).collect();
+        let open = self.rows.iter().filter(|row| row.is_none()).count();
+        if open > 0 {
+            counts.push(format!("{open} not begun"));
+        }
+        tell!("{}; the table is {}", counts.join(", "), self.directory.join(TABLE).display());
+        if open > 0 || count("interrupted") > 0 {
+            INTERRUPTED
+        } else if count("failed") > 0 {
+            FAILED
+        } else if count("invalid") == self.rows.len() {
+            USAGE
+        } else {
+            0
+        }
+    }
+}
+
+/// The errors of a deck as a reason in the table.
+fn in_one_line(failure: &LoadFailure) -> String {
+    let errors = failure.diagnostics.iter().filter(|diagnostic| Diagnostic::is_error(diagnostic));
+    let errors: Vec<String> = errors.map(|error| format!("{}: {}", error.code, error.message)).collect();
+    errors.join("; ")
+}

@@ -1,0 +1,8 @@
+//! Exit codes beside 0.
+
+/// The analysis failed.
+pub const FAILED: u8 = 1;
+/// The deck or the command line is wrong.
+pub const USAGE: u8 = 2;
+/// The user stopped the run.
+pub const INTERRUPTED: u8 = 130;

@@ -1,0 +1,305 @@
+//! The table that a run ends with: what was solved, how well, what came out, and where it is.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use mpm::model::Model;
+use mpm::output::findings::{Extreme, Findings, ForceBalance};
+use mpm::output::results::{Picture, Results};
+use mpm::points::Points;
+use mpm::quality::{BalanceSoFar, MOST_ENERGY_ERROR, MOST_REGRIDDING};
+use mpm::solver::{SolveError, Summary};
+
+use crate::screen::quantities::{duration, significant};
+
+/// Width that lines are kept to, where names and paths allow it.
+const WIDTH: usize = 80;
+/// Width of the first column.
+const LABEL: usize = 18;
+/// Boundary conditions beyond these are summed up.
+const MOST_CONDITIONS: usize = 8;
+
+/// What there is to say at the end of a run.
+#[derive(Debug)]
+pub struct Closing {
+    title: String,
+    outcome: String,
+    points: usize,
+    cells: usize,
+    bodies: usize,
+    unknowns: usize,
+    evaluations: usize,
+    linear_solves: usize,
+    iterative_solves: usize,
+    linear_iterations: usize,
+    tolerance: f64,
+    steps: usize,
+    rounding_limited: usize,
+    newton_order: Option<f64>,
+    quality: String,
+    balance: BalanceSoFar,
+    warnings: usize,
+    findings: Findings,
+    directory: PathBuf,
+    picture: Option<Picture>,
+    asks_for_pictures: bool,
+    /// From where to look at it.
+    view: &'static str,
+}
+
+impl Closing {
+    /// Of a run that has ended; `None` where no step is in equilibrium.
+    pub fn new<const D: usize>(
+        model: &Model<D>,
+        points: &Points<D>,
+        summary: &Summary,
+        results: &Results,
+        error: Option<&SolveError>,
+    ) -> Option<Closing> {
+        let (steps, asked) = (summary.steps, model.stepping.count);
+        let outcome = match error {
+            None if summary.failed_attempts > 0 => format!(
+                "completed: {steps} steps in equilibrium, {} at first too large",
+                counted(summary.failed_attempts, "attempt", "attempts")
+            ),
+            None => format!("completed: {steps} steps in equilibrium"),
+            Some(SolveError::Interrupted { .. }) => {
+                format!("interrupted: {steps} of {asked} steps in equilibrium")
+            }
+            Some(_) => match &summary.diagnosis {
+                Some(diagnosis) if summary.failed_attempts > 1 => format!(
+                    "failed: {steps} steps in equilibrium, up to time {} of {}",
+                    significant(diagnosis.time, 4),
+                    significant(model.stepping.end_time, 4)
+                ),
+                _ => format!("failed: {steps} of {asked} steps in equilibrium"),
+            },
+        };
+        (steps > 0).then(|| Closing {
+            title: model.title.clone(),
+            outcome,
+            points: points.len(),
+            cells: model.grid.n_cells(),
+            bodies: model.bodies.len(),
+            unknowns: summary.unknowns,
+            evaluations: summary.evaluations,
+            linear_solves: summary.linear_solves,
+            iterative_solves: summary.iterative_solves,
+            linear_iterations: summary.linear_iterations,
+            tolerance: model.newton.tolerance,
+            steps,
+            rounding_limited: summary.rounding_limited,
+            newton_order: summary.quality.median_newton_order(),
+            quality: summary.quality.to_string(),
+            balance: summary.balance(),
+            warnings: summary.warnings.len(),
+            findings: results.findings().clone(),
+            directory: results.directory().to_owned(),
+            picture: results.last_picture(),
+            asks_for_pictures: results.asks_for_pictures(),
+            view: if D == 2 { "cpos=\"xy\"" } else { "" },
+        })
+    }
+
+    /// The table, with a line break at the end; `seconds` is what the run took.
+    pub fn table(&self, seconds: f64) -> String {
+        let mut table = Table::default();
+        table.row("", &self.title);
+        table.row("outcome", &format!("{}, {}", self.outcome, duration(seconds)));
+        table.row(
+            "model",
+            &format!(
+                "{}, {} cells, {}, {} unknowns",
+                counted(self.points, "point", "points"),
+                self.cells,
+                counted(self.bodies, "body", "bodies"),
+                self.unknowns
+            ),
+        );
+        self.convergence(&mut table);
+        self.extremes(&mut table);
+        if let Some(balance) = &self.findings.balance {
+            table.forces(balance);
+        }
+        let errors = &self.findings.errors;
+        let shown = [("energy", errors.energy), ("forces", errors.force), ("moments", errors.moment)];
+        let shown: Vec<String> = (shown.iter())
+            .filter_map(|(name, error)| {
+                error.map(|(value, step)| format!("{name} {value:.1e} (step {step})"))
+            })
+            .collect();
+        if !shown.is_empty() {
+            let most = 100.0 * MOST_ENERGY_ERROR;
+            table.row(
+                "balances",
+                &format!("within {} (warning for energy above {most} % from step 5 on)", shown.join(", ")),
+            );
+        }
+        let [value, most] = [self.balance.regridding(), MOST_REGRIDDING].map(|share| 100.0 * share);
+        let text = format!("{value:.1} % of the external work (warning above {most} %)");
+        table.row("regridding work", &text);
+        table.row("quality", &self.quality);
+        if self.warnings > 0 {
+            table.row("warnings", &format!("{}, see above and in summary.json", self.warnings));
+        }
+        self.files(&mut table);
+        table.text
+    }
+
+    fn convergence(&self, table: &mut Table) {
+        if let Some([low, high]) = self.findings.iterations {
+            let range = if low == high { low.to_string() } else { format!("{low} to {high}") };
+            let order = self.newton_order.map(|order| format!(", of order {order:.2}")).unwrap_or_default();
+            table.row(
+                "iterations",
+                &format!("{range} in a step{order}; {} evaluations in all", self.evaluations),
+            );
+        }
+        if self.iterative_solves > 0 {
+            let factorised = match self.linear_solves - self.iterative_solves {
+                0 => String::new(),
+                more => format!("; {more} factorised"),
+            };
+            let each = self.linear_iterations as f64 / self.iterative_solves as f64;
+            table.row(
+                "linear equations",
+                &format!(
+                    "{} solved iteratively, in {each:.1} iterations each{factorised}",
+                    self.iterative_solves
+                ),
+            );
+        }
+        if let Some((residual, step)) = self.findings.worst_residual {
+            let tolerance = self.tolerance;
+            let limited = match self.rounding_limited {
+                0 => String::new(),
+                n => format!("; round-off limits {} of {}", n, counted(self.steps, "step", "steps")),
+            };
+            table.row(
+                "residual",
+                &format!("at most {residual:.1e} (step {step}), tolerance {tolerance:e}{limited}"),
+            );
+        }
+    }
+
+    fn extremes(&self, table: &mut Table) {
+        let Some(extremes) = &self.findings.extremes else { return };
+        let several = self.bodies > 1;
+        let place = |extreme: &Extreme| {
+            let position: Vec<String> = extreme.position.iter().map(|x| significant(*x, 4)).collect();
+            let body = if several { format!(" of `{}`", extreme.body) } else { String::new() };
+            format!("{}{body} at ({})", significant(extreme.value, 5), position.join(", "))
+        };
+        table.row("displacement", &format!("at most {}", place(&extremes.displacement)));
+        table.row("von Mises stress", &format!("at most {}", place(&extremes.von_mises_stress)));
+        let (low, high) = (&extremes.lowest_pressure, &extremes.highest_pressure);
+        table.row("pressure", &format!("from {}\nto {}", place(low), place(high)));
+    }
+
+    fn files(&self, table: &mut Table) {
+        table.entry("results", &self.directory.display().to_string());
+        match &self.picture {
+            Some(Picture { series, file }) => {
+                table.entry("in ParaView", &format!("paraview {}", series.display()));
+                table.entry("in Python", "");
+                let file = format!("{:?}", file.display().to_string());
+                table.line(&format!("import pyvista; pyvista.read({file}).plot({})", self.view));
+            }
+            None if self.asks_for_pictures => table.row("", "no VTU files could be written"),
+            None => table.row("", "no VTU files, as the deck says `output: {every: 0}`"),
+        }
+    }
+}
+
+/// A number and what it counts.
+pub fn counted(number: usize, one: &str, many: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { many })
+}
+
+/// Rows of a label and a text.
+#[derive(Default)]
+struct Table {
+    text: String,
+}
+
+impl Table {
+    fn line(&mut self, line: &str) {
+        // Writing into a string cannot fail.
+        let _ = writeln!(self.text, "  {}", line.trim_end());
+    }
+
+    /// A row that is not wrapped: a path or a command.
+    fn entry(&mut self, label: &str, text: &str) {
+        self.line(&format!("{label:<LABEL$}{text}"));
+    }
+
+    /// A row; the text is wrapped and may have several lines. A row without label starts at the margin.
+    fn row(&mut self, label: &str, text: &str) {
+        let indent = if label.is_empty() { 0 } else { LABEL };
+        let mut label = label;
+        for line in text.lines().flat_map(|line| wrapped(line, WIDTH - 2 - indent)) {
+            self.line(&format!("{label:<indent$}{line}"));
+            label = "";
+        }
+    }
+
+    /// Loads, reactions and what is between them, by axis.
+    fn forces(&mut self, balance: &ForceBalance) {
+        let axes = ["x", "y", "z"].iter().take(balance.applied.len());
+        self.line(&format!("{:<LABEL$}{}", "forces", columns(axes.map(|axis| (*axis).to_owned()))));
+        let mut row = |label: &str, force: &[Option<f64>], after: &str| {
+            let label: String = if label.chars().count() < LABEL {
+                format!("{label:<LABEL$}")
+            } else {
+                format!("{}… ", label.chars().take(LABEL - 2).collect::<String>())
+            };
+            self.line(&format!("{label}{}{after}", columns(force.iter().map(number))));
+        };
+        row("  loads", &all(&balance.applied), "");
+        // All of them, or all but those that have to share a line.
+        let shown =
+            if balance.reactions.len() > MOST_CONDITIONS { MOST_CONDITIONS - 1 } else { MOST_CONDITIONS };
+        for (name, reaction) in balance.reactions.iter().take(shown) {
+            row(&format!("  {name}"), &all(reaction), "");
+        }
+        let rest = balance.reactions.get(shown..).unwrap_or_default();
+        if !rest.is_empty() {
+            let sum = |axis: usize| Some(rest.iter().map(|(_, r)| r[axis]).sum());
+            let sums: Vec<_> = (0..balance.applied.len()).map(sum).collect();
+            row(&format!("  {} more", rest.len()), &sums, "");
+        }
+        let relative = balance.relative_difference();
+        let after = relative.map(|share| format!("   {share:.1e} of all forces")).unwrap_or_default();
+        let difference = balance.difference();
+        row("  difference", &difference, &after);
+    }
+}
+
+fn all(force: &[f64]) -> Vec<Option<f64>> {
+    force.iter().copied().map(Some).collect()
+}
+
+fn number(force: &Option<f64>) -> String {
+    force.map_or_else(|| "–".to_owned(), |force| significant(force, 5))
+}
+
+fn columns(entries: impl Iterator<Item = String>) -> String {
+    entries.map(|entry| format!("{entry:>13}")).collect()
+}
+
+/// A line broken at spaces into lines of at most so many characters; a longer word stands alone.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        let Some(last) = lines.last_mut() else { break };
+        if !last.is_empty() && last.chars().count() + 1 + word.chars().count() > width {
+            lines.push(word.to_owned());
+        } else {
+            if !last.is_empty() {
+                last.push(' ');
+            }
+            last.push_str(word);
+        }
+    }
+    lines
+}

@@ -1,0 +1,26 @@
+//! Errors as they are printed.
+
+/// An error that has a page, [`mpm::codes`].
+#[derive(Debug, thiserror::Error)]
+#[error("{reason}")]
+pub struct Coded {
+    pub code: &'static str,
+    pub reason: String,
+}
+
+impl Coded {
+    pub fn new(code: &'static str, reason: String) -> Coded {
+        Coded { code, reason }
+    }
+}
+
+/// An error with its causes.
+pub fn in_words(error: &anyhow::Error) -> String {
+    format!("{error:#}")
+}
+
+/// An error as it is printed, with its code if it has one.
+pub fn as_error(error: &anyhow::Error) -> String {
+    let code = error.downcast_ref::<Coded>().map(|coded| format!("[{}]", coded.code)).unwrap_or_default();
+    format!("error{code}: {}", in_words(error))
+}

@@ -1,0 +1,85 @@
+//! The log of a run: everything that happened, as it happened.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, bail};
+use mpm::output::directory;
+
+use crate::screen::tell::clean;
+
+/// Bytes at the beginning of a log in which the name of the program stands.
+const FIRST: u64 = 24;
+
+/// Refuses a log that would stand in the way of the results: in the place of one of their files, or of their directory.
+///
+/// # Errors
+/// When it would.
+pub fn keep_out_of_results(log: &Path, results: &Path) -> anyhow::Result<()> {
+    let (place, results) = (real(log), real(results));
+    let is_way = results.starts_with(&place);
+    let name = place.file_name().unwrap_or_default().to_string_lossy();
+    if is_way || place.parent() == Some(&results) && directory::is_of_results(&name) {
+        let what = if is_way { "the directory of the results" } else { "a file of the results" };
+        bail!("the log `{}` would be {what}; choose another name with `--log`", log.display());
+    }
+    Ok(())
+}
+
+/// A path without links, as far as it exists.
+fn real(path: &Path) -> PathBuf {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut missing = Vec::new();
+    for ancestor in path.ancestors() {
+        if let Ok(found) = ancestor.canonicalize() {
+            return missing.iter().rev().fold(found, |path, name| path.join(name));
+        }
+        missing.extend(ancestor.file_name());
+    }
+    path
+}
+
+/// A log file, each line with the seconds since the program began. Every line is in the file once it is written.
+#[derive(Debug, Clone)]
+pub struct LogFile {
+    file: Arc<File>,
+    began: Instant,
+}
+
+impl LogFile {
+    /// Starts a log afresh, or goes on with the one that is there.
+    ///
+    /// # Errors
+    /// When the file cannot be written, or exists and is no log.
+    pub fn create(path: &Path, began: Instant, goes_on: bool) -> anyhow::Result<LogFile> {
+        let mut first = Vec::new();
+        // What cannot be read is found out by writing.
+        let _ = File::open(path).and_then(|file| file.take(FIRST).read_to_end(&mut first));
+        let is_log = String::from_utf8_lossy(&first).contains("  mpm ");
+        if !first.is_empty() && !is_log {
+            bail!("`{}` exists and is no log of mpm; choose another name with `--log`", path.display());
+        }
+        let file = OpenOptions::new()
+            .create(true)
+            .write(!goes_on)
+            .append(goes_on)
+            .truncate(!goes_on)
+            .open(path)
+            .with_context(|| format!("the log `{}` cannot be written", path.display()))?;
+        Ok(LogFile { file: Arc::new(file), began })
+    }
+
+    /// Writes a text of one or more lines.
+    ///
+    /// # Errors
+    /// Those of the file system.
+    pub fn line(&self, text: &str) -> io::Result<()> {
+        let time = self.began.elapsed().as_secs_f64();
+        let lines: String = clean(text).lines().map(|line| format!("{time:10.3}  {line}\n")).collect();
+        // One unbuffered write: whoever follows the file, or kills the run, meets whole lines.
+        (&*self.file).write_all(lines.as_bytes())
+    }
+}

@@ -1,0 +1,29 @@
+//! What is written to standard output.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use super::tell;
+
+/// A JSON document as text.
+pub fn json_text(document: &impl serde::Serialize) -> anyhow::Result<String> {
+    Ok(serde_json::to_string_pretty(document)? + "\n")
+}
+
+/// Writes a JSON document to standard output.
+pub fn print_json(document: &impl serde::Serialize) -> anyhow::Result<ExitCode> {
+    // Programs read it, and they need every character.
+    write_out(&json_text(document)?)
+}
+
+/// Writes a text to standard output without control characters; a reader that has gone away is no error.
+pub fn print(text: &str) -> anyhow::Result<ExitCode> {
+    write_out(&tell::clean(text))
+}
+
+fn write_out(text: &str) -> anyhow::Result<ExitCode> {
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(ExitCode::SUCCESS),
+    }
+}

@@ -1,0 +1,339 @@
+//! What the user sees while a run goes on: a bar on a terminal, lines elsewhere, a log, and a status for others.
+
+use std::io::{self, IsTerminal};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use mpm::model::Model;
+use mpm::output::checkpoint::Checkpoint;
+use mpm::output::results::Results;
+use mpm::output::status::{Progress, Status, StatusFile};
+use mpm::output::summary::Start;
+use mpm::points::Points;
+use mpm::solver::{Diagnosis, FailedAttempt, Observer, Reached, SolveError, Step, StepReport, Summary};
+
+use crate::screen::closing::Closing;
+use crate::screen::log::LogFile;
+use crate::screen::quantities::{bytes, duration, rate, significant};
+
+/// What is shown of a run.
+pub enum View {
+    /// Everything: it is all that the program does.
+    Run {
+        /// Where everything is written down.
+        log: Option<LogFile>,
+    },
+    /// Only a bar under this label, and nothing where there is no terminal: it is one run among others.
+    Member(String),
+}
+
+/// The bar is drawn afresh at most this often.
+const FRAME: Duration = Duration::from_millis(100);
+/// Without a terminal there are about so many lines in all, …
+const LINES: usize = 20;
+/// … and one at least every so often.
+const SILENCE: Duration = Duration::from_secs(30);
+
+/// Writes the results of a run and shows how far it is.
+pub struct Watch {
+    results: Results,
+    view: View,
+    progress: Progress,
+    status_file: StatusFile,
+    /// Whether writing the status and the log has worked so far: a failure is told once and stops nothing.
+    status_works: bool,
+    log_works: bool,
+    display: Display,
+    /// Warnings that were printed.
+    warned: usize,
+    stop: Arc<AtomicBool>,
+    closing: Option<Closing>,
+}
+
+/// Length of the bar.
+const WHOLE: u64 = 10_000;
+
+/// The part of the bar that belongs to a time.
+fn part_of(time: f64, end_time: f64) -> u64 {
+    (time / end_time * WHOLE as f64) as u64
+}
+
+/// How the progress is shown.
+enum Display {
+    Bar { bar: ProgressBar, drawn: Option<Instant> },
+    Lines { last: Instant },
+    Nothing,
+}
+
+impl Watch {
+    /// Watches a run that `stop` may end.
+    pub fn new<const D: usize>(
+        results: Results,
+        model: &Model<D>,
+        points: &Points<D>,
+        start: Start,
+        view: View,
+        stop: Arc<AtomicBool>,
+    ) -> Self {
+        let label = match &view {
+            View::Run { .. } => String::new(),
+            View::Member(label) => format!("{label} "),
+        };
+        let display = if io::stderr().is_terminal() {
+            let bar = ProgressBar::new(WHOLE).with_prefix(label);
+            if let Ok(style) = ProgressStyle::with_template("{prefix}{bar:20} {msg}") {
+                bar.set_style(style);
+            }
+            Display::Bar { bar, drawn: None }
+        } else if let View::Run { .. } = view {
+            Display::Lines { last: Instant::now() }
+        } else {
+            Display::Nothing
+        };
+        let mut watch = Watch {
+            status_file: StatusFile::new(results.directory()),
+            progress: Progress::new(model, points, start),
+            results,
+            view,
+            status_works: true,
+            log_works: true,
+            display,
+            warned: 0,
+            stop,
+            closing: None,
+        };
+        if let View::Run { .. } = watch.view {
+            if !model.title.is_empty() {
+                watch.say(&model.title);
+            }
+            watch.say(&format!(
+                "{} points, {} cells, {} load steps",
+                points.len(),
+                model.grid.n_cells(),
+                model.stepping.count
+            ));
+        }
+        watch
+    }
+
+    /// Tells that the run goes on from a checkpoint.
+    pub fn goes_on(&mut self, checkpoint: &Checkpoint, reached: &Reached) {
+        self.progress.goes_on(reached);
+        self.warned = reached.summary.warnings.len();
+        if let Display::Bar { bar, .. } = &self.display {
+            bar.set_position(part_of(reached.step.end, self.progress.status().end_time));
+        }
+        self.say(&format!("going on after step {} from {}", reached.step.index, checkpoint.path.display()));
+    }
+
+    /// Prints a line, above the bar if there is one.
+    fn print(&self, line: &str) {
+        match &self.display {
+            Display::Bar { bar, .. } => bar.suspend(|| tell!("{line}")),
+            Display::Lines { .. } | Display::Nothing => tell!("{line}"),
+        }
+    }
+
+    /// Prints a line and writes it into the log.
+    fn say(&mut self, line: &str) {
+        self.print(line);
+        self.log(line);
+    }
+
+    /// Writes a line into the log.
+    fn log(&mut self, line: &str) {
+        let View::Run { log: Some(log) } = &self.view else { return };
+        let written = log.line(line);
+        if let (Err(error), true) = (written, self.log_works) {
+            self.log_works = false;
+            self.print(&format!("warning: the log cannot be written: {error}"));
+        }
+    }
+
+    /// Says what a run that ends here probably suffers from.
+    fn diagnosis(&mut self, diagnosis: &Diagnosis) {
+        self.say(&format!("diagnosis: {diagnosis}"));
+        let factor = diagnosis.largest_load_factor.map_or(String::new(), |factor| {
+            format!("; the largest load factor is {}", significant(factor, 6))
+        });
+        let time = significant(diagnosis.time, 6);
+        self.say(&format!("  in equilibrium up to time {time}{factor}"));
+        self.say(&format!("  try: {}", diagnosis.advice));
+    }
+
+    fn update_status(&mut self) {
+        let written = self.status_file.update(&self.progress);
+        if let (Err(error), true) = (written, self.status_works) {
+            self.status_works = false;
+            self.say(&format!("warning: `mpm status` will not see this run: {error}"));
+        }
+    }
+
+    /// Shows the state of things on the bar, if it is time.
+    fn draw(&mut self) {
+        let Display::Bar { bar, drawn } = &mut self.display else { return };
+        if drawn.is_some_and(|drawn| drawn.elapsed() < FRAME) {
+            return;
+        }
+        *drawn = Some(Instant::now());
+        bar.set_message(on_the_bar(&self.progress.status()));
+    }
+
+    /// Shows a step in equilibrium where there is no terminal.
+    fn show_line<const D: usize>(&mut self, report: &StepReport<D>) {
+        let Display::Lines { last } = &mut self.display else { return };
+        let status = self.progress.status();
+        let (step, steps) = (report.step.index, status.steps_requested);
+        let ends = status.time >= status.end_time;
+        let due = step == 1 || ends || step.is_multiple_of(steps.div_ceil(LINES));
+        if due || last.elapsed() >= SILENCE {
+            *last = Instant::now();
+            let left = status.seconds_left.filter(|_| !ends);
+            let left = left.map(|left| format!(", {} left", duration(left))).unwrap_or_default();
+            tell!("{}{left}", in_equilibrium(report, &status));
+        }
+    }
+
+    /// Leaves the terminal tidy; returns what there is to say at the end.
+    pub fn end(self) -> Option<Closing> {
+        if let Display::Bar { bar, .. } = &self.display {
+            bar.finish_and_clear();
+        }
+        self.closing
+    }
+}
+
+impl<const D: usize> Observer<D> for Watch {
+    fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
+        self.update_status();
+        self.draw();
+        self.results.started(model, points)
+    }
+
+    fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
+        Observer::<D>::iteration(&mut self.results, step, iteration, residual);
+        self.progress.iteration(step, iteration, residual);
+        self.log(&format!("step {}: iteration {iteration}: residual {residual:.3e}", step.index));
+        self.update_status();
+        self.draw();
+    }
+
+    fn converged(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        report: &StepReport<D>,
+        summary: &Summary,
+    ) -> io::Result<()> {
+        let written = self.results.converged(model, points, report, summary);
+        self.progress.converged(report, summary);
+        if let Display::Bar { bar, .. } = &self.display {
+            bar.set_position(part_of(report.step.end, model.stepping.end_time));
+        }
+        self.show_line(report);
+        if let View::Run { log: Some(_) } = self.view {
+            let status = self.progress.status();
+            let loss = summary.quality.latest.partition_of_unity_loss;
+            self.log(&format!(
+                "{}{}, loss of partition of unity {loss:.1e}",
+                in_equilibrium(report, &status),
+                in_the_log(&status)
+            ));
+        }
+        let indent = if let View::Member(_) = self.view { "  " } else { "" };
+        for warning in &summary.warnings[self.warned..] {
+            for line in warning.lines().lines() {
+                self.say(&format!("{indent}{line}"));
+            }
+        }
+        self.warned = summary.warnings.len();
+        self.update_status();
+        self.draw();
+        written
+    }
+
+    fn failed(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        attempt: &FailedAttempt<D>,
+        ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
+    ) -> io::Result<()> {
+        let Step { start, end, .. } = attempt.step;
+        let part = (end - start) / model.stepping.end_time * model.stepping.count as f64;
+        let code = attempt.error.code().unwrap_or_default();
+        self.log(&format!("attempt failed [{code}]: {}", attempt.error));
+        match ended {
+            None => self.log(&format!("a step of {} of a requested one is too large", significant(part, 3))),
+            Some((_, diagnosis)) => self.diagnosis(diagnosis),
+        }
+        self.update_status();
+        self.draw();
+        self.results.failed(model, points, attempt, ended)
+    }
+
+    fn interrupted(&self) -> bool {
+        self.stop.load(Ordering::SeqCst)
+    }
+
+    fn finished(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        summary: &Summary,
+        error: Option<&SolveError>,
+    ) -> io::Result<()> {
+        let written = self.results.finished(model, points, summary, error);
+        // Whoever waits for the end of the run finds the summary when the status tells of it.
+        let lost = written.as_ref().err().map(SolveError::output);
+        self.progress.finished(error.or(lost.as_ref()));
+        self.update_status();
+        self.closing = Closing::new(model, points, summary, &self.results, error);
+        written
+    }
+}
+
+/// The step in hand among those that the deck asks for, or, where one was cut, the part of the time that it reaches.
+fn step_of(status: &Status) -> String {
+    let Status { step, steps_requested, time, end_time, .. } = status;
+    let reached = time / end_time;
+    if (reached * *steps_requested as f64 - *step as f64).abs() < 1e-6 {
+        format!("step {step}/{steps_requested}")
+    } else {
+        format!("step {step}, {:.4} % of the time", 100.0 * reached)
+    }
+}
+
+/// A step in equilibrium, in a line.
+fn in_equilibrium<const D: usize>(report: &StepReport<D>, status: &Status) -> String {
+    let solves = report.residuals.len().saturating_sub(1);
+    let residual = report.residuals.last().copied().unwrap_or(0.0);
+    format!("{}: {solves} iterations, residual {residual:.2e}", step_of(status))
+}
+
+/// Two lines of less than 80 columns in all.
+fn on_the_bar(status: &Status) -> String {
+    let mut first = step_of(status);
+    if let Some(residual) = status.residual {
+        first.push_str(&format!("  iteration {}  residual {residual:.1e}", status.iteration));
+    }
+    let mut second = vec![format!("{} elapsed", duration(status.elapsed_seconds))];
+    second.extend(status.seconds_left.map(|left| format!("{} left", duration(left))));
+    second.extend(status.load_factor.map(|factor| format!("load factor {}", significant(factor, 3))));
+    second.extend(status.points_per_second.map(rate));
+    second.extend(status.memory_bytes.map(bytes));
+    format!("{first}\n{}", second.join("  "))
+}
+
+/// What the log says of a step in equilibrium beside its residual.
+fn in_the_log(status: &Status) -> String {
+    let mut parts = Vec::new();
+    parts.extend(status.load_factor.map(|factor| format!("load factor {}", significant(factor, 4))));
+    parts.push(format!("{} unknowns", status.unknowns));
+    parts.extend(status.points_per_second.map(rate));
+    parts.extend(status.memory_bytes.map(bytes));
+    parts.extend(status.seconds_left.map(|left| format!("{} left", duration(left))));
+    parts.iter().map(|part| format!(", {part}")).collect()
+}
