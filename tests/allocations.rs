@@ -3,7 +3,7 @@
 #![allow(unsafe_code, reason = "an allocator that counts cannot be written without")]
 #![allow(clippy::unwrap_used)]
 
-#[path = "assembly/states.rs"]
+#[path = "method/assembly/states.rs"]
 mod states;
 
 use std::alloc::{GlobalAlloc, Layout, System as Heap};

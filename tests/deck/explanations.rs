@@ -1,0 +1,137 @@
+//! The pages that explain messages: their examples give the code, the mended ones do not.
+//!
+//! Blocks of a page hold some keys of a deck; the others come from the deck in `docs/errors/README.md`. A block of shell
+//! commands gives overrides of parameters.
+
+#![allow(clippy::unwrap_used)]
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use mpm::codes::{PAGES, Page};
+use mpm::deck::diagnostic::Diagnostic;
+use mpm::deck::load::load_text;
+use mpm::deck::ready::ready;
+use mpm::memory::Memory;
+use mpm::solver::Silent;
+
+/// What cannot be shown by a deck on every machine: no memory, no room on the disk.
+const WITHOUT_EXAMPLE: [&str; 8] = ["D036", "S008", "S011", "S012", "S013", "R001", "R002", "W004"];
+
+/// The blocks of a language between two headings, or up to the end.
+fn blocks<'a>(text: &'a str, language: &str, heading: &str) -> Vec<&'a str> {
+    let Some((_, section)) = text.split_once(heading) else { return Vec::new() };
+    let section = section.split("\n## ").next().unwrap();
+    let opening = format!("```{language}\n");
+    section.split(&opening).skip(1).map(|rest| rest.split("```").next().unwrap()).collect()
+}
+
+/// The top-level keys of a deck, each with its text.
+fn sections(deck: &str) -> Vec<(&str, String)> {
+    let mut sections: Vec<(&str, String)> = Vec::new();
+    for line in deck.lines() {
+        if line.starts_with(|c: char| c.is_ascii_alphabetic()) {
+            sections.push((line.split(':').next().unwrap(), String::new()));
+        }
+        if let Some((_, text)) = sections.last_mut() {
+            text.push_str(&format!("{line}\n"));
+        }
+    }
+    sections
+}
+
+/// A deck with the keys of a page in place of those of the common one; a page without keys is the whole deck.
+fn complete(common: &str, page: &str) -> String {
+    let given = sections(page);
+    if given.is_empty() {
+        return page.to_owned();
+    }
+    let taken = |key: &str| given.iter().any(|(name, _)| *name == key);
+    let rest: String =
+        sections(common).into_iter().filter(|(key, _)| !taken(key)).map(|(_, text)| text).collect();
+    rest + page
+}
+
+/// The overrides in shell commands.
+fn overrides(commands: &str) -> Vec<(String, String)> {
+    let words: Vec<&str> = commands.split_whitespace().collect();
+    let values = words.windows(2).filter(|pair| pair[0] == "--set").map(|pair| pair[1]);
+    values.map(|value| value.split_once('=').unwrap()).map(|(n, v)| (n.to_owned(), v.to_owned())).collect()
+}
+
+/// Codes of all messages about a deck: those of errors, and those of warnings and notes.
+type Codes = [BTreeSet<&'static str>; 2];
+
+/// The codes that an analysis gives up to its end.
+fn codes(deck: &str, set: &[(String, String)]) -> Codes {
+    let mut codes = Codes::default();
+    let mut take = |found: &[Diagnostic]| {
+        for diagnostic in found {
+            codes[usize::from(!diagnostic.is_error())].insert(diagnostic.code);
+        }
+    };
+    let mut loaded = match load_text("block.yaml", deck.as_bytes(), set) {
+        Ok(loaded) => loaded,
+        Err(failure) => {
+            take(&failure.diagnostics);
+            return codes;
+        }
+    };
+    take(&loaded.notes);
+    loaded.directory = PathBuf::from("inputs/new");
+    match ready(&loaded, Memory::of_this_machine()) {
+        Err(found) => take(&found),
+        Ok(mut ready) => {
+            take(&ready.notes);
+            let nothing = ready.analysis.beginning();
+            match ready.analysis.go_on(nothing, &mut Silent) {
+                Ok(summary) => codes[1].extend(summary.warnings.iter().map(|warning| warning.code.text())),
+                Err(error) => {
+                    codes[0].insert(error.code().unwrap());
+                }
+            }
+        }
+    }
+    codes
+}
+
+#[test]
+fn examples_give_their_code_and_mended_ones_do_not() {
+    let readme = include_str!("../../docs/errors/README.md");
+    let common = blocks(readme, "yaml", "# Messages")[0];
+    assert_eq!(codes(common, &[]), Codes::default(), "the deck of all examples is good");
+    let mut faults = Vec::new();
+    for Page { code, text } in PAGES {
+        let under = |heading: &str| {
+            let decks = blocks(text, "yaml", heading);
+            let set = blocks(text, "sh", heading).iter().flat_map(|block| overrides(block)).collect();
+            (complete(common, decks.first().unwrap_or(&common)), set, decks.len())
+        };
+        let (wrong, set, shown): (String, Vec<(String, String)>, usize) = under("\n## Example\n");
+        if WITHOUT_EXAMPLE.contains(code) {
+            assert!(text.contains("\n## What to do\n") && !text.contains("\n## Example\n"), "{code}");
+            continue;
+        }
+        assert!(shown == 1 || !set.is_empty(), "{code} has no example");
+        let [errors, remarks] = codes(&wrong, &set);
+        let only = errors.iter().all(|found| found == code);
+        if !only || !(errors.contains(code) || remarks.contains(code)) {
+            faults.push(format!("{code}: the example gives {errors:?} and {remarks:?}"));
+        }
+        let (mended, set, _) = under("\n## Mended\n");
+        let [errors, remarks] = codes(&mended, &set);
+        if !errors.is_empty() || remarks.contains(code) || mended == wrong && !text.contains("--set") {
+            faults.push(format!("{code}: the mended example gives {errors:?} and {remarks:?}"));
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn the_list_of_messages_is_complete() {
+    let readme = include_str!("../../docs/errors/README.md");
+    let listed: Vec<&str> = readme.lines().filter(|line| line.starts_with("- [")).collect();
+    let expected: Vec<String> =
+        PAGES.iter().map(|page| format!("- [{0}]({0}.md): {1}", page.code, page.title())).collect();
+    assert_eq!(listed, expected);
+}

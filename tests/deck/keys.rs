@@ -1,0 +1,248 @@
+//! Every key of the schema, misspelt, with values of every other type, and at the ends of its range: the messages are
+//! those stored in `tests/decks/generated`. `UPDATE_EXPECTED=1` rewrites them.
+
+#![allow(clippy::unwrap_used)]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+
+use crate::remedy;
+use mpm::deck::diagnostic::{Diagnostic, Gate};
+use mpm::deck::load::load_text;
+use mpm::deck::schema::strict_schema;
+use serde_json::Value;
+
+use crate::deck_text::{DeckText, last, misspelt, place, root};
+
+/// Decks that together have every key.
+fn decks() -> [DeckText; 4] {
+    ["every_key", "every_key_of_a_mesh", "every_key_in_space", "every_key_of_a_path"]
+        .map(|name| DeckText::read(&format!("tests/decks/{name}.good.yaml")))
+}
+
+/// A key of the schema in a deck.
+struct Key<'a> {
+    deck: &'a DeckText,
+    pointer: String,
+    /// Its schema, references followed.
+    schema: &'static Value,
+}
+
+/// Follows references; returns the place in the schema.
+fn resolve(home: &str) -> String {
+    let node = strict_schema().pointer(home).unwrap();
+    let reference = node.get("$ref").or_else(|| node.pointer("/allOf/0/$ref")).and_then(Value::as_str);
+    reference.map_or_else(|| home.to_owned(), |path| resolve(path.trim_start_matches('#')))
+}
+
+fn of_type(schema: &Value, value: &Value) -> bool {
+    match schema.get("type").and_then(Value::as_str) {
+        Some("number") => value.is_number(),
+        Some("integer") => value.is_i64() || value.is_u64(),
+        Some("string") => value.is_string(),
+        Some("array") => value.is_array(),
+        Some("object") => value.is_object(),
+        _ => false,
+    }
+}
+
+/// Notes for every key of the schema that a value has where it stands in the deck.
+fn walk(home: &str, value: &Value, at: &str, found: &mut BTreeMap<String, String>) {
+    let home = resolve(home);
+    let node = strict_schema().pointer(&home).unwrap();
+    if let Some(choices) = node.get("anyOf").and_then(Value::as_array) {
+        let chosen = choices.iter().position(|choice| of_type(choice, value)).unwrap();
+        return walk(&format!("{home}/anyOf/{chosen}"), value, at, found);
+    }
+    if let Some(items) = value.as_array() {
+        for (index, item) in items.iter().enumerate().filter(|_| node.get("items").is_some()) {
+            walk(&format!("{home}/items"), item, &format!("{at}/{index}"), found);
+        }
+    }
+    let Some(entries) = value.as_object() else { return };
+    let mut homes = vec![home.clone()];
+    for (index, branch) in node.get("allOf").and_then(Value::as_array).into_iter().flatten().enumerate() {
+        let condition = branch.pointer("/if/properties").and_then(Value::as_object).unwrap();
+        if condition.iter().all(|(tag, word)| entries.get(tag) == word.get("const")) {
+            homes.push(format!("{home}/allOf/{index}/then"));
+        }
+    }
+    for (key, inner) in entries {
+        let pointer = format!("{at}/{key}");
+        let declared = homes.iter().map(|home| format!("{home}/properties/{key}"));
+        let declared = declared.filter(|home| strict_schema().pointer(home).is_some_and(is_declaration));
+        let mut known = false;
+        for home in declared {
+            found.entry(home.clone()).or_insert_with(|| pointer.clone());
+            walk(&home, inner, &pointer, found);
+            known = true;
+        }
+        if !known {
+            walk(&format!("{home}/additionalProperties"), inner, &pointer, found);
+        }
+    }
+}
+
+/// The tag of a variant is declared elsewhere.
+fn is_declaration(schema: &Value) -> bool {
+    schema.as_object().is_some_and(|schema| !schema.is_empty())
+}
+
+/// All keys of the schema, by the places where they are declared.
+fn declared() -> BTreeSet<String> {
+    fn collect(schema: &Value, home: &str, found: &mut BTreeSet<String>) {
+        for (keyword, inner) in schema.as_object().into_iter().flatten() {
+            let at = format!("{home}/{keyword}");
+            match keyword.as_str() {
+                "if" | "examples" | "default" => {}
+                "properties" => {
+                    for (key, property) in inner.as_object().unwrap() {
+                        if is_declaration(property) {
+                            found.insert(format!("{at}/{key}"));
+                        }
+                        collect(property, &format!("{at}/{key}"), found);
+                    }
+                }
+                _ => collect(inner, &at, found),
+            }
+        }
+        for (index, inner) in schema.as_array().into_iter().flatten().enumerate() {
+            collect(inner, &format!("{home}/{index}"), found);
+        }
+    }
+    let mut found = BTreeSet::new();
+    collect(strict_schema(), "", &mut found);
+    found
+}
+
+/// Every key of the schema, where one of the decks has it first, in the order of the decks.
+fn keys(decks: &[DeckText; 4]) -> Vec<Key<'_>> {
+    let mut seen = BTreeSet::new();
+    let mut keys = Vec::new();
+    for deck in decks {
+        let mut found = BTreeMap::new();
+        walk("", &deck.value, "", &mut found);
+        let mut of_deck: Vec<(String, String)> = found.into_iter().collect();
+        of_deck.sort_by_key(|(_, pointer)| deck.source.key_span_of(pointer).unwrap().start);
+        for (home, pointer) in of_deck {
+            if seen.insert(home.clone()) {
+                keys.push(Key { deck, pointer, schema: strict_schema().pointer(&resolve(&home)).unwrap() });
+            }
+        }
+    }
+    let missing: Vec<_> = declared().difference(&seen).cloned().collect();
+    assert_eq!(missing, Vec::<String>::new(), "no deck has these keys");
+    keys
+}
+
+fn compare(name: &str, found: &str) {
+    let path = root().join(format!("tests/decks/generated/{name}.expected"));
+    if std::env::var_os("UPDATE_EXPECTED").is_some() {
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, found).unwrap();
+    }
+    let stored = fs::read_to_string(&path).unwrap_or_default();
+    let differs = stored.lines().zip(found.lines()).find(|(a, b)| a != b);
+    assert!(stored == found, "{name} differs from what is stored, first in {differs:?}");
+}
+
+fn messages(deck: &DeckText, text: &str) -> (Vec<Diagnostic>, String) {
+    let (found, text) = match load_text(&deck.name, text.as_bytes(), &[]) {
+        Ok(loaded) => (loaded.notes, String::new()),
+        Err(failure) => (failure.diagnostics.clone(), failure.render(false)),
+    };
+    found.iter().for_each(remedy::has_remedy);
+    (found, text)
+}
+
+#[test]
+fn every_misspelt_key_is_named() {
+    let decks = decks();
+    let mut all = String::new();
+    for key in keys(&decks) {
+        let (name, wrong) = (last(&key.pointer), misspelt(last(&key.pointer)));
+        let text = key.deck.with_key(&key.pointer, &wrong);
+        let (found, rendered) = messages(key.deck, &text);
+        let expected = key.deck.source.line_column(key.deck.source.key_span_of(&key.pointer).unwrap().start);
+        let source = mpm::deck::source::Source::read(&key.deck.name, text.as_bytes()).0;
+        let named = found.iter().find(|d| d.code == "D006" && place(&source, d) == expected);
+        let named = named.unwrap_or_else(|| panic!("{}: {rendered}", key.pointer));
+        assert!(named.is_error() && named.gate == Gate::Shape);
+        let help = named.help.as_ref().unwrap();
+        assert!(help.contains(&format!("`{name}`")), "{}: {help}", key.pointer);
+        all.push_str(&rendered);
+        all.push('\n');
+    }
+    compare("misspelt_keys", &all);
+}
+
+/// Values of every type; none of them is a sensible one anywhere.
+const VALUES: [&str; 6] = ["wrong", "5.5", "true", "", "[7]", "{a: 7}"];
+
+#[test]
+fn every_wrong_type_is_named() {
+    let decks = decks();
+    let mut all = String::new();
+    for key in keys(&decks) {
+        for value in VALUES {
+            let text = key.deck.with_value(&key.pointer, value);
+            let (found, _) = messages(key.deck, &text);
+            let source = mpm::deck::source::Source::read(&key.deck.name, text.as_bytes()).0;
+            all.push_str(&format!("{}: {value}\n", key.pointer));
+            for message in found.iter().filter(|d| d.is_error()) {
+                let (line, column) = place(&source, message);
+                all.push_str(&format!("  {}:{line}:{column}: {}\n", message.code, message.message));
+            }
+            let first = found.iter().find(|d| d.is_error() && d.gate == Gate::Shape);
+            if let Some(first) = first {
+                let line = place(&source, first).0;
+                let places =
+                    [key.deck.source.key_span_of(&key.pointer), key.deck.source.span_of(&key.pointer)];
+                let right = places.map(|span| key.deck.source.line_column(span.unwrap().start).0);
+                assert!(right.contains(&line), "{}: {value}: {first:?}", key.pointer);
+            }
+        }
+    }
+    compare("wrong_types", &all);
+}
+
+/// Values at the ends of a range and beyond.
+fn beyond(schema: &Value) -> Vec<f64> {
+    let limit = |key: &str| schema.get(key).and_then(Value::as_f64);
+    let mut values = Vec::new();
+    for (key, below) in
+        [("minimum", true), ("exclusiveMinimum", true), ("maximum", false), ("exclusiveMaximum", false)]
+    {
+        let Some(limit) = limit(key).filter(|limit| *limit < 4e9) else { continue };
+        if key.starts_with("exclusive") {
+            values.push(limit);
+        }
+        values.push(if below { limit - 1.0 } else { limit + 1.0 });
+    }
+    values
+}
+
+#[test]
+fn every_value_out_of_range_is_named() {
+    let decks = decks();
+    let mut all = String::new();
+    let mut count = 0;
+    for key in keys(&decks) {
+        let choices = key.schema.get("anyOf").and_then(Value::as_array);
+        let ranges: Vec<&Value> =
+            choices.map_or_else(|| vec![key.schema], |choices| choices.iter().collect());
+        for value in ranges.into_iter().flat_map(beyond) {
+            let text = key.deck.with_value(&key.pointer, &value.to_string());
+            let (found, rendered) = messages(key.deck, &text);
+            let source = mpm::deck::source::Source::read(&key.deck.name, text.as_bytes()).0;
+            let place_of_value = source.line_column(source.span_of(&key.pointer).unwrap().start);
+            let named = found.iter().any(|d| d.code == "D009" && place(&source, d) == place_of_value);
+            assert!(named, "{} = {value}: {rendered}", key.pointer);
+            all.push_str(&rendered);
+            all.push('\n');
+            count += 1;
+        }
+    }
+    assert!(count > 20, "{count}");
+    compare("ranges", &all);
+}

@@ -1,0 +1,14 @@
+//! Decks: how they are read, checked and built, and what is said of those that are wrong.
+
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+#![allow(clippy::print_stdout, reason = "the counts and numbers belong to the tests")]
+
+mod bad;
+mod deck_text;
+mod explanations;
+mod keys;
+mod loading;
+mod meaning;
+mod mutations;
+mod remedy;
+mod schema;

@@ -1,0 +1,253 @@
+//! A slow, obvious second implementation: plain loops over points and degrees of freedom into dense arrays, the basis
+//! as integrals of hat functions, the transcribed updated Lagrangian kernel in three dimensions with the motion of each
+//! degree of freedom as a 3×3 displacement gradient; no groups, batches, patterns or closed forms.
+
+use mpm::assembly::System;
+use mpm::basis::{DomainKind, Method};
+use mpm::kinematics::Increment;
+use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid, StartOfStep};
+use mpm::tensor::Mat3;
+use nalgebra::{DMatrix, DVector};
+
+use super::states::{FORMULATIONS, Law, State, cases, large_random_state, random_state};
+
+/// The hat function of a node at 0 with cells of length h, and its slope.
+fn hat(h: f64, x: f64) -> (f64, f64) {
+    if x.abs() < h { (1.0 - x.abs() / h, -x.signum() / h) } else { (0.0, 0.0) }
+}
+
+/// ∫ hat from −∞ to x.
+fn hat_integral(h: f64, x: f64) -> f64 {
+    match x / h {
+        xi if xi <= -1.0 => 0.0,
+        xi if xi <= 0.0 => 0.5 * h * (1.0 + xi).powi(2),
+        xi if xi <= 1.0 => h - 0.5 * h * (1.0 - xi).powi(2),
+        _ => h,
+    }
+}
+
+/// S and dS/dx along one axis at distance x from the node: the hat function, or its mean over [x − l, x + l].
+fn basis(method: Method, h: f64, x: f64, l: f64) -> (f64, f64) {
+    match method {
+        Method::Mpm => hat(h, x),
+        _ => (
+            (hat_integral(h, x + l) - hat_integral(h, x - l)) / (2.0 * l),
+            (hat(h, x + l).0 - hat(h, x - l).0) / (2.0 * l),
+        ),
+    }
+}
+
+/// Points and weights of Gauss' rule with five points on [0, 1].
+fn gauss() -> [(f64, f64); 5] {
+    let root = (10.0_f64 / 7.0).sqrt();
+    let (near, far) = ((5.0 - 2.0 * root).sqrt() / 3.0, (5.0 + 2.0 * root).sqrt() / 3.0);
+    let of = |sign: f64| (322.0 + sign * 13.0 * 70.0_f64.sqrt()) / 900.0;
+    [(-far, of(-1.0)), (-near, of(1.0)), (0.0, 128.0 / 225.0), (near, of(1.0)), (far, of(-1.0))]
+        .map(|(x, w)| (0.5 * (1.0 + x), 0.5 * w))
+}
+
+/// Means over a domain of the functions of its corners and of their gradients, by brute force: N_c is a product of
+/// linear functions of parameters in a quadrilateral or hexahedron, and a linear function of them in a simplex.
+fn means_of_corners<const D: usize>(corners: &[[f64; D]]) -> Vec<(f64, [f64; D])> {
+    let simplex = corners.len() == D + 1;
+    let functions = |at: [f64; D]| -> Vec<(f64, DVector<f64>)> {
+        let of = |c: usize| {
+            if simplex {
+                let slope = |d: usize| if c == 0 { -1.0 } else { f64::from(u8::from(c == d + 1)) };
+                let value = f64::from(u8::from(c == 0)) + (0..D).map(|d| slope(d) * at[d]).sum::<f64>();
+                return (value, DVector::from_fn(D, |d, _| slope(d)));
+            }
+            let along = |d: usize| if c >> d & 1 == 1 { (at[d], 1.0) } else { (1.0 - at[d], -1.0) };
+            let product =
+                |of: usize| (0..D).map(|d| if d == of { along(d).1 } else { along(d).0 }).product::<f64>();
+            (product(D), DVector::from_fn(D, |d, _| product(d)))
+        };
+        (0..corners.len()).map(of).collect()
+    };
+    let mut sums: Vec<(f64, DVector<f64>)> = vec![(0.0, DVector::zeros(D)); corners.len()];
+    let mut volume = 0.0;
+    for number in 0..5_usize.pow(D as u32) {
+        let rule: [(f64, f64); D] = std::array::from_fn(|d| gauss()[number / 5_usize.pow(d as u32) % 5]);
+        let (mut at, mut collapsed) = (rule.map(|(x, _)| x), 1.0);
+        if simplex {
+            // The cube of parameters collapses into a simplex, one axis after the other.
+            for d in 1..D {
+                let left: f64 = 1.0 - at[..d].iter().sum::<f64>();
+                at[d] *= left;
+                collapsed *= left;
+            }
+        }
+        let found = functions(at);
+        let jacobian = DMatrix::from_fn(D, D, |i, j| {
+            (0..corners.len()).map(|c| corners[c][i] * found[c].1[j]).sum::<f64>()
+        });
+        let weight = jacobian.determinant() * collapsed * rule.iter().map(|(_, w)| w).product::<f64>();
+        let to_space = jacobian.try_inverse().unwrap().transpose();
+        volume += weight;
+        for ((value, gradient), (sum, slope)) in found.into_iter().zip(&mut sums) {
+            *sum += weight * value;
+            *slope += &to_space * gradient * weight;
+        }
+    }
+    sums.into_iter().map(|(s, g)| (s / volume, std::array::from_fn(|d| g[d] / volume))).collect()
+}
+
+/// S and ∇S of every node of the grid at a point.
+fn basis_of_point<const D: usize>(state: &State<D>, p: usize) -> Vec<(f64, [f64; D])> {
+    let State { model, points, .. } = state;
+    let grid = model.grid.structured().unwrap();
+    let method = model.bodies[points.body[p] as usize].method;
+    let corners = points.corners(p);
+    let means = if method.domain() == DomainKind::Corners { means_of_corners(corners) } else { Vec::new() };
+    let at_node = |node: usize| {
+        let place = model.grid.node_position(node);
+        if !means.is_empty() {
+            let (mut value, mut gradient) = (0.0, [0.0; D]);
+            for (corner, (mean, slope)) in corners.iter().zip(&means) {
+                let here: f64 = (0..D).map(|d| hat(grid.spacing()[d], corner[d] - place[d]).0).product();
+                value += here * mean;
+                for d in 0..D {
+                    gradient[d] += here * slope[d];
+                }
+            }
+            return (value, gradient);
+        }
+        let along: [(f64, f64); D] = std::array::from_fn(|d| {
+            let x = points.converged.position[p][d] - place[d];
+            basis(method, grid.spacing()[d], x, points.half_lengths(p)[d])
+        });
+        let product = |of: usize| (0..D).map(|d| if d == of { along[d].1 } else { along[d].0 }).product();
+        (product(D), std::array::from_fn(product))
+    };
+    (0..model.grid.n_nodes()).map(at_node).collect()
+}
+
+/// The displacement gradient at a point when a degree of freedom, D × node + axis, moves by 1.
+pub fn motions_of_point<const D: usize, M: Mechanics<D>>(state: &State<D>, p: usize) -> Vec<(usize, Mat3)> {
+    let mut motions = Vec::new();
+    for (node, (value, gradient)) in basis_of_point(state, p).into_iter().enumerate() {
+        if gradient == [0.0; D] && value == 0.0 {
+            continue;
+        }
+        for i in 0..D {
+            let mut motion = Mat3::zeros();
+            for j in 0..D {
+                motion[(i, j)] = gradient[j];
+            }
+            if M::REVOLVED && i == 0 {
+                motion[(2, 2)] = value / state.points.converged.position[p][0];
+            }
+            motions.push((D * node + i, motion));
+        }
+    }
+    motions
+}
+
+/// f_int and K on all nodes of the grid, eqs. (2)-(6).
+fn dense<const D: usize, M: Mechanics<D>>(state: &State<D>) -> (DVector<f64>, DMatrix<f64>) {
+    let State { model, points, links, delta_d } = state;
+    let n = model.grid.n_nodes();
+    let (mut f, mut k) = (DVector::zeros(D * n), DMatrix::zeros(D * n, D * n));
+    for p in 0..points.len() {
+        let mut motions = motions_of_point::<D, M>(state, p);
+        let mut increment = Mat3::identity(); // (7)
+        for (degree, motion) in &motions {
+            increment += motion * links.active_number(degree / D).map_or(0.0, |a| delta_d[a][degree % D]);
+        }
+        let f_n = points.converged.deformation_gradient[p];
+        let law = model.law(points, p);
+        let start = StartOfStep {
+            b_n: law.strain_measure().left_cauchy_green(&points.converged.elastic_strain[p]),
+            J_n: f_n.determinant(),
+            volume_n: f_n.determinant() * points.original_volume[p],
+        };
+        let rows: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| increment[(i, j)]));
+        let old = &points.converged.history[p * points.history_len..][..law.state_fields().len()];
+        let c =
+            Solid::respond_updated(&start, &Increment::of(rows), law, old, &mut old.to_vec()).unwrap().weak;
+        let inverse = increment.try_inverse().unwrap();
+        for (_, motion) in &mut motions {
+            *motion *= inverse; // (8)
+        }
+        for (b, of_b) in &motions {
+            let change = Mat3::from_fn(|i, j| {
+                (0..9).map(|e| c.tangent[i][j][e / 3][e % 3] * of_b[(e / 3, e % 3)]).sum::<f64>()
+            });
+            f[*b] += c.volume * Mat3::from_fn(|i, j| c.stress[i][j]).dot(of_b);
+            for (a, of_a) in &motions {
+                k[(*a, *b)] += c.volume * of_a.dot(&change);
+            }
+        }
+    }
+    (f, k)
+}
+
+/// f_int and K of the program, spread over all nodes of the grid.
+fn assembled<const D: usize, M: Mechanics<D>>(state: &mut State<D>) -> (DVector<f64>, DMatrix<f64>) {
+    let State { model, points, links, delta_d } = state;
+    let mut system = System::new::<M>(model, points, links);
+    system.assemble::<M>(model, points, links, delta_d).unwrap();
+    let n = model.grid.n_nodes();
+    let place = |active: usize, axis: usize| D * links.active_nodes()[active] as usize + axis;
+    let (mut f, mut k) = (DVector::zeros(D * n), DMatrix::zeros(D * n, D * n));
+    let mut unit = vec![[0.0; D]; links.n_active()];
+    let mut column = unit.clone();
+    for b in 0..links.n_active() {
+        for m in 0..D {
+            f[place(b, m)] = system.internal_force()[b][m];
+            unit[b][m] = 1.0;
+            system.multiply(&unit, &mut column);
+            unit[b][m] = 0.0;
+            for (a, entries) in column.iter().enumerate() {
+                for (i, entry) in entries.iter().enumerate() {
+                    k[(place(a, i), place(b, m))] = *entry;
+                }
+            }
+        }
+    }
+    (f, k)
+}
+
+fn check<const D: usize, M: Mechanics<D>>(state: &mut State<D>, case: &str) {
+    let (f, k) = assembled::<D, M>(state);
+    let (f_plain, k_plain) = dense::<D, M>(state);
+    let error_f = (f - &f_plain).amax() / f_plain.amax();
+    let error_k = (k - &k_plain).amax() / k_plain.amax();
+    assert!(error_f < 1e-12 && error_k < 1e-12, "{case}: {error_f:e} {error_k:e}");
+}
+
+fn check_all<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
+    for (method, law) in cases {
+        for formulation in FORMULATIONS {
+            for (seed, n_points) in [(1, 7), (2, 60), (3, 300)] {
+                let mut state = random_state::<D, M>(method, law, n_points, seed);
+                state.model.formulation = formulation;
+                check::<D, M>(&mut state, &format!("{method:?} {law:?} {formulation:?} {n_points}"));
+            }
+        }
+    }
+}
+
+#[test]
+fn internal_force_and_stiffness_equal_those_of_plain_loops() {
+    check_all::<2, PlaneStrain>(cases());
+}
+
+#[test]
+fn internal_force_and_stiffness_of_a_body_of_revolution_equal_those_of_plain_loops() {
+    check_all::<2, Axisymmetric>(cases());
+}
+
+#[test]
+fn internal_force_and_stiffness_in_three_dimensions_equal_those_of_plain_loops() {
+    check_all::<3, Solid>(cases());
+}
+
+/// A grid with enough groups for several batches.
+#[test]
+fn batches_are_merged_without_loss() {
+    for law in [Law::Both, Law::Skewed] {
+        let mut state = large_random_state::<PlaneStrain>(Method::Gimp, law, 3000, 4);
+        check::<2, PlaneStrain>(&mut state, &format!("{law:?}"));
+    }
+}

@@ -1,0 +1,229 @@
+//! K is the derivative of the internal force, symmetric, and the same in both formulations.
+
+use mpm::assembly::System;
+use mpm::basis::Method;
+use mpm::kinematics::Increment;
+use mpm::stress::{Axisymmetric, Formulation, InPlane, Mechanics, PlaneStrain, Solid, StartOfStep};
+
+use super::states::{FORMULATIONS, Law, Random, State, cases, cases_without_corners, random_state};
+
+/// Internal force at an increment, and which points flow.
+fn evaluate<const D: usize, M: Mechanics<D>>(
+    system: &mut System<D>,
+    state: &mut State<D>,
+    delta_d: &[[f64; D]],
+) -> (Vec<[f64; D]>, Vec<bool>) {
+    let State { model, points, links, .. } = state;
+    system.assemble::<M>(model, points, links, delta_d).unwrap();
+    let flow = points.trial.history.iter().zip(&points.converged.history).map(|(new, old)| new > old);
+    (system.internal_force().to_vec(), flow.collect())
+}
+
+/// Some of the von Mises points flow, some do not.
+fn check_mixture(law: Law, flowing: &[bool]) {
+    let n = flowing.iter().filter(|f| **f).count();
+    let both = 10 * n > flowing.len() && 10 * n < 9 * flowing.len();
+    let flows = matches!(law, Law::VonMises | Law::Both);
+    assert!(!flows || both, "{n} of {} points flow", flowing.len());
+}
+
+fn largest<const D: usize>(values: &[[f64; D]]) -> f64 {
+    values.iter().flatten().fold(0.0, |m, x| m.max(x.abs()))
+}
+
+fn check_derivative<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>, n_points: usize) {
+    const STEP: f64 = 1e-6; // of nodal displacements; cells are 0.5 by 0.4
+    let (mut worst, mut strain) = (0.0f64, 0.0f64);
+    for (method, law) in cases {
+        for formulation in FORMULATIONS {
+            let mut state = random_state::<D, M>(method, law, n_points, 11);
+            state.model.formulation = formulation;
+            let mut system = System::new::<M>(&state.model, &state.points, &state.links);
+            let base = state.delta_d.clone();
+            let (_, flowing) = evaluate::<D, M>(&mut system, &mut state, &base);
+            check_mixture(law, &flowing);
+            let n = base.len();
+            // All columns of K, before the system is assembled elsewhere.
+            let mut columns = Vec::new();
+            for b in 0..D * n {
+                let mut unit = vec![[0.0; D]; n];
+                unit[b / D][b % D] = 1.0;
+                let mut column = unit.clone();
+                system.multiply(&unit, &mut column);
+                columns.push(column);
+            }
+            let scale = columns.iter().map(|c| largest(c)).fold(0.0, f64::max);
+            for (b, column) in columns.iter().enumerate() {
+                let mut shifted = |by: f64| {
+                    let mut delta_d = base.clone();
+                    delta_d[b / D][b % D] += by;
+                    let (force, flow) = evaluate::<D, M>(&mut system, &mut state, &delta_d);
+                    assert!(
+                        flow == flowing,
+                        "a point switches between elastic and plastic within the difference"
+                    );
+                    force
+                };
+                let (plus, minus) = (shifted(STEP), shifted(-STEP));
+                for a in 0..n {
+                    for i in 0..D {
+                        let numeric = (plus[a][i] - minus[a][i]) / (2.0 * STEP);
+                        worst = worst.max((numeric - column[a][i]).abs() / scale);
+                    }
+                }
+                assert!(worst < 1e-6, "{method:?} {law:?} {formulation:?}, column {b}: {worst:e}");
+            }
+            for (old, new) in
+                state.points.converged.elastic_strain.iter().zip(&state.points.trial.elastic_strain)
+            {
+                strain = strain.max((*new - *old).norm());
+            }
+        }
+    }
+    assert!(strain > 0.3, "the increments are not large: {strain}");
+}
+
+#[test]
+fn stiffness_is_the_derivative_of_the_internal_force() {
+    check_derivative::<2, PlaneStrain>(cases(), 80);
+}
+
+#[test]
+fn stiffness_of_a_body_of_revolution_is_the_derivative_of_the_internal_force() {
+    check_derivative::<2, Axisymmetric>(cases(), 80);
+}
+
+#[test]
+fn stiffness_in_three_dimensions_is_the_derivative_of_the_internal_force() {
+    check_derivative::<3, Solid>(cases_without_corners(), 60);
+}
+
+fn check_formulations<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
+    let (mut worst_f, mut worst_k) = (0.0f64, 0.0f64);
+    for (method, law) in cases {
+        for seed in 0..5 {
+            let [(f, kx), (g, ky)] = FORMULATIONS.map(|formulation| {
+                let mut state = random_state::<D, M>(method, law, 150, 100 + seed);
+                state.model.formulation = formulation;
+                let mut system = System::new::<M>(&state.model, &state.points, &state.links);
+                let base = state.delta_d.clone();
+                let (f, _) = evaluate::<D, M>(&mut system, &mut state, &base);
+                let mut random = Random(seed);
+                let x: Vec<[f64; D]> = f.iter().map(|_| [0; D].map(|_| random.within(-1.0, 1.0))).collect();
+                let mut kx = x.clone();
+                system.multiply(&x, &mut kx);
+                (f, kx)
+            });
+            let difference = |a: &[[f64; D]], b: &[[f64; D]]| {
+                let d: Vec<[f64; D]> =
+                    a.iter().zip(b).map(|(a, b)| std::array::from_fn(|i| a[i] - b[i])).collect();
+                largest(&d) / largest(a)
+            };
+            worst_f = worst_f.max(difference(&f, &g));
+            worst_k = worst_k.max(difference(&kx, &ky));
+            assert!(worst_f < 1e-12 && worst_k < 1e-12, "{method:?} {law:?} {seed}: {worst_f:e} {worst_k:e}");
+        }
+    }
+}
+
+#[test]
+fn both_formulations_give_the_same_force_and_stiffness() {
+    check_formulations::<2, PlaneStrain>(cases());
+    check_formulations::<2, Axisymmetric>(cases());
+    check_formulations::<3, Solid>(cases_without_corners());
+}
+
+fn check_force<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
+    for (method, law) in cases {
+        for formulation in FORMULATIONS {
+            let mut state = random_state::<D, M>(method, law, 150, 7);
+            state.model.formulation = formulation;
+            let (first, half): (Vec<[f64; D]>, Vec<[f64; D]>) =
+                (state.delta_d.clone(), state.delta_d.iter().map(|u| u.map(|u| 0.5 * u)).collect());
+            let mut system = System::new::<M>(&state.model, &state.points, &state.links);
+            let (force, _) = evaluate::<D, M>(&mut system, &mut state, &first);
+            let trial = state.points.trial.clone();
+            // The stiffness of another state, which is to stay.
+            evaluate::<D, M>(&mut system, &mut state, &half);
+            let mut before = half.clone();
+            system.multiply(&first, &mut before);
+            let State { model, points, links, .. } = &mut state;
+            system.assemble_force::<M>(model, points, links, &first).unwrap();
+            let mut after = half.clone();
+            system.multiply(&first, &mut after);
+            assert!(system.internal_force() == force, "{method:?} {law:?} {formulation:?}");
+            assert!(before == after, "{method:?} {law:?} {formulation:?}");
+            let now = &points.trial;
+            assert!(now.kirchhoff_stress == trial.kirchhoff_stress && now.history == trial.history);
+            assert!(now.elastic_strain == trial.elastic_strain, "{method:?} {law:?} {formulation:?}");
+        }
+    }
+}
+
+#[test]
+fn without_stiffness_force_and_points_have_the_same_bits() {
+    check_force::<2, PlaneStrain>(cases());
+    check_force::<2, Axisymmetric>(cases());
+    check_force::<3, Solid>(cases_without_corners());
+}
+
+/// The system stores one triangle only, which would hide an unsymmetric tangent: the tangent of every point must have
+/// major symmetry, Ã of eqs. (A.3)-(A.6) and a of eqs. (A.1)-(A.2) alike.
+#[test]
+fn point_tangents_and_stiffness_are_symmetric() {
+    let mut worst = 0.0f64;
+    for (method, law) in cases().into_iter().filter(|(_, law)| *law != Law::Skewed) {
+        for formulation in FORMULATIONS {
+            let State { model, points, links, delta_d } =
+                random_state::<2, PlaneStrain>(method, law, 200, 42);
+            for group in 0..links.n_groups() {
+                for p in links.points_of(group) {
+                    let t = point_tangent(&model, &points, &links, &delta_d, formulation, group, p);
+                    let scale = t.as_flattened().as_flattened().as_flattened();
+                    let scale = scale.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+                    let index = |n: usize| [n >> 3 & 1, n >> 2 & 1, n >> 1 & 1, n & 1];
+                    for [i, j, k, l] in (0..16).map(index) {
+                        worst = worst.max((t[i][j][k][l] - t[k][l][i][j]).abs() / scale);
+                    }
+                }
+            }
+            assert!(worst < 1e-13, "{method:?} {law:?} {formulation:?}: {worst:e}");
+        }
+    }
+}
+
+/// The tangent of a point in plane strain, `[i][j][k][l]`.
+fn point_tangent(
+    model: &mpm::model::Model<2>,
+    points: &mpm::points::Points<2>,
+    links: &mpm::basis::Connectivity<2>,
+    delta_d: &[[f64; 2]],
+    formulation: Formulation,
+    group: usize,
+    p: usize,
+) -> [[[[f64; 2]; 2]; 2]; 2] {
+    let place = &points.converged.position[p];
+    let mut room = mpm::basis::Room { value: &mut [], gradient: &mut [] }; // in the plane none is needed
+    let increment = Increment::new(false, links.nodes_of(group), &links.links(p, &mut room), delta_d, place);
+    let f_n = points.converged.deformation_gradient[p];
+    let law = model.law(points, p);
+    let strain = &points.converged.elastic_strain[p];
+    let start = StartOfStep {
+        b_n: PlaneStrain::elastic_left_cauchy_green(law.strain_measure(), strain),
+        J_n: f_n.determinant(),
+        volume_n: f_n.determinant() * points.original_volume[p],
+    };
+    let old = &points.converged.history[p * points.history_len..][..law.state_fields().len()];
+    let new = &mut old.to_vec();
+    match formulation {
+        Formulation::PreviouslyConverged => {
+            let InPlane { tangent, .. } =
+                PlaneStrain::respond(&start, &increment, law, old, new).unwrap().weak;
+            let index = [0, 1];
+            index.map(|i| index.map(|j| index.map(|k| index.map(|l| tangent[l][j][i][k]))))
+        }
+        Formulation::UpdatedLagrangian => {
+            PlaneStrain::respond_updated(&start, &increment, law, old, new).unwrap().weak.tangent
+        }
+    }
+}

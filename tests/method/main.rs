@@ -1,0 +1,17 @@
+//! The method and its parts against oracles, closed forms and each other, and the files of results.
+
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+#![allow(clippy::print_stdout, reason = "the measured numbers are part of the verification")]
+
+mod assembly;
+mod failure;
+mod gmsh;
+mod inline_vtu;
+mod iterative;
+mod linear;
+mod scaling;
+mod solid;
+mod stabilisation;
+mod stepping;
+mod threads;
+mod vtu;
