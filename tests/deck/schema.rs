@@ -25,7 +25,10 @@ fn check_fresh(path: &str, text: &str) {
         fs::write(&file, text).unwrap();
     }
     let stored = fs::read_to_string(&file).unwrap_or_default();
-    assert!(stored == text, "{path} is stale: write it anew with `UPDATE_SCHEMA=1 cargo test --test deck schema`");
+    assert!(
+        stored == text,
+        "{path} is stale: write it anew with `UPDATE_SCHEMA=1 cargo test --test deck schema`"
+    );
 }
 
 #[test]

@@ -75,16 +75,19 @@ impl Sym3 {
     }
 
     /// Trace.
+    #[inline(always)]
     pub fn trace(&self) -> f64 {
         self.0[0] + self.0[1] + self.0[2]
     }
 
     /// Deviator.
+    #[inline(always)]
     pub fn deviator(&self) -> Sym3 {
         *self - Sym3::IDENTITY * (self.trace() / 3.0)
     }
 
     /// Double contraction with another symmetric tensor.
+    #[inline(always)]
     pub fn dot(&self, other: &Sym3) -> f64 {
         let mut sum = 0.0;
         for c in 0..6 {
@@ -94,6 +97,7 @@ impl Sym3 {
     }
 
     /// Frobenius norm.
+    #[inline(always)]
     pub fn norm(&self) -> f64 {
         self.dot(self).sqrt()
     }
@@ -123,6 +127,7 @@ impl Sym3 {
 
 impl Add for Sym3 {
     type Output = Sym3;
+    #[inline(always)]
     fn add(self, other: Sym3) -> Sym3 {
         Sym3(std::array::from_fn(|c| self.0[c] + other.0[c]))
     }
@@ -130,6 +135,7 @@ impl Add for Sym3 {
 
 impl Sub for Sym3 {
     type Output = Sym3;
+    #[inline(always)]
     fn sub(self, other: Sym3) -> Sym3 {
         Sym3(std::array::from_fn(|c| self.0[c] - other.0[c]))
     }
@@ -137,6 +143,7 @@ impl Sub for Sym3 {
 
 impl Mul<f64> for Sym3 {
     type Output = Sym3;
+    #[inline(always)]
     fn mul(self, factor: f64) -> Sym3 {
         Sym3(std::array::from_fn(|c| self.0[c] * factor))
     }

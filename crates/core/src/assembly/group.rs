@@ -75,6 +75,7 @@ impl<const D: usize, const N: usize> Whole<D, N> {
     }
 
     /// Writes the blocks in the order of [`Triangle`].
+    #[inline(always)]
     pub fn store(&self, blocks: &mut [Block<D>]) {
         for a in 0..N {
             for b in 0..=a {
@@ -150,6 +151,7 @@ impl<const D: usize, const N: usize, const C: usize> Cell<D, N, C> {
     }
 
     /// Writes the blocks in the order of [`Triangle`] or [`Square`].
+    #[inline(always)]
     pub fn store(&self, blocks: &mut [Block<D>]) {
         for b in 0..N {
             for a in if self.symmetric { b } else { 0 }..N {

@@ -286,11 +286,13 @@ impl<const D: usize> Connectivity<D> {
     }
 
     /// Calls `visit` with the place of each node of a point in the node list of its group, and S_vp.
+    #[inline(always)]
     pub fn for_each_value(&self, point: usize, mut visit: impl FnMut(usize, f64)) {
         self.for_each_link(point, |local, value, _| visit(local, value));
     }
 
     /// Calls `visit` with the place of each node of a point in the node list of its group, S_vp, and ∂S_vp/∂X̃, [1/length].
+    #[inline(always)]
     pub fn for_each_link(&self, point: usize, mut visit: impl FnMut(usize, f64, &[f64; D])) {
         const FEW: usize = 64;
         let n = self.places(point).len();

@@ -22,6 +22,7 @@ impl<const D: usize> Structured<D> {
     }
 
     /// Sides of a cell, [length].
+    #[inline(always)]
     pub fn spacing(&self) -> [f64; D] {
         self.spacing
     }
@@ -43,6 +44,7 @@ impl<const D: usize> Structured<D> {
     }
 
     /// Indices of a node along the axes.
+    #[inline(always)]
     pub fn node_index(&self, node: usize) -> [usize; D] {
         split(node, self.cells.map(|n| n + 1))
     }
@@ -54,6 +56,7 @@ impl<const D: usize> Structured<D> {
     }
 
     /// Indices of a cell along the axes.
+    #[inline(always)]
     pub fn cell_index(&self, cell: usize) -> [usize; D] {
         split(cell, self.cells)
     }
