@@ -11,8 +11,8 @@
 //! Each knows only those above it in this list. None prints or exits; `main.rs` does.
 
 pub use mpm_core::{
-    assembly, basis, dofs, domain, formula, grid, kinematics, linear, material, memory, model, points,
-    quality, region, solver, stress, tensor, terms, timing,
+    assembly, basis, dofs, domain, equilibrium, formula, grid, kinematics, linear, material, memory, model,
+    points, quality, region, solver, step, stress, tensor, terms, timing,
 };
 pub use mpm_deck as deck;
 pub use mpm_files as output;

@@ -9,8 +9,10 @@ mod states;
 use std::alloc::{GlobalAlloc, Layout, System as Heap};
 use std::cell::Cell;
 
-use mpm::assembly::System;
+use mpm::assembly::Wanted;
+use mpm::step::{At, StepContext};
 use mpm::stress::PlaneStrain;
+use mpm::terms::Sum;
 
 use states::{FORMULATIONS, Random, State, cases, random_state};
 
@@ -54,9 +56,16 @@ fn assembling_again_allocates_nothing() {
                 let mut state = random_state::<2, PlaneStrain>(method, law, 400, 5);
                 state.model.formulation = formulation;
                 let State { model, points, links, delta_d } = &mut state;
-                let mut system = System::new::<PlaneStrain>(model, points, links);
+                let mut sum =
+                    Sum::of_bodies::<PlaneStrain>(&StepContext::first(model, links), points).unwrap();
                 let mut assemble = |delta_d: &[[f64; 2]]| {
-                    system.assemble::<PlaneStrain>(model, points, links, delta_d).unwrap();
+                    sum.evaluate(
+                        &StepContext::first(model, links),
+                        points,
+                        At { delta_d, factor: 0.0 },
+                        Wanted::Stiffness,
+                    )
+                    .unwrap();
                 };
                 let first = allocations(|| assemble(delta_d));
                 let mut random = Random(1);

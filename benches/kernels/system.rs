@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use mpm::assembly::System;
+use mpm::assembly::Wanted;
 use mpm::basis::{Connectivity, Method};
 use mpm::deck::{build::build, load::load_text};
 use mpm::dofs::DofMap;
@@ -10,7 +10,9 @@ use mpm::grid::Grid;
 use mpm::linear::{Direct, FactorSize, Factorisation, LinearSolver, ordering};
 use mpm::model::Model;
 use mpm::points::Points;
+use mpm::step::{At, StepContext};
 use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid};
+use mpm::terms::Sum;
 
 use crate::calibration::Machine;
 use crate::clock::{exponent, least};
@@ -201,23 +203,30 @@ fn measure<const D: usize, M: Mechanics<D>>(
     let links = kept.expect("points lie in the grid");
     let delta_d: Vec<[f64; D]> =
         links.active_nodes().iter().map(|&node| motion(&grid.node_position(node as usize))).collect();
-    let mut system = System::new::<M>(&model, &points, &links);
+    let mut sum =
+        Sum::of_bodies::<M>(&StepContext::first(&model, &links), &points).expect("loads are finite");
     let assembly = least(|| {
-        system.assemble::<M>(&model, &mut points, &links, &delta_d).expect("the motion is possible")
+        sum.evaluate(
+            &StepContext::first(&model, &links),
+            &mut points,
+            At { delta_d: &delta_d, factor: 0.0 },
+            Wanted::Stiffness,
+        )
+        .expect("the motion is possible")
     });
 
     let end = model.stepping.end_time / model.stepping.count as f64;
     let dofs = DofMap::new(&model, &points, &links, 0.0, end).expect("conditions agree");
-    let entries = system.free_entries(&dofs);
+    let entries = sum.system().free_entries(&dofs);
     let mut values = Vec::new();
-    system.free_values(&entries, &mut values);
+    sum.system().free_values(&entries, &mut values);
     let n = entries.pattern.n;
     let pairs = entries.pattern.row.len() / (D * D);
     let mut direct = Direct::default();
     let lattice = |active: usize| grid.lattice(links.active_nodes()[active] as usize);
     let coordinates: Vec<[u32; D]> = (0..links.n_active()).map(lattice).collect();
     let order = || {
-        let nodes = ordering::nested_dissection(&coordinates, system.reach(lattice));
+        let nodes = ordering::nested_dissection(&coordinates, sum.system().reach(lattice));
         nodes
             .iter()
             .flat_map(|&node| (0..D).map(move |axis| (node, axis)))

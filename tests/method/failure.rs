@@ -4,14 +4,16 @@
 
 use std::path::Path;
 
-use mpm::assembly::System;
+use mpm::assembly::Wanted;
 use mpm::basis::Connectivity;
 use mpm::deck::build::build;
 use mpm::deck::load::{load, load_text};
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::{self, Silent, SolveError};
+use mpm::step::{At, StepContext};
 use mpm::stress::PlaneStrain;
+use mpm::terms::Sum;
 use mpm::terms::external_force::external_force;
 use nalgebra::{DMatrix, DVector};
 
@@ -41,16 +43,22 @@ fn after_one_solve() -> (Vec<Imbalance>, f64) {
         })
         .collect();
 
-    let mut system = System::new::<PlaneStrain>(&model, &points, &links);
+    let mut sum = Sum::of_bodies::<PlaneStrain>(&StepContext::first(&model, &links), &points).unwrap();
     let at_rest = vec![[0.0; 2]; n];
-    system.assemble::<PlaneStrain>(&model, &mut points, &links, &at_rest).unwrap();
+    sum.evaluate(
+        &StepContext::first(&model, &links),
+        &mut points,
+        At { delta_d: &at_rest, factor: 0.0 },
+        Wanted::Stiffness,
+    )
+    .unwrap();
     let f_ext =
         external_force(&model, &points, &links, model.stepping.end_time / model.stepping.count as f64)
             .unwrap()
             .nodal;
     let mut times = |x: &[[f64; 2]]| {
         let mut out = at_rest.clone();
-        system.multiply(x, &mut out);
+        sum.system_mut().multiply(x, &mut out);
         out
     };
     let mut K = DMatrix::zeros(2 * n, 2 * n);
@@ -66,7 +74,13 @@ fn after_one_solve() -> (Vec<Imbalance>, f64) {
         delta_d[i / 2][i % 2] = *u;
     }
     let resisted = times(&delta_d);
-    system.assemble::<PlaneStrain>(&model, &mut points, &links, &delta_d).unwrap();
+    sum.evaluate(
+        &StepContext::first(&model, &links),
+        &mut points,
+        At { delta_d: &delta_d, factor: 0.0 },
+        Wanted::Stiffness,
+    )
+    .unwrap();
 
     let (mut forces, mut out, mut applied) = (Vec::new(), 0.0, 0.0);
     for a in 0..n {
@@ -74,7 +88,7 @@ fn after_one_solve() -> (Vec<Imbalance>, f64) {
             // External force, and the linearised reaction where the node is held.
             if free.contains(&(2 * a + d)) { f_ext[a][d] } else { resisted[a][d] }
         });
-        let force: [f64; 2] = std::array::from_fn(|d| total[d] - system.internal_force()[a][d]);
+        let force: [f64; 2] = std::array::from_fn(|d| total[d] - sum.system().internal_force()[a][d]);
         out += force[0].powi(2) + force[1].powi(2);
         applied += total[0].powi(2) + total[1].powi(2);
         forces.push((place[a], force));

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use mpm::assembly::System;
+use mpm::assembly::Wanted;
 use mpm::basis::Connectivity;
 use mpm::deck::build::build;
 use mpm::deck::load::{LoadedDeck, load, load_text};
@@ -15,7 +15,9 @@ use mpm::model::Model;
 use mpm::points::Points;
 use mpm::quality::Code;
 use mpm::solver::{self, Observer, Solvable, StepReport, Summary};
+use mpm::step::{At, StepContext};
 use mpm::stress::{Mechanics, PlaneStrain, Solid};
+use mpm::terms::Sum;
 use mpm::terms::external_force::external_force;
 
 /// Pseudo-random numbers in [−1, 1).
@@ -36,7 +38,7 @@ fn deck(path: &str, set: &[(&str, &str)]) -> LoadedDeck {
 
 /// The equations of the first load step of a model.
 struct Equations<const D: usize> {
-    system: System<D>,
+    sum: Sum<D>,
     dofs: DofMap<D>,
     places: Vec<[u32; D]>,
     held: Vec<[bool; D]>,
@@ -54,11 +56,17 @@ fn equations<const D: usize, M: Mechanics<D>>(
     let links = Connectivity::new(model.grid.as_ref(), points, &methods).unwrap();
     let dofs = DofMap::new(model, points, &links, 0.0, model.stepping.end_time / model.stepping.count as f64)
         .unwrap();
-    let mut system = System::new::<M>(model, points, &links);
+    let mut sum = Sum::of_bodies::<M>(&StepContext::first(model, &links), points).unwrap();
     let mut random = Random(3);
     let delta_d: Vec<[f64; D]> =
         (0..links.n_active()).map(|_| std::array::from_fn(|_| wobble * random.next())).collect();
-    system.assemble::<M>(model, points, &links, &delta_d).unwrap();
+    sum.evaluate(
+        &StepContext::first(model, &links),
+        points,
+        At { delta_d: &delta_d, factor: 0.0 },
+        Wanted::Stiffness,
+    )
+    .unwrap();
     let places = links.active_nodes().iter().map(|&node| model.grid.lattice(node as usize)).collect();
     let held = (0..links.n_active())
         .map(|node| std::array::from_fn(|axis| dofs.free(node, axis).is_none()))
@@ -66,7 +74,7 @@ fn equations<const D: usize, M: Mechanics<D>>(
     let f_ext = external_force(model, points, &links, model.stepping.end_time / model.stepping.count as f64)
         .unwrap()
         .nodal;
-    Equations { system, dofs, places, held, f_ext }
+    Equations { sum, dofs, places, held, f_ext }
 }
 
 impl<const D: usize> Equations<D> {
@@ -85,19 +93,19 @@ impl<const D: usize> Equations<D> {
 
     fn solve(&mut self, load: &[[f64; D]], tolerance: f64) -> (Vec<[f64; D]>, usize) {
         let mut solver = Krylov::default();
-        solver.analyse(&self.system.matrix(), self.places.clone(), self.held.clone()).unwrap();
-        solver.factorise(&self.system.matrix()).unwrap();
+        solver.analyse(&self.sum.system().matrix(), self.places.clone(), self.held.clone()).unwrap();
+        solver.factorise(&self.sum.system().matrix()).unwrap();
         let mut x = vec![[0.0; D]; load.len()];
-        let multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| self.system.multiply(x, out);
+        let multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| self.sum.system_mut().multiply(x, out);
         let (kind, iterations) = solver.solve(multiply, load, &mut x, tolerance).unwrap();
         assert_eq!(kind, Factorisation::Multigrid);
         (x, iterations)
     }
 
     fn solve_directly(&self, load: &[[f64; D]]) -> Vec<[f64; D]> {
-        let entries = self.system.free_entries(&self.dofs);
+        let entries = self.sum.system().free_entries(&self.dofs);
         let mut values = Vec::new();
-        self.system.free_values(&entries, &mut values);
+        self.sum.system().free_values(&entries, &mut values);
         let mut direct = Direct::default();
         let n = self.dofs.n_free();
         direct.analyse(entries.pattern, &|| (0..n).collect()).unwrap();
@@ -213,7 +221,7 @@ fn cells_that_are_hardly_filled_cost_few_iterations() {
 fn with_diagonal(factor: f64) -> (Result<(Factorisation, usize), LinearError>, f64) {
     let (model, mut points) = build::<3>(&deck("block/block.yaml", &[("h", "0.5")])).unwrap();
     let equations = equations::<3, Solid>(&model, &mut points, 0.0);
-    let matrix = equations.system.matrix();
+    let matrix = equations.sum.system().matrix();
     let load = equations.load(true);
     let mut blocks = matrix.blocks.to_vec();
     for c in 0..equations.places.len() {

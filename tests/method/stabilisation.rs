@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use mpm::assembly::System;
+use mpm::assembly::Wanted;
 use mpm::basis::Connectivity;
 use mpm::deck::build::build;
 use mpm::deck::load::{load, load_text};
@@ -12,7 +12,9 @@ use mpm::dofs::DofMap;
 use mpm::model::{Model, Where};
 use mpm::points::Points;
 use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
+use mpm::step::{At, StepContext};
 use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid};
+use mpm::terms::Sum;
 use mpm::terms::ghost::Ghost;
 use nalgebra::DMatrix;
 
@@ -141,11 +143,17 @@ fn enters_force_and_stiffness_alike<const D: usize, M: Mechanics<D>>(
     let rough: Vec<[f64; D]> =
         (0..n).map(|n| std::array::from_fn(|d| ((7 * n + 3 * d) as f64).sin())).collect();
     let mut evaluate = |model: &Model<D>| {
-        let mut system = System::new::<M>(model, &points, &links);
-        system.assemble::<M>(model, &mut points, &links, &delta_d).unwrap();
+        let mut sum = Sum::of_bodies::<M>(&StepContext::first(model, &links), &points).unwrap();
+        sum.evaluate(
+            &StepContext::first(model, &links),
+            &mut points,
+            At { delta_d: &delta_d, factor: 0.0 },
+            Wanted::Stiffness,
+        )
+        .unwrap();
         let mut product = vec![[0.0; D]; n];
-        system.multiply(&rough, &mut product);
-        (system.internal_force().to_vec(), product)
+        sum.system_mut().multiply(&rough, &mut product);
+        (sum.system().internal_force().to_vec(), product)
     };
     let (force, product) = evaluate(&model);
     model.stabilisation.mode = Where::Off;
@@ -191,15 +199,21 @@ steps: {count: 1}",
 fn condition<const D: usize, M: Mechanics<D>>(model: &Model<D>, points: &mut Points<D>) -> f64 {
     let links = link(model, points);
     let dofs = DofMap::new(model, points, &links, 0.0, 1.0).unwrap();
-    let mut system = System::new::<M>(model, points, &links);
+    let mut sum = Sum::of_bodies::<M>(&StepContext::first(model, &links), points).unwrap();
     let zero = vec![[0.0; D]; links.n_active()];
-    system.assemble::<M>(model, points, &links, &zero).unwrap();
+    sum.evaluate(
+        &StepContext::first(model, &links),
+        points,
+        At { delta_d: &zero, factor: 0.0 },
+        Wanted::Stiffness,
+    )
+    .unwrap();
     let mut k = DMatrix::zeros(dofs.n_free(), dofs.n_free());
     let (mut unit, mut column) = (zero.clone(), zero);
     for (b, m) in (0..links.n_active()).flat_map(|b| (0..D).map(move |m| (b, m))) {
         let Some(j) = dofs.free(b, m) else { continue };
         unit[b][m] = 1.0;
-        system.multiply(&unit, &mut column);
+        sum.system_mut().multiply(&unit, &mut column);
         unit[b][m] = 0.0;
         for (a, entries) in column.iter().enumerate() {
             for (i, entry) in entries.iter().enumerate() {

@@ -1,215 +1,116 @@
-//! Internal force and stiffness of the active grid: eqs. (19)-(23), (27), (28), or (2)-(6) in the updated Lagrangian
-//! formulation.
+//! The stiffness and the forces of the active grid, to which the terms of equilibrium add: eqs. (19)-(23), (27)-(29).
 //!
-//! Each group of points accumulates one dense block on the few nodes it touches; the blocks are then merged in the
-//! order of the groups. Points write only their own trial state and blocks, so threads never meet, and the order of
-//! every sum is fixed: the result has the same bits for any number of threads.
-#![allow(non_snake_case)]
+//! The pattern is laid out once per step: nodes that share a group of points, and those that terms couple beyond that. Terms
+//! add in a fixed order, so that the result has the same bits for any number of threads.
 
-mod evaluation;
 mod group;
 mod pattern;
 
-use std::ops::Range;
-
-use rayon::prelude::*;
-
-use crate::basis::{Connectivity, Room};
+use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::linear::{Block, BlockMatrix, Division};
-use crate::model::Model;
-use crate::points::{PIECE, Points};
-use crate::stress::{Mechanics, StartOfStep};
-use crate::terms::ghost::Ghost;
+use crate::step::Nodal;
 
-pub use evaluation::PointFailure;
-use evaluation::{Task, Trial, Wanted, Work};
+pub(crate) use group::{Cell, Dense, Forces, Square, Triangle, Whole};
 pub use pattern::FreeEntries;
-use pattern::{NodePairs, UNCOUPLED};
+pub(crate) use pattern::{Couples, NodePairs, UNCOUPLED};
 
-/// Groups are assembled in batches of about this many node-pair blocks, so that the dense blocks stay in cache.
-const BATCH: usize = 1 << 14;
-
-/// The discrete equilibrium of one load step: its pattern, and the values of the current iteration.
-pub struct System<const D: usize> {
-    pairs: NodePairs,
-    ghost: Ghost,
-    blocks: Vec<Block<D>>,
-    division: Division<D>,
-    f_int: Vec<[f64; D]>,
-    /// What is fixed for each point at the start of the step.
-    start: Vec<StartOfStep>,
-    batches: Vec<Range<usize>>,
-    /// The dense blocks of the batch in hand, and of the one before, which is merged meanwhile.
-    dense: [DenseBatch<D>; 2],
-    /// Room for the basis functions of one point of each group.
-    value: Vec<f64>,
-    gradient: Vec<[f64; D]>,
-    /// Room for the gradients of one point of each group in the current configuration, eq. (8).
-    mapped: Vec<[f64; D]>,
+/// What an evaluation is to form.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wanted {
+    /// Forces and stiffness.
+    Stiffness,
+    /// The forces, with the same bits; the stiffness stays that of the evaluation before.
+    Force,
 }
 
-/// The dense blocks of the groups of a batch, one after the other, and their nodal forces.
-#[derive(Default)]
-struct DenseBatch<const D: usize> {
-    blocks: Vec<Block<D>>,
-    force: Vec<[f64; D]>,
+/// The discrete equilibrium of one load step: its pattern, and what the terms have added in the last evaluation.
+pub struct System<const D: usize> {
+    pub(crate) pairs: NodePairs,
+    pub(crate) blocks: Vec<Block<D>>,
+    division: Division<D>,
+    /// Force of the bodies on the active nodes, eq. (23), and of what is added to them, [force].
+    pub(crate) internal: Nodal<D>,
+    /// External force on the active nodes, eq. (29), [force].
+    pub(crate) external: Nodal<D>,
+    /// The change of the external force with the load factor, where that follows from equilibrium, [force].
+    pub(crate) per_factor: Option<Nodal<D>>,
 }
 
 impl<const D: usize> System<D> {
-    /// Lays out the system of a load step.
-    pub fn new<M: Mechanics<D>>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Self {
-        let symmetric = model.materials.iter().all(|m| m.law.tangent_is_symmetric());
-        let ghost = Ghost::new(model, points, links);
-        let pairs = NodePairs::new(links, &ghost, symmetric);
-        let mut batches = Vec::new();
-        let mut first = 0;
-        for group in 0..links.n_groups() {
-            if pairs.dense_range(first..group + 1).len() > BATCH && group > first {
-                batches.push(first..group);
-                first = group;
-            }
-        }
-        batches.push(first..links.n_groups());
-        let largest = |len: &dyn Fn(&Range<usize>) -> usize| batches.iter().map(len).max().unwrap_or(0);
-        let n_dense = largest(&|b| pairs.dense_range(b.clone()).len());
-        let n_force = largest(&|b| b.clone().map(|g| links.nodes_of(g).len()).sum());
-        let dense = || DenseBatch { blocks: vec![[[0.0; D]; D]; n_dense], force: vec![[0.0; D]; n_force] };
-        let start = (0..points.len())
-            .into_par_iter()
-            .with_min_len(PIECE)
-            .map(|p| {
-                let J_n = points.converged.deformation_gradient[p].determinant();
-                let measure = model.law(points, p).strain_measure();
-                StartOfStep {
-                    b_n: M::elastic_left_cauchy_green(measure, &points.converged.elastic_strain[p]),
-                    J_n,
-                    volume_n: model.volume(points, p),
-                }
-            })
-            .collect();
+    /// Lays out the system of a load step. `couples` gives the nodes that are coupled beside those of groups of
+    /// points.
+    pub(crate) fn new(links: &Connectivity<D>, symmetric: bool, couples: &Couples) -> Self {
+        let pairs = NodePairs::new(links, symmetric, couples);
+        let zero = vec![[0.0; D]; links.n_active()];
         System {
             blocks: vec![[[0.0; D]; D]; pairs.n_pairs()],
             division: pairs.division(),
-            f_int: vec![[0.0; D]; links.n_active()],
-            start,
-            dense: [dense(), dense()],
-            value: vec![0.0; n_force],
-            gradient: vec![[0.0; D]; n_force],
-            mapped: vec![[0.0; D]; n_force],
-            batches,
+            internal: zero.clone(),
+            external: zero,
+            per_factor: None,
             pairs,
-            ghost,
         }
     }
 
-    /// Number of faces that are stabilised.
-    pub fn stabilised_faces(&self) -> usize {
-        self.ghost.n_faces()
+    /// Whether the stiffness is symmetric, so that only blocks with row ≥ column are kept.
+    pub fn is_symmetric(&self) -> bool {
+        self.pairs.symmetric()
     }
 
-    /// Work of the stabilisation over a displacement increment of the active nodes, [energy].
-    pub fn stabilisation_work(&self, delta_d: &[[f64; D]]) -> f64 {
-        self.ghost.work(delta_d)
+    /// The place of the block of two coupled active nodes, by which [`System::add_block`] takes it; `None` where they are not
+    /// coupled, and for row < column of a symmetric system.
+    pub fn place(&self, row: usize, column: usize) -> Option<usize> {
+        self.pairs.place_of(row as u32, column as u32)
     }
 
-    /// Internal force on the active nodes, that of stabilised faces included, [force].
-    pub fn internal_force(&self) -> &[[f64; D]] {
-        &self.f_int
+    /// Adds to the block of a place, `[i][k]`, [force/length].
+    pub fn add_block(&mut self, place: usize, block: &[[f64; D]; D]) {
+        for (sum, row) in self.blocks[place].iter_mut().zip(block) {
+            for (sum, entry) in sum.iter_mut().zip(row) {
+                *sum += entry;
+            }
+        }
     }
 
-    /// Evaluates every point at the displacement increment `delta_d` of the active nodes, writes its trial state and
-    /// assembles internal force and stiffness.
-    ///
-    /// # Errors
-    /// The first point that could not follow the increment.
-    pub fn assemble<M: Mechanics<D>>(
-        &mut self,
-        model: &Model<D>,
-        points: &mut Points<D>,
-        links: &Connectivity<D>,
-        delta_d: &[[f64; D]],
-    ) -> Result<(), PointFailure> {
-        self.evaluate::<M>(model, points, links, delta_d, Wanted::Stiffness)
-    }
-
-    /// As [`System::assemble`], without the stiffness, which stays that of the evaluation before.
-    ///
-    /// # Errors
-    /// As [`System::assemble`].
-    pub fn assemble_force<M: Mechanics<D>>(
-        &mut self,
-        model: &Model<D>,
-        points: &mut Points<D>,
-        links: &Connectivity<D>,
-        delta_d: &[[f64; D]],
-    ) -> Result<(), PointFailure> {
-        self.evaluate::<M>(model, points, links, delta_d, Wanted::Force)
-    }
-
-    fn evaluate<M: Mechanics<D>>(
-        &mut self,
-        model: &Model<D>,
-        points: &mut Points<D>,
-        links: &Connectivity<D>,
-        delta_d: &[[f64; D]],
-        wanted: Wanted,
-    ) -> Result<(), PointFailure> {
-        let System { pairs, ghost, blocks, f_int, start, batches, dense, value, gradient, mapped, .. } = self;
+    /// Forgets what the terms have added.
+    pub(crate) fn clear(&mut self, wanted: Wanted) {
         if wanted == Wanted::Stiffness {
-            blocks.fill([[0.0; D]; D]);
+            self.blocks.fill([[0.0; D]; D]);
         }
-        f_int.fill([0.0; D]);
-        let [mut in_hand, mut before] = dense.each_mut();
-        let mut merged = 0..0;
-        for batch in batches.iter().cloned() {
-            let task = Task::<D, M> {
-                model,
-                body: &points.body,
-                position: &points.converged.position,
-                history_len: points.history_len,
-                old_history: &points.converged.history,
-                start,
-                links,
-                pairs,
-                delta_d,
-                wanted,
-                mechanics: std::marker::PhantomData,
-            };
-            let first = links.points_of(batch.start).start;
-            let last = links.points_of(batch.end - 1).end;
-            let n = points.history_len;
-            let trial = Trial {
-                first,
-                elastic_strain: &mut points.trial.elastic_strain[first..last],
-                kirchhoff_stress: &mut points.trial.kirchhoff_stress[first..last],
-                history: &mut points.trial.history[first * n..last * n],
-                mapped,
-            };
-            let room = Room { value, gradient };
-            let work = Work { trial, dense: &mut in_hand.blocks, force: &mut in_hand.force, room };
-            let (outcome, ()) = rayon::join(
-                || task.run(batch.clone(), work),
-                || merge(pairs, links, merged.clone(), before, blocks, f_int, wanted),
-            );
-            outcome?;
-            merged = batch;
-            std::mem::swap(&mut in_hand, &mut before);
-        }
-        merge(pairs, links, merged, before, blocks, f_int, wanted);
-        if wanted == Wanted::Stiffness {
-            pairs.add_ghost(ghost, blocks);
-        }
-        ghost.add_force(delta_d, f_int);
-        Ok(())
+        self.internal.fill([0.0; D]);
+        self.external.fill([0.0; D]);
+        self.per_factor = None;
     }
 
     /// Frees what only further evaluations would need.
-    pub fn conclude(&mut self) {
-        self.start = Vec::new();
+    pub(crate) fn conclude(&mut self) {
         self.blocks = Vec::new();
-        self.dense = Default::default();
-        (self.value, self.gradient, self.mapped) = Default::default();
+    }
+
+    /// Internal force on the active nodes, [force].
+    pub fn internal_force(&self) -> &[[f64; D]] {
+        &self.internal
+    }
+
+    /// The same, to add to.
+    pub fn internal_force_mut(&mut self) -> &mut [[f64; D]] {
+        &mut self.internal
+    }
+
+    /// External force on the active nodes, [force].
+    pub fn external_force(&self) -> &Nodal<D> {
+        &self.external
+    }
+
+    /// The same, to add to.
+    pub fn external_force_mut(&mut self) -> &mut [[f64; D]] {
+        &mut self.external
+    }
+
+    /// The change of the external force with the load factor, where that follows from equilibrium, [force].
+    pub fn per_factor(&self) -> Option<&Nodal<D>> {
+        self.per_factor.as_ref()
     }
 
     /// The entries of K on the free degrees of freedom: the pattern for the linear solver.
@@ -283,49 +184,12 @@ impl<const D: usize> System<D> {
 
     /// Diagonal of K, per node.
     pub fn diagonal(&self) -> Vec<[f64; D]> {
-        let mut diagonal = vec![[0.0; D]; self.f_int.len()];
+        let mut diagonal = vec![[0.0; D]; self.internal.len()];
         self.pairs.for_each(|row, column, place| {
             if row == column {
                 diagonal[row] = std::array::from_fn(|d| self.blocks[place][d][d]);
             }
         });
         diagonal
-    }
-}
-
-/// Adds the dense blocks of a batch to the system, in the order of its groups.
-fn merge<const D: usize>(
-    pairs: &NodePairs,
-    links: &Connectivity<D>,
-    batch: Range<usize>,
-    dense: &DenseBatch<D>,
-    blocks: &mut [Block<D>],
-    f_int: &mut [[f64; D]],
-    wanted: Wanted,
-) {
-    let (mut k, mut f) = (0, 0);
-    for group in batch {
-        for &node in links.nodes_of(group) {
-            add(&mut f_int[node as usize], &dense.force[f]);
-            f += 1;
-        }
-        if wanted == Wanted::Force {
-            continue;
-        }
-        for &position in pairs.positions(group) {
-            if position != UNCOUPLED {
-                let block = &mut blocks[position as usize];
-                for (row, dense) in block.iter_mut().zip(&dense.blocks[k]) {
-                    add(row, dense);
-                }
-            }
-            k += 1;
-        }
-    }
-}
-
-fn add<const D: usize>(sum: &mut [f64; D], x: &[f64; D]) {
-    for d in 0..D {
-        sum[d] += x[d];
     }
 }

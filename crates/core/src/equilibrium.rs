@@ -2,8 +2,6 @@
 
 mod balance;
 mod report;
-mod step;
 
 pub use balance::{Energy, ReactionMoment, moment_error, reaction_moments};
 pub use report::{GridFields, StepReport, named_reactions, reactions_of};
-pub use step::{Nodal, Step};

@@ -16,9 +16,10 @@
 //!    P̃ and Ã. [`stress::Solid`] is the general kernel, [`stress::PlaneStrain`] is in closed form,
 //!    [`stress::Axisymmetric`] for bodies of revolution. [`material`] holds the laws, [`tensor`] the spectral functions
 //!    and the index conventions.
-//! 5. [`dofs`]: which nodes are prescribed, and the motions that are left free. [`terms`]: the parts of equilibrium beside
-//!    the material points, which are external force and ghost stabilisation. [`assembly`] and [`linear`]: internal force
-//!    and stiffness of the grid, and the sparse solvers. [`equilibrium`]: what is known of a step that is in equilibrium.
+//! 5. [`terms`]: the parts of equilibrium, which are the material points, external forces and ghost stabilisation; each
+//!    adds its force and stiffness to the [`assembly::System`] of the grid. [`dofs`]: which nodes are prescribed, and the
+//!    motions that are left free. [`linear`]: the sparse solvers. [`step`] and [`equilibrium`]: what a load step begins
+//!    with, and what is known of one that is in equilibrium.
 //! 6. [`domain`]: how the domain of a GIMP point follows the deformation. Domains of CPDI are given by their corners,
 //!    [`points::State::corners`], which the last step of [`solver`] moves.
 //! 7. [`quality`]: how well a run goes, and warnings when its answer may be bad. [`memory`]: how much there is.
@@ -83,6 +84,7 @@ pub mod points;
 pub mod quality;
 pub mod region;
 pub mod solver;
+pub mod step;
 pub mod stress;
 pub mod tensor;
 pub mod terms;

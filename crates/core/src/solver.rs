@@ -12,12 +12,12 @@ mod equations;
 mod error;
 mod evidence;
 mod forcing;
-mod loading;
 mod motion;
 mod newton;
 mod observer;
 mod pace;
 mod residual;
+mod step_system;
 mod stepper;
 mod summary;
 mod unknowns;
@@ -26,11 +26,13 @@ mod update;
 use crate::model::Model;
 use crate::points::Points;
 use crate::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid};
+use crate::terms::Terms;
 use crate::timing::Phase;
 
 use stepper::Stepper;
 
-pub use crate::equilibrium::{GridFields, ReactionMoment, Step, StepReport};
+pub use crate::equilibrium::{GridFields, ReactionMoment, StepReport};
+pub use crate::step::Step;
 pub use attempt::{FailedAttempt, Iterate};
 pub use control::{NoPath, Path, path_length};
 pub use diagnosis::{Diagnosis, Kind};
@@ -42,7 +44,7 @@ pub use summary::{Reached, Summary};
 
 /// A model with as many axes as there are mechanics for.
 pub trait Solvable<const D: usize> {
-    /// Runs an analysis from the step that has been reached, as [`go_on`].
+    /// Runs an analysis from the step that has been reached, as [`go_on_with`].
     ///
     /// # Errors
     /// As [`run`].
@@ -50,6 +52,7 @@ pub trait Solvable<const D: usize> {
         &self,
         points: &mut Points<D>,
         reached: Reached,
+        terms: Terms<D>,
         observer: &mut dyn Observer<D>,
     ) -> Result<Summary, SolveError>;
 }
@@ -59,12 +62,13 @@ impl Solvable<2> for Model<2> {
         &self,
         points: &mut Points<2>,
         reached: Reached,
+        terms: Terms<2>,
         observer: &mut dyn Observer<2>,
     ) -> Result<Summary, SolveError> {
         if self.revolved {
-            load_steps::<2, Axisymmetric>(self, points, reached, observer)
+            load_steps::<2, Axisymmetric>(self, points, reached, terms, observer)
         } else {
-            load_steps::<2, PlaneStrain>(self, points, reached, observer)
+            load_steps::<2, PlaneStrain>(self, points, reached, terms, observer)
         }
     }
 }
@@ -74,9 +78,10 @@ impl Solvable<3> for Model<3> {
         &self,
         points: &mut Points<3>,
         reached: Reached,
+        terms: Terms<3>,
         observer: &mut dyn Observer<3>,
     ) -> Result<Summary, SolveError> {
-        load_steps::<3, Solid>(self, points, reached, observer)
+        load_steps::<3, Solid>(self, points, reached, terms, observer)
     }
 }
 
@@ -93,7 +98,7 @@ where
     Model<D>: Solvable<D>,
 {
     let nothing = Reached::nothing(points);
-    model.solve(points, nothing, observer)
+    model.solve(points, nothing, Vec::new(), observer)
 }
 
 /// Runs an analysis from the step that has been reached, in whose state `points` are, to the end.
@@ -109,7 +114,24 @@ pub fn go_on<const D: usize>(
 where
     Model<D>: Solvable<D>,
 {
-    model.solve(points, reached, observer)
+    model.solve(points, reached, Vec::new(), observer)
+}
+
+/// As [`go_on`], with terms of equilibrium beside those of the model. Their names must differ from each other.
+///
+/// # Errors
+/// As [`run`]; [`SolveError::Term`] where a term cannot go on from what has been reached.
+pub fn go_on_with<const D: usize>(
+    model: &Model<D>,
+    points: &mut Points<D>,
+    reached: Reached,
+    terms: Terms<D>,
+    observer: &mut dyn Observer<D>,
+) -> Result<Summary, SolveError>
+where
+    Model<D>: Solvable<D>,
+{
+    model.solve(points, reached, terms, observer)
 }
 
 /// The load steps of an analysis with its mechanics, from what has been reached to the end.
@@ -117,9 +139,10 @@ fn load_steps<const D: usize, M: Mechanics<D>>(
     model: &Model<D>,
     points: &mut Points<D>,
     reached: Reached,
+    terms: Terms<D>,
     observer: &mut dyn Observer<D>,
 ) -> Result<Summary, SolveError> {
-    let mut solver = Stepper::new(reached);
+    let mut solver = Stepper::new::<M>(reached, terms)?;
     let mut outcome = solver.observe(|| observer.started(model, points));
     while outcome.is_ok() {
         match solver.next_step(model) {

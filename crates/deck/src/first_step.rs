@@ -13,7 +13,8 @@ use mpm_core::dofs::rigid::{FreePart, free_parts};
 use mpm_core::dofs::{ConstraintError, Covered, DofMap, HOLD_THE_AXIS, covered, nodes_of};
 use mpm_core::model::{Model, NodeSet};
 use mpm_core::points::{Points, coordinates};
-use mpm_core::terms::external_force::{LoadNotFinite, external_force};
+use mpm_core::terms::LoadNotFinite;
+use mpm_core::terms::external_force::external_force;
 
 /// Most parts of the bodies about which something is said.
 const MOST_PARTS: usize = 20;

@@ -2,10 +2,12 @@
 //! functions by the eigenvectors that nalgebra finds, plastic flow by bisection, and the stiffness by differences of the
 //! internal force. Compared with the program on random states of every method, law, idealisation and formulation.
 
-use mpm::assembly::System;
+use mpm::assembly::Wanted;
 use mpm::basis::Method;
+use mpm::step::{At, StepContext};
 use mpm::stress::{Axisymmetric, Formulation, Mechanics, PlaneStrain, Solid};
 use mpm::tensor::Mat3;
+use mpm::terms::Sum;
 use nalgebra::{DVector, SymmetricEigen};
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -129,12 +131,21 @@ fn check<const D: usize, M: Mechanics<D>>(
     let base = state.delta_d.clone();
     let random = &mut Random(seed);
     let direction: Vec<[f64; D]> = base.iter().map(|_| [0; D].map(|_| random.within(-1.0, 1.0))).collect();
-    let mut system = System::new::<M>(&state.model, &state.points, &state.links);
-    if system.assemble::<M>(&state.model, &mut state.points, &state.links, &base).is_err() {
+    let mut sum =
+        Sum::of_bodies::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
+    if sum
+        .evaluate(
+            &StepContext::first(&state.model, &state.links),
+            &mut state.points,
+            At { delta_d: &base, factor: 0.0 },
+            Wanted::Stiffness,
+        )
+        .is_err()
+    {
         return Err(TestCaseError::reject("the increment turns a point inside out"));
     }
     let (outcomes, force) = evaluate::<D, M>(state, law, &base);
-    let ours = spread(state, system.internal_force());
+    let ours = spread(state, sum.system().internal_force());
     let error = (&ours - &force).amax() / force.amax();
     prop_assert!(error < 1e-11, "internal force: {error:e}");
 
@@ -153,7 +164,7 @@ fn check<const D: usize, M: Mechanics<D>>(
     }
 
     let mut change = direction.clone();
-    system.multiply(&direction, &mut change);
+    sum.system_mut().multiply(&direction, &mut change);
     let flows = |outcomes: &[Outcome]| -> Vec<bool> {
         (outcomes.iter().enumerate())
             .map(|(p, o)| {

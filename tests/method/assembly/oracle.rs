@@ -2,11 +2,13 @@
 //! as integrals of hat functions, the transcribed updated Lagrangian kernel in three dimensions with the motion of each
 //! degree of freedom as a 3×3 displacement gradient; no groups, batches, patterns or closed forms.
 
-use mpm::assembly::System;
+use mpm::assembly::Wanted;
 use mpm::basis::{DomainKind, Method};
 use mpm::kinematics::Increment;
+use mpm::step::{At, StepContext};
 use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid, StartOfStep};
 use mpm::tensor::Mat3;
+use mpm::terms::Sum;
 use nalgebra::{DMatrix, DVector};
 
 use super::states::{FORMULATIONS, Law, State, cases, large_random_state, random_state};
@@ -185,8 +187,9 @@ fn dense<const D: usize, M: Mechanics<D>>(state: &State<D>) -> (DVector<f64>, DM
 /// f_int and K of the program, spread over all nodes of the grid.
 fn assembled<const D: usize, M: Mechanics<D>>(state: &mut State<D>) -> (DVector<f64>, DMatrix<f64>) {
     let State { model, points, links, delta_d } = state;
-    let mut system = System::new::<M>(model, points, links);
-    system.assemble::<M>(model, points, links, delta_d).unwrap();
+    let mut sum = Sum::of_bodies::<M>(&StepContext::first(model, links), points).unwrap();
+    sum.evaluate(&StepContext::first(model, links), points, At { delta_d, factor: 0.0 }, Wanted::Stiffness)
+        .unwrap();
     let n = model.grid.n_nodes();
     let place = |active: usize, axis: usize| D * links.active_nodes()[active] as usize + axis;
     let (mut f, mut k) = (DVector::zeros(D * n), DMatrix::zeros(D * n, D * n));
@@ -194,9 +197,9 @@ fn assembled<const D: usize, M: Mechanics<D>>(state: &mut State<D>) -> (DVector<
     let mut column = unit.clone();
     for b in 0..links.n_active() {
         for m in 0..D {
-            f[place(b, m)] = system.internal_force()[b][m];
+            f[place(b, m)] = sum.system().internal_force()[b][m];
             unit[b][m] = 1.0;
-            system.multiply(&unit, &mut column);
+            sum.system_mut().multiply(&unit, &mut column);
             unit[b][m] = 0.0;
             for (a, entries) in column.iter().enumerate() {
                 for (i, entry) in entries.iter().enumerate() {

@@ -1,22 +1,25 @@
 //! K is the derivative of the internal force, symmetric, and the same in both formulations.
 
-use mpm::assembly::System;
+use mpm::assembly::Wanted;
 use mpm::basis::Method;
 use mpm::kinematics::Increment;
+use mpm::step::{At, StepContext};
 use mpm::stress::{Axisymmetric, Formulation, InPlane, Mechanics, PlaneStrain, Solid, StartOfStep};
+use mpm::terms::Sum;
 
 use super::states::{FORMULATIONS, Law, Random, State, cases, cases_without_corners, random_state};
 
 /// Internal force at an increment, and which points flow.
-fn evaluate<const D: usize, M: Mechanics<D>>(
-    system: &mut System<D>,
+fn evaluate<const D: usize>(
+    sum: &mut Sum<D>,
     state: &mut State<D>,
     delta_d: &[[f64; D]],
 ) -> (Vec<[f64; D]>, Vec<bool>) {
     let State { model, points, links, .. } = state;
-    system.assemble::<M>(model, points, links, delta_d).unwrap();
+    sum.evaluate(&StepContext::first(model, links), points, At { delta_d, factor: 0.0 }, Wanted::Stiffness)
+        .unwrap();
     let flow = points.trial.history.iter().zip(&points.converged.history).map(|(new, old)| new > old);
-    (system.internal_force().to_vec(), flow.collect())
+    (sum.system().internal_force().to_vec(), flow.collect())
 }
 
 /// Some of the von Mises points flow, some do not.
@@ -38,9 +41,10 @@ fn check_derivative<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>, 
         for formulation in FORMULATIONS {
             let mut state = random_state::<D, M>(method, law, n_points, 11);
             state.model.formulation = formulation;
-            let mut system = System::new::<M>(&state.model, &state.points, &state.links);
+            let mut sum =
+                Sum::of_bodies::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
             let base = state.delta_d.clone();
-            let (_, flowing) = evaluate::<D, M>(&mut system, &mut state, &base);
+            let (_, flowing) = evaluate(&mut sum, &mut state, &base);
             check_mixture(law, &flowing);
             let n = base.len();
             // All columns of K, before the system is assembled elsewhere.
@@ -49,7 +53,7 @@ fn check_derivative<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>, 
                 let mut unit = vec![[0.0; D]; n];
                 unit[b / D][b % D] = 1.0;
                 let mut column = unit.clone();
-                system.multiply(&unit, &mut column);
+                sum.system_mut().multiply(&unit, &mut column);
                 columns.push(column);
             }
             let scale = columns.iter().map(|c| largest(c)).fold(0.0, f64::max);
@@ -57,7 +61,7 @@ fn check_derivative<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>, 
                 let mut shifted = |by: f64| {
                     let mut delta_d = base.clone();
                     delta_d[b / D][b % D] += by;
-                    let (force, flow) = evaluate::<D, M>(&mut system, &mut state, &delta_d);
+                    let (force, flow) = evaluate(&mut sum, &mut state, &delta_d);
                     assert!(
                         flow == flowing,
                         "a point switches between elastic and plastic within the difference"
@@ -105,13 +109,15 @@ fn check_formulations<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>
             let [(f, kx), (g, ky)] = FORMULATIONS.map(|formulation| {
                 let mut state = random_state::<D, M>(method, law, 150, 100 + seed);
                 state.model.formulation = formulation;
-                let mut system = System::new::<M>(&state.model, &state.points, &state.links);
+                let mut sum =
+                    Sum::of_bodies::<M>(&StepContext::first(&state.model, &state.links), &state.points)
+                        .unwrap();
                 let base = state.delta_d.clone();
-                let (f, _) = evaluate::<D, M>(&mut system, &mut state, &base);
+                let (f, _) = evaluate(&mut sum, &mut state, &base);
                 let mut random = Random(seed);
                 let x: Vec<[f64; D]> = f.iter().map(|_| [0; D].map(|_| random.within(-1.0, 1.0))).collect();
                 let mut kx = x.clone();
-                system.multiply(&x, &mut kx);
+                sum.system_mut().multiply(&x, &mut kx);
                 (f, kx)
             });
             let difference = |a: &[[f64; D]], b: &[[f64; D]]| {
@@ -140,18 +146,25 @@ fn check_force<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
             state.model.formulation = formulation;
             let (first, half): (Vec<[f64; D]>, Vec<[f64; D]>) =
                 (state.delta_d.clone(), state.delta_d.iter().map(|u| u.map(|u| 0.5 * u)).collect());
-            let mut system = System::new::<M>(&state.model, &state.points, &state.links);
-            let (force, _) = evaluate::<D, M>(&mut system, &mut state, &first);
+            let mut sum =
+                Sum::of_bodies::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
+            let (force, _) = evaluate(&mut sum, &mut state, &first);
             let trial = state.points.trial.clone();
             // The stiffness of another state, which is to stay.
-            evaluate::<D, M>(&mut system, &mut state, &half);
+            evaluate(&mut sum, &mut state, &half);
             let mut before = half.clone();
-            system.multiply(&first, &mut before);
+            sum.system_mut().multiply(&first, &mut before);
             let State { model, points, links, .. } = &mut state;
-            system.assemble_force::<M>(model, points, links, &first).unwrap();
+            sum.evaluate(
+                &StepContext::first(model, links),
+                points,
+                At { delta_d: &first, factor: 0.0 },
+                Wanted::Force,
+            )
+            .unwrap();
             let mut after = half.clone();
-            system.multiply(&first, &mut after);
-            assert!(system.internal_force() == force, "{method:?} {law:?} {formulation:?}");
+            sum.system_mut().multiply(&first, &mut after);
+            assert!(sum.system().internal_force() == force, "{method:?} {law:?} {formulation:?}");
             assert!(before == after, "{method:?} {law:?} {formulation:?}");
             let now = &points.trial;
             assert!(now.kirchhoff_stress == trial.kirchhoff_stress && now.history == trial.history);

@@ -6,7 +6,7 @@ use crate::stress::WeakForm;
 use crate::tensor::Lanes;
 
 /// The dense stiffness of a group, to which its points add.
-pub(super) trait Dense<const D: usize> {
+pub(crate) trait Dense<const D: usize> {
     /// Adds one point, given its gradients in the configuration that its weak form needs; `force` is that on the nodes
     /// of the group.
     fn add<W: WeakForm<D>>(
@@ -19,7 +19,7 @@ pub(super) trait Dense<const D: usize> {
 }
 
 /// No stiffness, only forces.
-pub(super) struct Forces;
+pub(crate) struct Forces;
 
 impl<const D: usize> Dense<D> for Forces {
     #[inline(always)]
@@ -37,7 +37,7 @@ impl<const D: usize> Dense<D> for Forces {
 }
 
 /// The lower triangle, by rows.
-pub(super) struct Triangle<'a, const D: usize>(pub &'a mut [Block<D>]);
+pub(crate) struct Triangle<'a, const D: usize>(pub &'a mut [Block<D>]);
 
 impl<const D: usize> Dense<D> for Triangle<'_, D> {
     #[inline(always)]
@@ -64,7 +64,7 @@ impl<const D: usize> Dense<D> for Triangle<'_, D> {
 
 /// The same of a group in the plane whose points all touch its `N` nodes, as standard points do: with everything in
 /// its place, a block is one vector of numbers, and there is nothing to look up.
-pub(super) struct Whole<const D: usize, const N: usize> {
+pub(crate) struct Whole<const D: usize, const N: usize> {
     /// `[b][a]`, b the column.
     blocks: [[Block<D>; N]; N],
 }
@@ -106,9 +106,9 @@ impl<const D: usize, const N: usize> Dense<D> for Whole<D, N> {
 }
 
 /// All blocks between `nodes` nodes, by rows, for an unsymmetric tangent.
-pub(super) struct Square<'a, const D: usize> {
-    pub blocks: &'a mut [Block<D>],
-    pub nodes: usize,
+pub(crate) struct Square<'a, const D: usize> {
+    pub(crate) blocks: &'a mut [Block<D>],
+    pub(crate) nodes: usize,
 }
 
 impl<const D: usize> Dense<D> for Square<'_, D> {
@@ -134,7 +134,7 @@ impl<const D: usize> Dense<D> for Square<'_, D> {
 /// The stiffness of a group whose points all touch its `N` nodes, as standard points do: by columns, the rows side by
 /// side in `C` times [`Lanes::WIDTH`], so that one instruction works on several rows. Small enough for the fastest
 /// memory; the blocks are taken apart once, after all points.
-pub(super) struct Cell<const D: usize, const N: usize, const C: usize> {
+pub(crate) struct Cell<const D: usize, const N: usize, const C: usize> {
     symmetric: bool,
     columns: [[[[Lanes; D]; D]; C]; N],
 }

@@ -5,13 +5,15 @@ use std::ops::Range;
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::linear::{Block, BlockMatrix, Division, Pattern};
-use crate::terms::ghost::Ghost;
 
 /// Marks a pair of nodes of a group that no point couples.
-pub(super) const UNCOUPLED: u32 = u32::MAX;
+pub(crate) const UNCOUPLED: u32 = u32::MAX;
+
+/// Calls its argument with lists of active nodes, ascending, all of which are coupled with each other.
+pub type Couples<'a> = dyn Fn(&mut dyn FnMut(&[u32])) + 'a;
 
 /// The coupled pairs of active nodes, by columns; of a symmetric system those with row ≥ column.
-pub(super) struct NodePairs {
+pub(crate) struct NodePairs {
     symmetric: bool,
     column_start: Vec<usize>,
     row: Vec<u32>,
@@ -19,9 +21,6 @@ pub(super) struct NodePairs {
     group_start: Vec<usize>,
     /// For each dense pair of each group, its place among the pairs, or [`UNCOUPLED`].
     position: Vec<u32>,
-    /// For each entry of the stiffness of each stabilised face, by rows of its lower triangle, its place among the pairs
-    /// and, where both triangles are kept, that of its mirror image.
-    ghost: Vec<[u32; 2]>,
 }
 
 /// The entries of K on the free degrees of freedom.
@@ -30,7 +29,7 @@ pub struct FreeEntries {
     /// Their pattern, for the linear solver to take.
     pub pattern: Pattern,
     /// For each entry its place among all values of all blocks.
-    pub(super) source: Vec<u32>,
+    pub(crate) source: Vec<u32>,
 }
 
 /// Number of the dense pair (a, b) of a group of n nodes.
@@ -39,7 +38,7 @@ fn dense_pair(symmetric: bool, n: usize, a: usize, b: usize) -> usize {
 }
 
 impl NodePairs {
-    pub(super) fn new<const D: usize>(links: &Connectivity<D>, ghost: &Ghost, symmetric: bool) -> Self {
+    pub(crate) fn new<const D: usize>(links: &Connectivity<D>, symmetric: bool, couples: &Couples) -> Self {
         let mut group_start = vec![0];
         for group in 0..links.n_groups() {
             let n = links.nodes_of(group).len();
@@ -51,13 +50,11 @@ impl NodePairs {
             column_start: Vec::new(),
             row: Vec::new(),
             position: vec![UNCOUPLED; group_start[links.n_groups()]],
-            ghost: Vec::new(),
             group_start,
         };
         pairs.mark_coupled(links);
-        pairs.collect_columns(links, ghost);
+        pairs.collect_columns(links, couples);
         pairs.place(links);
-        pairs.ghost = pairs.places_of(ghost);
         pairs
     }
 
@@ -102,10 +99,9 @@ impl NodePairs {
         }
     }
 
-    /// Calls `visit(row, column)` for the pairs that stabilised faces couple.
-    fn coupled_by(&self, ghost: &Ghost, mut visit: impl FnMut(usize, usize)) {
-        for face in 0..ghost.n_faces() {
-            let nodes = ghost.nodes_of(face);
+    /// Calls `visit(row, column)` for the pairs that terms couple beyond groups.
+    fn coupled_by(&self, couples: &Couples, mut visit: impl FnMut(usize, usize)) {
+        couples(&mut |nodes: &[u32]| {
             for (a, &row) in nodes.iter().enumerate() {
                 for &column in &nodes[..=a] {
                     visit(row as usize, column as usize);
@@ -114,37 +110,24 @@ impl NodePairs {
                     }
                 }
             }
-        }
+        });
     }
 
-    /// The places of the entries of all faces, and of their mirror images.
-    fn places_of(&self, ghost: &Ghost) -> Vec<[u32; 2]> {
-        let place = |row: u32, column: u32| {
-            let first = self.column_start[column as usize];
-            let rows = &self.row[first..self.column_start[column as usize + 1]];
-            (first + rows.partition_point(|r| *r < row)) as u32
-        };
-        let mut places = Vec::new();
-        for face in 0..ghost.n_faces() {
-            let nodes = ghost.nodes_of(face);
-            for (a, &row) in nodes.iter().enumerate() {
-                for &column in &nodes[..=a] {
-                    let mirrored = !self.symmetric && row != column;
-                    places.push([place(row, column), if mirrored { place(column, row) } else { UNCOUPLED }]);
-                }
-            }
-        }
-        places
+    /// The place of a pair, if its nodes are coupled.
+    pub(crate) fn place_of(&self, row: u32, column: u32) -> Option<usize> {
+        let first = self.column_start[column as usize];
+        let rows = &self.row[first..self.column_start[column as usize + 1]];
+        rows.binary_search(&row).ok().map(|at| first + at)
     }
 
-    /// Merges the pairs of all groups and faces into sorted columns.
-    fn collect_columns<const D: usize>(&mut self, links: &Connectivity<D>, ghost: &Ghost) {
+    /// Merges the pairs of all groups and of what terms couple into sorted columns.
+    fn collect_columns<const D: usize>(&mut self, links: &Connectivity<D>, couples: &Couples) {
         let n = links.n_active();
         let mut count = vec![0usize; n + 1];
         for group in 0..links.n_groups() {
             self.coupled_in(links, group, |_, column, _| count[column + 1] += 1);
         }
-        self.coupled_by(ghost, |_, column| count[column + 1] += 1);
+        self.coupled_by(couples, |_, column| count[column + 1] += 1);
         for c in 0..n {
             count[c + 1] += count[c];
         }
@@ -156,7 +139,7 @@ impl NodePairs {
                 next[column] += 1;
             });
         }
-        self.coupled_by(ghost, |row, column| {
+        self.coupled_by(couples, |row, column| {
             rows[next[column]] = row as u32;
             next[column] += 1;
         });
@@ -200,48 +183,36 @@ impl NodePairs {
         self.position = position;
     }
 
-    /// Adds the stiffness of stabilised faces to the blocks on the pairs.
-    pub(super) fn add_ghost<const D: usize>(&self, ghost: &Ghost, blocks: &mut [Block<D>]) {
-        let stiffness = (0..ghost.n_faces()).flat_map(|face| ghost.stiffness_of(face));
-        for (places, stiffness) in self.ghost.iter().zip(stiffness) {
-            for &place in places.iter().filter(|place| **place != UNCOUPLED) {
-                for d in 0..D {
-                    blocks[place as usize][d][d] += stiffness;
-                }
-            }
-        }
-    }
-
-    pub(super) fn symmetric(&self) -> bool {
+    pub(crate) fn symmetric(&self) -> bool {
         self.symmetric
     }
 
-    pub(super) fn n_pairs(&self) -> usize {
+    pub(crate) fn n_pairs(&self) -> usize {
         self.row.len()
     }
 
     /// Where the dense pairs of some groups stand among those of all groups.
-    pub(super) fn dense_range(&self, groups: Range<usize>) -> Range<usize> {
+    pub(crate) fn dense_range(&self, groups: Range<usize>) -> Range<usize> {
         self.group_start[groups.start]..self.group_start[groups.end]
     }
 
     /// Places of the dense pairs of a group.
-    pub(super) fn positions(&self, group: usize) -> &[u32] {
+    pub(crate) fn positions(&self, group: usize) -> &[u32] {
         &self.position[self.group_start[group]..self.group_start[group + 1]]
     }
 
     /// The matrix with these blocks on the pairs.
-    pub(super) fn matrix<'a, const D: usize>(&'a self, blocks: &'a [Block<D>]) -> BlockMatrix<'a, D> {
+    pub(crate) fn matrix<'a, const D: usize>(&'a self, blocks: &'a [Block<D>]) -> BlockMatrix<'a, D> {
         BlockMatrix { symmetric: self.symmetric, column_start: &self.column_start, row: &self.row, blocks }
     }
 
     /// How its columns are shared out in a product with a vector.
-    pub(super) fn division<const D: usize>(&self) -> Division<D> {
+    pub(crate) fn division<const D: usize>(&self) -> Division<D> {
         Division::new(&self.column_start, &self.row)
     }
 
     /// Calls `visit(row, column, place)` for every pair.
-    pub(super) fn for_each(&self, mut visit: impl FnMut(usize, usize, usize)) {
+    pub(crate) fn for_each(&self, mut visit: impl FnMut(usize, usize, usize)) {
         for column in 0..self.column_start.len() - 1 {
             for place in self.column_start[column]..self.column_start[column + 1] {
                 visit(self.row[place] as usize, column, place);
@@ -250,7 +221,7 @@ impl NodePairs {
     }
 
     /// The entries of K on the free degrees of freedom, by columns.
-    pub(super) fn free_entries<const D: usize>(&self, dofs: &DofMap<D>) -> FreeEntries {
+    pub(crate) fn free_entries<const D: usize>(&self, dofs: &DofMap<D>) -> FreeEntries {
         let mut pattern =
             Pattern { n: dofs.n_free(), column_start: vec![0], row: Vec::new(), symmetric: self.symmetric };
         let mut source = Vec::new();

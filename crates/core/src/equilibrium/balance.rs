@@ -1,13 +1,13 @@
 //! What must balance in every step: work against energy that is stored or goes into plastic flow, and the moments of the
 //! forces on the bodies.
 
-use crate::assembly::System;
 use crate::basis::Connectivity;
 use crate::dofs::{DofMap, nodes_of};
 use crate::model::{BoundaryCondition, Model};
 use crate::points::Points;
 
-use super::step::Nodal;
+use crate::step::Nodal;
+use crate::terms::Ledger;
 
 /// Work of a step, and energy at its end.
 ///
@@ -48,29 +48,27 @@ impl Energy {
         }
     }
 
-    /// Of a step that is in equilibrium but not committed, from its displacement increment, the external forces (loads,
-    /// reactions) at its start and end, and the system with its internal force at the start.
+    /// The energy of a step that is in equilibrium but not committed, from its displacement increment, the external forces
+    /// (loads, reactions) at its start and end, the internal force at the start, and what the terms know.
     pub fn new<const D: usize>(
-        model: &Model<D>,
-        points: &Points<D>,
         delta_d: &[[f64; D]],
         [start, end]: [(&Nodal<D>, &Nodal<D>); 2],
-        (system, f_int_start): (&System<D>, &[[f64; D]]),
+        f_int_start: &[[f64; D]],
+        ledger: Ledger,
     ) -> Energy {
-        let stabilisation_work = system.stabilisation_work(delta_d);
-        let mut energy = Energy { stabilisation_work, ..Energy::default() };
+        let Ledger { stored, plastic, lost } = ledger;
+        let mut energy = Energy {
+            stabilisation_work: lost,
+            strain_energy: stored,
+            plastic_work: plastic,
+            ..Energy::default()
+        };
         for (node, du) in delta_d.iter().enumerate() {
             for d in 0..D {
                 let [before, after] = [start, end].map(|(load, reaction)| load[node][d] + reaction[node][d]);
                 energy.external_work += 0.5 * (before + after) * du[d];
                 energy.regridding_work += 0.5 * (f_int_start[node][d] - before) * du[d];
             }
-        }
-        for p in 0..points.len() {
-            let law = model.law(points, p);
-            let history = &points.trial.history[p * points.history_len..][..law.state_fields().len()];
-            energy.strain_energy += law.energy(&points.trial.elastic_strain[p]) * points.original_volume[p];
-            energy.plastic_work += law.plastic_work(history) * points.original_volume[p];
         }
         energy
     }

@@ -6,7 +6,7 @@ use crate::linear::Factorisation;
 use crate::model::Model;
 
 use super::balance::{Energy, ReactionMoment};
-use super::step::{Nodal, Step};
+use crate::step::{Nodal, Step};
 
 /// The fields of the grid in a load step.
 #[derive(Debug, Clone)]

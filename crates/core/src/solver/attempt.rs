@@ -6,7 +6,7 @@ use super::control::Path;
 use super::error::SolveError;
 use crate::equilibrium::Energy;
 use crate::equilibrium::StepReport;
-use crate::equilibrium::{Nodal, Step};
+use crate::step::{Nodal, Step};
 
 /// How an attempt at a step has ended that has not failed.
 pub(super) enum Attempt<const D: usize> {

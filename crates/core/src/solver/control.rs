@@ -13,7 +13,7 @@ use crate::points::Points;
 
 use super::motion::Motion;
 use super::residual::norm;
-use crate::equilibrium::Step;
+use crate::step::Step;
 
 /// Where a run is, as far as its next step builds on it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

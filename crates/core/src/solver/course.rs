@@ -3,7 +3,7 @@
 use super::equations::Solved;
 use super::forcing::Forcing;
 use super::residual::RoundOff;
-use crate::equilibrium::Nodal;
+use crate::step::Nodal;
 
 /// A tangent may be kept after an iteration that leaves at most this part of what was out of balance.
 const FAST: f64 = 0.1;

@@ -11,7 +11,7 @@ use crate::model::{Action, BoundaryCondition, Load, Model};
 use crate::points::Points;
 
 use super::evidence::share_that_flows;
-use crate::equilibrium::Nodal;
+use crate::step::Nodal;
 
 /// Damped iterations may be so many times as many as others.
 pub(super) const MORE_ITERATIONS: usize = 10;

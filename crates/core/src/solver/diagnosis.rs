@@ -369,6 +369,7 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
         | SolveError::Load { .. }
         | SolveError::OutOfMemory { .. }
         | SolveError::Interrupted { .. }
+        | SolveError::Term { .. }
         | SolveError::Output(_) => Kind::Setting,
     }
 }

@@ -1,6 +1,5 @@
 //! Why a step has no equilibrium.
 
-use crate::assembly::PointFailure;
 use crate::basis::{Connectivity, SupportError, SupportFailure};
 use crate::dofs::{ConstraintError, HOLD_THE_AXIS};
 use crate::domain::Collapsed;
@@ -10,12 +9,12 @@ use crate::memory::in_words;
 use crate::model::Model;
 use crate::points::{Points, coordinates};
 use crate::stress::PointError;
-use crate::terms::external_force::LoadNotFinite;
+use crate::terms::{LoadNotFinite, PointFailure};
 
 use super::control::NoPath;
 use super::equations::Place as Equation;
 use super::residual::MOST_OF_ROUND_OFF;
-use crate::equilibrium::Step;
+use crate::step::Step;
 
 /// A material point, as an error names it.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,6 +64,14 @@ pub enum SolveError {
         worst: Option<(Vec<f64>, Vec<f64>)>,
         /// The materials whose stiffnesses are far apart, or far above the loads, in words.
         materials: String,
+    },
+    /// A term of equilibrium cannot go on from what a checkpoint holds of it.
+    #[error("the term `{term}` cannot go on: {reason}")]
+    Term {
+        /// Its name.
+        term: String,
+        /// Why.
+        reason: String,
     },
     /// A point could not follow the displacement increment.
     #[error("step {step}, iteration {iteration}: {place}: {error}")]
@@ -196,6 +203,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("S012", "equations that iterations cannot solve"),
     ("S013", "a path that cannot be followed"),
     ("S014", "a stiffness that drowns the loads in round-off"),
+    ("S015", "a part of equilibrium that cannot go on"),
 ];
 
 fn worst_node(worst: &Option<(Vec<f64>, Vec<f64>)>) -> String {
@@ -245,6 +253,7 @@ impl SolveError {
             SolveError::Iterative { .. } => "S012",
             SolveError::NoPath { .. } => "S013",
             SolveError::RoundOff { .. } => "S014",
+            SolveError::Term { .. } => "S015",
             SolveError::Interrupted { .. } => return None,
         })
     }
@@ -299,7 +308,7 @@ impl SolveError {
             }
             SolveError::Constraint { error: ConstraintError::LooseAxis { .. }, .. } => Some(HOLD_THE_AXIS),
             SolveError::Load { .. } => Some("the formula divides by zero or leaves its domain there"),
-            SolveError::Interrupted { .. } | SolveError::Output(_) => None,
+            SolveError::Interrupted { .. } | SolveError::Output(_) | SolveError::Term { .. } => None,
         }
     }
 

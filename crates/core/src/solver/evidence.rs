@@ -10,7 +10,7 @@ use crate::points::Points;
 use crate::terms::held_material::HeldMaterial;
 
 use super::attempt::{FailedAttempt, Iterate};
-use crate::equilibrium::Step;
+use crate::step::Step;
 
 /// Cells whose weakest node carries less than this of its share tell nothing about hourglass modes: their nodes move far
 /// for another reason.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::basis::Connectivity;
 
-use crate::equilibrium::Step;
+use crate::step::Step;
 
 /// The displacement increment of a step on the nodes of the grid.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

@@ -1,14 +1,16 @@
 //! Newton iterations to equilibrium within one load step: eqs. (26), (28), (30) and (40).
 
-use crate::assembly::System;
+use crate::assembly::{System, Wanted};
 use crate::basis::{Connectivity, Method};
 use crate::equilibrium::{
-    Energy, GridFields, Step, StepReport, moment_error, named_reactions, reaction_moments, reactions_of,
+    Energy, GridFields, StepReport, moment_error, named_reactions, reaction_moments, reactions_of,
 };
 use crate::linear::LinearError;
 use crate::model::{Control, Model, Predictor, Tangent};
 use crate::points::Points;
+use crate::step::{Step, StepContext};
 use crate::stress::Mechanics;
+use crate::terms::{PointFailure, Sum};
 use crate::timing::Phase;
 
 use super::attempt::{Attempt, FailedAttempt, Iterate, OnTheWay, Slump};
@@ -18,10 +20,10 @@ use super::damping::{self, AT_REST, Damping, MORE_ITERATIONS, MOST_FACTORISATION
 use super::equations::{Place, Solved};
 use super::error::{SolveError, locate_failure};
 use super::forcing::Forcing;
-use super::loading::{Loading, StepSystem};
 use super::motion::Motion;
 use super::observer::Observer;
-use super::residual::{self, Iterate as At, Measured, RoundOff, norm};
+use super::residual::{self, Measured, RoundOff, norm};
+use super::step_system::StepSystem;
 use super::stepper::Stepper;
 use super::unknowns::Unknowns;
 use super::update;
@@ -69,8 +71,9 @@ impl<const D: usize> Stepper<D> {
             .measure(Phase::Basis, || old.renew(model.grid.as_ref(), points, &methods))
             .map_err(|failure| at_once(SolveError::unsupported(model, points, failure, step)))?;
         let path = &self.reached.summary.path;
-        let set_up =
-            timings.measure(Phase::SetUp, || StepSystem::new::<M>(model, points, &links, step, path));
+        let context = StepContext { model, links: &links, step, factor: path.factor };
+        let terms = &mut self.terms;
+        let set_up = timings.measure(Phase::SetUp, || StepSystem::new::<M>(&context, points, path, terms));
         let mut system = set_up.map_err(at_once)?;
         let carried = &self.reached.summary.carried;
         let parts = system.parts.clone().of_bodies(points, &links, model.bodies.len(), carried);
@@ -83,16 +86,8 @@ impl<const D: usize> Stepper<D> {
         let mut course = Course::new();
         let stride =
             if damped && slump.may_go_on() { STRIDE * smallest_cell(model, &links) } else { f64::INFINITY };
-        let solved = self.iterate::<M>(
-            model,
-            points,
-            &links,
-            &mut system,
-            &mut unknowns,
-            &mut course,
-            (step, stride),
-            observer,
-        );
+        let solved =
+            self.iterate::<M>(&context, points, &mut system, &mut unknowns, &mut course, stride, observer);
         let load_factor = match model.stepping.control {
             Control::Load => model.common_curve().map(|curve| curve.factor(step.end)),
             Control::Displacement { .. } | Control::ArcLength { .. } => Some(unknowns.factor),
@@ -101,6 +96,7 @@ impl<const D: usize> Stepper<D> {
         let Ended { balanced, replaced_domains } = match solved {
             Ok(ended) => ended,
             Err(error) => {
+                self.terms = system.sum.into_terms();
                 return Err(Box::new(FailedAttempt {
                     step,
                     may_succeed_if_smaller: error.is_retryable(),
@@ -117,22 +113,21 @@ impl<const D: usize> Stepper<D> {
                 }));
             }
         };
-        let StepSystem { dofs, system, mut loading, condition, .. } = system;
-        if slump.has_begun() {
-            // The loads have grown before.
-            loading.f_ext_start.clone_from(&loading.f_ext);
-        }
-        let reaction_field = reactions_of(&loading.f_ext, system.internal_force(), &dofs);
-        let reaction_start = reactions_of(&loading.f_ext_start, &course.f_int_start, &dofs);
+        let StepSystem { dofs, sum, condition, .. } = system;
+        let f_ext = sum.system().external_force();
+        // Where bodies slump, the loads have grown before.
+        let f_ext_start = if slump.has_begun() { f_ext.clone() } else { sum.external_force_at_start() };
+        let reaction_field = reactions_of(f_ext, sum.system().internal_force(), &dofs);
+        let reaction_start = reactions_of(&f_ext_start, &course.f_int_start, &dofs);
         let energy = Energy::new(
-            model,
-            points,
             &unknowns.delta_d,
-            [(&loading.f_ext_start, &reaction_start), (&loading.f_ext, &reaction_field)],
-            (&system, &course.f_int_start),
+            [(&f_ext_start, &reaction_start), (f_ext, &reaction_field)],
+            &course.f_int_start,
+            sum.ledger(&context, points, unknowns.at()),
         );
         let energy = if slump.has_begun() { energy.of_slump() } else { energy };
         if !balanced {
+            self.terms = sum.into_terms();
             self.links = links;
             let at_end = damping::work(&course.out_of_balance, &unknowns.delta_d);
             let is_at_rest = damping::farthest(&unknowns.delta_d) <= stride;
@@ -147,19 +142,19 @@ impl<const D: usize> Stepper<D> {
             None => Path { motion: motion(), ..Path::default() },
             Some(condition) => condition.advance(&links, step, &unknowns.delta_d, unknowns.factor),
         };
-        let forces = unknowns.forces(&course.out_of_balance, &loading.f_ext);
+        let forces = unknowns.forces(&course.out_of_balance, f_ext);
         let report = StepReport {
             step,
             body_residuals: residual::of_bodies(&forces, model, points, &links),
             carried: forces.carried(&unknowns.parts, &self.reached.summary.carried, model.bodies.len()),
             reactions: named_reactions(model, &reaction_field, &dofs),
             moments: reaction_moments(model, points, &links, &unknowns.delta_d, (&reaction_field, &dofs)),
-            loads: loading.resultants,
+            loads: sum.resultants(),
             energy,
-            moment_error: moment_error(model, &links, &unknowns.delta_d, (&loading.f_ext, &reaction_field)),
+            moment_error: moment_error(model, &links, &unknowns.delta_d, (f_ext, &reaction_field)),
             load_factor,
             unknowns: dofs.n_free(),
-            stabilised_faces: system.stabilised_faces(),
+            stabilised_faces: sum.stabilised_faces(),
             grid: GridFields {
                 links,
                 parts: unknowns.parts.count(),
@@ -173,6 +168,7 @@ impl<const D: usize> Stepper<D> {
             factorisations: course.solved.iter().map(|s: &Solved| s.factorisation).collect(),
             linear_iterations,
         };
+        self.terms = sum.into_terms();
         Ok(Attempt::Equilibrium(Box::new(report), path))
     }
 
@@ -181,24 +177,24 @@ impl<const D: usize> Stepper<D> {
     #[expect(clippy::too_many_arguments, reason = "what a step is made of")]
     fn iterate<M: Mechanics<D>>(
         &mut self,
-        model: &Model<D>,
+        context: &StepContext<D>,
         points: &mut Points<D>,
-        links: &Connectivity<D>,
         set_up: &mut StepSystem<D>,
         unknowns: &mut Unknowns<D>,
         course: &mut Course<D>,
-        (step, stride): (Step, f64),
+        stride: f64,
         observer: &mut dyn Observer<D>,
     ) -> Result<Ended, SolveError> {
+        let StepContext { model, links, step, .. } = *context;
         let damped = self.reached.summary.pace.is_damped();
         let tolerance = model.newton.tolerance;
         let max_iterations = model.newton.max_iterations * if damped { MORE_ITERATIONS } else { 1 };
         let mut damping: Option<Damping<D>> = None;
-        let StepSystem { dofs, system, loading, condition, .. } = set_up;
+        let StepSystem { dofs, sum, condition, .. } = set_up;
         let place = Place { model, links, dofs };
         let timings = &mut self.reached.summary.timings;
         timings
-            .measure(Phase::Analyse, || self.equations.prepare(place, system))
+            .measure(Phase::Analyse, || self.equations.prepare(place, sum.system()))
             .map_err(|e| SolveError::linear(e, place, step))?;
         let mut forcing = Forcing::default();
         let mut predicted = false;
@@ -209,18 +205,14 @@ impl<const D: usize> Stepper<D> {
                 && course.forecast(&forcing, self.reached.summary.last_iterations) <= tolerance
                 && unknowns.follows(dofs)
                 && condition.as_ref().is_none_or(|condition| condition.is_met());
-            let balanced = is_last
-                .then(|| self.evaluate_force::<M>(model, points, links, system, loading, unknowns, course));
+            let balanced = is_last.then(|| self.evaluate_force(context, points, sum, unknowns, course));
             let mut evaluated = match balanced.flatten() {
                 Some(residual) => Ok(Measured { residual, round_off: RoundOff::NoMatter }),
-                None => {
-                    self.evaluate::<M>(model, points, links, system, loading, unknowns, course, iteration)
-                }
+                None => self.evaluate(context, points, sum, unknowns, course, iteration),
             };
             if predicted && !evaluated.as_ref().is_ok_and(|found| found.residual < course.residuals[0]) {
                 unknowns.start_again();
-                evaluated =
-                    self.evaluate::<M>(model, points, links, system, loading, unknowns, course, iteration);
+                evaluated = self.evaluate(context, points, sum, unknowns, course, iteration);
             }
             let Measured { residual, round_off } = evaluated
                 .map_err(|f| locate_failure(f, model, points, step, iteration, &course.residuals))?;
@@ -228,7 +220,7 @@ impl<const D: usize> Stepper<D> {
             course.round_off = round_off;
             observer.iteration(step, iteration, residual);
             if iteration == 0 {
-                course.f_int_start = system.internal_force().to_vec();
+                course.f_int_start = sum.system().internal_force().to_vec();
             }
             let is_met =
                 unknowns.follows(dofs) && condition.as_ref().is_none_or(|condition| condition.is_met());
@@ -240,7 +232,7 @@ impl<const D: usize> Stepper<D> {
                 let mut stands = balanced;
                 if balanced
                     && damped
-                    && let Err(error) = self.see_that_it_is_stable(unknowns, system, place, course)
+                    && let Err(error) = self.see_that_it_is_stable(unknowns, sum.system_mut(), place, course)
                 {
                     if stride.is_infinite() {
                         return Err(SolveError::linear(error, place, step));
@@ -250,7 +242,7 @@ impl<const D: usize> Stepper<D> {
                 }
                 let replaces = self.reached.summary.pace.is_last_resort();
                 let timings = &mut self.reached.summary.timings;
-                system.conclude();
+                sum.conclude();
                 let replaced_domains = timings.measure(Phase::Update, || {
                     update::move_points::<D, M>(model, points, links, &unknowns.delta_d, step, replaces)
                 })?;
@@ -263,17 +255,17 @@ impl<const D: usize> Stepper<D> {
             if let Some(damping) = &mut damping {
                 damping.adapt(course.shortened);
             } else if damped {
-                damping = Some(Damping::new(system));
+                damping = Some(Damping::new(sum.system()));
             }
             let used = match &mut damping {
                 Some(damping) => {
-                    self.damped_step(unknowns, system, place, loading, course, (damping, stride))
+                    self.damped_step(unknowns, sum.system_mut(), place, course, (damping, stride))
                 }
                 None => self.newton_step(
                     unknowns,
-                    system,
+                    sum.system_mut(),
                     place,
-                    (loading, condition.as_mut()),
+                    condition.as_mut(),
                     course,
                     &mut forcing,
                 ),
@@ -295,41 +287,36 @@ impl<const D: usize> Stepper<D> {
     }
 
     /// The residual of eq. (40) where it meets the tolerance: the last evaluation of a step, of which no tangent is wanted.
-    #[expect(clippy::too_many_arguments, reason = "what a step is made of")]
-    fn evaluate_force<M: Mechanics<D>>(
+    fn evaluate_force(
         &mut self,
-        model: &Model<D>,
+        context: &StepContext<D>,
         points: &mut Points<D>,
-        links: &Connectivity<D>,
-        system: &mut System<D>,
-        loading: &mut Loading<D>,
+        sum: &mut Sum<D>,
         unknowns: &Unknowns<D>,
         course: &mut Course<D>,
     ) -> Option<f64> {
         let summary = &mut self.reached.summary;
         summary.evaluations += 1;
-        loading.set_factor(unknowns.factor);
-        let assemble = || system.assemble_force::<M>(model, points, links, &unknowns.delta_d);
-        summary.timings.measure(Phase::Assembly, assemble).ok()?;
-        course.out_of_balance = unknowns.balance(&loading.f_ext, system.internal_force());
-        let forces = unknowns.forces(&course.out_of_balance, &loading.f_ext);
-        forces.balanced(&unknowns.parts, model.newton.tolerance)
+        let evaluate = || sum.evaluate(context, points, unknowns.at(), Wanted::Force);
+        summary.timings.measure(Phase::Assembly, evaluate).ok()?;
+        let f_ext = sum.system().external_force();
+        course.out_of_balance = unknowns.balance(f_ext, sum.system().internal_force());
+        let forces = unknowns.forces(&course.out_of_balance, f_ext);
+        forces.balanced(&unknowns.parts, context.model.newton.tolerance)
     }
 
     /// The residual of eq. (40). A point that turns inside out halves the last iterative displacement; one that climbs the
     /// potential on its far side is shortened by a line search.
-    #[expect(clippy::too_many_arguments, reason = "what a step is made of")]
-    fn evaluate<M: Mechanics<D>>(
+    fn evaluate(
         &mut self,
-        model: &Model<D>,
+        context: &StepContext<D>,
         points: &mut Points<D>,
-        links: &Connectivity<D>,
-        system: &mut System<D>,
-        loading: &mut Loading<D>,
+        sum: &mut Sum<D>,
         unknowns: &mut Unknowns<D>,
         course: &mut Course<D>,
         iteration: usize,
-    ) -> Result<Measured, crate::assembly::PointFailure> {
+    ) -> Result<Measured, PointFailure> {
+        let StepContext { model, links, .. } = *context;
         let tolerance = model.newton.tolerance;
         let summary = &mut self.reached.summary;
         let damped = summary.pace.is_damped();
@@ -339,21 +326,19 @@ impl<const D: usize> Stepper<D> {
         loop {
             course.shortened = halvings + searches > 0;
             summary.evaluations += 1;
-            loading.set_factor(unknowns.factor);
-            let assembled = summary
-                .timings
-                .measure(Phase::Assembly, || system.assemble::<M>(model, points, links, &unknowns.delta_d));
-            match assembled {
+            let evaluate = || sum.evaluate(context, points, unknowns.at(), Wanted::Stiffness);
+            match summary.timings.measure(Phase::Assembly, evaluate) {
                 Err(_) if iteration > 0 && !unknowns.prescribes && halvings < most_halvings => {
                     halvings += 1;
-                    unknowns.shorten(0.5, loading);
+                    unknowns.shorten(0.5);
                     continue;
                 }
                 outcome => outcome?,
             }
-            course.out_of_balance = unknowns.balance(&loading.f_ext, system.internal_force());
-            let at = At { model, points, links, system, delta_d: &unknowns.delta_d };
-            let forces = unknowns.forces(&course.out_of_balance, &loading.f_ext);
+            let system = sum.system();
+            course.out_of_balance = unknowns.balance(system.external_force(), system.internal_force());
+            let at = residual::Iterate { model, points, links, system, delta_d: &unknowns.delta_d };
+            let forces = unknowns.forces(&course.out_of_balance, system.external_force());
             let measured = forces.measure(&unknowns.parts, tolerance, &at);
             let residual = measured.residual;
             let before = course.residuals.last().copied().unwrap_or(f64::INFINITY);
@@ -367,12 +352,12 @@ impl<const D: usize> Stepper<D> {
             let may_search = iteration >= first
                 && !unknowns.prescribes
                 && searches < most_searches
-                && loading.unit.is_none();
+                && system.per_factor().is_none();
             if may_search && (damped || residual > before) && residual > tolerance {
                 let slope = unknowns.slope(&course.out_of_balance);
                 if let Some(shorter) = unknowns.flatter(slope) {
                     searches += 1;
-                    unknowns.shorten(shorter, loading);
+                    unknowns.shorten(shorter);
                     continue;
                 }
             }
@@ -390,7 +375,7 @@ impl<const D: usize> Stepper<D> {
         unknowns: &mut Unknowns<D>,
         system: &mut System<D>,
         place: Place<D>,
-        (loading, condition): (&Loading<D>, Option<&mut Condition<D>>),
+        condition: Option<&mut Condition<D>>,
         course: &Course<D>,
         forcing: &mut Forcing,
     ) -> Result<Option<Solved>, Obstacle> {
@@ -409,7 +394,7 @@ impl<const D: usize> Stepper<D> {
                     unknowns.iterative[node][axis] = predicted[node][axis];
                 }
             });
-            timings.measure(Phase::Solve, || unknowns.advance(system, dofs, loading, out_of_balance))?;
+            timings.measure(Phase::Solve, || unknowns.advance(system, dofs, out_of_balance))?;
             return Ok(None);
         }
         // A preconditioner may be that of an earlier iteration, without harm to the solution.
@@ -425,10 +410,10 @@ impl<const D: usize> Stepper<D> {
             _ => equations.solve(place, system, rhs, iterative, tolerance, timings)?,
         };
         unknowns.iterative_factor = 0.0;
-        if let (Some(unit), Some(condition)) = (&loading.unit, condition) {
+        if let (Some(unit), Some(condition)) = (system.per_factor().cloned(), condition) {
             let mut of_load = vec![[0.0; D]; unit.len()];
             let mut rhs = of_load.clone();
-            on_free(dofs, unit, &mut rhs);
+            on_free(dofs, &unit, &mut rhs);
             solved.iterations +=
                 self.equations.solve_again(place, system, &rhs, &mut of_load, tolerance, timings)?.iterations;
             let change =
@@ -438,7 +423,7 @@ impl<const D: usize> Stepper<D> {
             }
             unknowns.iterative_factor = change;
         }
-        timings.measure(Phase::Solve, || unknowns.advance(system, dofs, loading, out_of_balance))?;
+        timings.measure(Phase::Solve, || unknowns.advance(system, dofs, out_of_balance))?;
         Ok(Some(solved))
     }
 
@@ -470,7 +455,6 @@ impl<const D: usize> Stepper<D> {
         unknowns: &mut Unknowns<D>,
         system: &mut System<D>,
         place: Place<D>,
-        loading: &Loading<D>,
         course: &Course<D>,
         (damping, stride): (&mut Damping<D>, f64),
     ) -> Result<Option<Solved>, Obstacle> {
@@ -493,7 +477,7 @@ impl<const D: usize> Stepper<D> {
         if far > stride {
             unknowns.iterative.iter_mut().flatten().for_each(|u| *u *= stride / far);
         }
-        let advance = || unknowns.advance(system, place.dofs, loading, &course.out_of_balance);
+        let advance = || unknowns.advance(system, place.dofs, &course.out_of_balance);
         timings.measure(Phase::Solve, advance)?;
         Ok(Some(solved))
     }

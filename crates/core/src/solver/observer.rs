@@ -1,8 +1,9 @@
 //! What watches a run.
 
-use crate::equilibrium::{Step, StepReport};
+use crate::equilibrium::StepReport;
 use crate::model::Model;
 use crate::points::Points;
+use crate::step::Step;
 
 use super::attempt::FailedAttempt;
 use super::diagnosis::Diagnosis;

@@ -12,7 +12,7 @@ use crate::material::axial_modulus_at_rest;
 use crate::model::Model;
 use crate::points::Points;
 
-use crate::equilibrium::Nodal;
+use crate::step::Nodal;
 
 /// Largest residual of a part, and largest resultant of its out-of-balance force relative to the sum of its forces, that is
 /// accepted where round-off forbids a smaller one, [-].

@@ -1,11 +1,13 @@
 //! From load step to load step: which is tried, what becomes of one that fails, and what is committed.
 
 use crate::basis::Connectivity;
-use crate::equilibrium::{Step, StepReport};
+use crate::equilibrium::StepReport;
 use crate::model::Model;
 use crate::points::Points;
 use crate::quality::{Code, Measures, Place, Warning};
+use crate::step::Step;
 use crate::stress::Mechanics;
+use crate::terms::{Terms, of_bodies};
 use crate::timing::{Phase, Timings};
 
 use super::attempt::{Attempt, FailedAttempt, OnTheWay, Slump};
@@ -26,19 +28,33 @@ pub(super) struct Stepper<const D: usize> {
     cause: Option<(FailedAttempt<D>, Diagnosis)>,
     /// Why the last attempt at the step in hand that met the tolerance has failed all the same.
     lost_points: Option<SolveError>,
+    /// The parts of equilibrium.
+    pub(super) terms: Terms<D>,
     pub(super) reached: Reached,
 }
 
 impl<const D: usize> Stepper<D> {
-    /// Goes on from what has been reached.
-    pub(super) fn new(reached: Reached) -> Self {
-        Stepper {
+    /// Goes on from what has been reached, with further terms.
+    ///
+    /// # Errors
+    /// [`SolveError::Term`].
+    pub(super) fn new<M: Mechanics<D>>(reached: Reached, further: Terms<D>) -> Result<Self, SolveError> {
+        let mut terms = of_bodies::<D, M>();
+        terms.extend(further);
+        for term in &mut terms {
+            if let Some(saved) = reached.summary.terms.get(term.name()) {
+                term.restore(saved)
+                    .map_err(|reason| SolveError::Term { term: term.name().to_owned(), reason })?;
+            }
+        }
+        Ok(Stepper {
             equations: Equations::with(reached.summary.kept.clone()),
             links: Connectivity::default(),
             cause: None,
             lost_points: None,
+            terms,
             reached,
-        }
+        })
     }
 
     pub(super) fn observe(
@@ -70,7 +86,10 @@ impl<const D: usize> Stepper<D> {
         if observer.interrupted() {
             return Err(SolveError::Interrupted { step: step.index });
         }
-        let may_slump = self.reached.summary.pace.is_damped() && damping::may_slump(model, points);
+        // A slump that fails takes back what the points have gone through, but not what a term keeps.
+        let may_slump = self.reached.summary.pace.is_damped()
+            && damping::may_slump(model, points)
+            && self.terms.iter().all(|term| term.save().is_none());
         let slump = if may_slump { Slump::MayBegin } else { Slump::Forbidden };
         match self.solve_step::<M>(model, points, step, slump, observer) {
             Ok(Attempt::Equilibrium(report, path)) => self.accept(model, points, *report, path, observer),
@@ -129,7 +148,10 @@ impl<const D: usize> Stepper<D> {
     ) -> Result<(), SolveError> {
         self.judge(model, points, &report);
         points.commit();
+        self.terms.iter_mut().for_each(|term| term.commit());
         let Reached { step, summary } = &mut self.reached;
+        summary.terms =
+            (self.terms.iter()).filter_map(|term| Some((term.name().to_owned(), term.save()?))).collect();
         *step = report.step;
         summary.path = path;
         self.cause = None;

@@ -1,14 +1,16 @@
 //! The account of a run.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::equilibrium::{Energy, Step, StepReport};
+use crate::equilibrium::{Energy, StepReport};
 use crate::linear::Named;
 use crate::model::Model;
 use crate::points::Points;
 use crate::quality::{BalanceSoFar, Quality, Warning};
+use crate::step::Step;
 use crate::timing::Timings;
 
 use super::control::Path;
@@ -46,6 +48,9 @@ pub struct Summary {
     pub load_factor: Option<f64>,
     /// Load factor of the largest magnitude in equilibrium, where there is one for all loads and prescribed motions, [-].
     pub largest_load_factor: Option<f64>,
+    /// What the terms of equilibrium keep beside the points, [`crate::terms::Term::save`], by their names.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub terms: BTreeMap<String, serde_json::Value>,
     /// Why the run could not go on.
     pub diagnosis: Option<Diagnosis>,
     /// Most faces that were stabilised in a step.

@@ -5,10 +5,9 @@ use crate::dofs::DofMap;
 use crate::linear::LinearError;
 use crate::model::Model;
 
-use super::loading::Loading;
 use super::residual::norm;
 use super::residual::{Forces, Parts};
-use crate::equilibrium::Nodal;
+use crate::step::{At, Nodal};
 
 /// The unknowns of a load step and the vectors that an iteration works with.
 pub(super) struct Unknowns<const D: usize> {
@@ -103,7 +102,6 @@ impl<const D: usize> Unknowns<D> {
         &mut self,
         system: &mut System<D>,
         dofs: &DofMap<D>,
-        loading: &Loading<D>,
         out_of_balance: &[[f64; D]],
     ) -> Result<(), LinearError> {
         // Only a motion that nothing resists carries a node that far.
@@ -115,11 +113,11 @@ impl<const D: usize> Unknowns<D> {
             return Err(LinearError::Singular { unknown: Some(unknown) });
         }
         system.multiply(&self.iterative, &mut self.k_delta);
-        let change = self.iterative_factor;
+        let (change, per_factor) = (self.iterative_factor, system.per_factor());
         dofs.for_each(|node, axis, free| {
             self.delta_d[node][axis] += self.iterative[node][axis]; // (30)
             if free.is_none() {
-                let load = loading.unit.as_ref().map_or(0.0, |unit| change * unit[node][axis]);
+                let load = per_factor.map_or(0.0, |unit| change * unit[node][axis]);
                 let unbalanced = out_of_balance[node][axis];
                 self.k_delta[node][axis] -= load;
                 self.reaction[node][axis] += self.k_delta[node][axis] - unbalanced;
@@ -141,7 +139,7 @@ impl<const D: usize> Unknowns<D> {
     }
 
     /// Takes only a part of what is taken of the last iterative displacement.
-    pub(super) fn shorten(&mut self, part: f64, loading: &mut Loading<D>) {
+    pub(super) fn shorten(&mut self, part: f64) {
         let back = 1.0 - part;
         for (u, delta) in self.delta_d.iter_mut().flatten().zip(self.iterative.iter_mut().flatten()) {
             *u -= back * *delta;
@@ -155,7 +153,6 @@ impl<const D: usize> Unknowns<D> {
         self.factor -= back * self.iterative_factor;
         self.iterative_factor *= part;
         self.taken *= part;
-        loading.set_factor(self.factor);
     }
 
     /// The work of a force on the whole last iterative displacement, [energy].
@@ -188,6 +185,11 @@ impl<const D: usize> Unknowns<D> {
         (0..f_ext.len())
             .map(|n| std::array::from_fn(|d| f_ext[n][d] - f_int[n][d] + self.reaction[n][d]))
             .collect()
+    }
+
+    /// Where the terms are evaluated.
+    pub(super) fn at(&self) -> At<'_, D> {
+        At { delta_d: &self.delta_d, factor: self.factor }
     }
 
     /// The forces that eq. (40) compares.

@@ -7,11 +7,11 @@ use std::sync::{Mutex, PoisonError};
 use super::error::SolveError;
 use crate::basis::{Connectivity, DomainKind, Method, Room as Products, check_domain};
 use crate::domain::Motion;
-use crate::equilibrium::Step;
 use crate::grid::interpolate;
 use crate::kinematics::Increment;
 use crate::model::Model;
 use crate::points::Points;
+use crate::step::Step;
 use crate::stress::Mechanics;
 use crate::tensor::Mat3;
 

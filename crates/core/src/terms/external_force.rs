@@ -1,32 +1,13 @@
 //! External forces on the grid: weight, body forces and point forces, eqs. (24), (25), (29).
 
+use crate::assembly::{System, Wanted};
 use crate::basis::Connectivity;
-use crate::model::{Action, Load, Model};
-use crate::points::{Points, coordinates};
+use crate::model::{Action, Control, Load, Model};
+use crate::points::Points;
+use crate::step::{At, Nodal, StepContext};
 
-/// A body force has no finite value at a point.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error(
-    "load `{load}` is not finite at point {point} of body `{body}` at {}: the formula `{formula}` gives {value} at \
-     load factor {factor}",
-    coordinates(.position)
-)]
-pub struct LoadNotFinite {
-    /// Name of the load.
-    pub load: String,
-    /// Name of the body.
-    pub body: String,
-    /// Permanent number of the point.
-    pub point: u32,
-    /// Where the point is, [length].
-    pub position: Vec<f64>,
-    /// The load factor.
-    pub factor: f64,
-    /// Text of the first formula without a finite value, which may be an intermediate one.
-    pub formula: String,
-    /// Its value.
-    pub value: f64,
-}
+use super::failure::{LoadNotFinite, PointFailure};
+use super::term::Term;
 
 /// The external force at a time.
 #[derive(Debug, Clone, PartialEq)]
@@ -148,4 +129,86 @@ fn forces_on_points<const D: usize>(
         }
     }
     Ok((forces, resultants))
+}
+
+/// The external forces of all loads, dead ones: their direction does not follow the displacement.
+#[derive(Debug, Default)]
+pub struct ExternalForces<const D: usize> {
+    /// At the end of the step, [force].
+    end: Nodal<D>,
+    /// In the state that the step starts from, on the nodes of this step, [force].
+    start: Nodal<D>,
+    resultants: Vec<[f64; D]>,
+    /// At load factor 1 where that factor follows from equilibrium, and the resultants that belong to it.
+    unit: Option<(Nodal<D>, Vec<[f64; D]>)>,
+}
+
+impl<const D: usize> ExternalForces<D> {
+    /// The force at a load factor, where that follows from equilibrium.
+    fn set_factor(&mut self, factor: f64) {
+        let Some((unit, resultants)) = &self.unit else { return };
+        for (force, unit) in self.end.iter_mut().flatten().zip(unit.iter().flatten()) {
+            *force = factor * unit;
+        }
+        self.resultants = resultants.iter().map(|force| force.map(|f| factor * f)).collect();
+    }
+}
+
+impl<const D: usize> Term<D> for ExternalForces<D> {
+    fn name(&self) -> &'static str {
+        "external forces"
+    }
+
+    fn is_symmetric(&self, _: &StepContext<D>) -> bool {
+        true
+    }
+
+    fn begin(&mut self, context: &StepContext<D>, points: &Points<D>) -> Result<(), Box<LoadNotFinite>> {
+        let StepContext { model, links, step, factor } = *context;
+        if model.stepping.control != Control::Load {
+            let ExternalForce { nodal: unit, resultants } =
+                external_force_of_factor(model, points, links, 1.0)?;
+            self.end = vec![[0.0; D]; unit.len()];
+            self.unit = Some((unit, resultants));
+            self.set_factor(factor);
+            self.start = self.end.clone();
+            return Ok(());
+        }
+        let load = |time| external_force(model, points, links, time); // (24), (25), (29)
+        let ExternalForce { nodal, resultants } = load(step.end)?;
+        // At time 0 nothing is loaded yet, whatever the curves say.
+        self.start = if step.start > 0.0 { load(step.start)?.nodal } else { vec![[0.0; D]; nodal.len()] };
+        (self.end, self.resultants, self.unit) = (nodal, resultants, None);
+        Ok(())
+    }
+
+    fn evaluate(
+        &mut self,
+        _: &StepContext<D>,
+        _: &mut Points<D>,
+        at: At<D>,
+        _: Wanted,
+        sum: &mut System<D>,
+    ) -> Result<(), PointFailure> {
+        self.set_factor(at.factor);
+        add(&mut sum.external, &self.end);
+        if let Some((unit, _)) = &self.unit {
+            add(sum.per_factor.get_or_insert_with(|| vec![[0.0; D]; unit.len()]), unit);
+        }
+        Ok(())
+    }
+
+    fn force_at_start(&self, force: &mut Nodal<D>) {
+        add(force, &self.start);
+    }
+
+    fn resultants(&self) -> &[[f64; D]] {
+        &self.resultants
+    }
+}
+
+fn add<const D: usize>(sum: &mut [[f64; D]], force: &[[f64; D]]) {
+    for (sum, force) in sum.as_flattened_mut().iter_mut().zip(force.as_flattened()) {
+        *sum += force;
+    }
 }

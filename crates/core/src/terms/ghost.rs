@@ -15,13 +15,17 @@
 
 use std::collections::HashSet;
 
+use crate::assembly::{System, Wanted};
 use crate::basis::Connectivity;
 use crate::grid::element::ElementShape;
 use crate::grid::{CellBasis, Grid};
 use crate::model::{Model, Stabilisation, Where};
 use crate::points::Points;
+use crate::step::{At, StepContext};
 
+use super::failure::{LoadNotFinite, PointFailure};
 use super::held_material::HeldMaterial;
+use super::term::{Ledger, Term};
 
 /// Share of the penalty on the faces of cells that hold few points: enough against hourglass motions, whose stiffness is
 /// zero otherwise, and too little to carry load where the material flows, [-].
@@ -38,6 +42,9 @@ pub struct Ghost {
     stiffness: Vec<f64>,
     /// Where it starts.
     stiffness_start: Vec<usize>,
+    /// For each entry of the stiffness of each face the places of its block and, where both triangles are kept, of the mirror
+    /// image.
+    places: Vec<[Option<usize>; 2]>,
 }
 
 impl Ghost {
@@ -144,14 +151,21 @@ impl Ghost {
         &self.stiffness[self.stiffness_start[face]..self.stiffness_start[face + 1]]
     }
 
-    /// Work over a displacement increment of the active nodes, [length], from 0: ½ f_G·Δd, [energy]. The next step forgets it.
-    pub fn work<const D: usize>(&self, delta_d: &[[f64; D]]) -> f64 {
-        if self.n_faces() == 0 {
-            return 0.0;
+    /// The places of the blocks that the stiffness of all faces is added to.
+    fn places_in<const D: usize>(&self, sum: &System<D>) -> Vec<[Option<usize>; 2]> {
+        let mut places = Vec::with_capacity(self.stiffness.len());
+        for face in 0..self.n_faces() {
+            let nodes = self.nodes_of(face);
+            for (a, &row) in nodes.iter().enumerate() {
+                for &column in &nodes[..=a] {
+                    let [row, column] = [row, column].map(|node| node as usize);
+                    let is_mirrored = !sum.is_symmetric() && row != column;
+                    let mirror = if is_mirrored { sum.place(column, row) } else { None };
+                    places.push([sum.place(row, column), mirror]);
+                }
+            }
         }
-        let mut force = vec![[0.0; D]; delta_d.len()];
-        self.add_force(delta_d, &mut force);
-        0.5 * force.iter().flatten().zip(delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>()
+        places
     }
 
     /// Adds f_G of a displacement increment of the active nodes, [length], to a force on them, [force].
@@ -171,6 +185,64 @@ impl Ghost {
                 }
             }
         }
+    }
+}
+
+impl<const D: usize> Term<D> for Ghost {
+    fn name(&self) -> &'static str {
+        "ghost stabilisation"
+    }
+
+    fn is_symmetric(&self, _: &StepContext<D>) -> bool {
+        true
+    }
+
+    fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), Box<LoadNotFinite>> {
+        *self = Ghost::new(step.model, points, step.links);
+        Ok(())
+    }
+
+    fn couples(&self, couple: &mut dyn FnMut(&[u32])) {
+        (0..self.n_faces()).for_each(|face| couple(self.nodes_of(face)));
+    }
+
+    fn evaluate(
+        &mut self,
+        _: &StepContext<D>,
+        _: &mut Points<D>,
+        at: At<D>,
+        wanted: Wanted,
+        sum: &mut System<D>,
+    ) -> Result<(), PointFailure> {
+        if wanted == Wanted::Stiffness {
+            if self.places.is_empty() {
+                self.places = self.places_in(sum);
+            }
+            for (places, stiffness) in self.places.iter().zip(&self.stiffness) {
+                for &place in places.iter().flatten() {
+                    for d in 0..D {
+                        sum.blocks[place][d][d] += stiffness;
+                    }
+                }
+            }
+        }
+        self.add_force(at.delta_d, sum.internal_force_mut());
+        Ok(())
+    }
+
+    /// Its work from 0: ½ f_G·Δd. The next step forgets it.
+    fn ledger(&self, _: &StepContext<D>, _: &Points<D>, at: At<D>) -> Ledger {
+        if self.n_faces() == 0 {
+            return Ledger::default();
+        }
+        let mut force = vec![[0.0; D]; at.delta_d.len()];
+        self.add_force(at.delta_d, &mut force);
+        let work = force.iter().flatten().zip(at.delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>();
+        Ledger { lost: 0.5 * work, ..Ledger::default() }
+    }
+
+    fn stabilised_faces(&self) -> usize {
+        self.n_faces()
     }
 }
 

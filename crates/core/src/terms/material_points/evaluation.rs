@@ -6,34 +6,15 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::group::{Cell, Dense, Forces, Square, Triangle, Whole};
-use super::pattern::NodePairs;
-
+use crate::assembly::{Cell, Dense, Forces, NodePairs, Square, Triangle, Wanted, Whole};
 use crate::basis::{Connectivity, Links, Room};
 use crate::kinematics::Increment;
 use crate::linear::Block;
 use crate::material::Material;
 use crate::model::Model;
-use crate::stress::{Formulation, Mechanics, PointError, PointResponse, StartOfStep, WeakForm};
+use crate::stress::{Formulation, Mechanics, PointResponse, StartOfStep, WeakForm};
 use crate::tensor::{Lanes, Sym3};
-
-/// What an evaluation is to assemble.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Wanted {
-    /// Internal force and stiffness.
-    Stiffness,
-    /// The internal force, with the same bits.
-    Force,
-}
-
-/// A point failed during assembly.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PointFailure {
-    /// Index of the point.
-    pub point: usize,
-    /// What failed.
-    pub error: PointError,
-}
+use crate::terms::failure::PointFailure;
 
 /// A task of this many groups or fewer is not split between threads.
 const GRAIN: usize = 4;

@@ -1,0 +1,222 @@
+//! The material points: internal force and stiffness of the bodies, eqs. (19)-(23), (27), (28), or (2)-(6) in the updated
+//! Lagrangian formulation.
+//!
+//! Each group of points accumulates one dense block on the few nodes it touches; the blocks are then merged in the
+//! order of the groups. Points write only their own trial state and blocks, so threads never meet, and the order of
+//! every sum is fixed: the result has the same bits for any number of threads.
+#![allow(non_snake_case)]
+
+mod evaluation;
+
+use std::marker::PhantomData;
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::assembly::{NodePairs, System, UNCOUPLED, Wanted};
+use crate::basis::{Connectivity, Room};
+use crate::linear::Block;
+use crate::points::{PIECE, Points};
+use crate::step::{At, StepContext};
+use crate::stress::{Mechanics, StartOfStep};
+
+use super::failure::{LoadNotFinite, PointFailure};
+use super::term::{Ledger, Term};
+
+use evaluation::{Task, Trial, Work};
+
+/// Groups are evaluated in batches of about this many node-pair blocks, so that the dense blocks stay in cache.
+const BATCH: usize = 1 << 14;
+
+/// The material points, with the mechanics of an idealisation.
+pub struct MaterialPoints<const D: usize, M> {
+    /// What is fixed for each point at the start of the step.
+    start: Vec<StartOfStep>,
+    batches: Vec<Range<usize>>,
+    /// The dense blocks of the batch in hand, and of the one before, which is merged meanwhile.
+    dense: [DenseBatch<D>; 2],
+    /// Room for the basis functions of one point of each group.
+    value: Vec<f64>,
+    gradient: Vec<[f64; D]>,
+    /// Room for the gradients of one point of each group in the current configuration, eq. (8).
+    mapped: Vec<[f64; D]>,
+    mechanics: PhantomData<M>,
+}
+
+impl<const D: usize, M> Default for MaterialPoints<D, M> {
+    fn default() -> Self {
+        MaterialPoints {
+            start: Vec::new(),
+            batches: Vec::new(),
+            dense: Default::default(),
+            value: Vec::new(),
+            gradient: Vec::new(),
+            mapped: Vec::new(),
+            mechanics: PhantomData,
+        }
+    }
+}
+
+/// The dense blocks of the groups of a batch, one after the other, and their nodal forces.
+#[derive(Default)]
+struct DenseBatch<const D: usize> {
+    blocks: Vec<Block<D>>,
+    force: Vec<[f64; D]>,
+}
+
+impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
+    /// Divides the groups into batches, and makes room for the largest.
+    fn make_room(&mut self, links: &Connectivity<D>, pairs: &NodePairs) {
+        let mut first = 0;
+        for group in 0..links.n_groups() {
+            if pairs.dense_range(first..group + 1).len() > BATCH && group > first {
+                self.batches.push(first..group);
+                first = group;
+            }
+        }
+        self.batches.push(first..links.n_groups());
+        let largest = |len: &dyn Fn(&Range<usize>) -> usize| self.batches.iter().map(len).max().unwrap_or(0);
+        let n_dense = largest(&|b| pairs.dense_range(b.clone()).len());
+        let n_force = largest(&|b| b.clone().map(|g| links.nodes_of(g).len()).sum());
+        let dense = || DenseBatch { blocks: vec![[[0.0; D]; D]; n_dense], force: vec![[0.0; D]; n_force] };
+        self.dense = [dense(), dense()];
+        self.value = vec![0.0; n_force];
+        self.gradient = vec![[0.0; D]; n_force];
+        self.mapped = vec![[0.0; D]; n_force];
+    }
+}
+
+impl<const D: usize, M: Mechanics<D>> Term<D> for MaterialPoints<D, M> {
+    fn name(&self) -> &'static str {
+        "material points"
+    }
+
+    fn is_symmetric(&self, step: &StepContext<D>) -> bool {
+        step.model.materials.iter().all(|m| m.law.tangent_is_symmetric())
+    }
+
+    fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), Box<LoadNotFinite>> {
+        let model = step.model;
+        *self = MaterialPoints::default();
+        self.start = (0..points.len())
+            .into_par_iter()
+            .with_min_len(PIECE)
+            .map(|p| {
+                let J_n = points.converged.deformation_gradient[p].determinant();
+                let measure = model.law(points, p).strain_measure();
+                StartOfStep {
+                    b_n: M::elastic_left_cauchy_green(measure, &points.converged.elastic_strain[p]),
+                    J_n,
+                    volume_n: model.volume(points, p),
+                }
+            })
+            .collect();
+        Ok(())
+    }
+
+    fn evaluate(
+        &mut self,
+        step: &StepContext<D>,
+        points: &mut Points<D>,
+        at: At<D>,
+        wanted: Wanted,
+        sum: &mut System<D>,
+    ) -> Result<(), PointFailure> {
+        let StepContext { model, links, .. } = *step;
+        let System { pairs, blocks, internal, .. } = sum;
+        if self.batches.is_empty() {
+            self.make_room(links, pairs);
+        }
+        let MaterialPoints { start, batches, dense, value, gradient, mapped, .. } = self;
+        let [mut in_hand, mut before] = dense.each_mut();
+        let mut merged = 0..0;
+        for batch in batches.iter().cloned() {
+            let task = Task::<D, M> {
+                model,
+                body: &points.body,
+                position: &points.converged.position,
+                history_len: points.history_len,
+                old_history: &points.converged.history,
+                start,
+                links,
+                pairs,
+                delta_d: at.delta_d,
+                wanted,
+                mechanics: PhantomData,
+            };
+            let first = links.points_of(batch.start).start;
+            let last = links.points_of(batch.end - 1).end;
+            let n = points.history_len;
+            let trial = Trial {
+                first,
+                elastic_strain: &mut points.trial.elastic_strain[first..last],
+                kirchhoff_stress: &mut points.trial.kirchhoff_stress[first..last],
+                history: &mut points.trial.history[first * n..last * n],
+                mapped,
+            };
+            let room = Room { value, gradient };
+            let work = Work { trial, dense: &mut in_hand.blocks, force: &mut in_hand.force, room };
+            let (outcome, ()) = rayon::join(
+                || task.run(batch.clone(), work),
+                || merge(pairs, links, merged.clone(), before, blocks, internal, wanted),
+            );
+            outcome?;
+            merged = batch;
+            std::mem::swap(&mut in_hand, &mut before);
+        }
+        merge(pairs, links, merged, before, blocks, internal, wanted);
+        Ok(())
+    }
+
+    fn ledger(&self, step: &StepContext<D>, points: &Points<D>, _: At<D>) -> Ledger {
+        let mut ledger = Ledger::default();
+        for p in 0..points.len() {
+            let law = step.model.law(points, p);
+            let history = &points.trial.history[p * points.history_len..][..law.state_fields().len()];
+            ledger.stored += law.energy(&points.trial.elastic_strain[p]) * points.original_volume[p];
+            ledger.plastic += law.plastic_work(history) * points.original_volume[p];
+        }
+        ledger
+    }
+
+    fn conclude(&mut self) {
+        *self = MaterialPoints::default();
+    }
+}
+
+/// Adds the dense blocks of a batch to the system, in the order of its groups.
+fn merge<const D: usize>(
+    pairs: &NodePairs,
+    links: &Connectivity<D>,
+    batch: Range<usize>,
+    dense: &DenseBatch<D>,
+    blocks: &mut [Block<D>],
+    internal: &mut [[f64; D]],
+    wanted: Wanted,
+) {
+    let (mut k, mut f) = (0, 0);
+    for group in batch {
+        for &node in links.nodes_of(group) {
+            add(&mut internal[node as usize], &dense.force[f]);
+            f += 1;
+        }
+        if wanted == Wanted::Force {
+            continue;
+        }
+        for &position in pairs.positions(group) {
+            if position != UNCOUPLED {
+                let block = &mut blocks[position as usize];
+                for (row, dense) in block.iter_mut().zip(&dense.blocks[k]) {
+                    add(row, dense);
+                }
+            }
+            k += 1;
+        }
+    }
+}
+
+fn add<const D: usize>(sum: &mut [f64; D], x: &[f64; D]) {
+    for d in 0..D {
+        sum[d] += x[d];
+    }
+}

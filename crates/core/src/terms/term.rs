@@ -1,0 +1,96 @@
+//! What Newton's method knows of a part of equilibrium.
+
+use crate::assembly::{System, Wanted};
+use crate::points::Points;
+use crate::step::{At, Nodal, StepContext};
+
+use super::failure::{LoadNotFinite, PointFailure};
+
+/// A part of equilibrium.
+///
+/// A step calls [`begin`](Term::begin) once, then [`couples`](Term::couples), then [`evaluate`](Term::evaluate) as often as it
+/// needs, and [`commit`](Term::commit) where it has reached equilibrium. A step that is given up ends without a call: nothing
+/// but what a term keeps until [`commit`](Term::commit) may outlast it.
+pub trait Term<const D: usize>: Send {
+    /// Name, as errors and checkpoints have it.
+    fn name(&self) -> &'static str;
+
+    /// Whether its stiffness is symmetric.
+    fn is_symmetric(&self, step: &StepContext<D>) -> bool;
+
+    /// Whether it may hold parts of the bodies that no boundary condition holds. Whether it does shows in the stiffness only.
+    fn may_hold(&self) -> bool {
+        false
+    }
+
+    /// Begins a step, from the converged state of the points.
+    ///
+    /// # Errors
+    /// [`LoadNotFinite`] of a force that has no finite value.
+    fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), Box<LoadNotFinite>>;
+
+    /// Calls `couple` with lists of active nodes, ascending, all of which it couples with each other in this step, beside the
+    /// nodes that share a group of points.
+    fn couples(&self, _couple: &mut dyn FnMut(&[u32])) {}
+
+    /// Adds its force, and if wanted its stiffness, at these unknowns. Of the points it writes the trial state only.
+    ///
+    /// # Errors
+    /// The first point that could not follow the increment.
+    fn evaluate(
+        &mut self,
+        step: &StepContext<D>,
+        points: &mut Points<D>,
+        at: At<D>,
+        wanted: Wanted,
+        sum: &mut System<D>,
+    ) -> Result<(), PointFailure>;
+
+    /// Adds the external force of the state that the step starts from to `force` on the active nodes, [force].
+    fn force_at_start(&self, _force: &mut Nodal<D>) {}
+
+    /// Work and energy at the end of the step, which is in equilibrium at these unknowns and not committed.
+    fn ledger(&self, _step: &StepContext<D>, _points: &Points<D>, _at: At<D>) -> Ledger {
+        Ledger::default()
+    }
+
+    /// The resultants of its forces on the bodies that reports give by name, [force].
+    fn resultants(&self) -> &[[f64; D]] {
+        &[]
+    }
+
+    /// Number of faces between cells that it stabilises.
+    fn stabilised_faces(&self) -> usize {
+        0
+    }
+
+    /// Frees what only further evaluations of the step would need.
+    fn conclude(&mut self) {}
+
+    /// The step is in equilibrium: its end is where the next one starts.
+    fn commit(&mut self) {}
+
+    /// What a checkpoint has to hold of it beside the points; none where the converged state says all.
+    fn save(&self) -> Option<serde_json::Value> {
+        None
+    }
+
+    /// Goes on from what [`save`](Term::save) has given.
+    ///
+    /// # Errors
+    /// Why that cannot be.
+    fn restore(&mut self, _saved: &serde_json::Value) -> Result<(), String> {
+        Err("it keeps nothing".to_owned())
+    }
+}
+
+/// The parts of the balance of energy that a term knows.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Ledger {
+    /// Stored energy, [energy].
+    pub stored: f64,
+    /// Work that has gone into plastic flow since the start of the analysis, [energy].
+    pub plastic: f64,
+    /// Work over the step that the next one forgets, [energy].
+    pub lost: f64,
+}

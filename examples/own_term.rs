@@ -1,0 +1,217 @@
+//! A part of equilibrium of one's own, from outside the library: a smooth wall that does not follow the grid, by a penalty on
+//! the points that are behind it.
+//!
+//! ```sh
+//! cargo run --example own_term
+//! ```
+//!
+//! A block of clay slides down between a vertical side and an inclined wall. Nothing else holds it up, so that the force of the
+//! wall is known: its part along y is the weight.
+#![allow(clippy::print_stdout, reason = "a program")]
+
+use mpm::assembly::{System, Wanted};
+use mpm::basis::Method;
+use mpm::domain::DomainUpdate;
+use mpm::formula::Formula;
+use mpm::grid::{Grid, Structured};
+use mpm::material::Hencky;
+use mpm::model::{Action, Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, NodeSet, Stepping};
+use mpm::points::{Points, Seed};
+use mpm::solver::{self, Reached, Silent, SolveError, Summary};
+use mpm::step::{At, StepContext};
+use mpm::terms::{LoadNotFinite, PointFailure, Term};
+
+/// Points x with normal·x < offset are behind the wall. It pushes them back with a force per volume of `stiffness` times
+/// their distance from it.
+struct Wall {
+    normal: [f64; 2],
+    offset: f64,
+    stiffness: f64,
+    /// Force on the bodies in the step in hand, and at the end of the last one in equilibrium, [force].
+    trial: [[f64; 2]; 1],
+    converged: [f64; 2],
+}
+
+impl Wall {
+    /// How far the plane through `origin` at an angle above the horizontal is a wall.
+    fn inclined(angle: f64, origin: [f64; 2], stiffness: f64) -> Wall {
+        let normal = [-angle.sin(), angle.cos()];
+        let offset = normal[0] * origin[0] + normal[1] * origin[1];
+        Wall { normal, offset, stiffness, trial: [[0.0; 2]], converged: [0.0; 2] }
+    }
+}
+
+impl Term<2> for Wall {
+    fn name(&self) -> &'static str {
+        "wall"
+    }
+
+    fn is_symmetric(&self, _: &StepContext<2>) -> bool {
+        true
+    }
+
+    fn may_hold(&self) -> bool {
+        true
+    }
+
+    fn begin(&mut self, _: &StepContext<2>, _: &Points<2>) -> Result<(), Box<LoadNotFinite>> {
+        Ok(())
+    }
+
+    // Nodes of a point share its group: no further ones are coupled.
+    fn evaluate(
+        &mut self,
+        step: &StepContext<2>,
+        points: &mut Points<2>,
+        at: At<2>,
+        wanted: Wanted,
+        sum: &mut System<2>,
+    ) -> Result<(), PointFailure> {
+        self.trial = [[0.0; 2]];
+        for group in 0..step.links.n_groups() {
+            let nodes = step.links.nodes_of(group);
+            for p in step.links.points_of(group) {
+                let mut links = Vec::new();
+                step.links.for_each_value(p, |local, value| links.push((nodes[local] as usize, value)));
+                let mut x = points.converged.position[p];
+                for &(node, value) in &links {
+                    (0..2).for_each(|d| x[d] += value * at.delta_d[node][d]);
+                }
+                let distance = self.normal[0] * x[0] + self.normal[1] * x[1] - self.offset;
+                if distance >= 0.0 {
+                    continue;
+                }
+                let k = self.stiffness * points.original_volume[p];
+                // f_int resists: its part here points into the wall.
+                let internal = self.normal.map(|n| k * distance * n);
+                for &(node, value) in &links {
+                    let force = &mut sum.internal_force_mut()[node];
+                    (0..2).for_each(|d| force[d] += value * internal[d]);
+                }
+                (0..2).for_each(|d| self.trial[0][d] -= internal[d]);
+                if wanted == Wanted::Force {
+                    continue;
+                }
+                for &(row, of_row) in &links {
+                    for &(column, of_column) in &links {
+                        // Of a symmetric system the lower triangle is kept.
+                        if let Some(place) = sum.place(row, column) {
+                            let factor = k * of_row * of_column;
+                            let block = self.normal.map(|a| self.normal.map(|b| factor * a * b));
+                            sum.add_block(place, &block);
+                        }
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn resultants(&self) -> &[[f64; 2]] {
+        &self.trial
+    }
+
+    fn commit(&mut self) {
+        self.converged = self.trial[0];
+    }
+
+    fn save(&self) -> Option<serde_json::Value> {
+        Some(serde_json::json!(self.converged))
+    }
+
+    fn restore(&mut self, saved: &serde_json::Value) -> Result<(), String> {
+        self.converged = serde_json::from_value(saved.clone()).map_err(|error| error.to_string())?;
+        Ok(())
+    }
+}
+
+/// Side of the block, [m].
+const SIDE: f64 = 2.0;
+const SPACING: f64 = 0.5;
+const DENSITY: f64 = 1000.0;
+const WEIGHT: f64 = DENSITY * 9.81 * SIDE * SIDE;
+
+/// A block on the wall, its left side held along x.
+fn block() -> (Model<2>, Points<2>) {
+    let grid = Structured::<2>::new([0.0; 2], [SPACING; 2], [8; 2]);
+    let on_left = |n: &u32| grid.node_position(*n as usize)[0] == 0.0;
+    let left = (0..grid.n_nodes() as u32).filter(on_left).collect();
+    let held = BoundaryCondition {
+        name: "left".to_owned(),
+        nodes: NodeSet::Fixed(left),
+        displacement: [Some(Formula::constant(0.0)), None],
+        curve: LoadCurve::ramp(1.0),
+    };
+    let weight = Load {
+        name: "weight".to_owned(),
+        action: Action::Gravity([0.0, -9.81]),
+        acts_on: vec![true],
+        curve: LoadCurve::ramp(1.0),
+    };
+    let per_axis = 4 * (SIDE / SPACING) as usize;
+    let place = |k: usize| (k as f64 + 0.5) * SIDE / per_axis as f64;
+    let volume = (SIDE / per_axis as f64).powi(2);
+    let seed = |(i, j): (usize, usize)| Seed {
+        body: 0,
+        position: [place(i), 1.0 + place(j)],
+        half_lengths: [0.0; 2],
+        corners: Vec::new(),
+        volume,
+        mass: DENSITY * volume,
+        outer_layer: false,
+        history: Vec::new(),
+    };
+    let seeds: Vec<_> = (0..per_axis).flat_map(|i| (0..per_axis).map(move |j| (i, j))).map(seed).collect();
+    let body = Body {
+        name: "block".to_owned(),
+        material: 0,
+        method: Method::Mpm,
+        domain_update: DomainUpdate::None,
+    };
+    let model = Model {
+        materials: vec![NamedMaterial { name: "clay".to_owned(), law: Box::new(Hencky::new(1e6, 0.3)) }],
+        bodies: vec![body],
+        boundary_conditions: vec![held],
+        loads: vec![weight],
+        stepping: Stepping::fixed(4, 1.0),
+        ..Model::new(Box::new(grid))
+    };
+    (model, Points::new(&seeds))
+}
+
+fn run(angle: f64) -> Result<Summary, SolveError> {
+    let (model, mut points) = block();
+    // It touches the lowest points at the start.
+    let wall = Wall::inclined(angle, [SIDE, 1.1], 1e7);
+    let reached = Reached::nothing(&points);
+    solver::go_on_with(&model, &mut points, reached, vec![Box::new(wall)], &mut Silent)
+}
+
+/// The force of the wall at the end, [force].
+fn force_of(summary: &Summary) -> Option<[f64; 2]> {
+    serde_json::from_value(summary.terms.get("wall")?.clone()).ok()
+}
+
+fn main() {
+    match run(0.2) {
+        Ok(summary) => println!("weight {WEIGHT:.1} N, force of the wall {:.1?} N", force_of(&summary)),
+        Err(error) => println!("{error}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+    use super::*;
+
+    #[test]
+    fn the_wall_carries_the_weight() {
+        for angle in [0.0, 0.1, 0.2] {
+            let summary = run(angle).unwrap();
+            let [x, y] = force_of(&summary).unwrap();
+            assert!((y / WEIGHT - 1.0).abs() < 1e-8, "{angle}: {y}");
+            // The wall is smooth: its force is normal to it.
+            assert!((x + y * f64::tan(angle)).abs() < 1e-8 * WEIGHT, "{angle}: {x}");
+        }
+    }
+}
