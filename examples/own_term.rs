@@ -94,7 +94,7 @@ impl Term<2> for Wall {
                 }
                 for &(row, of_row) in &links {
                     for &(column, of_column) in &links {
-                        // Of a symmetric system the lower triangle is kept.
+                        // A symmetric system keeps the lower triangle only.
                         if let Some(place) = sum.place(row, column) {
                             let factor = k * of_row * of_column;
                             let block = self.normal.map(|a| self.normal.map(|b| factor * a * b));

@@ -26,14 +26,14 @@ Exit codes: 0 done, 1 the analysis failed, 2 the deck or command line is wrong, 
 pub enum Command {
     /// Write a deck to start from, or list what there is.
     New(new::NewArgs),
-    /// Do everything up to the first load step and report.
+    /// Check a deck: do everything up to the first load step.
     Check {
         #[command(flatten)]
         deck: DeckArgs,
     },
     /// Run the analysis of a deck.
     Run(run::RunArgs),
-    /// Tell how far a run is, from another shell.
+    /// Show the progress of a run, from another shell.
     ///
     /// The exit code is that of the run: 0 completed, 1 failed or died, 130 interrupted; and 3 while it goes on, 2
     /// where there is no run.

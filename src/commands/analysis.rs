@@ -269,7 +269,7 @@ pub fn not_writable(directory: &Path, error: io::Error) -> Coded {
     Coded::new("R001", format!("the results directory `{}` cannot be written: {error}", directory.display()))
 }
 
-/// Of many residuals of a failed step so many are told from the beginning …
+/// So many residuals of a failed step are shown from the beginning …
 const FIRST_TOLD: usize = 20;
 /// … and so many from the end.
 const LAST_TOLD: usize = 10;

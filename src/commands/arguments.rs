@@ -8,13 +8,13 @@ use clap::{Args, ValueEnum};
 pub struct DeckArgs {
     /// The deck, a YAML file.
     pub deck: PathBuf,
-    /// Set a parameter of the deck, as often as needed.
+    /// Set a parameter of the deck; may be given several times.
     #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
     pub set: Vec<(String, String)>,
-    /// How messages about the deck are written.
+    /// Format of messages about the deck.
     #[arg(long, value_name = "FORMAT", default_value = "text")]
     pub format: Format,
-    /// Take warnings about the deck for errors.
+    /// Treat warnings about the deck as errors.
     #[arg(long, visible_alias = "warnings-as-errors")]
     pub deny_warnings: bool,
 }
@@ -22,9 +22,9 @@ pub struct DeckArgs {
 /// For whom something is written.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Format {
-    /// Text for people.
+    /// Text for readers.
     Text,
-    /// One JSON document for programs, to standard output.
+    /// One JSON document on standard output, for programs.
     Json,
 }
 

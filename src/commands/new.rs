@@ -19,7 +19,7 @@ pub struct NewArgs {
     /// The deck to write [default: NAME.yaml].
     #[arg(long, value_name = "FILE", requires = "name")]
     out: Option<PathBuf>,
-    /// Overwrite files that are there.
+    /// Overwrite existing files.
     #[arg(long, requires = "name")]
     force: bool,
     /// List the examples.

@@ -25,11 +25,11 @@ pub struct ReportArgs {
     /// The page [default: DIR/report.html; comparison.html for several directories].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Field that the points are coloured by, as often as needed; cauchy_stress:XX is a component [default:
+    /// Field that colours the points; may be given several times; cauchy_stress:XX is a component [default:
     /// von_mises_stress, or another field if the run did not write that].
     #[arg(long, value_name = "NAME[:COMPONENT]")]
     field: Vec<FieldChoice>,
-    /// Load steps that the points are shown at: numbers, first, middle, last.
+    /// Load steps to show the points at: numbers, first, middle, last.
     #[arg(long, value_name = "STEP,...", value_delimiter = ',', default_value = "first,middle,last")]
     steps: Vec<StepChoice>,
     /// Units of length, force and time in the decks, for example m,kN,s.

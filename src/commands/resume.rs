@@ -66,7 +66,7 @@ pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> a
         );
     };
     if is_end(&loaded.deck, end) && status::is_complete(directory) {
-        // Of a run that was killed after it had written its summary.
+        // What is left by a run that was killed after it had written its summary.
         directory::tidy(directory).with_context(|| format!("`{}` cannot be written", directory.display()))?;
         return Ok(Found::End(checkpoint.head.reached.summary.steps));
     }

@@ -24,16 +24,16 @@ use crate::screen::progress::View;
 pub struct RunArgs {
     #[command(flatten)]
     deck: DeckArgs,
-    /// Directory for the results [default: results/<deck name>].
+    /// Results directory [default: results/<deck name>].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Go on from the last checkpoint in the directory for the results.
+    /// Resume from the last checkpoint in the results directory.
     #[arg(long)]
     resume: bool,
     /// Number of threads [default: all cores]. The results are the same for any number.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// Write down every iteration, warning and time.
+    /// Write every iteration, warning and time to a file.
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
     /// Print where the time went.

@@ -20,10 +20,10 @@ const RUNNING: u8 = 3;
 /// Arguments of `mpm status`.
 #[derive(Args)]
 pub struct StatusArgs {
-    /// The results of the run.
+    /// Results directory of the run.
     #[arg(value_name = "DIR")]
     directory: PathBuf,
-    /// How it is printed.
+    /// Output format.
     #[arg(long, value_name = "FORMAT", default_value = "text")]
     format: Format,
 }

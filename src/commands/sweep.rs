@@ -30,7 +30,7 @@ use crate::screen::progress::View;
 pub struct SweepArgs {
     #[command(flatten)]
     deck: DeckArgs,
-    /// Vary a parameter of the deck, as often as needed; the last one varies fastest.
+    /// Vary a parameter of the deck; may be given several times, the last one varies fastest.
     #[arg(long, value_name = "NAME=VALUE,VALUE,...", required = true)]
     over: Vec<Axis>,
     /// Directory for the table and for the results of the members [default: results/<deck name>-sweep].
@@ -39,7 +39,7 @@ pub struct SweepArgs {
     /// Number of threads [default: all cores]. The results are the same for any number.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// Let members that were stopped go on from their last checkpoint; the others begin anew.
+    /// Resume interrupted members from their last checkpoint; others start afresh.
     #[arg(long)]
     resume: bool,
 }

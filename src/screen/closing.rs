@@ -48,7 +48,7 @@ pub struct Closing {
 }
 
 impl Closing {
-    /// Of a run that has ended; `None` where no step is in equilibrium.
+    /// Sums up a run that has ended; `None` where no step is in equilibrium.
     pub fn new<const D: usize>(
         model: &Model<D>,
         points: &Points<D>,

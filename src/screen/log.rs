@@ -75,7 +75,7 @@ impl LogFile {
     /// Writes a text of one or more lines.
     ///
     /// # Errors
-    /// Those of the file system.
+    /// An error of the file system.
     pub fn line(&self, text: &str) -> io::Result<()> {
         let time = self.began.elapsed().as_secs_f64();
         let lines: String = clean(text).lines().map(|line| format!("{time:10.3}  {line}\n")).collect();

@@ -324,7 +324,7 @@ fn equilibrium_is_reached_as_with_exact_solves() {
             println!("{method}: {a:?} {b:?}");
             assert_eq!(a.len(), b.len(), "{method}: {a:?} {b:?}");
             assert!(b[b.len() - 1] <= 1e-9);
-            // Of nearly second order: an error of 1e-2 becomes one of 1e-6.
+            // Nearly of second order: an error of 1e-2 becomes one of 1e-6.
             assert!(b[2] < 1e-3 * b[1] && b[3] < 1e-3 * b[2], "{b:?}");
         }
         for (a, b) in exact.positions.iter().zip(&inexact.positions) {

@@ -277,7 +277,7 @@ fn a_footing_carries_what_prandtl_says_unless_it_locks() {
         let set = [("h", h), ("n", n), ("depth", depth), ("steps", steps)];
         let (outcome, recorder, _) = run(deck("footing.yaml", &set));
         outcome.unwrap();
-        // Of the last third, which is a plateau; half a footing of width 1, c = 10e3.
+        // The last third is a plateau; half a footing of width 1, c = 10e3.
         let forces: Vec<f64> = recorder.steps.iter().map(|r| -r.reactions[3][1] / 10e3).collect();
         let last = &forces[2 * forces.len() / 3..];
         last.iter().sum::<f64>() / last.len() as f64

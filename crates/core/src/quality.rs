@@ -178,7 +178,7 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Of a run that begins from the converged state of `points`.
+    /// The quality of a run that begins from the converged state of `points`.
     pub fn new<const D: usize>(points: &Points<D>) -> Quality {
         let mass: f64 = points.mass.iter().sum();
         let volume: f64 = (0..points.len()).map(|p| points.volume(p)).sum();

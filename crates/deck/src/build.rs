@@ -223,7 +223,7 @@ where
         }
         let curves = loads.iter().map(|load| &load.curve).chain(conditions.iter().map(|c| &c.curve));
         let between = |t: &f64| *t > 0.0 && *t < end_time;
-        // Those that end a requested step do so to the last bit.
+        // Times that end a requested step do so to the last bit.
         let of_step = |t: f64| stepping.requested(t).map_or(t, |step| stepping.time(step));
         let mut knots: Vec<f64> = curves.flat_map(|c| c.knots()).filter(between).map(of_step).collect();
         knots.sort_by(f64::total_cmp);

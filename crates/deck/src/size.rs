@@ -75,7 +75,7 @@ pub(super) struct Size {
 }
 
 impl Size {
-    /// Of a deck with the regions of its bodies on a grid, which may be described but must not be filled yet.
+    /// Estimates the size of a deck whose regions lie on a grid; nothing is filled yet.
     pub(super) fn of<const D: usize>(deck: &Deck, grid: &dyn Grid<D>, regions: &[Region<D>]) -> Size {
         let nodes = grid.n_nodes() as f64;
         let whole = volume(grid);
@@ -219,7 +219,7 @@ fn density<const D: usize>(body: &BodyDeck, deck: &Deck, of_cell: f64) -> f64 {
         .points_per_cell
         .as_ref()
         .map_or(0.0, |counts| per_axis::<u32, D>(counts).iter().map(|n| f64::from(*n)).product());
-    // Of a mesh with both kinds of cells it is not known which of them the body fills.
+    // Which cells of a mixed mesh the body fills is not known yet.
     let in_simplex = match deck.grid {
         GridDeck::Gmsh { .. } if D > 2 => body.points_per_tetrahedron,
         GridDeck::Gmsh { .. } => body.points_per_triangle,

@@ -77,7 +77,7 @@ pub struct Checkpoint {
 /// Writes the checkpoint of a step in equilibrium and removes those that are no longer needed.
 ///
 /// # Errors
-/// Those of the file system; the checkpoints before it are then still there.
+/// An error of the file system; the checkpoints before it are then still there.
 pub(super) fn write<const D: usize>(
     directory: &Path,
     identity: (&Value, &str),
@@ -140,7 +140,7 @@ pub fn last_step(directory: &Path) -> Option<usize> {
 /// The last checkpoint in a directory that can be read, and those after it that cannot.
 ///
 /// # Errors
-/// Those of the file system. `NotFound` where there is no checkpoint.
+/// An error of the file system. `NotFound` where there is no checkpoint.
 pub fn latest(directory: &Path) -> io::Result<(Option<Checkpoint>, Vec<Refused>)> {
     let paths = find(directory)?;
     if paths.is_empty() {

@@ -42,7 +42,7 @@ pub(super) fn remove_later_results(
 /// Removes what a run that was killed has not renamed.
 ///
 /// # Errors
-/// Those of the file system.
+/// An error of the file system.
 pub fn tidy(directory: &Path) -> io::Result<()> {
     remove(directory, |_| false)
 }
@@ -160,7 +160,7 @@ pub fn is_of_results(name: &str) -> bool {
 /// A file that a run might replace although no run has written it.
 ///
 /// # Errors
-/// Those of the file system.
+/// An error of the file system.
 pub(super) fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
@@ -176,7 +176,7 @@ pub(super) fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
 /// A series of which there are files, but not the one that lists them with their times.
 ///
 /// # Errors
-/// Those of the file system.
+/// An error of the file system.
 pub(super) fn series_without_list(directory: &Path) -> io::Result<Option<&'static str>> {
     for entry in std::fs::read_dir(directory)? {
         let name = entry?.file_name();

@@ -17,7 +17,7 @@ pub(super) const FILES: [&str; 2] = ["failed_points.vtu", "failed_grid.vtu"];
 /// Writes both files into a directory; nothing where the iterations have not begun or have left the finite numbers.
 ///
 /// # Errors
-/// Those of the file system.
+/// An error of the file system.
 pub(super) fn write<const D: usize>(
     directory: &Path,
     model: &Model<D>,

@@ -234,7 +234,7 @@ pub struct Of<'a, const D: usize> {
     pub model: &'a Model<D>,
     /// All points.
     pub points: &'a Points<D>,
-    /// Those of the file, in its order.
+    /// The fields of the file, in its order.
     pub order: &'a [usize],
     /// J and current volume of each of these, [`volumes`].
     pub volumes: &'a [[f64; 2]],
@@ -280,7 +280,7 @@ impl<const D: usize> Of<'_, D> {
     /// Positions.
     ///
     /// # Errors
-    /// Of these and all that follow: a number that is not finite, in words.
+    /// A number that is not finite among these and all that follow, in words.
     pub fn positions(&self) -> Result<Arc<Encoded>, String> {
         let place = |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| {
             fill(out, of.order[tuples].iter().map(|&p| padded(&of.points.converged.position[p])));

@@ -45,7 +45,7 @@ impl Moment {
 }
 
 impl ForceBalance {
-    /// Of a step in equilibrium.
+    /// The balance of a step in equilibrium.
     pub fn new<const D: usize>(model: &Model<D>, report: &StepReport<D>) -> ForceBalance {
         let names = model.boundary_conditions.iter().map(|condition| condition.name.clone());
         let reactions = names.zip(report.reactions.iter().map(|r| r.to_vec())).collect();
@@ -109,9 +109,9 @@ pub struct Extremes {
 }
 
 impl Extremes {
-    /// Of the converged state; `None` where there is no point.
+    /// Extremes of the converged state; `None` where there is no point.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Extremes> {
-        // Of several points with the same value the one with the smallest number is named.
+        // Where several points have the same value, the one with the smallest number is named.
         let largest = |of: &(dyn Fn(usize) -> f64 + Sync)| {
             let best = (0..points.len())
                 .into_par_iter()
@@ -138,11 +138,11 @@ impl Extremes {
 /// Largest error of each balance and its step; none where no step has shown one.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
-    /// Of energy, [`Summary::energy_error`], in magnitude, [-].
+    /// Error of the energy, [`Summary::energy_error`], in magnitude, [-].
     pub energy: Option<(f64, usize)>,
-    /// Of forces, [`ForceBalance::relative_difference`], [-].
+    /// Error of the forces, [`ForceBalance::relative_difference`], [-].
     pub force: Option<(f64, usize)>,
-    /// Of moments, [`StepReport::moment_error`], [-].
+    /// Error of the moments, [`StepReport::moment_error`], [-].
     pub moment: Option<(f64, usize)>,
 }
 

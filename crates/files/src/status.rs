@@ -126,7 +126,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Of a run that is about to begin; `start` is where its times begin.
+    /// The status of a run that is about to begin; `start` is where its times begin.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, start: Start) -> Progress {
         let now = Timestamp::now();
         let before = jiff::SignedDuration::try_from(start.elapsed().wall).unwrap_or_default();

@@ -153,7 +153,7 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Of a mesh with so many points.
+    /// Starts the points of a mesh with so many of them.
     ///
     /// # Errors
     /// What a reader could not make sense of, in words.
@@ -275,7 +275,7 @@ impl File {
     /// Writes the file, which appears under its name only when it is complete.
     ///
     /// # Errors
-    /// Those of the file system.
+    /// An error of the file system.
     pub fn write(&self, path: &Path) -> io::Result<()> {
         replace_file(path, |out| {
             let mut begins = Vec::new();

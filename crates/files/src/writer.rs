@@ -28,7 +28,7 @@ impl Writer {
     /// Begins to write frames, once those before them are written.
     ///
     /// # Errors
-    /// Those of the file system, perhaps for the frames before.
+    /// An error of the file system, perhaps for the frames before.
     pub fn begin(&mut self, frames: Vec<Frame>) -> io::Result<()> {
         self.settle()?;
         if rayon::current_num_threads() < 2 {
@@ -62,7 +62,7 @@ impl Writer {
     /// Waits for the frames that are being written, and helps meanwhile.
     ///
     /// # Errors
-    /// Those of the file system.
+    /// An error of the file system.
     pub fn settle(&mut self) -> io::Result<()> {
         while self.is_at_work() {
             if rayon::yield_now() != Some(rayon::Yield::Executed) {

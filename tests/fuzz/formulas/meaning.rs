@@ -103,7 +103,7 @@ pub fn call(name: &str, arguments: &[f64]) -> Option<f64> {
         "pow" => binary("^", a, arguments[1]),
         "hypot" => a.hypot(arguments[1]),
         "min" | "max" if undefined.is_some() => f64::NAN,
-        // Of 0 and -0, which are equal, the last.
+        // The last of 0 and -0, which are equal.
         "min" => arguments.iter().copied().fold(f64::INFINITY, |least, a| if a <= least { a } else { least }),
         "max" => {
             arguments.iter().copied().fold(f64::NEG_INFINITY, |most, a| if a >= most { a } else { most })

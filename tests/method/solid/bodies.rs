@@ -53,7 +53,7 @@ pub fn fill(grid: &dyn Grid<3>, cells: &[u32], filling: Filling, law: &dyn Mater
         let count = if *is_in { &mut owners } else { &mut others };
         grid.corners(cell).nodes().iter().for_each(|node| count[*node as usize] += 1);
     }
-    // Of a grid whose border is the border of the body, nodes have fewer than eight hexahedra.
+    // Nodes on the border of a grid that the body fills have fewer than eight hexahedra.
     let [low, high] = grid.bounds();
     let on_border = |node: u32| {
         let x = grid.node_position(node as usize);

@@ -62,7 +62,7 @@ fn shear(law: impl Material + Clone + 'static, method: Method, n: usize) -> (Vec
     let grid = Structured::<3>::new([0.0; 3], [0.2; 3], [20, 5, 5]);
     let filling = Filling { method, n: [n; 3], density: 0.0 };
     let mut seeds = fill(&grid, &cells_in(&grid, [0.0; 3], [1.0; 3]), filling, &law);
-    // Of the outer cells only the outermost points lead.
+    // Only the outermost points of the outer cells lead.
     for seed in &mut seeds {
         let depth = seed.position.iter().map(|x| x.min(1.0 - x)).fold(f64::MAX, f64::min);
         seed.outer_layer = depth < 0.2 / n as f64;

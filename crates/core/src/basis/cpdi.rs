@@ -146,7 +146,7 @@ impl<const D: usize> CornerWeights<D> {
         }
     }
 
-    /// Of a triangle or tetrahedron. With the edges from the first corner as columns of J, the rows of J⁻¹ are the
+    /// Weights of a triangle or tetrahedron. With the edges from the first corner as columns of J, the rows of J⁻¹ are the
     /// gradients of the other corners; all of them add up to zero.
     fn of_simplex(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };
@@ -168,7 +168,7 @@ impl<const D: usize> CornerWeights<D> {
         Ok(weights)
     }
 
-    /// Of a quadrilateral, whose det J is linear: d₀ + d·ξ, so that V = 4 d₀ and w_c = (1 + ξ_c·d / 3 d₀) / 4; by the
+    /// Weights of a quadrilateral, whose det J is linear: d₀ + d·ξ, so that V = 4 d₀ and w_c = (1 + ξ_c·d / 3 d₀) / 4; by the
     /// divergence theorem g_c is the normal of the line between the neighbours of the corner, over twice V.
     fn of_quadrilateral(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let at_corner = quadrilateral(corners)?;
@@ -188,7 +188,7 @@ impl<const D: usize> CornerWeights<D> {
         Ok(weights)
     }
 
-    /// Of a hexahedron. Corners are numbered by bits: bit d says on which side along parametric axis
+    /// Weights of a hexahedron. Corners are numbered by bits: bit d says on which side along parametric axis
     /// d.
     fn of_box(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };

@@ -28,7 +28,7 @@ const BITS: usize = 5;
 const AS_THEY_ARE: u32 = 1 << 31;
 
 impl Form {
-    /// Of a point of `n` nodes whose values and gradients are kept as they are.
+    /// The form of a point of `n` nodes whose values and gradients are kept as they are.
     pub fn as_they_are(n: usize) -> Form {
         Form(AS_THEY_ARE | n as u32)
     }
@@ -79,7 +79,7 @@ impl<const D: usize> Factors<D> {
         })))
     }
 
-    /// Of a point at a place in its cell, each coordinate from 0 to 1; `per_length` is 1/h along each axis.
+    /// Factors of a point at a place in its cell, each coordinate from 0 to 1; `per_length` is 1/h along each axis.
     pub fn in_cell(xi: &[f64; D], per_length: &[f64; D]) -> Self {
         Factors(std::array::from_fn(|d| Line {
             n: 2,

@@ -44,7 +44,7 @@ struct Task {
 }
 
 impl<const D: usize> Division<D> {
-    /// Of a matrix with these columns.
+    /// Divides a matrix with these columns.
     pub fn new(column_start: &[usize], row: &[u32]) -> Self {
         let n = column_start.len().saturating_sub(1);
         let rows_of = |c: usize| &row[column_start[c]..column_start[c + 1]];
@@ -162,7 +162,7 @@ mod tests {
             let (a, b) = (r.max(c) as f64, r.min(c) as f64);
             let off = 0.1 * (a - b);
             let block = [[2.0 + (a * 0.7).sin(), off], [(b * 0.3).cos(), 1.0 - off]];
-            // Of a symmetric matrix.
+            // The mirror image in a symmetric matrix.
             if r >= c { block } else { [[block[0][0], block[1][0]], [block[0][1], block[1][1]]] }
         };
         let x: Vec<[f64; 2]> = (0..n).map(|i| [(i as f64).sin(), (i as f64).cos()]).collect();

@@ -17,7 +17,7 @@ use gmres::Gmres;
 pub struct Krylov<const D: usize> {
     multigrid: Multigrid<D>,
     held: Vec<[bool; D]>,
-    /// Whether nothing has shown yet that the matrix is not positive definite.
+    /// Whether the matrix has been positive definite so far.
     definite: bool,
     conjugate_gradients: ConjugateGradients<D>,
     gmres: Gmres<D>,

@@ -17,7 +17,7 @@ pub(super) struct Lattice<const D: usize> {
 }
 
 impl<const D: usize> Lattice<D> {
-    /// Of nodes at different places.
+    /// The lattice of nodes at different places.
     pub(super) fn new(mut place: Vec<[u32; D]>, reach: [u32; D]) -> Self {
         let mut low = [u32::MAX; D];
         for p in &place {

@@ -107,7 +107,7 @@ pub struct Measures {
 }
 
 impl Measures {
-    /// Of a step that is in equilibrium but not committed: the converged state of the points is the one that the step
+    /// Measures a step that is in equilibrium but not committed: the converged state of the points is the one that the step
     /// starts from and that `links` belong to, the trial state the one it has reached.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Measures {
         let objections: Vec<Option<Objection>> = (model.bodies.iter())

@@ -47,7 +47,7 @@ pub struct Filled<P> {
 /// Parallel over cells; the result does not depend on the number of threads.
 ///
 /// # Errors
-/// Those of `divide`, of the first cell that has one and may meet the region.
+/// An error of `divide`, for the first cell that has one and may meet the region.
 pub fn fill<const D: usize, P: Send, I: IntoIterator<Item = P>, E: Send>(
     region: &Region<D>,
     grid: &dyn Grid<D>,

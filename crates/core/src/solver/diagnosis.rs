@@ -192,7 +192,8 @@ impl std::fmt::Display for Diagnosis {
 }
 
 impl Diagnosis {
-    /// Of the attempt that ended a run, and why an attempt at a larger part of the same step failed that met the tolerance.
+    /// Diagnoses the attempt that ended a run. `lost_points` says why a larger attempt at the same step failed although it met the
+    /// tolerance.
     pub(super) fn new<const D: usize>(
         model: &Model<D>,
         points: &Points<D>,

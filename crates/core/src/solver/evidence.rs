@@ -315,7 +315,7 @@ mod tests {
         assert_eq!(missing(&[1.0, 0.1, 0.2, 0.05, 0.01, 0.005]), None, "one of them has grown");
         let at_last = [2.0, 1.8e-2, 3.7e-2, 1.8e-3, 5.3e-3, 3.3e-4, 2.3e-5, 1.1e-8];
         assert_eq!(missing(&at_last), Some(1), "they have grown before, and end quadratically");
-        // Those of a slope: they grow by 2 % in each iteration.
+        // Residuals of a slope: they grow by 2 % in each iteration.
         assert_eq!(missing(&[7.2e-6, 1.898e-8, 1.935e-8, 1.974e-8, 2.013e-8, 2.053e-8, 2.094e-8]), None);
         let chaotic = [1.0, 0.6, 7.2, 1.4, 8.3, 1.2, 5.6, 4.4, 3.5, 2.7, 2.2, 1.9];
         assert_eq!(missing(&chaotic), None, "they were smaller before");

@@ -97,7 +97,7 @@ impl Drop for Blocks {
 }
 
 impl Blocks {
-    /// Of so many tuples of so many components each, of which `numbers` puts a range into a vector in place of what is in
+    /// An array of so many tuples of so many components each; `numbers` puts a range of them into a vector in place of what is in
     /// it. The same for any number of threads.
     ///
     /// # Errors
@@ -192,7 +192,7 @@ impl Compressor {
 /// Whether one in four numbers out of the middle is one of those before it.
 fn is_regular<T: Number>(values: &[T]) -> bool {
     let middle = values.len().saturating_sub(SAMPLE) / 2..values.len().min((values.len() + SAMPLE) / 2);
-    // Of numbers that fall into one place the last is remembered, which is enough for patterns.
+    // The last of several numbers that fall into one place is remembered, which is enough for patterns.
     let mut seen = [0; 2 * SAMPLE];
     let mut repeats = 0;
     for number in &values[middle.clone()] {

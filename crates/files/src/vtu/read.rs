@@ -116,7 +116,7 @@ impl MeshFile {
     /// Reads a file.
     ///
     /// # Errors
-    /// Those of the file system; `InvalidData` with the name of the file if it is cut off, or not as this program
+    /// An error of the file system; `InvalidData` with the name of the file if it is cut off, or not as this program
     /// writes meshes.
     pub fn read(path: &Path) -> io::Result<MeshFile> {
         MeshFile::from_bytes(path, std::fs::read(path)?)

@@ -24,7 +24,7 @@ pub(super) struct Scene {
     pub domains: Vec<Polygon>,
     /// Sides of the active cells, each once.
     pub sides: Vec<[[f64; 2]; 2]>,
-    /// Of a scene in space, the smallest and largest coordinates.
+    /// Smallest and largest coordinates of a scene in space.
     pub space: Option<[[f64; 3]; 2]>,
 }
 

@@ -24,7 +24,7 @@ pub(super) enum Quantity {
 }
 
 impl Quantity {
-    /// Of a field of points, by its name in the files.
+    /// Unit of a field of points, by its name in the files.
     pub fn of_field(name: &str) -> Option<Quantity> {
         Some(match name {
             "displacement" => Quantity::Length,

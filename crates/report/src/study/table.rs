@@ -58,7 +58,7 @@ pub struct Row {
 /// and the reason of a failure; an entry is empty where a member has no such value.
 ///
 /// # Errors
-/// Those of the file system; then the file is as it was before.
+/// An error of the file system; the file is then as it was before.
 pub fn write_table<'a>(
     path: &Path,
     study: &Study,

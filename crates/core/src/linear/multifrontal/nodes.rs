@@ -205,7 +205,7 @@ fn followers(pattern: &Pattern, order: &[usize]) -> Vec<bool> {
     follows
 }
 
-/// Those of the numbers below `n` that are nodes of a forest, each after its descendants and these without others between
+/// The numbers below `n` that are nodes of a forest, each after its descendants and these without others between
 /// them.
 pub(super) fn postorder(
     n: usize,

@@ -23,7 +23,7 @@ const DEEPEST: usize = 12;
 pub(super) struct Task {
     /// All its fronts, those of the tasks within included.
     pub fronts: Range<usize>,
-    /// Those that are done first.
+    /// The tasks that are done first.
     pub within: Vec<Task>,
     /// The fronts that are in none of them.
     pub own: Vec<Range<usize>>,

@@ -115,7 +115,7 @@ fn place_along(corners: &[([f64; 2], f64); 3]) -> f64 {
     let [s, t, u] = corners.map(|(_, t)| t);
     let mean = (weights[0] * s + weights[1] * t + weights[2] * u) / weights.iter().sum::<f64>();
     let (low, high) = (s.min(t).min(u), s.max(t).max(u));
-    // Of a facet that is seen edge-on nothing but round-off is left.
+    // A facet that is seen edge-on leaves nothing but round-off.
     if mean.is_finite() { mean.clamp(low, high) } else { 0.5 * (low + high) }
 }
 
