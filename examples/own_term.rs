@@ -19,7 +19,7 @@ use mpm::model::{Action, Body, BoundaryCondition, Load, LoadCurve, Model, NamedM
 use mpm::points::{Points, Seed};
 use mpm::solver::{self, Reached, Silent, SolveError, Summary};
 use mpm::step::{At, StepContext};
-use mpm::terms::{LoadNotFinite, PointFailure, Term};
+use mpm::terms::{Ledger, LoadNotFinite, PointFailure, Term};
 
 /// Points x with normal·x < offset are behind the wall. It pushes them back with a force per volume of `stiffness` times
 /// their distance from it.
@@ -28,7 +28,10 @@ struct Wall {
     offset: f64,
     stiffness: f64,
     /// Force on the bodies in the step in hand, and at the end of the last one in equilibrium, [force].
-    trial: [[f64; 2]; 1],
+    trial: [f64; 2],
+    /// Energy of the penalty, now and when the analysis began, [energy].
+    stored: f64,
+    at_start: f64,
     converged: [f64; 2],
 }
 
@@ -37,7 +40,7 @@ impl Wall {
     fn inclined(angle: f64, origin: [f64; 2], stiffness: f64) -> Wall {
         let normal = [-angle.sin(), angle.cos()];
         let offset = normal[0] * origin[0] + normal[1] * origin[1];
-        Wall { normal, offset, stiffness, trial: [[0.0; 2]], converged: [0.0; 2] }
+        Wall { normal, offset, stiffness, trial: [0.0; 2], stored: 0.0, at_start: 0.0, converged: [0.0; 2] }
     }
 }
 
@@ -67,7 +70,7 @@ impl Term<2> for Wall {
         wanted: Wanted,
         sum: &mut System<2>,
     ) -> Result<(), PointFailure> {
-        self.trial = [[0.0; 2]];
+        (self.trial, self.stored) = ([0.0; 2], 0.0);
         for group in 0..step.links.n_groups() {
             let nodes = step.links.nodes_of(group);
             for p in step.links.points_of(group) {
@@ -88,7 +91,8 @@ impl Term<2> for Wall {
                     let force = &mut sum.internal_force_mut()[node];
                     (0..2).for_each(|d| force[d] += value * internal[d]);
                 }
-                (0..2).for_each(|d| self.trial[0][d] -= internal[d]);
+                (0..2).for_each(|d| self.trial[d] -= internal[d]);
+                self.stored += 0.5 * k * distance * distance;
                 if wanted == Wanted::Force {
                     continue;
                 }
@@ -104,15 +108,18 @@ impl Term<2> for Wall {
                 }
             }
         }
+        if step.step.start == 0.0 && at.delta_d.iter().flatten().all(|u| *u == 0.0) {
+            self.at_start = self.stored;
+        }
         Ok(())
     }
 
-    fn resultants(&self) -> &[[f64; 2]] {
-        &self.trial
+    fn ledger(&self, _: &StepContext<2>, _: &Points<2>, _: At<2>) -> Ledger {
+        Ledger { stored: self.stored - self.at_start, ..Ledger::default() }
     }
 
     fn commit(&mut self) {
-        self.converged = self.trial[0];
+        self.converged = self.trial;
     }
 
     fn save(&self) -> Option<serde_json::Value> {
@@ -212,6 +219,8 @@ mod tests {
             assert!((y / WEIGHT - 1.0).abs() < 1e-8, "{angle}: {y}");
             // The wall is smooth: its force is normal to it.
             assert!((x + y * f64::tan(angle)).abs() < 1e-8 * WEIGHT, "{angle}: {x}");
+            // Its energy is part of the balance.
+            assert!(summary.energy_error().abs() < 0.1, "{angle}: {}", summary.energy_error());
         }
     }
 }

@@ -108,6 +108,14 @@ impl<const D: usize> System<D> {
         &mut self.external
     }
 
+    /// Adds to the change of the external force with the load factor, which follows from equilibrium, [force].
+    pub fn add_per_factor(&mut self, force: &[[f64; D]]) {
+        let sum = self.per_factor.get_or_insert_with(|| vec![[0.0; D]; force.len()]);
+        for (sum, force) in sum.as_flattened_mut().iter_mut().zip(force.as_flattened()) {
+            *sum += force;
+        }
+    }
+
     /// The change of the external force with the load factor, where that follows from equilibrium, [force].
     pub fn per_factor(&self) -> Option<&Nodal<D>> {
         self.per_factor.as_ref()

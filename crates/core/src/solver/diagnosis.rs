@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Control, Model, Newton, Where};
+use crate::model::{Control, Model, Newton, Stepping, Where};
 use crate::points::{Points, coordinates};
 use crate::quality::oscillation;
 
@@ -230,7 +230,11 @@ impl Diagnosis {
             Kind::BadScaling if model.materials.len() == 1 => {
                 "see that units, loads and the size of cells fit together, and that Poisson's ratio is not next to 0.5 or -1"
             }
-            Kind::LostDomain if matches!(error, SolveError::Domain { .. }) && !model.stepping.damping => {
+            Kind::LostDomain
+                if matches!(error, SolveError::Domain { .. })
+                    && !model.stepping.damping
+                    && Stepping { damping: true, ..model.stepping.clone() }.may_damp() =>
+            {
                 "leave `steps: {damping}` out, so that torn domains are replaced; or use more points per cell, or `method: gimp`"
             }
             Kind::LostDomain if matches!(error, SolveError::Domain { .. } | SolveError::Collapsed { .. }) => {

@@ -149,7 +149,7 @@ impl<const D: usize> Stepper<D> {
             carried: forces.carried(&unknowns.parts, &self.reached.summary.carried, model.bodies.len()),
             reactions: named_reactions(model, &reaction_field, &dofs),
             moments: reaction_moments(model, points, &links, &unknowns.delta_d, (&reaction_field, &dofs)),
-            loads: sum.resultants(),
+            loads: sum.resultants(model.loads.len()),
             energy,
             moment_error: moment_error(model, &links, &unknowns.delta_d, (f_ext, &reaction_field)),
             load_factor,

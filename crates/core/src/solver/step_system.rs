@@ -22,7 +22,7 @@ pub(super) struct StepSystem<const D: usize> {
 }
 
 impl<const D: usize> StepSystem<D> {
-    /// Takes the terms of the run, and leaves none where it fails.
+    /// Takes the terms of the run; where it fails, they stay.
     pub(super) fn new<M: Mechanics<D>>(
         context: &StepContext<D>,
         points: &Points<D>,

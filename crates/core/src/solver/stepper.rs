@@ -1,5 +1,7 @@
 //! From load step to load step: which is tried, what becomes of one that fails, and what is committed.
 
+use std::collections::BTreeSet;
+
 use crate::basis::Connectivity;
 use crate::equilibrium::StepReport;
 use crate::model::Model;
@@ -30,6 +32,8 @@ pub(super) struct Stepper<const D: usize> {
     lost_points: Option<SolveError>,
     /// The parts of equilibrium.
     pub(super) terms: Terms<D>,
+    /// Whether there are others than those that every analysis has.
+    is_extended: bool,
     pub(super) reached: Reached,
 }
 
@@ -40,11 +44,20 @@ impl<const D: usize> Stepper<D> {
     /// [`SolveError::Term`].
     pub(super) fn new<M: Mechanics<D>>(reached: Reached, further: Terms<D>) -> Result<Self, SolveError> {
         let mut terms = of_bodies::<D, M>();
+        let is_extended = !further.is_empty();
         terms.extend(further);
+        let refused =
+            |term: &str, reason: &str| SolveError::Term { term: term.to_owned(), reason: reason.to_owned() };
+        let mut names = BTreeSet::new();
+        if let Some(term) = terms.iter().find(|term| !names.insert(term.name())) {
+            return Err(refused(term.name(), "another term has its name"));
+        }
+        if let Some(name) = reached.summary.terms.keys().find(|name| !names.contains(name.as_str())) {
+            return Err(refused(name, "what has been reached holds a state of it, but it is not given"));
+        }
         for term in &mut terms {
             if let Some(saved) = reached.summary.terms.get(term.name()) {
-                term.restore(saved)
-                    .map_err(|reason| SolveError::Term { term: term.name().to_owned(), reason })?;
+                term.restore(saved).map_err(|reason| refused(term.name(), &reason))?;
             }
         }
         Ok(Stepper {
@@ -53,6 +66,7 @@ impl<const D: usize> Stepper<D> {
             cause: None,
             lost_points: None,
             terms,
+            is_extended,
             reached,
         })
     }
@@ -86,10 +100,9 @@ impl<const D: usize> Stepper<D> {
         if observer.interrupted() {
             return Err(SolveError::Interrupted { step: step.index });
         }
-        // A slump that fails takes back what the points have gone through, but not what a term keeps.
-        let may_slump = self.reached.summary.pace.is_damped()
-            && damping::may_slump(model, points)
-            && self.terms.iter().all(|term| term.save().is_none());
+        // Whether other terms only weigh on the bodies is not known, and a slump that fails does not take back what they keep.
+        let may_slump =
+            self.reached.summary.pace.is_damped() && damping::may_slump(model, points) && !self.is_extended;
         let slump = if may_slump { Slump::MayBegin } else { Slump::Forbidden };
         match self.solve_step::<M>(model, points, step, slump, observer) {
             Ok(Attempt::Equilibrium(report, path)) => self.accept(model, points, *report, path, observer),

@@ -193,7 +193,7 @@ impl<const D: usize> Term<D> for ExternalForces<D> {
         self.set_factor(at.factor);
         add(&mut sum.external, &self.end);
         if let Some((unit, _)) = &self.unit {
-            add(sum.per_factor.get_or_insert_with(|| vec![[0.0; D]; unit.len()]), unit);
+            sum.add_per_factor(unit);
         }
         Ok(())
     }

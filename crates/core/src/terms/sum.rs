@@ -106,9 +106,9 @@ impl<const D: usize> Sum<D> {
         })
     }
 
-    /// The resultants of all forces that reports give by name, [force].
-    pub fn resultants(&self) -> Vec<[f64; D]> {
-        self.terms.iter().flat_map(|term| term.resultants()).copied().collect()
+    /// The resultants of the `n` loads of the model, [force].
+    pub fn resultants(&self, n: usize) -> Vec<[f64; D]> {
+        self.terms.iter().flat_map(|term| term.resultants()).take(n).copied().collect()
     }
 
     /// Number of faces between cells that are stabilised.

@@ -54,7 +54,8 @@ pub trait Term<const D: usize>: Send {
         Ledger::default()
     }
 
-    /// The resultants of its forces on the bodies that reports give by name, [force].
+    /// The resultants of the loads of the model on the bodies, in their order, by the term that applies them, [force]. Reports
+    /// give them by name; forces of other terms are in no report.
     fn resultants(&self) -> &[[f64; D]] {
         &[]
     }
