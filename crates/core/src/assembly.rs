@@ -66,11 +66,7 @@ impl<const D: usize> System<D> {
 
     /// Adds to the block of a place, `[i][k]`, [force/length].
     pub fn add_block(&mut self, place: usize, block: &[[f64; D]; D]) {
-        for (sum, row) in self.blocks[place].iter_mut().zip(block) {
-            for (sum, entry) in sum.iter_mut().zip(row) {
-                *sum += entry;
-            }
-        }
+        add(&mut self.blocks[place], block);
     }
 
     /// Forgets what the terms have added.
@@ -110,10 +106,7 @@ impl<const D: usize> System<D> {
 
     /// Adds to the change of the external force with the load factor, which follows from equilibrium, [force].
     pub fn add_per_factor(&mut self, force: &[[f64; D]]) {
-        let sum = self.per_factor.get_or_insert_with(|| vec![[0.0; D]; force.len()]);
-        for (sum, force) in sum.as_flattened_mut().iter_mut().zip(force.as_flattened()) {
-            *sum += force;
-        }
+        add(self.per_factor.get_or_insert_with(|| vec![[0.0; D]; force.len()]), force);
     }
 
     /// The change of the external force with the load factor, where that follows from equilibrium, [force].
@@ -199,5 +192,12 @@ impl<const D: usize> System<D> {
             }
         });
         diagonal
+    }
+}
+
+/// Adds forces to others, entry by entry.
+pub(crate) fn add<const D: usize>(sum: &mut [[f64; D]], force: &[[f64; D]]) {
+    for (sum, force) in sum.as_flattened_mut().iter_mut().zip(force.as_flattened()) {
+        *sum += force;
     }
 }

@@ -5,6 +5,7 @@ mod cpdi;
 mod factors;
 mod gimp;
 mod mpm;
+mod parts;
 mod slivers;
 
 use serde::{Deserialize, Serialize};

@@ -28,7 +28,7 @@ pub struct StepReport<const D: usize> {
     pub step: Step,
     /// Residual of every evaluation, eq. (40); the first is the one before any solve.
     pub residuals: Vec<f64>,
-    /// Whether the step has been accepted as far as round-off allows, [`MOST_OF_ROUND_OFF`] at most, rather than to the
+    /// Whether the step has been accepted as far as round-off allows, with a residual of 10⁻⁶ at most, rather than to the
     /// tolerance.
     pub rounding_limited: bool,
     /// What is out of balance at the nodes of each body alone, relative to the forces on it; none for one body, [-].

@@ -1,6 +1,6 @@
 //! External forces on the grid: weight, body forces and point forces, eqs. (24), (25), (29).
 
-use crate::assembly::{System, Wanted};
+use crate::assembly::{System, Wanted, add};
 use crate::basis::Connectivity;
 use crate::model::{Action, Control, Load, Model};
 use crate::points::Points;
@@ -204,11 +204,5 @@ impl<const D: usize> Term<D> for ExternalForces<D> {
 
     fn resultants(&self) -> &[[f64; D]] {
         &self.resultants
-    }
-}
-
-fn add<const D: usize>(sum: &mut [[f64; D]], force: &[[f64; D]]) {
-    for (sum, force) in sum.as_flattened_mut().iter_mut().zip(force.as_flattened()) {
-        *sum += force;
     }
 }

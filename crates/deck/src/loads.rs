@@ -1,0 +1,109 @@
+//! The loads that a deck states.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Expression, Expressions, Vector, one};
+
+/// Load factor over time as a table of [time, factor] pairs, linear in between; times increase and cover the analysis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+#[schemars(extend("examples" = [[[0, 0], [1, 1]]]))]
+pub struct LoadCurve(#[schemars(length(min = 2))] pub Vec<[f64; 2]>);
+
+/// An external force.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum LoadDeck {
+    /// Weight: the constant mass of each point times the acceleration.
+    Gravity {
+        /// Name, unique among the loads.
+        name: String,
+        /// Acceleration at load factor 1, [length/time²], one number per axis.
+        #[schemars(with = "Vector", extend("examples" = [[0, -9.81]]))]
+        acceleration: Vec<f64>,
+        /// Names of the bodies it acts on; all where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        bodies: Option<Vec<String>>,
+        /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        curve: Option<LoadCurve>,
+    },
+    /// Force per volume at the start of the load step, eq. (24), or per mass.
+    BodyForce {
+        /// Name, unique among the loads.
+        name: String,
+        /// Force per volume, [force/volume], or per mass, [length/time²], at load factor 1, one number or formula per axis. A
+        /// formula knows x, y (the
+        /// position at the start of the step), X, Y (the original position), in space also z and Z, `factor` (the
+        /// load factor), the parameters and the names under `where`. One that depends on `factor` is taken as it stands; any other is
+        /// multiplied by the load factor.
+        #[schemars(with = "Expressions", extend("examples" = [["gamma*y", 0]]))]
+        force: Vec<Expression>,
+        /// What `force` is divided by.
+        #[serde(default)]
+        per: Per,
+        /// Intermediate values with a name each, in any order, for use in `force`.
+        #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
+        intermediate: BTreeMap<String, Expression>,
+        /// Names of the bodies it acts on; all where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        bodies: Option<Vec<String>>,
+        /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        curve: Option<LoadCurve>,
+    },
+    /// A force shared equally by some points of a body and carried along with them, eq. (25).
+    PointForce {
+        /// Name, unique among the loads.
+        name: String,
+        /// Name of the body.
+        body: String,
+        /// The points that carry it.
+        points: PointSelector,
+        /// Sum of the forces at load factor 1, [force] (per unit thickness in plane strain, on the full
+        /// circle in axisymmetry), one number per axis.
+        #[schemars(with = "Vector", extend("examples" = [[0, -100e3]]))]
+        total: Vec<f64>,
+        /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        curve: Option<LoadCurve>,
+    },
+}
+
+/// What a body force is divided by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Per {
+    /// The volume of each point at the start of the load step.
+    #[default]
+    Volume,
+    /// The constant mass of each point, as for gravity; the material needs a density.
+    Mass,
+}
+
+impl LoadDeck {
+    /// Name of the load.
+    pub fn name(&self) -> &str {
+        match self {
+            LoadDeck::Gravity { name, .. }
+            | LoadDeck::BodyForce { name, .. }
+            | LoadDeck::PointForce { name, .. } => name,
+        }
+    }
+}
+
+/// Selects the points of a body that are nearest to a place at the start.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PointSelector {
+    /// The place, [length].
+    #[schemars(with = "Vector", extend("examples" = [[10, 9.5]]))]
+    pub nearest: Vec<f64>,
+    /// How many points; a choice between equally near points must not be left open.
+    #[serde(default = "one")]
+    #[schemars(range(min = 1))]
+    pub count: u32,
+}
