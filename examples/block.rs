@@ -98,6 +98,7 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
         name: name.to_owned(),
         nodes: nodes_at(axis),
         displacement: held.map(|held| held.then(|| Formula::constant(0.0))),
+        axes: None,
         curve: LoadCurve::ramp(1.0),
     };
     let boundary_conditions = vec![

@@ -17,7 +17,7 @@ use mpm::grid::{Grid, Structured};
 use mpm::material::Hencky;
 use mpm::model::{Action, Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, NodeSet, Stepping};
 use mpm::points::{Points, Seed};
-use mpm::solver::{self, Reached, Silent, SolveError, Summary};
+use mpm::solver::{Silent, SolveError, Stepper, Summary};
 use mpm::step::{At, StepContext};
 use mpm::terms::{Ledger, LoadNotFinite, PointFailure, Term};
 
@@ -147,6 +147,7 @@ fn block() -> (Model<2>, Points<2>) {
         name: "left".to_owned(),
         nodes: NodeSet::Fixed(left),
         displacement: [Some(Formula::constant(0.0)), None],
+        axes: None,
         curve: LoadCurve::ramp(1.0),
     };
     let weight = Load {
@@ -190,8 +191,7 @@ fn run(angle: f64) -> Result<Summary, SolveError> {
     let (model, mut points) = block();
     // It touches the lowest points at the start.
     let wall = Wall::inclined(angle, [SIDE, 1.1], 1e7);
-    let reached = Reached::nothing(&points);
-    solver::go_on_with(&model, &mut points, reached, vec![Box::new(wall)], &mut Silent)
+    Stepper::new(&model, &mut points).with_terms(vec![Box::new(wall)])?.run(&mut Silent)
 }
 
 /// The force of the wall at the end, [force].

@@ -62,7 +62,7 @@ fn assembling_again_allocates_nothing() {
                     sum.evaluate(
                         &StepContext::first(model, links),
                         points,
-                        At { delta_d, factor: 0.0 },
+                        At::new(delta_d),
                         Wanted::Stiffness,
                     )
                     .unwrap();

@@ -7,7 +7,7 @@ use mpm::basis::{Connectivity, Method};
 use mpm::deck::{build::build, load::load_text};
 use mpm::dofs::DofMap;
 use mpm::grid::Grid;
-use mpm::linear::{Direct, FactorSize, Factorisation, LinearSolver, ordering};
+use mpm::linear::{Direct, FactorSize, Factorisation, FreeEntries, LinearSolver, ordering};
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::step::{At, StepContext};
@@ -206,27 +206,22 @@ fn measure<const D: usize, M: Mechanics<D>>(
     let mut sum =
         Sum::of_bodies::<M>(&StepContext::first(&model, &links), &points).expect("loads are finite");
     let assembly = least(|| {
-        sum.evaluate(
-            &StepContext::first(&model, &links),
-            &mut points,
-            At { delta_d: &delta_d, factor: 0.0 },
-            Wanted::Stiffness,
-        )
-        .expect("the motion is possible")
+        sum.evaluate(&StepContext::first(&model, &links), &mut points, At::new(&delta_d), Wanted::Stiffness)
+            .expect("the motion is possible")
     });
 
     let end = model.stepping.end_time / model.stepping.count as f64;
     let dofs = DofMap::new(&model, &points, &links, 0.0, end).expect("conditions agree");
-    let entries = sum.system().free_entries(&dofs);
+    let entries = FreeEntries::new(&sum.system().matrix(), dofs.numbering());
     let mut values = Vec::new();
-    sum.system().free_values(&entries, &mut values);
+    entries.values(&sum.system().matrix(), &mut values);
     let n = entries.pattern.n;
     let pairs = entries.pattern.row.len() / (D * D);
     let mut direct = Direct::default();
     let lattice = |active: usize| grid.lattice(links.active_nodes()[active] as usize);
     let coordinates: Vec<[u32; D]> = (0..links.n_active()).map(lattice).collect();
     let order = || {
-        let nodes = ordering::nested_dissection(&coordinates, sum.system().reach(lattice));
+        let nodes = ordering::nested_dissection(&coordinates, sum.system().matrix().reach(lattice));
         nodes
             .iter()
             .flat_map(|&node| (0..D).map(move |axis| (node, axis)))

@@ -45,13 +45,8 @@ fn after_one_solve() -> (Vec<Imbalance>, f64) {
 
     let mut sum = Sum::of_bodies::<PlaneStrain>(&StepContext::first(&model, &links), &points).unwrap();
     let at_rest = vec![[0.0; 2]; n];
-    sum.evaluate(
-        &StepContext::first(&model, &links),
-        &mut points,
-        At { delta_d: &at_rest, factor: 0.0 },
-        Wanted::Stiffness,
-    )
-    .unwrap();
+    sum.evaluate(&StepContext::first(&model, &links), &mut points, At::new(&at_rest), Wanted::Stiffness)
+        .unwrap();
     let f_ext =
         external_force(&model, &points, &links, model.stepping.end_time / model.stepping.count as f64)
             .unwrap()
@@ -74,13 +69,8 @@ fn after_one_solve() -> (Vec<Imbalance>, f64) {
         delta_d[i / 2][i % 2] = *u;
     }
     let resisted = times(&delta_d);
-    sum.evaluate(
-        &StepContext::first(&model, &links),
-        &mut points,
-        At { delta_d: &delta_d, factor: 0.0 },
-        Wanted::Stiffness,
-    )
-    .unwrap();
+    sum.evaluate(&StepContext::first(&model, &links), &mut points, At::new(&delta_d), Wanted::Stiffness)
+        .unwrap();
 
     let (mut forces, mut out, mut applied) = (Vec::new(), 0.0, 0.0);
     for a in 0..n {

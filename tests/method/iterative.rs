@@ -10,7 +10,10 @@ use mpm::basis::Connectivity;
 use mpm::deck::build::build;
 use mpm::deck::load::{LoadedDeck, load, load_text};
 use mpm::dofs::DofMap;
-use mpm::linear::{BlockMatrix, Choice, Direct, Division, Factorisation, Krylov, LinearError, LinearSolver};
+use mpm::linear::{
+    Backend, BlockMatrix, Choice, Direct, Division, Factorisation, FreeEntries, Krylov, Layout, LinearError,
+    LinearSolver, Solved, Stiffness,
+};
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::quality::Code;
@@ -60,13 +63,7 @@ fn equations<const D: usize, M: Mechanics<D>>(
     let mut random = Random(3);
     let delta_d: Vec<[f64; D]> =
         (0..links.n_active()).map(|_| std::array::from_fn(|_| wobble * random.next())).collect();
-    sum.evaluate(
-        &StepContext::first(model, &links),
-        points,
-        At { delta_d: &delta_d, factor: 0.0 },
-        Wanted::Stiffness,
-    )
-    .unwrap();
+    sum.evaluate(&StepContext::first(model, &links), points, At::new(&delta_d), Wanted::Stiffness).unwrap();
     let places = links.active_nodes().iter().map(|&node| model.grid.lattice(node as usize)).collect();
     let held = (0..links.n_active())
         .map(|node| std::array::from_fn(|axis| dofs.free(node, axis).is_none()))
@@ -91,21 +88,34 @@ impl<const D: usize> Equations<D> {
         load
     }
 
-    fn solve(&mut self, load: &[[f64; D]], tolerance: f64) -> (Vec<[f64; D]>, usize) {
+    fn with_layout<T>(&self, work: impl FnOnce(&Layout<D>) -> T) -> T {
+        let nodes: Vec<u32> = (0..self.places.len() as u32).collect();
+        let lattice = |node: usize| self.places[node];
+        let numbering = self.dofs.numbering();
+        work(&Layout { numbering, nodes: &nodes, lattice: &lattice, keeps_pattern: false })
+    }
+
+    fn solve(&self, load: &[[f64; D]], tolerance: f64) -> (Vec<[f64; D]>, usize) {
         let mut solver = Krylov::default();
-        solver.analyse(&self.sum.system().matrix(), self.places.clone(), self.held.clone()).unwrap();
-        solver.factorise(&self.sum.system().matrix()).unwrap();
         let mut x = vec![[0.0; D]; load.len()];
-        let multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| self.sum.system_mut().multiply(x, out);
-        let (kind, iterations) = solver.solve(multiply, load, &mut x, tolerance).unwrap();
-        assert_eq!(kind, Factorisation::Multigrid);
+        let matrix = self.sum.system().matrix();
+        let mut division = Division::new(matrix.column_start, matrix.row);
+        let mut stiffness = Stiffness { matrix, division: &mut division };
+        let solved = self.with_layout(|layout| {
+            solver.prepare(layout, &stiffness.matrix)?;
+            solver.factorise(layout, &stiffness.matrix)?;
+            solver.solve(layout, &mut stiffness, load, &mut x, tolerance)
+        });
+        let Solved { factorisation, iterations } = solved.unwrap();
+        assert_eq!(factorisation, Factorisation::Multigrid);
         (x, iterations)
     }
 
     fn solve_directly(&self, load: &[[f64; D]]) -> Vec<[f64; D]> {
-        let entries = self.sum.system().free_entries(&self.dofs);
+        let matrix = self.sum.system().matrix();
+        let entries = FreeEntries::new(&matrix, self.dofs.numbering());
         let mut values = Vec::new();
-        self.sum.system().free_values(&entries, &mut values);
+        entries.values(&matrix, &mut values);
         let mut direct = Direct::default();
         let n = self.dofs.n_free();
         direct.analyse(entries.pattern, &|| (0..n).collect()).unwrap();
@@ -134,7 +144,7 @@ fn distance<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
     norm(&difference)
 }
 
-fn check_against_direct<const D: usize>(name: &str, mut equations: Equations<D>) {
+fn check_against_direct<const D: usize>(name: &str, equations: Equations<D>) {
     for rough in [false, true] {
         let load = equations.load(rough);
         let (x, iterations) = equations.solve(&load, 1e-12);
@@ -166,7 +176,7 @@ fn iterations_hardly_grow_with_refinement() {
     let counts = ["0.5", "0.25", "0.125"].map(|h| {
         let deck = deck("block/block.yaml", &[("h", h), ("n", "2")]);
         let (model, mut points) = build::<3>(&deck).unwrap();
-        let mut equations = equations::<3, Solid>(&model, &mut points, 0.0);
+        let equations = equations::<3, Solid>(&model, &mut points, 0.0);
         let load = equations.load(false);
         equations.solve(&load, 1e-8).1
     });
@@ -207,7 +217,7 @@ fn cells_that_are_hardly_filled_cost_few_iterations() {
         let mut counts = Vec::new();
         for part in [1.0, 0.5, 1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8] {
             let (model, mut points) = build::<3>(&cut(method, part)).unwrap();
-            let mut equations = equations::<3, Solid>(&model, &mut points, 0.0);
+            let equations = equations::<3, Solid>(&model, &mut points, 0.0);
             let load = equations.load(false);
             counts.push(equations.solve(&load, 1e-8).1);
         }
@@ -218,7 +228,7 @@ fn cells_that_are_hardly_filled_cost_few_iterations() {
 
 /// The stiffness of a block with these multiples of the blocks on the diagonal: the outcome for random forces, and the
 /// residual it really leaves.
-fn with_diagonal(factor: f64) -> (Result<(Factorisation, usize), LinearError>, f64) {
+fn with_diagonal(factor: f64) -> (Result<Solved, LinearError>, f64) {
     let (model, mut points) = build::<3>(&deck("block/block.yaml", &[("h", "0.5")])).unwrap();
     let equations = equations::<3, Solid>(&model, &mut points, 0.0);
     let matrix = equations.sum.system().matrix();
@@ -231,10 +241,13 @@ fn with_diagonal(factor: f64) -> (Result<(Factorisation, usize), LinearError>, f
     let matrix = BlockMatrix { blocks: &blocks, ..matrix };
     let mut division = Division::new(matrix.column_start, matrix.row);
     let mut solver = Krylov::default();
-    solver.analyse(&matrix, equations.places.clone(), equations.held.clone()).unwrap();
     let mut x = load.clone();
-    let multiply = |x: &[[f64; 3]], out: &mut [[f64; 3]]| matrix.multiply(&mut division, x, out);
-    let outcome = solver.factorise(&matrix).and_then(|()| solver.solve(multiply, &load, &mut x, 1e-10));
+    let outcome = equations.with_layout(|layout| {
+        let mut stiffness = Stiffness { matrix, division: &mut division };
+        solver.prepare(layout, &matrix)?;
+        solver.factorise(layout, &matrix)?;
+        solver.solve(layout, &mut stiffness, &load, &mut x, 1e-10)
+    });
     let mut product = vec![[0.0; 3]; x.len()];
     matrix.multiply(&mut division, &x, &mut product);
     for (product, held) in product.iter_mut().zip(&equations.held) {
@@ -255,8 +268,8 @@ fn what_is_not_positive_definite_is_solved_all_the_same() {
     ] {
         let (outcome, residual) = with_diagonal(factor);
         println!("{factor}: {outcome:?}, residual {residual:.1e}");
-        let (found, iterations) = outcome.unwrap();
-        assert_eq!(found, kind);
+        let Solved { factorisation, iterations } = outcome.unwrap();
+        assert_eq!(factorisation, kind);
         assert!(iterations <= 30 && residual <= 1.01e-10, "{factor}: {iterations} {residual:e}");
     }
 }

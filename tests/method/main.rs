@@ -4,6 +4,7 @@
 #![allow(clippy::print_stdout, reason = "the measured numbers are part of the verification")]
 
 mod assembly;
+mod constraints;
 mod failure;
 mod gmsh;
 mod inline_vtu;

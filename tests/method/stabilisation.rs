@@ -69,7 +69,7 @@ steps: {{count: 1}}"
 fn forces<const D: usize>(ghost: &Ghost, places: &[[f64; D]], field: impl Fn(usize) -> [f64; D]) -> [f64; 3] {
     let delta_d: Vec<[f64; D]> = (0..places.len()).map(field).collect();
     let mut force = vec![[0.0; D]; places.len()];
-    ghost.add_force(&delta_d, &mut force);
+    ghost.add_force(D, &delta_d, &mut force);
     let largest = force.iter().flatten().fold(0.0f64, |m, f| m.max(f.abs()));
     let sum = (0..D).map(|d| force.iter().map(|f| f[d]).sum::<f64>().abs()).fold(0.0, f64::max);
     let moment: f64 = force.iter().zip(places).map(|(f, x)| x[0] * f[1] - x[1] * f[0]).sum();
@@ -144,13 +144,8 @@ fn enters_force_and_stiffness_alike<const D: usize, M: Mechanics<D>>(
         (0..n).map(|n| std::array::from_fn(|d| ((7 * n + 3 * d) as f64).sin())).collect();
     let mut evaluate = |model: &Model<D>| {
         let mut sum = Sum::of_bodies::<M>(&StepContext::first(model, &links), &points).unwrap();
-        sum.evaluate(
-            &StepContext::first(model, &links),
-            &mut points,
-            At { delta_d: &delta_d, factor: 0.0 },
-            Wanted::Stiffness,
-        )
-        .unwrap();
+        sum.evaluate(&StepContext::first(model, &links), &mut points, At::new(&delta_d), Wanted::Stiffness)
+            .unwrap();
         let mut product = vec![[0.0; D]; n];
         sum.system_mut().multiply(&rough, &mut product);
         (sum.system().internal_force().to_vec(), product)
@@ -159,8 +154,8 @@ fn enters_force_and_stiffness_alike<const D: usize, M: Mechanics<D>>(
     model.stabilisation.mode = Where::Off;
     let (force_without, product_without) = evaluate(&model);
     let (mut of_ghost, mut product_of_ghost) = (vec![[0.0; D]; n], vec![[0.0; D]; n]);
-    ghost.add_force(&delta_d, &mut of_ghost);
-    ghost.add_force(&rough, &mut product_of_ghost);
+    ghost.add_force(D, &delta_d, &mut of_ghost);
+    ghost.add_force(D, &rough, &mut product_of_ghost);
     for (with, without, ghost) in
         [(force, force_without, of_ghost), (product, product_without, product_of_ghost)]
     {
@@ -198,16 +193,10 @@ steps: {count: 1}",
 /// Ratio of the largest and the smallest eigenvalue of the stiffness of the unknowns, scaled to a unit diagonal or not.
 fn condition<const D: usize, M: Mechanics<D>>(model: &Model<D>, points: &mut Points<D>) -> f64 {
     let links = link(model, points);
-    let dofs = DofMap::new(model, points, &links, 0.0, 1.0).unwrap();
+    let dofs = DofMap::<D>::new(model, points, &links, 0.0, 1.0).unwrap();
     let mut sum = Sum::of_bodies::<M>(&StepContext::first(model, &links), points).unwrap();
     let zero = vec![[0.0; D]; links.n_active()];
-    sum.evaluate(
-        &StepContext::first(model, &links),
-        points,
-        At { delta_d: &zero, factor: 0.0 },
-        Wanted::Stiffness,
-    )
-    .unwrap();
+    sum.evaluate(&StepContext::first(model, &links), points, At::new(&zero), Wanted::Stiffness).unwrap();
     let mut k = DMatrix::zeros(dofs.n_free(), dofs.n_free());
     let (mut unit, mut column) = (zero.clone(), zero);
     for (b, m) in (0..links.n_active()).flat_map(|b| (0..D).map(move |m| (b, m))) {

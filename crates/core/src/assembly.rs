@@ -3,17 +3,21 @@
 //! The pattern is laid out once per step: nodes that share a group of points, and those that terms couple beyond that. Terms
 //! add in a fixed order, so that the result has the same bits for any number of threads.
 
+mod border;
 mod group;
 mod pattern;
+mod reduced;
 
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
-use crate::linear::{Block, BlockMatrix, Division};
+use crate::linear::{Block, BlockMatrix, Division, Stiffness};
 use crate::step::Nodal;
 
+pub use border::Border;
 pub(crate) use group::{Cell, Dense, Forces, Square, Triangle, Whole};
-pub use pattern::FreeEntries;
-pub(crate) use pattern::{Couples, NodePairs, UNCOUPLED};
+pub use pattern::Couples;
+pub(crate) use pattern::{NodePairs, UNCOUPLED};
+pub(crate) use reduced::with_ties;
 
 /// What an evaluation is to form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,30 +29,41 @@ pub enum Wanted {
 }
 
 /// The discrete equilibrium of one load step: its pattern, and what the terms have added in the last evaluation.
-pub struct System<const D: usize> {
+pub struct System<const N: usize> {
     pub(crate) pairs: NodePairs,
-    pub(crate) blocks: Vec<Block<D>>,
-    division: Division<D>,
+    pub(crate) blocks: Vec<Block<N>>,
+    division: Division<N>,
     /// Force of the bodies on the active nodes, eq. (23), and of what is added to them, [force].
-    pub(crate) internal: Nodal<D>,
+    pub(crate) internal: Nodal<N>,
     /// External force on the active nodes, eq. (29), [force].
-    pub(crate) external: Nodal<D>,
+    pub(crate) external: Nodal<N>,
     /// The change of the external force with the load factor, where that follows from equilibrium, [force].
-    pub(crate) per_factor: Option<Nodal<D>>,
+    pub(crate) per_factor: Option<Nodal<N>>,
+    /// The equations of global unknowns.
+    pub border: Border<N>,
+    /// The blocks of the equations of the unknowns, where nodes are turned or tied.
+    reduced: Vec<Block<N>>,
 }
 
-impl<const D: usize> System<D> {
+impl<const N: usize> System<N> {
     /// Lays out the system of a load step. `couples` gives the nodes that are coupled beside those of groups of
-    /// points.
-    pub(crate) fn new(links: &Connectivity<D>, symmetric: bool, couples: &Couples) -> Self {
+    /// points; `globals` is the number of global unknowns.
+    pub(crate) fn new<const D: usize>(
+        links: &Connectivity<D>,
+        symmetric: bool,
+        couples: &Couples,
+        globals: usize,
+    ) -> Self {
         let pairs = NodePairs::new(links, symmetric, couples);
-        let zero = vec![[0.0; D]; links.n_active()];
+        let zero = vec![[0.0; N]; links.n_active()];
         System {
-            blocks: vec![[[0.0; D]; D]; pairs.n_pairs()],
+            blocks: vec![[[0.0; N]; N]; pairs.n_pairs()],
             division: pairs.division(),
             internal: zero.clone(),
             external: zero,
             per_factor: None,
+            border: Border::new(globals, links.n_active()),
+            reduced: Vec::new(),
             pairs,
         }
     }
@@ -65,86 +80,79 @@ impl<const D: usize> System<D> {
     }
 
     /// Adds to the block of a place, `[i][k]`, [force/length].
-    pub fn add_block(&mut self, place: usize, block: &[[f64; D]; D]) {
+    pub fn add_block(&mut self, place: usize, block: &[[f64; N]; N]) {
         add(&mut self.blocks[place], block);
     }
 
     /// Forgets what the terms have added.
     pub(crate) fn clear(&mut self, wanted: Wanted) {
         if wanted == Wanted::Stiffness {
-            self.blocks.fill([[0.0; D]; D]);
+            self.blocks.fill([[0.0; N]; N]);
         }
-        self.internal.fill([0.0; D]);
-        self.external.fill([0.0; D]);
+        self.internal.fill([0.0; N]);
+        self.external.fill([0.0; N]);
         self.per_factor = None;
+        self.border.clear();
+    }
+
+    /// Moves the forces on tied components to those they are tied to.
+    pub(crate) fn condense(&mut self, dofs: &DofMap<N>) {
+        dofs.condense(&mut self.internal);
+        dofs.condense(&mut self.external);
+        if let Some(per_factor) = &mut self.per_factor {
+            dofs.condense(per_factor);
+        }
     }
 
     /// Frees what only further evaluations would need.
     pub(crate) fn conclude(&mut self) {
         self.blocks = Vec::new();
+        self.reduced = Vec::new();
     }
 
     /// Internal force on the active nodes, [force].
-    pub fn internal_force(&self) -> &[[f64; D]] {
+    pub fn internal_force(&self) -> &[[f64; N]] {
         &self.internal
     }
 
     /// The same, to add to.
-    pub fn internal_force_mut(&mut self) -> &mut [[f64; D]] {
+    pub fn internal_force_mut(&mut self) -> &mut [[f64; N]] {
         &mut self.internal
     }
 
     /// External force on the active nodes, [force].
-    pub fn external_force(&self) -> &Nodal<D> {
+    pub fn external_force(&self) -> &Nodal<N> {
         &self.external
     }
 
     /// The same, to add to.
-    pub fn external_force_mut(&mut self) -> &mut [[f64; D]] {
+    pub fn external_force_mut(&mut self) -> &mut [[f64; N]] {
         &mut self.external
     }
 
     /// Adds to the change of the external force with the load factor, which follows from equilibrium, [force].
-    pub fn add_per_factor(&mut self, force: &[[f64; D]]) {
-        add(self.per_factor.get_or_insert_with(|| vec![[0.0; D]; force.len()]), force);
+    pub fn add_per_factor<const D: usize>(&mut self, force: &[[f64; D]]) {
+        add(self.per_factor.get_or_insert_with(|| vec![[0.0; N]; force.len()]), force);
     }
 
     /// The change of the external force with the load factor, where that follows from equilibrium, [force].
-    pub fn per_factor(&self) -> Option<&Nodal<D>> {
+    pub fn per_factor(&self) -> Option<&Nodal<N>> {
         self.per_factor.as_ref()
     }
 
-    /// The entries of K on the free degrees of freedom: the pattern for the linear solver.
-    pub fn free_entries(&self, dofs: &DofMap<D>) -> FreeEntries {
-        self.pairs.free_entries(dofs)
-    }
-
-    /// The values of these entries, in their order.
-    pub fn free_values(&self, entries: &FreeEntries, values: &mut Vec<f64>) {
-        let flat = self.blocks.as_flattened().as_flattened();
-        values.clear();
-        values.extend(entries.source.iter().map(|&s| flat[s as usize]));
-    }
-
-    /// Largest distance along each axis of the lattice of the grid between two nodes that are coupled.
-    pub fn reach(&self, lattice: impl Fn(usize) -> [u32; D]) -> [u32; D] {
-        let mut reach = [0; D];
-        self.pairs.for_each(|row, column, _| {
-            let (a, b) = (lattice(row), lattice(column));
-            for d in 0..D {
-                reach[d] = reach[d].max(a[d].abs_diff(b[d]));
-            }
-        });
-        reach
-    }
-
     /// K over all active nodes, constrained ones included.
-    pub fn matrix(&self) -> BlockMatrix<'_, D> {
+    pub fn matrix(&self) -> BlockMatrix<'_, N> {
         self.pairs.matrix(&self.blocks)
     }
 
+    /// The matrix of the equations of the unknowns, Cᵀ K C, once [`System::reduce`] has formed it.
+    pub fn reduced(&mut self, dofs: &DofMap<N>) -> Stiffness<'_, N> {
+        let blocks = if dofs.is_plain() { &self.blocks } else { &self.reduced };
+        Stiffness { matrix: self.pairs.matrix(blocks), division: &mut self.division }
+    }
+
     /// `out = K x` over all active nodes, constrained ones included.
-    pub fn multiply(&mut self, x: &[[f64; D]], out: &mut [[f64; D]]) {
+    pub fn multiply(&mut self, x: &[[f64; N]], out: &mut [[f64; N]]) {
         self.pairs.matrix(&self.blocks).multiply(&mut self.division, x, out);
     }
 
@@ -154,13 +162,13 @@ impl<const D: usize> System<D> {
     }
 
     /// Σ |K_vw| |x_w| over all active nodes: the size of the terms that K x adds up, per node.
-    pub fn magnitudes(&self, x: &[[f64; D]]) -> Vec<[f64; D]> {
-        let mut sums = vec![[0.0; D]; x.len()];
+    pub fn magnitudes(&self, x: &[[f64; N]]) -> Vec<[f64; N]> {
+        let mut sums = vec![[0.0; N]; x.len()];
         let symmetric = self.pairs.symmetric();
         self.pairs.for_each(|row, column, place| {
             let block = &self.blocks[place];
-            for i in 0..D {
-                for k in 0..D {
+            for i in 0..N {
+                for k in 0..N {
                     sums[row][i] += (block[i][k] * x[column][k]).abs();
                     if symmetric && row != column {
                         sums[column][k] += (block[i][k] * x[row][i]).abs();
@@ -172,11 +180,11 @@ impl<const D: usize> System<D> {
     }
 
     /// Adds a multiple of a diagonal matrix, given per node, to K until the next evaluation.
-    pub fn add_to_diagonal(&mut self, factor: f64, diagonal: &[[f64; D]]) {
+    pub fn add_to_diagonal(&mut self, factor: f64, diagonal: &[[f64; N]]) {
         let blocks = &mut self.blocks;
         self.pairs.for_each(|row, column, place| {
             if row == column {
-                for d in 0..D {
+                for d in 0..N {
                     blocks[place][d][d] += factor * diagonal[row][d];
                 }
             }
@@ -184,8 +192,8 @@ impl<const D: usize> System<D> {
     }
 
     /// Diagonal of K, per node.
-    pub fn diagonal(&self) -> Vec<[f64; D]> {
-        let mut diagonal = vec![[0.0; D]; self.internal.len()];
+    pub fn diagonal(&self) -> Vec<[f64; N]> {
+        let mut diagonal = vec![[0.0; N]; self.internal.len()];
         self.pairs.for_each(|row, column, place| {
             if row == column {
                 diagonal[row] = std::array::from_fn(|d| self.blocks[place][d][d]);
@@ -195,9 +203,11 @@ impl<const D: usize> System<D> {
     }
 }
 
-/// Adds forces to others, entry by entry.
-pub(crate) fn add<const D: usize>(sum: &mut [[f64; D]], force: &[[f64; D]]) {
-    for (sum, force) in sum.as_flattened_mut().iter_mut().zip(force.as_flattened()) {
-        *sum += force;
+/// Adds forces to the first components of others.
+pub(crate) fn add<const D: usize, const N: usize>(sum: &mut [[f64; N]], force: &[[f64; D]]) {
+    for (sum, force) in sum.iter_mut().zip(force) {
+        for d in 0..D {
+            sum[d] += force[d];
+        }
     }
 }

@@ -1,15 +1,26 @@
-//! Degrees of freedom of a load step: which of them boundary conditions prescribe, and the unknowns that are left.
+//! Degrees of freedom of a load step: u = C q + g, with the unknowns q.
+//!
+//! Most components of the nodal increments u are unknowns themselves or prescribed. A prescribed direction that is not an axis
+//! turns the frame of its node: the unknowns are then components along other directions. A tie makes a component a combination
+//! of others. All of it is linear, so that the equations of the unknowns are Cᵀ K C δq = Cᵀ r.
 
+mod constraints;
 mod covered;
+mod error;
+mod prescribed;
 pub mod rigid;
+mod turned;
 
 use crate::basis::Connectivity;
-use crate::formula::Formula;
-use crate::model::{BoundaryCondition, Model, NodeSet};
-use crate::points::{Points, State, coordinates};
-use crate::tensor::Mat3;
+use crate::linear::Numbering;
+use crate::model::Model;
+use crate::points::Points;
 
+pub use constraints::Constraints;
 pub use covered::{Covered, covered};
+pub use error::ConstraintError;
+pub use prescribed::{displacement_increment, nodes_of};
+pub use turned::Turned;
 
 /// Nodes nearer to the axis of revolution than this, relative to the size of the cells around them, lie on it.
 pub const ON_AXIS: f64 = 1e-6;
@@ -17,334 +28,339 @@ pub const ON_AXIS: f64 = 1e-6;
 /// What mends [`ConstraintError::LooseAxis`].
 pub const HOLD_THE_AXIS: &str = "add `{name: axis, nodes: {x: 0}, fix: [x]}` to the boundary conditions";
 
-/// Two prescribed increments that differ by less than this, relative to their size, agree.
-const SAME: f64 = 1e-12;
+/// A prescribed increment that is missed by less than this, relative to its size, is reached.
+const REACHED: f64 = 1e-12;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// A boundary condition cannot be applied.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum ConstraintError {
-    /// Two boundary conditions want different displacements of one node.
-    #[error(
-        "boundary conditions `{first}` and `{second}` prescribe the increments {a:e} and {b:e} along {axis} at node {node:?}"
-    )]
-    Conflict {
-        /// The one that comes first.
-        first: String,
-        /// The other.
-        second: String,
-        /// Position of the grid node, [length].
-        node: Vec<f64>,
-        /// Name of the axis.
-        axis: &'static str,
-        /// Increment wanted by the first.
-        a: f64,
-        /// Increment wanted by the second.
-        b: f64,
-    },
-    /// A formula has no finite value at a node.
-    #[error(
-        "the displacement of boundary condition `{name}` along {axis} is not finite at node {}: the formula `{formula}` \
-         gives {value} at load factor {factor}", coordinates(.node)
-    )]
-    NotFinite {
-        /// The boundary condition.
-        name: String,
-        /// Name of the axis.
-        axis: &'static str,
-        /// Position of the grid node, [length].
-        node: Vec<f64>,
-        /// The load factor.
-        factor: f64,
-        /// Text of the formula.
-        formula: String,
-        /// The increment that follows from it.
-        value: f64,
-    },
-    /// Nodes on the axis of a body of revolution are free to leave it, or made to.
-    #[error("{loose} of the {all} grid nodes of the body on the axis x = 0 can move off it")]
-    LooseAxis {
-        /// Number of these nodes.
-        loose: usize,
-        /// Number of nodes on the axis that points touch.
-        all: usize,
-    },
-}
-
-/// A degree of freedom: free with its unknown, or held by a boundary condition.
+/// A component that is no unknown.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Dof {
-    Free(u32),
+enum Bound {
+    /// Prescribed by a boundary condition.
     Held { condition: u16, increment: f64 },
+    /// Follows from others, by the tie of this number.
+    Tied(u32),
 }
 
-/// What each degree of freedom of the active nodes is in one load step.
+/// A component that is a combination of others, none of which is tied: u = Σ weight · u(node, component) + constant.
+#[derive(Debug, Clone, PartialEq)]
+struct Tie {
+    node: u32,
+    component: u8,
+    terms: Vec<(u32, u8, f64)>,
+    constant: f64,
+}
+
+/// The map u = C q + g of one load step, with `N` components at each active node.
 #[derive(Debug, Clone)]
-pub struct DofMap<const D: usize> {
-    dofs: Vec<[Dof; D]>,
-    n_free: usize,
-    /// Degrees of freedom that further conditions prescribe with the same motion: active node, axis and condition,
-    /// ascending.
+pub struct DofMap<const N: usize> {
+    numbering: Numbering<N>,
+    /// The components that are no unknowns, in their order.
+    bound: Vec<Bound>,
+    /// Components that further conditions prescribe with the same motion: active node, component and condition, ascending.
     shared: Vec<(u32, u8, u16)>,
+    /// The nodes whose unknowns are not along the axes, ascending.
+    turned: Vec<Turned<N>>,
+    ties: Vec<Tie>,
 }
 
-impl<const D: usize> DofMap<D> {
-    /// Applies the boundary conditions of a step that runs from time `start` to time `end`.
+impl<const N: usize> DofMap<N> {
+    /// The constraints that a model states for a step from time `start` to time `end`.
     ///
     /// # Errors
     /// [`ConstraintError`] when two conditions contradict each other, a formula is not finite, or nodes can leave the axis
     /// of revolution.
-    pub fn new(
+    pub fn new<const D: usize>(
         model: &Model<D>,
         points: &Points<D>,
         links: &Connectivity<D>,
         start: f64,
         end: f64,
     ) -> Result<Self, ConstraintError> {
-        let mut dofs = vec![[Dof::Free(0); D]; links.n_active()];
-        let mut shared = Vec::new();
-        for (number, condition) in model.boundary_conditions.iter().enumerate() {
-            // At time 0 nothing has moved yet, whatever the curve says.
-            let reached = (start > 0.0).then(|| condition.curve.factor(start));
-            let factors = [reached, Some(condition.curve.factor(end))];
-            let acts_on = nodes_of(condition, points, links);
-            let originals = condition.follows_material().then(|| original_places(model, points, links));
-            for active in acts_on {
-                let node = links.active_nodes()[active] as usize;
-                let place = model.grid.node_position(node);
-                let original = originals.as_ref().map_or(place, |originals| originals[active]);
-                for (axis, formula) in condition.displacement.iter().enumerate() {
-                    let Some(formula) = formula else { continue };
-                    let increment = displacement_increment(formula, &place, &original, factors);
-                    if !increment.is_finite() {
-                        return Err(ConstraintError::NotFinite {
-                            name: condition.name.clone(),
-                            axis: AXES[axis % 3],
-                            node: place.to_vec(),
-                            factor: factors[1].unwrap_or_default(),
-                            formula: formula.text().to_owned(),
-                            value: increment,
-                        });
-                    }
-                    let dof = &mut dofs[active][axis];
-                    match *dof {
-                        Dof::Free(_) => *dof = Dof::Held { condition: number as u16, increment },
-                        Dof::Held { increment: held, .. }
-                            if (held - increment).abs() <= SAME * held.abs().max(increment.abs()) =>
-                        {
-                            shared.push((active as u32, axis as u8, number as u16));
-                        }
-                        Dof::Held { condition: first, increment: held } => {
-                            return Err(ConstraintError::Conflict {
-                                first: model.boundary_conditions[first as usize].name.clone(),
-                                second: condition.name.clone(),
-                                node: place.to_vec(),
-                                axis: AXES[axis % 3],
-                                a: held,
-                                b: increment,
-                            });
-                        }
-                    }
-                }
-            }
-        }
-        if model.revolved {
-            keep_axis(model, links, &dofs)?;
-        }
-        let mut n_free = 0;
-        for dof in dofs.iter_mut().flatten() {
-            if let Dof::Free(unknown) = dof {
-                *unknown = n_free;
-                n_free += 1;
-            }
-        }
-        shared.sort_unstable();
-        Ok(DofMap { dofs, n_free: n_free as usize, shared })
+        Constraints::of_model(model, points, links, [start, end])?.into_map()
+    }
+
+    /// No constraints on so many nodes.
+    pub fn unconstrained(n_nodes: usize) -> Self {
+        let numbering = Numbering::new(n_nodes, |_, _| true);
+        DofMap { numbering, bound: Vec::new(), shared: Vec::new(), turned: Vec::new(), ties: Vec::new() }
     }
 
     /// Number of unknowns.
     pub fn n_free(&self) -> usize {
-        self.n_free
+        self.numbering.count()
     }
 
-    /// The unknown of a degree of freedom, or `None` when it is prescribed.
+    /// Number of active nodes.
+    pub fn n_nodes(&self) -> usize {
+        self.numbering.n_nodes()
+    }
+
+    /// The numbers of the unknowns; those of a turned node belong to its directions.
+    pub fn numbering(&self) -> &Numbering<N> {
+        &self.numbering
+    }
+
+    /// The unknown of a component, or `None` when it is prescribed or tied.
     #[inline]
-    pub fn free(&self, node: usize, axis: usize) -> Option<usize> {
-        match self.dofs[node][axis] {
-            Dof::Free(unknown) => Some(unknown as usize),
-            Dof::Held { .. } => None,
+    pub fn free(&self, node: usize, component: usize) -> Option<usize> {
+        self.numbering.unknown(node, component)
+    }
+
+    /// The prescribed increment of a component and the boundary condition that prescribes it, or `None`.
+    #[inline]
+    pub fn prescribed(&self, node: usize, component: usize) -> Option<(f64, usize)> {
+        match self.bound[self.numbering.other(node, component)?] {
+            Bound::Held { condition, increment } => Some((increment, condition as usize)),
+            Bound::Tied(_) => None,
         }
     }
 
-    /// The displacement increment and the boundary condition that prescribes a degree of freedom, or `None`.
-    pub fn prescribed(&self, node: usize, axis: usize) -> Option<(f64, usize)> {
-        match self.dofs[node][axis] {
-            Dof::Free(_) => None,
-            Dof::Held { condition, increment } => Some((increment, condition as usize)),
+    /// True if C is the identity on the unknowns: no node is turned and no component tied.
+    pub fn is_plain(&self) -> bool {
+        self.turned.is_empty() && self.ties.is_empty()
+    }
+
+    /// Node and component of an unknown.
+    pub fn place_of(&self, unknown: usize) -> Option<(usize, usize)> {
+        (0..self.n_nodes())
+            .find_map(|node| (0..N).find(|&c| self.free(node, c) == Some(unknown)).map(|c| (node, c)))
+    }
+
+    /// Visits all components in order: node, component, and the unknown if it is one.
+    pub fn for_each(&self, visit: impl FnMut(usize, usize, Option<usize>)) {
+        self.numbering.for_each(visit);
+    }
+
+    /// The turned node of an active node.
+    pub fn turned(&self, node: usize) -> Option<&Turned<N>> {
+        let place = self.turned.binary_search_by_key(&(node as u32), |turned| turned.node).ok()?;
+        Some(&self.turned[place])
+    }
+
+    /// Visits the directions along which a node is prescribed or tied, as unit vectors.
+    pub fn for_each_held_direction(&self, node: usize, mut visit: impl FnMut(&[f64; N])) {
+        match self.turned(node) {
+            Some(turned) => turned.directions[..turned.n_held()].iter().for_each(visit),
+            None => (0..N).filter(|&component| self.free(node, component).is_none()).for_each(|component| {
+                visit(&std::array::from_fn(|c| f64::from(u8::from(c == component))));
+            }),
         }
     }
 
-    /// The boundary conditions that share the reaction of a degree of freedom equally: those that hold it, or where none
-    /// does those that move it; the first one of the deck first, none where it is free.
-    pub fn bearers(&self, model: &Model<D>, node: usize, axis: usize) -> Vec<usize> {
-        let mut bearers = self.conditions(node, axis);
-        let holds = |number: &usize| model.boundary_conditions[*number].holds(axis);
-        if bearers.len() > 1 && bearers.iter().any(holds) {
-            bearers.retain(holds);
+    /// True if something keeps the node from moving freely along an axis.
+    pub fn is_held_along(&self, node: usize, axis: usize) -> bool {
+        match self.turned(node) {
+            Some(turned) => turned.holds_along(axis),
+            None => self.free(node, axis).is_none(),
         }
-        bearers
     }
 
-    /// The boundary conditions that prescribe a degree of freedom, the first one of the deck first; none where it is free.
-    /// All of them prescribe the same motion.
-    pub fn conditions(&self, node: usize, axis: usize) -> Vec<usize> {
-        let place = (node as u32, axis as u8);
-        let begin = self.shared.partition_point(|(node, axis, _)| (*node, *axis) < place);
-        let length = self.shared[begin..].partition_point(|(node, axis, _)| (*node, *axis) == place);
-        let first = self.prescribed(node, axis).map(|(_, condition)| condition);
+    /// A node and one of `axes` along which nothing holds the part of the body that the node belongs to: the axis is free at
+    /// all nodes coupled to it, directly or through others. `part_of` gives the part of each node.
+    pub fn unheld(&self, part_of: &[usize], axes: std::ops::Range<usize>) -> Option<(usize, usize)> {
+        let mut held = vec![[false; N]; self.n_nodes()];
+        for node in 0..self.n_nodes() {
+            for axis in 0..N {
+                held[part_of[node]][axis] |= self.is_held_along(node, axis);
+            }
+        }
+        (0..self.n_nodes()).find_map(|node| {
+            axes.clone().find(|&axis| part_of[node] == node && !held[node][axis]).map(|axis| (node, axis))
+        })
+    }
+
+    /// The combination C of unknowns and prescribed components that a component is, without its constant: nodes, components and
+    /// weights. At a turned node, component k stands for its direction k.
+    pub fn expression(&self, node: usize, component: usize) -> Vec<(usize, usize, f64)> {
+        let tie = self.numbering.other(node, component).and_then(|other| match self.bound[other] {
+            Bound::Tied(tie) => Some(&self.ties[tie as usize]),
+            Bound::Held { .. } => None,
+        });
+        let along_axes = match tie {
+            Some(tie) => tie.terms.iter().map(|&(n, c, w)| (n as usize, c as usize, w)).collect(),
+            None => vec![(node, component, 1.0)],
+        };
+        let turn = |(node, component, weight): (usize, usize, f64)| match self.turned(node) {
+            None => vec![(node, component, weight)],
+            Some(turned) => (0..N).map(|k| (node, k, weight * turned.directions[k][component])).collect(),
+        };
+        along_axes.into_iter().flat_map(turn).collect()
+    }
+
+    /// Visits the nodes that are turned or tied.
+    pub fn for_each_transformed(&self, visit: impl FnMut(usize)) {
+        let turned = self.turned.iter().map(|turned| turned.node);
+        turned.chain(self.ties.iter().map(|tie| tie.node)).map(|node| node as usize).for_each(visit);
+    }
+
+    /// Visits the tied nodes with the nodes they are tied to.
+    pub fn for_each_tie(&self, mut visit: impl FnMut(usize, &mut dyn Iterator<Item = usize>)) {
+        for tie in &self.ties {
+            visit(tie.node as usize, &mut tie.terms.iter().map(|(node, ..)| *node as usize));
+        }
+    }
+
+    /// Moves the forces on tied components to those they are tied to, [force].
+    pub fn condense(&self, force: &mut [[f64; N]]) {
+        for Tie { node, component, terms, .. } in &self.ties {
+            let tied = std::mem::take(&mut force[*node as usize][*component as usize]);
+            for &(node, component, weight) in terms {
+                force[node as usize][component as usize] += weight * tied;
+            }
+        }
+    }
+
+    /// Writes what an increment lacks of its prescribed and tied components into `motion`, zero elsewhere; returns whether it
+    /// lacks anything.
+    pub fn remaining(&self, increment: &[[f64; N]], motion: &mut [[f64; N]]) -> bool {
+        motion.fill([0.0; N]);
+        let mut lacks = false;
+        self.for_each(|node, component, _| {
+            if let Some((prescribed, _)) = self.prescribed(node, component) {
+                motion[node][component] = prescribed - increment[node][component];
+                lacks |= motion[node][component] != 0.0;
+            }
+        });
+        if self.is_plain() {
+            return lacks;
+        }
+        for turned in &self.turned {
+            motion[turned.node as usize] = turned.remaining(&increment[turned.node as usize]);
+        }
+        for Tie { node, component, terms, constant } in &self.ties {
+            let at = |n: usize, c: usize| increment[n][c] + motion[n][c];
+            let parts = terms.iter().map(|&(n, c, weight)| weight * at(n as usize, c as usize));
+            let (sum, size) = parts.fold((*constant, constant.abs()), |(s, a), x| (s + x, a + x.abs()));
+            let now = increment[*node as usize][*component as usize];
+            motion[*node as usize][*component as usize] = unless_round_off(sum - now, size + now.abs());
+        }
+        motion.as_flattened().iter().any(|u| *u != 0.0)
+    }
+
+    /// True if the prescribed and tied components of an increment have reached what is prescribed, but for round-off.
+    pub fn is_reached(&self, increment: &[[f64; N]]) -> bool {
+        let mut is_reached = true;
+        self.for_each(|node, component, _| {
+            if let Some((prescribed, _)) = self.prescribed(node, component)
+                && self.turned(node).is_none()
+            {
+                let missed = (prescribed - increment[node][component]).abs();
+                is_reached &= missed <= REACHED * prescribed.abs();
+            }
+        });
+        if self.is_plain() || !is_reached {
+            return is_reached;
+        }
+        let mut motion = vec![[0.0; N]; self.n_nodes()];
+        self.remaining(increment, &mut motion);
+        let turned = self.turned.iter().all(|turned| motion[turned.node as usize] == [0.0; N]);
+        turned && self.ties.iter().all(|tie| motion[tie.node as usize][tie.component as usize] == 0.0)
+    }
+
+    /// The forces on the unknowns, Cᵀ f, of condensed forces; zero where there is no unknown.
+    pub fn on_unknowns(&self, force: &mut [[f64; N]]) {
+        for turned in &self.turned {
+            let force = &mut force[turned.node as usize];
+            *force = turned.components(force);
+        }
+        self.for_each(|node, component, unknown| {
+            if unknown.is_none() {
+                force[node][component] = 0.0;
+            }
+        });
+    }
+
+    /// Adds C δq to a motion of the prescribed components, [length]: the increments of the unknowns and of what is tied to them.
+    pub fn add_unknowns(&self, delta_q: &[[f64; N]], motion: &mut [[f64; N]]) {
+        self.for_each(|node, component, unknown| {
+            if unknown.is_some() && self.turned(node).is_none() {
+                motion[node][component] = delta_q[node][component];
+            }
+        });
+        for turned in &self.turned {
+            let node = turned.node as usize;
+            turned.add(&delta_q[node], &mut motion[node]);
+        }
+        for Tie { node, component, terms, .. } in &self.ties {
+            let mut add = |n: usize, c: usize, weight: f64| {
+                let moved = match self.turned(n) {
+                    None => {
+                        if self.free(n, c).is_some() {
+                            delta_q[n][c]
+                        } else {
+                            0.0
+                        }
+                    }
+                    Some(turned) => turned.along(&delta_q[n], c),
+                };
+                motion[*node as usize][*component as usize] += weight * moved;
+            };
+            terms.iter().for_each(|&(n, c, weight)| add(n as usize, c as usize, weight));
+        }
+    }
+
+    /// The part of a condensed force on a node that the constraints take, [force].
+    #[inline]
+    pub fn held_part(&self, node: usize, force: &[f64; N]) -> [f64; N] {
+        if !self.turned.is_empty()
+            && let Some(turned) = self.turned(node)
+        {
+            return turned.held_part(force);
+        }
+        std::array::from_fn(|c| if self.free(node, c).is_none() { force[c] } else { 0.0 })
+    }
+
+    /// The numbers of the boundary conditions that prescribe a component, the first one of the model first; none where it is
+    /// free. All of them prescribe the same motion.
+    pub fn conditions(&self, node: usize, component: usize) -> Vec<usize> {
+        let place = (node as u32, component as u8);
+        let begin = self.shared.partition_point(|(node, component, _)| (*node, *component) < place);
+        let length =
+            self.shared[begin..].partition_point(|(node, component, _)| (*node, *component) == place);
+        let first = self.prescribed(node, component).map(|(_, condition)| condition);
         let mut all: Vec<usize> = first.into_iter().collect();
         all.extend(self.shared[begin..][..length].iter().map(|(_, _, condition)| *condition as usize));
         all
     }
 
-    /// Whether a node is prescribed along any axis.
-    #[inline]
-    pub fn is_held(&self, node: usize) -> bool {
-        self.dofs[node].iter().any(|dof| matches!(dof, Dof::Held { .. }))
-    }
-
-    /// Active node and axis of an unknown.
-    pub fn place_of(&self, unknown: usize) -> Option<(usize, usize)> {
-        let wanted = |dof: &Dof| *dof == Dof::Free(unknown as u32);
-        (0..self.dofs.len()).find_map(|node| self.dofs[node].iter().position(wanted).map(|axis| (node, axis)))
-    }
-
-    /// An active node and one of `axes` along which nothing holds the part of the body it belongs to: no degree of
-    /// freedom along that axis is prescribed at any node coupled to it, directly or through others. `part_of` gives the
-    /// part of each node.
-    pub fn unheld(&self, part_of: &[usize], axes: std::ops::Range<usize>) -> Option<(usize, usize)> {
-        let mut held = vec![[false; D]; self.dofs.len()];
-        for (node, dofs) in self.dofs.iter().enumerate() {
-            for (axis, dof) in dofs.iter().enumerate() {
-                held[part_of[node]][axis] |= matches!(dof, Dof::Held { .. });
-            }
-        }
-        (0..self.dofs.len()).find_map(|node| {
-            axes.clone().find(|&axis| part_of[node] == node && !held[node][axis]).map(|axis| (node, axis))
-        })
-    }
-
-    /// Visits all degrees of freedom in order: node, axis, and the unknown where it is free.
-    pub fn for_each(&self, mut visit: impl FnMut(usize, usize, Option<usize>)) {
-        for node in 0..self.n_nodes() {
-            for axis in 0..D {
-                visit(node, axis, self.free(node, axis));
-            }
-        }
-    }
-
-    /// Number of active nodes.
-    pub fn n_nodes(&self) -> usize {
-        self.dofs.len()
-    }
-}
-
-/// The ring through a node on the axis has no radius; nothing else may move the node off it.
-fn keep_axis<const D: usize>(
-    model: &Model<D>,
-    links: &Connectivity<D>,
-    dofs: &[[Dof; D]],
-) -> Result<(), ConstraintError> {
-    let is_on_axis =
-        |node: usize| model.grid.node_position(node)[0] <= ON_AXIS * model.grid.size_around(node);
-    let on_axis = (links.active_nodes().iter().zip(dofs)).filter(|(node, _)| is_on_axis(**node as usize));
-    let (mut all, mut loose) = (0, 0);
-    for (_, dof) in on_axis {
-        all += 1;
-        loose += usize::from(!matches!(dof[0], Dof::Held { increment: 0.0, .. }));
-    }
-    if loose > 0 { Err(ConstraintError::LooseAxis { loose, all }) } else { Ok(()) }
-}
-
-/// Change of a prescribed displacement between two load factors; `None` stands for no displacement yet.
-pub fn displacement_increment<const D: usize>(
-    formula: &Formula,
-    place: &[f64; D],
-    original: &[f64; D],
-    factors: [Option<f64>; 2],
-) -> f64 {
-    let mut variables = [0.0; 7];
-    variables[..D].copy_from_slice(place);
-    variables[D..2 * D].copy_from_slice(original);
-    let mut at = |factor: Option<f64>| {
-        let Some(factor) = factor else { return 0.0 };
-        if formula.depends_on(2 * D) {
-            variables[2 * D] = factor;
-            formula.evaluate(&variables[..=2 * D])
-        } else {
-            formula.evaluate(&variables[..=2 * D]) * factor
-        }
-    };
-    at(factors[1]) - at(factors[0])
-}
-
-/// Weight of a point whose basis function vanishes at a node: any weights do where the deformation is uniform.
-const LEAST_WEIGHT: f64 = 1e-9;
-
-/// Original position of the material at each active node at the start of a step: the mean, weighted by the basis functions,
-/// of what each point around takes it for by its own deformation, X_p + F_p⁻¹ (x − x_p). Exact where the deformation is
-/// uniform, of second order in the size of a cell elsewhere.
-fn original_places<const D: usize>(
-    model: &Model<D>,
-    points: &Points<D>,
-    links: &Connectivity<D>,
-) -> Vec<[f64; D]> {
-    let mut sums = vec![([0.0; D], 0.0); links.n_active()];
-    let State { position, deformation_gradient, .. } = &points.converged;
-    for group in 0..links.n_groups() {
-        let nodes = links.nodes_of(group);
-        for p in links.points_of(group) {
-            let inverse = deformation_gradient[p].try_inverse().unwrap_or_else(Mat3::identity);
-            links.for_each_value(p, |local, value| {
-                let active = nodes[local] as usize;
-                let x = model.grid.node_position(links.active_nodes()[active] as usize);
-                let weight = value.max(0.0) + LEAST_WEIGHT;
-                let (sum, weights) = &mut sums[active];
-                for i in 0..D {
-                    let back: f64 = (0..D).map(|j| inverse[(i, j)] * (x[j] - position[p][j])).sum();
-                    sum[i] += weight * (points.original_position[p][i] + back);
+    /// Shares the reaction of a node out among the boundary conditions that bear it: `visit(condition, component, force)`.
+    ///
+    /// Conditions that hold a component bear it in equal parts or, where none holds it, those that move it. At a turned node
+    /// each condition bears a force along the direction that it prescribes. Conditions that are not of the model get no share.
+    pub fn for_each_share<const D: usize>(
+        &self,
+        model: &Model<D>,
+        node: usize,
+        reaction: &[f64; N],
+        mut visit: impl FnMut(usize, usize, f64),
+    ) {
+        let is_of_model = |condition: &usize| *condition < model.boundary_conditions.len();
+        if let Some(turned) = self.turned(node) {
+            turned.for_each_share(reaction, |condition, component, force| {
+                if is_of_model(&condition) {
+                    visit(condition, component, force);
                 }
-                *weights += weight;
             });
+            return;
+        }
+        for (component, force) in reaction[..D].iter().enumerate() {
+            let mut bearers = self.conditions(node, component);
+            bearers.retain(is_of_model);
+            let holds = |number: &usize| model.boundary_conditions[*number].holds(component);
+            if bearers.len() > 1 && bearers.iter().any(holds) {
+                bearers.retain(holds);
+            }
+            let share = force / bearers.len().max(1) as f64;
+            bearers.into_iter().for_each(|condition| visit(condition, component, share));
         }
     }
-    sums.into_iter().map(|(sum, weights)| sum.map(|part| part / weights)).collect()
 }
 
-/// The active nodes that a boundary condition acts on in a step, ascending.
-pub fn nodes_of<const D: usize>(
-    condition: &BoundaryCondition<D>,
-    points: &Points<D>,
-    links: &Connectivity<D>,
-) -> Vec<usize> {
-    match &condition.nodes {
-        NodeSet::Fixed(nodes) => {
-            nodes.iter().filter_map(|&node| links.active_number(node as usize)).collect()
-        }
-        NodeSet::OuterLayer(body) => {
-            let mut touched = vec![false; links.n_active()];
-            for group in 0..links.n_groups() {
-                let nodes = links.nodes_of(group);
-                for p in links.points_of(group) {
-                    if points.outer_layer[p] && points.body[p] == *body {
-                        for &local in links.places(p) {
-                            touched[nodes[local as usize] as usize] = true;
-                        }
-                    }
-                }
-            }
-            (0..touched.len()).filter(|&node| touched[node]).collect()
-        }
-    }
+/// A rest of a sum of numbers of this size, or nothing where it is round-off.
+fn unless_round_off(rest: f64, size: f64) -> f64 {
+    if rest.abs() > REACHED * size { rest } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,5 +1,7 @@
 //! A load step: when it begins and ends, what it begins with, and the unknowns that it looks for.
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
 use crate::basis::Connectivity;
@@ -16,8 +18,8 @@ pub struct Step {
     pub end: f64,
 }
 
-/// A vector on the active nodes, one entry per axis.
-pub type Nodal<const D: usize> = Vec<[f64; D]>;
+/// A vector on the active nodes, one entry per component.
+pub type Nodal<const N: usize> = Vec<[f64; N]>;
 
 /// What a load step begins with: it does not change during the step.
 #[derive(Debug, Clone, Copy)]
@@ -39,11 +41,30 @@ impl<'a, const D: usize> StepContext<'a, D> {
     }
 }
 
-/// The unknowns at which the terms of equilibrium are evaluated.
+/// The unknowns at which the terms of equilibrium are evaluated, with `N` components at each node: first the displacement along
+/// each axis, then what further fields have.
 #[derive(Debug, Clone, Copy)]
-pub struct At<'a, const D: usize> {
-    /// Displacement increment Δd of the active nodes, [length].
-    pub delta_d: &'a [[f64; D]],
+pub struct At<'a, const N: usize> {
+    /// Increments of the active nodes in the step; those of the displacement are Δd, [length].
+    pub delta_d: &'a [[f64; N]],
     /// Load factor, where it follows from equilibrium, [-].
     pub factor: f64,
+    /// Increments of global unknowns in the step: all of them, or for a term its own.
+    pub globals: &'a [f64],
+}
+
+impl<'a, const N: usize> At<'a, N> {
+    /// These increments, without load factor and global unknowns.
+    pub fn new(delta_d: &'a [[f64; N]]) -> Self {
+        At { delta_d, factor: 0.0, globals: &[] }
+    }
+}
+
+/// The displacement of nodal increments, their first `D` components, [length]; without a copy where there are no others.
+pub fn displacement<const D: usize, const N: usize>(increments: &[[f64; N]]) -> Cow<'_, [[f64; D]]> {
+    if D == N {
+        let (same, _) = increments.as_flattened().as_chunks::<D>();
+        return Cow::Borrowed(same);
+    }
+    Cow::Owned(increments.iter().map(|all| std::array::from_fn(|d| all[d])).collect())
 }

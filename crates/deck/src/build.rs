@@ -421,6 +421,7 @@ where
                 name: condition.name.clone(),
                 nodes,
                 displacement,
+                axes: None,
                 curve: load_curve(condition.curve.as_ref(), self.deck.steps.end_time),
             });
         }

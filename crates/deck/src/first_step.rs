@@ -137,6 +137,8 @@ impl Check<'_> {
                 let found = self.at("D043", &pointer, error.to_string());
                 found.help("the formula divides by zero or leaves its domain there")
             }
+            // No deck has ties.
+            ConstraintError::Tie { .. } => self.at("D042", "/boundary_conditions", error.to_string()),
             ConstraintError::LooseAxis { .. } => {
                 let found = self.at("D046", "/boundary_conditions", error.to_string());
                 found.help(HOLD_THE_AXIS)

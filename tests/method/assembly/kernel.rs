@@ -137,7 +137,7 @@ fn check<const D: usize, M: Mechanics<D>>(
         .evaluate(
             &StepContext::first(&state.model, &state.links),
             &mut state.points,
-            At { delta_d: &base, factor: 0.0 },
+            At::new(&base),
             Wanted::Stiffness,
         )
         .is_err()

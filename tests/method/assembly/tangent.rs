@@ -16,8 +16,7 @@ fn evaluate<const D: usize>(
     delta_d: &[[f64; D]],
 ) -> (Vec<[f64; D]>, Vec<bool>) {
     let State { model, points, links, .. } = state;
-    sum.evaluate(&StepContext::first(model, links), points, At { delta_d, factor: 0.0 }, Wanted::Stiffness)
-        .unwrap();
+    sum.evaluate(&StepContext::first(model, links), points, At::new(delta_d), Wanted::Stiffness).unwrap();
     let flow = points.trial.history.iter().zip(&points.converged.history).map(|(new, old)| new > old);
     (sum.system().internal_force().to_vec(), flow.collect())
 }
@@ -155,13 +154,7 @@ fn check_force<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
             let mut before = half.clone();
             sum.system_mut().multiply(&first, &mut before);
             let State { model, points, links, .. } = &mut state;
-            sum.evaluate(
-                &StepContext::first(model, links),
-                points,
-                At { delta_d: &first, factor: 0.0 },
-                Wanted::Force,
-            )
-            .unwrap();
+            sum.evaluate(&StepContext::first(model, links), points, At::new(&first), Wanted::Force).unwrap();
             let mut after = half.clone();
             sum.system_mut().multiply(&first, &mut after);
             assert!(sum.system().internal_force() == force, "{method:?} {law:?} {formulation:?}");

@@ -131,7 +131,7 @@ pub fn homogeneous(
         let text = [0, 1, 2].map(term).join(" + ");
         Some(Formula::parse(&text, &["x", "y", "z", "factor"]).unwrap())
     });
-    BoundaryCondition { name: "moved".into(), nodes, displacement, curve: LoadCurve::ramp(1.0) }
+    BoundaryCondition { name: "moved".into(), nodes, displacement, axes: None, curve: LoadCurve::ramp(1.0) }
 }
 
 /// The nodes of a grid for which something holds.
@@ -142,7 +142,7 @@ pub fn nodes_where(grid: &dyn Grid<3>, holds: impl Fn([f64; 3]) -> bool) -> Node
 /// The condition that fixes some axes of nodes.
 pub fn fixed(name: &str, nodes: NodeSet, axes: [bool; 3]) -> BoundaryCondition<3> {
     let displacement = axes.map(|fixed| fixed.then(|| Formula::constant(0.0)));
-    BoundaryCondition { name: name.into(), nodes, displacement, curve: LoadCurve::ramp(1.0) }
+    BoundaryCondition { name: name.into(), nodes, displacement, axes: None, curve: LoadCurve::ramp(1.0) }
 }
 
 /// The turn by an angle, rad, about an axis.

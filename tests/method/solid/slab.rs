@@ -61,6 +61,7 @@ fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
             name: condition.name.clone(),
             nodes: NodeSet::Fixed(nodes),
             displacement: [constant(x), constant(y), None],
+            axes: None,
             curve: condition.curve.clone(),
         }
     };
@@ -70,6 +71,7 @@ fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
         name: "faces".into(),
         nodes: NodeSet::Fixed((0..2 * per_layer).collect()),
         displacement: [None, None, Some(Formula::constant(0.0))],
+        axes: None,
         curve: LoadCurve::ramp(1.0),
     });
     let action = |action: &Action<2>| match action {

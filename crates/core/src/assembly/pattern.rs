@@ -3,8 +3,7 @@
 use std::ops::Range;
 
 use crate::basis::Connectivity;
-use crate::dofs::DofMap;
-use crate::linear::{Block, BlockMatrix, Division, Pattern};
+use crate::linear::{Block, BlockMatrix, Division};
 
 /// Marks a pair of nodes of a group that no point couples.
 pub(crate) const UNCOUPLED: u32 = u32::MAX;
@@ -21,15 +20,6 @@ pub(crate) struct NodePairs {
     group_start: Vec<usize>,
     /// For each dense pair of each group, its place among the pairs, or [`UNCOUPLED`].
     position: Vec<u32>,
-}
-
-/// The entries of K on the free degrees of freedom.
-#[derive(Default)]
-pub struct FreeEntries {
-    /// Their pattern, for the linear solver to take.
-    pub pattern: Pattern,
-    /// For each entry its place among all values of all blocks.
-    pub(crate) source: Vec<u32>,
 }
 
 /// Number of the dense pair (a, b) of a group of n nodes.
@@ -218,29 +208,5 @@ impl NodePairs {
                 visit(self.row[place] as usize, column, place);
             }
         }
-    }
-
-    /// The entries of K on the free degrees of freedom, by columns.
-    pub(crate) fn free_entries<const D: usize>(&self, dofs: &DofMap<D>) -> FreeEntries {
-        let mut pattern =
-            Pattern { n: dofs.n_free(), column_start: vec![0], row: Vec::new(), symmetric: self.symmetric };
-        let mut source = Vec::new();
-        for column in 0..self.column_start.len() - 1 {
-            for k in 0..D {
-                let Some(free_column) = dofs.free(column, k) else { continue };
-                for place in self.column_start[column]..self.column_start[column + 1] {
-                    let row = self.row[place] as usize;
-                    for i in 0..D {
-                        let Some(free_row) = dofs.free(row, i) else { continue };
-                        if !self.symmetric || free_row >= free_column {
-                            pattern.row.push(free_row);
-                            source.push((place * D * D + i * D + k) as u32);
-                        }
-                    }
-                }
-                pattern.column_start.push(pattern.row.len());
-            }
-        }
-        FreeEntries { pattern, source }
     }
 }

@@ -19,7 +19,10 @@ pub fn covered<const D: usize>(conditions: &[BoundaryCondition<D>]) -> Vec<Cover
 }
 
 fn along<const D: usize>(conditions: &[BoundaryCondition<D>], axis: usize) -> Vec<Covered> {
-    let holding = || conditions.iter().enumerate().filter(|(_, c)| c.displacement[axis].is_some());
+    let holding = || {
+        let holds = |c: &BoundaryCondition<D>| c.axes.is_none() && c.displacement[axis].is_some();
+        conditions.iter().enumerate().filter(move |(_, c)| holds(c))
+    };
     let mut nodes: Vec<(u32, u32)> = Vec::new();
     let mut found = Vec::new();
     for (number, condition) in holding() {

@@ -66,9 +66,8 @@ pub fn free_parts<const D: usize>(
     }
     for (node, part) in root.iter().enumerate() {
         let Some(part) = parts.get_mut(part) else { continue };
-        for axis in (0..D).filter(|&axis| dofs.free(node, axis).is_none()) {
-            part.hold(&place(node), axis);
-        }
+        let x = place(node);
+        dofs.for_each_held_direction(node, |direction| part.hold(&x, direction));
     }
     if model.revolved {
         parts.values_mut().for_each(Part::resist_by_hoops);
@@ -144,23 +143,21 @@ impl<const D: usize> Part<D> {
         }
     }
 
-    /// Adds a held degree of freedom, after all nodes are known.
-    fn hold(&mut self, x: &[f64; D], axis: usize) {
-        self.held[axis] = true;
+    /// Adds a direction in which a node is held, after all nodes are known.
+    fn hold(&mut self, x: &[f64; D], direction: &[f64; D]) {
+        for d in 0..D {
+            self.held[d] |= direction[d] != 0.0;
+        }
         let (centre, size) = self.frame();
         let arm: [f64; D] = std::array::from_fn(|d| (x[d] - centre[d]) / size);
-        // Displacement along the axis in each rigid motion; the rotation from axis i to axis j is −x_j along i and
+        // Displacement along the direction in each rigid motion; the rotation from axis i to axis j is −x_j along i and
         // x_i along j.
         let mut row = vec![0.0; n_motions(D)];
-        row[axis] = 1.0;
+        row[..D].copy_from_slice(direction);
         let mut rotation = D;
         for i in 0..D {
             for j in i + 1..D {
-                if axis == i {
-                    row[rotation] = -arm[j];
-                } else if axis == j {
-                    row[rotation] = arm[i];
-                }
+                row[rotation] = arm[i] * direction[j] - arm[j] * direction[i];
                 rotation += 1;
             }
         }
@@ -200,6 +197,10 @@ impl<const D: usize> Part<D> {
 mod tests {
     use super::*;
 
+    fn unit<const D: usize>(axis: usize) -> [f64; D] {
+        std::array::from_fn(|d| f64::from(u8::from(d == axis)))
+    }
+
     /// The motions left free to the nodes of a plane box, of which some are held along some axes.
     fn plane(held: &[([f64; 2], usize)]) -> Option<FreePart<2>> {
         let mut part = Part::empty();
@@ -209,7 +210,7 @@ mod tests {
             }
         }
         for (x, axis) in held {
-            part.hold(x, *axis);
+            part.hold(x, &unit(*axis));
         }
         part.free([0.0, 0.0])
     }
@@ -244,7 +245,7 @@ mod tests {
                 part.add(&std::array::from_fn(|d| f64::from(corner >> d & 1)));
             }
             for (x, axis) in held {
-                part.hold(x, *axis);
+                part.hold(x, &unit(*axis));
             }
             part.free([0.0; 3]).map_or((vec![], 0), |free| (free.axes, free.rotations))
         };

@@ -50,10 +50,10 @@ impl Energy {
 
     /// The energy of a step that is in equilibrium but not committed, from its displacement increment, the external forces
     /// (loads, reactions) at its start and end, the internal force at the start, and what the terms know.
-    pub fn new<const D: usize>(
+    pub fn new<const D: usize, const N: usize>(
         delta_d: &[[f64; D]],
-        [start, end]: [(&Nodal<D>, &Nodal<D>); 2],
-        f_int_start: &[[f64; D]],
+        [start, end]: [(&Nodal<N>, &Nodal<N>); 2],
+        f_int_start: &[[f64; N]],
         ledger: Ledger,
     ) -> Energy {
         let Ledger { stored, plastic, lost } = ledger;
@@ -98,12 +98,12 @@ impl<const D: usize> ReactionMoment<D> {
 /// The moments of the reactions on the nodes of each boundary condition, in the configuration that the step has reached as
 /// [`moment_error`]. Conditions that prescribe the same motion of a degree of freedom share its reaction equally. None for
 /// bodies of revolution, whose forces are sums over the circle.
-pub fn reaction_moments<const D: usize>(
+pub fn reaction_moments<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &Points<D>,
     links: &Connectivity<D>,
     delta_d: &[[f64; D]],
-    (reaction, dofs): (&Nodal<D>, &DofMap<D>),
+    (reaction, dofs): (&Nodal<N>, &DofMap<N>),
 ) -> Option<Vec<ReactionMoment<D>>> {
     if model.revolved {
         return None;
@@ -121,11 +121,12 @@ pub fn reaction_moments<const D: usize>(
             let (mut arm, mut force) = ([0.0; 3], [0.0; 3]);
             for d in 0..D {
                 arm[d] = places[node][d] - about[d];
-                let bearers = dofs.bearers(model, node, d);
-                if bearers.contains(&number) {
-                    force[d] = reaction[node][d] / bearers.len() as f64;
-                }
             }
+            dofs.for_each_share(model, node, &reaction[node], |condition, axis, share| {
+                if condition == number {
+                    force[axis] = share;
+                }
+            });
             for (axis, m) in moment.iter_mut().enumerate() {
                 let [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
                 *m += arm[i] * force[j] - arm[j] * force[i];
@@ -153,11 +154,11 @@ fn deformed_nodes<const D: usize>(
 /// Magnitude of the moment of loads and reactions together about the middle of the nodes they act on, in the configuration
 /// that the step has reached, relative to the sum of the magnitudes of all moments, [-]. None for bodies of revolution, in
 /// which hoop stresses keep the balance; 0 where there are no forces.
-pub fn moment_error<const D: usize>(
+pub fn moment_error<const D: usize, const N: usize>(
     model: &Model<D>,
     links: &Connectivity<D>,
     delta_d: &[[f64; D]],
-    (load, reaction): (&Nodal<D>, &Nodal<D>),
+    (load, reaction): (&Nodal<N>, &Nodal<N>),
 ) -> Option<f64> {
     if model.revolved {
         return None;
@@ -168,7 +169,7 @@ pub fn moment_error<const D: usize>(
     let (mut moments, mut scale) = ([[0.0; D]; D], 0.0);
     for (node, place) in places.iter().enumerate() {
         let arm: [f64; D] = std::array::from_fn(|d| place[d] - middle[d]);
-        let length = |v: &[f64; D]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let length = |v: &[f64]| v[..D].iter().map(|x| x * x).sum::<f64>().sqrt();
         for force in [&load[node], &reaction[node]] {
             for i in 0..D {
                 for j in i + 1..D {

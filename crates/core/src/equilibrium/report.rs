@@ -71,30 +71,21 @@ impl<const D: usize> StepReport<D> {
     }
 }
 
-/// f_int − f_ext on the prescribed degrees of freedom, zero on the free ones.
-pub fn reactions_of<const D: usize>(f_ext: &[[f64; D]], f_int: &[[f64; D]], dofs: &DofMap<D>) -> Nodal<D> {
-    (0..f_ext.len())
-        .map(|n| {
-            std::array::from_fn(|d| if dofs.free(n, d).is_none() { f_int[n][d] - f_ext[n][d] } else { 0.0 })
-        })
-        .collect()
+/// The part of f_int − f_ext that the constraints take, zero on free components.
+pub fn reactions_of<const N: usize>(f_ext: &[[f64; N]], f_int: &[[f64; N]], dofs: &DofMap<N>) -> Nodal<N> {
+    let balancing = |n: usize| std::array::from_fn(|c| f_int[n][c] - f_ext[n][c]);
+    (0..f_ext.len()).map(|n| dofs.held_part(n, &balancing(n))).collect()
 }
 
-/// Sum of the reactions of each boundary condition, by [`DofMap::bearers`].
-pub fn named_reactions<const D: usize>(
+/// Sum of the reactions of each boundary condition, by [`DofMap::for_each_share`].
+pub fn named_reactions<const D: usize, const N: usize>(
     model: &Model<D>,
-    reaction: &[[f64; D]],
-    dofs: &DofMap<D>,
+    reaction: &[[f64; N]],
+    dofs: &DofMap<N>,
 ) -> Vec<[f64; D]> {
     let mut sums = vec![[0.0; D]; model.boundary_conditions.len()];
     for (node, force) in reaction.iter().enumerate() {
-        for (axis, f) in force.iter().enumerate() {
-            let conditions = dofs.bearers(model, node, axis);
-            let share = f / conditions.len().max(1) as f64;
-            for condition in conditions {
-                sums[condition][axis] += share;
-            }
-        }
+        dofs.for_each_share(model, node, force, |condition, axis, share| sums[condition][axis] += share);
     }
     sums
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use pulp::Arch;
 
 /// A block of a pair of nodes, `[i][k]`: row component i, column component k.
-pub type Block<const D: usize> = [[f64; D]; D];
+pub type Block<const N: usize> = [[f64; N]; N];
 
 /// A task has at least this many columns.
 const COLUMNS: usize = 2048;
@@ -13,9 +13,9 @@ const COLUMNS: usize = 2048;
 /// Rows of a sum that one thread adds up.
 const ROWS: usize = 1024;
 
-/// A square matrix of D×D blocks by columns, as assembly leaves it; of a symmetric one the blocks with row ≥ column.
+/// A square matrix of N×N blocks by columns, as assembly leaves it; of a symmetric one the blocks with row ≥ column.
 #[derive(Debug, Clone, Copy)]
-pub struct BlockMatrix<'a, const D: usize> {
+pub struct BlockMatrix<'a, const N: usize> {
     /// Whether only the lower triangle is given.
     pub symmetric: bool,
     /// Where each column starts in `row` and `blocks`; one entry more than there are columns.
@@ -23,15 +23,15 @@ pub struct BlockMatrix<'a, const D: usize> {
     /// Row of each block, ascending within a column.
     pub row: &'a [u32],
     /// The blocks.
-    pub blocks: &'a [Block<D>],
+    pub blocks: &'a [Block<N>],
 }
 
 /// How the columns of a matrix are shared out: a fixed division, whose tasks add into rooms of their own, so that a
 /// product has the same bits for any number of threads.
 #[derive(Debug, Clone, Default)]
-pub struct Division<const D: usize> {
+pub struct Division<const N: usize> {
     tasks: Vec<Task>,
-    room: Vec<[f64; D]>,
+    room: Vec<[f64; N]>,
 }
 
 /// Some consecutive columns and the rows that they reach.
@@ -43,7 +43,7 @@ struct Task {
     place: usize,
 }
 
-impl<const D: usize> Division<D> {
+impl<const N: usize> Division<N> {
     /// Divides a matrix with these columns.
     pub fn new(column_start: &[usize], row: &[u32]) -> Self {
         let n = column_start.len().saturating_sub(1);
@@ -66,19 +66,40 @@ impl<const D: usize> Division<D> {
             tasks.push(Task { columns, rows, place });
             place += length;
         }
-        Division { tasks, room: vec![[0.0; D]; place] }
+        Division { tasks, room: vec![[0.0; N]; place] }
     }
 }
 
-impl<const D: usize> BlockMatrix<'_, D> {
+impl<const N: usize> BlockMatrix<'_, N> {
+    /// Visits all blocks by columns: row, column, and place among the blocks.
+    pub fn for_each(&self, mut visit: impl FnMut(usize, usize, usize)) {
+        for column in 0..self.column_start.len() - 1 {
+            for place in self.column_start[column]..self.column_start[column + 1] {
+                visit(self.row[place] as usize, column, place);
+            }
+        }
+    }
+
+    /// Largest distance along each axis between two coupled nodes, given their integer coordinates.
+    pub fn reach<const D: usize>(&self, lattice: impl Fn(usize) -> [u32; D]) -> [u32; D] {
+        let mut reach = [0; D];
+        self.for_each(|row, column, _| {
+            let (a, b) = (lattice(row), lattice(column));
+            for d in 0..D {
+                reach[d] = reach[d].max(a[d].abs_diff(b[d]));
+            }
+        });
+        reach
+    }
+
     /// `out = A x`; `division` is that of this pattern.
-    pub fn multiply(&self, division: &mut Division<D>, x: &[[f64; D]], out: &mut [[f64; D]]) {
+    pub fn multiply(&self, division: &mut Division<N>, x: &[[f64; N]], out: &mut [[f64; N]]) {
         let Division { tasks, room } = division;
         self.run(tasks, x, room);
         collect(tasks, room, 0, out);
     }
 
-    fn run(&self, tasks: &[Task], x: &[[f64; D]], room: &mut [[f64; D]]) {
+    fn run(&self, tasks: &[Task], x: &[[f64; N]], room: &mut [[f64; N]]) {
         match tasks {
             [] => {}
             [task] => Arch::new().dispatch(
@@ -94,35 +115,35 @@ impl<const D: usize> BlockMatrix<'_, D> {
     }
 
     #[inline(always)]
-    fn add_columns(&self, task: &Task, x: &[[f64; D]], room: &mut [[f64; D]]) {
-        room.fill([0.0; D]);
+    fn add_columns(&self, task: &Task, x: &[[f64; N]], room: &mut [[f64; N]]) {
+        room.fill([0.0; N]);
         let first = task.rows.start;
         for c in task.columns.clone() {
             let here = &x[c];
-            let mut own = [0.0; D];
+            let mut own = [0.0; N];
             let places = self.column_start[c]..self.column_start[c + 1];
             for (&row, block) in self.row[places.clone()].iter().zip(&self.blocks[places]) {
                 let row = row as usize;
                 let sum = &mut room[row - first];
-                for i in 0..D {
+                for i in 0..N {
                     let mut force = 0.0;
-                    for k in 0..D {
+                    for k in 0..N {
                         force += block[i][k] * here[k];
                     }
                     sum[i] += force;
                 }
                 if self.symmetric && row != c {
                     let there = &x[row];
-                    for k in 0..D {
+                    for k in 0..N {
                         let mut force = 0.0;
-                        for i in 0..D {
+                        for i in 0..N {
                             force += block[i][k] * there[i];
                         }
                         own[k] += force;
                     }
                 }
             }
-            for k in 0..D {
+            for k in 0..N {
                 room[c - first][k] += own[k];
             }
         }
@@ -130,20 +151,20 @@ impl<const D: usize> BlockMatrix<'_, D> {
 }
 
 /// Adds up the rooms of all tasks on the rows of `out`, the first of which is `first`, in the order of the tasks.
-fn collect<const D: usize>(tasks: &[Task], room: &[[f64; D]], first: usize, out: &mut [[f64; D]]) {
+fn collect<const N: usize>(tasks: &[Task], room: &[[f64; N]], first: usize, out: &mut [[f64; N]]) {
     if out.len() > ROWS {
         let middle = out.len() / 2;
         let (left, right) = out.split_at_mut(middle);
         rayon::join(|| collect(tasks, room, first, left), || collect(tasks, room, first + middle, right));
         return;
     }
-    out.fill([0.0; D]);
+    out.fill([0.0; N]);
     for task in tasks {
         let low = task.rows.start.max(first);
         let high = task.rows.end.min(first + out.len());
         for row in low..high {
             let part = &room[task.place + row - task.rows.start];
-            for d in 0..D {
+            for d in 0..N {
                 out[row - first][d] += part[d];
             }
         }

@@ -4,6 +4,7 @@
 mod conjugate;
 mod gmres;
 
+use super::backend::{Backend, Layout, Solved, Stiffness};
 use super::blocks::BlockMatrix;
 use super::multigrid::Multigrid;
 use super::{Factorisation, LinearError};
@@ -11,64 +12,66 @@ use super::{Factorisation, LinearError};
 use conjugate::ConjugateGradients;
 use gmres::Gmres;
 
-/// An iterative solver for symmetric systems. The matrix is applied block by block where it stands; only the
-/// preconditioner keeps a copy, in single precision.
+/// The iterative backend for symmetric matrices on structured grids. It applies the matrix block by block where it stands; only
+/// the preconditioner keeps a copy, in single precision.
 #[derive(Default)]
-pub struct Krylov<const D: usize> {
-    multigrid: Multigrid<D>,
-    held: Vec<[bool; D]>,
-    /// Whether the matrix has been positive definite so far.
+pub struct Krylov<const D: usize, const N: usize = D> {
+    multigrid: Multigrid<D, N>,
+    held: Vec<[bool; N]>,
+    /// True if no direction of negative curvature has been met.
     definite: bool,
-    conjugate_gradients: ConjugateGradients<D>,
-    gmres: Gmres<D>,
+    conjugate_gradients: ConjugateGradients<N>,
+    gmres: Gmres<N>,
 }
 
-impl<const D: usize> Krylov<D> {
-    /// Prepares for matrices of this pattern on nodes at these places of a lattice, some of whose degrees of freedom
-    /// are held. Does nothing when they are those of the last time; returns whether it did something.
+impl<const D: usize, const N: usize> Krylov<D, N> {
+    /// Number of nodes of each level of the preconditioner.
+    pub fn levels(&self) -> Vec<usize> {
+        self.multigrid.sizes()
+    }
+}
+
+impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
+    /// Does nothing if nodes, pattern and unknowns are those of the last call.
     ///
     /// # Errors
     /// [`LinearError::Unsymmetric`]; [`LinearError::OutOfMemory`].
-    pub fn analyse(
-        &mut self,
-        matrix: &BlockMatrix<D>,
-        places: Vec<[u32; D]>,
-        held: Vec<[bool; D]>,
-    ) -> Result<bool, LinearError> {
+    fn prepare(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         if !matrix.symmetric {
             return Err(LinearError::Unsymmetric);
         }
-        let changed = self.multigrid.analyse(matrix, places, held.clone())?;
-        self.held = held;
-        Ok(changed)
+        let n = layout.numbering.n_nodes();
+        let places = (0..n).map(layout.lattice).collect();
+        let is_held = |node, component| layout.numbering.unknown(node, component).is_none();
+        self.held = (0..n).map(|node| std::array::from_fn(|component| is_held(node, component))).collect();
+        self.multigrid.analyse(matrix, places, self.held.clone()).map(|_| ())
     }
 
-    /// Sets up the preconditioner for the values of a matrix.
+    /// Sets up the preconditioner.
     ///
     /// # Errors
-    /// [`LinearError::Singular`] where a free degree of freedom has no stiffness of its own, or the coarsest level none
-    /// at all.
-    pub fn factorise(&mut self, matrix: &BlockMatrix<D>) -> Result<(), LinearError> {
+    /// [`LinearError::Singular`] where an unknown has no stiffness of its own, or the coarsest level none at all.
+    fn factorise(&mut self, _: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         self.definite = self.multigrid.factorise(matrix)?;
         Ok(())
     }
 
-    /// Solves A x = b on the free degrees of freedom to a residual of `tolerance` relative to b, in the norm of their
-    /// forces; `multiply` applies A, and x vanishes where held. Returns which method did it, in how many iterations.
+    /// Measures the residual in the norm of the forces on the unknowns.
     ///
     /// # Errors
     /// [`LinearError::NotConverged`] after too many iterations.
-    pub fn solve(
+    fn solve(
         &mut self,
-        mut multiply: impl FnMut(&[[f64; D]], &mut [[f64; D]]),
-        b: &[[f64; D]],
-        x: &mut [[f64; D]],
+        _: &Layout<D, N>,
+        stiffness: &mut Stiffness<N>,
+        b: &[[f64; N]],
+        x: &mut [[f64; N]],
         tolerance: f64,
-    ) -> Result<(Factorisation, usize), LinearError> {
+    ) -> Result<Solved, LinearError> {
         let Self { multigrid, held, definite, conjugate_gradients, gmres } = self;
-        let mut precondition = |r: &[[f64; D]], z: &mut [[f64; D]]| multigrid.precondition(r, z);
-        let mut masked = |x: &[[f64; D]], out: &mut [[f64; D]]| {
-            multiply(x, out);
+        let mut precondition = |r: &[[f64; N]], z: &mut [[f64; N]]| multigrid.precondition(r, z);
+        let mut masked = |x: &[[f64; N]], out: &mut [[f64; N]]| {
+            stiffness.multiply(x, out);
             mask(out, held);
         };
         let mut rhs = b.to_vec();
@@ -81,22 +84,21 @@ impl<const D: usize> Krylov<D> {
                     before = iterations;
                 }
                 Err(conjugate::Failure::Linear(error)) => return Err(error),
-                Ok(iterations) => return Ok((Factorisation::Multigrid, iterations)),
+                Ok(iterations) => return Ok(Solved { factorisation: Factorisation::Multigrid, iterations }),
             }
         }
-        let iterations = gmres.solve(&mut masked, &mut precondition, &rhs, x, tolerance)?;
-        Ok((Factorisation::MultigridIndefinite, before + iterations))
+        let iterations = before + gmres.solve(&mut masked, &mut precondition, &rhs, x, tolerance)?;
+        Ok(Solved { factorisation: Factorisation::MultigridIndefinite, iterations })
     }
 
-    /// Number of nodes of each level of the preconditioner.
-    pub fn levels(&self) -> Vec<usize> {
-        self.multigrid.sizes()
+    fn is_iterative(&self) -> bool {
+        true
     }
 }
 
-fn mask<const D: usize>(x: &mut [[f64; D]], held: &[[bool; D]]) {
+fn mask<const N: usize>(x: &mut [[f64; N]], held: &[[bool; N]]) {
     for (x, held) in x.iter_mut().zip(held) {
-        for d in 0..D {
+        for d in 0..N {
             if held[d] {
                 x[d] = 0.0;
             }

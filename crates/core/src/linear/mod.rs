@@ -1,23 +1,29 @@
-//! Sparse linear systems: `analyse` once per pattern, `factorise` per iteration, `solve` per right-hand side.
+//! Sparse linear systems: backends that solve the equations of a load step, and the solvers that they are made of.
 
+mod backend;
 mod blocks;
 mod choice;
 mod containing;
 mod direct;
+mod direct_backend;
 mod krylov;
 mod lattice;
 mod multifrontal;
 mod multigrid;
+mod numbering;
 pub mod ordering;
 mod reduction;
 
 use serde::{Deserialize, Serialize};
 
+pub use backend::{Backend, Layout, Solved, Stiffness};
 pub use blocks::{Block, BlockMatrix, Division};
 pub use choice::{Choice, Extent};
 pub use containing::{Embedding, Named};
 pub use direct::Direct;
+pub use direct_backend::{DirectBackend, FreeEntries};
 pub use krylov::Krylov;
+pub use numbering::Numbering;
 
 /// Pattern of a sparse square matrix by columns; of a symmetric one only the lower triangle, diagonal included.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]

@@ -22,24 +22,24 @@ const WORTH: f64 = 0.7;
 
 /// The hierarchy for one pattern, with the values of one matrix.
 #[derive(Default)]
-pub(super) struct Multigrid<const D: usize> {
-    levels: Vec<Level<D>>,
+pub(super) struct Multigrid<const D: usize, const N: usize> {
+    levels: Vec<Level<D, N>>,
     /// From each level to the next.
     transfers: Vec<Transfer>,
     coarsest: Direct,
     values: Vec<f64>,
 }
 
-impl<const D: usize> Multigrid<D> {
+impl<const D: usize, const N: usize> Multigrid<D, N> {
     /// Lays out the levels for a matrix on nodes at these places of a lattice, some of whose degrees of freedom are
     /// held; returns whether there was anything to do.
     pub(super) fn analyse(
         &mut self,
-        matrix: &BlockMatrix<D>,
+        matrix: &BlockMatrix<N>,
         places: Vec<[u32; D]>,
-        held: Vec<[bool; D]>,
+        held: Vec<[bool; N]>,
     ) -> Result<bool, LinearError> {
-        let reach = reach_of(matrix, &places);
+        let reach = matrix.reach(|node| places[node]);
         let lattice = Lattice::new(places, reach);
         if self.levels.first().is_some_and(|finest| finest.is_of(&lattice, matrix, &held)) {
             return Ok(false);
@@ -56,7 +56,7 @@ impl<const D: usize> Multigrid<D> {
         }
         let order = || {
             let nodes = ordering::nested_dissection(&level.lattice.place, level.lattice.reach);
-            nodes.iter().flat_map(|&node| (0..D).map(move |d| D * node + d)).collect()
+            nodes.iter().flat_map(|&node| (0..N).map(move |d| N * node + d)).collect()
         };
         self.coarsest.analyse(lower_triangle(&level), &order)?;
         self.levels.push(level);
@@ -67,7 +67,7 @@ impl<const D: usize> Multigrid<D> {
     ///
     /// # Errors
     /// [`LinearError::Singular`] where a free degree of freedom, or the coarsest level, has no stiffness.
-    pub(super) fn factorise(&mut self, matrix: &BlockMatrix<D>) -> Result<bool, LinearError> {
+    pub(super) fn factorise(&mut self, matrix: &BlockMatrix<N>) -> Result<bool, LinearError> {
         let Multigrid { levels, transfers, coarsest, values } = self;
         let positive = levels[0].take(matrix)?;
         for (k, transfer) in transfers.iter().enumerate() {
@@ -77,13 +77,13 @@ impl<const D: usize> Multigrid<D> {
         let Some(last) = levels.last() else { return Ok(positive) };
         values.clear();
         for_each_entry(last, |row, place, i, k| {
-            values.push(f64::from(last.rows.component(row, i)[place * D + k]));
+            values.push(f64::from(last.rows.component(row, i)[place * N + k]));
         });
         Ok(coarsest.factorise(values)?.is_definite() && positive)
     }
 
     /// Replaces `z` by an approximation of A⁻¹ r.
-    pub(super) fn precondition(&mut self, r: &[[f64; D]], z: &mut [[f64; D]]) -> Result<(), LinearError> {
+    pub(super) fn precondition(&mut self, r: &[[f64; N]], z: &mut [[f64; N]]) -> Result<(), LinearError> {
         let Some(finest) = self.levels.first_mut() else { return Ok(()) };
         let Level { scale, b, .. } = finest;
         for (n, b) in b.iter_mut().enumerate() {
@@ -104,8 +104,8 @@ impl<const D: usize> Multigrid<D> {
 }
 
 /// One V-cycle from the first of the levels on, with the right-hand side there.
-fn cycle<const D: usize>(
-    levels: &mut [Level<D>],
+fn cycle<const D: usize, const N: usize>(
+    levels: &mut [Level<D, N>],
     transfers: &[Transfer],
     coarsest: &mut Direct,
 ) -> Result<(), LinearError> {
@@ -122,31 +122,21 @@ fn cycle<const D: usize>(
     Ok(())
 }
 
-/// Largest distance along each axis between nodes that are coupled.
-fn reach_of<const D: usize>(matrix: &BlockMatrix<D>, places: &[[u32; D]]) -> [u32; D] {
-    let mut reach = [0; D];
-    for c in 0..places.len() {
-        for &row in &matrix.row[matrix.column_start[c]..matrix.column_start[c + 1]] {
-            for d in 0..D {
-                reach[d] = reach[d].max(places[row as usize][d].abs_diff(places[c][d]));
-            }
-        }
-    }
-    reach
-}
-
 /// Calls `visit(row, place of the column in it, i, k)` for the entries of the lower triangle of a level, by columns;
 /// as the matrix is symmetric, row and column have changed places.
-fn for_each_entry<const D: usize>(level: &Level<D>, mut visit: impl FnMut(usize, usize, usize, usize)) {
+fn for_each_entry<const D: usize, const N: usize>(
+    level: &Level<D, N>,
+    mut visit: impl FnMut(usize, usize, usize, usize),
+) {
     for node in 0..level.rows.len() {
-        for i in 0..D {
+        for i in 0..N {
             for (place, &other) in level.rows.columns(node).iter().enumerate() {
                 let first = match (other as usize).cmp(&node) {
                     std::cmp::Ordering::Less => continue,
                     std::cmp::Ordering::Equal => i,
                     std::cmp::Ordering::Greater => 0,
                 };
-                for k in first..D {
+                for k in first..N {
                     visit(node, place, i, k);
                 }
             }
@@ -154,12 +144,12 @@ fn for_each_entry<const D: usize>(level: &Level<D>, mut visit: impl FnMut(usize,
     }
 }
 
-fn lower_triangle<const D: usize>(level: &Level<D>) -> Pattern {
-    let n = D * level.rows.len();
+fn lower_triangle<const D: usize, const N: usize>(level: &Level<D, N>) -> Pattern {
+    let n = N * level.rows.len();
     let mut pattern = Pattern { n, column_start: vec![0; n + 1], row: Vec::new(), symmetric: true };
     for_each_entry(level, |node, place, i, k| {
-        pattern.row.push(D * level.rows.columns(node)[place] as usize + k);
-        pattern.column_start[D * node + i + 1] = pattern.row.len();
+        pattern.row.push(N * level.rows.columns(node)[place] as usize + k);
+        pattern.column_start[N * node + i + 1] = pattern.row.len();
     });
     pattern
 }

@@ -4,11 +4,11 @@
 pub(super) const TERMS: usize = 1024;
 
 /// Scalar product, by halves: the order of the sum is fixed, whatever the number of threads.
-pub(super) fn dot<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
+pub(super) fn dot<const N: usize>(a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
     if a.len() <= TERMS {
-        let mut sum = [0.0; D];
+        let mut sum = [0.0; N];
         for (a, b) in a.iter().zip(b) {
-            for d in 0..D {
+            for d in 0..N {
                 sum[d] += a[d] * b[d];
             }
         }
@@ -21,7 +21,7 @@ pub(super) fn dot<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
 }
 
 /// x ← x + α p.
-pub(super) fn add<const D: usize>(x: &mut [[f64; D]], alpha: f64, p: &[[f64; D]]) {
+pub(super) fn add<const N: usize>(x: &mut [[f64; N]], alpha: f64, p: &[[f64; N]]) {
     for (x, p) in x.as_flattened_mut().iter_mut().zip(p.as_flattened()) {
         *x += alpha * p;
     }

@@ -21,15 +21,27 @@ pub struct BoundaryCondition<const D: usize> {
     pub name: String,
     /// The nodes.
     pub nodes: NodeSet,
-    /// Displacement along each prescribed axis, [length]: a formula of the node's coordinates (`D` values), the original
+    /// Displacement along each prescribed axis, or direction of `axes`, [length]: a formula of the node's coordinates (`D` values), the original
     /// position of the material there (`D` values) and the load factor. One that does not depend on the factor is
     /// multiplied by it.
     pub displacement: [Option<Formula>; D],
+    /// Directions to which `displacement` refers, where they are not the axes: orthonormal vectors, `[direction][axis]`.
+    pub axes: Option<[[f64; D]; D]>,
     /// Load factor over time.
     pub curve: LoadCurve,
 }
 
 impl<const D: usize> BoundaryCondition<D> {
+    /// A condition along the axes.
+    pub fn new(
+        name: impl Into<String>,
+        nodes: NodeSet,
+        displacement: [Option<Formula>; D],
+        curve: LoadCurve,
+    ) -> Self {
+        BoundaryCondition { name: name.into(), nodes, displacement, axes: None, curve }
+    }
+
     /// Whether a displacement depends on the original position of the material.
     pub fn follows_material(&self) -> bool {
         self.displacement.iter().flatten().any(|formula| (D..2 * D).any(|k| formula.depends_on(k)))

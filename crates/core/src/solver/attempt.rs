@@ -2,10 +2,11 @@
 
 use crate::basis::Connectivity;
 
-use super::control::Path;
+use super::control::{NoPath, Path};
 use super::error::SolveError;
 use crate::equilibrium::Energy;
 use crate::equilibrium::StepReport;
+use crate::linear::LinearError;
 use crate::step::{Nodal, Step};
 
 /// How an attempt at a step has ended that has not failed.
@@ -98,6 +99,20 @@ pub struct FailedAttempt<const D: usize> {
 }
 
 impl<const D: usize> FailedAttempt<D> {
+    /// An attempt that failed before its iterations: that has nothing to do with the size of the step.
+    pub(super) fn at_once(step: Step, error: SolveError) -> Box<Self> {
+        Box::new(FailedAttempt {
+            step,
+            error,
+            may_succeed_if_smaller: false,
+            residuals: Vec::new(),
+            linear_iterations: 0,
+            load_factor: None,
+            indefinite: false,
+            iterate: None,
+        })
+    }
+
     /// Whether its residual meets the tolerance, so that what comes after it has failed.
     pub(super) fn is_balanced(&self, tolerance: f64) -> bool {
         self.residuals.last().is_some_and(|residual| *residual <= tolerance)
@@ -110,5 +125,33 @@ impl<const D: usize> FailedAttempt<D> {
             SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. }
         );
         of_points && self.is_balanced(tolerance)
+    }
+}
+
+/// How the iterations of a step have ended that have not failed. The points have moved with the grid, in the trial state.
+pub(super) enum Ended {
+    /// In equilibrium, which is stable if damped iterations have found it.
+    Balanced {
+        /// Permanent numbers of the points whose torn domains were replaced.
+        replaced_domains: Vec<u32>,
+    },
+    /// Before equilibrium, or in one that is not stable: damped iterations need a fresh grid.
+    Strayed {
+        /// As above.
+        replaced_domains: Vec<u32>,
+        /// True if no node has moved farther than a stride.
+        is_at_rest: bool,
+    },
+}
+
+/// The reason why an iteration has no increment.
+pub(super) enum Obstacle {
+    Linear(LinearError),
+    Path(NoPath),
+}
+
+impl From<LinearError> for Obstacle {
+    fn from(error: LinearError) -> Self {
+        Obstacle::Linear(error)
     }
 }

@@ -7,7 +7,6 @@
 use serde::{Deserialize, Serialize};
 
 use crate::basis::Connectivity;
-use crate::dofs::DofMap;
 use crate::model::{Control, Model};
 use crate::points::Points;
 
@@ -34,18 +33,18 @@ impl Path {
 }
 
 /// The condition of one step.
-pub(super) enum Condition<const D: usize> {
+pub(super) enum Condition<const D: usize, const N: usize> {
     /// Σ c·Δd over the nodes is the increment `by`.
-    Displacement { weight: Vec<[f64; D]>, by: f64 },
+    Displacement { weight: Vec<[f64; N]>, by: f64 },
     /// (Δd − c, Δd − c) is the square of `length`, in the product weighted by the volume that each node carries. The centre
     /// c is what the forces that a fresh grid leaves out of balance move, as far as the loads would not; it would hide the
     /// path where steps are small.
     ArcLength {
         volume: Vec<f64>,
         length: Option<f64>,
-        ahead: Vec<[f64; D]>,
+        ahead: Vec<[f64; N]>,
         share: f64,
-        centre: Option<Vec<[f64; D]>>,
+        centre: Option<Vec<[f64; N]>>,
         /// Whether the last change of the load factor has met the condition, rather than come as near as it could.
         met: bool,
     },
@@ -82,15 +81,15 @@ pub fn path_length<const D: usize>(points: &Points<D>, path: &Path, time: f64) -
 }
 
 /// Σ V (a·b) over the nodes.
-fn weighted<const D: usize>(volume: &[f64], a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
+fn weighted<const D: usize, const N: usize>(volume: &[f64], a: &[[f64; N]], b: &[[f64; N]]) -> f64 {
     (0..a.len()).map(|n| volume[n] * (0..D).map(|d| a[n][d] * b[n][d]).sum::<f64>()).sum()
 }
 
-fn difference<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> Vec<[f64; D]> {
+fn difference<const N: usize>(a: &[[f64; N]], b: &[[f64; N]]) -> Vec<[f64; N]> {
     a.iter().zip(b).map(|(a, b)| std::array::from_fn(|d| a[d] - b[d])).collect()
 }
 
-impl<const D: usize> Condition<D> {
+impl<const D: usize, const N: usize> Condition<D, N> {
     /// The condition of a step; none where the loads are prescribed.
     pub(super) fn new(
         model: &Model<D>,
@@ -104,7 +103,7 @@ impl<const D: usize> Condition<D> {
             Control::Load => None,
             Control::Displacement { probe, axis, to } => {
                 let axis = axis.min(D - 1); // decks with another one are refused
-                let mut weight = vec![[0.0; D]; links.n_active()];
+                let mut weight = vec![[0.0; N]; links.n_active()];
                 let chosen = model.probes.get(probe).map_or(&[][..], |probe| &probe.points);
                 let mut is_chosen = vec![false; points.len()];
                 chosen.iter().for_each(|id| is_chosen[*id as usize] = true);
@@ -149,33 +148,33 @@ impl<const D: usize> Condition<D> {
     /// [`NoPath`].
     pub(super) fn change(
         &mut self,
-        delta_d: &[[f64; D]],
-        of_residual: &[[f64; D]],
-        of_load: &[[f64; D]],
+        delta_d: &[[f64; N]],
+        of_residual: &[[f64; N]],
+        of_load: &[[f64; N]],
     ) -> Result<f64, NoPath> {
         let finite = |x: f64| if x.is_finite() { Ok(x) } else { Err(NoPath::NoIntersection) };
         match self {
             Condition::Displacement { weight, by } => {
-                let along = |field: &[[f64; D]]| -> f64 {
+                let along = |field: &[[f64; N]]| -> f64 {
                     weight.iter().zip(field).flat_map(|(w, u)| (0..D).map(|d| w[d] * u[d])).sum()
                 };
                 let influence = along(of_load);
-                let far = |field: &[[f64; D]]| norm(field.iter().flatten().copied());
+                let far = |field: &[[f64; N]]| norm(field.iter().flatten().copied());
                 if influence.abs() <= NO_INFLUENCE * far(weight) * far(of_load) {
                     return Err(NoPath::NoInfluence);
                 }
                 finite((*by - along(delta_d) - along(of_residual)) / influence)
             }
             Condition::ArcLength { volume, length, ahead, share, centre, met } => {
-                let product = |a: &[[f64; D]], b: &[[f64; D]]| weighted(volume, a, b);
+                let product = |a: &[[f64; N]], b: &[[f64; N]]| weighted::<D, N>(volume, a, b);
                 let is_first = centre.is_none();
                 let centre = centre.get_or_insert_with(|| {
                     let along = product(of_residual, of_load) / product(of_load, of_load);
-                    let aside = |(r, f): (&[f64; D], &[f64; D])| std::array::from_fn(|d| r[d] - along * f[d]);
+                    let aside = |(r, f): (&[f64; N], &[f64; N])| std::array::from_fn(|d| r[d] - along * f[d]);
                     of_residual.iter().zip(of_load).map(aside).collect()
                 });
                 let so_far = difference(delta_d, centre);
-                let base: Vec<[f64; D]> = so_far
+                let base: Vec<[f64; N]> = so_far
                     .iter()
                     .zip(of_residual)
                     .map(|(u, r)| std::array::from_fn(|d| u[d] + r[d]))
@@ -217,11 +216,11 @@ impl<const D: usize> Condition<D> {
 
     /// Whether a step with this displacement increment has gone on along the path, not back to where the one before it came
     /// from.
-    pub(super) fn goes_on(&self, delta_d: &[[f64; D]]) -> bool {
+    pub(super) fn goes_on(&self, delta_d: &[[f64; N]]) -> bool {
         match self {
             Condition::ArcLength { volume, ahead, centre: Some(centre), .. } => {
                 let step = difference(delta_d, centre);
-                let along = weighted(volume, ahead, &step);
+                let along = weighted::<D, N>(volume, ahead, &step);
                 along >= 0.0
             }
             _ => true,
@@ -233,7 +232,7 @@ impl<const D: usize> Condition<D> {
         &self,
         links: &Connectivity<D>,
         step: Step,
-        delta_d: &[[f64; D]],
+        delta_d: &[[f64; N]],
         factor: f64,
     ) -> Path {
         match self {
@@ -248,11 +247,4 @@ impl<const D: usize> Condition<D> {
             },
         }
     }
-}
-
-/// A force on the free degrees of freedom only.
-pub(super) fn on_free<const D: usize>(dofs: &DofMap<D>, force: &[[f64; D]], out: &mut [[f64; D]]) {
-    dofs.for_each(|node, axis, free| {
-        out[node][axis] = if free.is_some() { force[node][axis] } else { 0.0 };
-    });
 }

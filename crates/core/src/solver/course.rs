@@ -1,6 +1,7 @@
 //! The course of the iterations of a step, and what it says of how they will go on.
 
-use super::equations::Solved;
+use crate::linear::Solved;
+
 use super::forcing::Forcing;
 use super::residual::RoundOff;
 use crate::step::Nodal;
@@ -11,20 +12,20 @@ const FAST: f64 = 0.1;
 const STALLS: f64 = 0.5;
 
 /// What the iterations of a step leave behind beside the unknowns.
-pub(super) struct Course<const D: usize> {
+pub(super) struct Course<const N: usize> {
     pub(super) residuals: Vec<f64>,
     /// What round-off has to do with the last of them.
     pub(super) round_off: RoundOff,
     pub(super) solved: Vec<Solved>,
     /// Out-of-balance force of the last evaluation, [force].
-    pub(super) out_of_balance: Nodal<D>,
+    pub(super) out_of_balance: Nodal<N>,
     /// Internal force of the state that the step starts from.
-    pub(super) f_int_start: Nodal<D>,
+    pub(super) f_int_start: Nodal<N>,
     /// Whether the last iterative displacement had to be shortened.
     pub(super) shortened: bool,
 }
 
-impl<const D: usize> Course<D> {
+impl<const N: usize> Course<N> {
     pub(super) fn new() -> Self {
         Course {
             residuals: Vec::new(),
@@ -34,6 +35,11 @@ impl<const D: usize> Course<D> {
             f_int_start: Vec::new(),
             shortened: false,
         }
+    }
+
+    /// Iterations of the linear solver; 0 where it is direct.
+    pub(super) fn linear_iterations(&self) -> usize {
+        self.solved.iter().map(|solved| solved.iterations).sum()
     }
 
     /// Whether the last evaluation is one of equilibrium. Where round-off keeps it from the tolerance, the iterations first

@@ -10,8 +10,9 @@ use crate::assembly::System;
 use crate::model::{Action, BoundaryCondition, Load, Model};
 use crate::points::Points;
 
-use super::evidence::share_that_flows;
 use crate::step::Nodal;
+
+use super::evidence::share_that_flows;
 
 /// Damped iterations may be so many times as many as others.
 pub(super) const MORE_ITERATIONS: usize = 10;
@@ -52,27 +53,27 @@ pub(super) fn may_slump<const D: usize>(model: &Model<D>, points: &Points<D>) ->
 }
 
 /// Largest component of a nodal displacement, [length].
-pub(super) fn farthest<const D: usize>(displacement: &[[f64; D]]) -> f64 {
+pub(super) fn farthest<const N: usize>(displacement: &[[f64; N]]) -> f64 {
     displacement.iter().flatten().fold(0.0, |far, u| f64::max(far, u.abs()))
 }
 
 /// Work that damping takes over a displacement, [energy]: the share that the trapezoidal rule gives to what is out of balance
 /// at its end.
-pub(super) fn work<const D: usize>(out_of_balance: &[[f64; D]], delta_d: &[[f64; D]]) -> f64 {
+pub(super) fn work<const N: usize>(out_of_balance: &[[f64; N]], delta_d: &[[f64; N]]) -> f64 {
     0.5 * out_of_balance.iter().flatten().zip(delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>()
 }
 
 /// The damping of an iteration.
-pub(super) struct Damping<const D: usize> {
+pub(super) struct Damping<const N: usize> {
     /// μ, [-].
     factor: f64,
     /// D, per node, [force/length].
-    stiffness: Nodal<D>,
+    stiffness: Nodal<N>,
 }
 
-impl<const D: usize> Damping<D> {
+impl<const N: usize> Damping<N> {
     /// For the first iteration of a step, from its stiffness.
-    pub(super) fn new(system: &System<D>) -> Self {
+    pub(super) fn new(system: &System<N>) -> Self {
         Damping { factor: FIRST, stiffness: system.diagonal() }
     }
 
@@ -82,12 +83,12 @@ impl<const D: usize> Damping<D> {
     }
 
     /// K + μ D.
-    pub(super) fn add_to(&self, system: &mut System<D>) {
+    pub(super) fn add_to(&self, system: &mut System<N>) {
         system.add_to_diagonal(self.factor, &self.stiffness);
     }
 
     /// From K + μ D to K + CHANGE μ D, where the former is not positive definite.
-    pub(super) fn increase(&mut self, system: &mut System<D>) {
+    pub(super) fn increase(&mut self, system: &mut System<N>) {
         let more = ((CHANGE - 1.0) * self.factor).max(LEAST);
         system.add_to_diagonal(more, &self.stiffness);
         self.factor += more;

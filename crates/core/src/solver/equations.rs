@@ -1,114 +1,131 @@
-//! The linear equations of an iteration, eq. (26), and the choice of how to solve them.
+//! The linear equations of an iteration, eq. (26), with their border of global unknowns, and the choice of a backend.
 
 use std::sync::Arc;
 
-use crate::assembly::{FreeEntries, System};
+use crate::assembly::{Border, System};
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
-use crate::linear::{
-    Choice, Direct, Embedding, Extent, Factorisation, Krylov, LinearError, LinearSolver, Named, Pattern,
-    ordering,
-};
+use crate::linear::{Backend, Choice, DirectBackend, Extent, Krylov, Layout, LinearError, Named, Solved};
 use crate::model::{Model, Patterns};
+use crate::step::{Nodal, StepContext};
 use crate::timing::{Phase, Timings};
 
-/// Solves K δd = r on the free degrees of freedom, directly or iteratively, with all that is kept from step to step.
-#[derive(Default)]
-pub(super) struct Equations<const D: usize> {
+/// The backends of a run.
+pub(super) struct Equations<const D: usize, const N: usize = D> {
+    direct: DirectBackend,
+    iterative: Krylov<D, N>,
+    /// A backend that takes the place of both.
+    own: Option<Box<dyn Backend<D, N>>>,
     method: Method,
-    direct: Direct,
-    entries: FreeEntries,
-    /// Values of the entries, or the right-hand side.
-    values: Vec<f64>,
-    /// The pattern that has been analysed, where it is to serve for those that it contains, and where the one in hand is in
-    /// it, unless it is the same.
-    kept: Option<Arc<Named>>,
-    embedding: Option<Embedding>,
-    iterative: Krylov<D>,
-    /// How the last system that was solved directly was factorised.
-    factorised: Option<Factorisation>,
-    solution: Vec<[f64; D]>,
-    /// Why equations that should have been solved iteratively were not, the first time.
+    /// Increments of the unknowns, in the places of the components.
+    solution: Nodal<N>,
+    /// Why equations that were to be solved iteratively were factorised, the first time.
     turned: Option<LinearError>,
-    told: bool,
+    is_reported: bool,
 }
 
 /// How the equations of a step are solved.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Method {
-    #[default]
     Direct,
     Iterative,
-}
-
-/// How a system was solved.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Solved {
-    pub factorisation: Factorisation,
-    /// Iterations, none where it was solved directly.
-    pub iterations: usize,
+    Own,
 }
 
 /// What the equations of a step belong to.
 #[derive(Clone, Copy)]
-pub(super) struct Place<'a, const D: usize> {
+pub(super) struct Place<'a, const D: usize, const N: usize = D> {
     pub model: &'a Model<D>,
     pub links: &'a Connectivity<D>,
-    pub dofs: &'a DofMap<D>,
+    pub dofs: &'a DofMap<N>,
 }
 
-impl<const D: usize> Place<'_, D> {
+/// The right-hand side of linear equations.
+#[derive(Clone, Copy)]
+pub(super) struct RightHandSide<'a, const N: usize> {
+    /// Forces on the unknowns, zero elsewhere, [force].
+    pub forces: &'a [[f64; N]],
+    /// True if the global equations have their residual on the right-hand side, rather than 0.
+    pub is_residual: bool,
+}
+
+impl<const D: usize> StepContext<'_, D> {
+    /// What the linear equations of the step belong to.
+    pub(super) fn place<'b, const N: usize>(&'b self, dofs: &'b DofMap<N>) -> Place<'b, D, N> {
+        Place { model: self.model, links: self.links, dofs }
+    }
+}
+
+impl<const D: usize, const N: usize> Place<'_, D, N> {
     fn lattice(&self, active: usize) -> [u32; D] {
         self.model.grid.lattice(self.links.active_nodes()[active] as usize)
     }
 
-    fn extent(&self, system: &System<D>) -> Extent {
-        let reach = system.reach(|active| self.lattice(active));
+    /// Calls `work` with the layout of the equations.
+    fn with_layout<T>(&self, work: impl FnOnce(&Layout<D, N>) -> T) -> T {
+        work(&Layout {
+            numbering: self.dofs.numbering(),
+            nodes: self.links.active_nodes(),
+            lattice: &|active| self.lattice(active),
+            keeps_pattern: self.model.newton.pattern == Patterns::Contained,
+        })
+    }
+
+    fn extent(&self, system: &System<N>) -> Extent {
+        let reach = system.matrix().reach(|active| self.lattice(active));
         Extent {
             nodes: self.links.n_active() as f64,
             reach: f64::from(reach.into_iter().max().unwrap_or(0)),
             pairs: system.matrix().blocks.len() as f64,
         }
     }
-
-    /// Names of the unknowns that outlast the step, as those of [`Named`].
-    fn names(&self) -> Vec<u64> {
-        let mut names = Vec::new();
-        self.dofs.for_each(|node, axis, free| {
-            if free.is_some() {
-                names.push((self.links.active_nodes()[node] as usize * D + axis) as u64);
-            }
-        });
-        names
-    }
-
-    /// Order of elimination of the unknowns: nested dissection of the active nodes by their place in the grid.
-    fn elimination_order(&self, system: &System<D>) -> Vec<usize> {
-        let lattice = |active: usize| self.lattice(active);
-        let coordinates: Vec<[u32; D]> = (0..self.links.n_active()).map(lattice).collect();
-        let nodes = ordering::nested_dissection(&coordinates, system.reach(lattice));
-        nodes.iter().flat_map(|&node| (0..D).filter_map(move |axis| self.dofs.free(node, axis))).collect()
-    }
 }
 
-impl<const D: usize> Equations<D> {
-    /// Equations of a run that goes on with a pattern that has been analysed.
-    pub(super) fn with(kept: Option<Arc<Named>>) -> Self {
-        Equations { kept, ..Equations::default() }
+impl<const D: usize, const N: usize> Equations<D, N> {
+    /// Equations that the built-in backends solve, or another in their place.
+    pub(super) fn new(own: Option<Box<dyn Backend<D, N>>>) -> Self {
+        Equations {
+            direct: DirectBackend::default(),
+            iterative: Krylov::default(),
+            own,
+            method: Method::Direct,
+            solution: Vec::new(),
+            turned: None,
+            is_reported: false,
+        }
     }
 
-    /// The pattern that the next steps may go on with.
+    /// Begins with an analysed pattern.
+    pub(super) fn resume(&mut self, kept: Option<Arc<Named>>) {
+        self.direct = DirectBackend::with(kept);
+    }
+
+    /// The analysed pattern for later steps.
     pub(super) fn kept(&self) -> Option<Arc<Named>> {
-        self.kept.clone()
+        self.direct.kept()
     }
 
-    /// Chooses the method for a step and analyses the pattern of its equations.
+    fn backend(&mut self) -> &mut dyn Backend<D, N> {
+        match (self.method, &mut self.own) {
+            (Method::Own, Some(own)) => own.as_mut(),
+            (Method::Iterative, _) => &mut self.iterative,
+            _ => &mut self.direct,
+        }
+    }
+
+    /// Chooses the backend for a step and prepares it for the pattern of the equations.
     ///
     /// # Errors
     /// [`LinearError`].
-    pub(super) fn prepare(&mut self, place: Place<D>, system: &System<D>) -> Result<(), LinearError> {
+    pub(super) fn prepare(&mut self, place: Place<D, N>, system: &System<N>) -> Result<(), LinearError> {
+        self.solution.resize(place.links.n_active(), [0.0; N]);
+        if self.own.is_some() {
+            return self.prepare_with(Method::Own, place, system);
+        }
         let choice = place.model.newton.linear;
-        let possible = place.model.grid.structured().is_some() && system.matrix().symmetric;
+        // Coarser grids do not know turned and tied nodes.
+        let is_regular = place.model.grid.structured().is_some() && place.dofs.is_plain();
+        let possible = is_regular && system.matrix().symmetric;
         let iterative = match choice {
             Choice::Direct => false,
             Choice::Iterative => possible,
@@ -118,238 +135,173 @@ impl<const D: usize> Equations<D> {
             self.turned.get_or_insert(LinearError::Unsymmetric);
         }
         if iterative {
-            return self.prepare_iterative(place, system);
+            return self.prepare_with(Method::Iterative, place, system);
         }
-        match self.prepare_direct(place, system) {
+        match self.prepare_with(Method::Direct, place, system) {
             Err(LinearError::OutOfMemory { .. }) if possible && choice == Choice::Auto => {
-                self.prepare_iterative(place, system)
+                self.prepare_with(Method::Iterative, place, system)
             }
             outcome => outcome,
         }
     }
 
-    /// Whether the equations of the step are solved iteratively.
-    pub(super) fn is_iterative(&self) -> bool {
-        self.method == Method::Iterative
-    }
-
-    /// Why equations that should have been solved iteratively were factorised; told once.
-    pub(super) fn news(&mut self) -> Option<LinearError> {
-        let news = self.turned.filter(|_| !self.told);
-        self.told |= news.is_some();
-        news
-    }
-
-    fn prepare_iterative(&mut self, place: Place<D>, system: &System<D>) -> Result<(), LinearError> {
-        self.method = Method::Iterative;
-        (self.direct, self.entries, self.values) = Default::default();
-        (self.kept, self.embedding) = (None, None);
-        let n = place.links.n_active();
-        let places = (0..n).map(|active| place.lattice(active)).collect();
-        let held =
-            (0..n).map(|node| std::array::from_fn(|axis| place.dofs.free(node, axis).is_none())).collect();
-        self.solution.resize(n, [0.0; D]);
-        self.iterative.analyse(&system.matrix(), places, held).map(|_| ())
-    }
-
-    fn prepare_direct(&mut self, place: Place<D>, system: &System<D>) -> Result<(), LinearError> {
-        self.method = Method::Direct;
-        self.iterative = Krylov::default();
-        self.entries = system.free_entries(place.dofs);
-        let pattern = std::mem::take(&mut self.entries.pattern);
-        self.embedding = None;
-        if place.model.newton.pattern == Patterns::Contained && pattern.symmetric {
-            return self.prepare_contained(place, system, pattern);
-        }
-        self.kept = None;
-        self.direct.analyse(pattern, &|| place.elimination_order(system)).map(|_| ())
-    }
-
-    /// Analyses a pattern, unless it is contained in the one analysed last.
-    fn prepare_contained(
+    /// Prepares a backend, and gives back the memory of the others.
+    fn prepare_with(
         &mut self,
-        place: Place<D>,
-        system: &System<D>,
-        pattern: Pattern,
+        method: Method,
+        place: Place<D, N>,
+        system: &System<N>,
     ) -> Result<(), LinearError> {
-        let names = place.names();
-        let same = |kept: &Named| kept.names == names && kept.pattern == pattern;
-        if !self.kept.as_deref().is_some_and(same) {
-            self.embedding = self.kept.as_ref().and_then(|kept| Embedding::new(&names, &pattern, kept));
-            if self.embedding.is_none() {
-                let order = place.elimination_order(system);
-                self.kept = Some(Arc::new(Named { names, pattern, order }));
-            }
+        self.method = method;
+        match method {
+            Method::Direct => self.iterative = Krylov::default(),
+            Method::Iterative | Method::Own => self.direct = DirectBackend::default(),
         }
-        match &self.kept {
-            Some(kept) => self.direct.analyse(kept.pattern.clone(), &|| kept.order.clone()).map(|_| ()),
-            None => Ok(()),
-        }
+        place.with_layout(|layout| self.backend().prepare(layout, &system.matrix()))
     }
 
-    /// Solves for the free entries of `delta`, with a right-hand side that counts where free, to a residual of
-    /// `tolerance` relative to it. Where the iterative solver cannot, the direct one does for the rest of the step.
+    /// True if the equations of the step are solved iteratively.
+    pub(super) fn is_iterative(&mut self) -> bool {
+        self.backend().is_iterative()
+    }
+
+    /// Why equations that were to be solved iteratively were factorised; reported once.
+    pub(super) fn unreported_turn(&mut self) -> Option<LinearError> {
+        let error = self.turned.filter(|_| !self.is_reported);
+        self.is_reported |= error.is_some();
+        error
+    }
+
+    /// Solves K δd + B δw = b, A δd + C δw = −r with a fresh factor: adds the increments of the unknowns to the prescribed ones in
+    /// `delta`, and returns those of the global unknowns. The residual is at most `tolerance` relative to it. Where the
+    /// iterative backend fails, the direct one takes over for the rest of the step.
     ///
     /// # Errors
-    /// [`LinearError`]; that of the iterative solver where the factor does not fit into memory.
+    /// [`LinearError`]; that of the iterative backend where the factor does not fit into memory.
     pub(super) fn solve(
         &mut self,
-        place: Place<D>,
-        system: &mut System<D>,
-        rhs: &[[f64; D]],
-        delta: &mut [[f64; D]],
+        place: Place<D, N>,
+        system: &mut System<N>,
+        rhs: RightHandSide<N>,
+        delta: &mut [[f64; N]],
         tolerance: f64,
         timings: &mut Timings,
-    ) -> Result<Solved, LinearError> {
+    ) -> Result<(Solved, Vec<f64>), LinearError> {
+        timings.measure(Phase::Factorise, || system.reduce(place.dofs));
         if self.method == Method::Iterative {
-            match self.solve_iterative(place, system, rhs, delta, tolerance, timings) {
+            match self.factorise_and_solve(place, system, rhs, delta, tolerance, timings) {
                 Err(error @ (LinearError::Singular { .. } | LinearError::NotConverged { .. })) => {
-                    let turn = timings.measure(Phase::Analyse, || self.prepare_direct(place, system));
+                    let turn =
+                        timings.measure(Phase::Analyse, || self.prepare_with(Method::Direct, place, system));
                     turn.map_err(|_| error)?;
                     self.turned.get_or_insert(error);
                 }
                 outcome => return outcome,
             }
         }
-        self.solve_direct(place, system, rhs, delta, timings)
+        self.factorise_and_solve(place, system, rhs, delta, tolerance, timings)
     }
 
-    /// Solves with another right-hand side and the matrix that the last [`Equations::solve`] has factorised; iteratively
-    /// with the preconditioner that it has set up.
+    fn factorise_and_solve(
+        &mut self,
+        place: Place<D, N>,
+        system: &mut System<N>,
+        rhs: RightHandSide<N>,
+        delta: &mut [[f64; N]],
+        tolerance: f64,
+        timings: &mut Timings,
+    ) -> Result<(Solved, Vec<f64>), LinearError> {
+        let factorise =
+            |layout: &Layout<D, N>| self.backend().factorise(layout, &system.reduced(place.dofs).matrix);
+        timings.measure(Phase::Factorise, || place.with_layout(factorise))?;
+        self.solve_again(place, system, rhs, delta, tolerance, timings)
+    }
+
+    /// As [`Equations::solve`] with the factor at hand; iteratively with the preconditioner at hand.
     ///
     /// # Errors
     /// [`LinearError`].
     pub(super) fn solve_again(
         &mut self,
-        place: Place<D>,
-        system: &mut System<D>,
-        rhs: &[[f64; D]],
-        delta: &mut [[f64; D]],
+        place: Place<D, N>,
+        system: &mut System<N>,
+        rhs: RightHandSide<N>,
+        delta: &mut [[f64; N]],
         tolerance: f64,
         timings: &mut Timings,
-    ) -> Result<Solved, LinearError> {
-        match self.method {
-            Method::Iterative => {
-                timings.measure(Phase::Solve, || self.iterate(place, system, rhs, delta, tolerance))
+    ) -> Result<(Solved, Vec<f64>), LinearError> {
+        timings.measure(Phase::Solve, || {
+            if system.border.is_empty() {
+                return Ok((self.solve_nodes(place, system, rhs.forces, delta, tolerance)?, Vec::new()));
             }
-            Method::Direct => {
-                timings.measure(Phase::Solve, || self.substitute(place, rhs, delta))?;
-                let factorisation = self.factorised.ok_or(LinearError::Singular { unknown: None })?;
-                Ok(Solved { factorisation, iterations: 0 })
-            }
-        }
+            let mut motion = delta.to_vec();
+            let mut solved = self.solve_nodes(place, system, rhs.forces, &mut motion, tolerance)?;
+            let border = std::mem::take(&mut system.border);
+            let globals =
+                self.solve_border(place, system, &border, (&mut motion, rhs.is_residual), tolerance);
+            system.border = border;
+            let (iterations, globals) = globals?;
+            solved.iterations += iterations;
+            delta.copy_from_slice(&motion);
+            Ok((solved, globals))
+        })
     }
 
-    fn solve_iterative(
+    /// Solves K δd = b on the unknowns.
+    fn solve_nodes(
         &mut self,
-        place: Place<D>,
-        system: &mut System<D>,
-        rhs: &[[f64; D]],
-        delta: &mut [[f64; D]],
-        tolerance: f64,
-        timings: &mut Timings,
-    ) -> Result<Solved, LinearError> {
-        timings.measure(Phase::Factorise, || self.iterative.factorise(&system.matrix()))?;
-        timings.measure(Phase::Solve, || self.iterate(place, system, rhs, delta, tolerance))
-    }
-
-    /// Iterations for one right-hand side.
-    fn iterate(
-        &mut self,
-        place: Place<D>,
-        system: &mut System<D>,
-        rhs: &[[f64; D]],
-        delta: &mut [[f64; D]],
+        place: Place<D, N>,
+        system: &mut System<N>,
+        rhs: &[[f64; N]],
+        delta: &mut [[f64; N]],
         tolerance: f64,
     ) -> Result<Solved, LinearError> {
-        let multiply = |x: &[[f64; D]], out: &mut [[f64; D]]| system.multiply(x, out);
-        let (factorisation, iterations) =
-            self.iterative.solve(multiply, rhs, &mut self.solution, tolerance)?;
-        place.dofs.for_each(|node, axis, free| {
-            if free.is_some() {
-                delta[node][axis] = self.solution[node][axis];
-            }
+        let mut solution = std::mem::take(&mut self.solution);
+        let solved = place.with_layout(|layout| {
+            self.backend().solve(layout, &mut system.reduced(place.dofs), rhs, &mut solution, tolerance)
         });
-        Ok(Solved { factorisation, iterations })
+        self.solution = solution;
+        let solved = solved?;
+        place.dofs.add_unknowns(&self.solution, delta);
+        Ok(solved)
     }
 
-    fn solve_direct(
+    /// Block elimination of the border: (C − A Z) δw = −r − A δd with K Z = B; then δd − Z δw takes the place of δd. Returns the
+    /// iterations and δw.
+    fn solve_border(
         &mut self,
-        place: Place<D>,
-        system: &System<D>,
-        rhs: &[[f64; D]],
-        delta: &mut [[f64; D]],
-        timings: &mut Timings,
-    ) -> Result<Solved, LinearError> {
-        match self.factorise_and_substitute(place, system, rhs, delta, timings) {
-            // A matrix that is nearly singular may be solved in its own order of elimination.
-            Err(LinearError::Singular { .. }) if self.embedding.is_some() => {
-                self.kept = None;
-                timings.measure(Phase::Analyse, || self.prepare_direct(place, system))?;
-                self.factorise_and_substitute(place, system, rhs, delta, timings)
-            }
-            outcome => outcome,
+        place: Place<D, N>,
+        system: &mut System<N>,
+        border: &Border<N>,
+        (delta, is_residual): (&mut [[f64; N]], bool),
+        tolerance: f64,
+    ) -> Result<(usize, Vec<f64>), LinearError> {
+        let n = border.len();
+        let (mut iterations, mut influence) = (0, Vec::with_capacity(n));
+        for column in &border.columns {
+            let mut rhs = column.clone();
+            place.dofs.condense(&mut rhs);
+            place.dofs.on_unknowns(&mut rhs);
+            let mut z = vec![[0.0; N]; rhs.len()];
+            iterations += self.solve_nodes(place, system, &rhs, &mut z, tolerance)?.iterations;
+            influence.push(z);
         }
-    }
-
-    fn factorise_and_substitute(
-        &mut self,
-        place: Place<D>,
-        system: &System<D>,
-        rhs: &[[f64; D]],
-        delta: &mut [[f64; D]],
-        timings: &mut Timings,
-    ) -> Result<Solved, LinearError> {
-        let factorisation = timings.measure(Phase::Factorise, || {
-            system.free_values(&self.entries, &mut self.values);
-            match &self.embedding {
-                None => self.direct.factorise(&self.values),
-                Some(embedding) => self.direct.factorise(&embedding.values(&self.values)),
-            }
-        })?;
-        self.factorised = Some(factorisation);
-        timings.measure(Phase::Solve, || self.substitute(place, rhs, delta))?;
-        Ok(Solved { factorisation, iterations: 0 })
-    }
-
-    /// Forward and backward substitution for one right-hand side.
-    fn substitute(
-        &mut self,
-        place: Place<D>,
-        rhs: &[[f64; D]],
-        delta: &mut [[f64; D]],
-    ) -> Result<(), LinearError> {
-        self.values.clear();
-        place.dofs.for_each(|node, axis, free| {
-            if free.is_some() {
-                self.values.push(rhs[node][axis]);
-            }
-        });
-        let solved = match &self.embedding {
-            None => self.direct.solve(&mut self.values),
-            Some(embedding) => {
-                let mut all = embedding.spread(&self.values);
-                let solved = self.direct.solve(&mut all);
-                embedding.gather(&all, &mut self.values);
-                solved
-            }
+        let along = |row: &[[f64; N]], field: &[[f64; N]]| -> f64 {
+            row.as_flattened().iter().zip(field.as_flattened()).map(|(a, u)| a * u).sum()
         };
-        solved.map_err(|error| self.in_hand(error))?;
-        place.dofs.for_each(|node, axis, free| {
-            if let Some(unknown) = free {
-                delta[node][axis] = self.values[unknown];
-            }
+        let matrix = nalgebra::DMatrix::from_fn(n, n, |i, j| {
+            border.corner[i][j] - along(&border.rows[i], &influence[j])
         });
-        Ok(())
-    }
-
-    /// A failure with the number that the unknown has in the step in hand.
-    fn in_hand(&self, error: LinearError) -> LinearError {
-        match (error, &self.embedding) {
-            (LinearError::Singular { unknown: Some(unknown) }, Some(embedding)) => {
-                LinearError::Singular { unknown: embedding.number(unknown) }
+        let residual = |i: usize| if is_residual { border.residual[i] } else { 0.0 };
+        let rhs = nalgebra::DVector::from_fn(n, |i, _| -residual(i) - along(&border.rows[i], delta));
+        let change = matrix.lu().solve(&rhs).filter(|change| change.iter().all(|w| w.is_finite()));
+        let change: Vec<f64> =
+            change.ok_or(LinearError::Singular { unknown: None })?.iter().copied().collect();
+        for (z, w) in influence.iter().zip(&change) {
+            for (delta, z) in delta.as_flattened_mut().iter_mut().zip(z.as_flattened()) {
+                *delta -= z * w;
             }
-            _ => error,
         }
+        Ok((iterations, change))
     }
 }

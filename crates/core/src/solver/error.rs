@@ -300,9 +300,10 @@ impl SolveError {
             SolveError::Unheld { .. } => Some(
                 "fix or prescribe the displacement along that axis at one node of each separate part at least",
             ),
-            SolveError::Constraint { error: ConstraintError::Conflict { .. }, .. } => {
-                Some("prescribe each axis of a node by one boundary condition only")
-            }
+            SolveError::Constraint {
+                error: ConstraintError::Conflict { .. } | ConstraintError::Tie { .. },
+                ..
+            } => Some("prescribe each axis of a node by one boundary condition only"),
             SolveError::Constraint { error: ConstraintError::NotFinite { .. }, .. } => {
                 Some("the formula divides by zero or leaves its domain there")
             }
@@ -403,7 +404,11 @@ impl SolveError {
         SolveError::RoundOff { step: step.index, residuals, worst, materials: stiffnesses(model) }
     }
 
-    pub(super) fn linear<const D: usize>(error: LinearError, at: Equation<D>, step: Step) -> Self {
+    pub(super) fn linear<const D: usize, const N: usize>(
+        error: LinearError,
+        at: Equation<D, N>,
+        step: Step,
+    ) -> Self {
         let step = step.index;
         match error {
             LinearError::OutOfMemory { needed } => SolveError::OutOfMemory { step, needed },

@@ -20,7 +20,11 @@ pub struct Motion {
 
 impl Motion {
     /// The motion of a step.
-    pub(super) fn new<const D: usize>(links: &Connectivity<D>, step: Step, delta_d: &[[f64; D]]) -> Self {
+    pub(super) fn new<const D: usize, const N: usize>(
+        links: &Connectivity<D>,
+        step: Step,
+        delta_d: &[[f64; N]],
+    ) -> Self {
         Motion {
             nodes: links.active_nodes().to_vec(),
             increment: delta_d.as_flattened().to_vec(),
@@ -34,8 +38,8 @@ impl Motion {
     }
 
     /// The increment at each node of another step, where it was active.
-    fn known<const D: usize>(&self, links: &Connectivity<D>) -> Vec<Option<[f64; D]>> {
-        let (increments, _) = self.increment.as_chunks::<D>();
+    fn known<const D: usize, const N: usize>(&self, links: &Connectivity<D>) -> Vec<Option<[f64; N]>> {
+        let (increments, _) = self.increment.as_chunks::<N>();
         let at = |node: &u32| {
             let place = self.nodes.binary_search(node).ok();
             place.and_then(|place| increments.get(place)).copied()
@@ -44,19 +48,23 @@ impl Motion {
     }
 
     /// The increment on the nodes of another step; zero where they were not active.
-    pub(super) fn direction<const D: usize>(&self, links: &Connectivity<D>) -> Vec<[f64; D]> {
-        self.known(links).into_iter().map(|known| known.unwrap_or([0.0; D])).collect()
+    pub(super) fn direction<const D: usize, const N: usize>(&self, links: &Connectivity<D>) -> Vec<[f64; N]> {
+        self.known(links).into_iter().map(|known| known.unwrap_or([0.0; N])).collect()
     }
 
     /// The increment on the nodes of the step that follows, as if the motion went on; nodes that were not active move as
     /// those around them do on average. `None` where there was no step.
-    pub(super) fn go_on<const D: usize>(&self, links: &Connectivity<D>, step: Step) -> Option<Vec<[f64; D]>> {
+    pub(super) fn go_on<const D: usize, const N: usize>(
+        &self,
+        links: &Connectivity<D>,
+        step: Step,
+    ) -> Option<Vec<[f64; N]>> {
         let factor = (step.end - step.start) / self.duration;
         if self.nodes.is_empty() || !factor.is_finite() {
             return None;
         }
         let known = self.known(links);
-        let mut sum = vec![[0.0; D]; known.len()];
+        let mut sum = vec![[0.0; N]; known.len()];
         let mut count = vec![0.0; known.len()];
         for group in 0..links.n_groups() {
             let nodes = links.nodes_of(group);
@@ -64,7 +72,7 @@ impl Motion {
             for &node in nodes.iter().filter(|&&node| known[node as usize].is_none()) {
                 for increment in around() {
                     count[node as usize] += 1.0;
-                    for d in 0..D {
+                    for d in 0..N {
                         sum[node as usize][d] += increment[d];
                     }
                 }
@@ -73,7 +81,7 @@ impl Motion {
         let of_node = |n: usize| match known[n] {
             Some(increment) => increment,
             None if count[n] > 0.0 => sum[n].map(|sum| sum / count[n]),
-            None => [0.0; D],
+            None => [0.0; N],
         };
         Some((0..known.len()).map(|n| of_node(n).map(|u| factor * u)).collect())
     }

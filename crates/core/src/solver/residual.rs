@@ -5,6 +5,7 @@
 //! of each node's own equations and small beside the forces on the part. Nothing of this changes the residual that is told.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
 use crate::assembly::System;
 use crate::basis::Connectivity;
@@ -35,13 +36,15 @@ const ACCUMULATED: f64 = 100.0;
 /// leave as much of a stress that has gone, [-].
 const UNLOADED: f64 = 1e-4;
 
-/// The connected parts of the active nodes.
+/// The connected parts of the active nodes, each with the fields whose equations are measured by norms of their own.
 #[derive(Debug, Clone)]
 pub(super) struct Parts {
     /// Number of the part of each node.
     of_node: Vec<u32>,
     /// Number of parts.
     n: usize,
+    /// Components of each field; the displacement comes first.
+    fields: Vec<Range<usize>>,
     /// Numbers of the bodies that each part is of, ascending.
     bodies: Vec<Vec<usize>>,
     /// For each part the largest force that its bodies have carried before, [force].
@@ -49,15 +52,16 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// From the lowest node of the part of each node, [`Connectivity::parts`].
-    pub(super) fn new(lowest: &[usize]) -> Parts {
+    /// From the lowest node of the part of each node, [`Connectivity::parts`], and the components of each field.
+    pub(super) fn new(lowest: &[usize], fields: Vec<Range<usize>>) -> Parts {
         let mut of_node = vec![0; lowest.len()];
         let mut n = 0;
         for (node, &first) in lowest.iter().enumerate() {
             of_node[node] = if first == node { n } else { of_node[first] };
             n += u32::from(first == node);
         }
-        Parts { of_node, n: n as usize, bodies: vec![vec![0]; n as usize], carried: vec![0.0; n as usize] }
+        let n = n as usize;
+        Parts { of_node, n, fields, bodies: vec![vec![0]; n], carried: vec![0.0; n] }
     }
 
     /// With the bodies of each part, and the largest forces that each body has carried before.
@@ -93,11 +97,20 @@ impl Parts {
         self.n
     }
 
-    /// Square root of the sum of squares of a nodal field over each part.
-    fn norms<const D: usize>(&self, field: impl Iterator<Item = [f64; D]>) -> Vec<f64> {
+    /// The components of the displacement.
+    fn displacement(&self) -> Range<usize> {
+        self.fields.first().cloned().unwrap_or_default()
+    }
+
+    /// Norm of some components of a nodal field over each part.
+    fn norms<const N: usize>(
+        &self,
+        components: Range<usize>,
+        field: impl Iterator<Item = [f64; N]>,
+    ) -> Vec<f64> {
         let mut sums = vec![0.0; self.n];
         for (value, part) in field.zip(&self.of_node) {
-            for x in value {
+            for x in &value[components.clone()] {
                 sums[*part as usize] += x * x;
             }
         }
@@ -114,6 +127,14 @@ pub(super) struct Measured {
     pub(super) round_off: RoundOff,
 }
 
+impl Measured {
+    /// The larger of this and a residual that is no round-off.
+    pub(super) fn or_larger(self, residual: f64, tolerance: f64) -> Measured {
+        let round_off = if residual > tolerance { RoundOff::NoMatter } else { self.round_off };
+        Measured { residual: largest(self.residual, residual), round_off }
+    }
+}
+
 /// What round-off has to do with a residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum RoundOff {
@@ -128,17 +149,17 @@ pub(super) enum RoundOff {
 }
 
 /// The forces of an iterate.
-pub(super) struct Forces<'a, const D: usize> {
+pub(super) struct Forces<'a, const N: usize> {
     /// f_ext − f_int + f_react, [force].
-    pub(super) out_of_balance: &'a Nodal<D>,
+    pub(super) out_of_balance: &'a Nodal<N>,
     /// [force].
-    pub(super) f_ext: &'a Nodal<D>,
+    pub(super) f_ext: &'a Nodal<N>,
     /// [force].
-    pub(super) reaction: &'a Nodal<D>,
+    pub(super) reaction: &'a Nodal<N>,
 }
 
-impl<const D: usize> Forces<'_, D> {
-    fn total(&self, node: usize) -> [f64; D] {
+impl<const N: usize> Forces<'_, N> {
+    fn total(&self, node: usize) -> [f64; N] {
         std::array::from_fn(|d| self.f_ext[node][d] + self.reaction[node][d])
     }
 
@@ -146,24 +167,34 @@ impl<const D: usize> Forces<'_, D> {
     /// held: a load may go right into a support.
     fn carries_nothing(&self, node: usize, nothing: f64, noise: f64) -> bool {
         let (load, reaction) = (&self.f_ext[node], &self.reaction[node]);
-        (0..D).all(|d| match reaction[d] {
+        (0..N).all(|d| match reaction[d] {
             0.0 => load[d].abs() <= nothing,
             held => (load[d] + held).abs() <= noise,
         })
     }
 
-    /// Eq. (40) for each part: the out-of-balance force and external forces and reactions together.
-    fn of_parts(&self, parts: &Parts) -> Vec<[f64; 2]> {
-        let out = parts.norms(self.out_of_balance.iter().copied());
-        let force = parts.norms((0..self.f_ext.len()).map(|node| self.total(node)));
+    /// Eq. (40) for some components of each part: the out-of-balance force and external forces and reactions together.
+    fn of_parts(&self, parts: &Parts, components: Range<usize>) -> Vec<[f64; 2]> {
+        let out = parts.norms(components.clone(), self.out_of_balance.iter().copied());
+        let force = parts.norms(components, (0..self.f_ext.len()).map(|node| self.total(node)));
         out.into_iter().zip(force).map(|(out, force)| [out, force]).collect()
+    }
+
+    /// The largest residual of each field beside the displacement, [-].
+    fn of_further_fields(&self, parts: &Parts) -> impl Iterator<Item = f64> {
+        let of_field = |components: &Range<usize>| {
+            let of_parts = self.of_parts(parts, components.clone());
+            of_parts.iter().map(|&[out, force]| ratio(out, force)).fold(0.0, largest)
+        };
+        parts.fields.iter().skip(1).map(of_field)
     }
 
     /// The largest force that each body carries or has carried, [force].
     pub(super) fn carried(&self, parts: &Parts, before: &[f64], bodies: usize) -> Vec<f64> {
         let mut carried = before.to_vec();
         carried.resize(bodies, 0.0);
-        for ([_, force], bodies) in self.of_parts(parts).into_iter().zip(&parts.bodies) {
+        for ([_, force], bodies) in self.of_parts(parts, parts.displacement()).into_iter().zip(&parts.bodies)
+        {
             for &body in bodies {
                 carried[body] = carried[body].max(force);
             }
@@ -173,14 +204,33 @@ impl<const D: usize> Forces<'_, D> {
 
     /// Eq. (40) where it meets the tolerance in every part.
     pub(super) fn balanced(&self, parts: &Parts, tolerance: f64) -> Option<f64> {
-        let of_parts = self.of_parts(parts);
+        let of_parts = self.of_parts(parts, parts.displacement());
         let largest = of_parts.iter().map(|&[out, force]| ratio(out, force)).fold(0.0, largest);
+        let largest = self.of_further_fields(parts).fold(largest, self::largest);
         (largest <= tolerance).then_some(largest)
     }
 
     /// Eq. (40), and what round-off has to do with it where it is above the tolerance.
-    pub(super) fn measure(&self, parts: &Parts, tolerance: f64, at: &Iterate<'_, D>) -> Measured {
-        let of_parts = self.of_parts(parts);
+    ///
+    /// Fields beside the displacement count as they are.
+    pub(super) fn measure<const D: usize>(
+        &self,
+        parts: &Parts,
+        tolerance: f64,
+        at: &Iterate<'_, D, N>,
+    ) -> Measured {
+        let further = self.of_further_fields(parts).fold(0.0, largest);
+        let measured = self.measure_displacement(parts, tolerance, at);
+        measured.or_larger(further, tolerance)
+    }
+
+    fn measure_displacement<const D: usize>(
+        &self,
+        parts: &Parts,
+        tolerance: f64,
+        at: &Iterate<'_, D, N>,
+    ) -> Measured {
+        let of_parts = self.of_parts(parts, parts.displacement());
         let mut residuals: Vec<f64> = of_parts.iter().map(|&[out, force]| ratio(out, force)).collect();
         let open: Vec<bool> = residuals.iter().map(|r| *r > tolerance || r.is_nan()).collect();
         let told = |residuals: &[f64], round_off| Measured {
@@ -197,7 +247,8 @@ impl<const D: usize> Forces<'_, D> {
         if is_round_off.contains(&true) {
             for (node, noise) in at.round_off().iter().enumerate() {
                 let part = parts.of_node[node] as usize;
-                let is_within = |bound: f64| self.out_of_balance[node].iter().all(|f| f.abs() <= bound);
+                let out = &self.out_of_balance[node][parts.displacement()];
+                let is_within = |bound: f64| out.iter().all(|f| f.abs() <= bound);
                 is_round_off[part] &= is_within(*noise);
                 let nothing = f64::EPSILON * parts.carried[part];
                 let still = UNLOADED * parts.carried[part];
@@ -226,7 +277,7 @@ impl<const D: usize> Forces<'_, D> {
         }
         if round_off == RoundOff::NoMatter {
             // A part without forces is measured against its internal force.
-            let internal = parts.norms(at.system.internal_force().iter().copied());
+            let internal = parts.norms(parts.displacement(), at.system.internal_force().iter().copied());
             for (part, &[out, force]) in of_parts.iter().enumerate() {
                 if force == 0.0 && out > 0.0 && !carries_nothing[part] {
                     residuals[part] = out / internal[part];
@@ -240,21 +291,22 @@ impl<const D: usize> Forces<'_, D> {
     fn exclude_beyond(&self, bound: f64, of_part: &[f64], parts: &Parts, is_round_off: &mut [bool]) {
         for (force, part) in self.out_of_balance.iter().zip(&parts.of_node) {
             let part = *part as usize;
-            is_round_off[part] &= force.iter().all(|f| f.abs() <= bound.max(of_part[part]));
+            is_round_off[part] &=
+                force[parts.displacement()].iter().all(|f| f.abs() <= bound.max(of_part[part]));
         }
     }
 
     /// Magnitude of the sum of the out-of-balance force over each part, relative to the magnitudes of all its forces; along
     /// the axes that have a balance of forces.
     fn resultants(&self, parts: &Parts, revolved: bool) -> Vec<f64> {
-        let mut sums = vec![([0.0; D], 0.0); parts.n];
+        let mut sums = vec![([0.0; N], 0.0); parts.n];
         for (node, part) in parts.of_node.iter().enumerate() {
             let (sum, scale) = &mut sums[*part as usize];
             let total = self.total(node);
-            for d in usize::from(revolved)..D {
+            for d in usize::from(revolved)..parts.displacement().end {
                 sum[d] += self.out_of_balance[node][d];
             }
-            *scale += total.iter().map(|f| f.abs()).sum::<f64>();
+            *scale += total[parts.displacement()].iter().map(|f| f.abs()).sum::<f64>();
         }
         sums.into_iter().map(|(sum, scale)| ratio(norm(sum.into_iter()), scale)).collect()
     }
@@ -266,8 +318,8 @@ impl<const D: usize> Forces<'_, D> {
 ///
 /// A part of several bodies is in equilibrium by all its forces. Those on a body that carries little beside others may be
 /// out of balance then, and nobody would know.
-pub(super) fn of_bodies<const D: usize>(
-    forces: &Forces<'_, D>,
+pub(super) fn of_bodies<const D: usize, const N: usize>(
+    forces: &Forces<'_, N>,
     model: &Model<D>,
     points: &Points<D>,
     links: &Connectivity<D>,
@@ -318,22 +370,22 @@ pub(super) fn of_bodies<const D: usize>(
     for (node, &owner) in owner.iter().enumerate().filter(|(_, owner)| (**owner as usize) < bodies) {
         let [out, on, _] = &mut sums[owner as usize];
         let beyond = |f: &f64| if f.abs() > round_off * unit[node] { f * f } else { 0.0 };
-        *out += forces.out_of_balance[node].iter().map(beyond).sum::<f64>();
-        *on += forces.total(node).iter().map(|f| f * f).sum::<f64>();
+        *out += forces.out_of_balance[node][..D].iter().map(beyond).sum::<f64>();
+        *on += forces.total(node)[..D].iter().map(|f| f * f).sum::<f64>();
     }
     sums.into_iter().map(|[out, on, passed_on]| ratio(out.sqrt(), on.max(passed_on).sqrt())).collect()
 }
 
 /// Where an evaluation was made.
-pub(super) struct Iterate<'a, const D: usize> {
+pub(super) struct Iterate<'a, const D: usize, const N: usize> {
     pub(super) model: &'a Model<D>,
     pub(super) points: &'a Points<D>,
     pub(super) links: &'a Connectivity<D>,
-    pub(super) system: &'a System<D>,
-    pub(super) delta_d: &'a Nodal<D>,
+    pub(super) system: &'a System<N>,
+    pub(super) delta_d: &'a Nodal<N>,
 }
 
-impl<const D: usize> Iterate<'_, D> {
+impl<const D: usize, const N: usize> Iterate<'_, D, N> {
     /// No node has more [`Iterate::round_off`] than this, which costs little, [force].
     fn round_off_at_most(&self) -> f64 {
         let Iterate { model, links, system, delta_d, .. } = self;
@@ -342,7 +394,7 @@ impl<const D: usize> Iterate<'_, D> {
             .active_cells()
             .iter()
             .fold(0.0, |size, &cell| f64::max(size, model.grid.size(cell as usize)));
-        let entries_of_row = (D * delta_d.len()) as f64;
+        let entries_of_row = (N * delta_d.len()) as f64;
         let strain = IN_STRAIN * NO_SUCH_FORCE * size;
         f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + strain)
     }
@@ -351,9 +403,9 @@ impl<const D: usize> Iterate<'_, D> {
     /// and that of strains at its points. A node that is touched by little has little stiffness, K_vv ~ |∇S|², but stresses of
     /// points that others hold, whose round-off goes with |∇S|.
     fn round_off(&self) -> Vec<f64> {
-        let largest_of = |x: &[f64; D]| x.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+        let largest_of = |x: &[f64; N]| x.iter().fold(0.0f64, |a, b| a.max(b.abs()));
         let motion = self.system.magnitudes(self.delta_d);
-        let of_node = |(motion, strain): (&[f64; D], f64)| {
+        let of_node = |(motion, strain): (&[f64; N], f64)| {
             f64::EPSILON * (IN_MOTION * largest_of(motion) + IN_STRAIN * strain)
         };
         motion.iter().zip(forces_of_unit_strain(self.model, self.points, self.links)).map(of_node).collect()
@@ -398,6 +450,7 @@ pub(super) fn norm(values: impl Iterator<Item = f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::solver::fields::Fields;
 
     /// Four nodes in two parts, the second of which carries a millionth of the forces of the first.
     fn forces(out: [f64; 4]) -> [Nodal<1>; 3] {
@@ -408,7 +461,7 @@ mod tests {
     fn residual(out: [f64; 4], tolerance: f64) -> Option<f64> {
         let [out_of_balance, f_ext, reaction] = forces(out);
         let forces = Forces { out_of_balance: &out_of_balance, f_ext: &f_ext, reaction: &reaction };
-        forces.balanced(&Parts::new(&[0, 0, 2, 2]), tolerance)
+        forces.balanced(&Parts::new(&[0, 0, 2, 2], Fields::displacement(1).components()), tolerance)
     }
 
     #[test]
@@ -423,7 +476,7 @@ mod tests {
 
     #[test]
     fn parts_are_numbered_by_their_lowest_nodes() {
-        let parts = Parts::new(&[0, 1, 0, 1, 4, 0]);
+        let parts = Parts::new(&[0, 1, 0, 1, 4, 0], Fields::displacement(1).components());
         assert_eq!((parts.of_node, parts.n), (vec![0, 1, 0, 1, 2, 0], 3));
     }
 

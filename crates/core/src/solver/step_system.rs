@@ -1,50 +1,65 @@
-//! What a step is made of beside its unknowns: the sum of its terms, the prescribed degrees of freedom, and the parts of the
-//! bodies.
+//! The equations of one attempt at a load step: constraints, the sum of the terms, and the condition on the load factor.
 
-use crate::dofs::DofMap;
+use crate::dofs::{ConstraintError, Constraints, DofMap};
 use crate::points::Points;
 use crate::step::StepContext;
 use crate::stress::Mechanics;
-use crate::terms::{Sum, Terms};
+use crate::terms::{Sum, Term, Terms};
 
 use super::control::{Condition, Path};
 use super::error::SolveError;
+use super::fields::Fields;
 use super::residual::Parts;
 
-/// What is set up once per step.
-pub(super) struct StepSystem<const D: usize> {
-    pub(super) dofs: DofMap<D>,
-    pub(super) sum: Sum<D>,
-    /// What determines the load factor where that is unknown.
-    pub(super) condition: Option<Condition<D>>,
+/// The equations of one attempt, set up once.
+pub(super) struct StepSystem<const D: usize, const N: usize = D> {
+    pub(super) dofs: DofMap<N>,
+    pub(super) sum: Sum<D, N>,
+    /// The equation of the load factor, where that is unknown.
+    pub(super) condition: Option<Condition<D, N>>,
     /// The connected parts of the bodies.
     pub(super) parts: Parts,
 }
 
-impl<const D: usize> StepSystem<D> {
-    /// Takes the terms of the run; where it fails, they stay.
+impl<const D: usize, const N: usize> StepSystem<D, N> {
+    /// Takes the terms of the run and has them begin the step. Where it fails, the terms stay.
     pub(super) fn new<M: Mechanics<D>>(
         context: &StepContext<D>,
         points: &Points<D>,
         path: &Path,
-        terms: &mut Terms<D>,
+        carried: &[f64],
+        fields: &Fields,
+        terms: &mut Terms<D, N>,
     ) -> Result<Self, SolveError> {
         let StepContext { model, links, step, .. } = *context;
-        let dofs = DofMap::new(model, points, links, step.start, step.end)
+        let dofs = constraints(context, points, terms)
             .map_err(|error| SolveError::Constraint { step: step.index, error })?;
         // A ring resists its own motion outwards.
-        let lowest = links.parts();
         let rigid = usize::from(M::REVOLVED)..D;
+        let lowest = links.parts();
         let may_be_held = terms.iter().any(|term| term.may_hold());
         if let Some((node, axis)) = dofs.unheld(&lowest, rigid).filter(|_| !may_be_held) {
             let place = model.grid.node_position(links.active_nodes()[node] as usize);
             return Err(SolveError::Unheld { step: step.index, node: place.to_vec(), axis });
         }
-        let sum = Sum::new(std::mem::take(terms), context, points).map_err(|(error, begun)| {
-            *terms = begun;
-            SolveError::Load { step: step.index, error }
-        })?;
+        let begin = |term: &mut Box<dyn Term<D, N>>| term.begin(context, points);
+        terms.iter_mut().try_for_each(begin).map_err(|error| SolveError::Load { step: step.index, error })?;
+        let sum = Sum::new(std::mem::take(terms), context, &dofs);
         let condition = Condition::new(model, points, links, step, path);
-        Ok(StepSystem { dofs, sum, condition, parts: Parts::new(&lowest) })
+        let parts = Parts::new(&lowest, fields.components());
+        let parts = parts.of_bodies(points, links, model.bodies.len(), carried);
+        Ok(StepSystem { dofs, sum, condition, parts })
     }
+}
+
+/// The constraints of the model and of the terms.
+fn constraints<const D: usize, const N: usize>(
+    context: &StepContext<D>,
+    points: &Points<D>,
+    terms: &Terms<D, N>,
+) -> Result<DofMap<N>, ConstraintError> {
+    let StepContext { model, links, step, .. } = *context;
+    let mut constraints = Constraints::of_model(model, points, links, [step.start, step.end])?;
+    terms.iter().try_for_each(|term| term.constrain(context, points, &mut constraints))?;
+    constraints.into_map()
 }

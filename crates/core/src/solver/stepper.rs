@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::basis::Connectivity;
 use crate::equilibrium::StepReport;
+use crate::linear::Backend;
 use crate::model::Model;
 use crate::points::Points;
 use crate::quality::{Code, Measures, Place, Warning};
@@ -12,76 +13,214 @@ use crate::stress::Mechanics;
 use crate::terms::{Terms, of_bodies};
 use crate::timing::{Phase, Timings};
 
+use super::Solvable;
 use super::attempt::{Attempt, FailedAttempt, OnTheWay, Slump};
 use super::control::Path;
 use super::damping;
 use super::diagnosis::Diagnosis;
 use super::equations::Equations;
 use super::error::SolveError;
+use super::fields::Fields;
 use super::observer::Observer;
 use super::summary::{Reached, Summary};
 
-/// What lives from step to step: the linear solvers with their analyses, and how far the run has come.
-pub(super) struct Stepper<const D: usize> {
-    pub(super) equations: Equations<D>,
+/// An analysis, load step by load step.
+///
+/// ```
+/// # use mpm_core::{model::Model, points::Points, solver::{Silent, SolveError, Stepper}};
+/// # fn example(model: &Model<2>, points: &mut Points<2>) -> Result<(), SolveError> {
+/// let mut stepper = Stepper::new(model, points);
+/// while let Some(report) = stepper.step(&mut Silent)? {
+///     println!("step {}: reactions {:?}", report.step.index, report.reactions);
+/// }
+/// # Ok(())
+/// # }
+/// ```
+///
+/// There are `D` axes and `N` components at each node: the displacement, and those of further fields.
+pub struct Stepper<'a, const D: usize, const N: usize = D> {
+    pub(super) model: &'a Model<D>,
+    pub(super) points: &'a mut Points<D>,
+    kernels: Kernels<D, N>,
+    pub(super) fields: Fields,
+    pub(super) equations: Equations<D, N>,
     /// Links of the step before, for their memory.
     pub(super) links: Connectivity<D>,
-    /// Why the step in hand fails, once last resorts are tried.
+    /// The last step in equilibrium.
+    pub(super) report: Option<StepReport<D>>,
+    /// Why the present step fails, once last resorts are tried.
     cause: Option<(FailedAttempt<D>, Diagnosis)>,
-    /// Why the last attempt at the step in hand that met the tolerance has failed all the same.
+    /// Why the last attempt at the present step that met the tolerance has failed all the same.
     lost_points: Option<SolveError>,
     /// The parts of equilibrium.
-    pub(super) terms: Terms<D>,
-    /// Whether there are others than those that every analysis has.
+    pub(super) terms: Terms<D, N>,
+    /// True if there are others than those that every analysis has.
     is_extended: bool,
     pub(super) reached: Reached,
 }
 
-impl<const D: usize> Stepper<D> {
-    /// Goes on from what has been reached, with further terms.
+/// The code that depends on the mechanics of the idealisation.
+pub struct Kernels<const D: usize, const N: usize = D> {
+    bodies: fn() -> Terms<D, N>,
+    step: StepFunction<D, N>,
+    pub(super) finish: FinishFunction<D, N>,
+}
+
+type StepFunction<const D: usize, const N: usize> =
+    fn(&mut Stepper<'_, D, N>, &mut dyn Observer<D>) -> Result<bool, SolveError>;
+type FinishFunction<const D: usize, const N: usize> =
+    fn(Stepper<'_, D, N>, &mut dyn Observer<D>) -> Result<Summary, SolveError>;
+
+impl<const D: usize, const N: usize> Kernels<D, N> {
+    /// The code for a kind of mechanics.
+    pub fn of<M: Mechanics<D>>() -> Self {
+        Kernels {
+            bodies: of_bodies::<D, N, M>,
+            step: |stepper, observer| stepper.next::<M>(observer),
+            finish: |stepper, observer| stepper.steps_to_end::<M>(observer),
+        }
+    }
+}
+
+impl<'a, const D: usize> Stepper<'a, D> {
+    /// An analysis that begins with the converged state of `points`.
+    pub fn new(model: &'a Model<D>, points: &'a mut Points<D>) -> Self
+    where
+        Model<D>: Solvable<D>,
+    {
+        Stepper::with_fields(model, points, model.kernels(), Fields::displacement(D))
+    }
+}
+
+impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
+    /// An analysis with further fields at the nodes, which the terms added later know about. The fields must have `N` components
+    /// together, of which those of the displacement come first.
+    pub fn with_fields(
+        model: &'a Model<D>,
+        points: &'a mut Points<D>,
+        kernels: Kernels<D, N>,
+        fields: Fields,
+    ) -> Self {
+        let reached = Reached::nothing(points);
+        Stepper {
+            model,
+            points,
+            terms: (kernels.bodies)(),
+            kernels,
+            fields,
+            equations: Equations::new(None),
+            links: Connectivity::default(),
+            report: None,
+            cause: None,
+            lost_points: None,
+            is_extended: false,
+            reached,
+        }
+    }
+
+    /// Adds terms of equilibrium to those that every analysis has.
     ///
     /// # Errors
-    /// [`SolveError::Term`].
-    pub(super) fn new<M: Mechanics<D>>(reached: Reached, further: Terms<D>) -> Result<Self, SolveError> {
-        let mut terms = of_bodies::<D, M>();
-        let is_extended = !further.is_empty();
-        terms.extend(further);
-        let refused =
-            |term: &str, reason: &str| SolveError::Term { term: term.to_owned(), reason: reason.to_owned() };
+    /// [`SolveError::Term`] where two terms have the same name.
+    pub fn with_terms(mut self, further: Terms<D, N>) -> Result<Self, SolveError> {
+        self.is_extended |= !further.is_empty();
+        self.terms.extend(further);
         let mut names = BTreeSet::new();
-        if let Some(term) = terms.iter().find(|term| !names.insert(term.name())) {
-            return Err(refused(term.name(), "another term has its name"));
+        match self.terms.iter().find(|term| !names.insert(term.name())) {
+            Some(term) => Err(refused(term.name(), "another term has its name")),
+            None => Ok(self),
         }
-        if let Some(name) = reached.summary.terms.keys().find(|name| !names.contains(name.as_str())) {
+    }
+
+    /// Solves linear equations by this backend in place of the built-in ones.
+    pub fn with_backend(mut self, backend: Box<dyn Backend<D, N>>) -> Self {
+        self.equations = Equations::new(Some(backend));
+        self
+    }
+
+    /// Goes on from what has been reached, in whose state the points are. All terms must have been added.
+    ///
+    /// # Errors
+    /// [`SolveError::Term`] where a term cannot go on from it.
+    pub fn resume(mut self, reached: Reached) -> Result<Self, SolveError> {
+        let is_known = |name: &String| self.terms.iter().any(|term| term.name() == name.as_str());
+        if let Some(name) = reached.summary.terms.keys().find(|name| !is_known(name)) {
             return Err(refused(name, "what has been reached holds a state of it, but it is not given"));
         }
-        for term in &mut terms {
+        for term in &mut self.terms {
             if let Some(saved) = reached.summary.terms.get(term.name()) {
                 term.restore(saved).map_err(|reason| refused(term.name(), &reason))?;
             }
         }
-        Ok(Stepper {
-            equations: Equations::with(reached.summary.kept.clone()),
-            links: Connectivity::default(),
-            cause: None,
-            lost_points: None,
-            terms,
-            is_extended,
-            reached,
-        })
+        self.equations.resume(reached.summary.kept.clone());
+        self.reached = reached;
+        Ok(self)
     }
 
-    pub(super) fn observe(
-        &mut self,
-        tell: impl FnOnce() -> Result<(), std::io::Error>,
-    ) -> Result<(), SolveError> {
-        self.reached.summary.timings.measure(Phase::Output, tell).map_err(SolveError::Output)
+    /// Solves the next step and commits it: the step that follows the last one in equilibrium or, where that has none, smaller
+    /// ones as far as the model allows them. `None` at the end of the analysis.
+    ///
+    /// # Errors
+    /// [`SolveError`] when there is no equilibrium; the converged state of the points is then the last one in equilibrium.
+    pub fn step(&mut self, observer: &mut dyn Observer<D>) -> Result<Option<&StepReport<D>>, SolveError> {
+        Ok((self.kernels.step)(self, observer)?.then_some(self.report.as_ref()).flatten())
+    }
+
+    /// Runs to the end of the analysis, reporting all to `observer`.
+    ///
+    /// # Errors
+    /// As [`Stepper::step`].
+    pub fn run(self, observer: &mut dyn Observer<D>) -> Result<Summary, SolveError> {
+        (self.kernels.finish)(self, observer)
+    }
+
+    /// The points; their converged state is that of the last step in equilibrium.
+    pub fn points(&self) -> &Points<D> {
+        self.points
+    }
+
+    /// The last step in equilibrium, and the account of the run so far.
+    pub fn reached(&self) -> &Reached {
+        &self.reached
+    }
+
+    /// Solves the next step; false at the end of the analysis.
+    fn next<M: Mechanics<D>>(&mut self, observer: &mut dyn Observer<D>) -> Result<bool, SolveError> {
+        let before = self.reached.step.index;
+        while self.reached.step.index == before {
+            let Some(step) = self.next_step() else { return Ok(false) };
+            self.try_step::<M>(step, observer)?;
+        }
+        Ok(true)
+    }
+
+    fn steps_to_end<M: Mechanics<D>>(
+        mut self,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<Summary, SolveError> {
+        let mut outcome = {
+            let (model, points) = (self.model, &*self.points);
+            let timings = &mut self.reached.summary.timings;
+            timings
+                .measure(Phase::Output, || observer.started(model, points))
+                .map_err(SolveError::Output)
+                .map(|()| true)
+        };
+        while let Ok(true) = outcome {
+            outcome = self.next::<M>(observer);
+        }
+        let Stepper { model, points, mut reached, .. } = self;
+        let Summary { timings, quality, .. } = &mut reached.summary;
+        timings.measure(Phase::Update, || quality.conclude(model, points));
+        let finished = reached.summary;
+        let reported = observer.finished(model, points, &finished, outcome.as_ref().err());
+        outcome.and(reported.map_err(SolveError::Output)).map(|_| finished)
     }
 
     /// The step that follows the last one in equilibrium; `None` at the end of the analysis.
-    pub(super) fn next_step(&self, model: &Model<D>) -> Option<Step> {
+    fn next_step(&self) -> Option<Step> {
         let Reached { step: Step { index, end: start, .. }, summary } = &self.reached;
-        let end = summary.pace.end_of_step(&model.stepping, *start)?;
+        let end = summary.pace.end_of_step(&self.model.stepping, *start)?;
         Some(Step { index: index + 1, start: *start, end })
     }
 
@@ -90,10 +229,8 @@ impl<const D: usize> Stepper<D> {
     ///
     /// # Errors
     /// [`SolveError`] that ends the run.
-    pub(super) fn try_step<M: Mechanics<D>>(
+    fn try_step<M: Mechanics<D>>(
         &mut self,
-        model: &Model<D>,
-        points: &mut Points<D>,
         step: Step,
         observer: &mut dyn Observer<D>,
     ) -> Result<(), SolveError> {
@@ -101,13 +238,14 @@ impl<const D: usize> Stepper<D> {
             return Err(SolveError::Interrupted { step: step.index });
         }
         // Whether other terms only weigh on the bodies is not known, and a slump that fails does not take back what they keep.
-        let may_slump =
-            self.reached.summary.pace.is_damped() && damping::may_slump(model, points) && !self.is_extended;
+        let may_slump = self.reached.summary.pace.is_damped()
+            && damping::may_slump(self.model, self.points)
+            && !self.is_extended;
         let slump = if may_slump { Slump::MayBegin } else { Slump::Forbidden };
-        match self.solve_step::<M>(model, points, step, slump, observer) {
-            Ok(Attempt::Equilibrium(report, path)) => self.accept(model, points, *report, path, observer),
-            Ok(Attempt::OnTheWay(way)) => self.slump::<M>(model, points, step, way, observer),
-            Err(failed) => self.refuse(model, points, *failed, observer),
+        match self.attempt::<M>(step, slump, observer) {
+            Ok(Attempt::Equilibrium(report, path)) => self.accept(*report, path, observer),
+            Ok(Attempt::OnTheWay(way)) => self.slump::<M>(step, way, observer),
+            Err(failed) => self.refuse(*failed, observer),
         }
     }
 
@@ -115,36 +253,34 @@ impl<const D: usize> Stepper<D> {
     /// without success the points are as they were.
     fn slump<M: Mechanics<D>>(
         &mut self,
-        model: &Model<D>,
-        points: &mut Points<D>,
         step: Step,
         first: OnTheWay,
         observer: &mut dyn Observer<D>,
     ) -> Result<(), SolveError> {
-        let before = points.clone();
+        let before = self.points.clone();
         let mut way = first;
         let (mut grids, mut rests) = (0, 0);
         loop {
-            points.commit();
+            self.points.commit();
             if observer.interrupted() {
-                *points = before;
+                *self.points = before;
                 return Err(SolveError::Interrupted { step: step.index });
             }
             grids += 1;
             rests = if way.is_at_rest { rests + 1 } else { 0 };
             let goes_on = grids < damping::MOST_GRIDS && rests < damping::MOST_RESTS;
             let slump = if goes_on { Slump::GoesOn } else { Slump::Ends };
-            match self.solve_step::<M>(model, points, step, slump, observer) {
+            match self.attempt::<M>(step, slump, observer) {
                 Ok(Attempt::Equilibrium(mut report, path)) => {
                     way.lead_to(&mut report);
-                    return self.accept(model, points, *report, path, observer);
+                    return self.accept(*report, path, observer);
                 }
                 Ok(Attempt::OnTheWay(more)) => way = more.after(way),
                 Err(mut failed) => {
-                    *points = before;
+                    *self.points = before;
                     // It has the points of a state that is gone.
                     failed.iterate = None;
-                    return self.refuse(model, points, *failed, observer);
+                    return self.refuse(*failed, observer);
                 }
             }
         }
@@ -153,15 +289,14 @@ impl<const D: usize> Stepper<D> {
     /// The trial state of a step in equilibrium becomes the converged state.
     fn accept(
         &mut self,
-        model: &Model<D>,
-        points: &mut Points<D>,
         report: StepReport<D>,
         path: Path,
         observer: &mut dyn Observer<D>,
     ) -> Result<(), SolveError> {
-        self.judge(model, points, &report);
-        points.commit();
+        self.judge(&report);
+        self.points.commit();
         self.terms.iter_mut().for_each(|term| term.commit());
+        let (model, points) = (self.model, &*self.points);
         let Reached { step, summary } = &mut self.reached;
         summary.terms =
             (self.terms.iter()).filter_map(|term| Some((term.name().to_owned(), term.save()?))).collect();
@@ -176,20 +311,15 @@ impl<const D: usize> Stepper<D> {
         let raised = summary.quality.judge_balances(model, points, &balance, report.step.index);
         summary.warnings.extend(raised);
         let mut timings = Timings::default();
-        let told = timings.measure(Phase::Output, || observer.converged(model, points, &report, summary));
+        let observed = timings.measure(Phase::Output, || observer.converged(model, points, &report, summary));
         summary.timings.add(&timings);
-        self.links = report.grid.links;
-        told.map_err(SolveError::Output)
+        self.report = Some(report);
+        observed.map_err(SolveError::Output)
     }
 
     /// Makes the next step smaller, or says why the run ends.
-    fn refuse(
-        &mut self,
-        model: &Model<D>,
-        points: &Points<D>,
-        failed: FailedAttempt<D>,
-        observer: &mut dyn Observer<D>,
-    ) -> Result<(), SolveError> {
+    fn refuse(&mut self, failed: FailedAttempt<D>, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
+        let (model, points) = (self.model, &*self.points);
         let Reached { summary, .. } = &mut self.reached;
         summary.failed_attempts += 1;
         let Step { start, end, .. } = failed.step;
@@ -202,7 +332,8 @@ impl<const D: usize> Stepper<D> {
             Diagnosis::new(model, points, &failed, self.lost_points.as_ref(), summary.largest_load_factor)
         });
         if goes_on {
-            let told = self.observe(|| observer.failed(model, points, &failed, None));
+            let observe = || observer.failed(model, points, &failed, None);
+            let observed = summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
             match diagnosis {
                 Some(diagnosis) => self.cause = Some((failed, diagnosis)),
                 None if failed.has_lost_points(model.newton.tolerance) => {
@@ -210,7 +341,7 @@ impl<const D: usize> Stepper<D> {
                 }
                 None => {}
             }
-            return told;
+            return observed;
         }
         let cause = self.cause.take().filter(|_| was_last_resort);
         let ended = match (&cause, &diagnosis) {
@@ -220,12 +351,14 @@ impl<const D: usize> Stepper<D> {
         };
         self.reached.summary.diagnosis = ended.map(|(_, diagnosis)| diagnosis.clone());
         // The run has failed already.
-        let _ = self.observe(|| observer.failed(model, points, &failed, ended));
+        let observe = || observer.failed(model, points, &failed, ended);
+        let _ = self.reached.summary.timings.measure(Phase::Output, observe);
         Err(cause.map_or(failed.error, |(cause, _)| cause.error))
     }
 
     /// Takes the measures of a step in equilibrium, before it is committed.
-    fn judge(&mut self, model: &Model<D>, points: &Points<D>, report: &StepReport<D>) {
+    fn judge(&mut self, report: &StepReport<D>) {
+        let (model, points) = (self.model, &*self.points);
         let Summary { timings, quality, warnings, .. } = &mut self.reached.summary;
         let raised = timings.measure(Phase::Update, || {
             let measures = Measures::new(model, points, &report.grid.links);
@@ -234,7 +367,7 @@ impl<const D: usize> Stepper<D> {
             raised
         });
         warnings.extend(raised);
-        if let Some(error) = self.equations.news()
+        if let Some(error) = self.equations.unreported_turn()
             && quality.is_first(Code::Factorised)
         {
             let step = report.step.index;
@@ -251,4 +384,8 @@ impl<const D: usize> Stepper<D> {
             });
         }
     }
+}
+
+fn refused(term: &str, reason: &str) -> SolveError {
+    SolveError::Term { term: term.to_owned(), reason: reason.to_owned() }
 }

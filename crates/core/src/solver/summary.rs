@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::equilibrium::{Energy, StepReport};
-use crate::linear::Named;
+use crate::linear::{Named, Solved};
 use crate::model::Model;
 use crate::points::Points;
 use crate::quality::{BalanceSoFar, Quality, Warning};
@@ -15,7 +15,6 @@ use crate::timing::Timings;
 
 use super::control::Path;
 use super::diagnosis::Diagnosis;
-use super::equations::Solved;
 use super::pace::Pace;
 
 /// The account of a run.

@@ -1,41 +1,44 @@
-//! The unknowns of a load step: displacement increments, reactions and load factor, eqs. (28), (30) and (40).
+//! The unknowns of a load step: nodal increments, reactions, load factor and global unknowns, eqs. (28), (30) and (40).
 
 use crate::assembly::System;
 use crate::dofs::DofMap;
 use crate::linear::LinearError;
 use crate::model::Model;
-
-use super::residual::norm;
-use super::residual::{Forces, Parts};
 use crate::step::{At, Nodal};
 
+use super::residual::{Forces, norm};
+
 /// The unknowns of a load step and the vectors that an iteration works with.
-pub(super) struct Unknowns<const D: usize> {
-    /// Displacement increment Δd of the active nodes, [length].
-    pub(super) delta_d: Nodal<D>,
+pub(super) struct Unknowns<const N: usize> {
+    /// Increments of the active nodes; those of the displacement are Δd, [length].
+    pub(super) delta_d: Nodal<N>,
     /// Load factor, where that is unknown, [-].
     pub(super) factor: f64,
+    /// Increments of the global unknowns.
+    pub(super) globals: Vec<f64>,
     /// Reactions, from the linearised equations of the iterations so far, [force].
-    pub(super) reaction: Nodal<D>,
-    /// The last iterative displacement δd, [length], …
-    pub(super) iterative: Nodal<D>,
-    /// … the change of the load factor that belongs to it, …
+    pub(super) reaction: Nodal<N>,
+    /// The last iterative increment δd, …
+    pub(super) iterative: Nodal<N>,
+    /// … the changes of the load factor and of the global unknowns that belong to it, …
     pub(super) iterative_factor: f64,
+    pub(super) iterative_globals: Vec<f64>,
     /// … and K δd, [force].
-    pub(super) k_delta: Nodal<D>,
-    /// Whether δd contains a prescribed motion, of which a part would be no step towards equilibrium.
+    pub(super) k_delta: Nodal<N>,
+    /// True if δd contains a prescribed motion, of which a part would be no step towards equilibrium.
     pub(super) prescribes: bool,
-    pub(super) rhs: Nodal<D>,
-    /// What the first iterative displacement is predicted to be, in place of a solution, [length].
-    pub(super) predicted: Option<Nodal<D>>,
-    /// (δd, rhs) where δd was found: the slope of the potential there, [energy].
+    /// Right-hand side of the equations of the unknowns, [force].
+    pub(super) rhs: Nodal<N>,
+    /// Prediction of the first iterative displacement, in place of a solution, [length].
+    pub(super) predicted: Option<Nodal<N>>,
+    /// (δd, f_ext − f_int + f_react) where δd was found: the slope of the potential there, [energy].
     slope: f64,
-    /// How much of δd has been taken, [-].
+    /// The part of δd that has been taken, [-].
     taken: f64,
+    /// Number of axes: the components of the displacement.
+    axes: usize,
     /// A displacement that no equilibrium in this grid can have, [length].
     far: f64,
-    /// The connected parts of the bodies.
-    pub(super) parts: Parts,
 }
 
 /// An iterative displacement of so many diameters of the grid is the work of a singular stiffness.
@@ -44,119 +47,137 @@ const FAR: f64 = 1e6;
 /// A line search is content with this part of the slope of the potential.
 const FLAT: f64 = 0.5;
 
-/// A prescribed displacement that differs by less than this, relative to its size, is reached.
-const REACHED: f64 = 1e-12;
-
-impl<const D: usize> Unknowns<D> {
-    pub(super) fn new(model: &Model<D>, parts: Parts, factor: f64, n_active: usize) -> Self {
-        let zero = vec![[0.0; D]; n_active];
+impl<const N: usize> Unknowns<N> {
+    pub(super) fn new<const D: usize>(
+        model: &Model<D>,
+        factor: f64,
+        n_active: usize,
+        n_globals: usize,
+    ) -> Self {
+        let zero = vec![[0.0; N]; n_active];
         let [low, high] = model.grid.bounds();
         let diameter = norm((0..D).map(|d| high[d] - low[d]));
         Unknowns {
             delta_d: zero.clone(),
             factor,
+            globals: vec![0.0; n_globals],
             reaction: zero.clone(),
             iterative: zero.clone(),
             iterative_factor: 0.0,
+            iterative_globals: vec![0.0; n_globals],
             k_delta: zero.clone(),
             prescribes: false,
             rhs: zero,
             predicted: None,
             slope: 0.0,
             taken: 1.0,
+            axes: D,
             far: FAR * diameter,
-            parts,
         }
     }
 
-    /// The right-hand side of eq. (26), with what is left of the prescribed motion in the iterative displacement.
+    /// The right-hand side of eq. (26), with what is left of the prescribed motion in the iterative increment: that motion
+    /// loads the unknowns through K.
     pub(super) fn right_hand_side(
         &mut self,
-        system: &mut System<D>,
-        dofs: &DofMap<D>,
-        out_of_balance: &[[f64; D]],
+        system: &mut System<N>,
+        dofs: &DofMap<N>,
+        out_of_balance: &[[f64; N]],
     ) {
-        let Unknowns { iterative: delta, k_delta, rhs, delta_d, prescribes, .. } = self;
-        delta.fill([0.0; D]);
-        k_delta.fill([0.0; D]);
-        // The motion of the prescribed degrees of freedom loads the free ones through K.
-        let mut moves = false;
-        dofs.for_each(|node, axis, _| {
-            if let Some((increment, _)) = dofs.prescribed(node, axis) {
-                delta[node][axis] = increment - delta_d[node][axis];
-                moves |= delta[node][axis] != 0.0;
-            }
-        });
-        *prescribes = moves;
-        if moves {
-            system.multiply(delta, k_delta);
+        let Unknowns { iterative, k_delta, rhs, delta_d, .. } = self;
+        self.prescribes = dofs.remaining(delta_d, iterative);
+        k_delta.fill([0.0; N]);
+        if self.prescribes {
+            system.multiply(iterative, k_delta);
+            dofs.condense(k_delta);
         }
-        dofs.for_each(|node, axis, free| {
-            let force = out_of_balance[node][axis] - k_delta[node][axis];
-            rhs[node][axis] = if free.is_some() { force } else { 0.0 };
-        });
+        for ((rhs, force), change) in rhs.iter_mut().zip(out_of_balance).zip(k_delta) {
+            *rhs = std::array::from_fn(|c| force[c] - change[c]);
+        }
+        dofs.on_unknowns(rhs);
     }
 
-    /// Takes the iterative displacement, eq. (30), with the linearised change of the reactions.
+    /// Takes the iterative increment, eq. (30), with the linearised change of the reactions.
     pub(super) fn advance(
         &mut self,
-        system: &mut System<D>,
-        dofs: &DofMap<D>,
-        out_of_balance: &[[f64; D]],
+        system: &mut System<N>,
+        dofs: &DofMap<N>,
+        out_of_balance: &[[f64; N]],
     ) -> Result<(), LinearError> {
         // Only a motion that nothing resists carries a node that far.
         let far = |u: &f64| u.abs() > self.far;
         let delta = &self.iterative;
-        let carried = (0..delta.len())
-            .find_map(|node| delta[node].iter().position(far).and_then(|axis| dofs.free(node, axis)));
+        let carried = (0..delta.len()).find_map(|node| {
+            delta[node][..self.axes].iter().position(far).and_then(|axis| dofs.free(node, axis))
+        });
         if let Some(unknown) = carried {
             return Err(LinearError::Singular { unknown: Some(unknown) });
         }
         system.multiply(&self.iterative, &mut self.k_delta);
+        system.border.add_columns(&self.iterative_globals, &mut self.k_delta);
+        dofs.condense(&mut self.k_delta);
         let (change, per_factor) = (self.iterative_factor, system.per_factor());
-        dofs.for_each(|node, axis, free| {
-            self.delta_d[node][axis] += self.iterative[node][axis]; // (30)
-            if free.is_none() {
-                let load = per_factor.map_or(0.0, |unit| change * unit[node][axis]);
-                let unbalanced = out_of_balance[node][axis];
-                self.k_delta[node][axis] -= load;
-                self.reaction[node][axis] += self.k_delta[node][axis] - unbalanced;
-            } else {
-                self.k_delta[node][axis] = 0.0;
+        for node in 0..self.delta_d.len() {
+            let mut balanced = self.k_delta[node];
+            for c in 0..N {
+                self.delta_d[node][c] += self.iterative[node][c]; // (30)
+                balanced[c] -= per_factor.map_or(0.0, |unit| change * unit[node][c]);
             }
-        });
+            self.k_delta[node] = dofs.held_part(node, &balanced);
+            let unbalanced = dofs.held_part(node, &out_of_balance[node]);
+            for c in 0..N {
+                self.reaction[node][c] += self.k_delta[node][c] - unbalanced[c];
+            }
+        }
         self.factor += change;
+        for (global, change) in self.globals.iter_mut().zip(&self.iterative_globals) {
+            *global += change;
+        }
         self.taken = 1.0;
-        self.slope = self.slope(&self.rhs);
+        // Without prescribed motion, which no line search shortens, this is the work on the unknowns.
+        self.slope = self.slope(out_of_balance);
         Ok(())
+    }
+
+    /// Adds the response to a change of the load factor, of which the responses to a unit are given.
+    pub(super) fn add_response(&mut self, change: f64, of_load: &[[f64; N]], globals: &[f64]) {
+        for (delta, of_load) in self.iterative.iter_mut().flatten().zip(of_load.iter().flatten()) {
+            *delta += change * of_load;
+        }
+        for (delta, of_load) in self.iterative_globals.iter_mut().zip(globals) {
+            *delta += change * of_load;
+        }
+        self.iterative_factor = change;
     }
 
     /// Forgets all iterations.
     pub(super) fn start_again(&mut self) {
-        self.delta_d.fill([0.0; D]);
-        self.reaction.fill([0.0; D]);
-        self.iterative.fill([0.0; D]);
+        self.delta_d.fill([0.0; N]);
+        self.globals.fill(0.0);
+        self.reaction.fill([0.0; N]);
+        self.iterative.fill([0.0; N]);
     }
 
-    /// Takes only a part of what is taken of the last iterative displacement.
+    /// Takes only a part of what is taken of the last iterative increment.
     pub(super) fn shorten(&mut self, part: f64) {
         let back = 1.0 - part;
-        for (u, delta) in self.delta_d.iter_mut().flatten().zip(self.iterative.iter_mut().flatten()) {
-            *u -= back * *delta;
-            *delta *= part;
-        }
-        // Not zero on prescribed degrees of freedom only.
-        for (reaction, change) in self.reaction.iter_mut().flatten().zip(self.k_delta.iter_mut().flatten()) {
-            *reaction -= back * *change;
+        let retreat = |value: &mut f64, change: &mut f64| {
+            *value -= back * *change;
             *change *= part;
-        }
-        self.factor -= back * self.iterative_factor;
-        self.iterative_factor *= part;
+        };
+        let both = |values: &mut [f64], changes: &mut [f64]| {
+            values.iter_mut().zip(changes).for_each(|(value, change)| retreat(value, change));
+        };
+        both(self.delta_d.as_flattened_mut(), self.iterative.as_flattened_mut());
+        // Zero where there is no constraint.
+        both(self.reaction.as_flattened_mut(), self.k_delta.as_flattened_mut());
+        both(&mut self.globals, &mut self.iterative_globals);
+        retreat(&mut self.factor, &mut self.iterative_factor);
         self.taken *= part;
     }
 
     /// The work of a force on the whole last iterative displacement, [energy].
-    pub(super) fn slope(&self, force: &[[f64; D]]) -> f64 {
+    pub(super) fn slope(&self, force: &[[f64; N]]) -> f64 {
         let work = force.iter().flatten().zip(self.iterative.iter().flatten()).map(|(f, u)| f * u);
         work.sum::<f64>() / self.taken
     }
@@ -168,32 +189,21 @@ impl<const D: usize> Unknowns<D> {
         climbs.then(|| (self.slope / (self.slope - slope)).clamp(0.1, 0.9))
     }
 
-    /// Whether all prescribed displacements have been reached.
-    pub(super) fn follows(&self, dofs: &DofMap<D>) -> bool {
-        let mut follows = true;
-        dofs.for_each(|node, axis, _| {
-            if let Some((increment, _)) = dofs.prescribed(node, axis) {
-                follows &= (increment - self.delta_d[node][axis]).abs() <= REACHED * increment.abs();
-            }
-        });
-        follows
-    }
-
-    /// f_ext − f_int + f_react over all degrees of freedom, constrained ones included; eq. (28) with the sign that
-    /// eq. (26) needs.
-    pub(super) fn balance(&self, f_ext: &Nodal<D>, f_int: &[[f64; D]]) -> Nodal<D> {
+    /// f_ext − f_int + f_react over all components, constrained ones included; eq. (28) with the sign that eq. (26) needs.
+    pub(super) fn balance(&self, system: &System<N>) -> Nodal<N> {
+        let (f_ext, f_int) = (system.external_force(), system.internal_force());
         (0..f_ext.len())
-            .map(|n| std::array::from_fn(|d| f_ext[n][d] - f_int[n][d] + self.reaction[n][d]))
+            .map(|n| std::array::from_fn(|c| f_ext[n][c] - f_int[n][c] + self.reaction[n][c]))
             .collect()
     }
 
-    /// Where the terms are evaluated.
-    pub(super) fn at(&self) -> At<'_, D> {
-        At { delta_d: &self.delta_d, factor: self.factor }
+    /// The unknowns at which the terms are evaluated.
+    pub(super) fn at(&self) -> At<'_, N> {
+        At { delta_d: &self.delta_d, factor: self.factor, globals: &self.globals }
     }
 
     /// The forces that eq. (40) compares.
-    pub(super) fn forces<'a>(&'a self, out_of_balance: &'a Nodal<D>, f_ext: &'a Nodal<D>) -> Forces<'a, D> {
+    pub(super) fn forces<'a>(&'a self, out_of_balance: &'a Nodal<N>, f_ext: &'a Nodal<N>) -> Forces<'a, N> {
         Forces { out_of_balance, f_ext, reaction: &self.reaction }
     }
 }

@@ -154,7 +154,7 @@ impl<const D: usize> ExternalForces<D> {
     }
 }
 
-impl<const D: usize> Term<D> for ExternalForces<D> {
+impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
     fn name(&self) -> &'static str {
         "external forces"
     }
@@ -186,9 +186,9 @@ impl<const D: usize> Term<D> for ExternalForces<D> {
         &mut self,
         _: &StepContext<D>,
         _: &mut Points<D>,
-        at: At<D>,
+        at: At<N>,
         _: Wanted,
-        sum: &mut System<D>,
+        sum: &mut System<N>,
     ) -> Result<(), PointFailure> {
         self.set_factor(at.factor);
         add(&mut sum.external, &self.end);
@@ -198,7 +198,7 @@ impl<const D: usize> Term<D> for ExternalForces<D> {
         Ok(())
     }
 
-    fn force_at_start(&self, force: &mut Nodal<D>) {
+    fn force_at_start(&self, force: &mut Nodal<N>) {
         add(force, &self.start);
     }
 

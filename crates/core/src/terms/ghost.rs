@@ -152,7 +152,7 @@ impl Ghost {
     }
 
     /// The places of the blocks that the stiffness of all faces is added to.
-    fn places_in<const D: usize>(&self, sum: &System<D>) -> Vec<[Option<usize>; 2]> {
+    fn places_in<const N: usize>(&self, sum: &System<N>) -> Vec<[Option<usize>; 2]> {
         let mut places = Vec::with_capacity(self.stiffness.len());
         for face in 0..self.n_faces() {
             let nodes = self.nodes_of(face);
@@ -168,14 +168,14 @@ impl Ghost {
         places
     }
 
-    /// Adds f_G of a displacement increment of the active nodes, [length], to a force on them, [force].
-    pub fn add_force<const D: usize>(&self, delta_d: &[[f64; D]], force: &mut [[f64; D]]) {
+    /// Adds f_G of the displacement increment of the active nodes along so many axes, [length], to a force on them, [force].
+    pub fn add_force<const N: usize>(&self, axes: usize, delta_d: &[[f64; N]], force: &mut [[f64; N]]) {
         for face in 0..self.n_faces() {
             let (nodes, stiffness) = (self.nodes_of(face), self.stiffness_of(face));
             let mut at = 0;
             for (a, &row) in nodes.iter().enumerate() {
                 for (b, &column) in nodes[..=a].iter().enumerate() {
-                    for d in 0..D {
+                    for d in 0..axes {
                         force[row as usize][d] += stiffness[at] * delta_d[column as usize][d];
                         if a != b {
                             force[column as usize][d] += stiffness[at] * delta_d[row as usize][d];
@@ -188,7 +188,7 @@ impl Ghost {
     }
 }
 
-impl<const D: usize> Term<D> for Ghost {
+impl<const D: usize, const N: usize> Term<D, N> for Ghost {
     fn name(&self) -> &'static str {
         "ghost stabilisation"
     }
@@ -210,9 +210,9 @@ impl<const D: usize> Term<D> for Ghost {
         &mut self,
         _: &StepContext<D>,
         _: &mut Points<D>,
-        at: At<D>,
+        at: At<N>,
         wanted: Wanted,
-        sum: &mut System<D>,
+        sum: &mut System<N>,
     ) -> Result<(), PointFailure> {
         if wanted == Wanted::Stiffness {
             if self.places.is_empty() {
@@ -226,17 +226,17 @@ impl<const D: usize> Term<D> for Ghost {
                 }
             }
         }
-        self.add_force(at.delta_d, sum.internal_force_mut());
+        self.add_force(D, at.delta_d, sum.internal_force_mut());
         Ok(())
     }
 
     /// Its work from 0: ½ f_G·Δd. The next step forgets it.
-    fn ledger(&self, _: &StepContext<D>, _: &Points<D>, at: At<D>) -> Ledger {
+    fn ledger(&self, _: &StepContext<D>, _: &Points<D>, at: At<N>) -> Ledger {
         if self.n_faces() == 0 {
             return Ledger::default();
         }
-        let mut force = vec![[0.0; D]; at.delta_d.len()];
-        self.add_force(at.delta_d, &mut force);
+        let mut force = vec![[0.0; N]; at.delta_d.len()];
+        self.add_force(D, at.delta_d, &mut force);
         let work = force.iter().flatten().zip(at.delta_d.iter().flatten()).map(|(f, u)| f * u).sum::<f64>();
         Ledger { lost: 0.5 * work, ..Ledger::default() }
     }

@@ -17,7 +17,7 @@ use crate::assembly::{NodePairs, System, UNCOUPLED, Wanted};
 use crate::basis::{Connectivity, Room};
 use crate::linear::Block;
 use crate::points::{PIECE, Points};
-use crate::step::{At, StepContext};
+use crate::step::{At, StepContext, displacement};
 use crate::stress::{Mechanics, StartOfStep};
 
 use super::failure::{LoadNotFinite, PointFailure};
@@ -86,7 +86,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
     }
 }
 
-impl<const D: usize, M: Mechanics<D>> Term<D> for MaterialPoints<D, M> {
+impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoints<D, M> {
     fn name(&self) -> &'static str {
         "material points"
     }
@@ -118,9 +118,9 @@ impl<const D: usize, M: Mechanics<D>> Term<D> for MaterialPoints<D, M> {
         &mut self,
         step: &StepContext<D>,
         points: &mut Points<D>,
-        at: At<D>,
+        at: At<N>,
         wanted: Wanted,
-        sum: &mut System<D>,
+        sum: &mut System<N>,
     ) -> Result<(), PointFailure> {
         let StepContext { model, links, .. } = *step;
         let System { pairs, blocks, internal, .. } = sum;
@@ -130,6 +130,7 @@ impl<const D: usize, M: Mechanics<D>> Term<D> for MaterialPoints<D, M> {
         let MaterialPoints { start, batches, dense, value, gradient, mapped, .. } = self;
         let [mut in_hand, mut before] = dense.each_mut();
         let mut merged = 0..0;
+        let delta_d = displacement(at.delta_d);
         for batch in batches.iter().cloned() {
             let task = Task::<D, M> {
                 model,
@@ -140,7 +141,7 @@ impl<const D: usize, M: Mechanics<D>> Term<D> for MaterialPoints<D, M> {
                 start,
                 links,
                 pairs,
-                delta_d: at.delta_d,
+                delta_d: &delta_d,
                 wanted,
                 mechanics: PhantomData,
             };
@@ -168,7 +169,7 @@ impl<const D: usize, M: Mechanics<D>> Term<D> for MaterialPoints<D, M> {
         Ok(())
     }
 
-    fn ledger(&self, step: &StepContext<D>, points: &Points<D>, _: At<D>) -> Ledger {
+    fn ledger(&self, step: &StepContext<D>, points: &Points<D>, _: At<N>) -> Ledger {
         let mut ledger = Ledger::default();
         for p in 0..points.len() {
             let law = step.model.law(points, p);
@@ -185,13 +186,13 @@ impl<const D: usize, M: Mechanics<D>> Term<D> for MaterialPoints<D, M> {
 }
 
 /// Adds the dense blocks of a batch to the system, in the order of its groups.
-fn merge<const D: usize>(
+fn merge<const D: usize, const N: usize>(
     pairs: &NodePairs,
     links: &Connectivity<D>,
     batch: Range<usize>,
     dense: &DenseBatch<D>,
-    blocks: &mut [Block<D>],
-    internal: &mut [[f64; D]],
+    blocks: &mut [Block<N>],
+    internal: &mut [[f64; N]],
     wanted: Wanted,
 ) {
     let (mut k, mut f) = (0, 0);
@@ -215,7 +216,8 @@ fn merge<const D: usize>(
     }
 }
 
-fn add<const D: usize>(sum: &mut [f64; D], x: &[f64; D]) {
+/// Adds to the first components.
+fn add<const D: usize, const N: usize>(sum: &mut [f64; N], x: &[f64; D]) {
     for d in 0..D {
         sum[d] += x[d];
     }

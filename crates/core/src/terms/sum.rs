@@ -1,6 +1,7 @@
 //! The sum of all terms in a load step.
 
-use crate::assembly::{System, Wanted};
+use crate::assembly::{System, Wanted, with_ties};
+use crate::dofs::DofMap;
 use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 use crate::stress::Mechanics;
@@ -12,10 +13,10 @@ use super::material_points::MaterialPoints;
 use super::term::{Ledger, Term};
 
 /// The terms of a model, in the order in which they are added up.
-pub type Terms<const D: usize> = Vec<Box<dyn Term<D>>>;
+pub type Terms<const D: usize, const N: usize = D> = Vec<Box<dyn Term<D, N>>>;
 
 /// The terms that every analysis has.
-pub fn of_bodies<const D: usize, M: Mechanics<D>>() -> Terms<D> {
+pub fn of_bodies<const D: usize, const N: usize, M: Mechanics<D>>() -> Terms<D, N> {
     vec![
         Box::new(MaterialPoints::<D, M>::default()),
         Box::new(Ghost::default()),
@@ -24,30 +25,24 @@ pub fn of_bodies<const D: usize, M: Mechanics<D>>() -> Terms<D> {
 }
 
 /// The sum of all terms in one load step.
-pub struct Sum<const D: usize> {
-    terms: Terms<D>,
-    system: System<D>,
+pub struct Sum<const D: usize, const N: usize = D> {
+    terms: Terms<D, N>,
+    system: System<N>,
 }
 
-impl<const D: usize> Sum<D> {
-    /// Begins a step with these terms, and lays out the system.
-    ///
-    /// # Errors
-    /// [`LoadNotFinite`], with the terms.
-    pub fn new(
-        mut terms: Terms<D>,
-        step: &StepContext<D>,
-        points: &Points<D>,
-    ) -> Result<Self, (Box<LoadNotFinite>, Terms<D>)> {
-        for k in 0..terms.len() {
-            if let Err(error) = terms[k].begin(step, points) {
-                return Err((error, terms));
-            }
-        }
+impl<const D: usize, const N: usize> Sum<D, N> {
+    /// Lays out the system of a step that these terms have begun.
+    pub fn new(terms: Terms<D, N>, step: &StepContext<D>, dofs: &DofMap<N>) -> Self {
         let symmetric = terms.iter().all(|term| term.is_symmetric(step));
-        let system =
-            System::new(step.links, symmetric, &|couple| terms.iter().for_each(|term| term.couples(couple)));
-        Ok(Sum { terms, system })
+        let of_terms = |couple: &mut dyn FnMut(&[u32])| terms.iter().for_each(|term| term.couples(couple));
+        let globals = terms.iter().map(|term| term.n_globals()).sum();
+        let system = System::new(
+            step.links,
+            symmetric,
+            &|couple| with_ties(dofs, step.links, &of_terms, couple),
+            globals,
+        );
+        Sum { terms, system }
     }
 
     /// The sum of the terms that every analysis has, for a model whose loads are finite.
@@ -58,7 +53,9 @@ impl<const D: usize> Sum<D> {
         step: &StepContext<D>,
         points: &Points<D>,
     ) -> Result<Self, Box<LoadNotFinite>> {
-        Sum::new(of_bodies::<D, M>(), step, points).map_err(|(error, _)| error)
+        let mut terms = of_bodies::<D, N, M>();
+        terms.iter_mut().try_for_each(|term| term.begin(step, points))?;
+        Ok(Sum::new(terms, step, &DofMap::unconstrained(step.links.n_active())))
     }
 
     /// Evaluates all terms.
@@ -69,34 +66,43 @@ impl<const D: usize> Sum<D> {
         &mut self,
         step: &StepContext<D>,
         points: &mut Points<D>,
-        at: At<D>,
+        at: At<N>,
         wanted: Wanted,
     ) -> Result<(), PointFailure> {
         self.system.clear(wanted);
         let Sum { terms, system } = self;
-        terms.iter_mut().try_for_each(|term| term.evaluate(step, points, at, wanted, system))
+        for term in terms {
+            let (own, rest) = of_term(term.as_ref(), at, system.border.first);
+            term.evaluate(step, points, own, wanted, system)?;
+            system.border.first = rest;
+        }
+        Ok(())
     }
 
     /// What the terms have added in the last evaluation.
-    pub fn system(&self) -> &System<D> {
+    pub fn system(&self) -> &System<N> {
         &self.system
     }
 
     /// The same, to solve with.
-    pub fn system_mut(&mut self) -> &mut System<D> {
+    pub fn system_mut(&mut self) -> &mut System<N> {
         &mut self.system
     }
 
-    /// The external force of the state that the step starts from, [force].
-    pub fn external_force_at_start(&self) -> Nodal<D> {
-        let mut force = vec![[0.0; D]; self.system.internal_force().len()];
+    /// The external force of the state that the step starts from, condensed as those at its end, [force].
+    pub fn external_force_at_start(&self, dofs: &DofMap<N>) -> Nodal<N> {
+        let mut force = vec![[0.0; N]; self.system.internal_force().len()];
         self.terms.iter().for_each(|term| term.force_at_start(&mut force));
+        dofs.condense(&mut force);
         force
     }
 
     /// Work and energy of all terms.
-    pub fn ledger(&self, step: &StepContext<D>, points: &Points<D>, at: At<D>) -> Ledger {
+    pub fn ledger(&self, step: &StepContext<D>, points: &Points<D>, at: At<N>) -> Ledger {
+        let mut first = 0;
         self.terms.iter().fold(Ledger::default(), |sum, term| {
+            let (at, next) = of_term(term.as_ref(), at, first);
+            first = next;
             let own = term.ledger(step, points, at);
             Ledger {
                 stored: sum.stored + own.stored,
@@ -123,7 +129,17 @@ impl<const D: usize> Sum<D> {
     }
 
     /// The terms, for the next step.
-    pub fn into_terms(self) -> Terms<D> {
+    pub fn into_terms(self) -> Terms<D, N> {
         self.terms
     }
+}
+
+/// What a term is evaluated at, with its own global unknowns, the first of which is given; and the first of the next term.
+fn of_term<'a, const D: usize, const N: usize>(
+    term: &dyn Term<D, N>,
+    at: At<'a, N>,
+    first: usize,
+) -> (At<'a, N>, usize) {
+    let next = first + term.n_globals();
+    (At { globals: at.globals.get(first..next).unwrap_or_default(), ..at }, next)
 }

@@ -5,13 +5,19 @@ use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 
 use super::failure::{LoadNotFinite, PointFailure};
+use crate::dofs::{ConstraintError, Constraints};
+
+/// The first number of a condition that is not one of the model.
+pub const FURTHER: usize = 1 << 15;
 
 /// A part of equilibrium.
 ///
 /// A step calls [`begin`](Term::begin) once, then [`couples`](Term::couples), then [`evaluate`](Term::evaluate) as often as it
 /// needs, and [`commit`](Term::commit) where it has reached equilibrium. A step that is given up ends without a call: nothing
 /// but what a term keeps until [`commit`](Term::commit) may outlast it.
-pub trait Term<const D: usize>: Send {
+///
+/// There are `D` axes and `N` components at each node, of which the first `D` are the displacement.
+pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Name, as errors and checkpoints have it.
     fn name(&self) -> &'static str;
 
@@ -33,6 +39,25 @@ pub trait Term<const D: usize>: Send {
     /// nodes that share a group of points.
     fn couples(&self, _couple: &mut dyn FnMut(&[u32])) {}
 
+    /// Adds constraints on the active nodes of a step: prescribed values of a further field, or ties. The numbers of its
+    /// conditions begin with [`FURTHER`]; no reactions are reported of them.
+    ///
+    /// # Errors
+    /// [`ConstraintError`] where they contradict others.
+    fn constrain(
+        &self,
+        _step: &StepContext<D>,
+        _points: &Points<D>,
+        _constraints: &mut Constraints<N>,
+    ) -> Result<(), ConstraintError> {
+        Ok(())
+    }
+
+    /// Number of global unknowns that it has, such as the motions of a rigid body; their increments start each step at 0.
+    fn n_globals(&self) -> usize {
+        0
+    }
+
     /// Adds its force, and if wanted its stiffness, at these unknowns. Of the points it writes the trial state only.
     ///
     /// # Errors
@@ -41,16 +66,16 @@ pub trait Term<const D: usize>: Send {
         &mut self,
         step: &StepContext<D>,
         points: &mut Points<D>,
-        at: At<D>,
+        at: At<N>,
         wanted: Wanted,
-        sum: &mut System<D>,
+        sum: &mut System<N>,
     ) -> Result<(), PointFailure>;
 
     /// Adds the external force of the state that the step starts from to `force` on the active nodes, [force].
-    fn force_at_start(&self, _force: &mut Nodal<D>) {}
+    fn force_at_start(&self, _force: &mut Nodal<N>) {}
 
     /// Work and energy at the end of the step, which is in equilibrium at these unknowns and not committed.
-    fn ledger(&self, _step: &StepContext<D>, _points: &Points<D>, _at: At<D>) -> Ledger {
+    fn ledger(&self, _step: &StepContext<D>, _points: &Points<D>, _at: At<N>) -> Ledger {
         Ledger::default()
     }
 

@@ -25,29 +25,29 @@ impl From<LinearError> for Failure {
 
 /// The vectors of the iterations.
 #[derive(Default)]
-pub(super) struct ConjugateGradients<const D: usize> {
-    residual: Vec<[f64; D]>,
-    preconditioned: Vec<[f64; D]>,
-    direction: Vec<[f64; D]>,
-    product: Vec<[f64; D]>,
+pub(super) struct ConjugateGradients<const N: usize> {
+    residual: Vec<[f64; N]>,
+    preconditioned: Vec<[f64; N]>,
+    direction: Vec<[f64; N]>,
+    product: Vec<[f64; N]>,
 }
 
-impl<const D: usize> ConjugateGradients<D> {
+impl<const N: usize> ConjugateGradients<N> {
     /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations.
     pub(super) fn solve(
         &mut self,
-        multiply: &mut impl FnMut(&[[f64; D]], &mut [[f64; D]]),
-        precondition: &mut impl FnMut(&[[f64; D]], &mut [[f64; D]]) -> Result<(), LinearError>,
-        b: &[[f64; D]],
-        x: &mut [[f64; D]],
+        multiply: &mut impl FnMut(&[[f64; N]], &mut [[f64; N]]),
+        precondition: &mut impl FnMut(&[[f64; N]], &mut [[f64; N]]) -> Result<(), LinearError>,
+        b: &[[f64; N]],
+        x: &mut [[f64; N]],
         tolerance: f64,
     ) -> Result<usize, Failure> {
         let Self { residual: r, preconditioned: z, direction: p, product: q } = self;
         for vector in [&mut *r, &mut *z, &mut *p, &mut *q] {
             vector.clear();
-            vector.resize(b.len(), [0.0; D]);
+            vector.resize(b.len(), [0.0; N]);
         }
-        x.fill([0.0; D]);
+        x.fill([0.0; N]);
         r.copy_from_slice(b);
         let size = dot(r, r).sqrt();
         let mut rz_before = 0.0;
@@ -82,7 +82,7 @@ impl<const D: usize> ConjugateGradients<D> {
 }
 
 /// p ← z + β p.
-fn combine<const D: usize>(p: &mut [[f64; D]], beta: f64, z: &[[f64; D]]) {
+fn combine<const N: usize>(p: &mut [[f64; N]], beta: f64, z: &[[f64; N]]) {
     for (p, z) in p.as_flattened_mut().iter_mut().zip(z.as_flattened()) {
         *p = z + beta * *p;
     }

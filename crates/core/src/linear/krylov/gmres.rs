@@ -10,14 +10,14 @@ const RESTART: usize = 40;
 
 /// The vectors of the iterations.
 #[derive(Default)]
-pub(super) struct Gmres<const D: usize> {
+pub(super) struct Gmres<const N: usize> {
     /// Orthonormal basis of the Krylov space, as long as any has been.
-    basis: Vec<Vec<[f64; D]>>,
-    work: Vec<[f64; D]>,
-    preconditioned: Vec<[f64; D]>,
+    basis: Vec<Vec<[f64; N]>>,
+    work: Vec<[f64; N]>,
+    preconditioned: Vec<[f64; N]>,
 }
 
-impl<const D: usize> Gmres<D> {
+impl<const N: usize> Gmres<N> {
     /// Solves A x = b to a residual of `tolerance` relative to b; returns the number of iterations. Preconditioned from
     /// the right, so that the residual is that of the equations.
     ///
@@ -25,17 +25,17 @@ impl<const D: usize> Gmres<D> {
     /// [`LinearError::NotConverged`]; what the preconditioner says.
     pub(super) fn solve(
         &mut self,
-        multiply: &mut impl FnMut(&[[f64; D]], &mut [[f64; D]]),
-        precondition: &mut impl FnMut(&[[f64; D]], &mut [[f64; D]]) -> Result<(), LinearError>,
-        b: &[[f64; D]],
-        x: &mut [[f64; D]],
+        multiply: &mut impl FnMut(&[[f64; N]], &mut [[f64; N]]),
+        precondition: &mut impl FnMut(&[[f64; N]], &mut [[f64; N]]) -> Result<(), LinearError>,
+        b: &[[f64; N]],
+        x: &mut [[f64; N]],
         tolerance: f64,
     ) -> Result<usize, LinearError> {
         let Self { basis, work, preconditioned } = self;
-        work.resize(b.len(), [0.0; D]);
-        preconditioned.resize(b.len(), [0.0; D]);
-        basis.iter_mut().for_each(|vector| vector.resize(b.len(), [0.0; D]));
-        x.fill([0.0; D]);
+        work.resize(b.len(), [0.0; N]);
+        preconditioned.resize(b.len(), [0.0; N]);
+        basis.iter_mut().for_each(|vector| vector.resize(b.len(), [0.0; N]));
+        x.fill([0.0; N]);
         let size = dot(b, b).sqrt();
         let mut iterations = 0;
         loop {
@@ -75,7 +75,7 @@ impl<const D: usize> Gmres<D> {
                 }
                 put(basis, j + 1, work, rest);
             }
-            work.fill([0.0; D]);
+            work.fill([0.0; N]);
             for (vector, y) in basis.iter().zip(projection.solution()) {
                 add(work, y, vector);
             }
@@ -86,7 +86,7 @@ impl<const D: usize> Gmres<D> {
 }
 
 /// Puts a vector, divided by its norm, at this place of the basis.
-fn put<const D: usize>(basis: &mut Vec<Vec<[f64; D]>>, place: usize, vector: &[[f64; D]], norm: f64) {
+fn put<const N: usize>(basis: &mut Vec<Vec<[f64; N]>>, place: usize, vector: &[[f64; N]], norm: f64) {
     let unit = vector.iter().map(|v| v.map(|v| v / norm));
     match basis.get_mut(place) {
         Some(there) => there.iter_mut().zip(unit).for_each(|(a, b)| *a = b),

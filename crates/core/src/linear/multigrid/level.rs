@@ -17,32 +17,32 @@ const NEAR: usize = 3 * 343 + 4;
 /// A level: Â = S A S with the matrix A of the level and a diagonal S that makes the entries about one, however small
 /// the part of a cell is that a body fills. Held degrees of freedom have no entry but a one on the diagonal.
 #[derive(Debug, Clone)]
-pub(super) struct Level<const D: usize> {
+pub(super) struct Level<const D: usize, const N: usize> {
     pub lattice: Lattice<D>,
-    pub rows: Rows<D>,
+    pub rows: Rows<N>,
     /// The diagonal of S, zero where held.
-    pub scale: Vec<[f64; D]>,
+    pub scale: Vec<[f64; N]>,
     /// Its inverse, zero where held.
-    unscale: Vec<[f64; D]>,
+    unscale: Vec<[f64; N]>,
     /// Degrees of freedom that are prescribed.
-    held: Vec<[bool; D]>,
+    held: Vec<[bool; N]>,
     /// Inverses of the diagonal blocks of Â.
-    inverse: Vec<Block<D>>,
+    inverse: Vec<Block<N>>,
     colours: Vec<Vec<u32>>,
-    pub x: Vec<[f64; D]>,
-    pub b: Vec<[f64; D]>,
+    pub x: Vec<[f64; N]>,
+    pub b: Vec<[f64; N]>,
     /// Residual, or the new values of one colour.
-    work: Vec<[f64; D]>,
+    work: Vec<[f64; N]>,
 }
 
-impl<const D: usize> Level<D> {
-    fn new(lattice: Lattice<D>, rows: Rows<D>, held: Vec<[bool; D]>) -> Self {
-        let zero = vec![[0.0; D]; lattice.len()];
+impl<const D: usize, const N: usize> Level<D, N> {
+    fn new(lattice: Lattice<D>, rows: Rows<N>, held: Vec<[bool; N]>) -> Self {
+        let zero = vec![[0.0; N]; lattice.len()];
         Level {
             colours: lattice.colours(),
             scale: zero.clone(),
             unscale: zero.clone(),
-            inverse: vec![[[0.0; D]; D]; lattice.len()],
+            inverse: vec![[[0.0; N]; N]; lattice.len()],
             x: zero.clone(),
             b: zero.clone(),
             work: zero,
@@ -53,7 +53,7 @@ impl<const D: usize> Level<D> {
     }
 
     /// The finest level.
-    pub(super) fn finest(lattice: Lattice<D>, matrix: &BlockMatrix<D>, held: Vec<[bool; D]>) -> Self {
+    pub(super) fn finest(lattice: Lattice<D>, matrix: &BlockMatrix<N>, held: Vec<[bool; N]>) -> Self {
         let n = lattice.len();
         let mut start = vec![0; n + 1];
         for c in 0..n {
@@ -82,9 +82,9 @@ impl<const D: usize> Level<D> {
     }
 
     /// The level above this one.
-    pub(super) fn coarser(&self) -> (Level<D>, Transfer) {
+    pub(super) fn coarser(&self) -> (Level<D, N>, Transfer) {
         let (lattice, transfer) = self.lattice.coarsen();
-        let mut held = vec![[false; D]; lattice.len()];
+        let mut held = vec![[false; N]; lattice.len()];
         let (mut start, mut column) = (vec![0], Vec::new());
         for (n, place) in lattice.place.iter().enumerate() {
             // A node where a fine one is held is held as that is.
@@ -100,7 +100,7 @@ impl<const D: usize> Level<D> {
     }
 
     /// Whether this is the finest level of such a system.
-    pub(super) fn is_of(&self, lattice: &Lattice<D>, matrix: &BlockMatrix<D>, held: &[[bool; D]]) -> bool {
+    pub(super) fn is_of(&self, lattice: &Lattice<D>, matrix: &BlockMatrix<N>, held: &[[bool; N]]) -> bool {
         let same_columns = || {
             (0..self.rows.len()).all(|c| {
                 let columns = self.rows.columns(c);
@@ -115,13 +115,13 @@ impl<const D: usize> Level<D> {
     ///
     /// # Errors
     /// [`LinearError::Singular`] where a free degree of freedom has no stiffness of its own.
-    pub(super) fn take(&mut self, matrix: &BlockMatrix<D>) -> Result<bool, LinearError> {
+    pub(super) fn take(&mut self, matrix: &BlockMatrix<N>) -> Result<bool, LinearError> {
         let mut positive = true;
         for n in 0..self.lattice.len() {
             let places = matrix.column_start[n]..matrix.column_start[n + 1];
             let own =
                 (matrix.row.get(places.start) == Some(&(n as u32))).then(|| &matrix.blocks[places.start]);
-            for d in 0..D {
+            for d in 0..N {
                 if self.held[n][d] {
                     continue;
                 }
@@ -137,18 +137,18 @@ impl<const D: usize> Level<D> {
         let scale = &self.scale;
         self.rows.fill(&|piece| {
             piece.for_each(|row, columns, values| {
-                let width = values.len() / D;
+                let width = values.len() / N;
                 for (k, &column) in columns.iter().enumerate() {
                     let (row, column) = (row as u32, column);
                     let (low, high) = (row.min(column), row.max(column));
                     let places = matrix.column_start[low as usize]..matrix.column_start[low as usize + 1];
                     let Ok(at) = matrix.row[places.clone()].binary_search(&high) else { continue };
                     let block = &matrix.blocks[places.start + at];
-                    for i in 0..D {
-                        for j in 0..D {
+                    for i in 0..N {
+                        for j in 0..N {
                             let entry = if row >= column { block[i][j] } else { block[j][i] };
                             let scaled = entry * scale[row as usize][i] * scale[column as usize][j];
-                            values[i * width + k * D + j] = scaled as f32;
+                            values[i * width + k * N + j] = scaled as f32;
                         }
                     }
                 }
@@ -160,15 +160,15 @@ impl<const D: usize> Level<D> {
     }
 
     /// Takes the values of the Galerkin product Tᵀ A T of a finer level.
-    pub(super) fn take_product(&mut self, fine: &Level<D>, transfer: &Transfer) {
+    pub(super) fn take_product(&mut self, fine: &Level<D, N>, transfer: &Transfer) {
         for n in 0..self.lattice.len() {
-            let mut stiffness = [0.0; D];
+            let mut stiffness = [0.0; N];
             for &(child, weight) in transfer.children(n) {
-                for d in 0..D {
+                for d in 0..N {
                     stiffness[d] += (f64::from(weight) * fine.unscale[child as usize][d]).powi(2);
                 }
             }
-            for d in 0..D {
+            for d in 0..N {
                 let free = !self.held[n][d] && stiffness[d] > 0.0;
                 self.unscale[n][d] = if free { stiffness[d].sqrt() } else { 0.0 };
                 self.scale[n][d] = if free { 1.0 / self.unscale[n][d] } else { 0.0 };
@@ -177,19 +177,19 @@ impl<const D: usize> Level<D> {
         let stencil = Stencil::new(&self.lattice);
         let scale = &self.scale;
         self.rows.fill(&|piece| {
-            let mut sum = vec![[[0.0; D]; D]; stencil.len];
+            let mut sum = vec![[[0.0; N]; N]; stencil.len];
             Arch::new().dispatch(
                 #[inline(always)]
                 || {
                     piece.for_each(|row, columns, values| {
                         stencil.product(fine, transfer, row, &mut sum);
-                        let width = values.len() / D;
+                        let width = values.len() / N;
                         for (k, &column) in columns.iter().enumerate() {
                             let block = &sum[stencil.place(row, column as usize)];
-                            for i in 0..D {
-                                for j in 0..D {
+                            for i in 0..N {
+                                for j in 0..N {
                                     let scaled = block[i][j] * scale[row][i] * scale[column as usize][j];
-                                    values[i * width + k * D + j] = scaled as f32;
+                                    values[i * width + k * N + j] = scaled as f32;
                                 }
                             }
                         }
@@ -203,7 +203,7 @@ impl<const D: usize> Level<D> {
 
     fn invert(&mut self) {
         let rows = &self.rows;
-        in_parts(0, &mut self.inverse, &|first, part: &mut [Block<D>]| {
+        in_parts(0, &mut self.inverse, &|first, part: &mut [Block<N>]| {
             for (k, inverse) in part.iter_mut().enumerate() {
                 *inverse = inverse_of(&rows.diagonal(first + k));
             }
@@ -213,7 +213,7 @@ impl<const D: usize> Level<D> {
     /// One block Gauss–Seidel sweep over the colours, forwards or backwards; `afresh` starts from zero.
     pub(super) fn sweep(&mut self, forwards: bool, afresh: bool) {
         if afresh {
-            self.x.fill([0.0; D]);
+            self.x.fill([0.0; N]);
         }
         let count = self.colours.len();
         for number in 0..count {
@@ -221,17 +221,17 @@ impl<const D: usize> Level<D> {
             let (rows, inverse, b, x) = (&self.rows, &self.inverse, &self.b, &self.x);
             let fresh = &mut self.work[..nodes.len()];
             let still_zero = afresh && number == 0;
-            in_parts(0, fresh, &|first, part: &mut [[f64; D]]| {
+            in_parts(0, fresh, &|first, part: &mut [[f64; N]]| {
                 with_room(
                     rows,
                     #[inline(always)]
                     |room| {
                         for (fresh, &n) in part.iter_mut().zip(&nodes[first..]) {
                             let n = n as usize;
-                            let ax = if still_zero { [0.0; D] } else { rows.times(n, x, room) };
-                            for i in 0..D {
+                            let ax = if still_zero { [0.0; N] } else { rows.times(n, x, room) };
+                            for i in 0..N {
                                 fresh[i] = x[n][i];
-                                for k in 0..D {
+                                for k in 0..N {
                                     fresh[i] += inverse[n][i][k] * (b[n][k] - ax[k]);
                                 }
                             }
@@ -246,16 +246,16 @@ impl<const D: usize> Level<D> {
     }
 
     /// Hands the residual b − Â x on to the coarser level as its right-hand side.
-    pub(super) fn restrict(&mut self, transfer: &Transfer, coarse: &mut Level<D>) {
+    pub(super) fn restrict(&mut self, transfer: &Transfer, coarse: &mut Level<D, N>) {
         let (rows, b, x) = (&self.rows, &self.b, &self.x);
-        in_parts(0, &mut self.work, &|first, part: &mut [[f64; D]]| {
+        in_parts(0, &mut self.work, &|first, part: &mut [[f64; N]]| {
             with_room(
                 rows,
                 #[inline(always)]
                 |room| {
                     for (k, residual) in part.iter_mut().enumerate() {
                         let ax = rows.times(first + k, x, room);
-                        for d in 0..D {
+                        for d in 0..N {
                             residual[d] = b[first + k][d] - ax[d];
                         }
                     }
@@ -263,12 +263,12 @@ impl<const D: usize> Level<D> {
             );
         });
         let (residual, unscale, scale) = (&self.work, &self.unscale, &coarse.scale);
-        in_parts(0, &mut coarse.b, &|first, part: &mut [[f64; D]]| {
+        in_parts(0, &mut coarse.b, &|first, part: &mut [[f64; N]]| {
             for (k, b) in part.iter_mut().enumerate() {
-                let mut sum = [0.0; D];
+                let mut sum = [0.0; N];
                 for &(child, weight) in transfer.children(first + k) {
                     let child = child as usize;
-                    for d in 0..D {
+                    for d in 0..N {
                         sum[d] += f64::from(weight) * unscale[child][d] * residual[child][d];
                     }
                 }
@@ -278,13 +278,13 @@ impl<const D: usize> Level<D> {
     }
 
     /// Adds the correction found on the coarser level.
-    pub(super) fn prolong(&mut self, transfer: &Transfer, coarse: &Level<D>) {
+    pub(super) fn prolong(&mut self, transfer: &Transfer, coarse: &Level<D, N>) {
         let unscale = &self.unscale;
-        in_parts(0, &mut self.x, &|first, part: &mut [[f64; D]]| {
+        in_parts(0, &mut self.x, &|first, part: &mut [[f64; N]]| {
             for (k, x) in part.iter_mut().enumerate() {
                 for &(parent, weight) in transfer.parents(first + k) {
                     let parent = parent as usize;
-                    for d in 0..D {
+                    for d in 0..N {
                         let correction = coarse.scale[parent][d] * coarse.x[parent][d];
                         x[d] += unscale[first + k][d] * f64::from(weight) * correction;
                     }
@@ -295,7 +295,7 @@ impl<const D: usize> Level<D> {
 }
 
 /// Runs `work` with room for the vector entries of any row.
-fn with_room<const D: usize>(rows: &Rows<D>, work: impl FnOnce(&mut [f64])) {
+fn with_room<const N: usize>(rows: &Rows<N>, work: impl FnOnce(&mut [f64])) {
     let width = rows.width();
     let mut near = [0.0; NEAR];
     let mut far = Vec::new();
@@ -312,11 +312,11 @@ fn with_room<const D: usize>(rows: &Rows<D>, work: impl FnOnce(&mut [f64])) {
 }
 
 /// Puts a one on the diagonal where a degree of freedom is held.
-fn own_entries<const D: usize>(row: usize, columns: &[u32], scale: &[f64; D], values: &mut [f32]) {
-    let width = values.len() / D;
+fn own_entries<const N: usize>(row: usize, columns: &[u32], scale: &[f64; N], values: &mut [f32]) {
+    let width = values.len() / N;
     if let Ok(place) = columns.binary_search(&(row as u32)) {
-        for d in (0..D).filter(|&d| scale[d] == 0.0) {
-            values[d * width + place * D + d] = 1.0;
+        for d in (0..N).filter(|&d| scale[d] == 0.0) {
+            values[d * width + place * N + d] = 1.0;
         }
     }
 }
@@ -345,31 +345,31 @@ impl Stencil {
 
     /// Sums up the blocks of a row of Tᵀ A T.
     #[inline(always)]
-    fn product<const D: usize>(
+    fn product<const D: usize, const N: usize>(
         &self,
-        fine: &Level<D>,
+        fine: &Level<D, N>,
         transfer: &Transfer,
         row: usize,
-        sum: &mut [Block<D>],
+        sum: &mut [Block<N>],
     ) {
-        sum.fill([[0.0; D]; D]);
+        sum.fill([[0.0; N]; N]);
         for &(child, weight) in transfer.children(row) {
             let n = child as usize;
             let left = fine.unscale[n].map(|u| u * f64::from(weight));
-            let components: [&[f32]; D] = std::array::from_fn(|i| fine.rows.component(n, i));
+            let components: [&[f32]; N] = std::array::from_fn(|i| fine.rows.component(n, i));
             for (k, &column) in fine.rows.columns(n).iter().enumerate() {
                 let right = &fine.unscale[column as usize];
-                let mut block = [[0.0; D]; D];
-                for i in 0..D {
-                    for j in 0..D {
-                        block[i][j] = left[i] * f64::from(components[i][k * D + j]) * right[j];
+                let mut block = [[0.0; N]; N];
+                for i in 0..N {
+                    for j in 0..N {
+                        block[i][j] = left[i] * f64::from(components[i][k * N + j]) * right[j];
                     }
                 }
                 for &(parent, weight) in transfer.parents(column as usize) {
                     let sum = &mut sum[self.place(row, parent as usize)];
                     let weight = f64::from(weight);
-                    for i in 0..D {
-                        for j in 0..D {
+                    for i in 0..N {
+                        for j in 0..N {
                             sum[i][j] += weight * block[i][j];
                         }
                     }
@@ -380,36 +380,36 @@ impl Stencil {
 }
 
 /// The inverse of a symmetric block whose pivots are held away from zero, on the side of its diagonal.
-fn inverse_of<const D: usize>(block: &Block<D>) -> Block<D> {
+fn inverse_of<const N: usize>(block: &Block<N>) -> Block<N> {
     let mut factor = *block; // L below the diagonal, pivots on it
-    for k in 0..D {
+    for k in 0..N {
         let weakest = WEAKEST * block[k][k].abs().max(f64::MIN_POSITIVE);
         factor[k][k] = if block[k][k] < 0.0 { factor[k][k].min(-weakest) } else { factor[k][k].max(weakest) };
-        for i in k + 1..D {
+        for i in k + 1..N {
             let l = factor[i][k] / factor[k][k];
             for j in k + 1..=i {
                 factor[i][j] -= l * factor[j][k];
             }
         }
-        for i in k + 1..D {
+        for i in k + 1..N {
             factor[i][k] /= factor[k][k];
         }
     }
-    let mut inverse = [[0.0; D]; D];
-    for c in 0..D {
-        let mut x: [f64; D] = std::array::from_fn(|i| f64::from(u8::from(i == c)));
-        for i in 0..D {
+    let mut inverse = [[0.0; N]; N];
+    for c in 0..N {
+        let mut x: [f64; N] = std::array::from_fn(|i| f64::from(u8::from(i == c)));
+        for i in 0..N {
             for j in 0..i {
                 x[i] -= factor[i][j] * x[j];
             }
         }
-        for i in (0..D).rev() {
+        for i in (0..N).rev() {
             x[i] /= factor[i][i];
-            for j in i + 1..D {
+            for j in i + 1..N {
                 x[i] -= factor[j][i] * x[j];
             }
         }
-        for i in 0..D {
+        for i in 0..N {
             inverse[i][c] = x[i];
         }
     }

@@ -6,10 +6,10 @@ const LANES: usize = 4;
 /// Rows of a task that is not divided further.
 const GRAIN: usize = 128;
 
-/// A square matrix of D×D blocks by rows. Of a row, the entries of its first component stand side by side, those of
+/// A square matrix of N×N blocks by rows. Of a row, the entries of its first component stand side by side, those of
 /// the second follow; each is filled up with zeros to a multiple of [`LANES`].
 #[derive(Debug, Clone, Default)]
-pub(super) struct Rows<const D: usize> {
+pub(super) struct Rows<const N: usize> {
     start: Vec<usize>,
     column: Vec<u32>,
     value_start: Vec<usize>,
@@ -18,15 +18,15 @@ pub(super) struct Rows<const D: usize> {
     width: usize,
 }
 
-impl<const D: usize> Rows<D> {
+impl<const N: usize> Rows<N> {
     /// A matrix of zeros with these columns, ascending in each row; `start` has one entry more than there are rows.
     pub(super) fn new(start: Vec<usize>, column: Vec<u32>) -> Self {
         let mut value_start = vec![0];
         let (mut end, mut width) = (0, 0);
         for row in start.windows(2) {
-            let own = ((row[1] - row[0]) * D).next_multiple_of(LANES);
+            let own = ((row[1] - row[0]) * N).next_multiple_of(LANES);
             width = width.max(own);
-            end += D * own;
+            end += N * own;
             value_start.push(end);
         }
         Rows { start, column, value_start, value: vec![0.0; end], width }
@@ -44,18 +44,18 @@ impl<const D: usize> Rows<D> {
     #[inline(always)]
     pub(super) fn component(&self, row: usize, i: usize) -> &[f32] {
         let values = &self.value[self.value_start[row]..self.value_start[row + 1]];
-        let width = values.len() / D;
+        let width = values.len() / N;
         &values[i * width..(i + 1) * width]
     }
 
     /// The block on the diagonal.
-    pub(super) fn diagonal(&self, row: usize) -> [[f64; D]; D] {
+    pub(super) fn diagonal(&self, row: usize) -> [[f64; N]; N] {
         let place = self.columns(row).binary_search(&(row as u32)).unwrap_or_default();
-        std::array::from_fn(|i| std::array::from_fn(|k| f64::from(self.component(row, i)[place * D + k])))
+        std::array::from_fn(|i| std::array::from_fn(|k| f64::from(self.component(row, i)[place * N + k])))
     }
 
     /// Has `work` write the rows, one after the other in each piece; a piece is `(first row, its values)`.
-    pub(super) fn fill(&mut self, work: &(impl Fn(Piece<D>) + Sync)) {
+    pub(super) fn fill(&mut self, work: &(impl Fn(Piece<N>) + Sync)) {
         let n = self.len();
         let piece = Piece {
             first: 0,
@@ -69,17 +69,17 @@ impl<const D: usize> Rows<D> {
 
     /// A row times a vector; `entries` is room for [`Rows::width`] numbers.
     #[inline(always)]
-    pub(super) fn times(&self, row: usize, x: &[[f64; D]], entries: &mut [f64]) -> [f64; D] {
+    pub(super) fn times(&self, row: usize, x: &[[f64; N]], entries: &mut [f64]) -> [f64; N] {
         let columns = self.columns(row);
-        for (place, &column) in entries.chunks_exact_mut(D).zip(columns) {
+        for (place, &column) in entries.chunks_exact_mut(N).zip(columns) {
             place.copy_from_slice(&x[column as usize]);
         }
-        let width = (columns.len() * D).next_multiple_of(LANES);
-        entries[columns.len() * D..width].fill(0.0);
+        let width = (columns.len() * N).next_multiple_of(LANES);
+        entries[columns.len() * N..width].fill(0.0);
         let entries = &entries[..width];
-        let mut product = [0.0; D];
+        let mut product = [0.0; N];
         // Plain loops, which are compiled for the same vector instructions as what they stand in.
-        for i in 0..D {
+        for i in 0..N {
             let mut lanes = [0.0; LANES];
             for (a, x) in self.component(row, i).chunks_exact(LANES).zip(entries.chunks_exact(LANES)) {
                 for l in 0..LANES {
@@ -98,7 +98,7 @@ impl<const D: usize> Rows<D> {
 }
 
 /// Some consecutive rows that are written.
-pub(super) struct Piece<'a, const D: usize> {
+pub(super) struct Piece<'a, const N: usize> {
     first: usize,
     start: &'a [usize],
     column: &'a [u32],
@@ -106,8 +106,8 @@ pub(super) struct Piece<'a, const D: usize> {
     value: &'a mut [f32],
 }
 
-impl<'a, const D: usize> Piece<'a, D> {
-    fn divide(self, work: &(impl Fn(Piece<D>) + Sync)) {
+impl<'a, const N: usize> Piece<'a, N> {
+    fn divide(self, work: &(impl Fn(Piece<N>) + Sync)) {
         let n = self.value_start.len() - 1;
         if n <= GRAIN {
             return work(self);
@@ -121,7 +121,7 @@ impl<'a, const D: usize> Piece<'a, D> {
         rayon::join(|| left.divide(work), || right.divide(work));
     }
 
-    /// Calls `work(row, its columns, its values)` for every row; the values of component i are the i-th of D parts.
+    /// Calls `work(row, its columns, its values)` for every row; the values of component i are the i-th of N parts.
     #[inline(always)]
     pub(super) fn for_each(self, mut work: impl FnMut(usize, &[u32], &mut [f32])) {
         let mut value = self.value;

@@ -1,0 +1,87 @@
+//! Equations of a few global unknowns beside those of the nodes, such as the motions of a rigid body.
+
+use crate::step::Nodal;
+
+/// The global equations r(d, w) = 0 and what the global unknowns w do to the nodes:
+///
+/// K δd + B δw = f_ext − f_int, A δd + C δw = −r.
+#[derive(Debug, Clone, Default)]
+pub struct Border<const N: usize> {
+    /// B by columns: change of the internal minus the external force on the nodes with each global unknown.
+    pub(crate) columns: Vec<Nodal<N>>,
+    /// A by rows: change of each global equation with the nodal displacements.
+    pub(crate) rows: Vec<Nodal<N>>,
+    /// C, `[i][j]`.
+    pub(crate) corner: Vec<Vec<f64>>,
+    /// r.
+    pub(crate) residual: Vec<f64>,
+    /// The magnitude that each residual is compared with.
+    pub(crate) scale: Vec<f64>,
+    /// The first global unknown of the term that is being evaluated.
+    pub(crate) first: usize,
+}
+
+impl<const N: usize> Border<N> {
+    /// No entries, for `n` global unknowns.
+    pub(crate) fn new(n: usize, n_nodes: usize) -> Self {
+        let zero = vec![vec![[0.0; N]; n_nodes]; n];
+        Border {
+            columns: zero.clone(),
+            rows: zero,
+            corner: vec![vec![0.0; n]; n],
+            residual: vec![0.0; n],
+            scale: vec![0.0; n],
+            first: 0,
+        }
+    }
+
+    /// Number of global unknowns.
+    pub fn len(&self) -> usize {
+        self.residual.len()
+    }
+
+    /// True if there are none.
+    pub fn is_empty(&self) -> bool {
+        self.residual.is_empty()
+    }
+
+    pub(crate) fn clear(&mut self) {
+        *self = Border::new(self.len(), self.columns.first().map_or(0, Vec::len));
+    }
+
+    /// Adds to global equation `i` of the term: its residual, and the magnitude to which that is compared.
+    pub fn add_residual(&mut self, i: usize, residual: f64, scale: f64) {
+        self.residual[self.first + i] += residual;
+        self.scale[self.first + i] += scale;
+    }
+
+    /// Adds to the change of the internal force on a node with global unknown `j` of the term.
+    pub fn add_to_column(&mut self, j: usize, node: usize, component: usize, value: f64) {
+        self.columns[self.first + j][node][component] += value;
+    }
+
+    /// Adds to the change of global equation `i` of the term with a nodal displacement.
+    pub fn add_to_row(&mut self, i: usize, node: usize, component: usize, value: f64) {
+        self.rows[self.first + i][node][component] += value;
+    }
+
+    /// Adds to the change of global equation `i` with global unknown `j`, both of the term.
+    pub fn add_to_corner(&mut self, i: usize, j: usize, value: f64) {
+        self.corner[self.first + i][self.first + j] += value;
+    }
+
+    /// Adds B δw to a change of the internal forces.
+    pub(crate) fn add_columns(&self, change: &[f64], force: &mut [[f64; N]]) {
+        for (column, change) in self.columns.iter().zip(change) {
+            for (force, column) in force.as_flattened_mut().iter_mut().zip(column.as_flattened()) {
+                *force += change * column;
+            }
+        }
+    }
+
+    /// The largest residual relative to its magnitude, [-].
+    pub(crate) fn relative_residual(&self) -> f64 {
+        let relative = |(r, scale): (&f64, &f64)| if *r == 0.0 { 0.0 } else { r.abs() / scale };
+        self.residual.iter().zip(&self.scale).map(relative).fold(0.0, |a, b| if a >= b { a } else { b })
+    }
+}

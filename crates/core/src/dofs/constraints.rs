@@ -1,0 +1,250 @@
+//! The constraints of a load step as they are stated, one after the other.
+
+use std::collections::BTreeMap;
+
+use crate::basis::Connectivity;
+use crate::linear::Numbering;
+use crate::model::Model;
+use crate::points::Points;
+
+use super::turned::{Along, Turned};
+use super::{AXES, Bound, ConstraintError, DofMap, ON_AXIS, Tie};
+
+/// Two prescribed increments that differ by less than this, relative to their size, agree.
+const SAME: f64 = 1e-12;
+
+/// What a component is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Dof {
+    Free,
+    Bound(Bound),
+}
+
+/// The constraints on the increments of `N` components at each active node in one load step.
+///
+/// Conditions have numbers: those of the model come first, and a reaction is reported of these only.
+pub struct Constraints<'a, const N: usize> {
+    dofs: Vec<[Dof; N]>,
+    shared: Vec<(u32, u8, u16)>,
+    along: BTreeMap<u32, Vec<Along<N>>>,
+    ties: Vec<Tie>,
+    /// Position of an active node, [length].
+    position: Box<dyn Fn(usize) -> Vec<f64> + 'a>,
+    /// Name of a condition; empty for those that are not of the model.
+    name: Box<dyn Fn(usize) -> String + 'a>,
+    /// Active nodes on the axis of revolution.
+    on_axis: Vec<usize>,
+}
+
+impl<'a, const N: usize> Constraints<'a, N> {
+    /// The constraints that a model states for a step between two times.
+    ///
+    /// # Errors
+    /// [`ConstraintError`] when two conditions contradict each other or a formula is not finite.
+    pub fn of_model<const D: usize>(
+        model: &'a Model<D>,
+        points: &Points<D>,
+        links: &'a Connectivity<D>,
+        times: [f64; 2],
+    ) -> Result<Self, ConstraintError> {
+        let mut constraints = Constraints::new(model, links);
+        constraints.prescribe(model, points, links, times)?;
+        Ok(constraints)
+    }
+
+    /// No constraints at all.
+    fn new<const D: usize>(model: &'a Model<D>, links: &'a Connectivity<D>) -> Self {
+        let is_on_axis = |node: usize| {
+            model.revolved && model.grid.node_position(node)[0] <= ON_AXIS * model.grid.size_around(node)
+        };
+        let nodes = links.active_nodes();
+        Constraints {
+            dofs: vec![[Dof::Free; N]; nodes.len()],
+            shared: Vec::new(),
+            along: BTreeMap::new(),
+            ties: Vec::new(),
+            position: Box::new(|node| model.grid.node_position(nodes[node] as usize).to_vec()),
+            name: Box::new(|number| {
+                model
+                    .boundary_conditions
+                    .get(number)
+                    .map_or_else(String::new, |condition| condition.name.clone())
+            }),
+            on_axis: (0..nodes.len()).filter(|&n| is_on_axis(nodes[n] as usize)).collect(),
+        }
+    }
+
+    #[cfg(test)]
+    pub(super) fn on_nodes(n: usize) -> Self {
+        Constraints {
+            dofs: vec![[Dof::Free; N]; n],
+            shared: Vec::new(),
+            along: BTreeMap::new(),
+            ties: Vec::new(),
+            position: Box::new(|node| vec![node as f64]),
+            name: Box::new(|number| number.to_string()),
+            on_axis: Vec::new(),
+        }
+    }
+
+    /// Prescribes the increment of a component at an active node.
+    ///
+    /// # Errors
+    /// [`ConstraintError::Conflict`] where another condition prescribes another increment.
+    pub fn hold(
+        &mut self,
+        node: usize,
+        component: usize,
+        increment: f64,
+        condition: usize,
+    ) -> Result<(), ConstraintError> {
+        let condition = condition as u16;
+        match self.dofs[node][component] {
+            Dof::Free => self.dofs[node][component] = Dof::Bound(Bound::Held { condition, increment }),
+            Dof::Bound(Bound::Held { increment: held, .. })
+                if (held - increment).abs() <= SAME * held.abs().max(increment.abs()) =>
+            {
+                self.shared.push((node as u32, component as u8, condition));
+            }
+            Dof::Bound(Bound::Held { condition: first, increment: held }) => {
+                return Err(self.conflict(node, AXES[component % 3], [first, condition], [held, increment]));
+            }
+            Dof::Bound(Bound::Tied(_)) => return Err(self.tied(node, component, "it is prescribed")),
+        }
+        Ok(())
+    }
+
+    /// Prescribes the increment of an active node along a direction of unit length.
+    pub fn hold_along(&mut self, node: usize, direction: [f64; N], increment: f64, condition: usize) {
+        let along = Along { direction, increment, condition: condition as u16 };
+        self.along.entry(node as u32).or_default().push(along);
+    }
+
+    /// Makes the increment of a component the sum of others, given as node, component and weight, and a constant.
+    ///
+    /// # Errors
+    /// [`ConstraintError::Tie`] where the component is prescribed or tied already.
+    pub fn tie(
+        &mut self,
+        node: usize,
+        component: usize,
+        to: &[(usize, usize, f64)],
+        constant: f64,
+    ) -> Result<(), ConstraintError> {
+        match self.dofs[node][component] {
+            Dof::Free => self.dofs[node][component] = Dof::Bound(Bound::Tied(self.ties.len() as u32)),
+            Dof::Bound(_) => return Err(self.tied(node, component, "it is prescribed or tied already")),
+        }
+        let terms = to.iter().map(|&(node, component, weight)| (node as u32, component as u8, weight));
+        self.ties.push(Tie {
+            node: node as u32,
+            component: component as u8,
+            terms: terms.collect(),
+            constant,
+        });
+        Ok(())
+    }
+
+    /// The map of the unknowns.
+    ///
+    /// # Errors
+    /// [`ConstraintError`] where constraints contradict each other, or nodes can leave the axis of revolution.
+    pub fn into_map(mut self) -> Result<DofMap<N>, ConstraintError> {
+        self.resolve_ties()?;
+        let turned = self.turn()?;
+        self.keep_axis(&turned)?;
+        let Constraints { dofs, mut shared, ties, .. } = self;
+        let numbering = Numbering::new(dofs.len(), |node, component| dofs[node][component] == Dof::Free);
+        let bound = dofs.as_flattened().iter().filter_map(|dof| match dof {
+            Dof::Free => None,
+            Dof::Bound(bound) => Some(*bound),
+        });
+        shared.sort_unstable();
+        Ok(DofMap { numbering, bound: bound.collect(), shared, turned, ties })
+    }
+
+    /// Turns the nodes with prescribed directions. The unknowns of a turned node stand in the places of its components.
+    fn turn(&mut self) -> Result<Vec<Turned<N>>, ConstraintError> {
+        let mut turned = Vec::new();
+        for (node, along) in std::mem::take(&mut self.along) {
+            let dofs = self.dofs[node as usize];
+            let mut motions = Vec::new();
+            for (axis, dof) in dofs.iter().enumerate() {
+                if let Dof::Bound(Bound::Held { condition, increment }) = *dof {
+                    let direction = std::array::from_fn(|c| f64::from(u8::from(c == axis)));
+                    motions.push(Along { direction, increment, condition });
+                } else if matches!(dof, Dof::Bound(Bound::Tied(_))) {
+                    return Err(self.tied(node as usize, axis, "the node is held along a direction"));
+                }
+            }
+            motions.extend(along);
+            let found = Turned::new(node, &motions).map_err(|(conditions, increments)| {
+                self.conflict(node as usize, "the normal of a wall", conditions, increments)
+            })?;
+            for k in 0..N {
+                self.dofs[node as usize][k] = match found.held(k) {
+                    Some((increment, condition)) => Dof::Bound(Bound::Held { condition, increment }),
+                    None => Dof::Free,
+                };
+            }
+            turned.push(found);
+        }
+        Ok(turned)
+    }
+
+    /// Replaces tied components in ties by what they are tied to.
+    fn resolve_ties(&mut self) -> Result<(), ConstraintError> {
+        for k in 0..self.ties.len() {
+            let mut left = self.ties.len();
+            while let Some(at) = self.ties[k].terms.iter().position(|&(n, c, _)| self.tie_of(n, c).is_some())
+            {
+                let (node, component, weight) = self.ties[k].terms.swap_remove(at);
+                let Some(other) = self.tie_of(node, component) else { continue };
+                if other == k || left == 0 {
+                    let Tie { node, component, .. } = self.ties[k];
+                    return Err(self.tied(node as usize, component as usize, "it would follow itself"));
+                }
+                left -= 1;
+                let Tie { terms, constant, .. } = self.ties[other].clone();
+                self.ties[k].constant += weight * constant;
+                self.ties[k].terms.extend(terms.into_iter().map(|(n, c, w)| (n, c, weight * w)));
+            }
+        }
+        Ok(())
+    }
+
+    fn tie_of(&self, node: u32, component: u8) -> Option<usize> {
+        match self.dofs[node as usize][component as usize] {
+            Dof::Bound(Bound::Tied(tie)) => Some(tie as usize),
+            _ => None,
+        }
+    }
+
+    /// The ring through a node on the axis has no radius; nothing else may move the node off it.
+    fn keep_axis(&self, turned: &[Turned<N>]) -> Result<(), ConstraintError> {
+        let is_kept = |node: usize| match turned.iter().find(|turned| turned.node as usize == node) {
+            Some(turned) => turned.n_held() == N && turned.whole_increment()[0] == 0.0,
+            None => matches!(self.dofs[node][0], Dof::Bound(Bound::Held { increment: 0.0, .. })),
+        };
+        let loose = self.on_axis.iter().filter(|&&node| !is_kept(node)).count();
+        if loose > 0 {
+            return Err(ConstraintError::LooseAxis { loose, all: self.on_axis.len() });
+        }
+        Ok(())
+    }
+
+    fn conflict(
+        &self,
+        node: usize,
+        axis: &'static str,
+        conditions: [u16; 2],
+        [a, b]: [f64; 2],
+    ) -> ConstraintError {
+        let [first, second] = conditions.map(|number| (self.name)(number as usize));
+        ConstraintError::Conflict { first, second, node: (self.position)(node), axis, a, b }
+    }
+
+    fn tied(&self, node: usize, component: usize, reason: &'static str) -> ConstraintError {
+        ConstraintError::Tie { node: (self.position)(node), axis: AXES[component % 3], reason }
+    }
+}

@@ -1,0 +1,63 @@
+//! Constraints that cannot be applied.
+
+use crate::points::coordinates;
+
+/// A boundary condition cannot be applied.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ConstraintError {
+    /// Two boundary conditions want different displacements of one node.
+    #[error(
+        "boundary conditions `{first}` and `{second}` prescribe the increments {a:e} and {b:e} along {axis} at node {node:?}"
+    )]
+    Conflict {
+        /// The one that comes first.
+        first: String,
+        /// The other.
+        second: String,
+        /// Position of the grid node, [length].
+        node: Vec<f64>,
+        /// Name of the axis.
+        axis: &'static str,
+        /// Increment wanted by the first.
+        a: f64,
+        /// Increment wanted by the second.
+        b: f64,
+    },
+    /// A formula has no finite value at a node.
+    #[error(
+        "the displacement of boundary condition `{name}` along {axis} is not finite at node {}: the formula `{formula}` \
+         gives {value} at load factor {factor}", coordinates(.node)
+    )]
+    NotFinite {
+        /// The boundary condition.
+        name: String,
+        /// Name of the axis.
+        axis: &'static str,
+        /// Position of the grid node, [length].
+        node: Vec<f64>,
+        /// The load factor.
+        factor: f64,
+        /// Text of the formula.
+        formula: String,
+        /// The increment that follows from it.
+        value: f64,
+    },
+    /// Nodes on the axis of a body of revolution are free to leave it, or made to.
+    #[error("{loose} of the {all} grid nodes of the body on the axis x = 0 can move off it")]
+    LooseAxis {
+        /// Number of these nodes.
+        loose: usize,
+        /// Number of nodes on the axis that points touch.
+        all: usize,
+    },
+    /// A component is tied although it is prescribed or tied already, or to itself through other ties.
+    #[error("the motion along {axis} at node {node:?} cannot be tied to that of other nodes: {reason}")]
+    Tie {
+        /// Position of the grid node, [length].
+        node: Vec<f64>,
+        /// Name of the axis.
+        axis: &'static str,
+        /// Why.
+        reason: &'static str,
+    },
+}

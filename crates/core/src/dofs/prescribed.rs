@@ -1,0 +1,136 @@
+//! Prescribed displacements: the boundary conditions of the model at the nodes they act on.
+
+use crate::basis::Connectivity;
+use crate::formula::Formula;
+use crate::model::{BoundaryCondition, Model, NodeSet};
+use crate::points::{Points, State};
+use crate::tensor::Mat3;
+
+use super::{AXES, ConstraintError, Constraints};
+
+impl<const N: usize> Constraints<'_, N> {
+    /// Adds the boundary conditions of a model in a step between two times.
+    pub(super) fn prescribe<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+        [start, end]: [f64; 2],
+    ) -> Result<(), ConstraintError> {
+        for (number, condition) in model.boundary_conditions.iter().enumerate() {
+            // At time 0 nothing has moved yet, whatever the curve says.
+            let reached = (start > 0.0).then(|| condition.curve.factor(start));
+            let factors = [reached, Some(condition.curve.factor(end))];
+            let originals = condition.follows_material().then(|| original_places(model, points, links));
+            for active in nodes_of(condition, points, links) {
+                let place = model.grid.node_position(links.active_nodes()[active] as usize);
+                let original = originals.as_ref().map_or(place, |originals| originals[active]);
+                for (axis, formula) in condition.displacement.iter().enumerate() {
+                    let Some(formula) = formula else { continue };
+                    let increment = displacement_increment(formula, &place, &original, factors);
+                    if !increment.is_finite() {
+                        return Err(ConstraintError::NotFinite {
+                            name: condition.name.clone(),
+                            axis: AXES[axis % 3],
+                            node: place.to_vec(),
+                            factor: factors[1].unwrap_or_default(),
+                            formula: formula.text().to_owned(),
+                            value: increment,
+                        });
+                    }
+                    match &condition.axes {
+                        None => self.hold(active, axis, increment, number)?,
+                        Some(axes) => {
+                            let mut direction = [0.0; N];
+                            direction[..D].copy_from_slice(&axes[axis]);
+                            self.hold_along(active, direction, increment, number);
+                        }
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Change of a prescribed displacement between two load factors; `None` stands for no displacement yet.
+pub fn displacement_increment<const D: usize>(
+    formula: &Formula,
+    place: &[f64; D],
+    original: &[f64; D],
+    factors: [Option<f64>; 2],
+) -> f64 {
+    let mut variables = [0.0; 7];
+    variables[..D].copy_from_slice(place);
+    variables[D..2 * D].copy_from_slice(original);
+    let mut at = |factor: Option<f64>| {
+        let Some(factor) = factor else { return 0.0 };
+        if formula.depends_on(2 * D) {
+            variables[2 * D] = factor;
+            formula.evaluate(&variables[..=2 * D])
+        } else {
+            formula.evaluate(&variables[..=2 * D]) * factor
+        }
+    };
+    at(factors[1]) - at(factors[0])
+}
+
+/// Weight of a point whose basis function vanishes at a node: any weights do where the deformation is uniform.
+const LEAST_WEIGHT: f64 = 1e-9;
+
+/// Original position of the material at each active node at the start of a step: the mean, weighted by the basis functions,
+/// of what each point around takes it for by its own deformation, X_p + F_p⁻¹ (x − x_p). Exact where the deformation is
+/// uniform, of second order in the size of a cell elsewhere.
+fn original_places<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+) -> Vec<[f64; D]> {
+    let mut sums = vec![([0.0; D], 0.0); links.n_active()];
+    let State { position, deformation_gradient, .. } = &points.converged;
+    for group in 0..links.n_groups() {
+        let nodes = links.nodes_of(group);
+        for p in links.points_of(group) {
+            let inverse = deformation_gradient[p].try_inverse().unwrap_or_else(Mat3::identity);
+            links.for_each_value(p, |local, value| {
+                let active = nodes[local] as usize;
+                let x = model.grid.node_position(links.active_nodes()[active] as usize);
+                let weight = value.max(0.0) + LEAST_WEIGHT;
+                let (sum, weights) = &mut sums[active];
+                for i in 0..D {
+                    let back: f64 = (0..D).map(|j| inverse[(i, j)] * (x[j] - position[p][j])).sum();
+                    sum[i] += weight * (points.original_position[p][i] + back);
+                }
+                *weights += weight;
+            });
+        }
+    }
+    sums.into_iter().map(|(sum, weights)| sum.map(|part| part / weights)).collect()
+}
+
+/// The active nodes that a boundary condition acts on in a step, ascending.
+pub fn nodes_of<const D: usize>(
+    condition: &BoundaryCondition<D>,
+    points: &Points<D>,
+    links: &Connectivity<D>,
+) -> Vec<usize> {
+    match &condition.nodes {
+        NodeSet::Fixed(nodes) => {
+            nodes.iter().filter_map(|&node| links.active_number(node as usize)).collect()
+        }
+        NodeSet::OuterLayer(body) => {
+            let mut touched = vec![false; links.n_active()];
+            for group in 0..links.n_groups() {
+                let nodes = links.nodes_of(group);
+                for p in links.points_of(group) {
+                    if points.outer_layer[p] && points.body[p] == *body {
+                        for &local in links.places(p) {
+                            touched[nodes[local as usize] as usize] = true;
+                        }
+                    }
+                }
+            }
+            (0..touched.len()).filter(|&node| touched[node]).collect()
+        }
+    }
+}

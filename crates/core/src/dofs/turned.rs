@@ -1,0 +1,213 @@
+//! Nodes with a prescribed direction that is not an axis.
+
+use super::unless_round_off;
+
+/// A direction that adds less than this to those before it adds nothing, [-].
+const INDEPENDENT: f64 = 1e-8;
+
+/// A prescribed motion of a node along a direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Along<const N: usize> {
+    /// Unit vector.
+    pub direction: [f64; N],
+    pub increment: f64,
+    pub condition: u16,
+}
+
+/// A node whose unknowns are components along directions of its own: first those that are prescribed, then the free ones.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Turned<const N: usize> {
+    /// The active node.
+    pub node: u32,
+    /// Orthonormal directions, `[k][component]`.
+    pub directions: [[f64; N]; N],
+    /// The prescribed motions. Directions 0 to k span the first k + 1 of them.
+    prescribed: Vec<Along<N>>,
+    /// The prescribed increment along each of the first directions, [length].
+    increment: Vec<f64>,
+}
+
+fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    (0..N).map(|c| a[c] * b[c]).sum()
+}
+
+/// What is left of a vector beside orthonormal directions.
+fn beside<const N: usize>(vector: &[f64; N], directions: &[[f64; N]]) -> [f64; N] {
+    let mut rest = *vector;
+    // Twice is enough (Giraud et al. 2005, doi 10.1007/s00211-005-0615-4).
+    for direction in directions.iter().chain(directions) {
+        let along = dot(&rest, direction);
+        (0..N).for_each(|c| rest[c] -= along * direction[c]);
+    }
+    rest
+}
+
+fn unit<const N: usize>(vector: &[f64; N]) -> Option<([f64; N], f64)> {
+    let length = dot(vector, vector).sqrt();
+    (length > INDEPENDENT).then(|| (vector.map(|x| x / length), length))
+}
+
+impl<const N: usize> Turned<N> {
+    /// A node with these prescribed motions.
+    ///
+    /// # Errors
+    /// Two conditions and their increments that contradict each other.
+    pub(super) fn new(node: u32, motions: &[Along<N>]) -> Result<Self, ([u16; 2], [f64; 2])> {
+        let (mut directions, mut prescribed, mut increment) =
+            (Vec::new(), Vec::<Along<N>>::new(), Vec::new());
+        for motion in motions {
+            // The increment along what the direction adds to those before it.
+            let known: f64 =
+                directions.iter().zip(&increment).map(|(e, g)| dot(&motion.direction, e) * g).sum();
+            match unit(&beside(&motion.direction, &directions)) {
+                Some((direction, length)) => {
+                    increment.push((motion.increment - known) / length);
+                    directions.push(direction);
+                    prescribed.push(*motion);
+                }
+                None => {
+                    let size = motion.increment.abs().max(known.abs());
+                    if unless_round_off(motion.increment - known, size / INDEPENDENT) != 0.0 {
+                        let first = prescribed.last().map_or(motion.condition, |along| along.condition);
+                        return Err(([first, motion.condition], [known, motion.increment]));
+                    }
+                }
+            }
+        }
+        // The free directions, beginning with what is left of the first axes.
+        for axis in 0..N {
+            let mut along = [0.0; N];
+            along[axis] = 1.0;
+            if directions.len() < N
+                && let Some((direction, length)) = unit(&beside(&along, &directions))
+                && length > 0.5 / (N as f64).sqrt()
+            {
+                directions.push(direction);
+            }
+        }
+        let directions = std::array::from_fn(|k| directions.get(k).copied().unwrap_or([0.0; N]));
+        Ok(Turned { node, directions, prescribed, increment })
+    }
+
+    /// Number of prescribed directions.
+    pub(super) fn n_held(&self) -> usize {
+        self.increment.len()
+    }
+
+    /// The prescribed increment along a direction, [length], and its condition.
+    pub(super) fn held(&self, k: usize) -> Option<(f64, u16)> {
+        Some((*self.increment.get(k)?, self.prescribed[k].condition))
+    }
+
+    /// The displacement increment of a node that is prescribed along all directions, [length].
+    pub(super) fn whole_increment(&self) -> [f64; N] {
+        let sum = |c: usize| (0..self.n_held()).map(|k| self.increment[k] * self.directions[k][c]).sum();
+        std::array::from_fn(sum)
+    }
+
+    /// True if a prescribed direction keeps the node from moving freely along an axis.
+    pub(super) fn holds_along(&self, axis: usize) -> bool {
+        self.directions[..self.n_held()].iter().any(|direction| direction[axis].abs() > INDEPENDENT)
+    }
+
+    /// The components of a vector along the directions.
+    pub(super) fn components(&self, vector: &[f64; N]) -> [f64; N] {
+        std::array::from_fn(|k| dot(&self.directions[k], vector))
+    }
+
+    /// The part along an axis of a motion that is given by the unknown directions.
+    pub(super) fn along(&self, delta_q: &[f64; N], axis: usize) -> f64 {
+        (self.n_held()..N).map(|k| delta_q[k] * self.directions[k][axis]).sum()
+    }
+
+    /// Adds a motion that is given by the unknown directions.
+    pub(super) fn add(&self, delta_q: &[f64; N], motion: &mut [f64; N]) {
+        (0..N).for_each(|axis| motion[axis] += self.along(delta_q, axis));
+    }
+
+    /// What an increment lacks of the prescribed motion.
+    pub(super) fn remaining(&self, increment: &[f64; N]) -> [f64; N] {
+        let size = dot(increment, increment).sqrt();
+        let mut motion = [0.0; N];
+        for (direction, prescribed) in self.directions.iter().zip(&self.increment) {
+            let rest = prescribed - dot(direction, increment);
+            let rest = unless_round_off(rest, size.max(prescribed.abs()));
+            (0..N).for_each(|c| motion[c] += rest * direction[c]);
+        }
+        motion
+    }
+
+    /// The part of a force along the prescribed directions.
+    pub(super) fn held_part(&self, force: &[f64; N]) -> [f64; N] {
+        let mut part = [0.0; N];
+        for direction in &self.directions[..self.n_held()] {
+            let along = dot(direction, force);
+            (0..N).for_each(|c| part[c] += along * direction[c]);
+        }
+        part
+    }
+
+    /// Shares a reaction out among the conditions: each bears a force along its own direction.
+    pub(super) fn for_each_share(&self, reaction: &[f64; N], mut visit: impl FnMut(usize, usize, f64)) {
+        let mut rest = *reaction;
+        for k in (0..self.n_held()).rev() {
+            let Along { direction, condition, .. } = &self.prescribed[k];
+            let size = dot(&rest, &self.directions[k]) / dot(direction, &self.directions[k]);
+            for c in 0..N {
+                rest[c] -= size * direction[c];
+                visit(*condition as usize, c, size * direction[c]);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+    use super::*;
+
+    fn along(direction: [f64; 3], increment: f64, condition: u16) -> Along<3> {
+        Along { direction: unit(&direction).unwrap().0, increment, condition }
+    }
+
+    #[test]
+    fn directions_are_orthonormal_and_give_the_prescribed_increments() {
+        let motions = [along([1.0, 2.0, 0.5], 0.3, 0), along([0.0, 1.0, 1.0], -0.2, 1)];
+        for n in [1, 2] {
+            let turned = Turned::new(7, &motions[..n]).unwrap();
+            for (a, k) in (0..3).flat_map(|a| (0..3).map(move |k| (a, k))) {
+                let product = dot(&turned.directions[a], &turned.directions[k]);
+                assert!((product - f64::from(u8::from(a == k))).abs() < 1e-15, "{a} {k}: {product}");
+            }
+            let motion = turned.remaining(&[0.0; 3]);
+            for Along { direction, increment, .. } in &motions[..n] {
+                assert!((dot(direction, &motion) - increment).abs() < 1e-15);
+            }
+            assert_eq!(turned.remaining(&motion), [0.0; 3]);
+        }
+    }
+
+    #[test]
+    fn walls_that_are_not_normal_to_each_other_bear_forces_along_their_normals() {
+        let motions = [along([1.0, 0.0, 0.0], 0.0, 4), along([1.0, 1.0, 0.0], 0.0, 6)];
+        let turned = Turned::new(0, &motions).unwrap();
+        // Twice the first normal and three times the second.
+        let h = 0.5f64.sqrt();
+        let reaction = [2.0 + 3.0 * h, 3.0 * h, 0.0];
+        let mut shares = [[0.0; 3]; 7];
+        turned.for_each_share(&reaction, |condition, c, force| shares[condition][c] += force);
+        let expected = [[2.0, 0.0, 0.0], [3.0 * h, 3.0 * h, 0.0]];
+        for (found, expected) in [shares[4], shares[6]].iter().flatten().zip(expected.iter().flatten()) {
+            assert!((found - expected).abs() < 1e-14, "{shares:?}");
+        }
+        assert!(turned.holds_along(0) && turned.holds_along(1) && !turned.holds_along(2));
+    }
+
+    #[test]
+    fn contradictions_are_found_and_repetitions_are_none() {
+        let twice = [along([1.0, 1.0, 0.0], 0.1, 0), along([-1.0, -1.0, 0.0], -0.1, 1)];
+        assert_eq!(Turned::new(0, &twice).unwrap().n_held(), 1);
+        let against = [along([1.0, 1.0, 0.0], 0.1, 0), along([-1.0, -1.0, 0.0], 0.1, 1)];
+        assert!(Turned::new(0, &against).is_err());
+    }
+}

@@ -1,0 +1,93 @@
+//! What a solver for the equations of a load step has to offer, and what it is given.
+
+use super::blocks::{BlockMatrix, Division};
+use super::{Factorisation, LinearError, Numbering};
+
+/// A solver for the linear equations of a load step, K x = b on the unknowns of the active nodes.
+///
+/// A step calls [`prepare`](Backend::prepare) once, each iteration [`factorise`](Backend::factorise), and each right-hand side
+/// [`solve`](Backend::solve). There are `D` axes and `N` components at each node.
+///
+/// The result must not depend on the number of threads: a backend adds up in a fixed order.
+pub trait Backend<const D: usize, const N: usize = D>: Send {
+    /// Prepares for matrices of this sparsity pattern.
+    ///
+    /// # Errors
+    /// [`LinearError`] where it cannot solve such equations.
+    fn prepare(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError>;
+
+    /// Takes the values of a matrix: factorises it, or sets up a preconditioner.
+    ///
+    /// # Errors
+    /// [`LinearError`].
+    fn factorise(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError>;
+
+    /// Solves for `x` to a residual of `tolerance` relative to `b`, [-], or better. Only the unknowns of `b` count; `x` is
+    /// zero elsewhere. The factor or preconditioner may be that of an earlier matrix: a direct backend then solves the
+    /// earlier equations, an iterative one those of `stiffness`.
+    ///
+    /// # Errors
+    /// [`LinearError`].
+    fn solve(
+        &mut self,
+        layout: &Layout<D, N>,
+        stiffness: &mut Stiffness<N>,
+        b: &[[f64; N]],
+        x: &mut [[f64; N]],
+        tolerance: f64,
+    ) -> Result<Solved, LinearError>;
+
+    /// True if [`solve`](Backend::solve) iterates on the matrix that it is given, so that a factor of an earlier one is good
+    /// enough.
+    fn is_iterative(&self) -> bool;
+}
+
+/// How a system was solved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Solved {
+    /// The kind of factorisation.
+    pub factorisation: Factorisation,
+    /// Number of iterations; 0 for a direct solution.
+    pub iterations: usize,
+}
+
+/// The nodes and unknowns of the equations of a load step.
+#[derive(Clone, Copy)]
+pub struct Layout<'a, const D: usize, const N: usize = D> {
+    /// The unknowns.
+    pub numbering: &'a Numbering<N>,
+    /// Grid node of each active node, ascending. Unlike active nodes and unknowns it keeps its number from step to step.
+    pub nodes: &'a [u32],
+    /// Integer coordinates of an active node: its place in a structured grid, or a binning of its position in a mesh.
+    pub lattice: &'a (dyn Fn(usize) -> [u32; D] + 'a),
+    /// True if an analysed pattern may serve for patterns that it contains.
+    pub keeps_pattern: bool,
+}
+
+impl<const D: usize, const N: usize> Layout<'_, D, N> {
+    /// Names of the unknowns that outlast the step: grid node times `N`, plus the component; ascending.
+    pub fn names(&self) -> Vec<u64> {
+        let mut names = Vec::with_capacity(self.numbering.count());
+        self.numbering.for_each(|node, component, unknown| {
+            if unknown.is_some() {
+                names.push((self.nodes[node] as usize * N + component) as u64);
+            }
+        });
+        names
+    }
+}
+
+/// The stiffness matrix, with working space for its products.
+pub struct Stiffness<'a, const N: usize> {
+    /// The matrix over all components of the active nodes, whether unknown or not.
+    pub matrix: BlockMatrix<'a, N>,
+    /// The division of its columns between threads.
+    pub division: &'a mut Division<N>,
+}
+
+impl<const N: usize> Stiffness<'_, N> {
+    /// `out = K x` over all components.
+    pub fn multiply(&mut self, x: &[[f64; N]], out: &mut [[f64; N]]) {
+        self.matrix.multiply(self.division, x, out);
+    }
+}

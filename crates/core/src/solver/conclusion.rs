@@ -1,0 +1,141 @@
+//! The account of an attempt at a load step: its report where it has reached equilibrium, or how far it came.
+
+use crate::basis::Connectivity;
+use crate::equilibrium::{
+    Energy, GridFields, StepReport, moment_error, named_reactions, reaction_moments, reactions_of,
+};
+use crate::model::{Control, Predictor};
+use crate::points::Points;
+use crate::step::{Nodal, StepContext, displacement};
+use crate::terms::Terms;
+
+use super::attempt::{FailedAttempt, Iterate, Slump};
+use super::control::Path;
+use super::course::Course;
+use super::damping;
+use super::error::SolveError;
+use super::motion::Motion;
+use super::residual::{self, RoundOff};
+use super::step_system::StepSystem;
+use super::summary::Summary;
+use super::unknowns::Unknowns;
+
+/// Where the iterations of an attempt have ended.
+pub(super) struct Solution<const D: usize, const N: usize> {
+    pub(super) system: StepSystem<D, N>,
+    pub(super) unknowns: Unknowns<N>,
+    pub(super) course: Course<N>,
+}
+
+impl<const D: usize, const N: usize> Solution<D, N> {
+    /// The report of a step in equilibrium, whose links the caller has, and the path after it.
+    pub(super) fn report(
+        &mut self,
+        context: &StepContext<D>,
+        points: &Points<D>,
+        summary: &Summary,
+        slump: Slump,
+    ) -> (StepReport<D>, Path) {
+        let StepContext { model, links, step, .. } = *context;
+        let load_factor = self.load_factor(context);
+        let (energy, reaction) = self.energy(context, points, slump);
+        let Solution { system: StepSystem { dofs, sum, condition, parts }, unknowns, course } = self;
+        let f_ext = sum.system().external_force();
+        let delta_d = displacement(&unknowns.delta_d).into_owned();
+        let path = match (condition, model.newton.predictor) {
+            (Some(condition), _) => condition.advance(links, step, &unknowns.delta_d, unknowns.factor),
+            (None, Predictor::LastStep) => {
+                Path { motion: Motion::new(links, step, &unknowns.delta_d), ..Path::default() }
+            }
+            (None, Predictor::None) => Path::default(),
+        };
+        let forces = unknowns.forces(&course.out_of_balance, f_ext);
+        let report = StepReport {
+            step,
+            body_residuals: residual::of_bodies(&forces, model, points, links),
+            carried: forces.carried(parts, &summary.carried, model.bodies.len()),
+            reactions: named_reactions(model, &reaction, dofs),
+            moments: reaction_moments(model, points, links, &delta_d, (&reaction, dofs)),
+            loads: sum.resultants(model.loads.len()),
+            energy,
+            moment_error: moment_error(model, links, &delta_d, (f_ext, &reaction)),
+            load_factor,
+            unknowns: dofs.n_free(),
+            stabilised_faces: sum.stabilised_faces(),
+            grid: GridFields {
+                links: Connectivity::default(),
+                parts: parts.count(),
+                delta_d,
+                reaction: displacement(&reaction).into_owned(),
+            },
+            rounding_limited: course.round_off != RoundOff::NoMatter,
+            damped: summary.pace.is_damped(),
+            replaced_domains: Vec::new(),
+            residuals: std::mem::take(&mut course.residuals),
+            factorisations: course.solved.iter().map(|s| s.factorisation).collect(),
+            linear_iterations: course.linear_iterations(),
+        };
+        (report, path)
+    }
+
+    /// The energy where damped iterations have strayed from the grid, before equilibrium.
+    pub(super) fn energy_on_the_way(
+        &self,
+        context: &StepContext<D>,
+        points: &Points<D>,
+        slump: Slump,
+    ) -> Energy {
+        let (energy, _) = self.energy(context, points, slump);
+        let at_end = damping::work(&self.course.out_of_balance, &self.unknowns.delta_d);
+        Energy { damping_work: energy.damping_work + at_end, ..energy }
+    }
+
+    /// The failed attempt, with the fields of the grid where its iterations ended; the caller has their links.
+    pub(super) fn failed(&mut self, context: &StepContext<D>, error: SolveError) -> Box<FailedAttempt<D>> {
+        let course = &mut self.course;
+        Box::new(FailedAttempt {
+            step: context.step,
+            may_succeed_if_smaller: error.is_retryable(),
+            error,
+            residuals: std::mem::take(&mut course.residuals),
+            linear_iterations: course.linear_iterations(),
+            load_factor: self.load_factor(context),
+            indefinite: self.course.solved.iter().any(|s| !s.factorisation.is_definite()),
+            iterate: Some(Iterate {
+                links: Connectivity::default(),
+                delta_d: displacement(&self.unknowns.delta_d).into_owned(),
+                out_of_balance: displacement(&self.course.out_of_balance).into_owned(),
+            }),
+        })
+    }
+
+    /// The terms, for the next step.
+    pub(super) fn into_terms(self) -> Terms<D, N> {
+        self.system.sum.into_terms()
+    }
+
+    /// Load factor of the end of the step, where there is one for all loads and prescribed motions, [-].
+    fn load_factor(&self, context: &StepContext<D>) -> Option<f64> {
+        match context.model.stepping.control {
+            Control::Load => context.model.common_curve().map(|curve| curve.factor(context.step.end)),
+            Control::Displacement { .. } | Control::ArcLength { .. } => Some(self.unknowns.factor),
+        }
+    }
+
+    /// Work and energy, and the reactions on the active nodes, [force].
+    fn energy(&self, context: &StepContext<D>, points: &Points<D>, slump: Slump) -> (Energy, Nodal<N>) {
+        let Solution { system: StepSystem { dofs, sum, .. }, unknowns, course } = self;
+        let f_ext = sum.system().external_force();
+        // Where bodies slump, the loads have grown before.
+        let f_ext_start = if slump.has_begun() { f_ext.clone() } else { sum.external_force_at_start(dofs) };
+        let reaction = reactions_of(f_ext, sum.system().internal_force(), dofs);
+        let reaction_start = reactions_of(&f_ext_start, &course.f_int_start, dofs);
+        let energy = Energy::new(
+            &displacement::<D, N>(&unknowns.delta_d),
+            [(&f_ext_start, &reaction_start), (f_ext, &reaction)],
+            &course.f_int_start,
+            sum.ledger(context, points, unknowns.at()),
+        );
+        (if slump.has_begun() { energy.of_slump() } else { energy }, reaction)
+    }
+}

@@ -1,0 +1,69 @@
+//! Damped iterations: the increment of one, and the check of what they have found.
+
+use crate::linear::{LinearError, Solved};
+use crate::step::displacement;
+use crate::timing::Phase;
+
+use super::attempt::Obstacle;
+use super::damping::{AT_REST, Damping, MOST_FACTORISATIONS, farthest};
+use super::equations::RightHandSide;
+use super::load_step::{LoadStep, smallest_cell};
+use super::step_system::StepSystem;
+use super::unknowns::Unknowns;
+
+impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
+    /// As a Newton step, with a stiffness that is damped until it is positive definite.
+    pub(super) fn damped_step(&mut self) -> Result<Option<Solved>, Obstacle> {
+        let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;
+        let LoadStep { equations, summary, damping, stride, .. } = self;
+        let (place, tolerance) = (context.place(dofs), context.model.newton.tolerance);
+        let (system, timings) = (sum.system_mut(), &mut summary.timings);
+        if let Some(damping) = damping {
+            damping.adapt(course.shortened);
+        }
+        let damping = damping.get_or_insert_with(|| Damping::new(system));
+        unknowns.right_hand_side(system, dofs, &course.out_of_balance);
+        damping.add_to(system);
+        let prescribed = unknowns.iterative.clone();
+        let mut tries = 0;
+        let (solved, globals) = loop {
+            tries += 1;
+            let Unknowns { rhs, iterative, .. } = &mut *unknowns;
+            iterative.clone_from(&prescribed);
+            let rhs = RightHandSide { forces: rhs, is_residual: true };
+            let solved = equations.solve(place, system, rhs, iterative, tolerance, timings);
+            match solved {
+                Ok((solved, globals)) if solved.factorisation.is_definite() => break (solved, globals),
+                outcome if tries == MOST_FACTORISATIONS => break outcome?,
+                _ => damping.increase(system),
+            }
+        };
+        unknowns.iterative_globals = globals;
+        let far = farthest(&displacement::<D, N>(&unknowns.iterative));
+        if far > *stride {
+            let part = *stride / far;
+            unknowns.iterative.iter_mut().flatten().for_each(|u| *u *= part);
+            unknowns.iterative_globals.iter_mut().for_each(|w| *w *= part);
+        }
+        timings.measure(Phase::Solve, || unknowns.advance(system, dofs, &course.out_of_balance))?;
+        Ok(Some(solved))
+    }
+
+    /// Checks that the stiffness of an equilibrium that damped iterations have found resists every motion: without damping,
+    /// the points stay there.
+    pub(super) fn check_stability(&mut self) -> Result<(), LinearError> {
+        let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;
+        let LoadStep { equations, summary, .. } = self;
+        let system = sum.system_mut();
+        unknowns.right_hand_side(system, dofs, &course.out_of_balance);
+        let Unknowns { rhs, iterative, .. } = unknowns;
+        let rhs = RightHandSide { forces: rhs, is_residual: true };
+        let (place, tolerance) = (context.place(dofs), context.model.newton.tolerance);
+        let (solved, _) = equations.solve(place, system, rhs, iterative, tolerance, &mut summary.timings)?;
+        let at_rest = AT_REST * smallest_cell(context.model, context.links);
+        if solved.factorisation.is_definite() && farthest(&displacement::<D, N>(iterative)) <= at_rest {
+            return Ok(());
+        }
+        Err(LinearError::Singular { unknown: None })
+    }
+}

@@ -1,0 +1,138 @@
+//! The evaluation of an iterate: eqs. (19)-(25), (27)-(29) and the residual of eq. (40). An increment that cannot be evaluated is
+//! halved; one that overshoots is shortened by a line search.
+
+use crate::assembly::Wanted;
+use crate::model::Tangent;
+use crate::step::StepContext;
+use crate::terms::PointFailure;
+use crate::timing::Phase;
+
+use super::damping::MOST_TRIALS;
+use super::error::{SolveError, locate_failure};
+use super::load_step::LoadStep;
+use super::residual::{self, Measured, RoundOff};
+
+/// A step on which a point turns inside out is halved up to so many times.
+const MOST_HALVINGS: usize = 5;
+/// Most evaluations of a line search.
+const MOST_SEARCHES: usize = 3;
+/// No line search before so many iterations …
+const FIRST_SEARCH: usize = 3;
+/// … where an attempt has failed before, otherwise before this part of those that are allowed: iterations that go well are
+/// left alone.
+const LATE: f64 = 0.75;
+
+impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
+    /// The residual of an iteration, eq. (40), which goes into the course of the step.
+    pub(super) fn residual(&mut self, iteration: usize) -> Result<f64, SolveError> {
+        let mut measured = match self.evaluate_last() {
+            Some(residual) => Ok(Measured { residual, round_off: RoundOff::NoMatter }),
+            None => self.evaluate(iteration),
+        };
+        let is_better = |found: &Measured| found.residual < self.course.residuals[0];
+        if self.is_predicted && !measured.as_ref().is_ok_and(is_better) {
+            self.unknowns.start_again();
+            measured = self.evaluate(iteration);
+        }
+        self.is_predicted = false;
+        let StepContext { model, step, .. } = self.context;
+        let Measured { residual, round_off } = measured
+            .map_err(|f| locate_failure(f, model, self.points, step, iteration, &self.course.residuals))?;
+        self.course.residuals.push(residual);
+        self.course.round_off = round_off;
+        self.observer.iteration(step, iteration, residual);
+        if iteration == 0 {
+            self.course.f_int_start = self.system.sum.system().internal_force().to_vec();
+        }
+        Ok(residual)
+    }
+
+    /// The residual where the course of the iterations says that this evaluation is the last one, and it is: no tangent is
+    /// formed. An old tangent makes no forecast.
+    fn evaluate_last(&mut self) -> Option<f64> {
+        let tolerance = self.context.model.newton.tolerance;
+        let is_last = self.context.model.newton.tangent == Tangent::Fresh
+            && !self.is_damped()
+            && self.course.forecast(&self.forcing, self.summary.last_iterations) <= tolerance
+            && self.has_reached_constraints();
+        if !is_last {
+            return None;
+        }
+        self.evaluate_terms(Wanted::Force).ok()?;
+        let (system, unknowns) = (self.system.sum.system(), &self.unknowns);
+        let forces = unknowns.forces(&self.course.out_of_balance, system.external_force());
+        let of_globals = system.border.relative_residual();
+        let residual = forces.balanced(&self.system.parts, tolerance).filter(|_| of_globals <= tolerance)?;
+        Some(residual.max(of_globals))
+    }
+
+    /// The residual of eq. (40). A point that turns inside out halves the last iterative displacement; a line search shortens
+    /// one that climbs the potential on its far side.
+    fn evaluate(&mut self, iteration: usize) -> Result<Measured, PointFailure> {
+        let [most_halvings, most_searches] =
+            if self.is_damped() { [MOST_TRIALS; 2] } else { [MOST_HALVINGS, MOST_SEARCHES] };
+        let (mut halvings, mut searches) = (0, 0);
+        loop {
+            self.course.shortened = halvings + searches > 0;
+            let may_shorten = iteration > 0 && !self.unknowns.prescribes;
+            match self.evaluate_terms(Wanted::Stiffness) {
+                Err(_) if may_shorten && halvings < most_halvings => {
+                    halvings += 1;
+                    self.unknowns.shorten(0.5);
+                    continue;
+                }
+                outcome => outcome?,
+            }
+            let measured = self.measure();
+            if searches < most_searches
+                && self.may_search(iteration, measured.residual)
+                && let Some(shorter) = self.unknowns.flatter(self.unknowns.slope(&self.course.out_of_balance))
+            {
+                searches += 1;
+                self.unknowns.shorten(shorter);
+                continue;
+            }
+            return Ok(measured);
+        }
+    }
+
+    /// Evaluates all terms, and the out-of-balance force.
+    fn evaluate_terms(&mut self, wanted: Wanted) -> Result<(), PointFailure> {
+        let LoadStep { context, points, system, unknowns, course, summary, .. } = self;
+        summary.evaluations += 1;
+        let evaluate = || system.sum.evaluate(context, points, unknowns.at(), wanted);
+        summary.timings.measure(Phase::Assembly, evaluate)?;
+        system.sum.system_mut().condense(&system.dofs);
+        course.out_of_balance = unknowns.balance(system.sum.system());
+        Ok(())
+    }
+
+    fn measure(&self) -> Measured {
+        let StepContext { model, links, .. } = self.context;
+        let (system, unknowns) = (self.system.sum.system(), &self.unknowns);
+        let at = residual::Iterate { model, points: self.points, links, system, delta_d: &unknowns.delta_d };
+        let forces = unknowns.forces(&self.course.out_of_balance, system.external_force());
+        let tolerance = model.newton.tolerance;
+        let measured = forces.measure(&self.system.parts, tolerance, &at);
+        measured.or_larger(system.border.relative_residual(), tolerance)
+    }
+
+    /// True if a line search may shorten the last increment, given the residual it has led to.
+    fn may_search(&self, iteration: usize, residual: f64) -> bool {
+        let newton = &self.context.model.newton;
+        let damped = self.is_damped();
+        let first = if damped {
+            1
+        } else if self.summary.pace.is_careful() {
+            FIRST_SEARCH
+        } else {
+            ((LATE * newton.max_iterations as f64) as usize).max(FIRST_SEARCH)
+        };
+        let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
+        iteration >= first
+            && !self.unknowns.prescribes
+            && self.system.sum.system().per_factor().is_none()
+            && (damped || residual > before)
+            && residual > newton.tolerance
+    }
+}

@@ -1,0 +1,41 @@
+//! The fields that the components at the nodes belong to.
+
+use std::ops::Range;
+
+/// The fields of the nodal unknowns. Each has a residual of its own, so that units do not mix.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fields {
+    fields: Vec<(String, usize)>,
+}
+
+impl Fields {
+    /// The displacement along so many axes, and nothing else.
+    pub fn displacement(axes: usize) -> Fields {
+        Fields { fields: vec![("displacement".to_owned(), axes)] }
+    }
+
+    /// With a further field of so many components, after those before it.
+    pub fn and(mut self, name: impl Into<String>, components: usize) -> Fields {
+        self.fields.push((name.into(), components));
+        self
+    }
+
+    /// Names of the fields with their components.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
+        let ends = self.fields.iter().scan(0, |end, (_, n)| {
+            *end += n;
+            Some(*end)
+        });
+        self.fields.iter().zip(ends).map(|((name, n), end)| (name.as_str(), end - n..end))
+    }
+
+    /// The components of each field.
+    pub(super) fn components(&self) -> Vec<Range<usize>> {
+        self.iter().map(|(_, components)| components).collect()
+    }
+
+    /// Number of components of all fields.
+    pub fn n_components(&self) -> usize {
+        self.fields.iter().map(|(_, n)| n).sum()
+    }
+}

@@ -1,0 +1,145 @@
+//! One attempt at a load step: sections 5 and 6.3.
+
+use crate::basis::Connectivity;
+use crate::model::{Control, Model, Predictor};
+use crate::points::Points;
+use crate::step::{Step, StepContext};
+use crate::stress::Mechanics;
+use crate::timing::Phase;
+
+use super::attempt::{Attempt, Ended, FailedAttempt, Iterate, OnTheWay, Slump};
+use super::conclusion::Solution;
+use super::course::Course;
+use super::damping::{Damping, STRIDE};
+use super::equations::Equations;
+use super::error::SolveError;
+use super::forcing::Forcing;
+use super::observer::Observer;
+use super::step_system::StepSystem;
+use super::stepper::Stepper;
+use super::summary::Summary;
+use super::unknowns::Unknowns;
+
+/// An attempt at a load step, from the converged state of the points, on a fresh grid.
+pub(super) struct LoadStep<'a, const D: usize, const N: usize> {
+    pub(super) context: StepContext<'a, D>,
+    pub(super) points: &'a mut Points<D>,
+    pub(super) system: StepSystem<D, N>,
+    pub(super) unknowns: Unknowns<N>,
+    pub(super) course: Course<N>,
+    pub(super) forcing: Forcing,
+    pub(super) damping: Option<Damping<N>>,
+    /// Damped iterations that move a node farther than this go on upon a fresh grid, [length].
+    pub(super) stride: f64,
+    /// True if the last iterative increment was a prediction.
+    pub(super) is_predicted: bool,
+    pub(super) equations: &'a mut Equations<D, N>,
+    pub(super) summary: &'a mut Summary,
+    pub(super) observer: &'a mut dyn Observer<D>,
+}
+
+impl<const D: usize, const N: usize> Stepper<'_, D, N> {
+    /// Solves a step, without committing it.
+    ///
+    /// Damped iterations that have moved the points by more than [`STRIDE`] end there, where a slump may begin or go on.
+    pub(super) fn attempt<M: Mechanics<D>>(
+        &mut self,
+        step: Step,
+        slump: Slump,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<Attempt<D>, Box<FailedAttempt<D>>> {
+        // The grid is undeformed: S_vp, ∇S_vp and the pattern of K are fixed for the step (section 5.1).
+        let links = self.link(step).map_err(|error| FailedAttempt::at_once(step, error))?;
+        let (model, points) = (self.model, &mut *self.points);
+        let summary = &mut self.reached.summary;
+        let context = StepContext { model, links: &links, step, factor: summary.path.factor };
+        let Summary { timings, path, carried, .. } = summary;
+        let (fields, terms) = (&self.fields, &mut self.terms);
+        let begin = || StepSystem::new::<M>(&context, points, path, carried, fields, terms);
+        let system =
+            timings.measure(Phase::SetUp, begin).map_err(|error| FailedAttempt::at_once(step, error))?;
+        let mut load_step =
+            LoadStep::new(context, points, system, slump, &mut self.equations, summary, observer);
+        let ended = load_step.iterate::<M>();
+        let mut solution = load_step.into_solution();
+        let outcome = match ended {
+            Ok(Ended::Balanced { replaced_domains }) => {
+                let (mut report, path) = solution.report(&context, points, summary, slump);
+                report.replaced_domains = replaced_domains;
+                report.grid.links = links;
+                Ok(Attempt::Equilibrium(Box::new(report), path))
+            }
+            Ok(Ended::Strayed { replaced_domains, is_at_rest }) => {
+                let energy = solution.energy_on_the_way(&context, points, slump);
+                self.links = links;
+                Ok(Attempt::OnTheWay(OnTheWay { energy, replaced_domains, is_at_rest }))
+            }
+            Err(error) => {
+                let mut failed = solution.failed(&context, error);
+                failed.iterate = failed.iterate.map(|iterate| Iterate { links, ..iterate });
+                Err(failed)
+            }
+        };
+        self.terms = solution.into_terms();
+        outcome
+    }
+
+    /// Links the points with the grid.
+    fn link(&mut self, step: Step) -> Result<Connectivity<D>, SolveError> {
+        let (model, points) = (self.model, &mut *self.points);
+        let methods: Vec<_> = model.bodies.iter().map(|body| body.method).collect();
+        let old =
+            self.report.take().map_or_else(|| std::mem::take(&mut self.links), |report| report.grid.links);
+        let timings = &mut self.reached.summary.timings;
+        timings
+            .measure(Phase::Basis, || old.renew(model.grid.as_ref(), points, &methods))
+            .map_err(|failure| SolveError::unsupported(model, points, failure, step))
+    }
+}
+
+impl<'a, const D: usize, const N: usize> LoadStep<'a, D, N> {
+    fn new(
+        context: StepContext<'a, D>,
+        points: &'a mut Points<D>,
+        system: StepSystem<D, N>,
+        slump: Slump,
+        equations: &'a mut Equations<D, N>,
+        summary: &'a mut Summary,
+        observer: &'a mut dyn Observer<D>,
+    ) -> Self {
+        let StepContext { model, links, step, factor } = context;
+        let mut unknowns = Unknowns::new(model, factor, links.n_active(), system.sum.system().border.len());
+        let damped = summary.pace.is_damped();
+        let continues =
+            model.newton.predictor == Predictor::LastStep && model.stepping.control == Control::Load;
+        if continues && !damped {
+            unknowns.predicted = summary.path.motion.go_on(links, step);
+        }
+        let stride =
+            if damped && slump.may_go_on() { STRIDE * smallest_cell(model, links) } else { f64::INFINITY };
+        LoadStep {
+            context,
+            points,
+            system,
+            unknowns,
+            course: Course::new(),
+            forcing: Forcing::default(),
+            damping: None,
+            stride,
+            is_predicted: false,
+            equations,
+            summary,
+            observer,
+        }
+    }
+
+    fn into_solution(self) -> Solution<D, N> {
+        Solution { system: self.system, unknowns: self.unknowns, course: self.course }
+    }
+}
+
+/// Size of the smallest active cell, [length].
+pub(super) fn smallest_cell<const D: usize>(model: &Model<D>, links: &Connectivity<D>) -> f64 {
+    let sizes = links.active_cells().iter().map(|&cell| model.grid.size(cell as usize));
+    sizes.fold(f64::INFINITY, f64::min)
+}

@@ -1,0 +1,373 @@
+//! The doors of the unknowns: turned nodes, ties, global unknowns, and a further field beside the displacement.
+
+use mpm::assembly::{System, Wanted};
+use mpm::deck::build::build;
+use mpm::deck::load::load_text;
+use mpm::dofs::{ConstraintError, Constraints};
+use mpm::model::Model;
+use mpm::points::Points;
+use mpm::solver::{Fields, Kernels, Observer, Silent, SolveError, StepReport, Stepper, Summary};
+use mpm::step::{At, StepContext};
+use mpm::stress::PlaneStrain;
+use mpm::terms::{FURTHER, LoadNotFinite, PointFailure, Term};
+
+/// A block of 2 m × 2 m on a grid of 3 m × 3 m, under its own weight.
+const BLOCK: &str = "
+version: 1
+title: block
+analysis: {stabilisation: {mode: off}}
+grid: {type: structured, origin: [0, 0], size: [3, 3], spacing: 0.5}
+materials: {clay: {model: hencky, young: 1e6, poisson: 0.3, density: 2000}}
+bodies:
+  - {name: block, material: clay, method: mpm, points_per_cell: 2, shape: {type: box, min: [0, 0], max: [2, 2]}}
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: floor, nodes: {y: 0}, fix: [y]}
+loads:
+  - {name: weight, type: gravity, acceleration: [0, -9.81]}
+steps: {count: 2}
+";
+const WEIGHT: f64 = 2000.0 * 9.81 * 4.0;
+
+fn block(changes: &[(&str, &str)]) -> (Model<2>, Points<2>) {
+    let text = changes.iter().fold(BLOCK.to_owned(), |text, (from, to)| {
+        assert!(text.contains(from), "{from}");
+        text.replace(from, to)
+    });
+    build(&load_text("block.yaml", text.as_bytes(), &[]).unwrap()).unwrap()
+}
+
+/// Keeps the last report.
+#[derive(Default)]
+struct Last(Option<StepReport<2>>);
+
+impl Observer<2> for Last {
+    fn converged(
+        &mut self,
+        _: &Model<2>,
+        _: &Points<2>,
+        report: &StepReport<2>,
+        _: &Summary,
+    ) -> std::io::Result<()> {
+        self.0 = Some(report.clone());
+        Ok(())
+    }
+}
+
+fn solve(
+    model: &Model<2>,
+    points: &mut Points<2>,
+    terms: Vec<Box<dyn Term<2>>>,
+) -> Result<StepReport<2>, SolveError> {
+    let mut last = Last::default();
+    Stepper::new(model, points).with_terms(terms)?.run(&mut last)?;
+    Ok(last.0.unwrap())
+}
+
+fn turned(angle: f64) -> Option<[[f64; 2]; 2]> {
+    let (sin, cos) = angle.sin_cos();
+    Some([[cos, sin], [-sin, cos]])
+}
+
+fn farthest(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
+    a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// A floor that is fixed in both directions holds the same, whatever directions they are; in some of the nodes they meet the
+/// axis of another condition.
+#[test]
+fn a_fixed_floor_may_be_fixed_in_any_two_directions() {
+    let fixed = [("{name: floor, nodes: {y: 0}, fix: [y]}", "{name: floor, nodes: {y: 0}, fix: [x, y]}")];
+    let (model, mut points) = block(&fixed);
+    let plain = solve(&model, &mut points, Vec::new()).unwrap();
+    let (mut model, mut others) = block(&fixed);
+    model.boundary_conditions[1].axes = turned(0.4);
+    let report = solve(&model, &mut others, Vec::new()).unwrap();
+    assert!(farthest(&plain.grid.delta_d, &report.grid.delta_d) < 1e-12);
+    let total =
+        |report: &StepReport<2>| report.reactions.iter().fold([0.0; 2], |s, r| [s[0] + r[0], s[1] + r[1]]);
+    assert!(farthest(&[total(&plain)], &[total(&report)]) < 1e-8 * WEIGHT);
+    assert_eq!(plain.unknowns, report.unknowns);
+}
+
+/// On an inclined roller a block slides until the side holds it: the roller bears a force along its normal only, and the
+/// equations stay symmetric and converge quadratically.
+#[test]
+fn an_inclined_roller_bears_along_its_normal() {
+    for angle in [0.1, 0.5, -0.7f64] {
+        let (mut model, mut points) = block(&[]);
+        model.boundary_conditions[1].axes = turned(angle);
+        let report = solve(&model, &mut points, Vec::new()).unwrap();
+        let [side, roller] = [report.reactions[0], report.reactions[1]];
+        assert!((roller[1] / WEIGHT - 1.0).abs() < 1e-8, "{angle}: {roller:?}");
+        assert!((roller[0] + roller[1] * angle.tan()).abs() < 1e-8 * WEIGHT, "{angle}: {roller:?}");
+        assert!((side[0] + roller[0]).abs() < 1e-8 * WEIGHT && side[1].abs() < 1e-8 * WEIGHT, "{side:?}");
+        let normal = turned(angle).unwrap()[1];
+        for (node, u) in report.grid.links.active_nodes().iter().zip(&report.grid.delta_d) {
+            if model.grid.node_position(*node as usize)[1] == 0.0 {
+                assert!((normal[0] * u[0] + normal[1] * u[1]).abs() < 1e-12);
+            }
+        }
+        let tail: Vec<f64> = report.residuals.iter().copied().filter(|r| *r < 0.1).collect();
+        assert!(tail.windows(2).all(|pair| pair[1] < 30.0 * pair[0] * pair[0] + 1e-11), "{tail:?}");
+    }
+}
+
+/// The active nodes at a height, [m].
+fn nodes_at(step: &StepContext<2>, height: f64) -> Vec<usize> {
+    let y = |active: &usize| step.model.grid.node_position(step.links.active_nodes()[*active] as usize)[1];
+    (0..step.links.n_active()).filter(|active| (y(active) - height).abs() < 1e-9).collect()
+}
+
+/// A force on a lid at the top, [N]: the nodes there move alike along y, by ties or by springs to a rigid plate that is a global
+/// unknown.
+struct Lid {
+    force: f64,
+    /// Stiffness of each spring, [N/m]; ties where there is none.
+    spring: Option<f64>,
+    nodes: Vec<usize>,
+    share: f64,
+    /// Motion of the plate, now and at the end of the last step, [m].
+    moved: [f64; 2],
+    /// Elongation of the springs at the end of the last step by their places, [m].
+    elongation: Vec<f64>,
+    trial: Vec<f64>,
+}
+
+impl Lid {
+    fn new(force: f64, spring: Option<f64>) -> Box<Lid> {
+        let empty = || Vec::new();
+        Box::new(Lid {
+            force,
+            spring,
+            nodes: Vec::new(),
+            share: 0.0,
+            moved: [0.0; 2],
+            elongation: empty(),
+            trial: empty(),
+        })
+    }
+}
+
+impl Term<2> for Lid {
+    fn name(&self) -> &'static str {
+        "lid"
+    }
+
+    fn is_symmetric(&self, _: &StepContext<2>) -> bool {
+        true
+    }
+
+    fn begin(&mut self, step: &StepContext<2>, _: &Points<2>) -> Result<(), Box<LoadNotFinite>> {
+        self.nodes = nodes_at(step, 2.0);
+        self.elongation.resize(self.nodes.len(), 0.0);
+        self.share = step.step.end / step.model.stepping.end_time;
+        Ok(())
+    }
+
+    fn n_globals(&self) -> usize {
+        usize::from(self.spring.is_some())
+    }
+
+    fn constrain(
+        &self,
+        step: &StepContext<2>,
+        _: &Points<2>,
+        constraints: &mut Constraints<2>,
+    ) -> Result<(), ConstraintError> {
+        let nodes = nodes_at(step, 2.0);
+        let tied = if self.spring.is_none() { &nodes[1..] } else { &[] };
+        tied.iter().try_for_each(|&node| constraints.tie(node, 1, &[(nodes[0], 1, 1.0)], 0.0))
+    }
+
+    fn evaluate(
+        &mut self,
+        _: &StepContext<2>,
+        _: &mut Points<2>,
+        at: At<2>,
+        wanted: Wanted,
+        sum: &mut System<2>,
+    ) -> Result<(), PointFailure> {
+        let force = self.share * self.force;
+        let Some(k) = self.spring else {
+            sum.external_force_mut()[self.nodes[0]][1] += force;
+            return Ok(());
+        };
+        let w = at.globals[0];
+        self.moved[0] = self.moved[1] + w;
+        self.trial =
+            self.nodes.iter().zip(&self.elongation).map(|(&n, e)| e + at.delta_d[n][1] - w).collect();
+        sum.border.add_residual(0, -force, force.abs());
+        for (&node, elongation) in self.nodes.iter().zip(&self.trial) {
+            sum.internal_force_mut()[node][1] += k * elongation;
+            sum.border.add_residual(0, -k * elongation, 0.0);
+            sum.border.add_to_column(0, node, 1, -k);
+            sum.border.add_to_row(0, node, 1, -k);
+            sum.border.add_to_corner(0, 0, k);
+            if wanted == Wanted::Stiffness
+                && let Some(place) = sum.place(node, node)
+            {
+                sum.add_block(place, &[[0.0, 0.0], [0.0, k]]);
+            }
+        }
+        Ok(())
+    }
+
+    fn commit(&mut self) {
+        self.moved[1] = self.moved[0];
+        self.elongation.clone_from(&self.trial);
+    }
+
+    fn save(&self) -> Option<serde_json::Value> {
+        Some(serde_json::json!([self.moved, self.elongation.iter().sum::<f64>()]))
+    }
+}
+
+#[test]
+fn a_lid_of_ties_and_one_of_springs_on_a_plate_press_alike() {
+    let force = -2.0e4;
+    let (model, mut points) = block(&[]);
+    let tied = solve(&model, &mut points, vec![Lid::new(force, None)]).unwrap();
+    let tops = |report: &StepReport<2>| -> Vec<f64> {
+        let nodes = report.grid.links.active_nodes().iter().zip(&report.grid.delta_d);
+        let is_top = |node: &u32| (model.grid.node_position(*node as usize)[1] - 2.0).abs() < 1e-9;
+        nodes.filter(|(node, _)| is_top(node)).map(|(_, u)| u[1]).collect()
+    };
+    let of_tied = tops(&tied);
+    assert!(of_tied.len() == 5 && of_tied.iter().all(|u| (u - of_tied[0]).abs() < 1e-14), "{of_tied:?}");
+    // Load and weight go into the floor.
+    assert!((tied.reactions[1][1] / (WEIGHT - force) - 1.0).abs() < 1e-9, "{:?}", tied.reactions);
+
+    let spring = 1e10;
+    let (model, mut points) = block(&[]);
+    let mut last = Last::default();
+    let terms: Vec<Box<dyn Term<2>>> = vec![Lid::new(force, Some(spring))];
+    let summary = Stepper::new(&model, &mut points).with_terms(terms).unwrap().run(&mut last).unwrap();
+    let (moved, elongation): ([f64; 2], f64) = serde_json::from_value(summary.terms["lid"].clone()).unwrap();
+    // The equation of the plate: the springs carry the force.
+    assert!((spring * elongation / force + 1.0).abs() < 1e-9, "{elongation:e}");
+    let sprung = last.0.unwrap();
+    assert!((sprung.reactions[1][1] / (WEIGHT - force) - 1.0).abs() < 1e-9);
+    // Stiff springs are as good as ties, up to their elongation.
+    let gap = tops(&sprung).iter().zip(&of_tied).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(gap < 10.0 * force.abs() / spring, "{gap:e}");
+    assert!(moved[1] < -0.01 && sprung.residuals.len() < 10, "{moved:?} {:?}", sprung.residuals);
+}
+
+/// A temperature beside the displacement: conduction between a floor at 1 and a top at 3 (times `unit`), which strains nothing.
+struct Conduction {
+    unit: f64,
+    at_end: Vec<(f64, f64)>,
+    start: Vec<f64>,
+}
+
+impl Term<2, 3> for Conduction {
+    fn name(&self) -> &'static str {
+        "conduction"
+    }
+
+    fn is_symmetric(&self, _: &StepContext<2>) -> bool {
+        true
+    }
+
+    fn begin(&mut self, step: &StepContext<2>, _: &Points<2>) -> Result<(), Box<LoadNotFinite>> {
+        self.start = vec![0.0; step.links.n_active()];
+        Ok(())
+    }
+
+    fn constrain(
+        &self,
+        step: &StepContext<2>,
+        _: &Points<2>,
+        constraints: &mut Constraints<3>,
+    ) -> Result<(), ConstraintError> {
+        for (height, value) in [(0.0, self.unit), (2.0, 3.0 * self.unit)] {
+            let nodes = nodes_at(step, height);
+            nodes.into_iter().try_for_each(|node| constraints.hold(node, 2, value, FURTHER))?;
+        }
+        Ok(())
+    }
+
+    fn evaluate(
+        &mut self,
+        step: &StepContext<2>,
+        points: &mut Points<2>,
+        at: At<3>,
+        wanted: Wanted,
+        sum: &mut System<3>,
+    ) -> Result<(), PointFailure> {
+        self.at_end.clear();
+        for (active, value) in at.delta_d.iter().enumerate() {
+            let place = step.model.grid.node_position(step.links.active_nodes()[active] as usize);
+            self.at_end.push((place[1], value[2]));
+        }
+        for group in 0..step.links.n_groups() {
+            let nodes = step.links.nodes_of(group);
+            for p in step.links.points_of(group) {
+                let mut links = Vec::new();
+                step.links
+                    .for_each_link(p, |local, _, gradient| links.push((nodes[local] as usize, *gradient)));
+                let volume = points.original_volume[p];
+                for (a, of_a) in &links {
+                    for (b, of_b) in &links {
+                        let k = volume * (of_a[0] * of_b[0] + of_a[1] * of_b[1]);
+                        sum.internal_force_mut()[*a][2] += k * at.delta_d[*b][2];
+                        if wanted == Wanted::Stiffness
+                            && let Some(place) = sum.place(*a, *b)
+                        {
+                            let mut block = [[0.0; 3]; 3];
+                            block[2][2] = k;
+                            sum.add_block(place, &block);
+                        }
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn save(&self) -> Option<serde_json::Value> {
+        Some(serde_json::json!(self.at_end))
+    }
+}
+
+/// A field beside the displacement has its own norm: whatever its unit, it is solved as well as the displacement is, and does
+/// not change it.
+#[test]
+fn a_further_field_is_solved_beside_the_displacement() {
+    let one_step = [("count: 2", "count: 1")];
+    let (model, mut points) = block(&one_step);
+    let alone = solve(&model, &mut points, Vec::new()).unwrap();
+    for unit in [1e-12, 1.0, 1e12] {
+        let (model, mut points) = block(&one_step);
+        let fields = Fields::displacement(2).and("temperature", 1);
+        let stepper = Stepper::<2, 3>::with_fields(&model, &mut points, Kernels::of::<PlaneStrain>(), fields);
+        let conduction = Conduction { unit, at_end: Vec::new(), start: Vec::new() };
+        let mut last = Last::default();
+        let summary = stepper.with_terms(vec![Box::new(conduction)]).unwrap().run(&mut last).unwrap();
+        let report = last.0.unwrap();
+        assert!(report.unknowns > alone.unknowns && report.residuals.last().unwrap() <= &1e-9);
+        let moved = farthest(&report.grid.delta_d, &alone.grid.delta_d);
+        let size = farthest(&alone.grid.delta_d, &vec![[0.0; 2]; alone.grid.delta_d.len()]);
+        assert!(moved < 1e-9 * size, "{unit:e}: {moved:e}");
+        let found: Vec<(f64, f64)> = serde_json::from_value(summary.terms["conduction"].clone()).unwrap();
+        assert_eq!(found.len(), report.grid.delta_d.len());
+        for (y, value) in found {
+            assert!((value / unit - (1.0 + y)).abs() < 1e-9, "{unit:e}: {value:e} at {y}");
+        }
+    }
+}
+
+/// Displacements that contradict each other along directions are refused by name.
+#[test]
+fn contradictions_along_directions_are_refused() {
+    let (mut model, mut points) =
+        block(&[("{name: left, nodes: {x: 0}, fix: [x]}", "{name: left, nodes: {y: 0}, uy: 0.1}")]);
+    model.boundary_conditions[1].axes = turned(std::f64::consts::TAU);
+    let refused = Stepper::new(&model, &mut points).run(&mut Silent);
+    let Err(SolveError::Constraint { error: ConstraintError::Conflict { first, second, .. }, .. }) = refused
+    else {
+        panic!("{refused:?}")
+    };
+    assert_eq!([first.as_str(), second.as_str()], ["left", "floor"]);
+}
