@@ -1,13 +1,13 @@
-//! The motion of a point, and what Table 2 holds against a domain update in it.
+//! The motion of a point, and the objection that Table 2 raises to a domain update in this motion.
 //!
-//! In the plane (`D` = 2) the third direction is no axis of a domain, whatever F_zz is.
+//! In the plane (`D` = 2) domains have no third axis, whatever F_zz is.
 #![allow(non_snake_case)]
 
 use crate::domain::DomainUpdate;
 use crate::tensor::spectral::Spectrum;
 use crate::tensor::{Mat3, Sym3};
 
-/// A number from 0 to 2 that grows with the angle of the rotation in F = R U and costs less.
+/// A number from 0 to 2 that grows with the angle of the rotation in F = R U, and is cheaper.
 #[inline]
 pub fn turn<const D: usize>(F: &Mat3) -> f64 {
     let (c, s) = cosine_and_sine::<D>(F);
@@ -21,13 +21,13 @@ pub fn rotation_of_turn(turn: f64) -> f64 {
     s.atan2(c).to_degrees()
 }
 
-/// Angle of the rotation of the polar decomposition F = R U, whatever its axis, from 0 to 180, [degrees].
+/// Angle of the rotation in the polar decomposition F = R U about any axis, from 0 to 180, [degrees].
 fn rotation<const D: usize>(F: &Mat3) -> f64 {
     let (c, s) = cosine_and_sine::<D>(F);
     s.atan2(c).to_degrees()
 }
 
-/// Cosine and sine of the angle of the rotation in F, both times the same positive number.
+/// Cosine and sine of the angle of the rotation in F, scaled by the same positive number.
 #[inline]
 fn cosine_and_sine<const D: usize>(F: &Mat3) -> (f64, f64) {
     if D == 2 {
@@ -56,8 +56,8 @@ fn rotation_tensor(F: &Mat3) -> Mat3 {
     R
 }
 
-/// Tangent of the angle by which two axes of the original configuration have left the right angle, the largest of all
-/// pairs: γ in simple shear, zero in stretch along the axes, and the same whatever rotation comes on top, [-].
+/// Tangent of the change of the right angle between two axes of the original configuration, the largest of all pairs, [-]: γ
+/// in simple shear, zero in stretch along the axes, independent of rotations.
 #[inline]
 pub fn shear<const D: usize>(F: &Mat3) -> f64 {
     let C = |i, j| right_cauchy_green::<D>(F, i, j);
@@ -99,11 +99,11 @@ const MOST_VOLUME_CHANGE: f64 = 0.05;
 /// The same for the update with det F and the ratio of principal stretches, [-].
 const MOST_STRETCH_RATIO: f64 = 1.2;
 
-/// What Table 2 holds against a domain update: the measure of the motion that it does not stand, and how much of it.
+/// The objection of Table 2 to a domain update: a measure of the motion that the update does not suit, and its limit.
 #[derive(Debug, Clone, Copy)]
 pub struct Objection {
     measure: fn(&Mat3) -> f64,
-    /// Largest measure that passes.
+    /// Largest measure without objection.
     pub limit: f64,
     /// The measure as text.
     pub describe: fn(f64) -> String,
@@ -124,7 +124,7 @@ impl Objection {
                 describe: |value| format!("principal stretches in the ratio {value:.2}"),
             }),
             DomainUpdate::Diagonal => Some(Objection::to_rotation::<D>()),
-            // The correction of the volume undoes what a rotation does to two lengths, unless it spreads over three.
+            // The correction of the volume undoes the effect of a rotation on two lengths, but not if it spreads over three.
             DomainUpdate::DiagonalCorrected if D == 3 => Some(Objection::to_rotation::<D>()),
             DomainUpdate::Stretch => Some(Objection {
                 measure: shear::<D>,
@@ -145,21 +145,21 @@ impl Objection {
         }
     }
 
-    /// How much of the unsuitable motion a deformation gradient holds.
+    /// The measure of the unsuitable motion in a deformation gradient.
     pub fn measure(&self, F: &Mat3) -> f64 {
         (self.measure)(F)
     }
 }
 
-/// Whether the lengths along the axes change differently. They do not in simple shear, which the update with det F
-/// stands, though its principal stretches differ.
+/// True if the lengths along the axes change differently. They do not in simple shear, which the update with det F suits
+/// although the principal stretches differ.
 fn axes_differ<const D: usize>(F: &Mat3) -> bool {
     let lengths = || (0..D).map(|d| F[(d, d)].abs());
     lengths().fold(0.0, f64::max) > MOST_STRETCH_RATIO * lengths().fold(f64::INFINITY, f64::min)
 }
 
-/// Whether the product of the F_ii is off det F. It is not in simple shear, which the update with F_ii stands, though
-/// its polar decomposition holds a rotation.
+/// True if the product of the F_ii differs from det F. It does not in simple shear, which the update with F_ii suits although
+/// the polar decomposition contains a rotation.
 pub fn diagonal_misses_volume<const D: usize>(F: &Mat3) -> bool {
     let product: f64 = (0..D).map(|d| F[(d, d)]).product();
     (product / ratio_of_volume::<D>(F) - 1.0).abs() > MOST_VOLUME_CHANGE
@@ -187,7 +187,7 @@ mod tests {
         *Rotation3::from_axis_angle(&Unit::new_normalize(Vector3::from(axis)), degrees.to_radians()).matrix()
     }
 
-    /// The same motion with other names of the axes.
+    /// The same motion with the axes renamed.
     fn permuted(F: &Mat3, shift: usize) -> Mat3 {
         Mat3::from_fn(|i, j| F[((i + shift) % 3, (j + shift) % 3)])
     }
@@ -239,7 +239,7 @@ mod tests {
         }
     }
 
-    /// What is plane strain in space is measured as in the plane, which axis ever is the third.
+    /// Plane strain in space is measured as in the plane, whichever axis is the third.
     #[test]
     fn plane_motions_in_space_are_measured_as_in_the_plane() {
         for F in [

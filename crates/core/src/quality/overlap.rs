@@ -1,4 +1,4 @@
-//! How much the domains of the points overlap each other.
+//! The overlap of the domains of the points.
 
 use std::collections::HashMap;
 
@@ -8,12 +8,12 @@ use crate::basis::DomainKind;
 use crate::model::Model;
 use crate::points::Points;
 
-/// Sides of the bins in which domains are looked for, relative to the mean extent of a domain.
+/// Side of the bins that domains are sorted into, relative to the mean extent of a domain, [-].
 const BIN: f64 = 2.0;
-/// Most bins along an axis that a domain is looked for in; a larger one is cut off.
+/// Most bins along an axis for one domain; the rest of a larger one is left out.
 const MOST_BINS: i64 = 1000;
 
-/// A domain: the box around it, and its corners in the plane where it is no box.
+/// A domain: its bounding box, and, in the plane, its halves if it is not a box.
 struct Domain<const D: usize> {
     low: [f64; D],
     high: [f64; D],
@@ -21,9 +21,8 @@ struct Domain<const D: usize> {
     halves: Option<[[[f64; 2]; 3]; 2]>,
 }
 
-/// Volume that the domains of the converged state share, summed over all pairs of points, relative to the sum of their
-/// volumes, [-]; in the section for bodies of revolution. `None` without domains, and in space for domains given by
-/// corners.
+/// Volume shared by the domains of the converged state, summed over all pairs of points, relative to the sum of their volumes,
+/// [-]; for bodies of revolution, in the section. `None` without domains, and in space for domains given by corners.
 pub fn domain_overlap<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<f64> {
     let mut domains = Vec::new();
     for p in 0..points.len() {
@@ -51,7 +50,7 @@ pub fn domain_overlap<const D: usize>(model: &Model<D>, points: &Points<D>) -> O
             std::array::from_fn(|d| bin(domain.high[d]).min(first[d].saturating_add(MOST_BINS)));
         for_each_index(first, last, |index| bins.entry(index).or_default().push(number as u32));
     }
-    // In the order of the bins, so that the sum is always the same.
+    // The order of the bins makes the sum reproducible.
     let mut bins: Vec<([i64; D], Vec<u32>)> = bins.into_iter().collect();
     bins.sort_unstable();
     let shared: Vec<f64> = bins
@@ -81,7 +80,7 @@ fn of_corners<const D: usize>(corners: &[[f64; D]]) -> Option<Domain<D>> {
         return None;
     }
     let x = |k: usize| [corners[k][0], corners[k][1]];
-    // Corners are numbered by bits: 0, 1, 3, 2 go round. Of the two diagonals take the one that lies inside.
+    // Corners are numbered by bits; their cyclic order is 0, 1, 3, 2. The diagonal inside the domain cuts it.
     let [a, b, c, d] = [x(0), x(1), x(3), x(2)];
     let inner = |halves: [[[f64; 2]; 3]; 2]| halves.iter().all(|half| area(half) >= 0.0);
     let along = [[a, b, c], [a, c, d]];
@@ -100,7 +99,7 @@ impl<const D: usize> Domain<D> {
         }
     }
 
-    /// Its longest side along an axis.
+    /// Longest side of the bounding box, [length].
     fn extent(&self) -> f64 {
         (0..D).map(|d| self.high[d] - self.low[d]).fold(0.0, f64::max)
     }
@@ -117,7 +116,7 @@ impl<const D: usize> Domain<D> {
     }
 }
 
-/// Volume (area) that two domains share.
+/// Volume (area) shared by two domains.
 fn shared_volume<const D: usize>(a: &Domain<D>, b: &Domain<D>) -> f64 {
     if a.halves.is_none() && b.halves.is_none() {
         return (0..D).map(|d| a.high[d].min(b.high[d]) - a.low[d].max(b.low[d])).product();
@@ -126,7 +125,7 @@ fn shared_volume<const D: usize>(a: &Domain<D>, b: &Domain<D>) -> f64 {
     of_a.iter().flat_map(|p| of_b.iter().map(move |q| shared_area(p, q))).sum()
 }
 
-/// Area of what two convex counterclockwise polygons share: the first is cut along the sides of the second.
+/// Area of the intersection of two convex counterclockwise polygons, by cutting the first along the sides of the second.
 fn shared_area(polygon: &[[f64; 2]], window: &[[f64; 2]]) -> f64 {
     let mut rest = polygon.to_vec();
     for (k, &a) in window.iter().enumerate() {
@@ -149,7 +148,7 @@ fn shared_area(polygon: &[[f64; 2]], window: &[[f64; 2]]) -> f64 {
     area(&rest).max(0.0)
 }
 
-/// Area of a polygon, positive when its corners go round against the clock.
+/// Area of a polygon, positive if its corners are counterclockwise.
 fn area(corners: &[[f64; 2]]) -> f64 {
     let Some(&about) = corners.first() else { return 0.0 };
     let from = |x: [f64; 2]| [x[0] - about[0], x[1] - about[1]];
@@ -176,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn polygons_share_what_they_should() {
+    fn areas_of_intersections() {
         let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         let moved = square.map(|[x, y]| [x + 0.5, y + 0.25]);
         assert!((shared_area(&square, &moved) - 0.375).abs() < 1e-15);

@@ -1,4 +1,4 @@
-//! How far pressures alternate within cells: the mark of volumetric locking.
+//! The oscillation of pressures within cells, a sign of volumetric locking.
 
 use std::ops::Range;
 
@@ -6,17 +6,17 @@ use crate::basis::Connectivity;
 use crate::points::Points;
 use crate::tensor::Sym3;
 
-/// In fewer cells that flow nothing is judged.
+/// Fewest flowing cells whose oscillation is judged.
 const LEAST_CELLS: usize = 8;
 
-/// How far the mean stresses of the points of one cell differ, relative to the deviatoric stresses, in the root mean square
-/// over all cells, [-].
+/// Differences of the mean stresses of the points in a cell, relative to the deviatoric stresses, in the root mean square over
+/// all cells, [-].
 pub fn oscillation<const D: usize>(stress: &[Sym3], links: &Connectivity<D>) -> f64 {
     oscillation_of(stress, (0..links.n_groups()).map(|group| links.points_of(group)))
 }
 
-/// [`oscillation`] of the trial stresses over the cells of several points all of which flow in a step that is not committed;
-/// `None` where these are few.
+/// [`oscillation`] of the trial stresses over the cells with several points, all of which flow in the step that is not yet
+/// committed, [-]; `None` if such cells are few.
 pub(super) fn oscillation_in_flow<const D: usize>(
     points: &Points<D>,
     links: &Connectivity<D>,

@@ -1,5 +1,5 @@
-//! What the state in which a run stopped shows about the cause: how full cells are, what flows, which displacements no
-//! point resists, and how residuals fall.
+//! Evidence for the cause of a failed run: the filling of cells, the share of points that flow, displacements without strain at
+//! the points, and the rate of the residuals.
 
 use nalgebra::SMatrix;
 
@@ -12,25 +12,24 @@ use crate::terms::held_material::HeldMaterial;
 use super::attempt::{FailedAttempt, Iterate};
 use crate::step::Step;
 
-/// Cells whose weakest node carries less than this of its share tell nothing about hourglass modes: their nodes move far
-/// for another reason.
+/// Filling ratio below which cells are not examined for hourglass modes, since their nodes move far for another reason, [-].
 const FULL: f64 = 0.5;
-/// Deformation is isochoric where changes of volume are this part of changes of shape, in the root mean square.
+/// Largest ratio of the changes of volume to those of shape in isochoric deformation, in the root mean square, [-].
 const ISOCHORIC: f64 = 0.1;
-/// Every one of so many of the last residuals …
+/// Number of the last residuals that must fall for residuals that fall steadily.
 const LAST: usize = 5;
-/// … must be less than this part of the one before it, for residuals that fall steadily.
+/// Largest ratio of successive residuals that fall steadily, [-].
 const FALLS: f64 = 0.98;
-/// Residuals of which two in a row are less than this part of the one before end quadratically.
+/// Largest ratio of successive residuals that converge quadratically, met twice in a row, [-].
 const QUICKLY: f64 = 0.1;
-/// More iterations than this multiple of those that were allowed are no way to equilibrium.
+/// Most iterations that are worth allowing, relative to those that were allowed, [-].
 const MOST_MORE: f64 = 10.0;
-/// A failed step of at most this part of the whole time …
+/// Largest size of a small step relative to the time of the analysis, [-].
 const SMALL_STEP: f64 = 0.02;
-/// … and at most this part of the time that it would have reached is small.
+/// Largest size of a small step relative to the time at its end, [-].
 const SMALL_GAIN: f64 = 0.1;
 
-/// The active cell with the least material among those that a place lies in or at, and its filling ratio.
+/// The active cell with the least material among those around a place, and its filling ratio, [-].
 pub(super) fn emptiest_cell<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -45,7 +44,7 @@ pub(super) fn emptiest_cell<const D: usize>(
     fillings.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The active cells that a place lies in or at.
+/// The active cells that contain or touch a place.
 fn cells_at<const D: usize>(model: &Model<D>, links: &Connectivity<D>, place: &[f64]) -> Vec<u32> {
     let grid = model.grid.as_ref();
     let position: [f64; D] = std::array::from_fn(|d| place.get(d).copied().unwrap_or(0.0));
@@ -61,19 +60,20 @@ fn cells_at<const D: usize>(model: &Model<D>, links: &Connectivity<D>, place: &[
     links.active_cells().iter().copied().filter(|cell| touches(*cell)).collect()
 }
 
-/// Share of the points whose history has changed since the start of the analysis, or does in the step in hand.
+/// Share of the points whose history has changed since the start of the analysis, the failed step included, [-].
 pub(super) fn share_that_flows<const D: usize>(model: &Model<D>, points: &Points<D>) -> f64 {
     let n = points.history_len;
     let flows = |p: &usize| {
         let of = |history: &[f64]| history[p * n..][..n].to_vec();
         let fields = model.law(points, *p).state_fields();
-        let begun = |history: &[f64]| fields.iter().zip(of(history)).any(|(field, now)| field.initial != now);
-        begun(&points.trial.history) || begun(&points.converged.history)
+        let has_changed =
+            |history: &[f64]| fields.iter().zip(of(history)).any(|(field, now)| field.initial != now);
+        has_changed(&points.trial.history) || has_changed(&points.converged.history)
     };
     (0..points.len()).filter(flows).count() as f64 / points.len().max(1) as f64
 }
 
-/// Whether the points have changed their shape far more than their volume since the start of the analysis.
+/// True if the points have changed their shape far more than their volume since the start of the analysis.
 pub(super) fn is_isochoric<const D: usize>(points: &Points<D>) -> bool {
     let (mut volume, mut shape) = (0.0, 0.0);
     for gradient in &points.converged.deformation_gradient {
@@ -85,15 +85,14 @@ pub(super) fn is_isochoric<const D: usize>(points: &Points<D>) -> bool {
     shape > 0.0 && volume <= ISOCHORIC.powi(2) * shape
 }
 
-/// Whether the step that failed is a small part of the analysis and of what has been reached, so that smaller ones would
-/// hardly lead farther.
+/// True if the failed step is a small part of the analysis and of the time reached, so that smaller steps would hardly help.
 pub(super) fn is_small_step<const D: usize>(model: &Model<D>, failed: &FailedAttempt<D>) -> bool {
     let Step { start, end, .. } = failed.step;
     end - start <= SMALL_STEP * model.stepping.end_time && end - start <= SMALL_GAIN * end
 }
 
-/// How many more iterations would meet the tolerance if the residuals went on to fall as the last ones did; none where they
-/// do not fall steadily, or where that would take very many.
+/// Number of further iterations to the tolerance at the rate of the last residuals; `None` if these do not fall steadily, or if
+/// the number is very large.
 pub(super) fn iterations_missing(residuals: &[f64], tolerance: f64, allowed: usize) -> Option<usize> {
     let residual = *residuals.last()?;
     let slowest_of = |last: usize| {
@@ -112,7 +111,8 @@ pub(super) fn iterations_missing(residuals: &[f64], tolerance: f64, allowed: usi
     (missing <= MOST_MORE * allowed.max(1) as f64).then_some(missing as usize)
 }
 
-/// How much farther the nodes of the cells at a place have moved than any point has, [-]: little material holds them back.
+/// Largest displacement of the nodes of the cells at a place relative to that of any point, [-]; large if the nodes carry little
+/// material.
 pub(super) fn runaway<const D: usize>(model: &Model<D>, iterate: &Iterate<D>, place: &[f64]) -> f64 {
     let Iterate { links, delta_d, .. } = iterate;
     let length = |u: &[f64; D]| u.iter().map(|u| u * u).sum::<f64>().sqrt();
@@ -139,9 +139,8 @@ pub(super) fn runaway<const D: usize>(model: &Model<D>, iterate: &Iterate<D>, pl
     if of_points > 0.0 { farthest / of_points } else { 0.0 }
 }
 
-/// How much more the displacement increment of the nodes varies at the corners of full cells than their points notice, relative
-/// to the strain increment of the points, both in the root mean square, [-]: about 1 in bending, large where nodes alternate
-/// in a way that points in the middle do not see.
+/// Deviation of the displacement gradient at the corners of full cells from its mean over the points, relative to the strain
+/// increment of the points, both in the root mean square, [-]: about 1 in bending, large in hourglass modes.
 pub(super) fn hourglass<const D: usize>(model: &Model<D>, points: &Points<D>, iterate: &Iterate<D>) -> f64 {
     let Iterate { links, delta_d, .. } = iterate;
     let grid = model.grid.as_ref();
@@ -182,7 +181,7 @@ pub(super) fn hourglass<const D: usize>(model: &Model<D>, points: &Points<D>, it
     if seen > 0.0 { (unseen / seen).sqrt() } else { 0.0 }
 }
 
-/// Adds u ⊗ ∇S.
+/// Adds u ⊗ ∇S to a gradient.
 fn add<const D: usize>(to: &mut SMatrix<f64, D, D>, u: &[f64; D], slope: &[f64; D]) {
     for i in 0..D {
         for j in 0..D {
@@ -191,7 +190,7 @@ fn add<const D: usize>(to: &mut SMatrix<f64, D, D>, u: &[f64; D], slope: &[f64; 
     }
 }
 
-/// The most points that a cell at a place holds.
+/// Number of points in the fullest cell at a place.
 pub(super) fn most_points<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -203,7 +202,7 @@ pub(super) fn most_points<const D: usize>(
     cells.iter().map(of_cell).max().unwrap_or(0)
 }
 
-/// How many points a cell holds that holds any, on the average.
+/// Mean number of points in the cells that hold points.
 pub(super) fn mean_points_per_cell<const D: usize>(points: &Points<D>) -> f64 {
     let mut cells = points.cell.clone();
     cells.sort_unstable();
@@ -211,7 +210,7 @@ pub(super) fn mean_points_per_cell<const D: usize>(points: &Points<D>) -> f64 {
     points.len() as f64 / cells.len().max(1) as f64
 }
 
-/// Whether boundary conditions leave a rigid-body motion of some part free in a step.
+/// True if the boundary conditions of a step leave a rigid-body motion of some part free.
 pub(super) fn can_move_freely<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -232,7 +231,7 @@ mod tests {
     use crate::model::{Body, NamedMaterial};
     use crate::points::Seed;
 
-    /// A block of 3 by 2 full cells of side 1, whose nodes move like this.
+    /// Hourglass and runaway measures of a block of 3 by 2 full cells of side 1 under a motion of its nodes.
     fn measure(points_per_cell: u32, motion: impl Fn([f64; 2]) -> [f64; 2]) -> (f64, f64) {
         let law: Box<dyn Material> = Box::new(Hencky::new(1e3, 0.0));
         let body = Body {

@@ -1,4 +1,4 @@
-//! What watches a run.
+//! The interface of everything that follows a run.
 
 use crate::equilibrium::StepReport;
 use crate::model::Model;
@@ -10,9 +10,9 @@ use super::diagnosis::Diagnosis;
 use super::error::SolveError;
 use super::summary::Summary;
 
-/// Everything that watches a run: writers, progress, and the recorder used by tests.
+/// A follower of a run: a writer of results, a display of the progress, or a recorder in tests.
 pub trait Observer<const D: usize> {
-    /// The run begins from the converged state of `points`.
+    /// Called before the first step, which begins from the converged state of `points`.
     ///
     /// # Errors
     /// Any error stops the run.
@@ -20,10 +20,10 @@ pub trait Observer<const D: usize> {
         Ok(())
     }
 
-    /// An evaluation of the out-of-balance force.
+    /// Called after every evaluation of the out-of-balance force.
     fn iteration(&mut self, _step: Step, _iteration: usize, _residual: f64) {}
 
-    /// A step is in equilibrium and committed.
+    /// Called when a step is in equilibrium and committed.
     ///
     /// # Errors
     /// Any error stops the run.
@@ -37,9 +37,9 @@ pub trait Observer<const D: usize> {
         Ok(())
     }
 
-    /// A step is not in equilibrium; the converged state is that before it. A smaller step
-    /// or a last resort follows, unless the run has `ended` here: with the attempt that tells why, this one or that before the
-    /// last resorts, and its diagnosis.
+    /// Called when an attempt at a step has failed; the converged state is that before the step. A smaller step or a last
+    /// resort follows, unless the run has ended. Then `ended` holds the attempt that shows the cause, this one or the last before
+    /// any last resort, and its diagnosis.
     ///
     /// # Errors
     /// Any error stops the run.
@@ -53,12 +53,12 @@ pub trait Observer<const D: usize> {
         Ok(())
     }
 
-    /// Whether the run should stop before the next step.
+    /// True if the run is to stop before the next step.
     fn interrupted(&self) -> bool {
         false
     }
 
-    /// The run has ended, with an error or without; `points.converged` is the last equilibrated state.
+    /// Called when the run has ended, with an error or without; `points.converged` is the last state in equilibrium.
     ///
     /// # Errors
     /// An error becomes the outcome of a run that had none.
@@ -73,7 +73,7 @@ pub trait Observer<const D: usize> {
     }
 }
 
-/// An observer that does nothing.
+/// The observer that does nothing.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 
