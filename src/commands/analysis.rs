@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{anyhow, bail};
+use mpm::deck::advice::{self, WORDING};
 use mpm::deck::diagnostic::{self, Diagnostic, as_json, render_all};
 use mpm::deck::load::{LoadFailure, LoadedDeck, load};
 use mpm::deck::ready::{self, Analysis, Extent, ready};
@@ -199,6 +200,7 @@ pub fn run_into(
         parameters: loaded.parameters.into_iter().map(|(name, value)| (name, value.into())).collect(),
         set_up,
         threads: rayon::current_num_threads(),
+        wording: WORDING,
     };
     let (results, from) = match from {
         None => {
@@ -285,7 +287,7 @@ pub fn describe_failure(error: &SolveError) -> String {
         }
         text.push_str(&format!("\n  residuals: {}", history.join(", ")));
     }
-    if let Some(help) = error.help() {
+    if let Some(help) = advice::on_error(error) {
         text.push_str(&format!("\n  help: {help}"));
     }
     text

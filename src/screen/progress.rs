@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use mpm::deck::advice;
 use mpm::model::Model;
 use mpm::output::checkpoint::Checkpoint;
 use mpm::output::results::Results;
@@ -160,7 +161,7 @@ impl Watch {
         });
         let time = significant(diagnosis.time, 6);
         self.say(&format!("  in equilibrium up to time {time}{factor}"));
-        self.say(&format!("  try: {}", diagnosis.advice));
+        self.say(&format!("  try: {}", advice::on_failure(diagnosis)));
     }
 
     fn update_status(&mut self) {
@@ -244,7 +245,9 @@ impl<const D: usize> Observer<D> for Watch {
         }
         let indent = if let View::Member(_) = self.view { "  " } else { "" };
         for warning in &summary.warnings[self.warned..] {
-            for line in warning.lines().lines() {
+            let text =
+                format!("warning[{}]: {warning}\n  help: {}", warning.code, advice::on_warning(warning));
+            for line in text.lines() {
                 self.say(&format!("{indent}{line}"));
             }
         }

@@ -1,6 +1,7 @@
-"""Files import each other in one direction: no circles, and nothing from a higher layer."""
+"""Files import each other in one direction: no circles, and nothing from a higher layer, not even its words."""
 
 import collections
+import json
 import pathlib
 import re
 
@@ -156,3 +157,44 @@ def test_circles_and_arrows_upwards_are_found(tmp_path):
     assert circles(found.arrows()) == [["crate_of_test::a", "crate_of_test::b"]]
     (tmp_path / "b.rs").write_text("pub struct Beta;\n#[cfg(test)]\nmod tests {\n    use super::Alpha;\n}\n")
     assert circles(Sources({"crate_of_test": tmp_path / "lib.rs"}).arrows()) == []
+
+
+def keys_of_decks():
+    """The keys that a deck can have."""
+    def keys(part):
+        if isinstance(part, dict):
+            yield from part.get("properties", ())
+        for inner in part.values() if isinstance(part, dict) else part if isinstance(part, list) else ():
+            yield from keys(inner)
+
+    return set(keys(json.loads((ROOT / "schema/deck.schema.json").read_text())))
+
+
+def words_of_decks(text):
+    """The strings in the code of a file that speak of decks: by their name, by a page of the program, by a key in backquotes."""
+    keys, found = keys_of_decks(), []
+    text = text.replace("'\"'", "")  # a character, not the end of a string
+    for literal in re.findall(r'"((?:[^"\\]|\\.)*)"', text, re.S):
+        quoted = re.findall(r"`([^`]*)`", literal)
+        names_key = any(re.match(r"\w+", part) and re.match(r"\w+", part)[0] in keys for part in quoted)
+        holds_keys = any(re.search(r"\b\w+: |\{\{|\{\w+, ", part) for part in quoted)
+        if names_key or holds_keys or re.search(r"\bdecks?\b|mpm explain", literal):
+            found.append(literal)
+    return found
+
+
+def test_the_core_does_not_speak_of_decks(sources):
+    # Intermediate values of formulas stand under `where` in every input that the parser reads.
+    allowed = {"use fewer parentheses, or intermediate values under `where`"}
+    files = [path for module, path in sources.files.items() if module[0] == "mpm_core"]
+    found = {f"{path.relative_to(ROOT)}: {words}" for path in files for words in words_of_decks(code(path))
+             if words not in allowed}
+    assert found == set()
+
+
+def test_words_of_decks_are_found():
+    for words in ("use `method: gimp`", "a larger `steps: {count}`", "`solver: {{tolerance: {t}}}`", "see `mpm explain W004`",
+                  "the `smallest` step", "this deck", "{name: axis} of `{name: axis, fix: [x]}`"):
+        assert words_of_decks(f'f("{words}")') == [words]
+    for words in ("body `{name}`: {} points", "a power is written `^`", "`{name}` takes {n}", "decked"):
+        assert words_of_decks(f'f("{words}")') == []

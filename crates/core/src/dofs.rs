@@ -25,9 +25,6 @@ pub use turned::Turned;
 /// Nodes nearer to the axis of revolution than this, relative to the size of the cells around them, lie on it.
 pub const ON_AXIS: f64 = 1e-6;
 
-/// What mends [`ConstraintError::LooseAxis`].
-pub const HOLD_THE_AXIS: &str = "add `{name: axis, nodes: {x: 0}, fix: [x]}` to the boundary conditions";
-
 /// A prescribed increment that is missed by less than this, relative to its size, is reached.
 const REACHED: f64 = 1e-12;
 

@@ -1,8 +1,8 @@
-//! How well a run goes, in numbers that cost next to nothing: what its basis functions lose, how its domains fit the
-//! bodies and the grid, how full the cells are, and how the iterations converge.
+//! The quality of a run, in numbers that cost next to nothing: the partition of unity, the fit of the domains to the bodies
+//! and the grid, the filling of the cells, and the convergence of the iterations.
 //!
-//! [`Measures`] are taken once per equilibrated step; [`Quality`] keeps the worst of all steps and says when a measure
-//! is out of bounds for the first time. How much domains overlap costs more, and is found at the end of the run.
+//! [`Measures`] are taken once per step in equilibrium; [`Quality`] keeps the worst of all steps and warns when a measure is
+//! out of bounds for the first time. The overlap of domains costs more, and is computed once, at the end of the run.
 
 mod cohesion;
 mod contrast;
@@ -23,7 +23,7 @@ use std::fmt;
 
 use cohesion::Cohesion;
 use holding::Held;
-pub use measure::{AtPoint, Measures, OfBody, newton_order};
+pub use measure::{BodyMeasures, Measures, PointValue, newton_order};
 pub use motion::Objection;
 use motion::rotation_of_turn;
 use overlap::domain_overlap;
@@ -31,7 +31,7 @@ pub use pressure::oscillation;
 use pressure::oscillation_in_flow;
 use thresholds::{HARMFUL_REGRIDDING, MOST_BOX_ROTATION, MOST_CROSSINGS, MOST_OSCILLATION};
 pub use thresholds::{MOST_ENERGY_ERROR, MOST_REGRIDDING};
-pub use warning::{Code, Place, Warning};
+pub use warning::{Code, Detail, Location, Warning};
 pub use watch::BalanceSoFar;
 
 use serde::{Deserialize, Serialize};
@@ -41,12 +41,12 @@ use crate::domain::DomainUpdate;
 use crate::model::Model;
 use crate::points::Points;
 
-/// Loss of the partition of unity beyond which there is a warning, [-].
+/// Largest loss of the partition of unity without a warning, [-].
 const MOST_LOSS: f64 = 1e-3;
-/// Share of a domain outside the grid beyond which there is a warning, [-].
+/// Largest share of a domain outside the grid without a warning, [-].
 const MOST_OUTSIDE: f64 = 0.01;
 
-/// The worst value of a measure so far, and where it was.
+/// The worst value of a measure so far, with its step, body and point.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Worst {
     /// The value.
@@ -59,18 +59,18 @@ pub struct Worst {
     pub point: Option<u32>,
 }
 
-/// Smallest filling of a cell so far.
+/// The smallest filling of a cell so far.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Filling {
-    /// Volume of the points in the cell by that of the cell, [-].
+    /// Volume of the points in the cell relative to that of the cell, [-].
     pub value: f64,
     /// Number of the step.
     pub step: usize,
-    /// The cell.
+    /// Number of the cell.
     pub cell: u32,
 }
 
-/// A total now, and what has become of it since the start.
+/// A total at the start of the run and now.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Balance {
     /// At the start of the run.
@@ -80,15 +80,15 @@ pub struct Balance {
 }
 
 impl Balance {
-    /// Change since the start relative to the start; 0 of nothing, [-].
+    /// Change since the start relative to the value then, [-]; 0 if that was 0.
     pub fn relative_change(&self) -> f64 {
         if self.start == 0.0 { 0.0 } else { self.now / self.start - 1.0 }
     }
 }
 
-/// What a step shows, over all bodies.
+/// The measures of a step over all bodies.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct OfStep {
+pub struct StepMeasures {
     /// Largest 1 − Σ S_vp, [-].
     pub partition_of_unity_loss: f64,
     /// Largest share of a domain outside the grid, [-]; 0 without domains.
@@ -105,10 +105,10 @@ pub struct OfStep {
     pub volume: f64,
 }
 
-impl OfStep {
-    fn new<const D: usize>(model: &Model<D>, measures: &Measures) -> OfStep {
+impl StepMeasures {
+    fn new<const D: usize>(model: &Model<D>, measures: &Measures) -> StepMeasures {
         let bodies = &measures.bodies;
-        let largest = |of: fn(&OfBody) -> Option<AtPoint>| {
+        let largest = |of: fn(&BodyMeasures) -> Option<PointValue>| {
             bodies.iter().filter_map(of).map(|found| found.value).fold(0.0, f64::max)
         };
         let (mut domains, mut points) = (0.0, 0.0);
@@ -118,7 +118,7 @@ impl OfStep {
                 points += measured.volume;
             }
         }
-        OfStep {
+        StepMeasures {
             partition_of_unity_loss: largest(|body| body.partition_of_unity_loss),
             domain_outside_grid: largest(|body| body.outside),
             domain_volume_excess: if points > 0.0 { domains / points - 1.0 } else { 0.0 },
@@ -132,7 +132,7 @@ impl OfStep {
     }
 }
 
-/// The quality of a run so far. Measures that no step has shown are `None`.
+/// The quality of a run so far. A measure is `None` until a step has it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
     /// Largest 1 − Σ S_vp, [-].
@@ -151,9 +151,9 @@ pub struct Quality {
     pub domain_volume_excess: Option<Worst>,
     /// Volume that domains share with each other at the end of the run, relative to the volume of all, [-].
     pub domain_overlap: Option<f64>,
-    /// What the last step has shown, over all bodies.
-    pub latest: OfStep,
-    /// Observed order of the Newton iterations of every step where it can be told, with the step.
+    /// The measures of the last step over all bodies.
+    pub latest: StepMeasures,
+    /// Observed order of the Newton iterations, [`newton_order`], of every step that has one, after the number of the step.
     pub newton_orders: Vec<(usize, f64)>,
     /// Largest magnitude of the rotation in the plane, [degrees].
     pub rotation: Option<Worst>,
@@ -161,18 +161,18 @@ pub struct Quality {
     pub shear: Option<Worst>,
     /// Largest mean rotation of a body whose domains are boxes that cannot follow it, [degrees].
     pub box_rotation: Option<Worst>,
-    /// Largest oscillation of the pressures, [`oscillation`], over the cells that flow in a step, [-]; with the step.
+    /// Largest oscillation of the pressures, [`oscillation`], over the cells that flow in a step, [-], and this step.
     pub pressure_oscillation: Option<(f64, usize)>,
-    /// For each body, how often standard points have crossed the border of a cell, and their number.
+    /// For each body, number of cell borders crossed by its points without domain, and number of these points.
     crossed: Vec<[usize; 2]>,
-    /// What hung together at the start.
+    /// The connected parts at the start.
     cohesion: Option<Cohesion>,
-    /// Whether a stiffness has been positive definite.
+    /// True if a stiffness has been positive definite.
     #[serde(default)]
     was_stable: bool,
     /// The material at the nodes of each boundary condition.
     held: Vec<Held>,
-    /// Warnings that have been given, each with the number of the body or boundary condition that it concerns.
+    /// Warnings raised so far, each with the number of the body or boundary condition concerned.
     #[serde(default)]
     raised: BTreeSet<(Code, usize)>,
 }
@@ -189,8 +189,8 @@ impl Quality {
         }
     }
 
-    /// Whether this can be the quality of a run with so many bodies.
-    pub fn can_be_of(&self, bodies: usize) -> bool {
+    /// True if this can be the quality of a run with so many bodies.
+    pub fn fits(&self, bodies: usize) -> bool {
         let worst = [
             self.partition_of_unity_loss,
             self.domain_outside_grid,
@@ -201,11 +201,10 @@ impl Quality {
         ];
         worst.iter().flatten().all(|worst| worst.body < bodies)
             && self.crossed.len() <= bodies
-            && self.cohesion.as_ref().is_none_or(|cohesion| cohesion.can_be_of(bodies))
+            && self.cohesion.as_ref().is_none_or(|cohesion| cohesion.fits(bodies))
     }
 
-    /// Takes in the measures and the residuals of a step; returns the warnings that they give rise to for the first
-    /// time.
+    /// Records the measures and the residuals of a step; returns the warnings that they cause for the first time.
     pub fn accept<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -222,7 +221,7 @@ impl Quality {
                 (&mut self.rotation, body.rotation),
                 (&mut self.shear, body.shear),
             ] {
-                if let Some(AtPoint { value, point }) = found {
+                if let Some(PointValue { value, point }) = found {
                     keep_worst(worst, Worst { value, step, body: number, point: Some(point) });
                 }
             }
@@ -245,14 +244,14 @@ impl Quality {
         {
             self.smallest_cell_filling = Some(Filling { value, step, cell });
         }
-        self.latest = OfStep::new(model, measures);
+        self.latest = StepMeasures::new(model, measures);
         self.mass.now = self.latest.mass;
         self.volume.now = self.latest.volume;
         self.newton_orders.extend(newton_order(residuals).map(|order| (step, order)));
         warnings
     }
 
-    /// Takes in the state that the run ends with, if it has made a step.
+    /// Records the state at the end of the run, if it has made a step.
     pub fn conclude<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) {
         self.domain_overlap = self.det_f.and_then(|_| domain_overlap(model, points));
     }
@@ -325,19 +324,19 @@ fn keep_worst(kept: &mut Option<Worst>, found: Worst) {
     }
 }
 
-/// The warnings that a body has not had before.
+/// Raises the warnings that a body has not had before.
 fn warn<const D: usize>(
     model: &Model<D>,
     step: usize,
     number: usize,
-    measures: &OfBody,
+    measures: &BodyMeasures,
     raised: &mut BTreeSet<(Code, usize)>,
     warnings: &mut Vec<Warning>,
 ) {
     let body = &model.bodies[number];
     let name = &body.name;
     let mut exceeds =
-        |code, found: Option<AtPoint>, threshold, message: &dyn Fn(AtPoint) -> String, help: &str| {
+        |code, found: Option<PointValue>, threshold, message: &dyn Fn(PointValue) -> String, detail| {
             if let Some(found) = found
                 && found.value > threshold
                 && raised.insert((code, number))
@@ -345,42 +344,37 @@ fn warn<const D: usize>(
                 warnings.push(Warning {
                     code,
                     step,
-                    place: Place::point(name, found.point),
+                    location: Location::point(name, found.point),
                     value: Some(found.value),
                     threshold: Some(threshold),
                     message: format!("body `{name}`: {}", message(found)),
-                    help: help.to_owned(),
+                    detail,
                 });
             }
         };
     if let Some(objection) = Objection::to::<D>(body.domain_update) {
         let update = body.domain_update.name();
-        let message = |AtPoint { value, point }| {
+        let message = |PointValue { value, point }| {
             let motion = (objection.describe)(value);
             format!("its domain update `{update}` does not suit its motion: point {point} has {motion}")
         };
-        let help = "use `domain_update: corners`";
-        exceeds(Code::DomainUpdate, measures.objection, objection.limit, &message, help);
+        exceeds(Code::DomainUpdate, measures.objection, objection.limit, &message, None);
     }
-    let advice = match body.method.domain() {
-        DomainKind::Box if body.domain_update != DomainUpdate::Corners => {
-            "use a larger grid or `domain_update: corners`, which keeps domains inside the body"
-        }
-        _ => "use a larger grid",
-    };
+    let is_box = body.method.domain() == DomainKind::Box;
+    let detail = (is_box && body.domain_update != DomainUpdate::Corners).then_some(Detail::ReachingBox);
     let of = match body.method.domain() {
         DomainKind::Corners => "the corners of the domain",
         DomainKind::Box | DomainKind::None => "the domain",
     };
-    let message = |AtPoint { value, point }| {
+    let message = |PointValue { value, point }| {
         format!("{:.1} % of {of} of point {point} is outside the grid", 100.0 * value)
     };
-    exceeds(Code::DomainOutside, measures.outside, MOST_OUTSIDE, &message, advice);
-    let message = |AtPoint { value, point }| {
+    exceeds(Code::DomainOutside, measures.outside, MOST_OUTSIDE, &message, detail);
+    let message = |PointValue { value, point }| {
         let sum = 1.0 - value;
         format!(
             "the basis functions of point {point} add up to {sum:.4} instead of 1, as its domain is partly outside the grid"
         )
     };
-    exceeds(Code::PartitionOfUnity, measures.partition_of_unity_loss, MOST_LOSS, &message, advice);
+    exceeds(Code::PartitionOfUnity, measures.partition_of_unity_loss, MOST_LOSS, &message, detail);
 }

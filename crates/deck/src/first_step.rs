@@ -3,6 +3,7 @@
 //! What cannot even begin is told with its place in the deck; the solver finds the same in later steps, where the
 //! deck alone cannot.
 
+use super::advice::against;
 use super::diagnostic::{Diagnostic, Gate, Severity, assign, sort};
 use super::load::LoadedDeck;
 use super::quoting::{list, quote};
@@ -10,9 +11,10 @@ use super::span::escape;
 use super::{AXES, Expression, LoadDeck, Parameter};
 use mpm_core::basis::{Connectivity, Method, SupportFailure};
 use mpm_core::dofs::rigid::{FreePart, free_parts};
-use mpm_core::dofs::{ConstraintError, Covered, DofMap, HOLD_THE_AXIS, covered, nodes_of};
+use mpm_core::dofs::{ConstraintError, Covered, DofMap, covered, nodes_of};
 use mpm_core::model::{Model, NodeSet};
 use mpm_core::points::{Points, coordinates};
+use mpm_core::solver::Obstacle;
 use mpm_core::terms::LoadNotFinite;
 use mpm_core::terms::external_force::external_force;
 
@@ -109,7 +111,7 @@ impl Check<'_> {
         let number = loads.iter().position(|load| load.name() == error.load).unwrap_or(0);
         let key = loads.get(number).and_then(|load| key_of(load, &error.formula)).unwrap_or_default();
         let found = self.at("D043", &format!("/loads/{number}{key}"), error.to_string());
-        self.found.push(found.help("the formula divides by zero or leaves its domain there"));
+        self.found.push(found.help(against(Obstacle::NotFinite)));
     }
 
     fn constraint(&mut self, error: &ConstraintError) {
@@ -129,22 +131,17 @@ impl Check<'_> {
                     Parameter::Number(*a),
                     Parameter::Number(*b),
                 );
-                let found = self.at("D042", &pointer, message);
-                found.help("prescribe each axis of a node by one boundary condition only")
+                self.at("D042", &pointer, message)
             }
             ConstraintError::NotFinite { name, axis, .. } => {
                 let pointer = format!("/boundary_conditions/{}/u{axis}", number(name));
-                let found = self.at("D043", &pointer, error.to_string());
-                found.help("the formula divides by zero or leaves its domain there")
+                self.at("D043", &pointer, error.to_string())
             }
             // No deck has ties.
             ConstraintError::Tie { .. } => self.at("D042", "/boundary_conditions", error.to_string()),
-            ConstraintError::LooseAxis { .. } => {
-                let found = self.at("D046", "/boundary_conditions", error.to_string());
-                found.help(HOLD_THE_AXIS)
-            }
+            ConstraintError::LooseAxis { .. } => self.at("D046", "/boundary_conditions", error.to_string()),
         };
-        self.found.push(found);
+        self.found.push(found.help(against(Obstacle::from(error))));
     }
 
     /// A boundary condition on nodes that no point touches: perhaps a wall that a body will reach.

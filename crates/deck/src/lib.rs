@@ -27,6 +27,7 @@ use mpm_files::vtu::Precision;
 pub use region::{Direction, Shape};
 pub use steps::{ControlDeck, StepsDeck};
 
+pub mod advice;
 mod axisymmetry;
 pub mod build;
 pub mod changes;

@@ -179,7 +179,7 @@ impl Checkpoint {
     /// When they are not the same points, or nothing that a run of this model can have written.
     pub fn restore<const D: usize>(&self, model: &Model<D>, points: &mut Points<D>) -> Result<(), String> {
         let Head { reached, findings, .. } = &self.head;
-        if !reached.can_be_of(model) || !findings.can_be_of(model) {
+        if !reached.fits(model) || !findings.fits(model) {
             return Err("its account is not one of this analysis".to_owned());
         }
         let wanted = [D, points.len(), points.history_len, points.corners_per_point];

@@ -38,7 +38,7 @@ pub struct Moment {
 }
 
 impl Moment {
-    fn can_be_of<const D: usize>(&self) -> bool {
+    fn fits<const D: usize>(&self) -> bool {
         self.about.as_ref().is_none_or(|about| about.len() == D)
             && self.moment.len() == ReactionMoment::<D>::AXES.len()
     }
@@ -162,15 +162,15 @@ pub struct Findings {
 }
 
 impl Findings {
-    /// Whether a run of this model can have found this.
-    pub(super) fn can_be_of<const D: usize>(&self, model: &Model<D>) -> bool {
+    /// True if a run of this model can have found this.
+    pub(super) fn fits<const D: usize>(&self, model: &Model<D>) -> bool {
         self.balance.as_ref().is_none_or(|balance| {
             balance.applied.len() == D
                 && balance.balanced.len() == D
                 && balance.loads.len() == model.loads.len()
                 && balance.loads.iter().all(|(_, force)| force.len() == D)
                 && balance.moments.len() == if model.revolved { 0 } else { model.boundary_conditions.len() }
-                && balance.moments.iter().all(Moment::can_be_of::<D>)
+                && balance.moments.iter().all(Moment::fits::<D>)
                 && balance.reactions.len() == model.boundary_conditions.len()
                 && balance.reactions.iter().all(|(_, reaction)| reaction.len() == D)
         })

@@ -10,8 +10,8 @@ use serde_json::{Map, Value, json};
 
 use mpm_core::model::Model;
 use mpm_core::points::Points;
-use mpm_core::quality::{Balance, Quality, Worst};
-use mpm_core::solver::Summary;
+use mpm_core::quality::{Balance, Quality, Warning, Worst};
+use mpm_core::solver::{Diagnosis, Summary};
 use mpm_core::timing::{Phase, Spent, Timings};
 
 /// Version of the program, as it appears in the results.
@@ -66,6 +66,15 @@ impl Start {
     }
 }
 
+/// The words of advice in the files. Their author knows how the user states an analysis, which this crate does not.
+#[derive(Debug, Clone, Copy)]
+pub struct Wording {
+    /// Advice on the failure of a run.
+    pub on_failure: fn(&Diagnosis) -> String,
+    /// Advice on a warning.
+    pub on_warning: fn(&Warning) -> String,
+}
+
 /// What is known before the run begins.
 #[derive(Debug, Clone)]
 pub struct Account {
@@ -87,6 +96,8 @@ pub struct Account {
     pub set_up: Timings,
     /// Number of threads.
     pub threads: usize,
+    /// The words of advice.
+    pub wording: Wording,
 }
 
 impl Account {
@@ -119,6 +130,8 @@ impl Account {
         let spent = self.start.elapsed();
         let (wall, cpu) = (spent.wall.as_secs_f64(), spent.cpu.as_secs_f64());
         let solved = cpu - timings.of(Phase::Output).cpu.as_secs_f64();
+        let warnings: Vec<Value> =
+            summary.warnings.iter().map(|of| warning(of, (self.wording.on_warning)(of))).collect();
         let visits = (points.len() * summary.evaluations) as f64;
         let mut document = json!({
             "outcome": word,
@@ -138,7 +151,7 @@ impl Account {
             "failed_attempts": summary.failed_attempts,
             "load_factor": load_factor,
             "largest_load_factor": summary.largest_load_factor,
-            "diagnosis": summary.diagnosis,
+            "diagnosis": summary.diagnosis.as_ref().map(|of| diagnosis(of, (self.wording.on_failure)(of))),
             "stabilised_faces": summary.stabilised_faces,
             "evaluations": summary.evaluations,
             "linear_solves": summary.linear_solves,
@@ -167,7 +180,7 @@ impl Account {
             "forces": findings.balance.as_ref().map(forces),
             "largest": findings.extremes.as_ref().map(largest),
             "quality": quality(model, &summary.quality),
-            "warnings": summary.warnings,
+            "warnings": warnings,
             "bodies": bodies(model, points),
         });
         document["damped_steps"] = summary.damped.into();
@@ -254,6 +267,36 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
         map.insert(body.name.clone(), value);
     }
     Value::Object(map)
+}
+
+/// The probable cause of a failure, with advice.
+fn diagnosis(of: &Diagnosis, advice: String) -> Value {
+    json!({
+        "kind": of.kind,
+        "step": of.step,
+        "time": of.time,
+        "largest_load_factor": of.largest_load_factor,
+        "body": of.body,
+        "point": of.point,
+        "cell": of.cell,
+        "node": of.node,
+        "filling": of.filling,
+        "flowing": of.flowing,
+        "advice": advice,
+    })
+}
+
+/// A warning, with advice.
+fn warning(of: &Warning, help: String) -> Value {
+    json!({
+        "code": of.code,
+        "step": of.step,
+        "place": of.location,
+        "value": of.value,
+        "threshold": of.threshold,
+        "message": of.message,
+        "help": help,
+    })
 }
 
 /// A value and the step that it is of.

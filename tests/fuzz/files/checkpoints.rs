@@ -13,6 +13,7 @@ use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use mpm::deck::Deck;
+use mpm::deck::advice::WORDING;
 use mpm::deck::changes::{changes, step_at};
 use mpm::deck::load::{LoadedDeck, load_text};
 use mpm::deck::ready::{Analysis, ready};
@@ -97,6 +98,7 @@ fn account(loaded: &LoadedDeck) -> Account {
         parameters: BTreeMap::new(),
         set_up: Timings::default(),
         threads: 1,
+        wording: WORDING,
     }
 }
 

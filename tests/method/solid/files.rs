@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use mpm::basis::Method;
+use mpm::deck::advice::WORDING;
 use mpm::domain::DomainUpdate;
 use mpm::grid::{Grid, Structured};
 use mpm::material::VonMises;
@@ -45,6 +46,7 @@ fn results(
         parameters: BTreeMap::new(),
         set_up: Timings::default(),
         threads: 1,
+        wording: WORDING,
     };
     let mut files = Results::create(&directory, &Request::default(), &model, account).unwrap();
     solver::run(&model, &mut points, &mut files).unwrap_or_else(|error| panic!("{error}"));

@@ -1,31 +1,31 @@
-//! Whether what hung together at the start still does: the connected parts of every body, and of the bodies together.
+//! Separation: bodies that break into parts, and bodies that were connected and come apart.
 //!
-//! Points hang together if they touch the same node. Where a gap of about a cell has opened within a body, nothing on the
-//! grid joins its sides any more, and it is broken although no law has said so.
+//! Points are connected if they share a node. Once a gap of about a cell has opened within a body, the grid no longer joins
+//! its sides, and the body is broken although no material law describes fracture.
 
 use std::collections::HashMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::warning::{Code, Place, Warning, at};
+use super::warning::{Code, Location, Warning};
 use crate::basis::Connectivity;
 use crate::equilibrium::GridFields;
 use crate::model::Model;
-use crate::points::Points;
+use crate::points::{Points, coordinates};
 
 /// Marks a node that no cluster has touched.
 const NOBODY: u16 = u16::MAX;
 
-/// What hung together in the first step.
+/// The connected parts in the first step.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cohesion {
     /// Number of connected parts of each body.
     parts: Vec<usize>,
-    /// For each body, one that it hangs together with, directly or through others: the same for all of them.
+    /// Representative of the bodies that each body is connected to, directly or through others.
     together: Vec<usize>,
 }
 
-/// Points of one body in one cell that touch the same nodes, one after the other.
+/// Consecutive points of one body in one cell that touch the same nodes.
 struct Cluster {
     body: u16,
     first: usize,
@@ -35,9 +35,9 @@ struct Cluster {
 /// The connected parts of every body in the links of a step.
 struct Parts {
     clusters: Vec<Cluster>,
-    /// For each cluster, one of the same part; itself for one cluster of every part.
+    /// Representative of the part of each cluster.
     root: Vec<u32>,
-    /// For each body, one that it hangs together with.
+    /// Representative of the bodies that each body is connected to.
     together: Vec<usize>,
 }
 
@@ -46,18 +46,18 @@ impl Parts {
         let mut clusters: Vec<Cluster> = Vec::new();
         let mut root: Vec<u32> = Vec::new();
         let mut together: Vec<u32> = (0..model.bodies.len() as u32).collect();
-        // The body and cluster that have touched a node first, and those of further bodies.
+        // The first body and cluster at each node, and the clusters of further bodies there.
         let mut first_at: Vec<(u16, u32)> = vec![(NOBODY, 0); links.n_active()];
         let mut further: HashMap<(u32, u16), u32> = HashMap::new();
         for group in 0..links.n_groups() {
             let nodes = links.nodes_of(group);
             let mut last: Option<(u16, &[u32])> = None;
             let of_group = links.points_of(group);
-            // Where all points are of one body and touch all nodes, one stands for all.
+            // If all points belong to one body and touch all nodes, the first one stands for all.
             let alike = model.bodies.len() == 1 && links.is_whole(group);
-            let looked_at =
+            let examined =
                 if alike { of_group.start..(of_group.start + 1).min(of_group.end) } else { of_group.clone() };
-            for p in looked_at {
+            for p in examined {
                 let end = if alike { of_group.end } else { p + 1 };
                 let (body, local) = (points.body[p], links.places(p));
                 if last == Some((body, local)) {
@@ -90,7 +90,7 @@ impl Parts {
         Parts { clusters, root, together }
     }
 
-    /// Number of parts of each body.
+    /// The number of parts of each body.
     fn count(&self, bodies: usize) -> Vec<usize> {
         let mut count = vec![0; bodies];
         for (k, cluster) in self.clusters.iter().enumerate() {
@@ -99,7 +99,7 @@ impl Parts {
         count
     }
 
-    /// The points of the largest part of a body and those of the next one.
+    /// The points of the two largest parts of a body.
     fn largest_two(&self, body: usize) -> [Vec<usize>; 2] {
         let mut parts: HashMap<u32, Vec<usize>> = HashMap::new();
         for (cluster, root) in self.clusters.iter().zip(&self.root) {
@@ -115,14 +115,14 @@ impl Parts {
 }
 
 impl Cohesion {
-    /// Whether this can be of so many bodies.
-    pub fn can_be_of(&self, bodies: usize) -> bool {
+    /// True if the parts are those of so many bodies.
+    pub fn fits(&self, bodies: usize) -> bool {
         self.parts.len() == bodies
             && self.together.len() == bodies
             && self.together.iter().all(|&body| body < bodies)
     }
 
-    /// Takes in the grid of a step: remembers that of the first one and returns what has come apart since.
+    /// Remembers the parts of the first step; in later steps returns the bodies that have come apart since.
     pub fn watch<const D: usize>(
         known: &mut Option<Cohesion>,
         model: &Model<D>,
@@ -134,7 +134,7 @@ impl Cohesion {
             && parts.len() == 1
             && grid.parts <= parts[0]
         {
-            return Vec::new(); // the parts of the only body are those of the active nodes
+            return Vec::new(); // the parts of a single body are those of the active nodes
         }
         let now = Parts::new(model, points, &grid.links);
         let count = now.count(model.bodies.len());
@@ -172,7 +172,7 @@ impl Cohesion {
     }
 }
 
-/// The warning of what lies on two sides of a gap; the gap is measured where the step ends.
+/// The warning about two sides of a gap, which is measured at the end of the step.
 fn warn<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -188,7 +188,7 @@ fn warn<const D: usize>(
             let cell = model.grid.size(model.grid.nearest_cell(&middle) as usize);
             let cells = width / cell;
             (
-                format!("; the gap at {} is {width:.4} wide, {cells:.1} cells", at(&middle)),
+                format!("; the gap at {} is {width:.4} wide, {cells:.1} cells", coordinates(&middle)),
                 Some(middle.to_vec()),
             )
         }
@@ -197,21 +197,20 @@ fn warn<const D: usize>(
     Warning {
         code: Code::Apart,
         step,
-        place: Place {
+        location: Location {
             bodies: bodies.iter().map(|&body| model.bodies[body].name.clone()).collect(),
             position,
-            ..Place::default()
+            ..Location::default()
         },
         value: Some(is as f64),
         threshold: Some(was as f64),
         message: message(&text),
-        help: "the results from this step on are those of separate parts: stop the analysis before, or use a coarser grid, \
-               more points per cell, or `method: cpdi2`, whose domains stretch with the material"
-            .to_owned(),
+        detail: None,
     }
 }
 
-/// Distance of two sets of points at the end of the step, and the middle between them, found by going to and fro.
+/// Distance of two sets of points at the end of the step, and the middle between them, found by alternating between the
+/// sides.
 fn gap_between<const D: usize>(points: &Points<D>, sides: &[Vec<usize>; 2]) -> Option<(f64, [f64; D])> {
     let x = |p: usize| points.trial.position[p];
     let squared = |a: &[f64; D], b: &[f64; D]| (0..D).map(|d| (a[d] - b[d]).powi(2)).sum::<f64>();

@@ -1,29 +1,28 @@
-//! Soft bodies that a much stiffer one stiffens: where its domains reach a little into a row of cells, all of the row moves
-//! with it.
+//! Soft bodies that a much stiffer body stiffens: a row of cells into which its domains reach moves with it as a whole.
 
 use std::collections::{BTreeMap, HashMap};
 
 use super::gaps::shared_nodes;
-use super::warning::{Code, Place, Warning, at};
+use super::warning::{Code, Location, Warning};
 use crate::basis::Connectivity;
 use crate::material::axial_modulus_at_rest;
 use crate::model::Model;
-use crate::points::Points;
+use crate::points::{Points, coordinates};
 
-/// Bodies whose moduli differ by more than this factor are looked at, [-].
+/// Bodies are examined if their moduli differ by more than this factor, [-].
 const CONTRAST: f64 = 20.0;
-/// A body holds a node whose stiffness there is so many times that of a softer one, [-].
+/// A body holds a node if its stiffness there exceeds that of a softer body by this factor, [-].
 const HOLDS: f64 = 3.0;
-/// Share of the stress of a soft body, in energy, at points that cannot strain, beyond which there is a warning, [-].
+/// Share of the stress of a soft body, in energy, at points that cannot strain; a larger one causes a warning, [-].
 const MOST_STIFFENED: f64 = 0.1;
 
 /// Stiffness Σ |∇S_vp|² V_p M_p of every body at each shared node.
 type Stiffness = Vec<Vec<(u16, f64)>>;
 
-/// What much stiffer bodies take of a soft one.
+/// The points of a soft body that much stiffer bodies hold, and the stress of the others.
 #[derive(Default)]
 struct Taken {
-    /// The points in cells all of whose nodes one stiff body holds, each with that body.
+    /// The points in cells all of whose nodes one stiff body holds, each with this body.
     held: Vec<(usize, u16)>,
     /// Σ |τ|² V and Σ V of the other points at each node.
     stress: HashMap<usize, [f64; 2]>,
@@ -31,7 +30,7 @@ struct Taken {
     free: f64,
 }
 
-/// The bodies that stiffer ones stiffen, in the trial state of a step.
+/// The soft bodies that stiffer ones stiffen in the trial state of a step, each with its warning.
 pub fn watch<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -75,7 +74,7 @@ pub fn watch<const D: usize>(
         }
     }
     let warning = |(body, taken): (u16, Taken)| {
-        // Stresses that a held point had before it was held say nothing of what it would carry now; those beside it do.
+        // A held point keeps the stress from before it was held; the free points around it show what it would carry.
         let would_carry = |p: usize| {
             let around = corners(p).filter_map(|node| taken.stress.get(&node));
             let [stress, volume] = around.fold([0.0; 2], |[s, v], [stress, volume]| [s + stress, v + volume]);
@@ -89,7 +88,7 @@ pub fn watch<const D: usize>(
     taken.into_iter().filter_map(warning).collect()
 }
 
-/// The one body, much stiffer than `body`, that holds all of the nodes.
+/// The first body, much stiffer than `body`, that holds all of the nodes.
 fn holder<'a>(nodes: impl Iterator<Item = &'a Vec<(u16, f64)>>, body: u16, moduli: &[f64]) -> Option<u16> {
     let holders = |node: &[(u16, f64)]| -> Vec<u16> {
         let own = node.iter().find(|(other, _)| *other == body).map_or(0.0, |(_, own)| *own);
@@ -161,13 +160,15 @@ fn warn<const D: usize>(
              of the stress of `{soft}`, in energy, is at points that cannot strain any more, such as that at {}; `{soft}` is \
              too stiff by about as much",
             100.0 * share,
-            at(&position)
+            coordinates(&position)
         ),
-        place: Place { bodies: names.to_vec(), position: Some(position.to_vec()), ..Place::default() },
+        location: Location {
+            bodies: names.to_vec(),
+            position: Some(position.to_vec()),
+            ..Location::default()
+        },
         value: Some(share),
         threshold: Some(MOST_STIFFENED),
-        help: "use a finer grid: what moves with the stiff body is up to one row of cells; or hold the nodes by a \
-               boundary condition in place of the stiff body"
-            .to_owned(),
+        detail: None,
     }
 }

@@ -1,22 +1,22 @@
-//! Bodies that act on each other through the grid although nothing of them touches.
+//! Bodies that act on each other across a gap.
 //!
-//! Bodies are joined where they share nodes, which reaches across a gap of up to a cell, or two.
+//! The grid joins bodies that share nodes, which they do across gaps of up to one or two cells.
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::warning::{Code, Place, Warning, at};
+use super::warning::{Code, Location, Warning};
 use crate::basis::{Connectivity, DomainKind};
 use crate::model::Model;
-use crate::points::Points;
+use crate::points::{Points, coordinates};
 
-/// Gap beyond which bodies do not touch, relative to the spacing of their points, [-].
+/// Largest gap between bodies that touch, relative to the spacing of their points, [-].
 const TOUCHING: f64 = 0.5;
-/// A node to which a point contributes less than this does not join it to others: round-off of domains that end there.
+/// Basis functions below this are round-off of domains that end at the node, and join the point to no other, [-].
 const LEAST_SHARE: f64 = 1e-6;
-/// Marks a node that no body has touched.
+/// Marks a node that no body touches.
 const NOBODY: u16 = u16::MAX;
 
-/// The box around what a body has at a node, and the largest extent of its points there.
+/// The box around the points of a body at a node, and the largest extent of these points.
 #[derive(Clone, Copy)]
 struct Reach<const D: usize> {
     low: [f64; D],
@@ -36,7 +36,7 @@ impl<const D: usize> Reach<D> {
     }
 }
 
-/// For each body at a node the place of one that it touches, directly or through others there: the same for all of them.
+/// For each body at a node, the index of the representative of those that it touches there, directly or through others.
 fn joined<const D: usize>(at_node: &[((u32, u16), Reach<D>)]) -> Vec<usize> {
     let mut group: Vec<usize> = (0..at_node.len()).collect();
     for a in 0..at_node.len() {
@@ -50,7 +50,7 @@ fn joined<const D: usize>(at_node: &[((u32, u16), Reach<D>)]) -> Vec<usize> {
     group
 }
 
-/// The smallest gap between two bodies, the node where it is, and the spacing of the points there.
+/// The smallest gap between two bodies, its node, and the spacing of the points there.
 #[derive(Clone, Copy)]
 struct Gap {
     width: f64,
@@ -58,7 +58,7 @@ struct Gap {
     spacing: f64,
 }
 
-/// The pairs of bodies that share nodes in the links of a step but touch nowhere.
+/// The pairs of bodies that share nodes in the links of a step but touch nowhere, each with its warning.
 pub fn watch<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -75,7 +75,7 @@ pub fn watch<const D: usize>(
         let joined = joined(at_node);
         for (place, &((node, a), of_a)) in at_node.iter().enumerate() {
             for (other, &((_, b), of_b)) in at_node.iter().enumerate().skip(place + 1) {
-                // Where bodies between them fill the gap, there is none.
+                // Bodies in between may fill the gap.
                 let is_filled = joined[place] == joined[other];
                 let width = if is_filled { f64::NEG_INFINITY } else { of_a.distance(&of_b) };
                 let gap = Gap { width, node, spacing: of_a.spacing.max(of_b.spacing) };
@@ -112,19 +112,16 @@ fn warn<const D: usize>(
         message: format!(
             "bodies `{a}` and `{b}` act on each other through node {}, although {width:.4} lies between them \
              ({threshold:.4} counts as touching)",
-            at(&node)
+            coordinates(&node)
         ),
-        place: Place { bodies: names.to_vec(), position: Some(node.to_vec()), ..Place::default() },
+        location: Location { bodies: names.to_vec(), position: Some(node.to_vec()), ..Location::default() },
         value: Some(width),
         threshold: Some(threshold),
-        help:
-            "use a finer grid: bodies are joined wherever they share a node, up to two cells apart; forces \
-               between these bodies are none of contact"
-                .to_owned(),
+        detail: None,
     }
 }
 
-/// Which active nodes several bodies touch.
+/// True for each active node that several bodies touch.
 pub(super) fn shared_nodes<const D: usize>(points: &Points<D>, links: &Connectivity<D>) -> Vec<bool> {
     let mut owner = vec![NOBODY; links.n_active()];
     let mut is_shared = vec![false; links.n_active()];
@@ -149,7 +146,7 @@ pub(super) fn shared_nodes<const D: usize>(points: &Points<D>, links: &Connectiv
     is_shared
 }
 
-/// What every body has at the shared nodes, in the order of nodes and bodies.
+/// The reach of every body at the shared nodes, in the order of nodes and bodies.
 fn reaches<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -182,8 +179,7 @@ fn reaches<const D: usize>(
     reaches
 }
 
-/// The box around the domain of a point, or, where it is larger, around the square (cube) of its original volume with
-/// the deformation of the point.
+/// The box around the domain of a point and around the square (cube) of its original volume, deformed with the point.
 fn reach_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize) -> Reach<D> {
     let x = points.converged.position[p];
     let size = points.original_volume[p] / model.depth(&points.original_position[p]);

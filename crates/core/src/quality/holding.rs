@@ -1,39 +1,40 @@
-//! How much material the nodes hold that are to move it.
+//! The material at nodes with prescribed motion.
 //!
-//! Prescribed nodes stand at their old place again in every step. The material that they push goes on, and after some
-//! steps they hold little of it, or none.
+//! Grid nodes return to their positions after every step. The material that they push moves on, and after some steps the nodes
+//! hold little of it, or none.
 
 use serde::{Deserialize, Serialize};
 
-use super::warning::{Code, Place, Warning, at};
+use super::warning::{Code, Location, Warning};
 use crate::basis::Connectivity;
 use crate::model::{Model, NodeSet};
-use crate::points::Points;
+use crate::points::{Points, coordinates};
 
-/// Share of the material that prescribed nodes have held at most, below which there is a warning, [-].
+/// Share of the most material that the nodes have held; a smaller one causes a warning, [-].
 const LEAST_HELD: f64 = 0.5;
 
 /// The material at the nodes of one boundary condition.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Held {
-    /// Σ S_vp V_p over the nodes and all points, the most of all steps, [volume].
+    /// Largest Σ S_vp V_p over the nodes and all points of all steps, [volume].
     most: f64,
-    /// The same now.
+    /// Present value of this sum, [volume].
     now: f64,
-    /// Length of the motion that was prescribed, in the mean over the material at the nodes, [length].
+    /// Length of the prescribed motion, the mean over the material at the nodes, [length].
     prescribed: f64,
-    /// How far that material has gone along it, [length].
+    /// Motion of that material along it, [length].
     followed: f64,
 }
 
 impl Held {
-    /// Share of the most material so far that the nodes hold, [-].
+    /// Share of the most material so far that the nodes still hold, [-]; `None` if they have never held any.
     pub fn share(&self) -> Option<f64> {
         (self.most > 0.0).then(|| self.now / self.most)
     }
 }
 
-/// Takes in a step for all boundary conditions that move given nodes; returns those whose material has left them.
+/// Records a step for all boundary conditions that move given nodes; returns those whose material has left them, each with its
+/// warning.
 pub fn watch<const D: usize>(
     held: &mut Vec<Held>,
     model: &Model<D>,
@@ -77,14 +78,14 @@ fn warn<const D: usize>(
 ) -> Warning {
     let Held { prescribed, followed, .. } = held;
     let whole = 100.0 * share;
-    let place_text = place.map(|place| format!(", least at {}", at(&place))).unwrap_or_default();
+    let place_text = place.map(|place| format!(", least at {}", coordinates(&place))).unwrap_or_default();
     Warning {
         code: Code::LeftNodes,
         step,
-        place: Place {
+        location: Location {
             boundary_condition: Some(condition.to_owned()),
             position: place.map(|place| place.to_vec()),
-            ..Place::default()
+            ..Location::default()
         },
         value: Some(share),
         threshold: Some(LEAST_HELD),
@@ -92,19 +93,19 @@ fn warn<const D: usize>(
             "the nodes of `{condition}` hold {whole:.0} % of the material that they have held{place_text}; it has followed \
              {followed:.4} of the {prescribed:.4} prescribed, and the reaction comes out too small"
         ),
-        help: "move a body instead of grid nodes: model what pushes as a stiff body of its own and prescribe the motion of \
-               its `outer_layer`"
-            .to_owned(),
+        detail: None,
     }
 }
 
-/// What a step shows of the material at some nodes.
+/// The material at the nodes of a boundary condition in a step.
 struct AtNodes {
-    /// By active node: its place among the nodes.
+    /// Volume at each active node, [volume].
     volume_of: Vec<f64>,
+    /// Volume at all of these nodes, [volume].
     volume: f64,
-    /// Mean motions times the volume.
+    /// Mean prescribed motion times the volume, [length·volume].
     prescribed: f64,
+    /// Mean motion of the material along it times the volume, [length·volume].
     followed: f64,
 }
 
@@ -116,15 +117,15 @@ impl AtNodes {
         axes: [bool; D],
         delta_d: &[[f64; D]],
     ) -> AtNodes {
-        let mut is_meant = vec![false; links.n_active()];
+        let mut is_among = vec![false; links.n_active()];
         for active in nodes.iter().filter_map(|&node| links.active_number(node as usize)) {
-            is_meant[active] = true;
+            is_among[active] = true;
         }
         let mut found =
             AtNodes { volume_of: vec![0.0; links.n_active()], volume: 0.0, prescribed: 0.0, followed: 0.0 };
         for group in 0..links.n_groups() {
             let nodes = links.nodes_of(group);
-            if !nodes.iter().any(|&node| is_meant[node as usize]) {
+            if !nodes.iter().any(|&node| is_among[node as usize]) {
                 continue;
             }
             for p in links.points_of(group) {
@@ -132,7 +133,7 @@ impl AtNodes {
                 let (from, to) = (&points.converged.position[p], &points.trial.position[p]);
                 links.for_each_value(p, |place, value| {
                     let node = nodes[place] as usize;
-                    if !is_meant[node] {
+                    if !is_among[node] {
                         return;
                     }
                     let weight = value * volume;
@@ -154,7 +155,7 @@ impl AtNodes {
         found
     }
 
-    /// The first of the nodes that hold least.
+    /// The first of the nodes that hold the least material.
     fn emptiest<const D: usize>(
         &self,
         model: &Model<D>,

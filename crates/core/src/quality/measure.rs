@@ -1,4 +1,4 @@
-//! The measures of one equilibrated step.
+//! The measures of one step in equilibrium.
 
 use rayon::prelude::*;
 
@@ -10,29 +10,29 @@ use crate::points::Points;
 
 /// A value and the permanent number of the point that has it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AtPoint {
+pub struct PointValue {
     /// The value.
     pub value: f64,
     /// The point.
     pub point: u32,
 }
 
-/// What a step shows of one body: the largest over its points, or the sum.
+/// The measures of one body in a step: the largest over its points, or the sum.
 #[derive(Debug, Clone, PartialEq)]
-pub struct OfBody {
-    /// 1 − Σ S_vp of the basis functions that the step used, [-].
-    pub partition_of_unity_loss: Option<AtPoint>,
-    /// Share of the domain outside the grid; `None` without domains, [-].
-    pub outside: Option<AtPoint>,
+pub struct BodyMeasures {
+    /// 1 − Σ S_vp of the basis functions of the step, [-].
+    pub partition_of_unity_loss: Option<PointValue>,
+    /// Share of the domain outside the grid, [-]; `None` without domains.
+    pub outside: Option<PointValue>,
     /// Magnitude of the rotation, [degrees]; until all points are known, its [`turn`].
-    pub rotation: Option<AtPoint>,
+    pub rotation: Option<PointValue>,
     /// Shear, [-].
-    pub shear: Option<AtPoint>,
-    /// The motion that the domain update does not stand; `None` where it stands all.
-    pub objection: Option<AtPoint>,
+    pub shear: Option<PointValue>,
+    /// Measure of the motion that the domain update does not suit, [`Objection`]; `None` if it suits every motion.
+    pub objection: Option<PointValue>,
     /// Sum of volume times [`turn`] over the points whose domain is a box that cannot follow it, [volume].
     pub box_turning: f64,
-    /// Number of points without domain that end the step in another cell.
+    /// Number of points without domain that change cells in the step.
     pub crossings: usize,
     /// Number of points without domain.
     pub points: usize,
@@ -46,9 +46,9 @@ pub struct OfBody {
     pub domain_volume: f64,
 }
 
-impl Default for OfBody {
+impl Default for BodyMeasures {
     fn default() -> Self {
-        OfBody {
+        BodyMeasures {
             partition_of_unity_loss: None,
             outside: None,
             rotation: None,
@@ -65,8 +65,8 @@ impl Default for OfBody {
     }
 }
 
-impl OfBody {
-    fn merge(&mut self, other: &OfBody) {
+impl BodyMeasures {
+    fn merge(&mut self, other: &BodyMeasures) {
         for (ours, theirs) in [
             (&mut self.partition_of_unity_loss, other.partition_of_unity_loss),
             (&mut self.outside, other.outside),
@@ -86,9 +86,9 @@ impl OfBody {
     }
 }
 
-/// Keeps the larger of two values; of equals, the first.
+/// Keeps the larger of two values, the first of equal ones.
 #[inline]
-fn keep_largest(kept: &mut Option<AtPoint>, found: Option<AtPoint>) {
+fn keep_largest(kept: &mut Option<PointValue>, found: Option<PointValue>) {
     if let Some(found) = found
         && kept.is_none_or(|kept| found.value > kept.value)
     {
@@ -96,19 +96,19 @@ fn keep_largest(kept: &mut Option<AtPoint>, found: Option<AtPoint>) {
     }
 }
 
-/// What a step shows.
+/// The measures of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measures {
-    /// By body.
-    pub bodies: Vec<OfBody>,
-    /// Smallest ratio of the volume of the points in a cell to that of the cell, at the start of the step, with the
-    /// cell. Cells that only domains meet do not count.
+    /// The measures of each body.
+    pub bodies: Vec<BodyMeasures>,
+    /// Smallest ratio of the volume of the points in a cell to that of the cell, at the start of the step, [-], and number of
+    /// the cell. Cells without points do not count.
     pub smallest_filling: Option<(f64, u32)>,
 }
 
 impl Measures {
-    /// Measures a step that is in equilibrium but not committed: the converged state of the points is the one that the step
-    /// starts from and that `links` belong to, the trial state the one it has reached.
+    /// Measures a step that is in equilibrium but not committed: the converged state of the points, to which `links` belong, is
+    /// the start of the step, the trial state is its end.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Measures {
         let objections: Vec<Option<Objection>> = (model.bodies.iter())
             .map(|body| match body.method.domain() {
@@ -117,8 +117,8 @@ impl Measures {
             })
             .collect();
         let empty =
-            || Measures { bodies: vec![OfBody::default(); model.bodies.len()], smallest_filling: None };
-        // Pieces of a fixed size, put together in order: the same sums for any number of threads.
+            || Measures { bodies: vec![BodyMeasures::default(); model.bodies.len()], smallest_filling: None };
+        // Pieces of fixed size, added in order, give the same sums on any number of threads.
         let piece = 64;
         let pieces: Vec<Measures> = (0..links.n_groups().div_ceil(piece))
             .into_par_iter()
@@ -160,14 +160,14 @@ impl Measures {
         objections: &[Option<Objection>],
         group: usize,
     ) {
-        let structured = model.grid.structured(); // a grid whose type is known has its arithmetic in line
+        let structured = model.grid.structured(); // calls to a known type are inlined
         let mut filled = 0.0;
         for p in links.points_of(group) {
             filled += points.volume(p);
             let number = points.body[p] as usize;
             let body = &mut self.bodies[number];
-            let keep = |kept: &mut Option<AtPoint>, value: f64| {
-                keep_largest(kept, Some(AtPoint { value, point: points.id[p] }));
+            let keep = |kept: &mut Option<PointValue>, value: f64| {
+                keep_largest(kept, Some(PointValue { value, point: points.id[p] }));
             };
             let mut sum = 0.0;
             links.for_each_value(p, |_, value| sum += value);
@@ -217,7 +217,7 @@ impl Measures {
     }
 }
 
-/// Volume of the material that a cell can hold, [volume].
+/// Volume of material that fills a cell, [volume].
 fn volume_of_cell<const D: usize>(model: &Model<D>, cell: usize) -> f64 {
     let corners = model.grid.corners(cell);
     let mut middle = [0.0; D];
@@ -230,7 +230,7 @@ fn volume_of_cell<const D: usize>(model: &Model<D>, cell: usize) -> f64 {
     model.grid.volume(cell) * model.depth(&middle)
 }
 
-/// Share of the volume of a box outside the grid; on unstructured grids, of its corners.
+/// Share of the volume of a box outside the grid, [-]; on unstructured grids, share of its corners.
 fn share_of_box_outside<const D: usize>(grid: &dyn Grid<D>, x: &[f64; D], half_lengths: &[f64; D]) -> f64 {
     let Some(structured) = grid.structured() else {
         let mut corners = [[0.0; D]; MAX_CORNERS];
@@ -252,7 +252,7 @@ fn share_of_box_outside<const D: usize>(grid: &dyn Grid<D>, x: &[f64; D], half_l
     1.0 - inside
 }
 
-/// Share of the corners of a domain outside the grid. Up to the distance that CPDI allows for, a corner counts in part.
+/// Share of the corners of a domain outside the grid, [-]. Within the margin that CPDI allows, a corner counts in part.
 fn share_of_corners_outside<const D: usize>(grid: &dyn Grid<D>, corners: &[[f64; D]], hint: u32) -> f64 {
     let outside = |corner| match grid.structured() {
         Some(grid) => nearest_with_distance(grid, corner, hint).1,
@@ -262,11 +262,11 @@ fn share_of_corners_outside<const D: usize>(grid: &dyn Grid<D>, corners: &[[f64;
     corners.iter().map(part).sum::<f64>() / corners.len().max(1) as f64
 }
 
-/// Residuals below this are round-off.
+/// Residuals below this are round-off, [-].
 const ROUND_OFF: f64 = 1e-12;
 
-/// Observed order of the iterations of a step, from its last three residuals above round-off; `None` where there are
-/// not three that fall. The residual of iteration 0 is not relative to the reactions and does not count.
+/// Observed order of the iterations of a step, from its last three residuals above round-off; `None` unless three residuals
+/// fall. That of iteration 0 does not count, since it is not relative to the reactions.
 pub fn newton_order(residuals: &[f64]) -> Option<f64> {
     let mut last = residuals.iter().skip(1).copied().filter(|r| *r > ROUND_OFF).rev();
     let (c, b, a) = (last.next()?, last.next()?, last.next()?);

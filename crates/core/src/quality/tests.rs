@@ -45,7 +45,7 @@ fn measures(model: &Model<2>, points: &mut Points<2>) -> Measures {
     Measures::new(model, points, &links)
 }
 
-fn near(found: Option<AtPoint>, value: f64, point: u32) {
+fn near(found: Option<PointValue>, value: f64, point: u32) {
     let found = found.unwrap();
     assert!((found.value - value).abs() < 1e-14 && found.point == point, "{found:?}");
 }
@@ -118,12 +118,11 @@ fn bodies_are_measured_on_their_own() {
     assert_eq!(warnings.len(), 1, "{warnings:?}");
     let warning = &warnings[0];
     assert_eq!((warning.code, warning.step, warning.threshold), (Code::DomainUpdate, 7, Some(0.05)));
-    assert_eq!((&warning.place.bodies[..], warning.place.point), (&["body 0".to_owned()][..], Some(1)));
+    assert_eq!((&warning.location.bodies[..], warning.location.point), (&["body 0".to_owned()][..], Some(1)));
     assert!((warning.value.unwrap() - 0.1).abs() < 1e-14);
     assert_eq!(
-        warning.lines(),
-        "warning[W001]: step 7: body `body 0`: its domain update `none` does not suit its motion: point 1 has changed its \
-         volume by 10.0 %\n  help: use `domain_update: corners`"
+        warning.to_string(),
+        "step 7: body `body 0`: its domain update `none` does not suit its motion: point 1 has changed its volume by 10.0 %"
     );
     assert!(quality.accept(&model, 8, &measures, &[]).is_empty(), "once is enough");
     let det_f = quality.det_f.unwrap();
@@ -161,10 +160,14 @@ fn warnings_about_the_grid() {
     let mut points = Points::new(&seeds);
     let mut quality = Quality::new(&points);
     let warnings = quality.accept(&model, 1, &measures(&model, &mut points), &[]);
-    let about = |text: &str| warnings.iter().filter(|warning| warning.lines().contains(text)).count();
+    let about = |text: &str| warnings.iter().filter(|warning| warning.message.contains(text)).count();
     assert_eq!(about("25.0 % of the domain of point"), 2);
     assert_eq!(about("add up to 0.9875 instead of 1"), 2);
-    assert_eq!(about("`domain_update: corners`"), 2, "the body that has it is not told to use it");
+    let reaching: Vec<&str> = (warnings.iter())
+        .filter(|warning| warning.detail == Some(Detail::ReachingBox))
+        .map(|warning| warning.location.bodies[0].as_str())
+        .collect();
+    assert_eq!(reaching, ["body 0"; 2], "corners keep the domains of the other body inside it");
 }
 
 #[test]

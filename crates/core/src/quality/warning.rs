@@ -1,12 +1,12 @@
-//! Warnings: what a run has to say of an answer that may be bad, by codes that never change their meaning.
+//! Warnings: signs that a result may be poor, by codes that never change their meaning.
+//!
+//! A warning states facts. What to do about them is advice in the words of the input, and is written where those are known.
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::points::coordinates;
-
-/// What a warning is about.
+/// The subject of a warning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Code {
     /// A domain update does not suit the motion.
@@ -18,28 +18,28 @@ pub enum Code {
     /// Basis functions do not add up to 1.
     #[serde(rename = "W003")]
     PartitionOfUnity,
-    /// Equations that iterations do not solve are factorised.
+    /// Iterations do not solve the equations, which are factorised instead.
     #[serde(rename = "W004")]
     Factorised,
-    /// What hung together has come apart.
+    /// A body, or bodies that were connected, have separated.
     #[serde(rename = "W005")]
     Apart,
-    /// The material leaves the nodes that are to move it.
+    /// The material leaves the nodes that prescribe its motion.
     #[serde(rename = "W006")]
     LeftNodes,
     /// Bodies act on each other across a gap.
     #[serde(rename = "W007")]
     AcrossGap,
-    /// Each fresh grid does much work.
+    /// Fresh grids do much work.
     #[serde(rename = "W008")]
     Regridding,
     /// Work and energy do not balance.
     #[serde(rename = "W009")]
     Energy,
-    /// Standard points cross the borders of cells.
+    /// Points without domain cross the borders of cells.
     #[serde(rename = "W010")]
     Crossings,
-    /// Domains that are boxes turn.
+    /// A body turns, but its domains remain boxes along the axes.
     #[serde(rename = "W011")]
     TurnedBoxes,
     /// Pressures alternate between the points of a cell.
@@ -48,21 +48,21 @@ pub enum Code {
     /// Only damped iterations found an equilibrium.
     #[serde(rename = "W013")]
     Damped,
-    /// Domains were torn and replaced.
+    /// Torn domains were replaced.
     #[serde(rename = "W014")]
     ReplacedDomains,
     /// A body is out of balance beside others.
     #[serde(rename = "W015")]
     HiddenResidual,
-    /// A much stiffer body takes nodes of a soft one along.
+    /// A much stiffer body moves the nodes of a soft one.
     #[serde(rename = "W016")]
     Stiffened,
-    /// An equilibrium that is not stable.
+    /// An equilibrium is not stable.
     #[serde(rename = "W017")]
     Unstable,
 }
 
-/// Codes of all warnings with a title each.
+/// The codes of all warnings, each with its title.
 pub const CODES: &[(&str, &str)] = &[
     ("W001", "a domain update that does not suit the motion"),
     ("W002", "a domain partly outside the grid"),
@@ -96,9 +96,9 @@ impl fmt::Display for Code {
     }
 }
 
-/// What a warning concerns, as far as it is known.
+/// The bodies, the point or the boundary condition that a warning concerns.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Place {
+pub struct Location {
     /// Names of the bodies.
     pub bodies: Vec<String>,
     /// Permanent number of the point.
@@ -109,43 +109,49 @@ pub struct Place {
     pub position: Option<Vec<f64>>,
 }
 
-impl Place {
+impl Location {
     /// A point of a body.
-    pub fn point(body: &str, point: u32) -> Place {
-        Place { point: Some(point), ..Place::body(body) }
+    pub fn point(body: &str, point: u32) -> Location {
+        Location { point: Some(point), ..Location::body(body) }
     }
 
     /// A body.
-    pub fn body(body: &str) -> Place {
-        Place { bodies: vec![body.to_owned()], ..Place::default() }
+    pub fn body(body: &str) -> Location {
+        Location { bodies: vec![body.to_owned()], ..Location::default() }
     }
 }
 
-/// A measure that is out of bounds for the first time, or an event that may spoil the answer.
+/// A fact beyond the code of a warning that decides what helps.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Detail {
+    /// The domain is a box that may reach beyond the body; one updated by its corners does not.
+    ReachingBox,
+    /// A tolerance at which the forces on the body would be in balance, [-].
+    Tolerance(f64),
+    /// Round-off of the forces beside the body is larger than the forces on it.
+    RoundOff,
+}
+
+/// A measure that is out of bounds for the first time, or an event that may spoil the result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Warning {
-    /// What it is about.
+    /// The subject.
     pub code: Code,
     /// Number of the load step.
     pub step: usize,
-    /// What it concerns.
-    pub place: Place,
-    /// The measure; none for an event.
+    /// The bodies, the point or the boundary condition concerned.
+    #[serde(rename = "place")]
+    pub location: Location,
+    /// The measure; `None` for an event.
     pub value: Option<f64>,
-    /// The bound that it is beyond; none for an event.
+    /// The bound that the measure exceeds; `None` for an event.
     pub threshold: Option<f64>,
-    /// What has happened, and where.
+    /// The fact and its place, as a sentence.
     pub message: String,
-    /// What to do about it.
-    pub help: String,
-}
-
-impl Warning {
-    /// The warning as the screen and the log show it: a line for what has happened and one for what to do, without a line
-    /// break at the end.
-    pub fn lines(&self) -> String {
-        format!("warning[{}]: {self}\n  help: {}", self.code, self.help)
-    }
+    /// A further fact that decides what helps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detail: Option<Detail>,
 }
 
 /// The step and the message.
@@ -153,11 +159,6 @@ impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "step {}: {}", self.step, self.message)
     }
-}
-
-/// A position as messages show it.
-pub(super) fn at(position: &[f64]) -> String {
-    coordinates(position)
 }
 
 #[cfg(test)]
@@ -194,17 +195,17 @@ mod tests {
     }
 
     #[test]
-    fn a_warning_is_shown_with_its_code_and_its_remedy() {
+    fn a_warning_survives_a_checkpoint() {
         let warning = Warning {
             code: Code::DomainOutside,
             step: 12,
-            place: Place::point("block", 3),
+            location: Location::point("block", 3),
             value: Some(0.02),
             threshold: Some(0.01),
             message: "body `block` leaves".to_owned(),
-            help: "use a larger grid".to_owned(),
+            detail: Some(Detail::ReachingBox),
         };
-        assert_eq!(warning.lines(), "warning[W002]: step 12: body `block` leaves\n  help: use a larger grid");
+        assert_eq!(warning.to_string(), "step 12: body `block` leaves");
         let json = serde_json::to_value(&warning).unwrap();
         assert_eq!(json["code"], "W002");
         assert_eq!(json["place"]["point"], 3);

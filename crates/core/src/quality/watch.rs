@@ -1,39 +1,40 @@
-//! What is looked for after every step beside the measures of the points: parts that come apart, nodes that the material
-//! leaves, gaps that forces cross, and balances that do not balance.
+//! The checks of a step beside the measures of its points: parts that come apart, nodes that the material leaves, gaps that
+//! forces cross, instability, and balances of work and energy.
 
 use super::cohesion::Cohesion;
 use super::thresholds::{
     HARMFUL_REGRIDDING, MOST_BOX_ROTATION, MOST_CROSSINGS, MOST_ENERGY_ERROR, MOST_OSCILLATION,
     MOST_REGRIDDING,
 };
-use super::warning::{Code, Place, Warning, at};
+use super::warning::{Code, Detail, Location, Warning};
 use super::{Quality, Worst, contrast, gaps, holding, oscillation_in_flow};
 use crate::equilibrium::StepReport;
 use crate::linear::Factorisation;
 use crate::model::{Body, Control, Model};
-use crate::points::Points;
+use crate::points::{Points, coordinates};
 use crate::tensor::Sym3;
 
-/// The balances are judged after so many steps: before, their error is that of few steps.
+/// The balances are judged from this step on: in fewer steps their error is large anyway.
 const FIRST_BALANCE: usize = 5;
-/// Work below that of this strain is round-off, [-].
+/// Work is round-off if it is less than this strain does, [-].
 const STRAIN_OF_ROUND_OFF: f64 = 1e-6;
-/// Root mean square error of the stresses of standard points relative to the square root of that part, as measured, [-].
+/// Root mean square error of the stresses of points without domain, relative to the square root of the regridding share, as
+/// measured, [-].
 const STRESS_BY_REGRIDDING: f64 = 0.6;
 
-/// Bodies are elastic as long as plastic flow has taken less than this part of the energy that they store, [-].
+/// Bodies count as elastic while the plastic work is less than this part of the stored energy, [-].
 const ELASTIC: f64 = 1e-3;
 
-/// Part of the forces on a body that may be out of balance, [-] …
+/// Part of the forces on a body that may be out of balance, [-].
 const MOST_OF_BODY: f64 = 1e-4;
-/// … and what a smaller tolerance should leave of it.
+/// The same under the tolerance that is recommended, [-].
 const FINE_RESIDUAL: f64 = 1e-6;
-/// Round-off keeps residuals from smaller tolerances, [-].
+/// Smallest tolerance that residuals can meet in spite of round-off, [-].
 const LEAST_TOLERANCE: f64 = 1e-13;
 
 impl Quality {
-    /// Looks at a step that is in equilibrium but not committed, as for [`super::Measures::new`]; returns the warnings
-    /// that it gives rise to for the first time.
+    /// Checks a step that is in equilibrium but not committed, as for [`super::Measures::new`]; returns the warnings that it
+    /// causes for the first time.
     pub fn watch<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -52,8 +53,8 @@ impl Quality {
             |of: Option<&Factorisation>| of.is_some_and(|factorisation| factorisation.is_definite());
         self.was_stable |= is_definite(report.factorisations.first());
         let flows = report.energy.plastic_work > ELASTIC * report.energy.strain_energy;
-        // Beyond a limit point of a path that is followed, and in bodies that flow, stiffnesses are like that; and where
-        // stiffness is lacking from the start, round-off decides.
+        // Indefinite stiffnesses are expected beyond a limit point of a path that is followed, and in bodies that flow; if
+        // stiffness has been lacking from the start, round-off decides.
         if self.was_stable && model.stepping.control == Control::Load && !flows {
             found.extend((!is_definite(report.factorisations.last())).then(|| (0, unstable(step))));
         }
@@ -67,7 +68,7 @@ impl Quality {
         self.for_the_first_time(found)
     }
 
-    /// Judges the balances of the steps so far, of which `balance` is the account.
+    /// Judges the balances of the steps so far; returns the warnings that they cause for the first time.
     pub fn judge_balances<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -88,7 +89,7 @@ impl Quality {
         self.for_the_first_time(found)
     }
 
-    /// Whether a warning of the whole run is given for the first time.
+    /// True if a warning about the whole run is raised for the first time; it then counts as raised.
     pub fn is_first(&mut self, code: Code) -> bool {
         self.raised.insert((code, 0))
     }
@@ -98,14 +99,14 @@ impl Quality {
         found.into_iter().filter(is_new).map(|(_, warning)| warning).collect()
     }
 
-    /// Crossings of cell borders by a standard point of a body, in the mean, [-].
+    /// Mean number of cell borders that a point of a body has crossed, [-]; `None` if the points have domains.
     pub fn mean_crossings(&self, body: usize) -> Option<f64> {
         let [crossings, points] = *self.crossed.get(body)?;
         (points > 0).then(|| crossings as f64 / points as f64)
     }
 
-    /// Share of the most material so far that the nodes of a boundary condition hold; `None` where it moves no given
-    /// nodes, [-].
+    /// Share of the most material so far that the nodes of a boundary condition still hold, [-]; `None` if it moves no given
+    /// nodes.
     pub fn held_by_nodes(&self, condition: usize) -> Option<f64> {
         self.held.get(condition)?.share()
     }
@@ -126,15 +127,14 @@ impl Quality {
                 Warning {
                     code: Code::Crossings,
                     step,
-                    place: Place::body(name),
+                    location: Location::body(name),
                     value: Some(value),
                     threshold: Some(MOST_CROSSINGS),
                     message: format!(
                         "body `{name}`: its standard points have crossed borders of cells {value:.2} times each; stresses \
                          are probably wrong by some {error:.0} % (root mean square)"
                     ),
-                    help: "use `method: gimp` or `method: cpdi2`, or a grid so coarse that points stay in their cells"
-                        .to_owned(),
+                    detail: None,
                 },
             ))
         };
@@ -151,7 +151,7 @@ impl Quality {
         let warning = Warning {
             code: Code::TurnedBoxes,
             step,
-            place: Place::body(name),
+            location: Location::body(name),
             value: Some(value),
             threshold: Some(MOST_BOX_ROTATION),
             message: format!(
@@ -159,13 +159,13 @@ impl Quality {
                  axes and overlap; stresses that are there before a body turns by 45° are wrong by 3 % after it (root mean \
                  square), by 90° by 9 %"
             ),
-            help: "use `method: cpdi2`, whose domains turn with the body".to_owned(),
+            detail: None,
         };
         Some((body, warning))
     }
 }
 
-/// Energy of all points under a strain that is round-off, [energy].
+/// Energy of all points under the strain of round-off, [energy].
 fn work_of_round_off<const D: usize>(model: &Model<D>, points: &Points<D>) -> f64 {
     let strain = Sym3([STRAIN_OF_ROUND_OFF, STRAIN_OF_ROUND_OFF, STRAIN_OF_ROUND_OFF, 0.0, 0.0, 0.0]);
     (0..points.len()).map(|p| model.law(points, p).energy(&strain) * points.original_volume[p]).sum()
@@ -175,15 +175,11 @@ fn hidden_residuals<const D: usize>(model: &Model<D>, report: &StepReport<D>) ->
     let warning = |(number, value): (usize, &f64)| {
         let name = &model.bodies[number].name;
         let tolerance = model.newton.tolerance * (FINE_RESIDUAL / value);
-        let help = if tolerance >= LEAST_TOLERANCE {
-            format!("use a smaller tolerance, `solver: {{tolerance: {tolerance:.0e}}}`")
-        } else {
-            "give the body an analysis of its own: the forces beside it are so much larger that round-off hides it".to_owned()
-        };
+        let is_possible = tolerance >= LEAST_TOLERANCE;
         let warning = Warning {
             code: Code::HiddenResidual,
             step: report.step.index,
-            place: Place::body(name),
+            location: Location::body(name),
             value: Some(*value),
             threshold: Some(MOST_OF_BODY),
             message: format!(
@@ -191,7 +187,7 @@ fn hidden_residuals<const D: usize>(model: &Model<D>, report: &StepReport<D>) ->
                  bodies that it hangs together with",
                 100.0 * value
             ),
-            help,
+            detail: Some(if is_possible { Detail::Tolerance(tolerance) } else { Detail::RoundOff }),
         };
         (number, warning)
     };
@@ -203,15 +199,13 @@ fn unstable(step: usize) -> Warning {
     Warning {
         code: Code::Unstable,
         step,
-        place: Place::default(),
+        location: Location::default(),
         value: None,
         threshold: None,
         message: "the stiffness of this equilibrium is not positive definite: it is not stable, and the least disturbance takes \
                   the bodies elsewhere"
             .to_owned(),
-        help: "disturb the bodies by a small load or an imperfection and compare; more load steps show where the path branches; \
-               where cells hold one point each, use more (an hourglass)"
-            .to_owned(),
+        detail: None,
     }
 }
 
@@ -225,13 +219,13 @@ fn damped(step: usize, slumped: bool) -> Warning {
     Warning {
         code: Code::Damped,
         step,
-        place: Place::default(),
+        location: Location::default(),
         value: None,
         threshold: None,
-        message: format!("no smaller step and no undamped iteration has found an equilibrium; damped ones have; {way}"),
-        help: "look at the largest load before this step, and follow the path by `steps: {control: {type: arc-length}}`; with \
-               `steps: {damping: false}` the run stops instead"
-            .to_owned(),
+        message: format!(
+            "no smaller step and no undamped iteration has found an equilibrium; damped ones have; {way}"
+        ),
+        detail: None,
     }
 }
 
@@ -243,23 +237,22 @@ fn replaced_domains<const D: usize>(
     let (count, &first) = (report.replaced_domains.len(), report.replaced_domains.first()?);
     let p = points.id.iter().position(|id| *id == first)?;
     let position = points.trial.position[p];
-    let place = Place {
+    let location = Location {
         position: Some(position.to_vec()),
-        ..Place::point(&model.bodies[points.body[p] as usize].name, first)
+        ..Location::point(&model.bodies[points.body[p] as usize].name, first)
     };
     Some(Warning {
         code: Code::ReplacedDomains,
         step: report.step.index,
-        place,
+        location,
         value: Some(count as f64),
         threshold: Some(0.0),
         message: format!(
             "the motion has torn the domains of {count} points or carried them off the grid, the first of point {first} at {}; \
              parallelograms that follow the deformation gradient stand in for them",
-            at(&position)
+            coordinates(&position)
         ),
-        help: "see what happens there in the VTU files; use more load steps, a finer grid, or a larger one"
-            .to_owned(),
+        detail: None,
     })
 }
 
@@ -267,20 +260,18 @@ fn locking(value: f64, step: usize) -> Warning {
     Warning {
         code: Code::Locking,
         step,
-        place: Place::default(),
+        location: Location::default(),
         value: Some(value),
         threshold: Some(MOST_OSCILLATION),
         message: format!(
             "where bodies flow, the pressures of the points of a cell differ by {value:.2} of the deviatoric stress (root mean \
              square): the grid locks in plastic flow that keeps the volume; limit loads come out too large by a third or more"
         ),
-        help: "use `method: gimp` with one point per cell and `analysis: {stabilisation: {mode: auto}}`, and compare grids; do \
-               not read pressures of single points"
-            .to_owned(),
+        detail: None,
     }
 }
 
-/// Work and energy so far.
+/// Work and energy of the steps so far.
 #[derive(Debug, Clone, Copy)]
 pub struct BalanceSoFar {
     /// Equilibrated steps.
@@ -289,15 +280,15 @@ pub struct BalanceSoFar {
     pub external_work: f64,
     /// Work of the forces that are out of balance on fresh grids, [energy].
     pub regridding_work: f64,
-    /// Sum of the magnitudes of all work of all steps, [energy].
+    /// Sum of the magnitudes of the work of all steps, [energy].
     pub gross_work: f64,
-    /// [`Summary::energy_error`], [-].
+    /// Error of the energy, `solver::Summary::energy_error`, [-].
     pub energy_error: f64,
 }
 
 impl BalanceSoFar {
-    /// Work of the fresh grids relative to the external work, or to the sum of the magnitudes of all work where that is
-    /// larger, as on a path that leads back; 0 of nothing, [-].
+    /// Regridding work relative to the external work, or to the sum of the magnitudes of all work if that is larger, as on a
+    /// path that returns, [-]; 0 without work.
     pub fn regridding(&self) -> f64 {
         let all = self.external_work.abs().max(self.gross_work);
         if all > 0.0 { self.regridding_work / all } else { 0.0 }
@@ -308,7 +299,7 @@ impl BalanceSoFar {
         (value.abs() > MOST_REGRIDDING).then(|| Warning {
             code: Code::Regridding,
             step,
-            place: Place::default(),
+            location: Location::default(),
             value: Some(value),
             threshold: Some(MOST_REGRIDDING),
             message: format!(
@@ -316,7 +307,7 @@ impl BalanceSoFar {
                  stresses depend on the grid and on the number of steps",
                 100.0 * value
             ),
-            help: "use `method: gimp` or `method: cpdi2`, more points per cell, or a finer grid".to_owned(),
+            detail: None,
         })
     }
 
@@ -325,15 +316,14 @@ impl BalanceSoFar {
         (value.abs() > MOST_ENERGY_ERROR).then(|| Warning {
             code: Code::Energy,
             step,
-            place: Place::default(),
+            location: Location::default(),
             value: Some(value),
             threshold: Some(MOST_ENERGY_ERROR),
             message: format!(
                 "work, stored energy and plastic work differ by {:.0} % of all work",
                 100.0 * value.abs()
             ),
-            help: "use more load steps (`steps: count`): the error of the balance falls with the square of their size"
-                .to_owned(),
+            detail: None,
         })
     }
 }

@@ -145,13 +145,13 @@ pub(super) enum Ended {
 }
 
 /// The reason why an iteration has no increment.
-pub(super) enum Obstacle {
+pub(super) enum NoIncrement {
     Linear(LinearError),
     Path(NoPath),
 }
 
-impl From<LinearError> for Obstacle {
+impl From<LinearError> for NoIncrement {
     fn from(error: LinearError) -> Self {
-        Obstacle::Linear(error)
+        NoIncrement::Linear(error)
     }
 }

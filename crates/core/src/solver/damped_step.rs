@@ -4,7 +4,7 @@ use crate::linear::{LinearError, Solved};
 use crate::step::displacement;
 use crate::timing::Phase;
 
-use super::attempt::Obstacle;
+use super::attempt::NoIncrement;
 use super::damping::{AT_REST, Damping, MOST_FACTORISATIONS, farthest};
 use super::equations::RightHandSide;
 use super::load_step::{LoadStep, smallest_cell};
@@ -13,7 +13,7 @@ use super::unknowns::Unknowns;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     /// As a Newton step, with a stiffness that is damped until it is positive definite.
-    pub(super) fn damped_step(&mut self) -> Result<Option<Solved>, Obstacle> {
+    pub(super) fn damped_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
         let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;
         let LoadStep { equations, summary, damping, stride, .. } = self;
         let (place, tolerance) = (context.place(dofs), context.model.newton.tolerance);

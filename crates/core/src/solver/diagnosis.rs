@@ -1,4 +1,6 @@
-//! What a run that could not go on probably suffers from: where, what kind, and what to try.
+//! The probable cause of a failed run: its kind, its place, and the facts that decide what may help.
+//!
+//! What to try is advice in the words of the input, and is written where those are known.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,66 +9,66 @@ use crate::points::{Points, coordinates};
 use crate::quality::oscillation;
 
 use super::attempt::FailedAttempt;
-use super::error::{PointPlace, SolveError, stiffness_spread};
+use super::error::{Obstacle, PointPlace, SolveError, stiffness_spread};
 use super::evidence::{self, emptiest_cell, share_that_flows};
 
-/// A cell whose weakest node carries less than this of its share of a full cell is a small cut cell.
+/// Filling ratio below which a cell is a small cut cell, [-].
 const SMALL: f64 = 0.1;
-/// Where more than this share of the points has yielded, plastic flow is what fails.
+/// Share of yielded points above which plastic flow is the cause, [-].
 const FLOWS: f64 = 0.02;
-/// Where more than this share has flowed, a point that turns inside out in a step however small is a part of a mechanism.
+/// Share of yielded points above which a point that inverts even in a small step is part of a mechanism, [-].
 const MUCH: f64 = 0.2;
-/// Where more than this share has flowed, pressures alternate in collapse, too …
+/// Share of yielded points above which pressures alternate in collapse as well, [-].
 const MOST: f64 = 0.5;
-/// … and only those that vary by more than this multiple are those of locking.
+/// Oscillation of pressures, relative to the deviatoric stress, above which cells lock although most points have yielded, [-].
 const OSCILLATES_IN_COLLAPSE: f64 = 5.0;
-/// Displacements that points do not notice, larger than this multiple of those that they do, are those of an hourglass mode.
-const HOURGLASS: f64 = 10.0;
-/// Nodes of a cut cell that move farther than points by this factor have run away.
-const RUNS_AWAY: f64 = 100.0;
-/// Pressures that vary within cells by more than this multiple of the deviatoric stress are those of locking.
+/// The same if fewer points have yielded, [-].
 const OSCILLATES: f64 = 1.0;
-/// Bodies with fewer points than this per cell on the average may yield before their load.
+/// Displacements without strain at the points, relative to those with strain, above which there is an hourglass mode, [-].
+const HOURGLASS: f64 = 10.0;
+/// Displacement of the nodes of a cut cell, relative to that of the points, above which they have run away, [-].
+const RUNS_AWAY: f64 = 100.0;
+/// Mean number of points per cell below which bodies may yield before their load.
 const FEW: f64 = 1.5;
-/// Where the stiffest material is that much stiffer than the softest, a sum of both keeps hardly a digit of the softer one.
+/// Ratio of the stiffest to the softest material above which sums of both keep hardly a digit of the softer, [-].
 const TOO_FAR_APART: f64 = 1e12;
 
-/// What kind of failure it is.
+/// The kind of a failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
     /// A part of the bodies can move or turn freely.
     RigidBodyMode,
-    /// A cell that holds hardly any material decides.
+    /// A cell holds hardly any material.
     SmallCutCell,
     /// The load is beyond what the bodies can carry.
     PlasticCollapse,
     /// The bodies buckle or snap through without yielding.
     Instability,
-    /// Volume-preserving deformation that the grid cannot represent.
+    /// The grid cannot represent volume-preserving deformation.
     Locking,
-    /// Nodes alternate in a way that the points do not resist.
+    /// Nodes alternate without resistance by the points.
     Hourglass,
-    /// Residuals fall steadily; more iterations would meet the tolerance.
+    /// Residuals fall steadily, and more iterations would meet the tolerance.
     Creeping,
     /// Smaller steps have not been tried.
     LargeSteps,
-    /// A point turns inside out.
+    /// The deformation gradient of a point loses its positive determinant.
     ElementInversion,
     /// A point or its domain leaves the grid or loses its shape.
     LostDomain,
     /// The path of the displacements cannot be followed.
     LostPath,
-    /// Stiffnesses so far apart, or so far above the loads, that round-off hides the forces.
+    /// Stiffnesses are so far apart, or so far above the loads, that round-off hides the forces.
     BadScaling,
-    /// What the deck asks for cannot be done, whatever the size of the step.
+    /// An obstacle that no step size removes.
     Setting,
-    /// None of these is in sight; perhaps loads and conditions contradict each other.
+    /// None of these; perhaps loads and conditions contradict each other.
     Unknown,
 }
 
 impl Kind {
-    /// Whether it says why iterations do not come to an end.
+    /// True if it explains iterations that do not converge.
     fn is_about_iterations(self) -> bool {
         matches!(
             self,
@@ -74,7 +76,7 @@ impl Kind {
         )
     }
 
-    /// What it is, in words.
+    /// The kind as text.
     pub fn words(self) -> &'static str {
         match self {
             Kind::RigidBodyMode => "a rigid-body mode is free",
@@ -95,75 +97,71 @@ impl Kind {
             Kind::Unknown => "none of the known causes is in sight",
         }
     }
-
-    /// What to try.
-    pub fn advice(self) -> &'static str {
-        match self {
-            Kind::RigidBodyMode => "hold every part of the bodies along every axis and against turning",
-            Kind::SmallCutCell => {
-                "stabilise such cells, `analysis: {stabilisation: {mode: auto}}`; or use more points per cell, or another grid"
-            }
-            Kind::PlasticCollapse => {
-                "the bodies yield at about the largest load factor in equilibrium; see how it changes with more points per \
-                 cell and a finer grid. To go on beyond it, prescribe displacements or use \
-                 `steps: {control: {type: arc-length}}`"
-            }
-            Kind::Instability => {
-                "follow the path with `steps: {control: {type: arc-length}}`, or prescribe displacements"
-            }
-            Kind::Locking => {
-                "use a finer grid with fewer points per cell, or a law that is less incompressible"
-            }
-            Kind::Hourglass => {
-                "use more points per cell (4 in the plane, 8 in space), or `analysis: {stabilisation: {mode: on}}`"
-            }
-            Kind::Creeping => "allow more iterations, `solver: {max_iterations}`, or use smaller steps",
-            Kind::LargeSteps => {
-                "use smaller steps: a larger `steps: {count}`, and a small `smallest` such as 1e-3, so that steps that fail \
-                 are cut"
-            }
-            Kind::ElementInversion => "use smaller steps (`steps: {count, smallest}`) or a coarser grid",
-            Kind::LostDomain => "make the grid larger, or use another method or domain update",
-            Kind::LostPath => {
-                "use another number of steps, or prescribe what follows (`type: displacement` with another probe, or `arc-length`)"
-            }
-            Kind::BadScaling => {
-                "give the stiffest material a modulus that is at most about 1e6 times that of the softest, or move a part that is to \
-                 be rigid by a boundary condition"
-            }
-            Kind::Setting => "see the message",
-            Kind::Unknown => {
-                "use smaller steps (`steps: {count, smallest}`), and see that the loads and conditions fit together"
-            }
-        }
-    }
 }
 
-/// Why a run could not go on, as far as it can be told.
+/// The way in which a point or its domain was lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Loss {
+    /// The point left the grid.
+    OffGrid,
+    /// The motion tore the domain.
+    Torn {
+        /// True if torn domains would be replaced if damping was not switched off.
+        is_replaceable: bool,
+    },
+    /// The update of the domain gave no valid one.
+    Collapsed,
+}
+
+/// The facts beyond the kind of a failure that decide what may help.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Circumstances {
+    /// True if small cut cells are stabilised.
+    pub is_stabilised: bool,
+    /// True if boundary conditions move, or displacements or the length of the path are prescribed.
+    pub is_driven: bool,
+    /// True if there is a single material.
+    pub has_one_material: bool,
+    /// True if cells hold so few points on average that bodies may yield before their load.
+    pub has_few_points: bool,
+    /// True if most of the points have yielded.
+    pub is_in_collapse: bool,
+    /// Number of iterations in which steps would converge at the present rate, rounded up to tens; `None` if residuals do not
+    /// fall steadily.
+    pub enough_iterations: Option<usize>,
+    /// The way in which a point or its domain was lost.
+    pub loss: Option<Loss>,
+    /// The obstacle that no step size removes.
+    pub obstacle: Option<Obstacle>,
+}
+
+/// The probable cause of a failed run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Diagnosis {
-    /// What kind of failure it is.
+    /// The kind of the failure.
     pub kind: Kind,
-    /// Number of the step that could not be solved.
+    /// Number of the step that failed.
     pub step: usize,
-    /// Time up to which there is equilibrium, [time].
+    /// Time of the last step in equilibrium, [time].
     pub time: f64,
-    /// Largest load factor in equilibrium, where there is one for all loads and prescribed motions, [-].
+    /// Largest load factor in equilibrium, [-]; `None` without a common factor of all loads and prescribed motions.
     pub largest_load_factor: Option<f64>,
-    /// Name of the body that is concerned.
+    /// Name of the body concerned.
     pub body: Option<String>,
-    /// Permanent number of the point.
+    /// Permanent number of the point concerned.
     pub point: Option<u32>,
-    /// Number of the grid cell.
+    /// Number of the grid cell concerned.
     pub cell: Option<u32>,
-    /// Position of the grid node, [length].
+    /// Position of the grid node concerned, [length].
     pub node: Option<Vec<f64>>,
-    /// Filling ratio of the emptiest cell around that place, [-].
+    /// Filling ratio of the emptiest cell around it, [-].
     pub filling: Option<f64>,
     /// Share of the points that have yielded, [-].
     pub flowing: f64,
-    /// What to try.
-    pub advice: String,
+    /// The facts that decide what may help.
+    #[serde(default)]
+    pub circumstances: Circumstances,
 }
 
 impl std::fmt::Display for Diagnosis {
@@ -192,8 +190,8 @@ impl std::fmt::Display for Diagnosis {
 }
 
 impl Diagnosis {
-    /// Diagnoses the attempt that ended a run. `lost_points` says why a larger attempt at the same step failed although it met the
-    /// tolerance.
+    /// Diagnoses the attempt that ended a run. `lost_points` is the error of a larger attempt at the same step that met the
+    /// tolerance, but lost a point or a domain.
     pub(super) fn new<const D: usize>(
         model: &Model<D>,
         points: &Points<D>,
@@ -201,7 +199,7 @@ impl Diagnosis {
         lost_points: Option<&SolveError>,
         largest_load_factor: Option<f64>,
     ) -> Diagnosis {
-        let (node, place) = whereabouts(&failed.error);
+        let (node, place) = named_place(&failed.error);
         let links = failed.iterate.as_ref().map(|iterate| &iterate.links);
         let at = node.clone().or_else(|| place.map(|place| place.position.clone()));
         let cell_at = |at: &Vec<f64>| emptiest_cell(model, points, links?, at);
@@ -209,52 +207,25 @@ impl Diagnosis {
         let flowing = links.map_or(0.0, |_| share_that_flows(model, points));
         let found = Found::new(model, points, failed, at.as_deref(), (around, flowing));
         let kind = kind_of(failed, &found);
-        // What keeps iterations from their end is no matter where an attempt has come to it.
+        // An attempt has converged, so that a lack of convergence is not the cause.
         let (kind, error) = match lost_points {
             Some(error) if kind.is_about_iterations() => (Kind::LostDomain, error),
             _ => (kind, &failed.error),
         };
-        let (node, place) = whereabouts(error);
+        let (node, place) = named_place(error);
         let at = node.clone().or_else(|| place.map(|place| place.position.clone()));
         let around = at.as_ref().and_then(cell_at);
-        let is_driven = model.stepping.control != Control::Load
-            || model.boundary_conditions.iter().any(|condition| condition.moves());
-        let advice = match kind {
-            Kind::SmallCutCell if model.stabilisation.mode != Where::Off => {
-                "use a larger `stabilisation: {parameter}`, more points per cell, or another grid"
-            }
-            Kind::PlasticCollapse | Kind::Instability if is_driven => {
-                "use smaller steps (`steps: {count, smallest}`) or a coarser grid; nothing but what is prescribed keeps the \
-                 bodies from flowing"
-            }
-            Kind::BadScaling if model.materials.len() == 1 => {
-                "see that units, loads and the size of cells fit together, and that Poisson's ratio is not next to 0.5 or -1"
-            }
-            Kind::LostDomain
-                if matches!(error, SolveError::Domain { .. })
-                    && !model.stepping.damping
-                    && Stepping { damping: true, ..model.stepping.clone() }.may_damp() =>
-            {
-                "leave `steps: {damping}` out, so that torn domains are replaced; or use more points per cell, or `method: gimp`"
-            }
-            Kind::LostDomain if matches!(error, SolveError::Domain { .. } | SolveError::Collapsed { .. }) => {
-                "use more points per cell, smaller steps (`steps: {count, smallest}`), or `method: gimp`"
-            }
-            Kind::Setting => failed.error.help().unwrap_or(kind.advice()),
-            _ => kind.advice(),
-        };
-        let advice = match found.missing {
-            Some(missing) if kind == Kind::Creeping => {
-                let enough = (model.newton.max_iterations + missing).next_multiple_of(10);
-                format!("allow more iterations, `solver: {{max_iterations: {enough}}}`, or use smaller steps")
-            }
-            _ if kind == Kind::PlasticCollapse && evidence::mean_points_per_cell(points) < FEW => format!(
-                "use more points per cell (4 in the plane, 8 in space), since with one a body may collapse early; {advice}"
-            ),
-            _ if matches!(kind, Kind::Hourglass | Kind::Locking) && flowing > MOST => format!(
-                "{advice}; most points have yielded, so that the load may also be beyond what the bodies can carry"
-            ),
-            _ => advice.to_owned(),
+        let circumstances = Circumstances {
+            is_stabilised: model.stabilisation.mode != Where::Off,
+            is_driven: model.stepping.control != Control::Load
+                || model.boundary_conditions.iter().any(|condition| condition.moves()),
+            has_one_material: model.materials.len() == 1,
+            has_few_points: evidence::mean_points_per_cell(points) < FEW,
+            is_in_collapse: flowing > MOST,
+            enough_iterations: (found.missing)
+                .map(|missing| (model.newton.max_iterations + missing).next_multiple_of(10)),
+            loss: loss_of(error, &model.stepping),
+            obstacle: error.obstacle(),
         };
         let is_cell = matches!(kind, Kind::SmallCutCell);
         Diagnosis {
@@ -268,37 +239,50 @@ impl Diagnosis {
             filling: around.map(|(_, filling)| filling).filter(|_| is_cell),
             node,
             flowing,
-            advice,
+            circumstances,
         }
     }
 }
 
-/// What is known about the place and the state that a run stopped at.
+/// The loss of a point or its domain, if that is the error.
+fn loss_of(error: &SolveError, stepping: &Stepping) -> Option<Loss> {
+    match error {
+        SolveError::OffGrid { .. } => Some(Loss::OffGrid),
+        SolveError::Domain { .. } => {
+            let with_damping = Stepping { damping: true, ..stepping.clone() };
+            Some(Loss::Torn { is_replaceable: !stepping.damping && with_damping.may_damp() })
+        }
+        SolveError::Collapsed { .. } => Some(Loss::Collapsed),
+        _ => None,
+    }
+}
+
+/// The evidence at the place of the failure and in the state there.
 struct Found {
-    /// Whether a cell there holds hardly any material.
+    /// True if a cell there holds hardly any material.
     is_cut: bool,
-    /// How much farther its nodes move than points do, [-].
+    /// Displacement of its nodes relative to that of the points, [-].
     runaway: f64,
     /// Share of the points that have yielded, [-].
     flowing: f64,
-    /// Displacements that the points do not notice, relative to those that they do, [-].
+    /// Displacements without strain at the points, relative to those with strain, [-].
     hourglass: f64,
-    /// Whether cells there hold a single point at most, and no part of the bodies can move as a rigid body.
+    /// True if the fullest cell there holds one point, and no part of the bodies can move as a rigid body.
     is_single: bool,
-    /// Whether smaller steps would not matter.
+    /// True if the step is so small that smaller ones would not help.
     is_small_step: bool,
-    /// Whether the residual meets the tolerance, and what comes after it failed.
+    /// True if the residual meets the tolerance, and only the update of points and domains failed.
     is_balanced: bool,
-    /// Iterations that are missing where residuals fall steadily.
+    /// Number of further iterations to the tolerance, if residuals fall steadily.
     missing: Option<usize>,
-    /// Whether pressures alternate in isochoric deformation.
+    /// True if pressures alternate in isochoric deformation.
     is_locked: bool,
-    /// How many times the stiffest material is as stiff as the softest, [-].
+    /// Ratio of the shear moduli of the stiffest and the softest material, [-].
     spread: f64,
 }
 
 impl Found {
-    /// Whether the nodes of a cut cell have run away. They leave a trace in the full cells beside them, too.
+    /// True if the nodes of a cut cell have run away. The full cells beside it then seem to have an hourglass mode, too.
     fn runs_away(&self) -> bool {
         self.is_cut && self.runaway > RUNS_AWAY.max(self.hourglass)
     }
@@ -360,16 +344,18 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
             Kind::Instability
         }
         SolveError::Point { .. } => Kind::ElementInversion,
-        // In equilibrium, and yet beyond the edge.
+        // The iterations have converged.
         SolveError::OffGrid { .. } if found.is_balanced => Kind::LostDomain,
-        // However small the step is, the points fly off.
+        // Points leave the grid even in a small step.
         SolveError::OffGrid { .. } if flowing > MUCH && is_small_step => Kind::PlasticCollapse,
         SolveError::OffGrid { .. } | SolveError::Domain { .. } | SolveError::Collapsed { .. } => {
             Kind::LostDomain
         }
         SolveError::NoPath { .. } => Kind::LostPath,
         SolveError::RoundOff { .. } => Kind::BadScaling,
-        SolveError::NotConverged { .. } | SolveError::Iterative { .. } => without_end(failed, found),
+        SolveError::NotConverged { .. } | SolveError::Iterative { .. } => {
+            kind_without_convergence(failed, found)
+        }
         SolveError::Constraint { .. }
         | SolveError::Load { .. }
         | SolveError::OutOfMemory { .. }
@@ -379,9 +365,9 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
     }
 }
 
-/// What keeps iterations from an end: first what shows in the displacements, then what shows in the residuals, and only where
-/// steps are small what the bodies cannot carry.
-fn without_end<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
+/// The kind of a failure to converge: first the displacements are examined, then the residuals, and then, if steps are small,
+/// the strength of the bodies.
+fn kind_without_convergence<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
     let flows = found.flowing > FLOWS;
     if found.runs_away() {
         Kind::SmallCutCell
@@ -407,7 +393,7 @@ fn without_end<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind
 }
 
 /// The node or the point that an error names.
-fn whereabouts(error: &SolveError) -> (Option<Vec<f64>>, Option<&PointPlace>) {
+fn named_place(error: &SolveError) -> (Option<Vec<f64>>, Option<&PointPlace>) {
     match error {
         SolveError::NotConverged { worst, .. } | SolveError::RoundOff { worst, .. } => {
             (worst.as_ref().map(|(node, _)| node.clone()), None)

@@ -1,7 +1,11 @@
-//! Why a step has no equilibrium.
+//! Errors that end a run.
+//!
+//! They state facts. What to do about them is advice in the words of the input, and is written where those are known.
+
+use serde::{Deserialize, Serialize};
 
 use crate::basis::{Connectivity, SupportError, SupportFailure};
-use crate::dofs::{ConstraintError, HOLD_THE_AXIS};
+use crate::dofs::ConstraintError;
 use crate::domain::Collapsed;
 use crate::linear::LinearError;
 use crate::material::shear_modulus_at_rest;
@@ -23,7 +27,7 @@ pub struct PointPlace {
     pub body: String,
     /// Permanent number of the point.
     pub point: u32,
-    /// Where it is, [length].
+    /// Position, [length].
     pub position: Vec<f64>,
 }
 
@@ -33,103 +37,103 @@ impl std::fmt::Display for PointPlace {
     }
 }
 
-/// A run could not go on. The converged state of the points is the last equilibrated one.
+/// The reason why a run ends early. The converged state of the points is that of the last step in equilibrium.
 #[derive(Debug, thiserror::Error)]
 pub enum SolveError {
-    /// The out-of-balance force did not reach the tolerance.
+    /// The residual has not reached the tolerance.
     #[error(
         "step {step} is not in equilibrium after {} iterations: residual {:.3e}, largest out-of-balance force at \
          {}", residuals.len() - 1, residuals.last().copied().unwrap_or(f64::NAN), worst_node(worst)
     )]
     NotConverged {
-        /// The step.
+        /// Number of the step.
         step: usize,
-        /// Residual of every evaluation.
+        /// Residual of every evaluation, [-].
         residuals: Vec<f64>,
-        /// Position of the node with the largest out-of-balance force and the force there.
+        /// Position of the node with the largest out-of-balance force, [length], and this force, [force].
         worst: Option<(Vec<f64>, Vec<f64>)>,
     },
-    /// Round-off of the stiffness keeps the step from equilibrium.
+    /// Round-off of the stiffness prevents equilibrium.
     #[error(
         "step {step} cannot be brought into equilibrium: round-off leaves a residual of {:.3e}, more than {MOST_OF_ROUND_OFF:e}; \
          the largest out-of-balance force is at {}, and {materials}",
         residuals.last().copied().unwrap_or(f64::NAN), worst_node(worst)
     )]
     RoundOff {
-        /// The step.
+        /// Number of the step.
         step: usize,
-        /// Residual of every evaluation.
+        /// Residual of every evaluation, [-].
         residuals: Vec<f64>,
-        /// Position of the node with the largest out-of-balance force and the force there.
+        /// Position of the node with the largest out-of-balance force, [length], and this force, [force].
         worst: Option<(Vec<f64>, Vec<f64>)>,
-        /// The materials whose stiffnesses are far apart, or far above the loads, in words.
+        /// The materials whose stiffnesses are far apart, or far above the loads, as text.
         materials: String,
     },
-    /// A term of equilibrium cannot go on from what a checkpoint holds of it.
+    /// A term of equilibrium cannot restart from its saved state.
     #[error("the term `{term}` cannot go on: {reason}")]
     Term {
-        /// Its name.
+        /// Name of the term.
         term: String,
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// A point could not follow the displacement increment.
     #[error("step {step}, iteration {iteration}: {place}: {error}")]
     Point {
-        /// The step.
+        /// Number of the step.
         step: usize,
-        /// The iteration.
+        /// Number of the iteration.
         iteration: usize,
         /// The point.
         place: PointPlace,
-        /// What failed.
+        /// The failure.
         error: PointError,
-        /// Residuals so far.
+        /// Residual of every evaluation so far, [-].
         residuals: Vec<f64>,
     },
     /// A point is outside the grid.
     #[error("step {step}: {place} is outside the grid")]
     OffGrid {
-        /// The step.
+        /// Number of the step.
         step: usize,
         /// The point.
         place: PointPlace,
     },
-    /// The basis functions of a point cannot be formed because of its domain.
+    /// The domain of a point permits no basis functions.
     #[error("step {step}: {place}: {error}")]
     Domain {
-        /// The step.
+        /// Number of the step.
         step: usize,
         /// The point.
         place: PointPlace,
-        /// Why.
+        /// The reason.
         error: SupportError,
     },
-    /// A domain update gave no valid domain.
+    /// A domain update has given no valid domain.
     #[error("step {step}: {place}: {error}")]
     Collapsed {
-        /// The step.
+        /// Number of the step.
         step: usize,
         /// The point.
         place: PointPlace,
-        /// How.
+        /// The failure.
         error: Collapsed,
     },
     /// The stiffness is singular.
     #[error("step {step}: the stiffness is singular{}", at_node(node))]
     Singular {
-        /// The step.
+        /// Number of the step.
         step: usize,
-        /// Position of a node and axis of a motion without stiffness, where known.
+        /// A motion without stiffness, if known: the position of a node, [length], and the axis.
         node: Option<(Vec<f64>, usize)>,
     },
-    /// Nothing holds a part of the bodies along an axis.
+    /// A part of the bodies is free to move along an axis.
     #[error(
         "step {step}: no boundary condition holds the part of the bodies at node {} along {}",
         coordinates(node), ["x", "y", "z"][axis % 3]
     )]
     Unheld {
-        /// The step.
+        /// Number of the step.
         step: usize,
         /// Position of a node of the part, [length].
         node: Vec<f64>,
@@ -139,55 +143,79 @@ pub enum SolveError {
     /// The factor of the stiffness does not fit into memory.
     #[error("step {step}: the factor of the stiffness does not fit into memory{}", of_size(needed))]
     OutOfMemory {
-        /// The step.
+        /// Number of the step.
         step: usize,
-        /// What it takes, [byte], where that is known.
+        /// Size of the factor, [byte], if known.
         needed: Option<u64>,
     },
     /// The iterative solver has failed, and the factor for the direct one does not fit into memory.
     #[error("step {step}: iterations have failed and the stiffness is too large to factorise: {error}")]
     Iterative {
-        /// The step.
+        /// Number of the step.
         step: usize,
-        /// How.
+        /// The failure of the iterations.
         error: LinearError,
     },
     /// No load factor meets the condition that determines it.
     #[error("step {step}: {reason}")]
     NoPath {
-        /// The step.
+        /// Number of the step.
         step: usize,
-        /// Why.
+        /// The reason.
         reason: NoPath,
     },
     /// The boundary conditions cannot be applied.
     #[error("step {step}: {error}")]
     Constraint {
-        /// The step.
+        /// Number of the step.
         step: usize,
-        /// Why.
+        /// The reason.
         error: ConstraintError,
     },
     /// A load has no value.
     #[error("step {step}: {error}")]
     Load {
-        /// The step.
+        /// Number of the step.
         step: usize,
-        /// Why.
+        /// The load, the point and the value.
         error: Box<LoadNotFinite>,
     },
-    /// The user asked to stop.
+    /// The user has stopped the run.
     #[error("interrupted before step {step}")]
     Interrupted {
-        /// The step that was not begun.
+        /// Number of the step that was not begun.
         step: usize,
     },
-    /// Results could not be written.
+    /// Results cannot be written.
     #[error("cannot write results: {0}")]
     Output(#[source] std::io::Error),
 }
 
-/// Codes of all errors with a title each.
+/// An obstacle that no step size removes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Obstacle {
+    /// Two boundary conditions prescribe different displacements of one node.
+    Conflict,
+    /// A formula has no finite value.
+    NotFinite,
+    /// Nodes on the axis of revolution are free to leave it.
+    LooseAxis,
+    /// The factor of the stiffness does not fit into memory.
+    Memory,
+}
+
+impl From<&ConstraintError> for Obstacle {
+    fn from(error: &ConstraintError) -> Self {
+        match error {
+            ConstraintError::Conflict { .. } | ConstraintError::Tie { .. } => Obstacle::Conflict,
+            ConstraintError::NotFinite { .. } => Obstacle::NotFinite,
+            ConstraintError::LooseAxis { .. } => Obstacle::LooseAxis,
+        }
+    }
+}
+
+/// The codes of all errors, each with its title.
 pub const CODES: &[(&str, &str)] = &[
     ("S001", "a step that does not reach equilibrium"),
     ("S002", "a point that cannot follow the deformation"),
@@ -236,7 +264,7 @@ fn at_node(node: &Option<(Vec<f64>, usize)>) -> String {
 }
 
 impl SolveError {
-    /// Stable code, listed in [`CODES`]; none for a run that the user stopped.
+    /// The stable code, listed in [`CODES`]; `None` if the user has stopped the run.
     pub fn code(&self) -> Option<&'static str> {
         Some(match self {
             SolveError::NotConverged { .. } => "S001",
@@ -258,62 +286,22 @@ impl SolveError {
         })
     }
 
-    /// That results could not be written, for a failure that somebody else is told of, too.
+    /// The error of results that cannot be written, for a failure that is also reported elsewhere.
     pub fn output(failure: &std::io::Error) -> SolveError {
         SolveError::Output(std::io::Error::new(failure.kind(), failure.to_string()))
     }
 
-    /// What to do about it.
-    pub fn help(&self) -> Option<&'static str> {
+    /// The obstacle that no step size removes; `None` for errors of other kinds.
+    pub fn obstacle(&self) -> Option<Obstacle> {
         match self {
-            SolveError::NotConverged { .. } => {
-                Some("use smaller steps (`steps: {count, smallest}`), or check loads and boundary conditions")
-            }
-            SolveError::RoundOff { .. } => Some(
-                "give the stiffest material a modulus that is at most about 1e6 times that of the softest; a part that is to be \
-                 rigid can be moved by a boundary condition instead",
-            ),
-            SolveError::Point { .. } => Some("use smaller steps (`steps: {count, smallest}`)"),
-            SolveError::OffGrid { .. } => {
-                Some("make the grid larger where the body moves, or hold the body with boundary conditions")
-            }
-            SolveError::Domain { .. } => Some(
-                "make the grid larger, use more load steps, or another method where the motion tears domains",
-            ),
-            SolveError::Collapsed { .. } => {
-                Some("use `domain_update: corners`, or more load steps with `diagonal-incremental`")
-            }
-            SolveError::Singular { .. } => Some(
-                "see that boundary conditions hold every body; where a cell hardly holds any material, move or refine the grid, \
-                     use more points per cell, or another method",
-            ),
-            SolveError::OutOfMemory { .. } => {
-                Some("use a coarser grid, or on a structured one `solver: {linear: iterative}`")
-            }
-            SolveError::Iterative { .. } => {
-                Some("use more load steps (`steps: count`), a coarser grid, or a computer with more memory")
-            }
-            SolveError::NoPath { reason: NoPath::NoInfluence, .. } => {
-                Some("choose a probe and an axis along which the loads move it")
-            }
-            SolveError::NoPath { .. } => Some("use smaller steps (`steps: {count, smallest}`)"),
-            SolveError::Unheld { .. } => Some(
-                "fix or prescribe the displacement along that axis at one node of each separate part at least",
-            ),
-            SolveError::Constraint {
-                error: ConstraintError::Conflict { .. } | ConstraintError::Tie { .. },
-                ..
-            } => Some("prescribe each axis of a node by one boundary condition only"),
-            SolveError::Constraint { error: ConstraintError::NotFinite { .. }, .. } => {
-                Some("the formula divides by zero or leaves its domain there")
-            }
-            SolveError::Constraint { error: ConstraintError::LooseAxis { .. }, .. } => Some(HOLD_THE_AXIS),
-            SolveError::Load { .. } => Some("the formula divides by zero or leaves its domain there"),
-            SolveError::Interrupted { .. } | SolveError::Output(_) | SolveError::Term { .. } => None,
+            SolveError::Constraint { error, .. } => Some(Obstacle::from(error)),
+            SolveError::Load { .. } => Some(Obstacle::NotFinite),
+            SolveError::OutOfMemory { .. } => Some(Obstacle::Memory),
+            _ => None,
         }
     }
 
-    /// Whether a smaller step may succeed.
+    /// True if a smaller step may succeed.
     pub fn is_retryable(&self) -> bool {
         matches!(
             self,
@@ -328,7 +316,7 @@ impl SolveError {
         )
     }
 
-    /// Residuals of the failed step, as far as it came.
+    /// Residuals of the failed step, [-]; empty if it has not been evaluated.
     pub fn residuals(&self) -> &[f64] {
         match self {
             SolveError::NotConverged { residuals, .. }
@@ -424,7 +412,7 @@ impl SolveError {
     }
 }
 
-/// The node with the largest out-of-balance force, and the force there.
+/// The position of the node with the largest out-of-balance force, [length], and this force, [force].
 fn worst<const D: usize>(
     model: &Model<D>,
     links: &Connectivity<D>,
@@ -439,7 +427,7 @@ fn worst<const D: usize>(
         })
 }
 
-/// The shear moduli at rest of the materials of the bodies with their numbers, ascending, [stress].
+/// The shear moduli at rest of the materials in use, [stress], ascending, each with the number of its material.
 fn moduli<const D: usize>(model: &Model<D>) -> Vec<(f64, usize)> {
     let used = |number: &usize| model.bodies.iter().any(|body| body.material == *number);
     let modulus = |number: usize| (shear_modulus_at_rest(model.materials[number].law.as_ref()), number);
@@ -448,7 +436,7 @@ fn moduli<const D: usize>(model: &Model<D>) -> Vec<(f64, usize)> {
     moduli
 }
 
-/// How many times the stiffest material of the bodies is as stiff as the softest, [-].
+/// Ratio of the shear moduli of the stiffest and the softest material in use, [-].
 pub(super) fn stiffness_spread<const D: usize>(model: &Model<D>) -> f64 {
     match moduli(model)[..] {
         [(soft, _), .., (stiff, _)] => stiff / soft,
@@ -456,7 +444,7 @@ pub(super) fn stiffness_spread<const D: usize>(model: &Model<D>) -> f64 {
     }
 }
 
-/// The stiffest and the softest material of the bodies, in words.
+/// The stiffest and the softest material in use, as text.
 fn stiffnesses<const D: usize>(model: &Model<D>) -> String {
     let name = |number: usize| &model.materials[number].name;
     match moduli(model)[..] {
@@ -482,7 +470,7 @@ fn place<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, positio
     }
 }
 
-/// Turns the failure of a point during assembly into an error that names it.
+/// The error that names the point of a failure during assembly.
 pub(super) fn locate_failure<const D: usize>(
     failure: PointFailure,
     model: &Model<D>,

@@ -6,7 +6,7 @@ use crate::step::{StepContext, displacement};
 use crate::stress::Mechanics;
 use crate::timing::Phase;
 
-use super::attempt::{Ended, Obstacle};
+use super::attempt::{Ended, NoIncrement};
 use super::control::{Condition, NoPath};
 use super::damping::{self, MORE_ITERATIONS};
 use super::equations::RightHandSide;
@@ -76,8 +76,10 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let solved = if self.is_damped() { self.damped_step() } else { self.newton_step() };
         let step = self.context.step;
         let solved = solved.map_err(|obstacle| match obstacle {
-            Obstacle::Linear(error) => SolveError::linear(error, self.context.place(&self.system.dofs), step),
-            Obstacle::Path(reason) => SolveError::NoPath { step: step.index, reason },
+            NoIncrement::Linear(error) => {
+                SolveError::linear(error, self.context.place(&self.system.dofs), step)
+            }
+            NoIncrement::Path(reason) => SolveError::NoPath { step: step.index, reason },
         })?;
         if let Some(solved) = solved {
             self.summary.count(solved);
@@ -90,7 +92,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     ///
     /// Where δd is not exact, what it leaves of the equations of the unknowns stays in their out-of-balance force: only
     /// prescribed components have a reaction, the one that K and this δd give.
-    fn newton_step(&mut self) -> Result<Option<Solved>, Obstacle> {
+    fn newton_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
         let LoadStep { context, system: StepSystem { dofs, sum, condition, .. }, unknowns, course, .. } =
             self;
         let LoadStep { equations, summary, forcing, .. } = self;
@@ -128,8 +130,9 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             let (again, globals) =
                 equations.solve_again(place, system, rhs, &mut of_load, tolerance, timings)?;
             solved.iterations += again.iterations;
-            let change =
-                condition.change(&unknowns.delta_d, &unknowns.iterative, &of_load).map_err(Obstacle::Path)?;
+            let change = condition
+                .change(&unknowns.delta_d, &unknowns.iterative, &of_load)
+                .map_err(NoIncrement::Path)?;
             unknowns.add_response(change, &of_load, &globals);
         }
         timings.measure(Phase::Solve, || unknowns.advance(system, dofs, &course.out_of_balance))?;

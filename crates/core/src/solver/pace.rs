@@ -1,34 +1,35 @@
-//! Load steps: where they end, how one that fails is cut, and how they grow again.
+//! The size of load steps: failed steps are cut, and later steps grow again.
 
 use serde::{Deserialize, Serialize};
 
 use crate::model::{SAME, Stepping};
 
-/// A step that converges in at most so many iterations may be followed by one of twice the size, …
+/// Most iterations of a step that may be followed by one of twice the size.
 const FEW: usize = 8;
-/// … but one that follows a failure only after so many that succeed.
+/// Number of steps that must succeed after a failure before steps may grow.
 const PATIENCE: u32 = 2;
-/// A rest of less than this, relative to the step before it, is not left for a step of its own: the two share the way.
+/// Smallest rest before a stop that is a step of its own, relative to the step before it, [-]; for a smaller one, the last two
+/// steps are of equal size.
 const REST: f64 = 0.5;
 
-/// How large steps are at the moment.
+/// The present size of steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pace {
-    /// Relative to a requested step, [-].
+    /// Size relative to a requested step, [-].
     size: f64,
-    /// So many steps have to succeed before they may grow.
+    /// Number of steps that must succeed before steps may grow.
     patience: u32,
-    /// What is tried where steps cannot be made smaller.
+    /// The last resort in use.
     #[serde(default)]
-    resort: Option<Resort>,
+    resort: Option<LastResort>,
 }
 
-/// What is tried where steps that fail cannot be made smaller.
+/// A last resort, for failed steps that cannot be made smaller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-enum Resort {
-    /// New domains in place of torn ones.
+enum LastResort {
+    /// Torn domains are replaced.
     Domains,
-    /// That, and damped iterations.
+    /// Torn domains are replaced, and iterations are damped.
     Damping,
 }
 
@@ -38,16 +39,16 @@ impl Default for Pace {
     }
 }
 
-/// Smallest step, relative to a requested one, that any deck can ask for: below it, time would not go on.
+/// Smallest size of a step relative to a requested one, [-]; the round-off of time would exceed smaller ones.
 const LEAST: f64 = 1e-9;
 
 impl Pace {
-    /// Whether a run can have come to this.
-    pub fn is_possible(&self) -> bool {
+    /// True if a run can have steps of this size.
+    pub fn is_valid(&self) -> bool {
         (LEAST..=f64::MAX).contains(&self.size)
     }
 
-    /// Where the step that starts at a time ends, [time]; `None` at the end of the analysis.
+    /// End of the step that starts at a time, [time]; `None` at the end of the analysis.
     pub fn end_of_step(&self, stepping: &Stepping, start: f64) -> Option<f64> {
         let unit = stepping.size();
         if start >= stepping.end_time - SAME * unit {
@@ -64,22 +65,22 @@ impl Pace {
         })
     }
 
-    /// Whether a step has failed shortly before.
+    /// True if a step has failed recently.
     pub fn is_careful(&self) -> bool {
         self.patience > 0
     }
 
-    /// Whether steps cannot be made smaller any more; torn domains are then replaced.
+    /// True if a last resort is in use, because steps cannot be made smaller; torn domains are then replaced.
     pub fn is_last_resort(&self) -> bool {
         self.resort.is_some()
     }
 
-    /// Whether iterations are damped.
+    /// True if iterations are damped.
     pub fn is_damped(&self) -> bool {
-        self.resort == Some(Resort::Damping)
+        self.resort == Some(LastResort::Damping)
     }
 
-    /// A step has succeeded with so many iterations.
+    /// Records a step that has converged in so many iterations.
     pub fn succeeded(&mut self, stepping: &Stepping, iterations: usize) {
         self.patience = self.patience.saturating_sub(1);
         self.resort = None;
@@ -88,8 +89,8 @@ impl Pace {
         }
     }
 
-    /// A step has failed, perhaps because a domain was torn; says whether another attempt may be made: at a smaller step, or at
-    /// the same by what is left.
+    /// Records a failed step, with `is_torn` if the reason is a torn domain. Returns true if another attempt may be made: at a
+    /// smaller step, or at the same step by a last resort.
     pub fn failed(&mut self, stepping: &Stepping, start: f64, end: f64, is_torn: bool) -> bool {
         let smaller = 0.5 * (end - start) / stepping.size();
         if smaller >= stepping.smallest * (1.0 - SAME) {
@@ -98,9 +99,9 @@ impl Pace {
         }
         self.resort = match self.resort {
             _ if !stepping.may_damp() => None,
-            None if is_torn => Some(Resort::Domains),
-            None | Some(Resort::Domains) => Some(Resort::Damping),
-            Some(Resort::Damping) => None,
+            None if is_torn => Some(LastResort::Domains),
+            None | Some(LastResort::Domains) => Some(LastResort::Damping),
+            Some(LastResort::Damping) => None,
         };
         self.resort.is_some()
     }
@@ -111,7 +112,7 @@ mod tests {
     use super::*;
     use crate::model::Control;
 
-    /// The ends of all steps, where those for which `fails` says so fail.
+    /// The ends of all steps, of which those fail for which `fails` is true.
     fn ends(stepping: &Stepping, iterations: usize, mut fails: impl FnMut(f64, f64) -> bool) -> Vec<f64> {
         let (mut pace, mut time, mut ends) = (Pace::default(), 0.0, Vec::new());
         while let Some(end) = pace.end_of_step(stepping, time) {

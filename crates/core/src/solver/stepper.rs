@@ -7,7 +7,7 @@ use crate::equilibrium::StepReport;
 use crate::linear::Backend;
 use crate::model::Model;
 use crate::points::Points;
-use crate::quality::{Code, Measures, Place, Warning};
+use crate::quality::{Code, Location, Measures, Warning};
 use crate::step::Step;
 use crate::stress::Mechanics;
 use crate::terms::{Terms, of_bodies};
@@ -374,13 +374,13 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             warnings.push(Warning {
                 code: Code::Factorised,
                 step,
-                place: Place::default(),
+                location: Location::default(),
                 value: None,
                 threshold: None,
-                message: format!("iterations cannot solve the equations, which are factorised instead: {error}"),
-                help: "the results are not affected; for less memory and time see what makes the equations ill-conditioned \
-                       (`mpm explain W004`)"
-                    .to_owned(),
+                message: format!(
+                    "iterations cannot solve the equations, which are factorised instead: {error}"
+                ),
+                detail: None,
             });
         }
     }

@@ -1,4 +1,4 @@
-//! The account of a run.
+//! The summary of a run: counts, work, quality, warnings and timings, and the data that its next step builds on.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,78 +17,78 @@ use super::control::Path;
 use super::diagnosis::Diagnosis;
 use super::pace::Pace;
 
-/// The account of a run.
+/// The summary of a run up to its last step in equilibrium.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
-    /// Equilibrated steps.
+    /// Number of steps in equilibrium.
     pub steps: usize,
-    /// Steps among them that were accepted as far as round-off allows.
+    /// Number of steps among them that were accepted at the limit of round-off rather than at the tolerance.
     #[serde(default)]
     pub rounding_limited: usize,
-    /// Steps among them of which only damped iterations found the equilibrium.
+    /// Number of steps among them whose equilibrium only damped iterations have found.
     #[serde(default)]
     pub damped: usize,
-    /// Torn domains that were replaced.
+    /// Number of torn domains that were replaced.
     #[serde(default)]
     pub replaced_domains: usize,
-    /// [`StepReport::carried`] of the last step.
+    /// Largest forces on a part of each body so far, [`StepReport::carried`], [force].
     #[serde(default)]
     pub carried: Vec<f64>,
-    /// Attempts at a step that did not reach equilibrium.
+    /// Number of attempts at a step that did not reach equilibrium.
     pub failed_attempts: usize,
-    /// How large steps are at the moment.
+    /// The present size of steps.
     pub pace: Pace,
-    /// Where the run is on its path, if its load factor is unknown.
+    /// The position on the path, if the load factor is unknown.
     pub path: Path,
-    /// The pattern of equations that later steps may go on with.
+    /// The sparsity pattern that later steps may reuse.
     #[serde(default, serialize_with = "save_kept", deserialize_with = "load_kept")]
     pub kept: Option<Arc<Named>>,
-    /// Load factor of the last step in equilibrium, where there is one for all loads and prescribed motions, [-].
+    /// Load factor of the last step in equilibrium, [-]; `None` without a common factor of all loads and prescribed motions.
     pub load_factor: Option<f64>,
-    /// Load factor of the largest magnitude in equilibrium, where there is one for all loads and prescribed motions, [-].
+    /// Load factor of the largest magnitude in equilibrium, [-]; `None` as above.
     pub largest_load_factor: Option<f64>,
-    /// What the terms of equilibrium keep beside the points, [`crate::terms::Term::save`], by their names.
+    /// The saved states of the terms of equilibrium by their names, [`crate::terms::Term::save`].
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub terms: BTreeMap<String, serde_json::Value>,
-    /// Why the run could not go on.
+    /// The probable cause of the failure; `None` unless the run has failed.
     pub diagnosis: Option<Diagnosis>,
-    /// Most faces that were stabilised in a step.
+    /// Largest number of faces stabilised in a step.
     pub stabilised_faces: usize,
-    /// Evaluations of internal force and stiffness, those of failed steps included.
+    /// Number of evaluations of internal force and stiffness, those of failed steps included.
     pub evaluations: usize,
-    /// Linear solves, those of failed steps included.
+    /// Number of linear solves, those of failed steps included.
     pub linear_solves: usize,
-    /// Linear solves by conjugate gradients or GMRES.
+    /// Number of linear solves by conjugate gradients or GMRES.
     pub iterative_solves: usize,
-    /// Their iterations.
+    /// Number of their iterations.
     pub linear_iterations: usize,
-    /// Linear solves whose matrix was not positive definite.
+    /// Number of linear solves whose matrix was not positive definite.
     pub indefinite_solves: usize,
-    /// Linear solves of the last step in equilibrium, 0 before there is one.
+    /// Number of linear solves of the last step in equilibrium, 0 before the first one.
     #[serde(default)]
     pub last_iterations: usize,
-    /// Most unknowns in a step.
+    /// Largest number of unknowns in a step.
     pub unknowns: usize,
     /// Work of loads and reactions so far, [energy].
     pub external_work: f64,
-    /// Work so far of the forces that are out of balance when a step starts on a fresh grid, [energy].
+    /// Work so far of the forces that are out of balance on fresh grids, [energy].
     pub regridding_work: f64,
-    /// Work so far that the stabilisation of faces has taken, which is lost at the end of each step, [energy].
+    /// Work absorbed so far by the stabilisation of faces, and lost at the end of each step, [energy].
     pub stabilisation_work: f64,
-    /// Work so far that damped iterations have taken between grids, [energy].
+    /// Work absorbed so far by damped iterations between grids, [energy].
     #[serde(default)]
     pub damping_work: f64,
     /// Sum of the magnitudes of the external and regridding work of all steps, [energy].
     pub gross_work: f64,
     /// Stored elastic energy, [energy].
     pub strain_energy: f64,
-    /// Work that has gone into plastic flow, [energy].
+    /// Plastic work, [energy].
     pub plastic_work: f64,
-    /// How well the run goes.
+    /// The quality of the run.
     pub quality: Quality,
-    /// What the user should know about it, in the order of the steps; observers find new ones at the end.
+    /// The warnings in the order of the steps; new ones are appended.
     pub warnings: Vec<Warning>,
-    /// Time spent by phase.
+    /// Time spent in each phase.
     pub timings: Timings,
 }
 
@@ -100,29 +100,29 @@ fn load_kept<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Arc<Named>>, D
     Ok(Option::<Named>::deserialize(from)?.map(Arc::new))
 }
 
-/// How far a run has come: what it goes on from beside the points.
+/// The last step of a run in equilibrium: with the points, all that the run needs to restart.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Reached {
-    /// The last step in equilibrium; of number 0 and time 0 where there is none.
+    /// The last step in equilibrium; number and time are 0 before the first one.
     pub step: Step,
-    /// The account of the run so far.
+    /// The summary of the run so far.
     pub summary: Summary,
 }
 
 impl Reached {
-    /// Nothing: a run that begins.
+    /// The state of a run before its first step.
     pub fn nothing<const D: usize>(points: &Points<D>) -> Reached {
         let summary = Summary { quality: Quality::new(points), ..Summary::default() };
         Reached { step: Step { index: 0, start: 0.0, end: 0.0 }, summary }
     }
 }
 
-/// No run counts so far.
-const UNCOUNTED: usize = 1 << 48;
+/// Bound of all counts of a run.
+const MOST_COUNTED: usize = 1 << 48;
 
 impl Reached {
-    /// Whether a run of this model can have reached this.
-    pub fn can_be_of<const D: usize>(&self, model: &Model<D>) -> bool {
+    /// True if a run of this model can have reached this step.
+    pub fn fits<const D: usize>(&self, model: &Model<D>) -> bool {
         let of = &self.summary;
         let counts = [
             of.steps,
@@ -134,14 +134,14 @@ impl Reached {
             of.indefinite_solves,
             self.step.index,
         ];
-        counts.iter().all(|count| *count < UNCOUNTED)
+        counts.iter().all(|count| *count < MOST_COUNTED)
             && 0.0 <= self.step.start
             && self.step.start < self.step.end
             && self.step.end <= model.stepping.end_time
-            && self.summary.pace.is_possible()
+            && self.summary.pace.is_valid()
             && self.summary.path.can_be_of::<D>()
             && self.summary.kept.as_ref().is_none_or(|kept| kept.can_be_of::<D>(model.grid.n_nodes()))
-            && self.summary.quality.can_be_of(model.bodies.len())
+            && self.summary.quality.fits(model.bodies.len())
     }
 }
 
@@ -157,8 +157,8 @@ impl Summary {
         }
     }
 
-    /// What is missing between the work so far and the energy that is stored or has gone into plastic flow, relative to
-    /// the magnitudes of all work, [-]: the error of the trapezoidal rule, which falls with the square of the steps.
+    /// Difference between the work so far and the sum of stored energy and plastic work, relative to the magnitudes of all work,
+    /// [-]: the error of the trapezoidal rule, which falls with the square of the step size.
     pub fn energy_error(&self) -> f64 {
         let work = self.external_work + self.regridding_work - self.stabilisation_work - self.damping_work;
         let missing = work - self.strain_energy - self.plastic_work;

@@ -1,0 +1,56 @@
+//! Advice on errors that end a run.
+
+use mpm_core::solver::{NoPath, Obstacle, SolveError};
+
+use super::SMALLER_STEPS;
+
+/// Advice on an error; `None` if there is nothing to do about it.
+pub fn on_error(error: &SolveError) -> Option<&'static str> {
+    match error {
+        SolveError::NotConverged { .. } => {
+            Some("use smaller steps (`steps: {count, smallest}`), or check loads and boundary conditions")
+        }
+        SolveError::RoundOff { .. } => Some(
+            "give the stiffest material a modulus that is at most about 1e6 times that of the softest; a part that is to be \
+             rigid can be moved by a boundary condition instead",
+        ),
+        SolveError::Point { .. } => Some(SMALLER_STEPS),
+        SolveError::OffGrid { .. } => {
+            Some("make the grid larger where the body moves, or hold the body with boundary conditions")
+        }
+        SolveError::Domain { .. } => Some(
+            "make the grid larger, use more load steps, or another method where the motion tears domains",
+        ),
+        SolveError::Collapsed { .. } => {
+            Some("use `domain_update: corners`, or more load steps with `diagonal-incremental`")
+        }
+        SolveError::Singular { .. } => Some(
+            "see that boundary conditions hold every body; where a cell hardly holds any material, move or refine the grid, \
+             use more points per cell, or another method",
+        ),
+        SolveError::Iterative { .. } => {
+            Some("use more load steps (`steps: count`), a coarser grid, or a computer with more memory")
+        }
+        SolveError::NoPath { reason: NoPath::NoInfluence, .. } => {
+            Some("choose a probe and an axis along which the loads move it")
+        }
+        SolveError::NoPath { .. } => Some(SMALLER_STEPS),
+        SolveError::Unheld { .. } => Some(
+            "fix or prescribe the displacement along that axis at one node of each separate part at least",
+        ),
+        SolveError::Constraint { .. } | SolveError::Load { .. } | SolveError::OutOfMemory { .. } => {
+            error.obstacle().map(against)
+        }
+        SolveError::Interrupted { .. } | SolveError::Output(_) | SolveError::Term { .. } => None,
+    }
+}
+
+/// Advice against an obstacle that no step size removes.
+pub fn against(obstacle: Obstacle) -> &'static str {
+    match obstacle {
+        Obstacle::Conflict => "prescribe each axis of a node by one boundary condition only",
+        Obstacle::NotFinite => "the formula divides by zero or leaves its domain there",
+        Obstacle::LooseAxis => "add `{name: axis, nodes: {x: 0}, fix: [x]}` to the boundary conditions",
+        Obstacle::Memory => "use a coarser grid, or on a structured one `solver: {linear: iterative}`",
+    }
+}

@@ -1,0 +1,81 @@
+//! Advice on failed runs.
+
+use mpm_core::solver::{Circumstances, Diagnosis, Kind, Loss};
+
+use super::against;
+
+/// Advice on the probable cause of a failure.
+pub fn on_failure(diagnosis: &Diagnosis) -> String {
+    let of = &diagnosis.circumstances;
+    let advice = advice(diagnosis.kind, of);
+    match diagnosis.kind {
+        Kind::Creeping => match of.enough_iterations {
+            Some(enough) => {
+                format!("allow more iterations, `solver: {{max_iterations: {enough}}}`, or use smaller steps")
+            }
+            None => advice.to_owned(),
+        },
+        Kind::PlasticCollapse if of.has_few_points => format!(
+            "use more points per cell (4 in the plane, 8 in space), since with one a body may collapse early; {advice}"
+        ),
+        Kind::Hourglass | Kind::Locking if of.is_in_collapse => format!(
+            "{advice}; most points have yielded, so that the load may also be beyond what the bodies can carry"
+        ),
+        _ => advice.to_owned(),
+    }
+}
+
+fn advice(kind: Kind, of: &Circumstances) -> &'static str {
+    match kind {
+        Kind::RigidBodyMode => "hold every part of the bodies along every axis and against turning",
+        Kind::SmallCutCell if of.is_stabilised => {
+            "use a larger `stabilisation: {parameter}`, more points per cell, or another grid"
+        }
+        Kind::SmallCutCell => {
+            "stabilise such cells, `analysis: {stabilisation: {mode: auto}}`; or use more points per cell, or another grid"
+        }
+        Kind::PlasticCollapse | Kind::Instability if of.is_driven => {
+            "use smaller steps (`steps: {count, smallest}`) or a coarser grid; nothing but what is prescribed keeps the bodies \
+             from flowing"
+        }
+        Kind::PlasticCollapse => {
+            "the bodies yield at about the largest load factor in equilibrium; see how it changes with more points per cell and \
+             a finer grid. To go on beyond it, prescribe displacements or use `steps: {control: {type: arc-length}}`"
+        }
+        Kind::Instability => {
+            "follow the path with `steps: {control: {type: arc-length}}`, or prescribe displacements"
+        }
+        Kind::Locking => "use a finer grid with fewer points per cell, or a law that is less incompressible",
+        Kind::Hourglass => {
+            "use more points per cell (4 in the plane, 8 in space), or `analysis: {stabilisation: {mode: on}}`"
+        }
+        Kind::Creeping => "allow more iterations, `solver: {max_iterations}`, or use smaller steps",
+        Kind::LargeSteps => {
+            "use smaller steps: a larger `steps: {count}`, and a small `smallest` such as 1e-3, so that steps that fail are cut"
+        }
+        Kind::ElementInversion => "use smaller steps (`steps: {count, smallest}`) or a coarser grid",
+        Kind::LostDomain => match of.loss {
+            Some(Loss::Torn { is_replaceable: true }) => {
+                "leave `steps: {damping}` out, so that torn domains are replaced; or use more points per cell, or `method: gimp`"
+            }
+            Some(Loss::Torn { .. } | Loss::Collapsed) => {
+                "use more points per cell, smaller steps (`steps: {count, smallest}`), or `method: gimp`"
+            }
+            Some(Loss::OffGrid) | None => "make the grid larger, or use another method or domain update",
+        },
+        Kind::LostPath => {
+            "use another number of steps, or prescribe what follows (`type: displacement` with another probe, or `arc-length`)"
+        }
+        Kind::BadScaling if of.has_one_material => {
+            "see that units, loads and the size of cells fit together, and that Poisson's ratio is not next to 0.5 or -1"
+        }
+        Kind::BadScaling => {
+            "give the stiffest material a modulus that is at most about 1e6 times that of the softest, or move a part that is to \
+             be rigid by a boundary condition"
+        }
+        Kind::Setting => of.obstacle.map_or("see the message", against),
+        Kind::Unknown => {
+            "use smaller steps (`steps: {count, smallest}`), and see that the loads and conditions fit together"
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! Advice on warnings of a run.
+
+use mpm_core::quality::{Code, Detail, Warning};
+
+/// Advice on a warning.
+pub fn on_warning(warning: &Warning) -> String {
+    let advice = match (warning.code, warning.detail) {
+        (Code::HiddenResidual, Some(Detail::Tolerance(tolerance))) => {
+            return format!("use a smaller tolerance, `solver: {{tolerance: {tolerance:.0e}}}`");
+        }
+        (Code::HiddenResidual, Some(Detail::RoundOff)) => {
+            "give the body an analysis of its own: the forces beside it are so much larger that round-off hides it"
+        }
+        (Code::HiddenResidual, _) => "use a smaller tolerance, `solver: {tolerance}`",
+        (Code::DomainUpdate, _) => "use `domain_update: corners`",
+        (Code::DomainOutside | Code::PartitionOfUnity, Some(Detail::ReachingBox)) => {
+            "use a larger grid or `domain_update: corners`, which keeps domains inside the body"
+        }
+        (Code::DomainOutside | Code::PartitionOfUnity, _) => "use a larger grid",
+        (Code::Factorised, _) => {
+            "the results are not affected; for less memory and time see what makes the equations ill-conditioned (`mpm explain \
+             W004`)"
+        }
+        (Code::Apart, _) => {
+            "the results from this step on are those of separate parts: stop the analysis before, or use a coarser grid, more \
+             points per cell, or `method: cpdi2`, whose domains stretch with the material"
+        }
+        (Code::LeftNodes, _) => {
+            "move a body instead of grid nodes: model what pushes as a stiff body of its own and prescribe the motion of its \
+             `outer_layer`"
+        }
+        (Code::AcrossGap, _) => {
+            "use a finer grid: bodies are joined wherever they share a node, up to two cells apart; forces between these bodies \
+             are none of contact"
+        }
+        (Code::Regridding, _) => {
+            "use `method: gimp` or `method: cpdi2`, more points per cell, or a finer grid"
+        }
+        (Code::Energy, _) => {
+            "use more load steps (`steps: count`): the error of the balance falls with the square of their size"
+        }
+        (Code::Crossings, _) => {
+            "use `method: gimp` or `method: cpdi2`, or a grid so coarse that points stay in their cells"
+        }
+        (Code::TurnedBoxes, _) => "use `method: cpdi2`, whose domains turn with the body",
+        (Code::Locking, _) => {
+            "use `method: gimp` with one point per cell and `analysis: {stabilisation: {mode: auto}}`, and compare grids; do \
+             not read pressures of single points"
+        }
+        (Code::Damped, _) => {
+            "look at the largest load before this step, and follow the path by `steps: {control: {type: arc-length}}`; with \
+             `steps: {damping: false}` the run stops instead"
+        }
+        (Code::ReplacedDomains, _) => {
+            "see what happens there in the VTU files; use more load steps, a finer grid, or a larger one"
+        }
+        (Code::Stiffened, _) => {
+            "use a finer grid: what moves with the stiff body is up to one row of cells; or hold the nodes by a boundary \
+             condition in place of the stiff body"
+        }
+        (Code::Unstable, _) => {
+            "disturb the bodies by a small load or an imperfection and compare; more load steps show where the path branches; \
+             where cells hold one point each, use more (an hourglass)"
+        }
+    };
+    advice.to_owned()
+}
