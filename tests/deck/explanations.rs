@@ -1,4 +1,4 @@
-//! The pages that explain messages: their examples give the code, the mended ones do not.
+//! The pages that explain messages: their examples give the code, the fixed ones do not.
 //!
 //! Blocks of a page hold some keys of a deck; the others come from the deck in `docs/errors/README.md`. A block of shell
 //! commands gives overrides of parameters.
@@ -96,7 +96,7 @@ fn codes(deck: &str, set: &[(String, String)]) -> Codes {
 }
 
 #[test]
-fn examples_give_their_code_and_mended_ones_do_not() {
+fn examples_give_their_code_and_fixed_ones_do_not() {
     let readme = include_str!("../../docs/errors/README.md");
     let common = blocks(readme, "yaml", "# Messages")[0];
     assert_eq!(codes(common, &[]), Codes::default(), "the deck of all examples is good");
@@ -118,10 +118,10 @@ fn examples_give_their_code_and_mended_ones_do_not() {
         if !only || !(errors.contains(code) || remarks.contains(code)) {
             faults.push(format!("{code}: the example gives {errors:?} and {remarks:?}"));
         }
-        let (mended, set, _) = under("\n## Mended\n");
-        let [errors, remarks] = codes(&mended, &set);
-        if !errors.is_empty() || remarks.contains(code) || mended == wrong && !text.contains("--set") {
-            faults.push(format!("{code}: the mended example gives {errors:?} and {remarks:?}"));
+        let (fixed, set, _) = under("\n## Fixed\n");
+        let [errors, remarks] = codes(&fixed, &set);
+        if !errors.is_empty() || remarks.contains(code) || fixed == wrong && !text.contains("--set") {
+            faults.push(format!("{code}: the fixed example gives {errors:?} and {remarks:?}"));
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
