@@ -6,6 +6,7 @@
 mod assembly;
 mod constraints;
 mod failure;
+mod further_fields;
 mod gmsh;
 mod inline_vtu;
 mod iterative;

@@ -7,12 +7,14 @@ use crate::material::Material;
 use crate::points::{PointVolume, Points};
 use crate::stress::Formulation;
 
+mod arrays;
 mod boundary_condition;
 mod load;
 mod newton;
 mod stabilisation;
 mod stepping;
 
+pub use arrays::HistoryVariable;
 pub use boundary_condition::{BoundaryCondition, NodeSet};
 pub use load::{Action, Load, LoadCurve, VectorFormula};
 pub use newton::{Newton, Patterns, Predictor, Tangent};

@@ -30,6 +30,9 @@ pub type Tensor4<const D: usize> = [[[[f64; D]; D]; D]; D];
 /// Row and column of each Mandel component.
 pub const MANDEL: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)];
 
+/// Row and column of each component of a symmetric tensor in files and arrays, the order of ParaView: xx, yy, zz, xy, yz, xz.
+pub const SYMMETRIC: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)];
+
 /// Weight of each Mandel component: 1 on the diagonal, √2 off it.
 const WEIGHT: [f64; 6] = [1.0, 1.0, 1.0, SQRT_2, SQRT_2, SQRT_2];
 
@@ -72,6 +75,12 @@ impl Sym3 {
             (0, 2) => self.0[4] / SQRT_2,
             _ => self.0[5] / SQRT_2,
         }
+    }
+
+    /// Components in the order of [`SYMMETRIC`], without the factors of the Mandel layout.
+    #[inline]
+    pub fn components(&self) -> [f64; 6] {
+        SYMMETRIC.map(|(i, j)| self.component(i, j))
     }
 
     /// Trace.

@@ -16,9 +16,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use mpm_core::model::Model;
-use mpm_core::points::{Points, State};
+use mpm_core::points::{FieldHandle, FieldKind, Further, FurtherField, Points};
 use mpm_core::solver::{Reached, Step};
-use mpm_core::tensor::{Mat3, Sym3};
 
 use super::findings::Findings;
 use super::invalid;
@@ -46,6 +45,9 @@ pub struct Head {
     pub findings: Findings,
     /// Number of axes, of points, of history variables per point, and of places for corners per point.
     shape: [usize; 4],
+    /// Fields of the points that only this analysis has.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    further: Vec<FurtherField>,
 }
 
 /// A checkpoint that cannot be used.
@@ -92,6 +94,7 @@ pub(super) fn write<const D: usize>(
         reached: reached.clone(),
         findings: findings.clone(),
         shape: [D, points.len(), points.history_len, points.corners_per_point],
+        further: points.further.iter().map(|(_, field)| field.clone()).collect(),
     };
     let head = serde_json::to_vec(&head)?;
     let path = directory.join(file_name(reached.step.index));
@@ -186,24 +189,16 @@ impl Checkpoint {
         if self.head.shape != wanted {
             return Err("it belongs to other points".to_owned());
         }
+        let further = self.further_of(&points.further)?;
         let mut rest = Arrays { bytes: &self.arrays };
         let n = points.len();
-        let without_boxes = points.converged.half_lengths.is_empty();
         let id: Vec<u32> = rest.words(n)?;
         let cell: Vec<u32> = rest.words(n)?;
-        let state = State {
-            position: rest.vectors(n)?,
-            half_lengths: rest.vectors(n).map(|lengths| if without_boxes { Vec::new() } else { lengths })?,
-            corners: rest.vectors(n * points.corners_per_point)?,
-            deformation_gradient: rest
-                .vectors(n)?
-                .iter()
-                .map(|f: &[f64; 9]| Mat3::from_column_slice(f))
-                .collect(),
-            elastic_strain: rest.vectors(n)?.into_iter().map(Sym3).collect(),
-            kirchhoff_stress: rest.vectors(n)?.into_iter().map(Sym3).collect(),
-            history: rest.numbers(n * points.history_len)?,
-        };
+        let state = points.read_state(|_, count| rest.numbers(count))?;
+        let mut values = Vec::new();
+        for handle in further {
+            values.push((handle, rest.numbers(n * points.further.field(handle).components)?));
+        }
         if !rest.bytes.is_empty() {
             return Err("it is longer than its points".to_owned());
         }
@@ -216,7 +211,43 @@ impl Checkpoint {
         if state.deformation_gradient.iter().any(|f| f.determinant() <= 0.0) {
             return Err("a point is turned inside out".to_owned());
         }
-        points.restore(&id, cell, state)
+        points.restore(&id, cell, state)?;
+        values.iter().for_each(|(handle, values)| points.further.restore(*handle, values));
+        Ok(())
+    }
+
+    /// The further fields whose values the checkpoint holds, in its order.
+    ///
+    /// # Errors
+    /// When its fields are not those of the analysis.
+    fn further_of(&self, declared: &Further) -> Result<Vec<FieldHandle>, String> {
+        let mut found = Vec::new();
+        for field in &self.head.further {
+            let name = &field.name;
+            let Some(handle) = declared.handle(name) else {
+                return Err(format!(
+                    "it has a field `{name}` of the points, which this analysis does not declare"
+                ));
+            };
+            let wanted = declared.field(handle);
+            if wanted != field {
+                return Err(format!(
+                    "its field `{name}` of the points is {field}, that of this analysis {wanted}"
+                ));
+            }
+            if found.contains(&handle) {
+                return Err(format!("it names the field `{name}` of the points twice"));
+            }
+            found.push(handle);
+        }
+        if let Some((_, field)) = declared.iter().find(|(handle, _)| !found.contains(handle)) {
+            return Err(format!(
+                "it lacks the field `{}` of the points, which this analysis declares",
+                field.name
+            ));
+        }
+        found.retain(|handle| declared.field(*handle).kind != FieldKind::Fixed);
+        Ok(found)
     }
 
     /// The last step in equilibrium.
@@ -234,7 +265,7 @@ fn write_points<const D: usize>(out: &mut dyn Write, points: &Points<D>) -> io::
     }
     // A file with a number that is not finite would be refused when it is needed.
     let mut numbers =
-        |name: &str, values: &mut dyn Iterator<Item = f64>, per_point: usize| -> io::Result<()> {
+        |name: &str, per_point: usize, values: &mut dyn Iterator<Item = f64>| -> io::Result<()> {
             for (place, value) in values.enumerate() {
                 if !value.is_finite() {
                     let point = points.id[place / per_point.max(1)];
@@ -244,16 +275,12 @@ fn write_points<const D: usize>(out: &mut dyn Write, points: &Points<D>) -> io::
             }
             Ok(())
         };
-    let state = &points.converged;
-    numbers("position", &mut state.position.as_flattened().iter().copied(), D)?;
-    numbers("half length", &mut (0..points.len()).flat_map(|p| points.half_lengths(p)), D)?;
-    let corners = points.corners_per_point * D;
-    numbers("domain", &mut state.corners.as_flattened().iter().copied(), corners)?;
-    let gradients = state.deformation_gradient.iter();
-    numbers("deformation gradient", &mut gradients.flat_map(|f| f.iter().copied()), 9)?;
-    numbers("elastic strain", &mut state.elastic_strain.iter().flat_map(|e| e.0), 6)?;
-    numbers("Kirchhoff stress", &mut state.kirchhoff_stress.iter().flat_map(|t| t.0), 6)?;
-    numbers("history", &mut state.history.iter().copied(), points.history_len)
+    points.for_each_field(|field, values| numbers(field.label, field.components, values))?;
+    for (handle, field) in points.further.iter().filter(|(_, field)| field.kind != FieldKind::Fixed) {
+        let label = format!("field `{}`", field.name);
+        numbers(&label, field.components, &mut points.further.converged(handle).iter().copied())?;
+    }
+    Ok(())
 }
 
 /// Arrays in a row of bytes.
@@ -281,10 +308,6 @@ impl Arrays<'_> {
         } else {
             Err("a number is not finite".to_owned())
         }
-    }
-
-    fn vectors<const N: usize>(&mut self, n: usize) -> Result<Vec<[f64; N]>, String> {
-        Ok(self.numbers(n * N)?.as_chunks::<N>().0.to_vec())
     }
 }
 

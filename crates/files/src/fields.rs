@@ -8,16 +8,13 @@ use serde::{Deserialize, Serialize};
 
 use mpm_core::basis::{Connectivity, DomainKind};
 use mpm_core::grid::vtk_corner;
-use mpm_core::model::{Body, Model};
+use mpm_core::model::{HistoryVariable, Model};
 use mpm_core::points::{PIECE, PointVolume, Points};
 use mpm_core::tensor::{Mat3, Sym3, padded};
 
 use super::vtu::{
     CellKind, Compute, Encoded, Field, Precision, Room, SYMMETRIC_TENSOR, TENSOR, VECTOR, Values,
 };
-
-/// Row and column of each component of a symmetric tensor in ParaView's order.
-const PARAVIEW: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)];
 
 /// The history variable that every file carries, zero for laws that do not have it.
 const EQUIVALENT_PLASTIC_STRAIN: &str = "equivalent_plastic_strain";
@@ -110,21 +107,21 @@ impl PointField {
         let stresses = order.iter().zip(volumes).map(stress);
         match self {
             PointField::Displacement => {
-                fill(out, order.iter().map(|&p| padded(&displacement(points, p))));
+                fill(out, order.iter().map(|&p| padded(&points.displacement(p))));
             }
             PointField::DeformationGradient => {
                 let rows = |f: &Mat3| std::array::from_fn::<f64, 9, _>(|c| f[(c / 3, c % 3)]);
                 fill(out, order.iter().map(|&p| rows(&state.deformation_gradient[p])));
             }
             PointField::VolumeRatio => fill(out, volumes.iter().map(|[ratio, _]| [*ratio])),
-            PointField::CauchyStress => fill(out, stresses.map(|sigma| paraview(&sigma))),
+            PointField::CauchyStress => fill(out, stresses.map(|sigma| sigma.components())),
             PointField::ElasticStrain => {
                 let logarithmic =
                     |p: usize| model.law(points, p).strain_measure().logarithmic(&state.elastic_strain[p]);
-                fill(out, order.iter().map(|&p| paraview(&logarithmic(p))));
+                fill(out, order.iter().map(|&p| logarithmic(p).components()));
             }
             PointField::PlasticStrain => {
-                let history = History::new(model, EQUIVALENT_PLASTIC_STRAIN);
+                let history = HistoryVariable::new(model, EQUIVALENT_PLASTIC_STRAIN);
                 let plastic = |p: usize| {
                     if history.of(points, p) == 0.0 {
                         return Sym3::ZERO;
@@ -133,13 +130,13 @@ impl PointField {
                     let b = measure.left_cauchy_green(&state.elastic_strain[p]);
                     plastic_strain(&state.deformation_gradient[p], &b)
                 };
-                fill(out, order.iter().map(|&p| paraview(&plastic(p))));
+                fill(out, order.iter().map(|&p| plastic(p).components()));
             }
             PointField::VonMisesStress => fill(out, stresses.map(|sigma| [von_mises_stress(&sigma)])),
             PointField::Pressure => fill(out, stresses.map(|sigma| [pressure(&sigma)])),
             PointField::Volume => fill(out, volumes.iter().map(|[_, volume]| [*volume])),
             PointField::EquivalentPlasticStrain => {
-                let history = History::new(model, EQUIVALENT_PLASTIC_STRAIN);
+                let history = HistoryVariable::new(model, EQUIVALENT_PLASTIC_STRAIN);
                 fill(out, order.iter().map(|&p| [history.of(points, p)]));
             }
         }
@@ -154,47 +151,11 @@ fn fill<const N: usize>(out: &mut [f64], tuples: impl Iterator<Item = [f64; N]>)
     }
 }
 
-/// Where the history variable of a name stands.
-struct History {
-    /// By number of the body, if its law has it.
-    place: Vec<Option<usize>>,
-}
-
-impl History {
-    fn new<const D: usize>(model: &Model<D>, name: &str) -> History {
-        let law = |body: &Body| &model.materials[body.material].law;
-        let place = |body| law(body).state_fields().iter().position(|field| field.name == name);
-        History { place: model.bodies.iter().map(place).collect() }
-    }
-
-    /// Its value, zero for laws that do not have it.
-    fn of<const D: usize>(&self, points: &Points<D>, p: usize) -> f64 {
-        match self.place[points.body[p] as usize] {
-            Some(k) => points.converged.history[p * points.history_len + k],
-            None => 0.0,
-        }
-    }
-}
-
-fn paraview(t: &Sym3) -> [f64; 6] {
-    PARAVIEW.map(|(i, j)| t.component(i, j))
-}
-
 /// Logarithmic plastic strain −½ ln(F⁻¹ b^e F⁻ᵀ) in the original configuration.
 fn plastic_strain(f: &Mat3, b: &Sym3) -> Sym3 {
     let inverse = f.try_inverse().unwrap_or_else(Mat3::identity);
     let b = b.to_matrix();
     Sym3::symmetric_part(&(inverse * b * inverse.transpose())).map_eigenvalues(f64::ln) * -0.5
-}
-
-/// Displacement of a point in its converged state, [length].
-pub fn displacement<const D: usize>(points: &Points<D>, p: usize) -> [f64; D] {
-    std::array::from_fn(|d| points.converged.position[p][d] - points.original_position[p][d])
-}
-
-/// Cauchy stress σ = τ/J of a point in its converged state, [stress].
-pub fn cauchy_stress<const D: usize>(points: &Points<D>, p: usize) -> Sym3 {
-    points.converged.kirchhoff_stress[p] * (1.0 / points.converged.deformation_gradient[p].determinant())
 }
 
 /// √(3/2) |dev σ|, [stress].
@@ -269,11 +230,11 @@ impl<const D: usize> Of<'_, D> {
     fn float(
         &self,
         name: &str,
+        components: usize,
         component_names: &[&str],
         fill: impl Fn(Of<D>, Range<usize>, &mut [f64]) + Sync,
     ) -> Result<Arc<Encoded>, String> {
         let part = Part { of: *self, tuples: self.order.len(), fill };
-        let components = component_names.len().max(1);
         self.encode(&Field { name, components, component_names, values: Values::Computed(&part) })
     }
 
@@ -290,20 +251,30 @@ impl<const D: usize> Of<'_, D> {
         Encoded::positions(self.order.len(), values, self.precision, self.room).map(Arc::new)
     }
 
-    /// The fields that are asked for, the volume, and the history variables of laws that no [`PointField`] is.
+    /// The fields that are asked for, the volume, the history variables of laws that no [`PointField`] is, and the further
+    /// fields of the points.
     pub fn fields(&self, asked: &[PointField]) -> Result<Vec<Arc<Encoded>>, String> {
         let is_asked = |field: &PointField| *field == PointField::Volume || asked.contains(field);
         let known = PointField::ALL.into_iter().filter(is_asked).map(|field| {
             let fill = move |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| field.fill(of, tuples, out);
-            self.float(field.name(), field.component_names(), fill)
+            self.float(field.name(), field.components(), field.component_names(), fill)
         });
         let other = other_history(self.model).into_iter().map(|name| {
-            let history = History::new(self.model, name);
-            self.float(name, &[], move |of, tuples, out| {
+            let history = HistoryVariable::new(self.model, name);
+            self.float(name, 1, &[], move |of, tuples, out| {
                 fill(out, of.order[tuples].iter().map(|&p| [history.of(of.points, p)]));
             })
         });
-        known.chain(other).collect()
+        let further = self.points.further.iter().map(|(handle, field)| {
+            let n = field.components;
+            self.float(&field.name, n, names_of_components(n), move |of, tuples, out| {
+                let values = of.points.further.converged(handle);
+                for (out, &p) in out.chunks_exact_mut(n).zip(&of.order[tuples]) {
+                    out.copy_from_slice(&values[p * n..][..n]);
+                }
+            })
+        });
+        known.chain(other).chain(further).collect()
     }
 
     /// What never changes: body, material and number of each point.
@@ -344,6 +315,16 @@ impl<const D: usize> Of<'_, D> {
         let values = Part { of: *self, tuples: count, fill };
         let values = Values::Computed(&values);
         Encoded::positions(count, values, self.precision, self.room).map(Arc::new)
+    }
+}
+
+/// Names of the components of a further field with so many.
+fn names_of_components(components: usize) -> &'static [&'static str] {
+    match components {
+        3 => &VECTOR,
+        6 => &SYMMETRIC_TENSOR,
+        9 => &TENSOR,
+        _ => &[],
     }
 }
 

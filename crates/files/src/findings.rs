@@ -8,7 +8,7 @@ use mpm_core::model::Model;
 use mpm_core::points::Points;
 use mpm_core::solver::{ReactionMoment, StepReport, Summary};
 
-use super::fields::{cauchy_stress, displacement, pressure, von_mises_stress};
+use super::fields::{pressure, von_mises_stress};
 
 /// All external forces on the bodies at the end of a step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -124,13 +124,13 @@ impl Extremes {
                 position: points.converged.position[p].to_vec(),
             })
         };
-        let length = |p: usize| displacement(points, p).iter().map(|u| u * u).sum::<f64>().sqrt();
-        let lowest = largest(&|p| -pressure(&cauchy_stress(points, p)))?;
+        let length = |p: usize| points.displacement(p).iter().map(|u| u * u).sum::<f64>().sqrt();
+        let lowest = largest(&|p| -pressure(&points.cauchy_stress(p)))?;
         Some(Extremes {
             displacement: largest(&length)?,
-            von_mises_stress: largest(&|p| von_mises_stress(&cauchy_stress(points, p)))?,
+            von_mises_stress: largest(&|p| von_mises_stress(&points.cauchy_stress(p)))?,
             lowest_pressure: Extreme { value: -lowest.value, ..lowest },
-            highest_pressure: largest(&|p| pressure(&cauchy_stress(points, p)))?,
+            highest_pressure: largest(&|p| pressure(&points.cauchy_stress(p)))?,
         })
     }
 }

@@ -21,7 +21,7 @@ use mpm::output::checkpoint;
 use mpm::output::lock::Lock;
 use mpm::output::results::{Request, Results};
 use mpm::output::summary::{Account, Start};
-use mpm::points::Points;
+use mpm::points::{FieldKind, PointFieldSpec, Points};
 use mpm::timing::Timings;
 use serde::Deserialize;
 
@@ -102,11 +102,24 @@ fn account(loaded: &LoadedDeck) -> Account {
     }
 }
 
+/// Fields that only these points have, of every kind.
+fn declare_fields(points: &mut Points<2>) {
+    for (name, kind, components) in
+        [("a", FieldKind::Fixed, 6), ("b", FieldKind::Motion, 1), ("c", FieldKind::Answer, 2)]
+    {
+        let (name, unit, start) = (name.to_owned(), "-".to_owned(), vec![0.5; components * points.len()]);
+        points.declare(PointFieldSpec { name, unit, components, kind, start }).unwrap();
+    }
+}
+
 impl Origin {
     fn new(text: &str, directory: PathBuf) -> Origin {
         let deck = format!("{SHARED}{text}");
         let loaded = load_text("deck", deck.as_bytes(), &[]).unwrap_or_else(|failure| panic!("{failure}"));
         let mut analysis = ready(&loaded, None).unwrap().analysis;
+        if let Analysis::Plane(parts) = &mut analysis {
+            declare_fields(&mut parts.1);
+        }
         let fresh = match &analysis {
             Analysis::Plane(parts) => Fresh::Plane(parts.1.clone()),
             Analysis::Solid(parts) => Fresh::Solid(parts.1.clone()),

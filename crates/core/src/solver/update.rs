@@ -56,11 +56,7 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
     };
     let mut trial = std::mem::take(&mut points.trial);
     let state = &*points;
-    let n = points.len();
-    trial.position.resize(n, [0.0; D]);
-    trial.deformation_gradient.resize(n, Mat3::identity());
-    trial.half_lengths.resize(points.converged.half_lengths.len(), [0.0; D]);
-    trial.corners.resize(points.converged.corners.len(), [0.0; D]);
+    trial.make_room_for_motion(&points.converged);
     let replaced = Mutex::new(Vec::new());
     let move_point = |nodes: &[u32], products: &mut Products<D>, p: usize| {
         let moved = move_point::<D, M>(

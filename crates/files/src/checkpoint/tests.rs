@@ -1,4 +1,5 @@
 use super::*;
+use mpm_core::points::{PointFieldSpec, State};
 use mpm_core::solver::Summary;
 use mpm_deck::load::load;
 use mpm_deck::ready::{Analysis, ready};
@@ -152,4 +153,107 @@ fn a_number_that_is_not_finite_reaches_no_file() {
     assert!(stress.contains(&format!("Kirchhoff stress{}-inf", of(0))));
     assert!(says(&|state| state.history[9] = f64::NAN).contains(&format!("history{}NaN", of(9))));
     assert!(names(directory.path()).is_empty());
+}
+
+fn spec(name: &str, kind: FieldKind, components: usize, n: usize) -> PointFieldSpec {
+    let (name, unit, start) = (name.to_owned(), "-".to_owned(), vec![1.5; n * components]);
+    PointFieldSpec { name, unit, components, kind, start }
+}
+
+#[test]
+fn further_fields_are_kept_and_others_are_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let (deck, model, mut points) = analysis();
+    let n = points.len();
+    let stress = points.declare(spec("initial_stress", FieldKind::Fixed, 6, n)).unwrap();
+    let pore = points.declare(spec("pore_pressure", FieldKind::Answer, 1, n)).unwrap();
+    let age = points.declare(spec("age", FieldKind::Motion, 2, n)).unwrap();
+    let numbers: Vec<f64> = (0..2 * n).map(|k| k as f64).collect();
+    points.further.restore(age, &numbers);
+    points.further.restore(pore, &numbers[n..]);
+    write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
+    let found = latest(directory.path()).unwrap().0.unwrap();
+
+    let restored = |declared: &[PointFieldSpec]| {
+        let mut fresh = analysis().2;
+        for spec in declared {
+            fresh.declare(spec.clone()).unwrap();
+        }
+        found.restore(&model, &mut fresh).map(|()| fresh)
+    };
+    let [a, b, c] = [
+        spec("initial_stress", FieldKind::Fixed, 6, n),
+        spec("pore_pressure", FieldKind::Answer, 1, n),
+        spec("age", FieldKind::Motion, 2, n),
+    ];
+    // In whatever order they are declared.
+    for declared in [[a.clone(), b.clone(), c.clone()], [c.clone(), b.clone(), a.clone()]] {
+        let restored = restored(&declared).unwrap();
+        let values = |name: &str| restored.further.converged(restored.further.handle(name).unwrap()).to_vec();
+        assert_eq!(values("initial_stress"), points.further.converged(stress));
+        assert_eq!((values("pore_pressure"), values("age")), (numbers[n..].to_vec(), numbers.clone()));
+        assert_eq!((&restored.id, &restored.converged), (&points.id, &points.converged));
+    }
+    let refused = |declared: &[PointFieldSpec]| restored(declared).unwrap_err();
+    assert_eq!(
+        refused(&[]),
+        "it has a field `initial_stress` of the points, which this analysis does not declare"
+    );
+    let more = spec("temperature", FieldKind::Answer, 1, n);
+    assert_eq!(
+        refused(&[a.clone(), b.clone(), c.clone(), more]),
+        "it lacks the field `temperature` of the points, which this analysis declares"
+    );
+    assert_eq!(
+        refused(&[a.clone(), spec("pore_pressure", FieldKind::Motion, 2, n), c.clone()]),
+        "its field `pore_pressure` of the points is an answer, with 1 per point, in [-], that of this analysis of the motion, \
+         with 2 per point, in [-]"
+    );
+
+    // A number that is not finite is named, and reaches no file.
+    let mut values = numbers[n..].to_vec();
+    values[4] = f64::NAN;
+    points.further.restore(pore, &values);
+    let error =
+        write(directory.path(), (&deck, "f"), &reached(2), &Findings::default(), &points).unwrap_err();
+    assert!(error.to_string().contains(&format!("field `pore_pressure` of point {} is NaN", points.id[4])));
+}
+
+/// Accounts that name fields that no run has written, beside arrays of any length.
+#[test]
+fn damaged_lists_of_further_fields_are_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let (deck, model, mut points) = analysis();
+    let n = points.len();
+    points.declare(spec("age", FieldKind::Motion, 2, n)).unwrap();
+    write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
+    let good = latest(directory.path()).unwrap().0.unwrap();
+    let refused = |change: &dyn Fn(&mut Checkpoint)| {
+        let mut damaged =
+            Checkpoint { path: good.path.clone(), head: good.head.clone(), arrays: good.arrays.clone() };
+        change(&mut damaged);
+        damaged.restore(&model, &mut points.clone()).unwrap_err()
+    };
+    let age = good.head.further[0].clone();
+    assert!(refused(&|c| c.head.further.push(age.clone())).contains("twice"));
+    assert!(refused(&|c| c.head.further.clear()).contains("lacks the field `age`"));
+    assert!(refused(&|c| c.head.further[0].components = usize::MAX).contains("that of this analysis"));
+    assert!(refused(&|c| c.head.further[0].components = 0).contains("that of this analysis"));
+    assert!(refused(&|c| c.head.further[0].kind = FieldKind::Fixed).contains("that of this analysis"));
+    assert!(refused(&|c| c.head.further[0].name.clear()).contains("does not declare"));
+    for length in [0, 7, good.arrays.len() - 16 * n, good.arrays.len() - 1] {
+        assert!(refused(&|c| c.arrays.truncate(length)).contains("shorter"));
+    }
+    assert!(refused(&|c| c.arrays.extend([0; 8])).contains("longer"));
+}
+
+/// The bytes of an account without further fields are those of earlier versions.
+#[test]
+fn an_account_without_further_fields_does_not_name_them() {
+    let directory = tempfile::tempdir().unwrap();
+    let (deck, _, points) = analysis();
+    write(directory.path(), (&deck, "f"), &reached(1), &Findings::default(), &points).unwrap();
+    let head = latest(directory.path()).unwrap().0.unwrap().head;
+    let text = serde_json::to_string(&head).unwrap();
+    assert!(text.ends_with(&format!(r#""shape":[2,{},1,4]}}"#, points.len())), "{text}");
 }

@@ -1,0 +1,60 @@
+//! Arrays of the points whose meaning depends on the laws of the model.
+
+use super::Model;
+use crate::points::{PointArray, PointValues, Points};
+
+/// The place of a history variable among those of each law.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct HistoryVariable {
+    /// By number of the body, if its law has it.
+    place: Vec<Option<usize>>,
+}
+
+impl HistoryVariable {
+    /// The history variable of a name.
+    pub fn new<const D: usize>(model: &Model<D>, name: &str) -> HistoryVariable {
+        let law = |material: usize| &model.materials[material].law;
+        let place = |material| law(material).state_fields().iter().position(|field| field.name == name);
+        HistoryVariable { place: model.bodies.iter().map(|body| place(body.material)).collect() }
+    }
+
+    /// True if a body has it.
+    pub fn exists(&self) -> bool {
+        self.place.iter().any(Option::is_some)
+    }
+
+    /// Its value at a point in the converged state, zero for laws that do not have it.
+    pub fn of<const D: usize>(&self, points: &Points<D>, p: usize) -> f64 {
+        match self.place[points.body[p] as usize] {
+            Some(k) => points.converged.history[p * points.history_len + k],
+            None => 0.0,
+        }
+    }
+}
+
+impl<const D: usize> Model<D> {
+    /// An array of the points in their converged state by its name, with the meaning of the name in VTU files: those of
+    /// [`PointArray`], but with the logarithmic elastic strain and the volume of [`Model::volume`]; history variables of laws,
+    /// zero for points of other laws; declared fields ([`Points::STORED`]); and further ones ([`Points::declare`]). `None` where
+    /// nothing has the name.
+    ///
+    /// One row per point in the order of the permanent numbers; order of components and units as [`PointArray`] has them.
+    pub fn array(&self, points: &Points<D>, name: &str) -> Option<PointValues> {
+        let order = points.by_id();
+        let logarithmic =
+            |p: usize| self.law(points, p).strain_measure().logarithmic(&points.converged.elastic_strain[p]);
+        match PointArray::named(name) {
+            Some(PointArray::ElasticStrain) => return Some(PointValues::new(&order, logarithmic)),
+            Some(PointArray::Volume) => {
+                return Some(PointValues::new(&order, |p| self.volume(points, p)));
+            }
+            Some(array) => return Some(points.array(array)),
+            None => (),
+        }
+        let history = HistoryVariable::new(self, name);
+        if history.exists() {
+            return Some(PointValues::new(&order, |p| history.of(points, p)));
+        }
+        points.field(name)
+    }
+}

@@ -1,0 +1,109 @@
+//! Arrays of the points for users of the library, in the order of the permanent numbers.
+
+use super::{PointValues, Points};
+use crate::tensor::Sym3;
+
+/// A quantity of the points in their converged state.
+///
+/// Arrays have one row per point in the order of the permanent numbers, whatever the present order of the points is.
+/// Vectors have `D` components. Matrices stand row by row: xx, xy, xz, yx, yy, yz, zx, zy, zz. Symmetric tensors stand as
+/// xx, yy, zz, xy, yz, xz, as in VTU files: tensor components without the factors √2 of the Mandel layout.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PointArray {
+    /// Position, `D` components, [length].
+    Position,
+    /// Current minus original position, `D` components, [length].
+    Displacement,
+    /// Deformation gradient F, 9 components, [-].
+    DeformationGradient,
+    /// Kirchhoff stress τ, 6 components, tension positive, [stress].
+    KirchhoffStress,
+    /// Cauchy stress σ = τ/J, 6 components, tension positive, [stress].
+    CauchyStress,
+    /// Elastic strain in the measure of the law, 6 components, shear components being those of the tensor, [-].
+    /// [`Model::array`](crate::model::Model::array) has the logarithmic one.
+    ElasticStrain,
+    /// Volume J V_p0 of eq. (22), [volume]. [`Model::array`](crate::model::Model::array) has that of the domain where the
+    /// model asks for it.
+    Volume,
+    /// Mass, [mass].
+    Mass,
+    /// Number of the body, [-].
+    Body,
+}
+
+impl PointArray {
+    /// All of them.
+    pub const ALL: [PointArray; 9] = [
+        PointArray::Position,
+        PointArray::Displacement,
+        PointArray::DeformationGradient,
+        PointArray::KirchhoffStress,
+        PointArray::CauchyStress,
+        PointArray::ElasticStrain,
+        PointArray::Volume,
+        PointArray::Mass,
+        PointArray::Body,
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            PointArray::Position => "position",
+            PointArray::Displacement => "displacement",
+            PointArray::DeformationGradient => "deformation_gradient",
+            PointArray::KirchhoffStress => "kirchhoff_stress",
+            PointArray::CauchyStress => "cauchy_stress",
+            PointArray::ElasticStrain => "elastic_strain",
+            PointArray::Volume => "volume",
+            PointArray::Mass => "mass",
+            PointArray::Body => "body",
+        }
+    }
+
+    /// The array of a name.
+    pub fn named(name: &str) -> Option<PointArray> {
+        PointArray::ALL.into_iter().find(|array| array.name() == name)
+    }
+}
+
+impl<const D: usize> Points<D> {
+    /// Displacement of a point in its converged state, [length].
+    pub fn displacement(&self, p: usize) -> [f64; D] {
+        std::array::from_fn(|d| self.converged.position[p][d] - self.original_position[p][d])
+    }
+
+    /// Cauchy stress σ = τ/J of a point in its converged state, [stress].
+    pub fn cauchy_stress(&self, p: usize) -> Sym3 {
+        self.converged.kirchhoff_stress[p] * (1.0 / self.converged.deformation_gradient[p].determinant())
+    }
+
+    /// A quantity of all points; shape, order and units as [`PointArray`] has them.
+    pub fn array(&self, array: PointArray) -> PointValues {
+        let order = self.by_id();
+        match array {
+            PointArray::Position => PointValues::new(&order, |p| self.converged.position[p]),
+            PointArray::Displacement => PointValues::new(&order, |p| self.displacement(p)),
+            PointArray::DeformationGradient => {
+                PointValues::new(&order, |p| self.converged.deformation_gradient[p])
+            }
+            PointArray::KirchhoffStress => PointValues::new(&order, |p| self.converged.kirchhoff_stress[p]),
+            PointArray::CauchyStress => PointValues::new(&order, |p| self.cauchy_stress(p)),
+            PointArray::ElasticStrain => PointValues::new(&order, |p| self.converged.elastic_strain[p]),
+            PointArray::Volume => PointValues::new(&order, |p| self.volume(p)),
+            PointArray::Mass => PointValues::new(&order, |p| self.mass[p]),
+            PointArray::Body => PointValues::new(&order, |p| self.body[p]),
+        }
+    }
+
+    /// A declared or further field by its name, in its converged state: `original_position`, `history`, … Fields with
+    /// several values per point have all of them, one after the other.
+    pub fn field(&self, name: &str) -> Option<PointValues> {
+        let order = self.by_id();
+        self.stored(name, &order).or_else(|| {
+            let handle = self.further.handle(name)?;
+            let components = self.further.field(handle).components;
+            Some(PointValues::of_field(self.further.converged(handle), components, &order))
+        })
+    }
+}

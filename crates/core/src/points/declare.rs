@@ -1,0 +1,321 @@
+//! Declaration of the fields of the points: [`point_fields`] turns a list of fields into their arrays and into
+//! everything that handles each of them.
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::PIECE;
+use super::seed::Seed;
+use super::value::Value;
+
+/// The time at which a field of the points changes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FieldKind {
+    /// Never.
+    Fixed,
+    /// At the end of a step, with the motion of the points. Trial values exist from then until the step is committed.
+    Motion,
+    /// In each evaluation of equilibrium, as the answer of a law. Trial values always exist.
+    Answer,
+}
+
+/// A declared field of the state of the points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StoredField {
+    /// Name in the code and of arrays.
+    pub name: &'static str,
+    /// Name in messages.
+    pub label: &'static str,
+    /// Unit, `-` for plain numbers.
+    pub unit: &'static str,
+    /// The time at which it changes.
+    pub kind: FieldKind,
+    /// Numbers per point.
+    pub components: usize,
+}
+
+/// Declares the fields of the points. Each is one entry
+///
+/// ```text
+/// /// What it is.
+/// name: Type = shape(|seed| start value), in "unit", called "name in messages";
+/// ```
+///
+/// whose shape is `one` value for each point, `one_or_none`, which takes no memory where the start value of every point
+/// vanishes, or `up_to[count]` values for each point, as many as the point that has most. Generates both structures,
+/// `Points::new`, reordering, the passage from trial to converged, the check of lengths, and the visits of all fields
+/// from which checkpoints and arrays are made.
+macro_rules! point_fields {
+    (@per $self:ident) => { 1 };
+    (@per $self:ident $per:ident) => { $self.$per };
+    (@field $self:ident, $kind:ident, $name:ident: $type:ty, $([$per:ident])? $unit:literal, $label:literal) => {
+        $crate::points::StoredField {
+            name: stringify!($name),
+            label: $label,
+            unit: $unit,
+            kind: $crate::points::FieldKind::$kind,
+            components: point_fields!(@per $self $($per)?)
+                * <$type as $crate::points::value::Value>::COMPONENTS,
+        }
+    };
+    (
+        $(#[$points_doc:meta])*
+        struct $Points:ident {
+            counts { $($(#[$count_doc:meta])* $count:ident = $count_of:expr;)* }
+            fixed { $(
+                $(#[$fixed_doc:meta])*
+                $fixed:ident: $fixed_type:ty = $fixed_shape:ident $([$fixed_per:ident])? ($fixed_start:expr),
+                in $fixed_unit:literal;
+            )* }
+        }
+        $(#[$state_doc:meta])*
+        struct $State:ident {
+            motion { $(
+                $(#[$motion_doc:meta])*
+                $motion:ident: $motion_type:ty = $motion_shape:ident $([$motion_per:ident])? ($motion_start:expr),
+                in $motion_unit:literal, called $motion_label:literal;
+            )* }
+            answer { $(
+                $(#[$answer_doc:meta])*
+                $answer:ident: $answer_type:ty = $answer_shape:ident $([$answer_per:ident])? ($answer_start:expr),
+                in $answer_unit:literal, called $answer_label:literal;
+            )* }
+        }
+    ) => {
+        $(#[$state_doc])*
+        #[derive(Debug, Clone, Default, PartialEq)]
+        pub struct $State<const D: usize> {
+            $($(#[$motion_doc])* #[doc = concat!("\n\nUnit: [", $motion_unit, "].")] pub $motion: Vec<$motion_type>,)*
+            $($(#[$answer_doc])* #[doc = concat!("\n\nUnit: [", $answer_unit, "].")] pub $answer: Vec<$answer_type>,)*
+        }
+
+        impl<const D: usize> $State<D> {
+            /// The trial state of a step that begins in this state.
+            pub(super) fn trial(&self) -> Self {
+                $State { $($answer: self.$answer.clone(),)* ..$State::default() }
+            }
+
+            /// Exchanges the answers of laws.
+            pub(super) fn swap_answers(&mut self, other: &mut Self) {
+                $(std::mem::swap(&mut self.$answer, &mut other.$answer);)*
+            }
+
+            /// Takes over a trial state, and the motion of the points where there is one.
+            pub(super) fn take(&mut self, trial: &mut Self) {
+                self.swap_answers(trial);
+                let has_moved = [$(trial.$motion.len() == self.$motion.len()),*];
+                if has_moved.into_iter().all(|has_moved| has_moved) {
+                    $(self.$motion = std::mem::take(&mut trial.$motion);)*
+                }
+            }
+
+            /// Makes room for the motion of points whose converged state is this; it is to be written as a whole.
+            pub(crate) fn make_room_for_motion(&mut self, converged: &Self) {
+                $(self.$motion.resize(converged.$motion.len(), $crate::points::value::Value::ZERO);)*
+            }
+
+            /// Gives up the motion of the points, and its memory.
+            pub(crate) fn forget_motion(&mut self) {
+                $(self.$motion = Vec::new();)*
+            }
+
+            /// Numbers of entries of all fields.
+            pub(super) fn lengths(&self) -> Vec<usize> {
+                vec![$(self.$motion.len(),)* $(self.$answer.len(),)*]
+            }
+        }
+
+        $(#[$points_doc])*
+        #[derive(Debug, Clone)]
+        pub struct $Points<const D: usize> {
+            /// Permanent number, 0 to n − 1.
+            pub id: Vec<u32>,
+            /// The cell that held the point when the points were last grouped.
+            pub cell: Vec<u32>,
+            $($(#[$fixed_doc])* #[doc = concat!("\n\nUnit: [", $fixed_unit, "].")] pub $fixed: Vec<$fixed_type>,)*
+            /// State at the end of the last equilibrated step.
+            pub converged: $State<D>,
+            /// State of the present step. Fields of the motion are there from the motion of the points at the end of the
+            /// step until it is committed, and take no memory before.
+            pub trial: $State<D>,
+            $($(#[$count_doc])* pub $count: usize,)*
+            /// Fields that only this analysis has.
+            pub further: $crate::points::Further,
+        }
+
+        impl<const D: usize> $Points<D> {
+            /// Names of the declared fields.
+            pub const STORED: &'static [&'static str] =
+                &[$(stringify!($fixed),)* $(stringify!($motion),)* $(stringify!($answer),)*];
+
+            /// Stress-free, undeformed points; their order gives the permanent numbers.
+            pub fn new(seeds: &[$crate::points::Seed<D>]) -> Self {
+                use $crate::points::declare::start;
+                $(let $count = start::most(seeds, $count_of);)*
+                let state = $State {
+                    $($motion: start::$motion_shape(seeds, $($motion_per,)? $motion_start),)*
+                    $($answer: start::$answer_shape(seeds, $($answer_per,)? $answer_start),)*
+                };
+                $Points {
+                    id: (0..seeds.len() as u32).collect(),
+                    cell: vec![0; seeds.len()],
+                    $($fixed: start::$fixed_shape(seeds, $($fixed_per,)? $fixed_start),)*
+                    trial: state.trial(),
+                    converged: state,
+                    $($count,)*
+                    further: $crate::points::Further::default(),
+                }
+            }
+
+            /// Puts the points into another order.
+            pub(super) fn reorder(&mut self, order: &[u32]) {
+                use $crate::points::declare::{gather, gather_into};
+                self.id = gather(&self.id, order, 1);
+                self.cell = gather(&self.cell, order, 1);
+                $(self.$fixed = gather(&self.$fixed, order, point_fields!(@per self $($fixed_per)?));)*
+                $(
+                    let per_point = point_fields!(@per self $($motion_per)?);
+                    self.converged.$motion = gather(&self.converged.$motion, order, per_point);
+                )*
+                // Into the trial state, which the present step has yet to write.
+                let (old, new) = (&self.converged, &mut self.trial);
+                $(gather_into(&old.$answer, order, point_fields!(@per self $($answer_per)?), &mut new.$answer);)*
+                self.converged.swap_answers(&mut self.trial);
+                self.further.reorder(order);
+            }
+
+            /// Visits the fields of the converged state as checkpoints hold them: in the order of their declaration, with
+            /// all numbers in the present order of the points; zeros where a field has no entries.
+            ///
+            /// # Errors
+            /// The first error of a visit.
+            pub fn for_each_field<E>(
+                &self,
+                mut visit: impl FnMut(&$crate::points::StoredField, &mut dyn Iterator<Item = f64>) -> Result<(), E>,
+            ) -> Result<(), E> {
+                use $crate::points::value::numbers;
+                let n = self.id.len();
+                $(
+                    let field = point_fields!(
+                        @field self, Motion, $motion: $motion_type, $([$motion_per])? $motion_unit, $motion_label
+                    );
+                    let count = n * point_fields!(@per self $($motion_per)?);
+                    visit(&field, &mut numbers(&self.converged.$motion, count))?;
+                )*
+                $(
+                    let field = point_fields!(
+                        @field self, Answer, $answer: $answer_type, $([$answer_per])? $answer_unit, $answer_label
+                    );
+                    let count = n * point_fields!(@per self $($answer_per)?);
+                    visit(&field, &mut numbers(&self.converged.$answer, count))?;
+                )*
+                Ok(())
+            }
+
+            /// The state made of what [`Self::for_each_field`] has visited; `read` gives as many numbers of a field as it is
+            /// asked for.
+            ///
+            /// # Errors
+            /// The first error of `read`.
+            pub fn read_state<E>(
+                &self,
+                mut read: impl FnMut(&$crate::points::StoredField, usize) -> Result<Vec<f64>, E>,
+            ) -> Result<$State<D>, E> {
+                use $crate::points::value::restored;
+                let n = self.id.len();
+                Ok($State {
+                    $($motion: {
+                        let field = point_fields!(
+                            @field self, Motion, $motion: $motion_type, $([$motion_per])? $motion_unit, $motion_label
+                        );
+                        restored(&read(&field, n * field.components)?, &self.converged.$motion)
+                    },)*
+                    $($answer: {
+                        let field = point_fields!(
+                            @field self, Answer, $answer: $answer_type, $([$answer_per])? $answer_unit, $answer_label
+                        );
+                        restored(&read(&field, n * field.components)?, &self.converged.$answer)
+                    },)*
+                })
+            }
+
+            /// A declared field by its name, in its converged state; points in this order.
+            pub(crate) fn stored(&self, name: &str, order: &[usize]) -> Option<$crate::points::PointValues> {
+                use $crate::points::PointValues;
+                $(if name == stringify!($fixed) {
+                    let per_point = point_fields!(@per self $($fixed_per)?);
+                    return Some(PointValues::of_field(&self.$fixed, per_point, order));
+                })*
+                $(if name == stringify!($motion) {
+                    let per_point = point_fields!(@per self $($motion_per)?);
+                    return Some(PointValues::of_field(&self.converged.$motion, per_point, order));
+                })*
+                $(if name == stringify!($answer) {
+                    let per_point = point_fields!(@per self $($answer_per)?);
+                    return Some(PointValues::of_field(&self.converged.$answer, per_point, order));
+                })*
+                None
+            }
+        }
+    };
+}
+
+pub(super) use point_fields;
+
+/// Start values by the shape of a field.
+pub(super) mod start {
+    use super::{IndexedParallelIterator, IntoParallelRefIterator, PIECE, ParallelIterator, Seed, Value};
+
+    /// The largest number that a seed has of something.
+    pub fn most<const D: usize>(seeds: &[Seed<D>], count: impl Fn(&Seed<D>) -> usize) -> usize {
+        seeds.iter().map(count).max().unwrap_or(0)
+    }
+
+    /// One value for each point.
+    pub fn one<const D: usize, T: Send>(
+        seeds: &[Seed<D>],
+        value: impl Fn(&Seed<D>) -> T + Send + Sync,
+    ) -> Vec<T> {
+        seeds.par_iter().with_min_len(PIECE).map(value).collect()
+    }
+
+    /// One value for each point; none at all where all vanish.
+    pub fn one_or_none<const D: usize, T: Value>(
+        seeds: &[Seed<D>],
+        value: impl Fn(&Seed<D>) -> T + Send + Sync,
+    ) -> Vec<T> {
+        if seeds.iter().any(|seed| value(seed) != T::ZERO) { one(seeds, value) } else { Vec::new() }
+    }
+
+    /// `count` values for each point, zero beyond those that its seed has.
+    pub fn up_to<const D: usize, T: Value>(
+        seeds: &[Seed<D>],
+        count: usize,
+        values: impl Fn(&Seed<D>) -> &[T],
+    ) -> Vec<T> {
+        let mut all = vec![T::ZERO; count * seeds.len()];
+        for (p, seed) in seeds.iter().enumerate() {
+            let values = values(seed);
+            all[p * count..][..values.len()].copy_from_slice(values);
+        }
+        all
+    }
+}
+
+/// The values of the points in another order, `n` for each point; none of none.
+pub(super) fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32], n: usize) -> Vec<T> {
+    if values.is_empty() {
+        Vec::new()
+    } else if n == 1 {
+        order.par_iter().with_min_len(PIECE).map(|&p| values[p as usize]).collect()
+    } else {
+        order.iter().flat_map(|&p| &values[p as usize * n..][..n]).copied().collect()
+    }
+}
+
+/// As [`gather`], into given room.
+pub(super) fn gather_into<T: Copy + Send + Sync>(values: &[T], order: &[u32], n: usize, room: &mut [T]) {
+    let places = room.par_chunks_exact_mut(n.max(1)).with_min_len(PIECE);
+    places.zip(order).for_each(|(place, &p)| place.copy_from_slice(&values[p as usize * n..][..n]));
+}

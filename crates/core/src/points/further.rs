@@ -1,0 +1,223 @@
+//! Fields of the points that only some analyses need, declared at run time.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::declare::{FieldKind, gather};
+
+/// Most numbers per point of a further field.
+const MOST_COMPONENTS: usize = 1 << 10;
+
+/// A further field with its start values.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointFieldSpec {
+    /// Name in files, checkpoints and arrays: letters, digits and underscores, a letter first.
+    pub name: String,
+    /// Unit, `-` for plain numbers.
+    pub unit: String,
+    /// Numbers per point. In files 3 are named as a vector, 6 as a symmetric tensor in the order xx, yy, zz, xy, yz, xz
+    /// without factors, 9 as a tensor row by row.
+    pub components: usize,
+    /// The time at which it changes.
+    pub kind: FieldKind,
+    /// Values at the start: all components of point 0, then of point 1, and so on, by permanent numbers.
+    pub start: Vec<f64>,
+}
+
+/// Name, shape and kind of a further field, as checkpoints have them.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FurtherField {
+    /// Name.
+    pub name: String,
+    /// Unit, `-` for plain numbers.
+    pub unit: String,
+    /// Numbers per point.
+    pub components: usize,
+    /// The time at which it changes.
+    pub kind: FieldKind,
+}
+
+impl fmt::Display for FurtherField {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let FurtherField { unit, components, .. } = self;
+        let kind = match self.kind {
+            FieldKind::Fixed => "fixed",
+            FieldKind::Motion => "of the motion",
+            FieldKind::Answer => "an answer",
+        };
+        write!(f, "{kind}, with {components} per point, in [{unit}]")
+    }
+}
+
+/// A further field that cannot be declared.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum FieldError {
+    /// The name has other characters than letters, digits and underscores, or begins with a digit.
+    #[error("`{0}` cannot name a field of the points: use letters, digits and underscores, a letter first")]
+    Name(String),
+    /// Another field has the name.
+    #[error("there is a field `{0}` of the points already")]
+    Taken(String),
+    /// There are no components, or too many.
+    #[error("the field `{name}` has {components} components; 1 to {MOST_COMPONENTS} are possible")]
+    Components {
+        /// Name of the field.
+        name: String,
+        /// Numbers per point.
+        components: usize,
+    },
+    /// The start values do not fit the points.
+    #[error("the field `{name}` has {found} start values, not {wanted}")]
+    Length {
+        /// Name of the field.
+        name: String,
+        /// Number of start values.
+        found: usize,
+        /// Number of points times number of components.
+        wanted: usize,
+    },
+    /// A start value is infinite or no number.
+    #[error("the field `{name}` starts at point {point} with {value}")]
+    NotFinite {
+        /// Name of the field.
+        name: String,
+        /// Permanent number of the point.
+        point: usize,
+        /// The value.
+        value: String,
+    },
+}
+
+/// A further field among those of its points; other points may not have it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FieldHandle(usize);
+
+/// All further fields of some points. Values are in the present order of the points, as those of the declared fields; all
+/// components of a point follow each other.
+#[derive(Debug, Clone, Default)]
+pub struct Further {
+    fields: Vec<Kept>,
+}
+
+/// A further field and its values.
+#[derive(Debug, Clone)]
+struct Kept {
+    field: FurtherField,
+    converged: Vec<f64>,
+    /// As long as the converged values for answers, for fields of the motion once they are written; else none.
+    trial: Vec<f64>,
+}
+
+impl Further {
+    /// Adds a field to points with these permanent numbers, in their present order; names of other fields are taken.
+    ///
+    /// # Errors
+    /// [`FieldError`].
+    pub(super) fn declare(
+        &mut self,
+        spec: PointFieldSpec,
+        id: &[u32],
+        taken: impl Fn(&str) -> bool,
+    ) -> Result<FieldHandle, FieldError> {
+        let PointFieldSpec { name, unit, components, kind, start } = spec;
+        let is_word = name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_');
+        if !is_word || !name.starts_with(|c: char| c.is_ascii_alphabetic()) {
+            return Err(FieldError::Name(name));
+        }
+        if taken(&name) || self.handle(&name).is_some() {
+            return Err(FieldError::Taken(name));
+        }
+        if !(1..=MOST_COMPONENTS).contains(&components) {
+            return Err(FieldError::Components { name, components });
+        }
+        let (found, wanted) = (start.len(), id.len() * components);
+        if found != wanted {
+            return Err(FieldError::Length { name, found, wanted });
+        }
+        if let Some(place) = start.iter().position(|value| !value.is_finite()) {
+            let (point, value) = (place / components, start[place].to_string());
+            return Err(FieldError::NotFinite { name, point, value });
+        }
+        let converged = gather(&start, id, components);
+        let trial = if kind == FieldKind::Answer { converged.clone() } else { Vec::new() };
+        self.fields.push(Kept { field: FurtherField { name, unit, components, kind }, converged, trial });
+        Ok(FieldHandle(self.fields.len() - 1))
+    }
+
+    /// The fields in the order of their declaration.
+    pub fn iter(&self) -> impl Iterator<Item = (FieldHandle, &FurtherField)> {
+        self.fields.iter().enumerate().map(|(k, kept)| (FieldHandle(k), &kept.field))
+    }
+
+    /// The field of a name.
+    pub fn handle(&self, name: &str) -> Option<FieldHandle> {
+        self.fields.iter().position(|kept| kept.field.name == name).map(FieldHandle)
+    }
+
+    /// Name, shape and kind of a field.
+    pub fn field(&self, handle: FieldHandle) -> &FurtherField {
+        &self.fields[handle.0].field
+    }
+
+    /// Values at the end of the last equilibrated step.
+    pub fn converged(&self, handle: FieldHandle) -> &[f64] {
+        &self.fields[handle.0].converged
+    }
+
+    /// Values of the present step: those at its end where they are there, else those at its start.
+    pub fn trial(&self, handle: FieldHandle) -> &[f64] {
+        let kept = &self.fields[handle.0];
+        if kept.trial.is_empty() { &kept.converged } else { &kept.trial }
+    }
+
+    /// Values of the present step, to be written; none of a fixed field. Those of the motion are there from the first
+    /// call in a step, and begin as the converged ones.
+    pub fn trial_mut(&mut self, handle: FieldHandle) -> &mut [f64] {
+        let Kept { field, converged, trial } = &mut self.fields[handle.0];
+        if field.kind == FieldKind::Motion && trial.is_empty() {
+            trial.clone_from(converged);
+        }
+        trial
+    }
+
+    /// The trial values become the converged ones. Answers are copied: values that are not written stay.
+    pub(super) fn commit(&mut self) {
+        for Kept { field, converged, trial } in &mut self.fields {
+            match field.kind {
+                FieldKind::Fixed => (),
+                FieldKind::Answer => converged.copy_from_slice(trial),
+                FieldKind::Motion if trial.is_empty() => (),
+                FieldKind::Motion => *converged = std::mem::take(trial),
+            }
+        }
+    }
+
+    /// Follows the points into another order, and gives up trial values.
+    pub(super) fn reorder(&mut self, order: &[u32]) {
+        for Kept { field, converged, .. } in &mut self.fields {
+            *converged = gather(converged, order, field.components);
+        }
+        self.begin();
+    }
+
+    /// Trial values of a step that begins in the converged state.
+    pub(super) fn begin(&mut self) {
+        for Kept { field, converged, trial } in &mut self.fields {
+            match field.kind {
+                FieldKind::Answer => trial.clone_from(converged),
+                FieldKind::Fixed | FieldKind::Motion => *trial = Vec::new(),
+            }
+        }
+    }
+
+    /// Puts other values into the place of the converged ones.
+    ///
+    /// # Panics
+    /// If they are not as many.
+    pub fn restore(&mut self, handle: FieldHandle, values: &[f64]) {
+        let kept = &mut self.fields[handle.0];
+        kept.converged.copy_from_slice(values);
+        self.begin();
+    }
+}

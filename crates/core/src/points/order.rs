@@ -1,0 +1,112 @@
+//! The order of the points: grouped by the cells of the grid, by permanent number, or as a checkpoint has it.
+
+use rayon::prelude::*;
+
+use super::{PIECE, Points, State};
+use crate::grid::Grid;
+
+impl<const D: usize> Points<D> {
+    /// Sorts the points by the grid cell that holds them, then by body, keeping the order of equals, and returns the
+    /// first point of every occupied cell and, last, the number of points. Trial values of further fields begin anew.
+    ///
+    /// # Errors
+    /// The index of the first point that lies outside the grid.
+    pub fn group_by_cell(&mut self, grid: &dyn Grid<D>) -> Result<Vec<usize>, usize> {
+        self.further.begin();
+        let outside = match grid.structured() {
+            Some(grid) => self.locate(grid),
+            None => self.locate(grid),
+        };
+        if let Some(p) = outside {
+            return Err(p);
+        }
+        let key = |points: &Self, p: usize| (points.cell[p], points.body[p]);
+        if !(1..self.len()).all(|p| key(self, p - 1) <= key(self, p)) {
+            let mut order: Vec<u32> = (0..self.len() as u32).collect();
+            if self.body.iter().any(|body| *body != self.body[0]) {
+                order = sorted(&order, |p| self.body[p as usize] as usize);
+            }
+            self.reorder(&sorted(&order, |p| self.cell[p as usize] as usize));
+        }
+        let mut starts: Vec<usize> =
+            (0..self.len()).filter(|&p| p == 0 || self.cell[p] != self.cell[p - 1]).collect();
+        starts.push(self.len());
+        Ok(starts)
+    }
+
+    /// Finds the cells of all points; the first point that lies outside the grid.
+    fn locate<G: Grid<D> + ?Sized>(&mut self, grid: &G) -> Option<usize> {
+        let places = self.converged.position.par_iter();
+        (self.cell.par_iter_mut().zip(places).enumerate().with_min_len(PIECE))
+            .filter_map(|(p, (cell, position))| match grid.locate(position, Some(*cell)) {
+                Some(found) => {
+                    *cell = found;
+                    None
+                }
+                None => Some(p),
+            })
+            .min()
+    }
+
+    /// Puts the points into another order, `id` being their permanent numbers in it, and into a converged state with the
+    /// cells that held them.
+    ///
+    /// # Errors
+    /// When the numbers are not those of all points, or the arrays have not one entry for each.
+    pub fn restore(&mut self, id: &[u32], cell: Vec<u32>, state: State<D>) -> Result<(), String> {
+        let mut seen = vec![false; self.len()];
+        for &number in id {
+            match seen.get_mut(number as usize) {
+                Some(seen) if !*seen => *seen = true,
+                _ => return Err("the numbers of its points are not those of all points".to_owned()),
+            }
+        }
+        if [id.len(), cell.len()] != [self.len(); 2] || state.lengths() != self.converged.lengths() {
+            return Err("its arrays have not one entry for each point".to_owned());
+        }
+        let place = self.by_id();
+        let order: Vec<u32> = id.iter().map(|&number| place[number as usize] as u32).collect();
+        self.reorder(&order);
+        self.cell = cell;
+        self.trial = state.trial();
+        self.converged = state;
+        Ok(())
+    }
+
+    /// The order of the points by permanent number: `order[id]` is the place of point `id`.
+    pub fn by_id(&self) -> Vec<usize> {
+        let mut order = Vec::new();
+        self.order_by_id(&mut order);
+        order
+    }
+
+    /// The same in place of what is in `order`.
+    pub fn order_by_id(&self, order: &mut Vec<usize>) {
+        order.resize(self.len(), 0);
+        for (p, &id) in self.id.iter().enumerate() {
+            order[id as usize] = p;
+        }
+    }
+}
+
+/// The points in the order of a key, those of the same key in the order that they had: by counting.
+fn sorted(points: &[u32], key: impl Fn(u32) -> usize) -> Vec<u32> {
+    let mut next = Vec::new();
+    for &p in points {
+        let key = key(p) + 1;
+        if next.len() <= key {
+            next.resize(key + 1, 0u32);
+        }
+        next[key] += 1;
+    }
+    for k in 1..next.len() {
+        next[k] += next[k - 1];
+    }
+    let mut order = vec![0; points.len()];
+    for &p in points {
+        let place = &mut next[key(p)];
+        order[*place as usize] = p;
+        *place += 1;
+    }
+    order
+}

@@ -1,0 +1,265 @@
+#![allow(clippy::unwrap_used)]
+use std::convert::Infallible;
+
+use super::*;
+use crate::grid::Structured;
+use crate::tensor::{Mat3, Sym3};
+
+/// Points in a row of cells from right to left, so that grouping turns their order around.
+fn row(n: usize) -> Points<2> {
+    let seed = |k: usize| Seed {
+        body: k as u16,
+        position: [(n - k) as f64 - 0.5, 0.5],
+        half_lengths: [0.0; 2],
+        corners: Vec::new(),
+        volume: 2.0 + k as f64,
+        mass: 10.0 + k as f64,
+        outer_layer: false,
+        history: vec![0.25 * k as f64],
+    };
+    Points::new(&(0..n).map(seed).collect::<Vec<_>>())
+}
+
+fn group(points: &mut Points<2>) {
+    let n = points.len() as u32;
+    points.group_by_cell(&Structured::<2>::new([0.0; 2], [1.0; 2], [n as usize, 1])).unwrap();
+}
+
+fn spec(name: &str, kind: FieldKind, components: usize, n: usize) -> PointFieldSpec {
+    let start = (0..n * components).map(|k| k as f64).collect();
+    PointFieldSpec { name: name.to_owned(), unit: "-".to_owned(), components, kind, start }
+}
+
+#[test]
+fn arrays_stand_by_permanent_number_row_by_row_and_without_factors() {
+    let mut points = row(3);
+    group(&mut points);
+    assert_eq!(points.id, [2, 1, 0]);
+    let stress = Mat3::new(1.0, 4.0, 6.0, 4.0, 2.0, 5.0, 6.0, 5.0, 3.0);
+    let gradient = Mat3::new(2.0, 0.5, 0.0, 0.0, 1.0, 0.25, 0.0, 0.0, 4.0); // det 8
+    points.converged.kirchhoff_stress[2] = Sym3::symmetric_part(&stress); // of point 0
+    points.converged.elastic_strain[1] = Sym3::symmetric_part(&(stress * 0.01)); // of point 1
+    points.converged.deformation_gradient[2] = gradient;
+    points.converged.position[0] = [0.75, 1.0]; // of point 2, which was at 0.5, 0.5
+    let array = |array: PointArray| {
+        let PointValues { components, values } = points.array(array);
+        assert_eq!(values.len(), 3 * components, "{}", array.name());
+        values.chunks(components).map(<[f64]>::to_vec).collect::<Vec<_>>()
+    };
+    let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-15);
+    // xx, yy, zz, xy, yz, xz; √2 comes and goes with round-off.
+    let components = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+    assert!(near(&array(PointArray::KirchhoffStress)[0], &components));
+    assert!(near(&array(PointArray::CauchyStress)[0], &components.map(|t| t / 8.0)));
+    assert!(near(&array(PointArray::ElasticStrain)[1], &components.map(|t| t * 0.01)));
+    assert_eq!(array(PointArray::KirchhoffStress)[1], [0.0; 6]);
+    assert_eq!(array(PointArray::DeformationGradient)[0], [2.0, 0.5, 0.0, 0.0, 1.0, 0.25, 0.0, 0.0, 4.0]);
+    assert_eq!(array(PointArray::Position), [[2.5, 0.5], [1.5, 0.5], [0.75, 1.0]]);
+    assert_eq!(array(PointArray::Displacement), [[0.0, 0.0], [0.0, 0.0], [0.25, 0.5]]);
+    assert_eq!(array(PointArray::Volume), [[16.0], [3.0], [4.0]]);
+    assert_eq!(array(PointArray::Mass), [[10.0], [11.0], [12.0]]);
+    assert_eq!(array(PointArray::Body), [[0.0], [1.0], [2.0]]);
+    // Declared fields by their names, in the same order.
+    for array in [PointArray::Position, PointArray::KirchhoffStress, PointArray::ElasticStrain] {
+        assert_eq!(points.field(array.name()), Some(points.array(array)));
+    }
+    assert_eq!(points.field("history").unwrap().values, [0.0, 0.25, 0.5]);
+    assert_eq!(points.field("half_lengths"), Some(PointValues { components: 2, values: vec![0.0; 6] }));
+    assert_eq!(points.field("temperature"), None);
+}
+
+#[test]
+fn further_fields_follow_the_points() {
+    let mut points = row(4);
+    group(&mut points);
+    // Declared by permanent number in whatever order the points are.
+    let fixed = points.declare(spec("initial_stress", FieldKind::Fixed, 2, 4)).unwrap();
+    let motion = points.declare(spec("age", FieldKind::Motion, 1, 4)).unwrap();
+    let answer = points.declare(spec("pore_pressure", FieldKind::Answer, 1, 4)).unwrap();
+    assert_eq!(points.further.converged(fixed), [6.0, 7.0, 4.0, 5.0, 2.0, 3.0, 0.0, 1.0]);
+    assert_eq!(points.field("initial_stress").unwrap().values, (0..8).map(f64::from).collect::<Vec<_>>());
+    assert!(points.further.trial_mut(fixed).is_empty());
+    assert_eq!(points.further.trial(motion), [3.0, 2.0, 1.0, 0.0]);
+
+    points.further.trial_mut(motion)[0] = 30.0;
+    points.further.trial_mut(answer)[3] = 5.0;
+    points.commit();
+    assert_eq!(points.further.converged(motion), [30.0, 2.0, 1.0, 0.0]);
+    assert_eq!(points.further.converged(answer), [3.0, 2.0, 1.0, 5.0]);
+    points.commit(); // what nothing has written stays
+    assert_eq!(points.further.converged(answer), [3.0, 2.0, 1.0, 5.0]);
+
+    // A step that is given up leaves nothing behind, and the points change their order.
+    points.further.trial_mut(motion).fill(-1.0);
+    points.further.trial_mut(answer).fill(-1.0);
+    points.converged.position.reverse();
+    group(&mut points);
+    assert_eq!(points.id, [0, 1, 2, 3]);
+    points.commit();
+    assert_eq!(points.field("age").unwrap().values, [0.0, 1.0, 2.0, 30.0]);
+    assert_eq!(points.field("pore_pressure").unwrap().values, [5.0, 1.0, 2.0, 3.0]);
+    assert_eq!(points.field("initial_stress").unwrap().values, (0..8).map(f64::from).collect::<Vec<_>>());
+}
+
+#[test]
+fn fields_that_do_not_fit_are_refused() {
+    let mut points = row(2);
+    points.declare(spec("age", FieldKind::Fixed, 1, 2)).unwrap();
+    let mut refused = |spec: PointFieldSpec| points.declare(spec).unwrap_err().to_string();
+    for name in ["", "2nd", "pore pressure", "a<b", "_a"] {
+        assert!(refused(spec(name, FieldKind::Fixed, 1, 2)).contains("letters, digits and underscores"));
+    }
+    for name in ["age", "mass", "cauchy_stress", "history", "position"] {
+        assert!(refused(spec(name, FieldKind::Fixed, 1, 2)).contains("already"));
+    }
+    assert!(refused(spec("a", FieldKind::Fixed, 0, 2)).contains("0 components"));
+    assert!(refused(spec("a", FieldKind::Fixed, 2000, 2)).contains("2000 components"));
+    assert_eq!(refused(spec("a", FieldKind::Fixed, 2, 1)), "the field `a` has 2 start values, not 4");
+    let start = vec![0.0, 0.0, f64::NAN, 0.0];
+    let infinite = PointFieldSpec { start, ..spec("a", FieldKind::Fixed, 2, 2) };
+    assert_eq!(refused(infinite), "the field `a` starts at point 1 with NaN");
+}
+
+/// Each number of the state is visited once, and read back into its place.
+#[test]
+fn every_field_of_the_state_is_visited_and_read_back() {
+    let points = row(3);
+    let mut next = 0.0;
+    let state = points
+        .read_state(|_, count| {
+            next += count as f64;
+            Ok::<_, Infallible>((0..count).map(|k| next - (count - k) as f64).collect())
+        })
+        .unwrap();
+    let mut filled = points.clone();
+    filled.restore(&[2, 0, 1], vec![0; 3], state.clone()).unwrap();
+    assert_eq!(filled.converged, state);
+    let (mut numbers, mut names) = (Vec::new(), Vec::new());
+    let visit = |field: &StoredField, values: &mut dyn Iterator<Item = f64>| {
+        names.push(field.name);
+        let before = numbers.len();
+        numbers.extend(values);
+        assert_eq!(numbers.len() - before, 3 * field.components, "{}", field.name);
+        Ok::<_, Infallible>(())
+    };
+    filled.for_each_field(visit).unwrap();
+    assert_eq!(
+        names,
+        [
+            "position",
+            "half_lengths",
+            "corners",
+            "deformation_gradient",
+            "elastic_strain",
+            "kirchhoff_stress",
+            "history"
+        ]
+    );
+    // The half lengths, which these points do not have, are zeros.
+    let counted = |k: usize| if (6..12).contains(&k) { 0.0 } else { k as f64 };
+    assert_eq!(numbers, (0..numbers.len()).map(counted).collect::<Vec<_>>());
+}
+
+/// A declaration with a field more of each kind and shape: the entry is all that they need.
+mod one_more {
+    use super::super::Seed;
+    use super::super::declare::point_fields;
+
+    point_fields! {
+        /// Points.
+        struct Points {
+            counts {
+                /// Numbers of the history.
+                history_len = |seed| seed.history.len();
+            }
+            fixed {
+                /// Density.
+                density: f64 = one(|seed| seed.mass / seed.volume), in "mass/volume";
+            }
+        }
+        /// Their state.
+        struct State {
+            motion {
+                /// Position.
+                position: [f64; D] = one(|seed| seed.position), in "length", called "position";
+                /// Temperature.
+                temperature: f64 = one(|seed| seed.mass), in "temperature", called "temperature";
+                /// Spin.
+                spin: [f64; D] = one_or_none(|seed| seed.half_lengths), in "1/time", called "spin";
+            }
+            answer {
+                /// Heat.
+                heat: f64 = up_to[history_len](|seed| &seed.history), in "energy", called "heat";
+            }
+        }
+    }
+
+    pub fn points(seeds: &[Seed<2>]) -> Points<2> {
+        Points::new(seeds)
+    }
+
+    pub const NAMES: &[&str] = Points::<2>::STORED;
+
+    pub fn turned_around(points: &mut Points<2>) {
+        points.reorder(&[2, 1, 0]);
+    }
+
+    pub fn step(points: &mut Points<2>) {
+        let Points { converged, trial, .. } = points;
+        trial.make_room_for_motion(converged);
+        trial.position.fill([1.0; 2]);
+        trial.temperature.copy_from_slice(&[7.0, 8.0, 9.0]);
+        trial.heat[0] = 6.0;
+        converged.take(trial);
+        trial.make_room_for_motion(converged);
+        trial.forget_motion();
+    }
+}
+
+#[test]
+fn a_new_field_is_one_declaration() {
+    let seed = |k: usize| Seed {
+        body: 0,
+        position: [k as f64; 2],
+        half_lengths: [0.0; 2],
+        corners: Vec::new(),
+        volume: 0.5,
+        mass: k as f64,
+        outer_layer: false,
+        history: vec![k as f64, 10.0 + k as f64],
+    };
+    let mut points = one_more::points(&(0..3).map(seed).collect::<Vec<_>>());
+    assert_eq!(points.history_len, 2);
+    assert_eq!(one_more::NAMES, ["density", "position", "temperature", "spin", "heat"]);
+    assert!(points.trial.temperature.is_empty() && points.converged.spin.is_empty());
+    // It follows the order of the points, …
+    one_more::turned_around(&mut points);
+    assert_eq!(
+        (&*points.density, &*points.converged.temperature),
+        (&[4.0, 2.0, 0.0][..], &[2.0, 1.0, 0.0][..])
+    );
+    assert_eq!(points.converged.heat, [2.0, 12.0, 1.0, 11.0, 0.0, 10.0]);
+    points.trial.heat.clone_from(&points.converged.heat);
+    // … passes from trial to converged with the motion, …
+    one_more::step(&mut points);
+    assert_eq!(points.converged.temperature, [7.0, 8.0, 9.0]);
+    assert!(points.trial.temperature.is_empty());
+    assert_eq!(points.converged.heat, [6.0, 12.0, 1.0, 11.0, 0.0, 10.0]);
+    // … is in checkpoints, …
+    let mut visited = Vec::new();
+    let visit = |field: &StoredField, values: &mut dyn Iterator<Item = f64>| {
+        visited.push((field.name, field.unit, field.kind, field.components, values.count()));
+        Ok::<_, Infallible>(())
+    };
+    points.for_each_field(visit).unwrap();
+    assert_eq!(visited[1], ("temperature", "temperature", FieldKind::Motion, 1, 3));
+    assert_eq!(visited[2], ("spin", "1/time", FieldKind::Motion, 2, 6));
+    assert_eq!(visited[3], ("heat", "energy", FieldKind::Answer, 2, 6));
+    let read =
+        |field: &StoredField, count| Ok::<_, Infallible>(vec![f64::from(field.components as u8); count]);
+    let state = points.read_state(read).unwrap();
+    assert_eq!(state.temperature, [1.0; 3]);
+    assert_eq!((state.heat.len(), state.lengths()), (6, points.converged.lengths()));
+    // … and an array by its name, in the order of the permanent numbers.
+    assert_eq!(points.stored("temperature", &[2, 1, 0]).unwrap().values, [9.0, 8.0, 7.0]);
+}

@@ -1,0 +1,168 @@
+//! Values of the fields of material points, and the numbers they are made of.
+
+use crate::tensor::{Mat3, Sym3};
+
+/// A value that a field holds for a point.
+pub trait Value: Copy + PartialEq + Send + Sync {
+    /// Numbers in a value.
+    const COMPONENTS: usize;
+    /// The value all of whose numbers vanish.
+    const ZERO: Self;
+
+    /// A number of the value as it is stored.
+    fn number(&self, c: usize) -> f64;
+
+    /// A component of the value as users see it: matrices row by row, symmetric tensors in the order
+    /// xx, yy, zz, xy, yz, xz without the factors √2 of the Mandel layout.
+    fn component(&self, c: usize) -> f64 {
+        self.number(c)
+    }
+}
+
+/// A value that checkpoints hold.
+pub trait Restored: Value {
+    /// The value made of [`Value::COMPONENTS`] numbers as they are stored.
+    fn from_numbers(numbers: &[f64]) -> Self;
+}
+
+impl Value for f64 {
+    const COMPONENTS: usize = 1;
+    const ZERO: f64 = 0.0;
+
+    #[inline]
+    fn number(&self, _: usize) -> f64 {
+        *self
+    }
+}
+
+impl Restored for f64 {
+    fn from_numbers(numbers: &[f64]) -> f64 {
+        numbers[0]
+    }
+}
+
+impl<const N: usize> Value for [f64; N] {
+    const COMPONENTS: usize = N;
+    const ZERO: [f64; N] = [0.0; N];
+
+    #[inline]
+    fn number(&self, c: usize) -> f64 {
+        self[c]
+    }
+}
+
+impl<const N: usize> Restored for [f64; N] {
+    fn from_numbers(numbers: &[f64]) -> [f64; N] {
+        std::array::from_fn(|c| numbers[c])
+    }
+}
+
+impl Value for Mat3 {
+    const COMPONENTS: usize = 9;
+    const ZERO: Mat3 = Mat3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+
+    #[inline]
+    fn number(&self, c: usize) -> f64 {
+        self[c] // column by column
+    }
+
+    fn component(&self, c: usize) -> f64 {
+        self[(c / 3, c % 3)]
+    }
+}
+
+impl Restored for Mat3 {
+    fn from_numbers(numbers: &[f64]) -> Mat3 {
+        Mat3::from_column_slice(numbers)
+    }
+}
+
+impl Value for Sym3 {
+    const COMPONENTS: usize = 6;
+    const ZERO: Sym3 = Sym3::ZERO;
+
+    #[inline]
+    fn number(&self, c: usize) -> f64 {
+        self.0[c]
+    }
+
+    fn component(&self, c: usize) -> f64 {
+        self.components()[c]
+    }
+}
+
+impl Restored for Sym3 {
+    fn from_numbers(numbers: &[f64]) -> Sym3 {
+        Sym3(Restored::from_numbers(numbers))
+    }
+}
+
+/// Implements [`Value`] for numbers that only fixed fields hold.
+macro_rules! whole {
+    ($($number:ty),*) => {$(
+        impl Value for $number {
+            const COMPONENTS: usize = 1;
+            const ZERO: $number = 0;
+
+            fn number(&self, _: usize) -> f64 {
+                f64::from(*self)
+            }
+        }
+    )*};
+}
+
+whole!(u8, u16, u32);
+
+impl Value for bool {
+    const COMPONENTS: usize = 1;
+    const ZERO: bool = false;
+
+    fn number(&self, _: usize) -> f64 {
+        f64::from(u8::from(*self))
+    }
+}
+
+/// The numbers of a field as they are stored, zero for values that have no entry.
+pub(super) fn numbers<T: Value>(values: &[T], count: usize) -> impl Iterator<Item = f64> {
+    let n = T::COMPONENTS;
+    (0..count * n).map(move |k| values.get(k / n).map_or(0.0, |value| value.number(k % n)))
+}
+
+/// The values made of these numbers; none where `present`, the values that they replace, is empty.
+pub(super) fn restored<T: Restored>(numbers: &[f64], present: &[T]) -> Vec<T> {
+    if present.is_empty() {
+        return Vec::new();
+    }
+    numbers.chunks_exact(T::COMPONENTS).map(T::from_numbers).collect()
+}
+
+/// One array for users of the library: the values of a field in the order of the permanent numbers of the points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointValues {
+    /// Numbers per point.
+    pub components: usize,
+    /// All components of point 0, then of point 1, and so on.
+    pub values: Vec<f64>,
+}
+
+impl PointValues {
+    /// One value for each point, in this order.
+    pub(crate) fn new<T: Value>(order: &[usize], value: impl Fn(usize) -> T) -> PointValues {
+        let components = |p: &usize| {
+            let value = value(*p);
+            (0..T::COMPONENTS).map(move |c| value.component(c))
+        };
+        PointValues { components: T::COMPONENTS, values: order.iter().flat_map(components).collect() }
+    }
+
+    /// `per_point` values of a stored field for each point, in this order; zero for values that have no entry.
+    pub(super) fn of_field<T: Value>(values: &[T], per_point: usize, order: &[usize]) -> PointValues {
+        let of_point = |p: &usize| p * per_point..(p + 1) * per_point;
+        let value = |k| values.get(k).copied().unwrap_or(T::ZERO);
+        let components = |k| (0..T::COMPONENTS).map(move |c| value(k).component(c));
+        PointValues {
+            components: per_point * T::COMPONENTS,
+            values: order.iter().flat_map(of_point).flat_map(components).collect(),
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! Fields of the points that only one analysis has, through steps, files, checkpoints and resumption.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use mpm::assembly::{System, Wanted};
+use mpm::deck::advice::WORDING;
+use mpm::deck::build::build;
+use mpm::deck::load::load;
+use mpm::model::Model;
+use mpm::output::checkpoint;
+use mpm::output::results::{Request, Results};
+use mpm::output::summary::{Account, Start};
+use mpm::points::{FieldKind, PointFieldSpec, Points};
+use mpm::solver::{Silent, Stepper};
+use mpm::step::{At, StepContext};
+use mpm::terms::{LoadNotFinite, PointFailure, Term};
+use mpm::timing::Timings;
+use vtkio::IOBuffer;
+use vtkio::model::Attribute;
+
+use crate::inline_vtu::read;
+
+const STEPS: usize = 4;
+
+/// A term without force that adds up the way of each point, and counts its steps.
+struct Way;
+
+impl Term<2> for Way {
+    fn name(&self) -> &'static str {
+        "way"
+    }
+
+    fn is_symmetric(&self, _: &StepContext<2>) -> bool {
+        true
+    }
+
+    fn begin(&mut self, _: &StepContext<2>, _: &Points<2>) -> Result<(), Box<LoadNotFinite>> {
+        Ok(())
+    }
+
+    fn evaluate(
+        &mut self,
+        step: &StepContext<2>,
+        points: &mut Points<2>,
+        at: At<2>,
+        _: Wanted,
+        _: &mut System<2>,
+    ) -> Result<(), PointFailure> {
+        let (way, age) = (points.further.handle("way").unwrap(), points.further.handle("age").unwrap());
+        for group in 0..step.links.n_groups() {
+            let nodes = step.links.nodes_of(group);
+            for p in step.links.points_of(group) {
+                let mut u = [0.0; 2];
+                step.links.for_each_value(p, |local, value| {
+                    (0..2).for_each(|d| u[d] += value * at.delta_d[nodes[local] as usize][d]);
+                });
+                for d in 0..2 {
+                    let before = points.further.converged(way)[2 * p + d];
+                    points.further.trial_mut(way)[2 * p + d] = before + u[d].abs();
+                }
+                let before = points.further.converged(age)[p];
+                points.further.trial_mut(age)[p] = before + 1.0;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The first steps of the collapse, whose points change cells.
+fn analysis() -> (Model<2>, Points<2>) {
+    let set = [("h", "0.5"), ("n", "2"), ("method", "gimp")].map(|(k, v)| (k.to_owned(), v.to_owned()));
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs/collapse.yaml");
+    let (mut model, mut points) = build::<2>(&load(&path, &set).unwrap()).unwrap();
+    model.stepping.end_time *= STEPS as f64 / model.stepping.count as f64;
+    model.stepping.count = STEPS;
+    let n = points.len();
+    let mut declare = |name: &str, kind, components, start: &dyn Fn(usize) -> f64| {
+        let (name, unit, start) = (name.to_owned(), "-".to_owned(), (0..n * components).map(start).collect());
+        points.declare(PointFieldSpec { name, unit, components, kind, start }).unwrap();
+    };
+    declare("initial_stress", FieldKind::Fixed, 6, &|k| k as f64 + 0.5);
+    declare("way", FieldKind::Answer, 2, &|_| 0.0);
+    declare("age", FieldKind::Motion, 1, &|k| 100.0 * k as f64);
+    (model, points)
+}
+
+fn account() -> Account {
+    Account {
+        deck: Some(serde_json::json!({"version": 1})),
+        files_hash: String::new(),
+        start: Start::now(),
+        deck_hash: String::new(),
+        deck_file: String::new(),
+        deck_text: String::new(),
+        parameters: BTreeMap::new(),
+        set_up: Timings::default(),
+        threads: 1,
+        wording: WORDING,
+    }
+}
+
+/// The numbers of an array of the points in a file, and how many each has.
+fn array(path: &Path, name: &str) -> (u32, Vec<f64>) {
+    let piece = read(path);
+    let found = piece.data.point.iter().find(|array| array.name() == name).unwrap();
+    match found {
+        Attribute::DataArray(array) => match &array.data {
+            IOBuffer::F64(values) => (array.elem.num_comp(), values.clone()),
+            _ => panic!("{name} has no numbers of 64 bits"),
+        },
+        Attribute::Field { .. } => panic!("{name} is a field"),
+    }
+}
+
+#[test]
+fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_files() {
+    let directory: PathBuf = Path::new(env!("CARGO_TARGET_TMPDIR")).join("further_fields");
+    let _ = fs::remove_dir_all(&directory);
+    let (model, mut points) = analysis();
+    let asked = Request { checkpoints: Some(1), ..Request::default() };
+    let mut files = Results::create(&directory, &asked, &model, account()).unwrap();
+    let started = points.id.clone();
+    let stepper = Stepper::new(&model, &mut points).with_terms(vec![Box::new(Way)]).unwrap();
+    stepper.run(&mut files).unwrap();
+    assert_ne!(points.id, started, "the points have changed their order");
+
+    // They follow the points, and steps that were committed.
+    let n = points.len();
+    let field = |points: &Points<2>, name: &str| points.field(name).unwrap().values;
+    assert_eq!(field(&points, "initial_stress"), (0..6 * n).map(|k| k as f64 + 0.5).collect::<Vec<_>>());
+    let steps = field(&points, "age")[0];
+    assert!(steps >= STEPS as f64);
+    assert_eq!(field(&points, "age"), (0..n).map(|k| 100.0 * k as f64 + steps).collect::<Vec<_>>());
+    let displacement = points.array(mpm::points::PointArray::Displacement).values;
+    let way = field(&points, "way");
+    let is_shorter = |(u, way): (&f64, &f64)| u.abs() <= way * (1.0 + 1e-12) + 1e-15;
+    assert!(displacement.iter().zip(&way).all(is_shorter));
+    assert!(displacement.iter().zip(&way).any(|(u, way)| u.abs() > 0.999 * way && *way > 1e-3));
+    assert_eq!(model.array(&points, "way").unwrap().values, way);
+
+    // They are in the files by their names, at the start and at the end.
+    for (file, steps) in [("points_0000.vtu", 0.0), (&format!("points_{:04}.vtu", steps as usize), steps)] {
+        let file = directory.join(file);
+        assert_eq!(array(&file, "initial_stress"), (6, field(&points, "initial_stress")));
+        assert_eq!(array(&file, "age"), (1, (0..n).map(|k| 100.0 * k as f64 + steps).collect()));
+        let way = if steps > 0.0 { way.clone() } else { vec![0.0; 2 * n] };
+        assert_eq!(array(&file, "way"), (2, way));
+    }
+    let text = crate::inline_vtu::parts(&directory.join("points_0000.vtu")).0;
+    let tag = text.lines().find(|line| line.contains(r#"Name="initial_stress""#)).unwrap();
+    assert!(tag.contains(r#"ComponentName3="XY""#), "{tag}");
+
+    // Resumed from the step before the last, the analysis ends with the same bits.
+    let before = directory.join(format!("checkpoint_{:04}.mpm", steps as usize - 1));
+    let checkpoint = checkpoint::read(&before).unwrap();
+    let (model, mut resumed) = analysis();
+    checkpoint.restore(&model, &mut resumed).unwrap();
+    assert_eq!(field(&resumed, "age")[0], steps - 1.0);
+    let reached = checkpoint.head.reached.clone();
+    let stepper = Stepper::new(&model, &mut resumed).with_terms(vec![Box::new(Way)]).unwrap();
+    stepper.resume(reached).unwrap().run(&mut Silent).unwrap();
+    assert_eq!((&resumed.id, &resumed.converged), (&points.id, &points.converged));
+    for name in ["initial_stress", "way", "age"] {
+        let bits = |points: &Points<2>| field(points, name).iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&resumed), bits(&points), "{name}");
+    }
+}
