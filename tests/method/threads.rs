@@ -1,13 +1,14 @@
 //! The number of threads changes no bit of a result.
 #![allow(clippy::unwrap_used)]
 
+use std::convert::Infallible;
 use std::path::Path;
 
 use mpm::deck::build::build;
 use mpm::deck::diagnostic::Diagnostic;
 use mpm::deck::load::{LoadedDeck, load};
 use mpm::model::Model;
-use mpm::points::{Points, State};
+use mpm::points::{Points, StoredField};
 use mpm::solver::{self, Observer, Solvable, StepReport, Summary};
 
 /// Everything a run computes, as bits.
@@ -22,14 +23,14 @@ fn bits(values: impl IntoIterator<Item = f64>) -> Vec<u64> {
     values.into_iter().map(f64::to_bits).collect()
 }
 
-fn bits_of<const D: usize>(state: &State<D>) -> Vec<u64> {
-    let mut all = bits(state.position.iter().flatten().copied());
-    all.extend(bits(state.corners.iter().flatten().copied()));
-    all.extend(bits(state.half_lengths.iter().flatten().copied()));
-    all.extend(bits(state.deformation_gradient.iter().flatten().copied()));
-    all.extend(bits(state.elastic_strain.iter().flat_map(|e| e.0)));
-    all.extend(bits(state.kirchhoff_stress.iter().flat_map(|t| t.0)));
-    all.extend(bits(state.history.iter().copied()));
+/// All fields of the converged state.
+fn bits_of<const D: usize>(points: &Points<D>) -> Vec<u64> {
+    let mut all = Vec::new();
+    let visit = |_: &StoredField, values: &mut dyn Iterator<Item = f64>| {
+        all.extend(values.map(f64::to_bits));
+        Ok::<_, Infallible>(())
+    };
+    points.for_each_field(visit).unwrap();
     all
 }
 
@@ -43,7 +44,7 @@ impl<const D: usize> Observer<D> for Bits {
     ) -> std::io::Result<()> {
         self.residuals.extend(bits(report.residuals.iter().copied()));
         self.reactions.extend(bits(report.reactions.iter().flatten().copied()));
-        self.states.push(bits_of(&points.converged));
+        self.states.push(bits_of(points));
         Ok(())
     }
 }
