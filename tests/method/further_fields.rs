@@ -22,7 +22,7 @@ use vtkio::model::Attribute;
 
 use crate::inline_vtu::read;
 
-const STEPS: usize = 4;
+const STEPS: usize = 20;
 
 /// A term without force that adds up the way of each point, and counts its steps.
 struct Way;
@@ -148,6 +148,18 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
         let way = if steps > 0.0 { way.clone() } else { vec![0.0; 2 * n] };
         assert_eq!(array(&file, "way"), (2, way));
     }
+    // Arrays by name have the order and the meaning of the files.
+    let last = directory.join(format!("points_{:04}.vtu", steps as usize));
+    for name in
+        ["deformation_gradient", "cauchy_stress", "elastic_strain", "volume", "equivalent_plastic_strain"]
+    {
+        let found = model.array(&points, name).unwrap();
+        assert_eq!(array(&last, name), (found.components as u32, found.values), "{name}");
+    }
+    assert!(
+        model.array(&points, "equivalent_plastic_strain").unwrap().values.iter().any(|kappa| *kappa > 0.0)
+    );
+    assert_eq!(model.array(&points, "von_mises_stress"), None);
     let text = crate::inline_vtu::parts(&directory.join("points_0000.vtu")).0;
     let tag = text.lines().find(|line| line.contains(r#"Name="initial_stress""#)).unwrap();
     assert!(tag.contains(r#"ComponentName3="XY""#), "{tag}");
