@@ -1,12 +1,11 @@
-//! A block of 4 × 4 × 4 m under its own weight, in three load steps: where the time and the memory of a three-dimensional
-//! analysis go.
+//! A block of 4 × 4 × 4 m under its own weight in three load steps: time and memory of a three-dimensional analysis.
 //!
 //! ```sh
-//! cargo run --example block -- [spacing of the grid, m] [law] [method] [threads]
+//! cargo run --example block -- [grid spacing, m] [law] [method] [threads]
 //! ```
 //!
-//! Laws are `neo-hookean`, `hencky` and `von-mises`, methods `mpm` and `gimp`; 0.25 m, `neo-hookean`, `mpm` and 1 where
-//! not given.
+//! Laws: `neo-hookean`, `hencky`, `von-mises`; methods: `mpm`, `gimp`. Defaults: 0.25 m, `neo-hookean`, `mpm`, 1
+//! thread.
 #![allow(clippy::print_stdout, reason = "a program")]
 
 use std::time::Instant;
@@ -26,7 +25,7 @@ use mpm::timing::Phase;
 
 /// Side of the block, [m].
 const SIDE: f64 = 4.0;
-/// Points per cell along each axis.
+/// Number of points per cell along each axis.
 const PER_AXIS: usize = 3;
 const DENSITY: f64 = 1000.0;
 
@@ -78,7 +77,7 @@ fn run(spacing: f64, law: Box<dyn Material>, method: Method) {
     println!("        {:.0} bytes per point at the peak", peak * 1_048_576.0 / n);
 }
 
-/// Resident memory now and at most so far, [MiB]; 0 where the system does not tell.
+/// Current and peak resident memory, [MiB]; 0 if the operating system does not report them.
 fn memory() -> [f64; 2] {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     ["VmRSS:", "VmHWM:"].map(|key| {
@@ -135,7 +134,7 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
     (model, points)
 }
 
-/// An even lattice of `count` points along each axis.
+/// A regular lattice of `count` points along each axis.
 fn seeds(count: usize, law: &dyn Material, method: Method) -> Vec<Seed<3>> {
     let distance = SIDE / count as f64;
     let volume = distance.powi(3);

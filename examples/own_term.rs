@@ -1,12 +1,12 @@
-//! A part of equilibrium of one's own, from outside the library: a smooth wall that does not follow the grid, by a penalty on
-//! the points that are behind it.
+//! A user-defined term of equilibrium, implemented outside the library: a smooth wall that is independent of the grid,
+//! by a penalty on the points behind it.
 //!
 //! ```sh
 //! cargo run --example own_term
 //! ```
 //!
-//! A block of clay slides down between a vertical side and an inclined wall. Nothing else holds it up, so that the force of the
-//! wall is known: its part along y is the weight.
+//! A block of clay slides down between a vertical side and an inclined wall. Nothing else supports it, so the force of
+//! the wall is known: its y component equals the weight.
 #![allow(clippy::print_stdout, reason = "a program")]
 
 use mpm::assembly::{System, Wanted};
@@ -21,22 +21,22 @@ use mpm::solver::{Silent, SolveError, Stepper, Summary};
 use mpm::step::{At, StepContext};
 use mpm::terms::{Ledger, LoadNotFinite, PointFailure, Term};
 
-/// Points x with normal·x < offset are behind the wall. It pushes them back with a force per volume of `stiffness` times
-/// their distance from it.
+/// A wall. Points x with normal·x < offset are behind it; it pushes them back with a force per volume of `stiffness`
+/// times their distance from the wall.
 struct Wall {
     normal: [f64; 2],
     offset: f64,
     stiffness: f64,
-    /// Force on the bodies in the step in hand, and at the end of the last one in equilibrium, [force].
+    /// Force on the bodies in the current iteration, and at the last converged step (`converged`), [force].
     trial: [f64; 2],
-    /// Energy of the penalty, now and when the analysis began, [energy].
+    /// Energy of the penalty, now and at the start of the analysis (`at_start`), [energy].
     stored: f64,
     at_start: f64,
     converged: [f64; 2],
 }
 
 impl Wall {
-    /// How far the plane through `origin` at an angle above the horizontal is a wall.
+    /// A wall through `origin`, inclined by `angle` above the horizontal.
     fn inclined(angle: f64, origin: [f64; 2], stiffness: f64) -> Wall {
         let normal = [-angle.sin(), angle.cos()];
         let offset = normal[0] * origin[0] + normal[1] * origin[1];
@@ -61,7 +61,7 @@ impl Term<2> for Wall {
         Ok(())
     }
 
-    // Nodes of a point share its group: no further ones are coupled.
+    // Nodes of a point are in the same group, so the term couples no further nodes.
     fn evaluate(
         &mut self,
         step: &StepContext<2>,
@@ -85,7 +85,7 @@ impl Term<2> for Wall {
                     continue;
                 }
                 let k = self.stiffness * points.original_volume[p];
-                // f_int resists: its part here points into the wall.
+                // The internal force resists the motion: the contribution of the wall points into the wall.
                 let internal = self.normal.map(|n| k * distance * n);
                 for &(node, value) in &links {
                     let force = &mut sum.internal_force_mut()[node];
@@ -98,7 +98,7 @@ impl Term<2> for Wall {
                 }
                 for &(row, of_row) in &links {
                     for &(column, of_column) in &links {
-                        // A symmetric system keeps the lower triangle only.
+                        // A symmetric system stores the lower triangle only.
                         if let Some(place) = sum.place(row, column) {
                             let factor = k * of_row * of_column;
                             let block = self.normal.map(|a| self.normal.map(|b| factor * a * b));
@@ -189,12 +189,12 @@ fn block() -> (Model<2>, Points<2>) {
 
 fn run(angle: f64) -> Result<Summary, SolveError> {
     let (model, mut points) = block();
-    // It touches the lowest points at the start.
+    // The wall touches the lowest points at the start.
     let wall = Wall::inclined(angle, [SIDE, 1.1], 1e7);
     Stepper::new(&model, &mut points).with_terms(vec![Box::new(wall)])?.run(&mut Silent)
 }
 
-/// The force of the wall at the end, [force].
+/// Force of the wall at the end of the analysis, [force].
 fn force_of(summary: &Summary) -> Option<[f64; 2]> {
     serde_json::from_value(summary.terms.get("wall")?.clone()).ok()
 }
@@ -219,7 +219,7 @@ mod tests {
             assert!((y / WEIGHT - 1.0).abs() < 1e-8, "{angle}: {y}");
             // The wall is smooth: its force is normal to it.
             assert!((x + y * f64::tan(angle)).abs() < 1e-8 * WEIGHT, "{angle}: {x}");
-            // Its energy is part of the balance.
+            // The energy of the wall is part of the energy balance.
             assert!(summary.energy_error().abs() < 0.1, "{angle}: {}", summary.energy_error());
         }
     }

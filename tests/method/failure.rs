@@ -1,4 +1,4 @@
-//! What an analysis says when a step has no equilibrium.
+//! Messages and diagnoses of analyses in which a step has no equilibrium.
 #![allow(non_snake_case)]
 #![allow(clippy::unwrap_used)]
 
@@ -26,7 +26,7 @@ fn cantilever() -> (Model<2>, Points<2>) {
 /// Position of a node and the force out of balance there.
 type Imbalance = ([f64; 2], [f64; 2]);
 
-/// The first load step with one linear solve, by dense matrices: what every active node lacks to equilibrium, and the
+/// The first load step after one linear solve, with dense matrices: out-of-balance force at every active node, and the
 /// residual of eq. (40).
 fn after_one_solve() -> (Vec<Imbalance>, f64) {
     let (model, mut points) = cantilever();
@@ -35,7 +35,7 @@ fn after_one_solve() -> (Vec<Imbalance>, f64) {
     let n = links.n_active();
     let place: Vec<[f64; 2]> =
         links.active_nodes().iter().map(|&node| model.grid.node_position(node as usize)).collect();
-    // The root is held along x, the node at its middle along y as well.
+    // The root is fixed along x, its middle node also along y.
     let free: Vec<usize> = (0..2 * n)
         .filter(|i| {
             let [x, y] = place[i / 2];
@@ -75,7 +75,7 @@ fn after_one_solve() -> (Vec<Imbalance>, f64) {
     let (mut forces, mut out, mut applied) = (Vec::new(), 0.0, 0.0);
     for a in 0..n {
         let total: [f64; 2] = std::array::from_fn(|d| {
-            // External force, and the linearised reaction where the node is held.
+            // External force, plus the linearised reaction where the node is fixed.
             if free.contains(&(2 * a + d)) { f_ext[a][d] } else { resisted[a][d] }
         });
         let force: [f64; 2] = std::array::from_fn(|d| total[d] - sum.system().internal_force()[a][d]);
@@ -110,7 +110,7 @@ fn the_node_farthest_from_equilibrium_is_named() {
     assert!(message.contains(&format!("node ({:.6}, {:.6})", place[0], place[1])), "{message}");
 }
 
-/// Why a square of one point per cell, in a grid of 6 by 6 cells of side 1, cannot be analysed.
+/// Error of a square with one point per cell, in a grid of 6 × 6 cells of side 1.
 fn failure_of_square(side: u32, method: &str, rest: &str) -> SolveError {
     let text = format!(
         "version: 1
@@ -125,7 +125,7 @@ bodies: [{{name: square, material: m, shape: {{type: box, min: [0, 0], max: [{si
     solver::run(&model, &mut points, &mut Silent).unwrap_err()
 }
 
-/// In the last step as well: no later step would notice.
+/// The last step must check its result as well, because no later step would.
 #[test]
 fn a_domain_that_leaves_the_grid_is_an_error() {
     let rest = "boundary_conditions: [{name: all, nodes: {outer_layer: square}, ux: 2.2, uy: 0}]
@@ -156,7 +156,7 @@ steps: {count: 1}";
     );
 }
 
-/// The deck is refused before a run begins; later steps can only be judged when they come.
+/// The deck is checked before the run; later steps can only be checked when they begin.
 #[test]
 fn what_the_first_step_cannot_begin_with_is_an_error_of_any_step() {
     let error = failure_of_square(

@@ -1,5 +1,5 @@
-//! Files of the VTU writer for the independent reader `vtkio`, which in version 0.7.0-rc2 cannot read appended arrays that are
-//! not text: here they are made inline text for it.
+//! Converts VTU files for the independent reader `vtkio`, which in version 0.7.0-rc2 cannot read appended binary
+//! arrays: arrays are rewritten as inline text.
 
 #![allow(clippy::unwrap_used, dead_code)]
 
@@ -11,7 +11,7 @@ use base64::engine::general_purpose::STANDARD;
 use vtkio::Vtk;
 use vtkio::model::{DataSet, Piece, UnstructuredGridPiece};
 
-/// The one piece of a file.
+/// The only piece of a file.
 pub fn read(path: &Path) -> UnstructuredGridPiece {
     let vtk = Vtk::parse_xml(io::Cursor::new(inline(path))).unwrap();
     let DataSet::UnstructuredGrid { mut pieces, .. } = vtk.data else { panic!("not an unstructured grid") };
@@ -22,7 +22,7 @@ pub fn read(path: &Path) -> UnstructuredGridPiece {
     }
 }
 
-/// The XML of a file, and the bytes appended to it.
+/// The XML of a file, and the appended bytes.
 pub fn parts(path: &Path) -> (String, Vec<u8>) {
     let bytes = fs::read(path).unwrap();
     let mark = b"<AppendedData encoding=\"raw\">\n_";

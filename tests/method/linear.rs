@@ -1,10 +1,10 @@
-//! The linear solver where a factorisation without pivoting is not accurate.
+//! The linear solver on matrices for which factorisation without pivoting is inaccurate.
 #![allow(clippy::unwrap_used)]
 
 use mpm::linear::{Direct, LinearSolver, Pattern};
 
-/// A symmetric tridiagonal matrix, by its lower triangle: pairs of unknowns with the block [[pivot, 1], [1, 0]],
-/// and `link` between one pair and the next.
+/// A symmetric tridiagonal matrix, stored as its lower triangle: pairs of unknowns with the block [[pivot, 1], [1, 0]],
+/// and the entry `link` between consecutive pairs.
 struct Pairs {
     n: usize,
     pivot: f64,
@@ -42,7 +42,7 @@ impl Pairs {
     }
 }
 
-/// With a pivot of 1e-20 the multipliers of LDLᵀ are 1e20 and nothing is left of the matrix; the matrix itself is
+/// With a pivot of 1e-20 the multipliers of LDLᵀ are 1e20, and all information about the matrix is lost although it is
 /// well conditioned.
 #[test]
 fn an_inaccurate_factorisation_is_noticed() {
@@ -54,7 +54,7 @@ fn an_inaccurate_factorisation_is_noticed() {
             solver.analyse(pattern.clone(), &|| (0..n).collect()).unwrap();
             let exact: Vec<f64> = (0..n).map(|i| 1.0 + (i as f64).sin()).collect();
             solver.factorise(&values).unwrap();
-            // Twice: the second right-hand side must profit from what the first has shown.
+            // Solve twice: the second right-hand side must benefit from what the first one has revealed.
             for scale in [1.0, 3.0] {
                 let b: Vec<f64> = matrix.multiply(&exact).iter().map(|b| b * scale).collect();
                 let mut x = b.clone();

@@ -1,4 +1,4 @@
-//! The method and its parts against oracles, closed forms and each other, and the files of results.
+//! The method and its parts, tested against oracles, closed forms and each other; and the result files.
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 #![allow(clippy::print_stdout, reason = "the measured numbers are part of the verification")]

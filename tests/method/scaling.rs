@@ -1,5 +1,6 @@
-//! Results do not depend on the units: in units that differ by powers of four they are the same to the last bit, from the
-//! smallest to the largest that are accepted. (Of a power of two, the square roots in the factor of the stiffness are not exact.)
+//! Results are independent of the units: in units that differ by powers of four they agree to the last bit, from the
+//! smallest to the largest accepted values. (With a factor of two, the square roots in the factorisation would not be
+//! exact.)
 
 #![allow(clippy::unwrap_used)]
 
@@ -9,7 +10,7 @@ use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::{Observer, StepReport, Summary};
 
-/// What a run is compared by, with the units taken out.
+/// Quantities compared between runs, without their units.
 #[derive(Debug, Default, PartialEq)]
 struct Record {
     residuals: Vec<f64>,
@@ -19,7 +20,7 @@ struct Record {
     works: Vec<f64>,
 }
 
-/// Takes down every step in units of length and stress.
+/// Records every step in units of length and stress.
 struct Recorder {
     length: f64,
     stress: f64,
@@ -99,7 +100,7 @@ fn results_are_the_same_in_all_units() {
     for (dimensions, (material, method)) in cases {
         let own = run(dimensions, material, method, [0, 0]);
         assert!(own.residuals.len() > 6 && own.works[0] > 0.0);
-        // Lengths from 1e-12 to 1e12; stresses up to the largest and down to the smallest that are accepted.
+        // Lengths from 1e-12 to 1e12; stresses over the whole accepted range.
         for scale in [[40, 0], [-40, 0], [0, 400], [0, -400], [6, -4], [40, -100], [-40, 100]] {
             let other = run(dimensions, material, method, scale);
             assert!(own == other, "{material} {method} in units of 2^{scale:?}");
@@ -107,7 +108,7 @@ fn results_are_the_same_in_all_units() {
     }
 }
 
-/// Loads that are too large for any equilibrium, or not even finite, end in an error.
+/// Loads too large for any equilibrium, or not finite, end in an error.
 #[test]
 fn loads_without_measure_are_errors() {
     for force in ["1e200", "1e308", "-1e308", "1e-320"] {

@@ -1,4 +1,4 @@
-//! The number of threads changes no bit of a result.
+//! Results do not depend on the number of threads, to the last bit.
 #![allow(clippy::unwrap_used)]
 
 use std::convert::Infallible;
@@ -11,7 +11,7 @@ use mpm::model::Model;
 use mpm::points::{Points, StoredField};
 use mpm::solver::{self, Observer, Solvable, StepReport, Summary};
 
-/// Everything a run computes, as bits.
+/// Complete result of a run, as bits.
 #[derive(Default)]
 struct Bits {
     residuals: Vec<u64>,
@@ -51,7 +51,7 @@ impl<const D: usize> Observer<D> for Bits {
 
 type Build<const D: usize> = fn(&LoadedDeck) -> Result<(Model<D>, Points<D>), Vec<Diagnostic>>;
 
-/// The first `steps` of the load steps of a deck, with this many threads.
+/// Runs the first `steps` load steps of a deck with this number of threads.
 fn run<const D: usize>(
     build: Build<D>,
     deck: &str,

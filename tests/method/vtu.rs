@@ -1,7 +1,7 @@
 //! Files of the VTU writer, read back with the independent reader `vtkio`.
 //!
-//! `vtkio` 0.7.0-rc2 cannot read two more forms that VTK itself writes: arrays without a block, and arrays whose last block
-//! is full. Those are decoded here by hand; `tests/python/test_vtu.py` reads them with VTK and meshio.
+//! `vtkio` 0.7.0-rc2 cannot read two further forms that VTK itself writes: arrays without a block, and arrays whose
+//! last block is full. These are decoded by hand here; `tests/python/test_vtu.py` reads them with VTK and meshio.
 
 #![allow(clippy::unwrap_used)]
 
@@ -13,10 +13,10 @@ use crate::inline_vtu::{parts, read};
 use mpm::output::vtu::{self, CellKind, Field, Kinds, Mesh, Values};
 use vtkio::model::{Attribute, CellType, IOBuffer, VertexNumbers};
 
-/// Numbers of 8 bytes in one compressed block of the writer.
+/// Number of 8-byte values in one compressed block of the writer.
 const BLOCK: usize = 65_520 / 8;
 
-/// The uncompressed bytes of every array of a name, decoded as VTK documents it.
+/// Uncompressed bytes of every array with a given name, decoded as documented by VTK.
 fn decoded(path: &Path, name: &str) -> Vec<Vec<u8>> {
     let (text, data) = parts(path);
     let start = format!("Name=\"{name}\"");
@@ -55,7 +55,7 @@ fn array<'a>(attributes: &'a [Attribute], name: &str) -> (u32, &'a IOBuffer) {
     }
 }
 
-/// Numbers without a pattern that would make wrong block borders look right.
+/// Values without a pattern that could hide misplaced block borders.
 fn irregular(count: usize) -> Vec<f64> {
     let mut state = 0x9e37_79b9_7f4a_7c15_u64;
     (0..count)
@@ -108,7 +108,7 @@ fn quads_with_all_kinds_of_fields() {
     assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1, "a temporary file is left");
 }
 
-/// Writes `count` vertices with three fields, the same on points and cells, in files that stay for the Python tests.
+/// Writes `count` vertices with three fields, as point and as cell data. The files are kept for the Python tests.
 fn write_blocks(count: usize) -> (std::path::PathBuf, Vec<[f64; 3]>, Vec<i64>) {
     let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("vtu");
     fs::create_dir_all(&directory).unwrap();

@@ -1,6 +1,6 @@
-//! A second, slow and obvious implementation of what happens at a point and of the sums over points: full matrices, their
-//! functions by the eigenvectors that nalgebra finds, plastic flow by bisection, and the stiffness by differences of the
-//! internal force. Compared with the program on random states of every method, law, idealisation and formulation.
+//! An independent, slow and simple implementation of the point kernel and of the sums over points: full matrices,
+//! spectral functions via nalgebra's eigenvectors, plastic flow by bisection, and stiffness by finite differences of
+//! the internal force. Compared with the program on random states of every method, law, idealisation and formulation.
 
 use mpm::assembly::Wanted;
 use mpm::basis::Method;
@@ -16,18 +16,18 @@ use proptest::test_runner::TestCaseError;
 use super::oracle::motions_of_point;
 use super::states::{Domain, FORMULATIONS, Law, Random, State, state_with};
 
-/// Young's modulus and Poisson's ratio to λ and μ.
+/// λ and μ from Young's modulus and Poisson's ratio.
 fn lame(young: f64, poisson: f64) -> (f64, f64) {
     (young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)), young / (2.0 * (1.0 + poisson)))
 }
 
-/// A function of a symmetric matrix.
+/// Isotropic function of a symmetric matrix.
 fn of_eigenvalues(matrix: &Mat3, function: impl Fn(f64) -> f64) -> Mat3 {
     let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(*matrix);
     eigenvectors * Mat3::from_diagonal(&eigenvalues.map(function)) * eigenvectors.transpose()
 }
 
-/// What becomes of a point.
+/// Response of a point.
 struct Outcome {
     /// Kirchhoff stress.
     tau: Mat3,
@@ -37,7 +37,7 @@ struct Outcome {
     kappa: f64,
 }
 
-/// The laws of [`state_with`], with their numbers.
+/// The laws of [`state_with`] with their parameters.
 fn respond(law: Law, body: u16, b_trial: Mat3, kappa: f64) -> Outcome {
     let identity = Mat3::identity();
     match (law, body) {
@@ -78,7 +78,7 @@ fn respond(law: Law, body: u16, b_trial: Mat3, kappa: f64) -> Outcome {
     }
 }
 
-/// The state of every point and the internal force on all nodes of the grid after an increment.
+/// State of every point and internal force at all nodes of the grid after an increment.
 fn evaluate<const D: usize, M: Mechanics<D>>(
     state: &State<D>,
     law: Law,
@@ -102,7 +102,7 @@ fn evaluate<const D: usize, M: Mechanics<D>>(
         let outcome = respond(law, points.body[p], increment * b_n * increment.transpose(), kappa); // (17)
         let inverse = increment.try_inverse().unwrap();
         for (degree, motion) in motions {
-            // The power of the stress in a motion of one degree of freedom, per original volume: τ : l with l of (8).
+            // Power of the stress in the motion of one degree of freedom, per original volume: τ : l with l of eq. (8).
             force[degree] +=
                 points.original_volume[p] * (outcome.tau * (motion * inverse).transpose()).trace();
         }
@@ -121,8 +121,8 @@ fn spread<const D: usize>(state: &State<D>, values: &[[f64; D]]) -> DVector<f64>
     all
 }
 
-/// Compares states of points, internal force, and the change of the force along a random direction. `None` where a point
-/// begins or ends to flow on the way, so that there is no derivative.
+/// Compares point states, internal force, and the change of the force along a random direction. `None` if a point
+/// starts or stops flowing in between, because the derivative does not exist there.
 fn check<const D: usize, M: Mechanics<D>>(
     state: &mut State<D>,
     law: Law,
@@ -182,7 +182,7 @@ fn check<const D: usize, M: Mechanics<D>>(
             (base.iter().zip(&direction)).map(|(u, x)| std::array::from_fn(|d| u[d] + by * x[d])).collect();
         evaluate::<D, M>(state, law, &moved)
     };
-    // Richardson's extrapolation of central differences: an error of fourth order.
+    // Richardson extrapolation of central differences; the error is of fourth order.
     let step = 1e-4;
     let [(a, fa), (b, fb), (c, fc), (d, fd)] = [step, -step, 2.0 * step, -2.0 * step].map(at);
     if [a, b, c, d].iter().any(|o| flows(o) != flows(&outcomes)) {
@@ -194,7 +194,7 @@ fn check<const D: usize, M: Mechanics<D>>(
     Ok(())
 }
 
-/// Everything that a state may be made of.
+/// All combinations of properties of a state.
 fn kinds() -> impl Strategy<Value = (Method, Domain, Law, Formulation, u64, usize)> {
     let methods = vec![
         (Method::Mpm, Domain::Box),

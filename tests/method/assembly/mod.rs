@@ -1,5 +1,5 @@
-//! Internal force and stiffness: against a second, obvious implementation, against differences, and against each
-//! other in the two formulations.
+//! Internal force and stiffness: against an independent implementation, against finite differences, and between the two
+//! formulations.
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::needless_range_loop, reason = "index notation, as in the paper")]
 

@@ -1,6 +1,7 @@
-//! A slow, obvious second implementation: plain loops over points and degrees of freedom into dense arrays, the basis
-//! as integrals of hat functions, the transcribed updated Lagrangian kernel in three dimensions with the motion of each
-//! degree of freedom as a 3×3 displacement gradient; no groups, batches, patterns or closed forms.
+//! An independent, slow and simple implementation: plain loops over points and degrees of freedom into dense arrays,
+//! the basis as integrals of hat functions, and the transcribed updated Lagrangian kernel in three dimensions with the
+//! motion of each degree of freedom as a 3×3 displacement gradient. No groups, batches, sparsity patterns or closed
+//! forms.
 
 use mpm::assembly::Wanted;
 use mpm::basis::{DomainKind, Method};
@@ -13,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::states::{FORMULATIONS, Law, State, cases, large_random_state, random_state};
 
-/// The hat function of a node at 0 with cells of length h, and its slope.
+/// Hat function of a node at 0 with cells of length h, and its slope.
 fn hat(h: f64, x: f64) -> (f64, f64) {
     if x.abs() < h { (1.0 - x.abs() / h, -x.signum() / h) } else { (0.0, 0.0) }
 }
@@ -28,7 +29,7 @@ fn hat_integral(h: f64, x: f64) -> f64 {
     }
 }
 
-/// S and dS/dx along one axis at distance x from the node: the hat function, or its mean over [x − l, x + l].
+/// S and dS/dx along one axis at distance x from the node: the hat function or its mean over [x − l, x + l].
 fn basis(method: Method, h: f64, x: f64, l: f64) -> (f64, f64) {
     match method {
         Method::Mpm => hat(h, x),
@@ -39,7 +40,7 @@ fn basis(method: Method, h: f64, x: f64, l: f64) -> (f64, f64) {
     }
 }
 
-/// Points and weights of Gauss' rule with five points on [0, 1].
+/// Points and weights of the five-point Gauss rule on [0, 1].
 fn gauss() -> [(f64, f64); 5] {
     let root = (10.0_f64 / 7.0).sqrt();
     let (near, far) = ((5.0 - 2.0 * root).sqrt() / 3.0, (5.0 + 2.0 * root).sqrt() / 3.0);
@@ -48,8 +49,8 @@ fn gauss() -> [(f64, f64); 5] {
         .map(|(x, w)| (0.5 * (1.0 + x), 0.5 * w))
 }
 
-/// Means over a domain of the functions of its corners and of their gradients, by brute force: N_c is a product of
-/// linear functions of parameters in a quadrilateral or hexahedron, and a linear function of them in a simplex.
+/// Means over a domain of the shape functions of its corners and of their gradients, by quadrature. N_c is a product of
+/// linear functions of the parameters in a quadrilateral or hexahedron, and a linear function in a simplex.
 fn means_of_corners<const D: usize>(corners: &[[f64; D]]) -> Vec<(f64, [f64; D])> {
     let simplex = corners.len() == D + 1;
     let functions = |at: [f64; D]| -> Vec<(f64, DVector<f64>)> {
@@ -72,7 +73,7 @@ fn means_of_corners<const D: usize>(corners: &[[f64; D]]) -> Vec<(f64, [f64; D])
         let rule: [(f64, f64); D] = std::array::from_fn(|d| gauss()[number / 5_usize.pow(d as u32) % 5]);
         let (mut at, mut collapsed) = (rule.map(|(x, _)| x), 1.0);
         if simplex {
-            // The cube of parameters collapses into a simplex, one axis after the other.
+            // Collapse the parameter cube to a simplex, one axis after the other.
             for d in 1..D {
                 let left: f64 = 1.0 - at[..d].iter().sum::<f64>();
                 at[d] *= left;
@@ -124,7 +125,7 @@ fn basis_of_point<const D: usize>(state: &State<D>, p: usize) -> Vec<(f64, [f64;
     (0..model.grid.n_nodes()).map(at_node).collect()
 }
 
-/// The displacement gradient at a point when a degree of freedom, D × node + axis, moves by 1.
+/// Displacement gradient at a point for a unit motion of each degree of freedom, with index D × node + axis.
 pub fn motions_of_point<const D: usize, M: Mechanics<D>>(state: &State<D>, p: usize) -> Vec<(usize, Mat3)> {
     let mut motions = Vec::new();
     for (node, (value, gradient)) in basis_of_point(state, p).into_iter().enumerate() {
@@ -184,7 +185,7 @@ fn dense<const D: usize, M: Mechanics<D>>(state: &State<D>) -> (DVector<f64>, DM
     (f, k)
 }
 
-/// f_int and K of the program, spread over all nodes of the grid.
+/// f_int and K of the program, expanded to all nodes of the grid.
 fn assembled<const D: usize, M: Mechanics<D>>(state: &mut State<D>) -> (DVector<f64>, DMatrix<f64>) {
     let State { model, points, links, delta_d } = state;
     let mut sum = Sum::of_bodies::<M>(&StepContext::first(model, links), points).unwrap();
@@ -245,7 +246,7 @@ fn internal_force_and_stiffness_in_three_dimensions_equal_those_of_plain_loops()
     check_all::<3, Solid>(cases());
 }
 
-/// A grid with enough groups for several batches.
+/// The grid has enough groups for several batches.
 #[test]
 fn batches_are_merged_without_loss() {
     for law in [Law::Both, Law::Skewed] {

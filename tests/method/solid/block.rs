@@ -1,4 +1,4 @@
-//! A block that settles under its own weight, a quarter of it between two planes of symmetry: what it costs.
+//! Cost of a block that settles under its own weight; a quarter of it between two symmetry planes.
 
 use mpm::basis::Method;
 use mpm::domain::DomainUpdate;
@@ -38,7 +38,7 @@ fn block(h: f64, n: usize) -> (Model<3>, Points<3>) {
     (model, points)
 }
 
-/// Runs on some threads and prints what it takes.
+/// Runs with `threads` threads and prints the cost.
 fn measure(h: f64, n: usize, threads: usize) -> (Points<3>, Summary) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {

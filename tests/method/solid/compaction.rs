@@ -1,5 +1,5 @@
-//! Compaction of an elastic column under its own weight in space, against the closed form of Coombs et al. (2020),
-//! section 7.1, and the errors in the plane.
+//! Compaction of an elastic column under its own weight in space, compared with the closed form of Coombs et al.
+//! (2020), section 7.1, and with the errors in the plane.
 
 use mpm::basis::Method;
 use mpm::domain::DomainUpdate;
@@ -13,7 +13,7 @@ use super::bodies::{Filling, cells_in, fill, fixed, model, nodes_where, watch};
 const HEIGHT: f64 = 50.0;
 const WEIGHT: f64 = 800.0; // ρ₀ g, per original volume
 
-/// Eq. (42) of a column one cell wide and deep, with `n` points per cell along it and two across, which hold the
+/// Eq. (42) for a column one cell wide and deep, with `n` points per cell along it and two across, which keep the
 /// cross-section plane; σ_a of eq. (41) is compressive.
 fn stress_error(method: Method, update: DomainUpdate, n: usize, elements: usize) -> f64 {
     let h = HEIGHT / elements as f64;
@@ -37,7 +37,7 @@ fn stress_error(method: Method, update: DomainUpdate, n: usize, elements: usize)
     let outcome = watch(&model, &mut points, |_, report| carried = report.reactions[2][2]);
     outcome.unwrap_or_else(|error| panic!("{method:?} {update:?} {elements}: {error}"));
     let weight = WEIGHT * HEIGHT * h * h;
-    // Domains that are not updated reach through the base, and what is outside has no weight.
+    // Domains that are not updated extend through the base; the part outside the grid has no weight.
     let inside = update != DomainUpdate::None || method == Method::Mpm;
     assert!(!inside || (carried / weight - 1.0).abs() < 1e-8, "the base carries {carried} of {weight}");
     let (mut sum, mut volume) = (0.0, 0.0);
@@ -62,8 +62,8 @@ fn in_the_plane(method: &str, update: &str, n: usize, elements: usize) -> f64 {
     found.unwrap_or_else(|| panic!("no row {method} {update} {n} {elements}"))[5].parse().unwrap()
 }
 
-/// The column moves along its axis only, and so do its domains wherever an update looks at each axis for itself: the
-/// errors are those in the plane.
+/// The column and its domains deform along its axis only if the update treats each axis separately. The errors must
+/// then equal those in the plane.
 #[test]
 fn errors_are_those_in_the_plane() {
     for (method, name, update, update_name) in [
@@ -83,7 +83,7 @@ fn errors_are_those_in_the_plane() {
     }
 }
 
-/// As in the plane, Fig. 7: the error keeps falling, at an order that grows towards two.
+/// As in the plane, Fig. 7: the error keeps decreasing, with an order that approaches two.
 #[test]
 fn the_stress_converges_when_domains_follow_the_deformation() {
     for (method, update) in [

@@ -1,4 +1,4 @@
-//! A cone of clay under its own weight: the body of revolution against a quarter of it in space.
+//! A cone of clay under its own weight: the axisymmetric model compared with a quarter model in space.
 
 use std::collections::BTreeMap;
 
@@ -8,10 +8,10 @@ use mpm::solver::{self, Silent};
 
 use super::decks::{of_inputs, run_of_inputs};
 
-/// Side of the rings over which displacements are averaged, m.
+/// Size of the rings over which displacements are averaged, [m].
 const RING: f64 = 0.5;
 
-/// Mean displacement along the radius and the height, and volume, of the points in each ring of the original body.
+/// For each ring of the original body: mean radial and vertical displacement of its points, and their volume.
 type Rings = BTreeMap<(i32, i32), ([f64; 2], f64)>;
 
 fn rings(points: impl Iterator<Item = ([f64; 2], [f64; 2], f64)>) -> Rings {
@@ -41,7 +41,7 @@ fn of_quarter(points: &Points<3>) -> Rings {
     }))
 }
 
-/// Distance between the two bodies, m: root mean square over all rings, and over the outermost ones, the profile.
+/// Difference between the two bodies, [m]: root mean square over all rings, and over the outermost ones (the profile).
 fn distances(a: &Rings, b: &Rings) -> [f64; 2] {
     let (mut sum, mut volume) = (0.0, 0.0);
     let mut outermost: BTreeMap<i32, (i32, f64)> = BTreeMap::new();
@@ -56,7 +56,7 @@ fn distances(a: &Rings, b: &Rings) -> [f64; 2] {
     [(sum / volume).sqrt(), profile.sqrt()]
 }
 
-/// The top comes down by 0.27 m; the profiles of the two models come together with refinement.
+/// The top settles by 0.27 m; the profiles of the two models converge to each other under refinement.
 #[test]
 fn a_quarter_in_space_is_the_body_of_revolution() {
     let found = ["0.5", "0.25", "0.125"].map(|h| {

@@ -1,4 +1,4 @@
-//! Files of analyses in space, checked here for their kinds of cells and in `tests/python/test_solid.py` with VTK.
+//! Result files of analyses in space. Cell types are checked here, contents in `tests/python/test_solid.py` with VTK.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -21,7 +21,7 @@ use vtkio::model::CellType;
 use super::bodies::{Filling, cells_in, fill, homogeneous, mesh, model};
 use crate::inline_vtu::read;
 
-/// Stretches and turns a block in two steps, with all files; they stay for the Python tests.
+/// Stretches and rotates a block in two steps and writes all files, which are kept for the Python tests.
 fn results(
     name: &str,
     grid: impl Grid<3> + 'static,

@@ -1,4 +1,4 @@
-//! Homogeneous motions: no stress under rotation, uniform stress under stretch, whatever the method and the grid.
+//! Homogeneous motions: no stress under rotation, uniform stress under stretch, for every method and grid.
 
 use mpm::basis::Method;
 use mpm::domain::DomainUpdate;
@@ -26,7 +26,7 @@ enum Kind {
 /// Centre of the block.
 const CENTRE: [f64; 3] = [4.0; 3];
 
-/// All methods on all grids that they can do; parts per cell and axis.
+/// All supported combinations of grid and method, with parts per cell and axis.
 const CASES: [(Kind, Method, [usize; 3]); 10] = [
     (Kind::Structured, Method::Mpm, [2; 3]),
     (Kind::Structured, Method::Gimp, [2; 3]),
@@ -40,13 +40,13 @@ const CASES: [(Kind, Method, [usize; 3]); 10] = [
     (Kind::Tetrahedra, Method::Cpdi2, [1; 3]),
 ];
 
-/// Whether the points of an undeformed body integrate the gradients of the basis exactly: not those of standard points
-/// in distorted hexahedra, whose basis is no polynomial in x.
+/// True if the points of an undeformed body integrate the gradients of the basis exactly. False for standard points in
+/// distorted hexahedra, whose basis is not polynomial in x.
 fn is_exact(kind: Kind, method: Method) -> bool {
     (kind, method) != (Kind::Hexahedra, Method::Mpm)
 }
 
-/// What a step leaves: the largest differences of the deformation gradient, and of the stress by Young's modulus.
+/// Result of a step: largest error of the deformation gradient, and of the stress relative to Young's modulus.
 #[derive(Debug, Default)]
 struct Errors {
     gradient: f64,
@@ -63,8 +63,8 @@ fn stress_of(f: &Mat3) -> Sym3 {
     Elasticity::from_young_poisson(YOUNG, POISSON).stress(&logarithmic_strain(f))
 }
 
-/// Moves the body by increments about its centre; `everywhere` on all nodes, else on those that its outer layer
-/// touches.
+/// Moves the body in increments about its centre; prescribes all nodes if `everywhere`, otherwise those touched by the
+/// outer layer.
 fn moved(
     (kind, method, n): (Kind, Method, [usize; 3]),
     update: DomainUpdate,
@@ -109,7 +109,7 @@ fn moved(
     errors
 }
 
-/// 90° about a skew axis in six increments; the interior is free.
+/// 90° about an oblique axis in six increments; the interior is free.
 #[test]
 fn rotation_leaves_no_stress() {
     let increment = rotation([1.0, 2.0, 3.0], 15f64.to_radians());
@@ -120,7 +120,7 @@ fn rotation_leaves_no_stress() {
     }
 }
 
-/// Stretches of 1.4, 0.8 and 1.1 with shear and a turn by 40° at once; the interior is free.
+/// Stretches of 1.4, 0.8 and 1.1 combined with shear and a rotation by 40°; the interior is free.
 #[test]
 fn a_large_step_gives_uniform_stress() {
     let increment = rotation([-1.0, 0.5, 1.0], 40f64.to_radians())
@@ -132,13 +132,13 @@ fn a_large_step_gives_uniform_stress() {
     }
 }
 
-/// An increment that stretches and turns.
+/// An increment that stretches and rotates.
 fn stretch_and_turn() -> Mat3 {
     rotation([0.3, 1.0, -0.4], 12f64.to_radians())
         * Mat3::new(1.02, 0.02, 0.0, 0.0, 0.96, 0.03, 0.0, 0.0, 1.01)
 }
 
-/// The domains of CPDI go on filling the body without gaps and integrate exactly in every step; the interior is free.
+/// The domains of CPDI keep filling the body without gaps, so that every step integrates exactly; the interior is free.
 #[test]
 fn increments_give_uniform_stress_under_cpdi() {
     let cpdi = |method: Method| matches!(method, Method::Cpdi1 | Method::Cpdi2);
@@ -149,7 +149,7 @@ fn increments_give_uniform_stress_under_cpdi() {
     }
 }
 
-/// With all nodes prescribed, gradients, stress and the updates of the domains are exact for every method.
+/// With all nodes prescribed, gradients, stresses and domain updates are exact for every method.
 #[test]
 fn increments_give_uniform_stress_where_all_nodes_move() {
     for case in CASES {
@@ -164,7 +164,7 @@ fn increments_give_uniform_stress_where_all_nodes_move() {
         DomainUpdate::DiagonalCorrected,
         DomainUpdate::DiagonalIncremental,
     ] {
-        // Up to 48°: the diagonal of F stays positive.
+        // Up to 48°, so that the diagonal of F stays positive.
         let errors = moved((Kind::Structured, Method::Gimp, [2; 3]), update, stretch_and_turn(), 4, true);
         assert!(errors.stress < 1e-12 && errors.gradient < 1e-12, "{update:?}: {errors:?}");
     }

@@ -1,4 +1,4 @@
-//! Simple shear of a cube along x on planes inclined to the axes: the stress of every point is that of the law.
+//! Simple shear of a cube along x on inclined planes: the stress of every point is that of the law.
 
 use std::f64::consts::SQRT_2;
 
@@ -20,15 +20,15 @@ const STEPS: usize = 10;
 /// Normal of the sheared planes.
 const NORMAL: [f64; 3] = [0.0, 0.8, 0.6];
 
-/// F at a shear.
+/// F for a given shear.
 fn gradient(gamma: f64) -> Mat3 {
     let mut f = Mat3::identity();
     (0..3).for_each(|d| f[(0, d)] += gamma * NORMAL[d]);
     f
 }
 
-/// τ = 2G ½ ln b. In the plane of the direction and the normal, with sinh a = γ/2, ½ ln b = a N with N = [[γ/2, 1],
-/// [1, −γ/2]] / cosh a; see the shear of the plane.
+/// τ = 2G ½ ln b. In the plane of the direction and the normal, with sinh a = γ/2, ½ ln b = a N with N = [[γ/2, 1], [1,
+/// −γ/2]] / cosh a; see the plane shear test.
 fn elastic_stress(gamma: f64) -> Sym3 {
     let shear_modulus = YOUNG / (2.0 * (1.0 + POISSON));
     let tau_12 = 2.0 * shear_modulus * (gamma / 2.0).asinh() / (1.0 + gamma * gamma / 4.0).sqrt();
@@ -39,7 +39,7 @@ fn elastic_stress(gamma: f64) -> Sym3 {
     Sym3::symmetric_part(&(turn * in_plane * turn.transpose()))
 }
 
-/// The law alone, driven by equal increments of shear: the stress after each.
+/// Drives the law alone with equal shear increments; returns the stress after each.
 fn driven(law: &dyn Material) -> Vec<Sym3> {
     let df = gradient(D_GAMMA);
     let mut strain = Sym3::ZERO;
@@ -57,12 +57,13 @@ fn driven(law: &dyn Material) -> Vec<Sym3> {
     stresses
 }
 
-/// Stress of every point after every step of the shear of a unit cube in cells of 1/5, and the most unknowns.
+/// Stress of every point after every step of the shear of a unit cube in cells of 1/5, and the largest number of
+/// unknowns.
 fn shear(law: impl Material + Clone + 'static, method: Method, n: usize) -> (Vec<Vec<Sym3>>, usize) {
     let grid = Structured::<3>::new([0.0; 3], [0.2; 3], [20, 5, 5]);
     let filling = Filling { method, n: [n; 3], density: 0.0 };
     let mut seeds = fill(&grid, &cells_in(&grid, [0.0; 3], [1.0; 3]), filling, &law);
-    // Only the outermost points of the outer cells lead.
+    // Only the outermost points of the outer cells prescribe the motion.
     for seed in &mut seeds {
         let depth = seed.position.iter().map(|x| x.min(1.0 - x)).fold(f64::MAX, f64::min);
         seed.outer_layer = depth < 0.2 / n as f64;

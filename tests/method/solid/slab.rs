@@ -1,5 +1,5 @@
-//! A slab one cell thick whose faces keep their distance is in plane strain: the paper's cantilever and collapse, drawn
-//! out of the plane.
+//! A slab one cell thick with faces at a fixed distance is in plane strain: the paper's cantilever and collapse,
+//! extruded out of the plane.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use mpm::solver::{self, Observer, StepReport, Summary};
 
 use super::bodies::watch;
 
-/// Points through the thickness.
+/// Number of points through the thickness.
 const LAYERS: usize = 2;
 
 fn in_the_plane(deck: &str, set: &[(&str, &str)]) -> (Model<2>, Points<2>) {
@@ -21,7 +21,7 @@ fn in_the_plane(deck: &str, set: &[(&str, &str)]) -> (Model<2>, Points<2>) {
     build(&load(&path, &set).unwrap_or_else(|e| panic!("{e}"))).unwrap_or_else(|e| panic!("{e:?}"))
 }
 
-/// The points of the plane, [`LAYERS`] of each through a thickness.
+/// The points of the plane model, each repeated [`LAYERS`] times through the thickness.
 fn drawn_out(points: &Points<2>, thickness: f64) -> Vec<Seed<3>> {
     let part = thickness / LAYERS as f64;
     let layer = |p: usize, layer: usize| {
@@ -44,7 +44,7 @@ fn drawn_out(points: &Points<2>, thickness: f64) -> Vec<Seed<3>> {
     (0..points.len()).flat_map(|p| (0..LAYERS).map(move |k| layer(p, k))).collect()
 }
 
-/// The model of the plane, drawn out; conditions of the plane must fix, not move.
+/// The plane model, extruded. Its boundary conditions must fix nodes, not move them.
 fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
     let grid = plane.grid.structured().unwrap();
     let [nx, ny] = grid.cells();
@@ -130,8 +130,8 @@ impl Observer<2> for Recorder {
     }
 }
 
-/// After each step, the largest distance of a point of the slab from its place in the plane or the largest difference
-/// of its stress, relative to the largest displacement and stress so far.
+/// After each step, the larger of two differences between slab and plane model: position relative to the largest
+/// displacement so far, and stress relative to the largest stress so far.
 fn compare(deck: &str, set: &[(&str, &str)]) -> Vec<f64> {
     let (model, mut points) = in_the_plane(deck, set);
     let start: Vec<[f64; 2]> = points.original_position.clone();
@@ -165,8 +165,8 @@ fn compare(deck: &str, set: &[(&str, &str)]) -> Vec<f64> {
     differences
 }
 
-/// Compares under a method and a domain update over the first `steps` steps, then states how far apart the rest is;
-/// eq. (37) spreads the correction of the volume over as many axes as there are, so GIMP is compared under (34).
+/// Compares the models with a method and a domain update over the first `steps` steps; `rest` bounds the difference
+/// afterwards. Eq. (37) distributes the volume correction over all axes, so GIMP is compared under eq. (34).
 fn check(deck: &str, method: &str, update: &str, n: &str, steps: usize, rest: f64) {
     let set = [("method", method), ("update", update), ("n", n), ("steps", "25")];
     let differences = compare(deck, &set);
@@ -176,8 +176,8 @@ fn check(deck: &str, method: &str, update: &str, n: &str, steps: usize, rest: f6
     assert!(first < 1e-9 && all < rest, "{method}: {differences:?}");
 }
 
-/// With standard points and GIMP, a cell held by few points near its edge makes the matrix indefinite to working
-/// precision and multiplies round-off from then on, in the plane alone as well.
+/// With standard points and GIMP, a cell with few points near its edge makes the matrix indefinite to working
+/// precision. From then on round-off is amplified, in the plane model as well.
 #[test]
 fn the_cantilever() {
     check("beam.yaml", "cpdi2", "corners", "6", 25, 1e-9);

@@ -4,7 +4,7 @@ use mpm::points::Points;
 
 use super::decks::run_of_inputs;
 
-/// Mean and largest distance of the points from where they should be, the mean weighted with their original volume, m.
+/// Mean distance (weighted with the original volume) and largest distance of the points from the exact positions, [m].
 fn errors(points: &Points<3>) -> [f64; 2] {
     let (mut sum, mut volume, mut largest) = (0.0, 0.0, 0.0f64);
     for p in 0..points.len() {
@@ -20,7 +20,7 @@ fn errors(points: &Points<3>) -> [f64; 2] {
     [sum / volume, largest]
 }
 
-/// The displacement converges with order two, at a twist of one radian; the largest displacement is 0.24 m.
+/// The displacement converges with second order at a twist of one radian; the largest displacement is 0.24 m.
 #[test]
 fn a_twisted_bar_converges_with_order_two() {
     let all: Vec<[f64; 2]> =
