@@ -1,8 +1,8 @@
 //! Formulas written as text in a deck, such as `gamma*y` or `if(x < 1, 0, sin(pi*x))`.
 //!
-//! A Pratt parser turns the text into postfix code, which is evaluated on a stack of fixed size: evaluation neither
-//! allocates nor fails. Numbers, names, `+ - * / ^`, comparisons (1 or 0) and the usual functions are understood;
-//! `^` binds tighter than a sign in front of it and is right associative, so `-x^2` is `-(x^2)` and `2^3^2` is 512.
+//! A Pratt parser compiles the text to postfix code, which runs on a stack of fixed size: evaluation never allocates
+//! and never fails. The language has numbers, names, `+ - * / ^`, comparisons (1 if true, 0 if false) and the usual
+//! functions. `^` binds tighter than a leading sign and is right associative: `-x^2` is `-(x^2)` and `2^3^2` is 512.
 
 mod error;
 mod functions;
@@ -15,18 +15,18 @@ use parser::{Parser, number_length};
 pub use error::FormulaError;
 pub use spelling::closest;
 
-/// Most intermediate values that a formula may use.
+/// Largest number of intermediate values in a formula.
 pub const MOST_INTERMEDIATE: usize = 64;
-/// Most variables beside them: two positions in space and the load factor.
+/// Largest number of other variables: two positions in space and the load factor.
 const MOST_GIVEN: usize = 7;
 
-/// A formula ready to be evaluated.
+/// A compiled formula.
 #[derive(Debug, Clone)]
 pub struct Formula {
     text: String,
     code: Vec<Op>,
     variables: usize,
-    /// Formulas of the variables that come after the given ones; each may use those before it.
+    /// Formulas of the intermediate values, which are the variables after the given ones; each may use those before it.
     intermediate: Vec<Formula>,
 }
 
@@ -34,15 +34,15 @@ impl Formula {
     /// Parses a formula of the given variables; [`Formula::evaluate`] takes their values in the same order.
     ///
     /// # Errors
-    /// The first fault of the text, with its place.
+    /// The first error in the text, with its location.
     pub fn parse(text: &str, variables: &[&str]) -> Result<Formula, FormulaError> {
         Formula::parse_with_constants(text, variables, &[])
     }
 
-    /// Parses a formula of the given variables in which some more names stand for fixed numbers.
+    /// Parses a formula of the given variables, with additional names for constants.
     ///
     /// # Errors
-    /// The first fault of the text, with its place.
+    /// The first error in the text, with its location.
     pub fn parse_with_constants(
         text: &str,
         variables: &[&str],
@@ -52,14 +52,14 @@ impl Formula {
         Ok(Formula { text: text.to_owned(), code, variables: variables.len(), intermediate: Vec::new() })
     }
 
-    /// The formula that is the same number everywhere.
+    /// A formula with a constant value.
     pub fn constant(value: f64) -> Formula {
         let code = vec![Op::Constant(value)];
         Formula { text: value.to_string(), code, variables: 0, intermediate: Vec::new() }
     }
 
-    /// The formula with its last variables given by formulas, each of the variables before it; at most
-    /// [`MOST_INTERMEDIATE`] of them, and at most 7 variables that are left.
+    /// Defines the last variables of the formula as intermediate values: each is a formula of the variables before it.
+    /// At most [`MOST_INTERMEDIATE`] are used, and at most 7 other variables remain.
     pub fn with_intermediate(mut self, intermediate: &[Formula]) -> Formula {
         let used = intermediate.len().min(MOST_INTERMEDIATE);
         if self.code.iter().any(|op| matches!(op, Op::Variable(_))) {
@@ -69,18 +69,18 @@ impl Formula {
         self
     }
 
-    /// The text it was made from.
+    /// The source text.
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// The value, where the formula does not depend on any variable.
+    /// The value of a formula that depends on no variable; `None` for any other formula.
     pub fn as_constant(&self) -> Option<f64> {
         let depends = self.code.iter().any(|op| matches!(op, Op::Variable(_)));
         (!depends).then(|| self.evaluate(&[]))
     }
 
-    /// Whether the formula depends on the variable with this number, itself or by an intermediate value.
+    /// True if the formula depends on variable number `variable`, directly or through an intermediate value.
     pub fn depends_on(&self, variable: usize) -> bool {
         let uses = |formula: &Formula, variable: usize| {
             formula.code.iter().any(|op| matches!(op, Op::Variable(index) if *index == variable))
@@ -94,7 +94,7 @@ impl Formula {
         depend.iter().any(|&known| uses(self, known))
     }
 
-    /// Value of the formula for these values of its variables; NaN if fewer are given than the formula has.
+    /// Evaluates the formula; NaN if it uses a variable without a value.
     pub fn evaluate(&self, values: &[f64]) -> f64 {
         debug_assert!(
             self.variables <= values.len() || !self.code.iter().any(|op| matches!(op, Op::Variable(_)))
@@ -113,7 +113,7 @@ impl Formula {
         self.run(&all[..known])
     }
 
-    /// Runs the code of the formula itself.
+    /// Runs the code of the formula, without its intermediate values.
     fn run(&self, values: &[f64]) -> f64 {
         let mut stack = [0.0; STACK];
         let mut top = 0;
@@ -149,12 +149,12 @@ impl Formula {
     }
 }
 
-/// Whether a name already has a meaning in every formula (a function, or the constant `pi`).
+/// True if `name` is reserved in formulas: a function or the constant `pi`.
 pub fn is_reserved(name: &str) -> bool {
     name == "pi" || function(name).is_some()
 }
 
-/// The names in a text that may be a formula, with the byte at which each starts; faults are left to the parser.
+/// The names in a formula, each with its byte offset. Syntax errors are ignored; the parser reports them.
 pub fn names(text: &str) -> Vec<(usize, &str)> {
     let mut found = Vec::new();
     let mut at = 0;

@@ -1,23 +1,26 @@
-//! The deformation increment of a point over a load step, eq. (7).
+//! Deformation increment of a material point over a load step, eq. (7).
 #![allow(non_snake_case)]
 
 use crate::basis::Links;
 
-/// How the surroundings of a point deform over the load step.
+/// Deformation increment of a material point over a load step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Increment<const D: usize> {
-    /// ΔF along the axes of the grid, [-].
+    /// ΔF = I + ∂Δu/∂X̃ along the axes of the grid, `[i][j]`, [-].
     pub dF: [[f64; D]; D],
-    /// ΔF around the axis of revolution, 1 + Σ S_vp Δu_r / r̃, [-]; 1 where there is none.
+    /// Circumferential increment 1 + Σ S_vp Δu_r / r̃ of a body of revolution, [-]; 1 for other bodies.
     pub hoop: f64,
-    /// Distance from that axis at the start of the step, r̃, [length]; 0 where there is none.
+    /// Distance r̃ from the axis of revolution at the start of the step, [length]; 0 for other bodies.
     pub radius: f64,
 }
 
 impl<const D: usize> Increment<D> {
-    /// Eq. (7) at a point whose group touches `nodes`: ΔF = I + Σ_v Δu_v ⊗ ∂S_vp/∂X̃, with `delta_d` the displacement
-    /// increments of the active nodes and `position` that of the point at the start of the step; `revolved` bodies turn about
-    /// the axis where the first coordinate vanishes.
+    /// Evaluates eq. (7), ΔF = I + Σ_v Δu_v ⊗ ∂S_vp/∂X̃, at one point.
+    ///
+    /// `nodes` are the active nodes of the point's group, into which `links.local` indexes; `delta_d` are the
+    /// displacement increments of all active nodes, [length]; `position` is the position of the point at the start of
+    /// the step, [length]. `revolved` bodies are bodies of revolution about the axis where the first coordinate is
+    /// zero.
     #[inline(always)]
     pub fn new(
         revolved: bool,
@@ -48,7 +51,7 @@ impl<const D: usize> Increment<D> {
         Increment { dF, hoop: 1.0 + outwards / radius, radius }
     }
 
-    /// An increment without revolution.
+    /// An increment without circumferential stretch.
     pub fn of(dF: [[f64; D]; D]) -> Self {
         Increment { dF, hoop: 1.0, radius: 0.0 }
     }

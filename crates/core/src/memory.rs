@@ -1,37 +1,37 @@
-//! The memory that this program may use, as far as the system tells.
+//! Memory limits and memory use of the process.
 
 use std::path::{Path, PathBuf};
 
-/// What limits the memory of this program.
+/// Origin of the memory limit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Bound {
-    /// What is built into the machine.
+    /// Physical memory of the machine.
     Machine,
-    /// The control group that the program runs in: a container, a job of a queue.
+    /// Control group (cgroup) of the process, as set by a container or a batch system.
     ControlGroup,
-    /// The largest address space of a process, `ulimit -v`.
+    /// Largest address space of the process, `ulimit -v`.
     AddressSpace,
 }
 
-/// The memory that this program may use, [byte].
+/// Memory available to the process, [byte].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Memory {
-    /// All of it.
+    /// Largest amount that the process may use.
     pub limit: u64,
-    /// What of it is not in use now.
+    /// Part of `limit` that is free now.
     pub available: u64,
-    /// What sets the limit.
+    /// Origin of `limit`.
     pub bound: Bound,
 }
 
 impl Memory {
-    /// That of this machine; `None` where the system does not tell (it does on Linux).
+    /// Limits of this machine and process; `None` if the operating system does not report them (Linux does).
     pub fn of_this_machine() -> Option<Memory> {
         Memory::read(Path::new("/"))
     }
 
-    /// As the files of a Linux system below `root` tell: `/proc/meminfo`, the limits of the process and those of its
-    /// control groups, of either version.
+    /// Reads the limits from the Linux files below `root`: `/proc/meminfo`, the limits of the process, and those of its
+    /// control groups (cgroup versions 1 and 2).
     fn read(root: &Path) -> Option<Memory> {
         let meminfo = std::fs::read_to_string(root.join("proc/meminfo")).ok()?;
         let limit = kibibytes(&meminfo, "MemTotal:")?;
@@ -62,30 +62,30 @@ impl Memory {
     }
 }
 
-/// Resident memory of this process now, [byte]; `None` where the system does not tell.
+/// Resident memory of the process, [byte]; `None` if the operating system does not report it.
 pub fn resident() -> Option<u64> {
     kibibytes(&std::fs::read_to_string("/proc/self/status").ok()?, "VmRSS:")
 }
 
-/// Largest resident memory of this process so far, or since it was last counted afresh, [byte]; `None` where the
-/// system does not tell.
+/// Largest resident memory of the process so far, or since its counter was last reset, [byte]; `None` if the operating
+/// system does not report it.
 pub fn peak() -> Option<u64> {
     kibibytes(&std::fs::read_to_string("/proc/self/status").ok()?, "VmHWM:")
 }
 
-/// A line of `/proc/meminfo`, or another file of its form, [byte].
+/// Value of the entry `name` in a file formatted like `/proc/meminfo`, [byte].
 fn kibibytes(meminfo: &str, name: &str) -> Option<u64> {
     let line = meminfo.lines().find_map(|line| line.strip_prefix(name))?;
     line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib.saturating_mul(1024))
 }
 
-/// The file that limits the memory of a control group, and the one that tells how much of it is used.
+/// Files that state the memory limit and the memory use of a control group.
 struct ControlGroup {
     limit: PathBuf,
     usage: PathBuf,
 }
 
-/// The control groups of the process, its own and all above it.
+/// The control group of the process and all its ancestors.
 fn control_groups(root: &Path) -> Vec<ControlGroup> {
     let own = std::fs::read_to_string(root.join("proc/self/cgroup")).unwrap_or_default();
     let mut groups = Vec::new();
@@ -107,12 +107,12 @@ fn control_groups(root: &Path) -> Vec<ControlGroup> {
     groups
 }
 
-/// The number in a file; `None` where there is no limit or no file.
+/// The number in a file; `None` if the file is missing or states no limit.
 fn number(path: &Path) -> Option<u64> {
     std::fs::read_to_string(path).ok()?.trim().parse().ok()
 }
 
-/// A size in the unit that a person would choose, such as `37 GiB`.
+/// A size in a readable unit, such as `37 GiB`.
 pub fn in_words(bytes: f64) -> String {
     const UNITS: [&str; 4] = ["KiB", "MiB", "GiB", "TiB"];
     let mut size = bytes / 1024.0;
@@ -132,7 +132,7 @@ mod tests {
 
     const GIB: u64 = 1 << 30;
 
-    /// What is read where only these files exist.
+    /// The limits read from a directory that contains only these files.
     fn memory(files: &[(&str, &str)]) -> Option<Memory> {
         let root = tempfile::tempdir().unwrap();
         for (path, text) in files {

@@ -1,4 +1,4 @@
-//! Where the time of a run goes, in the phases of the paper's Table 5.
+//! Time spent in each phase of a run; the phases are those of the paper's Table 5.
 
 use std::time::{Duration, Instant};
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// A phase of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// Reading the deck, building the model, laying out a step's system.
+    /// Reading the deck, building the model, setting up the system of each step.
     SetUp,
     /// Linking points to nodes and evaluating basis functions.
     Basis,
@@ -20,7 +20,7 @@ pub enum Phase {
     Factorise,
     /// Forward and back substitution, and reactions.
     Solve,
-    /// Moving points, updating domains and taking the measures of the step.
+    /// Moving points, updating domains, evaluating the quality measures of the step.
     Update,
     /// Writing results.
     Output,
@@ -39,7 +39,7 @@ impl Phase {
         Phase::Output,
     ];
 
-    /// Name as it appears in the results.
+    /// Name in result files.
     pub fn name(self) -> &'static str {
         match self {
             Phase::SetUp => "set-up",
@@ -71,12 +71,12 @@ impl Spent {
     }
 }
 
-/// Time spent by phase.
+/// Time spent in each phase.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Timings([Spent; Phase::ALL.len()]);
 
 impl Timings {
-    /// Runs `work` and adds what it takes to a phase.
+    /// Runs `work` and adds its time to a phase.
     pub fn measure<T>(&mut self, phase: Phase, work: impl FnOnce() -> T) -> T {
         let (wall, cpu) = (Instant::now(), ProcessTime::now());
         let result = work();
@@ -85,7 +85,7 @@ impl Timings {
         result
     }
 
-    /// Adds the times of another account.
+    /// Adds the times of `other`, phase by phase.
     pub fn add(&mut self, other: &Timings) {
         for (sum, spent) in self.0.iter_mut().zip(&other.0) {
             sum.add(spent);

@@ -1,17 +1,17 @@
-//! What is wrong with a formula.
+//! Errors in formulas.
 
 use thiserror::Error;
 
-/// What is wrong with the text of a formula, and where.
+/// An error in the text of a formula, with its location.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{message}")]
 pub struct FormulaError {
-    /// The fault, as a fragment in lower case.
+    /// The error as a fragment in lower case.
     pub message: String,
-    /// Byte at which the faulty part of the text starts.
+    /// Offset of the faulty part of the text, [byte].
     pub offset: usize,
-    /// Length of the faulty part in bytes; 0 at the end of the text.
+    /// Length of the faulty part, [byte]; 0 at the end of the text.
     pub length: usize,
-    /// What to do about it.
+    /// The remedy.
     pub help: Option<String>,
 }

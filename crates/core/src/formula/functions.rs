@@ -1,16 +1,16 @@
-//! The instructions of a formula, and the functions that it may call.
+//! The instructions of compiled formulas, and the built-in functions.
 
-/// Values that a formula may need at the same time; the parser refuses deeper formulas.
+/// Stack size of the evaluation; the parser refuses formulas that need more.
 pub(super) const STACK: usize = 64;
 
-/// One instruction: takes its operands from the stack and leaves its result there.
+/// An instruction: pops its operands from the stack and pushes its result.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Op {
     Constant(f64),
     Variable(usize),
     One(fn(f64) -> f64),
     Two(Binary),
-    /// `if(c, a, b)`: both branches are values already, so an unused one cannot spoil the result.
+    /// `if(c, a, b)`. Both branches have been evaluated; the one that is not selected has no effect, even if it is NaN.
     Select,
 }
 
@@ -21,7 +21,7 @@ pub(super) type Binary = fn(f64, f64) -> f64;
 pub(super) enum Function {
     One(fn(f64) -> f64),
     Two(Binary),
-    /// Two or more arguments, taken together pair by pair.
+    /// Two or more arguments, combined pairwise from the left.
     Fold(Binary),
     If,
 }
@@ -67,7 +67,7 @@ pub(super) fn sign(x: f64) -> f64 {
     if x == 0.0 { 0.0 } else { x.signum() }
 }
 
-// NaN is passed on: `f64::min` would hide a formula that is undefined at a place.
+// NaN must propagate: `f64::min` would hide a formula that is undefined.
 pub(super) fn minimum(a: f64, b: f64) -> f64 {
     if a.is_nan() || a < b { a } else { b }
 }
@@ -77,8 +77,8 @@ pub(super) fn maximum(a: f64, b: f64) -> f64 {
 }
 
 pub(super) fn power(base: f64, exponent: f64) -> f64 {
-    // Whole exponents are multiplied out, so that squares are exact and the same on every platform. Of what is undefined
-    // no power is 1, not even the power 0.
+    // Small integer exponents use repeated multiplication, so that squares are exact and equal on every platform. NaN
+    // propagates even where `powf` would return 1 (`NaN^0`, `1^NaN`).
     if base.is_nan() || exponent.is_nan() {
         f64::NAN
     } else if exponent.abs() <= 16.0 && exponent.fract() == 0.0 {
@@ -88,7 +88,7 @@ pub(super) fn power(base: f64, exponent: f64) -> f64 {
     }
 }
 
-/// 1 or 0 for a comparison of two numbers; what is undefined stays so.
+/// A comparison as 1 or 0; NaN if an operand is NaN.
 pub(super) fn truth(condition: bool, a: f64, b: f64) -> f64 {
     if a.is_nan() || b.is_nan() { f64::NAN } else { f64::from(u8::from(condition)) }
 }

@@ -1,10 +1,10 @@
-//! The parser of formulas: from text to postfix code.
+//! The parser of formulas: compiles text to postfix code.
 
 use super::error::FormulaError;
 use super::functions::{Binary, FUNCTIONS, Function, Op, STACK, function, power, truth};
 use super::spelling::closest;
 
-/// Nesting of parentheses, calls, powers and signs that the parser accepts.
+/// Deepest nesting of parentheses, calls, powers and signs.
 const MAX_NESTING: usize = 64;
 const NESTED: &str = "the formula is nested too deeply";
 const FLATTEN: &str = "use fewer parentheses, or intermediate values under `where`";
@@ -12,15 +12,16 @@ const FLATTEN: &str = "use fewer parentheses, or intermediate values under `wher
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Token {
     Number(f64, usize),
-    /// A name, with its length.
+    /// A name and its length, [byte].
     Name(usize),
-    /// An operator or a bracket, with its length.
+    /// An operator or parenthesis.
     Symbol(&'static str),
 }
 
 const SYMBOLS: [&str; 15] = ["<=", ">=", "==", "!=", "**", "<", ">", "+", "-", "*", "/", "^", "(", ")", ","];
 
-/// Binding strength of a binary operator: comparison, sum, product, power. Signs bind between product and power.
+/// Precedence and operation of a binary operator: comparison, sum, product, power. A sign ranks between product and
+/// power.
 fn strength(symbol: &str) -> Option<(u8, Binary)> {
     Some(match symbol {
         "<" => (1, |a, b| truth(a < b, a, b)),
@@ -59,7 +60,7 @@ impl<'a> Parser<'a> {
         Parser { text, at: 0, variables, constants, code: Vec::new(), height: 0, nesting: 0 }
     }
 
-    /// The code of the whole text.
+    /// Compiles the whole text.
     pub(super) fn parse(mut self) -> Result<Vec<Op>, FormulaError> {
         self.expression(0)?;
         if let Some((start, token)) = self.peek()? {
@@ -81,7 +82,7 @@ impl<'a> Parser<'a> {
         FormulaError { message: message.into(), offset, length, help: Some(help.into()) }
     }
 
-    /// The next token and where it starts, without taking it.
+    /// The next token and its offset, without consuming it.
     fn peek(&mut self) -> Result<Option<(usize, Token)>, FormulaError> {
         let rest = &self.text[self.at..];
         self.at += rest.len() - rest.trim_start().len();
@@ -140,7 +141,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// Parses an expression whose operators bind more tightly than `floor`.
+    /// Parses an expression of operators with a precedence above `floor`.
     fn expression(&mut self, floor: u8) -> Result<(), FormulaError> {
         self.nesting += 1;
         if self.nesting > MAX_NESTING {
@@ -158,7 +159,7 @@ impl<'a> Parser<'a> {
                 return Err(self.fault(start, symbol.len(), "comparisons cannot be chained", help));
             }
             self.at = start + symbol.len();
-            // A power is right associative: its exponent may hold powers and signs again.
+            // A power is right associative: its exponent may contain signs and further powers.
             self.expression(if level == 5 { SIGN } else { level })?;
             self.emit(Op::Two(operation))?;
         }
@@ -308,7 +309,7 @@ impl<'a> Parser<'a> {
     }
 }
 
-/// Bytes of the number that the text starts with; an exponent counts only if it has digits.
+/// Length of the number at the start of the text, [byte]. An exponent counts only if it has digits.
 pub(super) fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
     let digits = |from: usize| bytes[from..].iter().take_while(|byte| byte.is_ascii_digit()).count();

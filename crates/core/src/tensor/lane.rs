@@ -1,10 +1,10 @@
-//! Numbers side by side: several points, or several rows of a column, at a time.
+//! SIMD lanes: one expression evaluated for several points, or for several rows of a column, at a time.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::{Add, AddAssign, Div, Mul, Sub};
 
-/// A number or several of them side by side, on which an equation is written once. Every operation works on each number
-/// for itself and rounds once, so that side by side the same numbers come out as one by one.
+/// A scalar or a short vector of scalars (lanes), so that an equation is written once for both. Every operation acts on
+/// each lane independently and rounds once: results do not depend on how values are grouped into lanes.
 pub trait Lane:
     Copy
     + Add<Output = Self>
@@ -14,30 +14,30 @@ pub trait Lane:
     + AddAssign
     + Mul<f64, Output = Self>
 {
-    /// The same number on every lane.
+    /// The same number in every lane.
     fn splat(x: f64) -> Self;
 
     /// Square root.
     fn sqrt(self) -> Self;
 
-    /// `yes` where this is below `limit`, and `no` where it is not or cannot be compared.
+    /// `yes` in the lanes where `self < limit`, `no` in all others, NaN included.
     fn where_below(self, limit: Self, yes: Self, no: Self) -> Self;
 
-    /// Whether all numbers are finite and above zero.
+    /// True if every lane is finite and positive.
     fn is_positive(self) -> bool;
 
-    /// Whether all numbers are below a limit.
+    /// True if every lane is below `limit`.
     fn is_below(self, limit: f64) -> bool;
 
-    /// m from √½ to √2 and whole e with m 2^e this number, which is positive and not subnormal; others give NaN.
+    /// Mantissa m in [√½, √2] and integer exponent e with `self` = m·2^e. NaN unless `self` is positive and normal.
     fn split(self) -> (Self, Self);
 }
 
-/// 2⁵², from which on doubles are whole: with its bits, small whole numbers become doubles.
+/// 2⁵². All doubles from here on are integers; adding it moves a small integer into the low bits of the mantissa.
 const WHOLE: f64 = 4_503_599_627_370_496.0;
-/// Bits of a double after its exponent.
+/// Number of mantissa bits stored in a double.
 const MANTISSA: u32 = f64::MANTISSA_DIGITS - 1;
-/// What the exponent of 1 is stored as.
+/// Exponent bias of a double.
 const BIAS: u64 = 1023;
 
 impl Lane for f64 {
@@ -68,7 +68,7 @@ impl Lane for f64 {
 
     #[inline(always)]
     fn split(self) -> (f64, f64) {
-        // With unsigned shifts only, as all sets of vector instructions have them.
+        // Only unsigned shifts: every SIMD instruction set provides them.
         let bits = self.to_bits();
         let one = BIAS << MANTISSA;
         let stored = bits.wrapping_add(one.wrapping_sub(FRAC_1_SQRT_2.to_bits())) >> MANTISSA;
@@ -79,18 +79,18 @@ impl Lane for f64 {
     }
 }
 
-/// Four numbers side by side: what a vector register of this decade holds.
+/// Four doubles, the width of a 256-bit vector register.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(32))]
 pub struct Lanes(pub [f64; Lanes::WIDTH]);
 
 impl Lanes {
-    /// How many there are.
+    /// Number of lanes.
     pub const WIDTH: usize = 4;
-    /// Zeros.
+    /// Zero in every lane.
     pub const ZERO: Lanes = Lanes([0.0; Lanes::WIDTH]);
 
-    /// One number of each of several things.
+    /// The values `of(0)` to `of(3)`.
     #[inline(always)]
     pub fn gather(of: impl Fn(usize) -> f64) -> Lanes {
         Lanes([of(0), of(1), of(2), of(3)])
@@ -127,7 +127,7 @@ impl Lane for Lanes {
 
     #[inline(always)]
     fn is_positive(self) -> bool {
-        // Without short cuts, which would be branches.
+        // No short-circuit evaluation: it would branch.
         self.0.iter().fold(true, |all, x| all & (*x > 0.0) & (*x < f64::INFINITY))
     }
 
@@ -189,7 +189,7 @@ impl Mul<f64> for Lanes {
     }
 }
 
-/// The components of up to [`Lanes::WIDTH`] vectors, each side by side; those of missing vectors are zero.
+/// Transposes up to [`Lanes::WIDTH`] vectors: component j of all vectors in entry j. Lanes without a vector are zero.
 #[inline(always)]
 pub fn transposed<const E: usize>(vectors: &[[f64; E]]) -> [Lanes; E] {
     std::array::from_fn(|j| {
@@ -206,7 +206,7 @@ mod tests {
         for x in [1.0, 0.5, 2.0, 0.75, 0.7, 0.71, 1.41, 1.42, 3e300, 2.3e-308, f64::MIN_POSITIVE, f64::MAX] {
             let (m, e) = x.split();
             assert!((FRAC_1_SQRT_2..=std::f64::consts::SQRT_2).contains(&m), "{x}: {m} {e}");
-            // In two steps, as 2^e alone may be subnormal.
+            // Two steps, because 2^e alone may be subnormal.
             let half = (e / 2.0).trunc();
             assert_eq!(m * half.exp2() * (e - half).exp2(), x);
         }

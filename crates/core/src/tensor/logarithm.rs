@@ -1,10 +1,10 @@
-//! The logarithm and its divided differences, for numbers side by side.
+//! The natural logarithm and its divided differences on [`Lane`]s.
 
 use std::f64::consts::LN_2;
 
 use super::Lane;
 
-/// Up to this x² the series of artanh(x)/x is used: (√2 − 1)²/(√2 + 1)², which is as far as [`ln`] goes.
+/// Largest x² for which the series of artanh(x)/x is used: (√2 − 1)²/(√2 + 1)², the range that [`ln`] needs.
 pub(super) const SERIES: f64 = 0.029_437_3;
 
 /// artanh(√y)/√y for y up to [`SERIES`]; the first neglected term is below 2e-17.
@@ -17,9 +17,10 @@ fn series<T: Lane>(y: T) -> T {
     sum
 }
 
-/// ln(x) to two units in the last place of the larger of it and ln 2; NaN unless x is positive and not subnormal.
+/// Natural logarithm of x, accurate to two units in the last place of max(|ln x|, ln 2). NaN unless x is positive and
+/// normal.
 ///
-/// With x = m 2^e and s = (m − 1)/(m + 1) it is e ln 2 + 2 artanh(s).
+/// With x = m·2^e and s = (m − 1)/(m + 1), ln(x) = e ln 2 + 2 artanh(s).
 #[inline(always)]
 pub fn ln<T: Lane>(x: T) -> T {
     let (m, e) = x.split();
@@ -62,7 +63,7 @@ mod tests {
                 let own = artanh_over_x(x);
                 let exact = if x > 0.0 { x.atanh() / x } else { 1.0 };
                 prop_assert!((own - exact).abs() <= 1e-15 * exact, "{x}: {own} {exact}");
-                // Neighbours that need the other form change nothing.
+                // Taking the other branch in some lanes must not change the rest.
                 prop_assert_eq!(artanh_over_x(Lanes([x, 0.9, 0.0, 0.1])).0[0].to_bits(), own.to_bits());
             }
         }

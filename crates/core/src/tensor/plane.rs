@@ -1,6 +1,7 @@
-//! Closed forms for tensors of which z is a principal direction: the in-plane 2×2 block decouples from zz.
+//! Closed forms for tensors with z as a principal direction: the in-plane 2×2 block decouples from zz.
 //!
-//! Such a tensor is four numbers `xx, yy, zz, √2 xy`, and each may be several side by side.
+//! Such a tensor has four components `xx, yy, zz, √2 xy`; each is a [`Lane`], so several points can be evaluated at
+//! once.
 #![allow(non_snake_case)]
 
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -9,13 +10,13 @@ use super::logarithm::{artanh_over_x, ln};
 use super::spectral::sinh_over_x;
 use super::{Lane, Sym3};
 
-/// The four components of a tensor in the Mandel layout.
+/// Components `xx, yy, zz, √2 xy` of a tensor.
 #[inline(always)]
 pub fn components(t: &Sym3) -> [f64; 4] {
     [t.0[0], t.0[1], t.0[2], t.0[5]]
 }
 
-/// The tensor of four components.
+/// The tensor with components `xx, yy, zz, √2 xy`.
 #[inline(always)]
 pub fn tensor(t: [f64; 4]) -> Sym3 {
     Sym3([t[0], t[1], t[2], 0.0, 0.0, t[3]])
@@ -40,12 +41,12 @@ pub fn exp(e: &Sym3) -> Sym3 {
     tensor([scale * (c + slope * d), scale * (c - slope * d), e.0[2].exp(), scale * slope * e.0[5]])
 }
 
-/// ln(b) for a positive definite b, together with the in-plane block of ∂ ln(b)/∂b, eq. (A.2), in the Mandel layout
-/// `xx, yy, √2 xy`; NaN for others.
+/// ln(b) and the in-plane block of ∂ ln(b)/∂b, eq. (A.2), in the Mandel layout `xx, yy, √2 xy`. NaN unless b is
+/// positive definite.
 ///
-/// With t0 = I/√2, t1 the normalised deviator of b and t2 ⟂ t1 in the plane,
-/// L = (m/det)(t0⊗t0 + t1⊗t1) − (r/det)(t0⊗t1 + t1⊗t0) + w t2⊗t2, w the divided difference of the logarithm.
-/// Every term stays finite as r → 0, where t1 becomes arbitrary.
+/// With t0 = I/√2, t1 the normalised deviator of b, t2 ⟂ t1 in the plane, and w the divided difference of the
+/// logarithm, L = (m/det)(t0⊗t0 + t1⊗t1) − (r/det)(t0⊗t1 + t1⊗t0) + w t2⊗t2. Every term stays finite as r → 0, where t1
+/// becomes arbitrary.
 #[inline(always)]
 pub fn log_with_derivative<T: Lane>(b: &[T; 4]) -> ([T; 4], [[T; 3]; 3]) {
     let (m, d, s, r) = mohr(b);

@@ -1,7 +1,7 @@
-//! Eigenvalues and eigenvectors of a symmetric tensor, and the logarithm, the exponential and their derivatives by them.
+//! Spectral decomposition of symmetric tensors; logarithm, exponential and their derivatives.
 //!
-//! Two or three eigenvalues may be equal or nearly so, as they are in every unloaded point: eigenvectors are
-//! orthonormal to round-off whatever the gaps, and divided differences are formed without cancellation.
+//! Repeated and nearly equal eigenvalues, as in every unloaded point, need no special treatment: eigenvectors are
+//! orthonormal to round-off for any gap, and divided differences are formed without cancellation.
 #![allow(non_snake_case)]
 
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 use super::logarithm::{SERIES, artanh_over_x};
 use super::{Sym3, Tangent};
 
-/// The pairs of eigenvalues, in the order of the shear components of the Mandel layout.
+/// Pairs of eigenvalues, in the order of the shear components of the Mandel layout.
 const PAIRS: [(usize, usize); 3] = [(1, 2), (0, 2), (0, 1)];
 
 /// Eigenvalues and eigenvectors of a symmetric tensor, in no particular order.
@@ -22,11 +22,12 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
-    /// Decomposes a tensor. Errors are of the order of round-off in its largest entry; NaN gives NaN.
+    /// Decomposes a tensor. The error is of the order of round-off in its largest entry; NaN gives NaN.
     ///
-    /// The deviator is scaled to B with eigenvalues 2cos θ, 2cos(θ ± 2π/3), its sign chosen such that the largest is the
-    /// best separated (Eberly, *A Robust Eigensolver for 3×3 Symmetric Matrices*). That eigenvalue is well
-    /// conditioned, and so is its eigenvector v; in the plane normal to v one rotation does the rest, exactly for any gap.
+    /// The deviator is scaled to B with eigenvalues 2cos θ, 2cos(θ ± 2π/3). Its sign is chosen so that the largest
+    /// eigenvalue is the best separated one (Eberly, *A Robust Eigensolver for 3×3 Symmetric Matrices*). That
+    /// eigenvalue and its eigenvector v are well conditioned. One rotation in the plane normal to v then diagonalises
+    /// the rest, exactly for any gap.
     #[inline]
     pub fn new(t: &Sym3) -> Spectrum {
         let [xx, yy, zz, ..] = t.0;
@@ -38,7 +39,7 @@ impl Spectrum {
         let mut least = f64::MIN_POSITIVE;
         let trace = d[0] + d[1] + d[2];
         if trace.abs() > 1e-3 * size {
-            // Where the entries differ by units in their last place, the mean was rounded by as much.
+            // If the entries differ by a few units in the last place only, the rounding error of the mean is as large.
             least = least.max(1e-8 * size);
             d = std::array::from_fn(|k| d[k] - trace / 3.0);
             mean += trace / 3.0;
@@ -64,7 +65,7 @@ impl Spectrum {
         Spectrum { values: std::array::from_fn(|a| mean + scale * values[a]), vectors }
     }
 
-    /// Σ f_a n_a ⊗ n_a: the tensor with these eigenvectors and the eigenvalues `f`.
+    /// The tensor Σ f_a n_a ⊗ n_a with these eigenvectors and eigenvalues `f`.
     #[inline]
     pub fn compose(&self, f: [f64; 3]) -> Sym3 {
         let mut sum = Sym3::ZERO;
@@ -74,10 +75,11 @@ impl Spectrum {
         sum
     }
 
-    /// The derivative of an isotropic function from its derivative at each eigenvalue, `slope`, and its divided
-    /// difference between the eigenvalues of the pairs (1, 2), (0, 2) and (0, 1), `across`.
+    /// Derivative of an isotropic tensor function. `slope` is the derivative of the scalar function at each eigenvalue;
+    /// `across` is its divided difference for the pairs (1, 2), (0, 2) and (0, 1).
     ///
-    /// In the eigenbasis it is diagonal: `slope` on n_a ⊗ n_a and `across` on the symmetric part of √2 n_a ⊗ n_b.
+    /// The derivative is diagonal in the eigenbasis: `slope` on n_a ⊗ n_a, `across` on the symmetric part of √2 n_a ⊗
+    /// n_b.
     #[inline]
     pub fn derivative(&self, slope: [f64; 3], across: [f64; 3]) -> Tangent {
         let mut sum = Tangent::zeros();
@@ -90,7 +92,7 @@ impl Spectrum {
         sum
     }
 
-    /// The values of a function of two eigenvalues on the pairs, in the order of [`Spectrum::derivative`].
+    /// Evaluates `f` for each pair of eigenvalues, in the order of `across` in [`Spectrum::derivative`].
     #[inline]
     fn on_pairs(&self, f: impl Fn(f64, f64) -> f64) -> [f64; 3] {
         std::array::from_fn(|pair| {
@@ -100,9 +102,9 @@ impl Spectrum {
     }
 }
 
-/// The largest root of β³ − 3β − 2h = 0 for h from 0 to 1, that is 2 cos(arccos(h)/3).
+/// Largest root of β³ − 3β − 2h = 0 for 0 ≤ h ≤ 1, which is 2 cos(arccos(h)/3).
 ///
-/// The root is simple, from √3 to 2. A polynomial finds it to 10⁻⁵, two steps of Newton to round-off.
+/// The root is simple and lies in [√3, 2]. A polynomial approximates it to 10⁻⁵; two Newton steps reach round-off.
 #[inline]
 fn largest_root(h: f64) -> f64 {
     let mut root = 1.732_060_9 + h * (0.332_823_4 + h * (-0.091_843_9 + h * (0.035_024_4 - h * 0.008_070_8)));
@@ -113,10 +115,11 @@ fn largest_root(h: f64) -> f64 {
     root
 }
 
-/// Spectrum of a traceless matrix of which `root` is a simple eigenvalue, far from the others.
+/// Eigenvalues and eigenvectors of a traceless matrix with `root` as a simple, well-separated eigenvalue.
 #[inline]
 fn deflated(B: &[[f64; 3]; 3], root: f64) -> ([f64; 3], [[f64; 3]; 3]) {
-    // The rows of B − root I span the plane normal to the eigenvector; two of them do so safely.
+    // The rows of B − root I span the plane normal to the eigenvector. The cross product of the two best-conditioned
+    // rows gives it.
     let row =
         |i: usize| -> [f64; 3] { std::array::from_fn(|j| if i == j { B[i][j] - root } else { B[i][j] }) };
     let rows = [row(0), row(1), row(2)];
@@ -142,7 +145,7 @@ fn deflated(B: &[[f64; 3]; 3], root: f64) -> ([f64; 3], [[f64; 3]; 3]) {
     let times = |x: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|i| dot(&B[i], x)) };
     let (Bu, Bw) = (times(&u), times(&w));
     let (uu, uw, ww) = (dot(&u, &Bu), dot(&w, &Bu), dot(&w, &Bw));
-    // The rotation by the smaller angle that makes uw vanish.
+    // Rotate by the smaller of the two angles that make uw vanish.
     let difference = ww - uu;
     let spread = (difference * difference + 4.0 * uw * uw).sqrt();
     let tan = if spread > 0.0 { 2.0 * uw / (difference + spread.copysign(difference)) } else { 0.0 };
@@ -160,7 +163,7 @@ fn square(n: &[f64; 3]) -> Sym3 {
     Sym3([x * x, y * y, z * z, SQRT_2 * y * z, SQRT_2 * x * z, SQRT_2 * x * y])
 }
 
-/// The symmetric part of √2 a ⊗ b, of norm 1 for orthonormal a and b.
+/// The symmetric part of √2 a ⊗ b; its norm is 1 for orthonormal a and b.
 #[inline]
 fn product(a: &[f64; 3], b: &[f64; 3]) -> Sym3 {
     let shear = |i: usize, j: usize| a[i] * b[j] + a[j] * b[i];
@@ -174,7 +177,7 @@ fn product(a: &[f64; 3], b: &[f64; 3]) -> Sym3 {
     ])
 }
 
-/// Adds `factor` e ⊗ e.
+/// Adds `factor` e ⊗ e to `sum`.
 #[inline]
 fn add_dyad(sum: &mut Tangent, e: &Sym3, factor: f64) {
     for (mut column, entry) in sum.column_iter_mut().zip(e.0) {
@@ -185,7 +188,7 @@ fn add_dyad(sum: &mut Tangent, e: &Sym3, factor: f64) {
     }
 }
 
-// The closures of `array::map` are not always inlined; `from_fn` is.
+// `array::map` is not always inlined; `from_fn` is.
 
 #[inline(always)]
 fn scaled(a: &[f64; 3], factor: f64) -> [f64; 3] {
@@ -202,7 +205,7 @@ fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// ln(b) and L = ∂ ln(b)/∂b of eq. (A.2) for a positive definite b; NaN for others.
+/// ln(b) and L = ∂ ln(b)/∂b, eq. (A.2). NaN unless b is positive definite.
 #[inline]
 pub fn log_with_derivative(b: &Sym3) -> (Sym3, Tangent) {
     let spectrum = b.spectrum();
@@ -211,20 +214,20 @@ pub fn log_with_derivative(b: &Sym3) -> (Sym3, Tangent) {
     (spectrum.compose([x.ln(), y.ln(), z.ln()]), L)
 }
 
-/// L = ∂ ln(b)/∂b of eq. (A.2) for a positive definite b.
+/// L = ∂ ln(b)/∂b, eq. (A.2). NaN unless b is positive definite.
 pub fn log_derivative(b: &Sym3) -> Tangent {
     log_with_derivative(b).1
 }
 
-/// ∂ exp(e)/∂e.
+/// The derivative ∂ exp(e)/∂e.
 pub fn exp_derivative(e: &Sym3) -> Tangent {
     let spectrum = e.spectrum();
     spectrum.derivative(spectrum.values.map(f64::exp), spectrum.on_pairs(exp_divided_difference))
 }
 
-/// The divided difference (ln a − ln b)/(a − b) of the logarithm for a, b > 0, exact to round-off for any gap.
+/// Divided difference (ln a − ln b)/(a − b) for a, b > 0, accurate to round-off for any gap.
 ///
-/// With m the mean of a and b and x = (a − b)/(a + b) it equals artanh(x)/(x m), for which there is a series where
+/// With the mean m of a and b and x = (a − b)/(a + b) it equals artanh(x)/(x m), which is expanded in a series where
 /// the quotient would lose digits.
 #[inline]
 pub fn log_divided_difference(a: f64, b: f64) -> f64 {
@@ -233,7 +236,7 @@ pub fn log_divided_difference(a: f64, b: f64) -> f64 {
     if x * x < SERIES { artanh_over_x(x.abs()) / m } else { (a / b).ln() / (a - b) }
 }
 
-/// The divided difference (eᵃ − eᵇ)/(a − b) of the exponential, exact to round-off for any gap.
+/// Divided difference (eᵃ − eᵇ)/(a − b), accurate to round-off for any gap.
 #[inline]
 fn exp_divided_difference(a: f64, b: f64) -> f64 {
     (0.5 * (a + b)).exp() * sinh_over_x(0.5 * (a - b))
