@@ -1,4 +1,4 @@
-//! One checker run over every method on every grid: a new method adds one line to the list.
+//! Conformance test of all methods on all grids. A new method adds one line to the list.
 
 use std::sync::LazyLock;
 
@@ -10,10 +10,10 @@ use proptest::prelude::*;
 
 const METHODS: [Method; 4] = [Method::Mpm, Method::Gimp, Method::Cpdi1, Method::Cpdi2];
 
-/// Domains given by corners: parallelograms (parallelepipeds) and triangles (tetrahedra).
+/// Shapes of domains with corners: parallelograms (parallelepipeds) and triangles (tetrahedra).
 const SHAPES: [ElementShape; 2] = [ElementShape::Box, ElementShape::Simplex];
 
-/// Corners of a sheared domain about the point, which is its centroid.
+/// Corners of a sheared domain with its centroid at the point.
 fn corners<const D: usize>(shape: ElementShape, x: &[f64; D], l: &[f64; D]) -> Vec<[f64; D]> {
     let corner = |side: [f64; D]| -> [f64; D] {
         std::array::from_fn(|d| {
@@ -25,7 +25,7 @@ fn corners<const D: usize>(shape: ElementShape, x: &[f64; D], l: &[f64; D]) -> V
         ElementShape::Box => (0..1 << D).map(|c| corner(corner_side(c))).collect(),
         ElementShape::Simplex => (0..=D)
             .map(|c| {
-                // Barycentric coordinates less their mean: the corners balance.
+                // Barycentric coordinates minus their mean, so that the point stays the centroid.
                 let mean = 1.0 / (D + 1) as f64;
                 corner(std::array::from_fn(|d| if d + 1 == c { 1.0 - mean } else { -mean }))
             })
@@ -47,7 +47,7 @@ fn support<const D: usize>(
     out
 }
 
-/// Methods with the shapes of their domains.
+/// Methods and the domain shapes that they support.
 fn variants(grid_is_structured: bool) -> Vec<(Method, ElementShape)> {
     let fits = |method: &Method| *method != Method::Gimp || grid_is_structured;
     let shapes = |method: Method| {
@@ -57,7 +57,7 @@ fn variants(grid_is_structured: bool) -> Vec<(Method, ElementShape)> {
     METHODS.into_iter().filter(fits).flat_map(shapes).collect()
 }
 
-/// Partition of unity and its gradient, linear reproduction and its gradient, no negative values.
+/// Checks partition of unity, linear reproduction, the gradients of both, and that no value is negative.
 fn conforms<const D: usize>(grid: &dyn Grid<D>, variant: (Method, ElementShape), x: [f64; D], l: [f64; D]) {
     let s = support(variant, grid, x, l);
     let n = s.nodes.len();
@@ -65,7 +65,7 @@ fn conforms<const D: usize>(grid: &dyn Grid<D>, variant: (Method, ElementShape),
     let sum: f64 = s.value.iter().sum();
     assert!((sum - 1.0).abs() < 1e-13, "{variant:?} {sum}");
     assert!(s.nodes.is_sorted());
-    // A position this close to a border may be given to the cell on the other side of it.
+    // A position this close to a border may belong to the neighbouring cell.
     let least = if grid.structured().is_some() { 0.0 } else { -1e-8 };
     assert!(s.value.iter().all(|v| *v >= least));
     let size = grid.size(grid.locate(&x, None).unwrap() as usize);
@@ -81,8 +81,8 @@ fn conforms<const D: usize>(grid: &dyn Grid<D>, variant: (Method, ElementShape),
     }
 }
 
-/// The gradient is the derivative of the value with respect to the position. (For CPDI the gradient is that of the
-/// interpolation inside the domain, which is another function.)
+/// Checks that the gradient is the derivative of the value with respect to position. Not true of CPDI, whose gradient
+/// belongs to the interpolation inside the domain.
 fn gradient_is_derivative<const D: usize>(
     grid: &Structured<D>,
     variant: (Method, ElementShape),
@@ -145,7 +145,7 @@ proptest! {
     }
 }
 
-/// GIMP against a plain mean of the linear basis over many places of the domain.
+/// Compares GIMP with a plain average of the linear basis over the domain.
 fn averages<const D: usize>(grid: &Structured<D>, x: [f64; D], l: [f64; D], n: usize) {
     let s = support((Method::Gimp, ElementShape::Box), grid, x, l);
     let mut mean = vec![0.0; grid.n_nodes()];
@@ -174,7 +174,7 @@ fn a_gimp_point_averages_the_linear_basis_over_its_domain() {
     averages(&grid, [0.47, 0.93, 0.55], [0.055, 0.13, 0.2], 120);
 }
 
-/// Whatever a damaged file says of a domain.
+/// A damaged file may contain any half lengths.
 #[test]
 fn gimp_domains_of_any_length_are_survived() {
     let grid = Structured::<2>::new([0.0; 2], [0.1, 0.2], [10, 10]);
@@ -187,7 +187,7 @@ fn gimp_domains_of_any_length_are_survived() {
                 half_lengths: &half_lengths,
                 corners: &[],
             };
-            // What it gives is another matter: such points are refused when they are read.
+            // The result does not matter here: the reader refuses such points.
             let _ = Method::Gimp.basis::<2>().support(&grid, &point, &mut out);
         }
     }

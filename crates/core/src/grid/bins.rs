@@ -1,18 +1,18 @@
-//! A uniform lattice of bins over boxes: which boxes may hold a position.
+//! A uniform lattice of bins that finds the boxes around a position.
 
 use std::ops::RangeInclusive;
 
-/// Lower and upper corner.
+/// Lower and upper corner of a box.
 pub(super) type Bounds<const D: usize> = [[f64; D]; 2];
 
-/// The smallest box that holds all positions.
+/// The bounding box of all positions.
 pub(super) fn bounds<const D: usize>(positions: impl Iterator<Item = [f64; D]>) -> Bounds<D> {
     positions.fold([[f64::INFINITY; D], [f64::NEG_INFINITY; D]], |[lower, upper], x| {
         [std::array::from_fn(|d| lower[d].min(x[d])), std::array::from_fn(|d| upper[d].max(x[d]))]
     })
 }
 
-/// Bins and the boxes that meet each of them.
+/// A lattice of bins; each lists the boxes that overlap it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Bins<const D: usize> {
     lower: [f64; D],
@@ -23,8 +23,8 @@ pub(super) struct Bins<const D: usize> {
 }
 
 impl<const D: usize> Bins<D> {
-    /// Sorts boxes into bins: about as many bins as boxes, fewer when boxes are so large that their entries would
-    /// be more than a small multiple of their number.
+    /// Sorts boxes into bins. There are about as many bins as boxes, or fewer if the boxes are so large that the number
+    /// of entries would exceed a small multiple of theirs.
     pub(super) fn new(boxes: &[Bounds<D>]) -> Self {
         let [lower, upper] = bounds(boxes.iter().flatten().copied());
         let sides = std::array::from_fn(|d| upper[d] - lower[d]);
@@ -40,13 +40,13 @@ impl<const D: usize> Bins<D> {
         }
     }
 
-    /// About `n` bins over a box, as close to squares (cubes) as their number allows.
+    /// A lattice of about `n` bins over a box; bins are as close to squares (cubes) as possible.
     fn divided(lower: [f64; D], sides: [f64; D], n: usize) -> Self {
         let mut counts = [1; D];
         let mut left = n;
         for d in 0..D {
             let axes = (D - d) as f64;
-            // The ratios come first: the sides may be as large as numbers get.
+            // Divide first: the product of two sides may overflow.
             let ratio: f64 = (d + 1..D).map(|e| sides[d] / sides[e]).product();
             let along = (ratio * left as f64).powf(1.0 / axes).clamp(1.0, left as f64) as usize;
             counts[d] = along.max(1);
@@ -76,8 +76,8 @@ impl<const D: usize> Bins<D> {
         self.items = items;
     }
 
-    /// Index of the bin of a coordinate, of the nearest one for positions outside. It never decreases along the
-    /// axis, so a position in a box is in one of the bins that the box meets, whatever the round-off.
+    /// Index of the bin at a coordinate; positions outside belong to the nearest bin. The index is monotonic, so
+    /// round-off cannot place a position of a box into a bin that the box does not overlap.
     fn index(&self, axis: usize, x: f64) -> usize {
         let bin = (x - self.lower[axis]) / self.spacing[axis];
         (bin as usize).min(self.counts[axis] - 1)
@@ -91,7 +91,7 @@ impl<const D: usize> Bins<D> {
         self.ranges(bounds).map(|range| range.count()).iter().product()
     }
 
-    /// The bins that a box meets.
+    /// Visits the bins that a box overlaps.
     fn for_each_met(&self, bounds: &Bounds<D>, mut visit: impl FnMut(usize)) {
         let ranges = self.ranges(bounds);
         for_each_row(&ranges, |row| {
@@ -100,7 +100,7 @@ impl<const D: usize> Bins<D> {
         });
     }
 
-    /// The first bin of a row along the first axis; the index along that axis does not count.
+    /// The first bin of a row along the first axis; `index[0]` is ignored.
     fn row(&self, index: &[usize; D]) -> usize {
         (1..D).rev().fold(0, |bin, d| (bin + index[d]) * self.counts[d - 1])
     }
@@ -109,25 +109,26 @@ impl<const D: usize> Bins<D> {
         &self.items[self.start[bin]..self.start[bin + 1]]
     }
 
-    /// The boxes that may hold a position, ascending; for positions outside, those that meet the nearest bin.
+    /// The boxes that may contain a position, ascending; for positions outside the lattice, those of the nearest bin.
     pub(super) fn at(&self, x: &[f64; D]) -> &[u32] {
         let index = std::array::from_fn(|d| self.index(d, x[d]));
         self.items(self.row(&index) + index[0])
     }
 
-    /// Visits the boxes in every bin that a box meets, some of them repeatedly.
+    /// Visits the boxes in every bin that a box overlaps, possibly repeatedly.
     pub(super) fn meeting(&self, bounds: &Bounds<D>, mut visit: impl FnMut(&[u32])) {
         self.for_each_met(bounds, |bin| visit(self.items(bin)));
     }
 
-    /// Visits boxes from near to far, by rings (shells) of bins around a position. After each ring, `visit` gets its
-    /// boxes (some of them repeatedly) and the square of a distance that those still to come are at least away; it
-    /// says whether to go on.
+    /// Visits boxes in order of distance, by rings (shells) of bins around a position. After each ring, `visit`
+    /// receives its boxes (possibly repeated) and a lower bound of the squared distance of all remaining ones; the
+    /// search continues while it returns true.
     pub(super) fn outwards(&self, x: &[f64; D], mut visit: impl FnMut(&[u32], f64) -> bool) {
         let centre: [usize; D] = std::array::from_fn(|d| self.index(d, x[d]));
         let step = self.spacing.iter().copied().fold(f64::INFINITY, f64::min);
         let last: usize = (0..D).map(|d| centre[d].max(self.counts[d] - 1 - centre[d])).max().unwrap_or(0);
-        // The way to the lattice is at an angle of 90° or more with any way on from there, so squares add up.
+        // The vector to the lattice and any vector from there inwards enclose at least 90°, so squared distances add up
+        // to a lower bound.
         let outside: f64 = (0..D)
             .map(|d| {
                 let upper = self.lower[d] + self.spacing[d] * self.counts[d] as f64;
@@ -142,7 +143,7 @@ impl<const D: usize> Bins<D> {
             });
             for_each_row(&ranges, |row| {
                 let first = self.row(row);
-                // Rows inside the ring contribute their two ends only.
+                // Only the two end bins of a row inside the ring belong to the ring.
                 if (1..D).any(|d| row[d].abs_diff(centre[d]) == ring) {
                     ranges[0].clone().for_each(|column| found.extend_from_slice(self.items(first + column)));
                 } else {
@@ -159,7 +160,7 @@ impl<const D: usize> Bins<D> {
     }
 }
 
-/// The indices in a box of ranges with the first at its start, the second axis fastest.
+/// Visits the multi-indices in a box of ranges, with the first index at its start; the second axis varies fastest.
 fn for_each_row<const D: usize>(ranges: &[RangeInclusive<usize>; D], mut visit: impl FnMut(&[usize; D])) {
     let mut index: [usize; D] = std::array::from_fn(|d| *ranges[d].start());
     loop {

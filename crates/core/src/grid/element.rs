@@ -1,9 +1,8 @@
-//! Elements of unstructured meshes: linear shape functions and the map between physical and local coordinates.
+//! Elements of unstructured meshes: linear shape functions and the map between local coordinates and positions.
 //!
-//! Corners stand in the order of the VTK cell: those of a triangle or quadrilateral counterclockwise; those of a
-//! tetrahedron so that the first three go round counterclockwise as seen from the fourth; those of a hexahedron round
-//! the bottom, counterclockwise as seen from the top, and then round the top. Arrays have room for the largest
-//! element; the entries beyond its number of nodes are zero.
+//! Corners are in VTK order. Triangle, quadrilateral: counterclockwise. Tetrahedron: the first three counterclockwise
+//! as seen from the fourth. Hexahedron: around the bottom, counterclockwise as seen from the top, then around the top.
+//! Arrays have room for the largest element; entries beyond the number of nodes are zero.
 
 mod inverse;
 mod validity;
@@ -12,13 +11,13 @@ use super::structured::vtk_corner;
 
 pub use validity::folds;
 
-/// The most nodes an element can have.
+/// Largest number of nodes of an element.
 pub const MAX_NODES: usize = 8;
 
 /// Shape of an element in `D` dimensions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ElementShape {
-    /// A triangle or tetrahedron: `D` + 1 corners, at the origin of the local coordinates and at 1 on each axis.
+    /// A triangle or tetrahedron with `D` + 1 corners: at the origin of the local coordinates and at 1 on each axis.
     Simplex,
     /// A quadrilateral or hexahedron: 2^`D` corners, at −1 and 1 on each local axis.
     Box,
@@ -32,7 +31,7 @@ pub(super) fn dot<const D: usize>(a: [f64; D], b: [f64; D]) -> f64 {
     (1..D).fold(a[0] * b[0], |sum, d| sum + a[d] * b[d])
 }
 
-/// The component of a × b out of the plane: twice the area of the triangle of the two vectors.
+/// Out-of-plane component of a × b.
 pub(super) fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
@@ -42,12 +41,13 @@ pub(super) fn vector_product(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Signs of the local coordinates of the corner of a box whose number has bit d for its side along axis d.
+/// Local coordinates (±1) of a corner of a box; bit d of its number is its side along axis d.
 pub fn corner_side<const D: usize>(corner: usize) -> [f64; D] {
     std::array::from_fn(|d| if corner >> d & 1 == 1 { 1.0 } else { -1.0 })
 }
 
-/// N and ∂N/∂ξ of a corner of a box in multilinear interpolation, the corner being numbered by bits.
+/// Multilinear shape function N and its gradient ∂N/∂ξ for a corner of a box; bit d of its number is its side along
+/// axis d.
 pub fn box_shape<const D: usize>(corner: usize, xi: &[f64; D]) -> (f64, [f64; D]) {
     let side = corner_side::<D>(corner);
     let factor = |d: usize| 0.5 * (1.0 + side[d] * xi[d]);
@@ -57,7 +57,7 @@ pub fn box_shape<const D: usize>(corner: usize, xi: &[f64; D]) -> (f64, [f64; D]
     (value, slope)
 }
 
-/// Inverse and determinant of the derivatives `[i][a]` = ∂xᵢ/∂ξₐ, the inverse times the determinant as `[a][i]`.
+/// Adjugate (inverse times determinant), `[a][i]`, and determinant of the Jacobian `[i][a]` = ∂xᵢ/∂ξₐ.
 pub(super) fn adjugate<const D: usize>(j: &[[f64; D]; D]) -> ([[f64; D]; D], f64) {
     let mut adjugate = [[0.0; D]; D];
     let mut determinant = 0.0;
@@ -84,7 +84,7 @@ pub(super) fn adjugate<const D: usize>(j: &[[f64; D]; D]) -> ([[f64; D]; D], f64
 }
 
 impl ElementShape {
-    /// The shape with this number of nodes in `D` dimensions, if there is one.
+    /// The shape with this number of nodes in `D` dimensions; `None` if there is none.
     pub fn from_nodes<const D: usize>(n_nodes: usize) -> Option<Self> {
         match n_nodes {
             n if n == D + 1 => Some(ElementShape::Simplex),
@@ -93,7 +93,7 @@ impl ElementShape {
         }
     }
 
-    /// Number of nodes in `D` dimensions, all of them corners.
+    /// Number of nodes in `D` dimensions; all nodes are corners.
     pub fn n_nodes<const D: usize>(self) -> usize {
         match self {
             ElementShape::Simplex => D + 1,
@@ -111,8 +111,8 @@ impl ElementShape {
         }
     }
 
-    /// The sides (edges in the plane, faces in space) as places of their corners: along an edge with the element to
-    /// the left, round a face counterclockwise as seen from outside.
+    /// Corner indices of each side (edge in the plane, face in space). An edge has the element to its left; a face is
+    /// counterclockwise as seen from outside.
     pub fn sides<const D: usize>(self) -> &'static [&'static [usize]] {
         match (self, D) {
             (ElementShape::Simplex, 3) => &[&[0, 2, 1], &[0, 1, 3], &[1, 2, 3], &[2, 0, 3]],
@@ -176,7 +176,7 @@ impl ElementShape {
         gradients
     }
 
-    /// Position x(ξ) of local coordinates, [length].
+    /// Position x(ξ) at local coordinates, [length].
     pub fn map<const D: usize>(self, corners: &[[f64; D]], xi: [f64; D]) -> [f64; D] {
         let mut x = [0.0; D];
         for (corner, value) in corners.iter().zip(self.values(xi)) {
@@ -187,7 +187,7 @@ impl ElementShape {
         x
     }
 
-    /// Derivatives dx/dξ of the position, `[i][a]` = ∂xᵢ/∂ξₐ, [length].
+    /// Jacobian of the map, `[i][a]` = ∂xᵢ/∂ξₐ, [length].
     pub fn jacobian<const D: usize>(self, corners: &[[f64; D]], xi: [f64; D]) -> [[f64; D]; D] {
         let mut jacobian = [[0.0; D]; D];
         for (corner, gradient) in corners.iter().zip(self.local_gradients(xi)) {
@@ -210,7 +210,7 @@ impl ElementShape {
         })
     }
 
-    /// Volume (area), positive for corners in the order of the VTK cell, [length^`D`].
+    /// Volume (area), positive for corners in VTK order, [length^`D`].
     pub fn volume<const D: usize>(self, corners: &[[f64; D]]) -> f64 {
         if corners.len() < self.n_nodes::<D>() {
             return 0.0;
@@ -251,9 +251,9 @@ impl ElementShape {
         }
     }
 
-    /// The determinant of the map at every corner, up to a positive constant, [length^`D`]; in the plane twice the
-    /// area of the triangle of the corner and its two neighbours. A quadrilateral is convex and counterclockwise if
-    /// and only if all are positive.
+    /// Determinant of the Jacobian at every corner, up to a positive factor, [length^`D`]; in the plane, twice the area
+    /// of the triangle of the corner and its two neighbours. A quadrilateral is convex and counterclockwise if and only
+    /// if all are positive.
     pub fn corner_determinants<const D: usize>(self, corners: &[[f64; D]]) -> [f64; MAX_NODES] {
         let n = self.n_nodes::<D>().min(corners.len());
         let scale = if self == ElementShape::Box { (1u32 << D).into() } else { 1.0 };
@@ -266,8 +266,8 @@ impl ElementShape {
     }
 }
 
-/// The points of two-point Gauss quadrature along each axis of a box, all of weight one. They integrate polynomials of
-/// degree three along each axis exactly.
+/// Points of the two-point Gauss rule along each axis of a box; all weights are one. Exact for polynomials of degree
+/// three along each axis.
 pub(crate) fn gauss_points<const D: usize>() -> impl Iterator<Item = [f64; D]> {
     (0..1usize << D).map(|k| corner_side(k).map(|side: f64| side / 3f64.sqrt()))
 }

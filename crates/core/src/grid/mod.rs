@@ -10,16 +10,16 @@ pub mod subdivide;
 pub use mesh::Mesh;
 pub use structured::{Structured, vtk_corner};
 
-/// A position closer than this to a grid line, relative to the cell size, counts as lying on it.
+/// Relative distance, in units of the cell size, within which a position counts as lying on a grid line.
 ///
-/// Points that sit on a grid line in exact arithmetic must all be given to the same cell, whatever their round-off;
-/// otherwise a uniform row of points loses its equilibrium (it happens at every fifth step of simple shear).
+/// Points on a grid line in exact arithmetic must all belong to the same cell, whatever their round-off. Otherwise a
+/// uniform row of points is no longer in equilibrium, as happens at every fifth step of simple shear.
 pub const ON_LINE: f64 = 1e-8;
 
-/// Most corners of a cell.
+/// Largest number of corners of a cell.
 pub const MAX_CORNERS: usize = 8;
 
-/// The corner nodes of a cell, in the order of the VTK cell of its kind.
+/// Corner nodes of a cell, in VTK order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Corners {
     nodes: [u32; MAX_CORNERS],
@@ -27,7 +27,7 @@ pub struct Corners {
 }
 
 impl Corners {
-    /// From a list of at most [`MAX_CORNERS`] nodes; more are left out.
+    /// Corners from a list of nodes; at most [`MAX_CORNERS`] are used.
     pub fn new(list: &[u32]) -> Self {
         let mut nodes = [0; MAX_CORNERS];
         let n = list.len().min(MAX_CORNERS);
@@ -41,7 +41,7 @@ impl Corners {
     }
 }
 
-/// The basis of one cell at a position: nodes, values and gradients.
+/// Linear basis of a cell at a position: nodes, values and gradients.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CellBasis<const D: usize> {
     nodes: [u32; MAX_CORNERS],
@@ -57,7 +57,7 @@ impl<const D: usize> Default for CellBasis<D> {
 }
 
 impl<const D: usize> CellBasis<D> {
-    /// Adds a node with value, [-], and gradient, [1/length]; beyond [`MAX_CORNERS`] it is left out.
+    /// Adds a node with its value, [-], and gradient, [1/length]; ignored beyond [`MAX_CORNERS`] nodes.
     #[inline(always)]
     pub fn push(&mut self, node: u32, value: f64, gradient: [f64; D]) {
         if self.n < MAX_CORNERS {
@@ -84,7 +84,7 @@ impl<const D: usize> CellBasis<D> {
     }
 }
 
-/// A background grid in `D` dimensions: nodes, cells between them, and the linear basis of each cell.
+/// A background grid in `D` dimensions: nodes, cells, and a linear basis in each cell.
 pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
     /// Number of nodes.
     fn n_nodes(&self) -> usize;
@@ -98,7 +98,8 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
     /// Lowest and highest coordinates, [length].
     fn bounds(&self) -> [[f64; D]; 2];
 
-    /// Place of a node on a lattice of about the spacing of the grid; orders the elimination of unknowns.
+    /// Integer coordinates of a node on a lattice with about the spacing of the grid, used to order the unknowns for
+    /// elimination.
     fn lattice(&self, node: usize) -> [u32; D];
 
     /// Corner nodes of a cell.
@@ -107,34 +108,34 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
     /// Size of a cell, [length].
     fn size(&self, cell: usize) -> f64;
 
-    /// Size of the smallest cell around a node, [length]: what is much nearer than this lies at the node.
+    /// Size of the smallest cell around a node, [length].
     fn size_around(&self, node: usize) -> f64;
 
     /// Volume (area) of a cell, [volume].
     fn volume(&self, cell: usize) -> f64;
 
-    /// The cell that holds a position, or `None` outside the grid; `hint` is a cell where to look first. A position
-    /// on the border of cells belongs to one of them whatever its round-off.
+    /// The cell that contains a position; `None` outside the grid. The search starts at `hint`. A position on the
+    /// border of cells belongs to one of them, whatever its round-off.
     fn locate(&self, position: &[f64; D], hint: Option<u32>) -> Option<u32>;
 
-    /// The cell nearest to a position, which may be outside the grid.
+    /// The cell nearest to a position inside or outside the grid.
     fn nearest_cell(&self, position: &[f64; D]) -> u32;
 
-    /// The linear basis of a cell at a position; outside the cell it is continued.
+    /// The linear basis of a cell at a position; continued outside the cell.
     fn basis_at(&self, cell: u32, position: &[f64; D]) -> CellBasis<D>;
 
-    /// The cell that holds a position, or is nearest to it, and its basis there; `hint` is a cell where to look first.
+    /// The cell that contains a position or is nearest to it, and its basis there; the search starts at `hint`.
     fn basis_near(&self, position: &[f64; D], hint: Option<u32>) -> (u32, CellBasis<D>) {
         let cell = self.locate(position, hint).unwrap_or_else(|| self.nearest_cell(position));
         (cell, self.basis_at(cell, position))
     }
 
-    /// Names and nodes of the node sets of an imported grid.
+    /// Nodes of a named set of an imported grid.
     fn node_set(&self, _name: &str) -> Option<&[u32]> {
         None
     }
 
-    /// Names and cells of the cell sets of an imported grid.
+    /// Cells of a named set of an imported grid.
     fn cell_set(&self, _name: &str) -> Option<&[u32]> {
         None
     }
@@ -144,14 +145,14 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// The grid as a structured one, which GIMP needs.
+    /// The grid as a structured grid, which GIMP requires; `None` for other grids.
     fn structured(&self) -> Option<&Structured<D>> {
         None
     }
 }
 
-/// A nodal field at a position, by the basis of the cell that holds it or is nearest; linear fields are exact
-/// everywhere.
+/// Interpolates a nodal field at a position, with the basis of the cell that contains it or is nearest. Linear fields
+/// are reproduced everywhere.
 pub fn interpolate<const D: usize, G: Grid<D> + ?Sized>(
     grid: &G,
     position: &[f64; D],

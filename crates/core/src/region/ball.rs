@@ -6,7 +6,7 @@ use super::line::not_positive;
 use super::vector::{dot, minus, norm};
 use super::{Intervals, Line, Primitive, ShapeError, finite, positive};
 
-/// A ball: the inside of a circle (D = 2) or a sphere (D = 3).
+/// A ball: a disc (D = 2) or a solid sphere (D = 3).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ball<const D: usize> {
     center: [f64; D],
@@ -14,7 +14,7 @@ pub struct Ball<const D: usize> {
 }
 
 impl<const D: usize> Ball<D> {
-    /// From centre and radius, [length].
+    /// A ball with this centre and radius, [length].
     ///
     /// # Errors
     /// [`ShapeError::NotFinite`], [`ShapeError::NotPositive`].
@@ -36,7 +36,7 @@ impl<const D: usize> Primitive<D> for Ball<D> {
 
     fn volume(&self) -> f64 {
         let r = self.radius;
-        // π r², 4/3 π r³; of a line 2 r.
+        // π r² (D = 2), 4/3 π r³ (D = 3), and 2 r for an interval (D = 1).
         match D {
             1 => 2.0 * r,
             2 => PI * r * r,
@@ -55,7 +55,7 @@ impl<const D: usize> Primitive<D> for Ball<D> {
     }
 }
 
-/// What lies between two balls with one centre: an annulus (D = 2) or a hollow sphere (D = 3).
+/// The space between two concentric balls: an annulus (D = 2) or a hollow sphere (D = 3).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HollowBall<const D: usize> {
     outer: Ball<D>,
@@ -63,10 +63,10 @@ pub struct HollowBall<const D: usize> {
 }
 
 impl<const D: usize> HollowBall<D> {
-    /// From centre, inner and outer radius, [length].
+    /// A hollow ball with this centre, inner and outer radius, [length].
     ///
     /// # Errors
-    /// [`ShapeError::NotFinite`], [`ShapeError::NotPositive`] for the inner radius and the thickness.
+    /// [`ShapeError::NotFinite`]; [`ShapeError::NotPositive`] for the inner radius or the thickness.
     pub fn new(center: [f64; D], inner: f64, outer: f64) -> Result<Self, ShapeError> {
         positive("the thickness", outer - inner)?;
         Ok(HollowBall { outer: Ball::new(center, outer)?, inner: Ball::new(center, inner)? })

@@ -1,18 +1,18 @@
-//! Boxes with sides along the axes.
+//! Axis-aligned boxes.
 
 use super::{Bounds, Intervals, Line, Primitive, ShapeError, corners, finite, positive};
 
-/// A box (in the plane a rectangle) with sides along the axes.
+/// An axis-aligned box (rectangle in the plane).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Brick<const D: usize> {
     bounds: Bounds<D>,
 }
 
 impl<const D: usize> Brick<D> {
-    /// From the lowest and the highest corner, [length].
+    /// A box with this lowest and highest corner, [length].
     ///
     /// # Errors
-    /// [`ShapeError::NotFinite`], [`ShapeError::NotPositive`] when a side is.
+    /// [`ShapeError::NotFinite`]; [`ShapeError::NotPositive`] for a side.
     pub fn new(min: [f64; D], max: [f64; D]) -> Result<Self, ShapeError> {
         finite("the lowest corner", min)?;
         finite("the highest corner", max)?;

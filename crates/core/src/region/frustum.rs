@@ -16,10 +16,11 @@ pub struct Frustum {
 }
 
 impl Frustum {
-    /// From the centres of the two ends and the radii there, [length]; one radius may be zero, which makes a cone.
+    /// A frustum with these centres of its ends and these radii there, [length]; one radius may be zero (a cone).
     ///
     /// # Errors
-    /// [`ShapeError::NotFinite`]; [`ShapeError::NotPositive`] for the height, a negative radius or both radii zero.
+    /// [`ShapeError::NotFinite`]; [`ShapeError::NotPositive`] for the height, for a negative radius, or if both radii
+    /// are zero.
     pub fn new(start: [f64; 3], end: [f64; 3], radii: [f64; 2]) -> Result<Self, ShapeError> {
         finite("the centre of an end", start)?;
         finite("the centre of an end", end)?;
@@ -33,7 +34,7 @@ impl Frustum {
         Ok(Frustum { start, axis: axis.map(|x| x / height), height, radii })
     }
 
-    /// A cylinder from the centres of its ends and its radius, [length].
+    /// A cylinder with these centres of its ends and this radius, [length].
     ///
     /// # Errors
     /// As [`Frustum::new`].
@@ -41,12 +42,12 @@ impl Frustum {
         Self::new(start, end, [radius; 2])
     }
 
-    /// Change of the radius along the axis, [-].
+    /// Slope of the radius along the axis, [-].
     fn slope(&self) -> f64 {
         (self.radii[1] - self.radii[0]) / self.height
     }
 
-    /// A vector from the start: its part along the axis and its part across.
+    /// Splits a position, relative to the start, into its axial coordinate and its radial vector.
     fn split(&self, x: &[f64; 3]) -> (f64, [f64; 3]) {
         let h = dot(x, &self.axis);
         (h, along(x, -h, &self.axis))
@@ -79,7 +80,7 @@ impl Primitive<3> for Frustum {
         let slope = self.slope();
         let (r, dr) = (self.radii[0] + slope * h, slope * dh);
         let inside = not_positive(dot(&dw, &dw) - dr * dr, dot(&w, &dw) - r * dr, dot(&w, &w) - r * r);
-        // The slab leaves one of the two nappes of the cone.
+        // The slab excludes one nappe of the double cone.
         inside.intersection(&between(h, dh, 0.0, self.height))
     }
 

@@ -1,13 +1,13 @@
-//! Straight lines and the parts of them that lie in a region.
+//! Straight lines and intervals on them.
 
 use super::vector::{along, unit};
 
-/// The straight line `origin` + t `direction`, t from −∞ to ∞.
+/// The straight line `origin` + t `direction` for all real t.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line<const D: usize> {
     /// The position at t = 0, [length].
     pub origin: [f64; D],
-    /// The change of position with t; of any length but zero.
+    /// Change of position with t; must not be zero.
     pub direction: [f64; D],
 }
 
@@ -22,13 +22,13 @@ impl<const D: usize> Line<D> {
         along(&self.origin, t, &self.direction)
     }
 
-    /// Where one coordinate lies between two values.
+    /// The interval in which a coordinate lies between two values.
     pub(super) fn slab(&self, axis: usize, low: f64, high: f64) -> Intervals {
         between(self.origin[axis], self.direction[axis], low, high)
     }
 }
 
-/// Ascending, disjoint intervals of the parameter of a line.
+/// Ascending, disjoint intervals of the parameter t of a line.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Intervals(Vec<[f64; 2]>);
 
@@ -38,12 +38,12 @@ impl Intervals {
         Intervals(vec![[f64::NEG_INFINITY, f64::INFINITY]])
     }
 
-    /// One interval; none when it has no length.
+    /// A single interval; none if its length is not positive.
     pub fn one(low: f64, high: f64) -> Self {
         Intervals(if low < high { vec![[low, high]] } else { Vec::new() })
     }
 
-    /// From the parameters at which a line enters and leaves by turns, in any order.
+    /// Intervals from the parameters at which a line alternately enters and leaves, in any order.
     pub(super) fn from_crossings(mut crossings: Vec<f64>) -> Self {
         crossings.sort_by(f64::total_cmp);
         Intervals(crossings.chunks_exact(2).filter(|c| c[0] < c[1]).map(|c| [c[0], c[1]]).collect())
@@ -54,17 +54,17 @@ impl Intervals {
         &self.0
     }
 
-    /// Whether a parameter lies in one of them.
+    /// True if a parameter lies in an interval.
     pub fn contains(&self, t: f64) -> bool {
         self.0.iter().any(|[low, high]| *low <= t && t <= *high)
     }
 
-    /// Sum of their lengths.
+    /// Total length.
     pub fn length(&self) -> f64 {
         self.0.iter().map(|[low, high]| high - low).sum()
     }
 
-    /// What lies in either.
+    /// Union.
     pub fn union(&self, other: &Intervals) -> Intervals {
         let (mut a, mut b) = (self.0.iter().peekable(), other.0.iter().peekable());
         let mut all: Vec<[f64; 2]> = Vec::with_capacity(self.0.len() + other.0.len());
@@ -82,7 +82,7 @@ impl Intervals {
         }
     }
 
-    /// What lies in both.
+    /// Intersection.
     pub fn intersection(&self, other: &Intervals) -> Intervals {
         let (mut i, mut j) = (0, 0);
         let mut both = Vec::new();
@@ -96,12 +96,12 @@ impl Intervals {
         Intervals(both)
     }
 
-    /// What lies in these and not in the others.
+    /// Difference: these intervals without the others.
     pub fn minus(&self, other: &Intervals) -> Intervals {
         self.intersection(&other.complement())
     }
 
-    /// What lies in none of them.
+    /// Complement.
     pub fn complement(&self) -> Intervals {
         let mut gaps = Vec::with_capacity(self.0.len() + 1);
         let mut low = f64::NEG_INFINITY;
@@ -118,7 +118,7 @@ impl Intervals {
     }
 }
 
-/// Where `start` + t `slope` lies between two values.
+/// The interval in which `start` + t `slope` lies between two values.
 pub(super) fn between(start: f64, slope: f64, low: f64, high: f64) -> Intervals {
     if slope == 0.0 {
         return if low <= start && start <= high { Intervals::whole() } else { Intervals::default() };
@@ -127,14 +127,14 @@ pub(super) fn between(start: f64, slope: f64, low: f64, high: f64) -> Intervals 
     Intervals::one(a.min(b), a.max(b))
 }
 
-/// Where a t² + 2 b t + c ≤ 0.
+/// The intervals in which a t² + 2 b t + c ≤ 0.
 pub(super) fn not_positive(a: f64, b: f64, c: f64) -> Intervals {
     if a == 0.0 {
         return between(c, 2.0 * b, f64::NEG_INFINITY, 0.0);
     }
     let discriminant = b * b - a * c;
     if discriminant > 0.0 {
-        // The root without cancellation first; the product of the roots is c / a.
+        // The root without cancellation first; the other follows from the product of the roots, c / a.
         let q = -(b + discriminant.sqrt().copysign(b));
         let (s, t) = (q / a, c / q);
         let inner = Intervals::one(s.min(t), s.max(t));

@@ -1,9 +1,9 @@
-//! Translations, rotations and uniform scalings.
+//! Similarity transformations: translations, rotations and uniform scalings.
 
 use super::vector::{along, cross, dot, minus, norm, unit};
 use super::{Line, ShapeError, finite, positive};
 
-/// A motion that keeps shapes: x ↦ s R x + c with a rotation R, a scale s > 0 and a shift c.
+/// A similarity transformation x ↦ s R x + c with a scale s > 0, a rotation R and a shift c.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion<const D: usize> {
     rotation: [[f64; D]; D],
@@ -12,12 +12,12 @@ pub struct Motion<const D: usize> {
 }
 
 impl<const D: usize> Motion<D> {
-    /// No motion.
+    /// The identity.
     pub fn identity() -> Self {
         Motion { rotation: std::array::from_fn(unit), scale: 1.0, shift: [0.0; D] }
     }
 
-    /// A shift, [length].
+    /// A translation, [length].
     ///
     /// # Errors
     /// [`ShapeError::NotFinite`].
@@ -25,7 +25,7 @@ impl<const D: usize> Motion<D> {
         Ok(Motion { shift: finite("the translation", shift)?, ..Self::identity() })
     }
 
-    /// A change of size by a factor about a fixed position, [length].
+    /// A uniform scaling about a fixed position, [length].
     ///
     /// # Errors
     /// [`ShapeError::NotFinite`], [`ShapeError::NotPositive`].
@@ -35,14 +35,14 @@ impl<const D: usize> Motion<D> {
         Ok(Motion { scale, shift, ..Self::identity() })
     }
 
-    /// A rotation matrix about a fixed position.
+    /// A rotation about a fixed position.
     fn about(rotation: [[f64; D]; D], center: [f64; D]) -> Result<Self, ShapeError> {
         let center = finite("the centre of the rotation", center)?;
         let turned: [f64; D] = std::array::from_fn(|d| dot(&rotation[d], &center));
         Ok(Motion { rotation, scale: 1.0, shift: minus(&center, &turned) })
     }
 
-    /// This motion and then another.
+    /// Composition: this motion, then `next`.
     pub fn then(&self, next: &Motion<D>) -> Motion<D> {
         let row =
             |i: usize| (0..D).fold([0.0; D], |sum, k| along(&sum, next.rotation[i][k], &self.rotation[k]));
@@ -53,7 +53,7 @@ impl<const D: usize> Motion<D> {
         }
     }
 
-    /// The motion back.
+    /// The inverse motion.
     pub fn inverse(&self) -> Motion<D> {
         let rotation = self.transposed();
         let scale = 1.0 / self.scale;
@@ -65,23 +65,23 @@ impl<const D: usize> Motion<D> {
         std::array::from_fn(|i| std::array::from_fn(|j| self.rotation[j][i]))
     }
 
-    /// Where a position goes, [length].
+    /// The image of a position, [length].
     pub fn apply(&self, x: &[f64; D]) -> [f64; D] {
         std::array::from_fn(|d| self.scale * dot(&self.rotation[d], x) + self.shift[d])
     }
 
-    /// Where a position comes from, [length].
+    /// The preimage of a position, [length].
     pub fn undo(&self, x: &[f64; D]) -> [f64; D] {
         self.undo_direction(&minus(x, &self.shift))
     }
 
     fn undo_direction(&self, y: &[f64; D]) -> [f64; D] {
-        // Column by column, so that no motion changes no digit.
+        // Column by column, so that the identity reproduces its argument exactly.
         let turned = (0..D).fold([0.0; D], |sum, k| along(&sum, y[k], &self.rotation[k]));
         turned.map(|x| x / self.scale)
     }
 
-    /// Where a line comes from; its parameter stays.
+    /// The preimage of a line, with the same parameter.
     pub(super) fn undo_line(&self, line: &Line<D>) -> Line<D> {
         Line { origin: self.undo(&line.origin), direction: self.undo_direction(&line.direction) }
     }
@@ -91,14 +91,14 @@ impl<const D: usize> Motion<D> {
         (self.rotation[axis].map(|r| self.scale * r), self.shift[axis])
     }
 
-    /// Volume after the motion of a unit of volume before it, [-].
+    /// Ratio of the volumes after and before the motion, [-].
     pub(super) fn volume_ratio(&self) -> f64 {
         self.scale.powi(D as i32)
     }
 }
 
 impl Motion<2> {
-    /// A rotation about a position, [length], counter-clockwise by an angle in radians.
+    /// A counterclockwise rotation about a position, [length], by an angle, [rad].
     ///
     /// # Errors
     /// [`ShapeError::NotFinite`].
@@ -109,13 +109,12 @@ impl Motion<2> {
 }
 
 impl Motion<3> {
-    /// A rotation about the line through `center`, [length], along `axis`, by the right-hand rule, by an angle in
-    /// radians.
+    /// A right-handed rotation by an angle, [rad], about the line through `center`, [length], along `axis`.
     ///
     /// # Errors
-    /// [`ShapeError::NotFinite`]; [`ShapeError::NotPositive`] when the axis has no length.
+    /// [`ShapeError::NotFinite`]; [`ShapeError::NotPositive`] if the axis has zero length.
     pub fn rotation(axis: [f64; 3], angle: f64, center: [f64; 3]) -> Result<Self, ShapeError> {
-        // Scaled first: the square of a number that is far from one may not be a number.
+        // Scale first: the squares of very large or small numbers overflow or underflow.
         let largest = finite("the axis of the rotation", axis)?.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let largest = positive("the length of the axis", largest)?;
         let axis = axis.map(|x| x / largest);
@@ -132,7 +131,7 @@ impl Motion<3> {
     }
 }
 
-/// Quarter turns are exact, though no number of radians is: boxes stay boxes along the axes.
+/// Quarter turns are exact, although no angle in radians is, so that axis-aligned boxes remain axis-aligned.
 fn sine_and_cosine(angle: f64) -> Result<[f64; 2], ShapeError> {
     let [angle] = finite("the angle", [angle])?;
     let whole = |x: f64| if (x - x.round()).abs() < 4.0 * f64::EPSILON { x.round() } else { x };

@@ -11,8 +11,8 @@ pub struct Prism {
 }
 
 impl Prism {
-    /// From a polygon in the other two coordinates, in ascending order: (y, z), (x, z) or (x, y); the axis, 0 to 2;
-    /// and the lower and upper end along it, [length].
+    /// A prism with base `base`, extruded along `axis` (0 to 2) between two heights, [length]. The base is given in the
+    /// other two coordinates in ascending order: (y, z), (x, z) or (x, y).
     ///
     /// # Errors
     /// [`ShapeError::NoAxis`], [`ShapeError::NotFinite`]; [`ShapeError::NotPositive`] for the height.

@@ -4,17 +4,17 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::sync::LazyLock;
 
-/// A value with an estimate of its error.
+/// A value with an error estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Estimate {
     /// The value.
     pub value: f64,
-    /// Estimated bound of its error, above or equal to zero.
+    /// Estimated error bound; not negative.
     pub error: f64,
 }
 
-/// Positive nodes of the Kronrod rule of 15 points on [−1, 1], descending, and the middle. Exact to degree 22. Table of
-/// QUADPACK (Piessens et al., 1983).
+/// Non-negative nodes of the 15-point Kronrod rule on [−1, 1], descending. Exact to degree 22. Tabulated in QUADPACK
+/// (Piessens et al., 1983).
 const NODES: [f64; 8] = [
     0.991_455_371_120_812_6,
     0.949_107_912_342_758_5,
@@ -39,22 +39,22 @@ const WEIGHTS: [f64; 8] = [
 /// Number of nodes.
 const N: usize = 15;
 
-/// Number of values that one panel takes: the nodes and the two ends.
+/// Number of function values per panel: the nodes and both ends.
 pub(super) const VALUES_PER_PANEL: usize = N + 2;
 
-/// Distance of the outermost node from the end: what lies there is seen by the value at the end only.
+/// Distance of the outermost node from the end; features in this gap show only in the value at the end.
 const GAP: f64 = 1.0 - NODES[0];
 
-/// Where the ends are looked at on [−1, 1]: just inside, because functions may jump at breaks.
+/// Position on [−1, 1] at which the ends are sampled: just inside, because functions may jump at breaks.
 const END: f64 = 1.0 - 1e-10;
 
-/// Relative width of the narrowest panel: below it, positions of the rule coincide.
+/// Relative width of the narrowest panel; in narrower ones, nodes coincide.
 const NARROWEST: f64 = 1e-13;
 
-/// Where coefficients fall by less than this from one pair of degrees to the next, the function is not smooth.
+/// Decay ratio of successive coefficient pairs above which a function counts as not smooth.
 const SMOOTH: f64 = 0.25;
 
-/// Largest ratio of the true error to the estimate for a jump, with a tenth added; that of a kink or a root is less.
+/// Largest ratio of true error to estimate for a jump, plus 10 %; the ratio for a kink or a root is smaller.
 const SAFETY: f64 = 1.13;
 
 fn node(k: usize) -> f64 {
@@ -65,16 +65,17 @@ fn weight(k: usize) -> f64 {
     WEIGHTS[k.min(N - 1 - k)]
 }
 
-/// Linear forms of the values at the nodes that tell how well a polynomial describes a function.
+/// Linear forms of the values at the nodes that measure how well a polynomial fits a function.
 struct Forms {
-    /// Coefficients of the polynomials of degree 14 down to 7 that are orthonormal on the nodes with their weights.
+    /// Coefficients of the polynomials of degree 14 down to 7, orthonormal on the nodes with their weights.
     coefficients: [[f64; N]; 8],
-    /// The polynomial through all values, at the lower and the upper end.
+    /// Values at the lower and upper end of the polynomial through all nodes.
     at_ends: [[f64; N]; 2],
 }
 
 static FORMS: LazyLock<Forms> = LazyLock::new(|| {
-    // Each polynomial by its values at the nodes and the ends: the one before times x, made orthogonal to all.
+    // Each polynomial, given by its values at nodes and ends, is the previous one times x, orthogonalised against all
+    // others.
     type Values = ([f64; N], [f64; 2]);
     let product = |a: &Values, b: &Values| (0..N).map(|k| weight(k) * a.0[k] * b.0[k]).sum::<f64>();
     let mut basis: Vec<Values> = Vec::with_capacity(N);
@@ -85,7 +86,7 @@ static FORMS: LazyLock<Forms> = LazyLock::new(|| {
                 (std::array::from_fn(|k| node(k) * nodes[k]), [-END * ends[0], END * ends[1]])
             }
         };
-        // Twice, against round-off.
+        // Twice, to remove round-off.
         for before in basis.iter().chain(&basis) {
             let part = product(&next, before);
             next.0.iter_mut().zip(before.0).for_each(|(x, y)| *x -= part * y);
@@ -109,12 +110,12 @@ static FORMS: LazyLock<Forms> = LazyLock::new(|| {
     }
 });
 
-/// A part of the range with its integral.
+/// A part of the range and its integral.
 struct Panel {
     low: f64,
     high: f64,
     rule: Estimate,
-    /// Integral of the errors of the values themselves; division of the panel does not reduce it.
+    /// Integral of the errors of the function values; subdivision does not reduce it.
     of_values: f64,
 }
 
@@ -136,9 +137,9 @@ impl Panel {
 
 /// Error of the rule on [−1, 1].
 ///
-/// Where a function is smooth, the last coefficients of its polynomial bound the error. Where they do not fall from
-/// pair to pair, all of the last eight count: a jump, kink or root leaves a trace in one of them wherever it is. What
-/// is next to an end shows in the value there.
+/// If the function is smooth, the last coefficients of its polynomial bound the error. If the coefficients do not decay
+/// from pair to pair, all of the last eight count: a jump, kink or root shows in one of them wherever it is. A feature
+/// close to an end shows in the value there.
 fn error_of_rule(values: &[f64; N], ends: [f64; 2]) -> f64 {
     let apply = |form: &[f64; N]| (0..N).map(|k| form[k] * values[k]).sum::<f64>();
     let c = FORMS.coefficients.each_ref().map(apply);
@@ -170,12 +171,12 @@ impl Ord for Panel {
     }
 }
 
-/// Integral of a function over a range that is cut at ascending `breaks`, the ends among them.
+/// Integral of a function over a range divided at ascending `breaks`, which include both ends.
 ///
-/// The panel with the largest error is halved until the sum of the errors is at most `tolerance` or `more` refuses
-/// another panel, asked with the number there is. The function gives the error of its values, which adds to that of
-/// the integral. The estimate holds for smooth functions and for those with jumps, kinks and roots; what lies between
-/// two neighbouring nodes of a panel is not seen.
+/// The panel with the largest error is halved until the sum of the errors is at most `tolerance`, or until `more`,
+/// called with the number of panels, returns false. The errors of the function values add to the error of the integral.
+/// The estimate is valid for smooth functions and for functions with jumps, kinks and roots. A feature between two
+/// neighbouring nodes of a panel is not detected.
 pub fn integrate(
     breaks: &[f64],
     tolerance: f64,
@@ -227,7 +228,7 @@ mod tests {
         }
     }
 
-    /// Functions of x with something at s, and their integrals over [−1, 1].
+    /// A function of x with a feature at s, and its integral over [−1, 1].
     type Feature = (fn(f64, f64) -> f64, fn(f64) -> f64);
 
     const FEATURES: [Feature; 5] = [
@@ -256,7 +257,7 @@ mod tests {
                 ratios.push(true_error / error);
             }
             ratios.sort_by(f64::total_cmp);
-            // Nor is the estimate much too large.
+            // The estimate must not be much too large either.
             assert!(ratios[1500] > 0.05, "case {case}: {}", ratios[1500]);
         }
     }

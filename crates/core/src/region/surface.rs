@@ -1,7 +1,7 @@
 //! Closed surfaces of triangles.
 //!
-//! All decisions on which side something lies are exact ([`robust`]): whether facets cross, whether a position is
-//! inside. Lengths and volumes have round-off only.
+//! All decisions about sides are exact ([`robust`]): whether facets cross, and whether a position is inside. Only
+//! lengths and volumes have round-off errors.
 
 mod box_tree;
 mod closed;
@@ -22,14 +22,14 @@ use triangle::volume;
 pub use error::{EdgeReport, FacetReport, SurfaceError};
 pub use triangle::Triangle;
 
-/// Coordinates beyond this could overflow in exact predicates.
+/// Larger coordinates could overflow in the exact predicates.
 const LARGEST: f64 = 1e60;
 
-/// A closed surface of triangles that does not cross itself, and what it encloses. It may have several shells, side
-/// by side or one in a cavity of another.
+/// A closed surface of triangles without self-intersections, and its interior. It may consist of several shells, side
+/// by side or nested in cavities.
 #[derive(Clone)]
 pub struct Surface {
-    /// The facets, in the order of the tree.
+    /// Facets in the order of the tree.
     triangles: Vec<Triangle>,
     tree: BoxTree,
     volume: f64,
@@ -38,14 +38,15 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// From triangles in any order, with corners against the clock seen from outside, [length].
+    /// Builds the surface from triangles in any order, each with its corners counterclockwise as seen from outside,
+    /// [length].
     ///
-    /// Corners are the same where their coordinates are equal. Where edges stay open, corners at them are merged when
-    /// they are within 10⁻⁶ of the size of the surface; see [`Surface::welded`]. A surface that is inside out is
-    /// refused, not turned: it cannot be told from the cavity of a body that is missing.
+    /// Corners with equal coordinates are one corner. If edges remain open, corners at these edges are merged within
+    /// 10⁻⁶ of the size of the surface; see [`Surface::welded`]. An inside-out surface is refused instead of reversed,
+    /// because it might be a cavity whose outer body is missing.
     ///
     /// # Errors
-    /// All of [`SurfaceError`].
+    /// Any [`SurfaceError`].
     pub fn new(triangles: &[Triangle]) -> Result<Self, SurfaceError> {
         check_numbers(triangles)?;
         let mut facets = weld::by_equality(triangles);
@@ -71,19 +72,19 @@ impl Surface {
         self.triangles.len()
     }
 
-    /// Number of shells: parts of the surface that are not connected by edges.
+    /// Number of shells: parts of the surface that share no edge.
     pub fn shells(&self) -> usize {
         self.shells
     }
 
-    /// Number of corners that were merged with others nearby because edges were open.
+    /// Number of corners at open edges that were merged with others nearby.
     pub fn welded(&self) -> usize {
         self.welded
     }
 }
 
 impl fmt::Debug for Surface {
-    /// Without the facets, of which there may be many.
+    /// Omits the facets, of which there may be many.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut surface = f.debug_struct("Surface");
         surface
@@ -95,7 +96,7 @@ impl fmt::Debug for Surface {
 }
 
 impl Primitive<3> for Surface {
-    /// Exact; a position on the surface may count as inside or outside.
+    /// The test is exact; a position on the surface may count as inside or outside.
     fn contains(&self, x: &[f64; 3]) -> bool {
         inside::winding(&self.triangles, &self.tree, x) != 0
     }
@@ -113,7 +114,7 @@ impl Primitive<3> for Surface {
     }
 
     fn corners(&self) -> Vec<[f64; 3]> {
-        // A corner stands in some six facets.
+        // On average, six facets share a corner.
         if self.triangles.len() <= 64 { self.triangles.as_flattened().to_vec() } else { Vec::new() }
     }
 }
@@ -134,7 +135,7 @@ fn check_numbers(triangles: &[Triangle]) -> Result<(), SurfaceError> {
     }
 }
 
-/// Refuses facets whose corners are on a line; `triangles` are for the report.
+/// Refuses facets with collinear corners; `triangles` is used for the report.
 fn check_areas(triangles: &[Triangle], facets: &Facets) -> Result<(), SurfaceError> {
     let flat: Vec<usize> = (0..triangles.len())
         .filter(|&facet| crossing::plane_axis(&facets.triangle(facet)).is_none())

@@ -1,46 +1,45 @@
-//! Volumes of regions: closed forms where they are known, otherwise quadrature over lines.
+//! Volumes of regions: closed forms if known, otherwise quadrature over lines.
 //!
-//! Booleans whose parts do not meet, or of which one lies inside another, are sums and differences of known volumes.
-//! For all others the length of the region along lines parallel to the first axis, which is exact, is integrated over
-//! the other coordinates by adaptive quadrature, one coordinate after the other. The ranges are first cut where
-//! primitives begin and end and at their corners, so that no primitive is overlooked.
+//! If parts of a boolean do not overlap, or one contains another, the volume is a sum or difference of known volumes.
+//! Otherwise the length of the region along lines parallel to the first axis, which is exact, is integrated over the
+//! other coordinates by nested adaptive quadrature. The ranges are first divided at the ends and corners of the
+//! primitives, so that no primitive is missed.
 
 use std::cell::Cell;
 
 use super::quadrature::{Estimate, VALUES_PER_PANEL, integrate};
 use super::{Bounds, Line, Node, Region, extent_of, is_empty, overlap};
 
-/// A volume with the accuracy to which it is known.
+/// A volume and its error estimate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Volume {
     /// The volume (area), [volume].
     pub value: f64,
-    /// Estimated bound of its error, [volume]; zero for closed forms, which are exact but for round-off.
+    /// Estimated error bound, [volume]; zero for closed forms, which are exact up to round-off.
     pub error: f64,
 }
 
-/// How well a volume is to be known.
+/// Requested accuracy of a volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Accuracy {
-    /// Error relative to the volume at which quadrature ends, [-].
+    /// Relative error at which quadrature stops, [-].
     pub relative: f64,
-    /// About the most lines along which the region is measured. When they are used up, the error that is left is
-    /// reported.
+    /// Approximate limit on the number of lines. At the limit, quadrature stops and the remaining error is reported.
     pub lines: usize,
 }
 
 impl Default for Accuracy {
-    /// 10⁻⁶ and four million lines, which a few primitives do not use up; a second or two for those that do.
+    /// 10⁻⁶ and four million lines. A few primitives need fewer; the limit is reached in one or two seconds.
     fn default() -> Self {
         Accuracy { relative: 1e-6, lines: 4_000_000 }
     }
 }
 
-/// Least number of panels of each coordinate at the start.
+/// Least initial number of panels per coordinate.
 const FEWEST_PANELS: usize = 4;
 
 impl<const D: usize> Region<D> {
-    /// Volume (area) of the region; `None` where groups of cells meet other parts.
+    /// Volume (area) of the region; `None` if groups of cells overlap other parts.
     pub fn volume(&self, accuracy: Accuracy) -> Option<Volume> {
         if is_empty(&self.bounds) {
             return Some(Volume { value: 0.0, error: 0.0 });
@@ -96,21 +95,21 @@ impl<const D: usize> Region<D> {
 
     /// Volume by quadrature.
     fn measured(&self, accuracy: Accuracy) -> Option<Volume> {
-        // Groups of cells have no intervals, wherever the line goes.
+        // Groups of cells have no intervals on any line.
         self.intervals(&Line::along_axis(self.bounds[0], 0))?;
         let lines = Lines::new(self, accuracy.lines);
         let first = lines.integral(f64::INFINITY).value;
         let size = if first > 0.0 { first } else { content(&self.bounds) };
         let Estimate { value, error } = lines.integral(accuracy.relative * size);
-        // Sums of many values have a round-off error that the rules do not see.
+        // Sums of many values have a round-off error that the quadrature rule does not detect.
         Some(Volume { value, error: error + 1e-14 * value })
     }
 }
 
-/// The lines over which a region is measured.
+/// The integration over lines.
 struct Lines<'a, const D: usize> {
     region: &'a Region<D>,
-    /// Where each coordinate is cut.
+    /// Break points of each coordinate.
     breaks: Vec<Vec<f64>>,
     most: usize,
     left: Cell<usize>,
@@ -118,7 +117,8 @@ struct Lines<'a, const D: usize> {
 
 impl<'a, const D: usize> Lines<'a, D> {
     fn new(region: &'a Region<D>, most: usize) -> Self {
-        // A quarter of the lines for the first cut, which has the same number of panels in all coordinates but one.
+        // A quarter of the lines for the initial division, which has equally many panels in every coordinate but the
+        // first.
         let per_coordinate = (most as f64 / 4.0).powf(1.0 / (D.max(2) - 1) as f64);
         let most_panels = (per_coordinate as usize / VALUES_PER_PANEL).max(FEWEST_PANELS);
         let breaks = (0..D).map(|axis| breaks(region, axis, most_panels)).collect();
@@ -131,7 +131,7 @@ impl<'a, const D: usize> Lines<'a, D> {
         self.slice(D - 1, &mut { self.region.bounds[0] }, tolerance)
     }
 
-    /// Integral over the coordinates 0 to `axis`; the others are those of `x`.
+    /// Integral over the coordinates 0 to `axis`; the remaining coordinates are those of `x`.
     fn slice(&self, axis: usize, x: &mut [f64; D], tolerance: f64) -> Estimate {
         if axis == 0 {
             self.left.set(self.left.get().saturating_sub(1));
@@ -139,10 +139,10 @@ impl<'a, const D: usize> Lines<'a, D> {
             return Estimate { value: inside.length(), error: 0.0 };
         }
         let [low, high] = [0, 1].map(|side| self.region.bounds[side][axis]);
-        // Half of the error for the rule, half for the values; lengths of lines are exact.
+        // Half of the error for the rule, half for the values. Lengths of lines are exact.
         let (of_rule, of_values) =
             if axis == 1 { (tolerance, 0.0) } else { (0.5 * tolerance, 0.5 * tolerance / (high - low)) };
-        // No slice may use up what the others need.
+        // No slice may use up the lines of the others.
         let share = if axis == D - 1 { self.most } else { 2 * self.most.isqrt() };
         let most_panels = self.breaks[axis].len() + share / VALUES_PER_PANEL;
         let more = |panels: usize| panels < most_panels && self.left.get() > 0;
@@ -153,7 +153,7 @@ impl<'a, const D: usize> Lines<'a, D> {
     }
 }
 
-/// Where to cut the range of a coordinate: at the ends and corners of primitives, evenly where there are none.
+/// Break points of a coordinate: ends and corners of primitives, and an even division between them.
 fn breaks<const D: usize>(region: &Region<D>, axis: usize, most_panels: usize) -> Vec<f64> {
     let [low, high] = [0, 1].map(|side| region.bounds[side][axis]);
     let mut cuts = vec![low, high];
@@ -165,7 +165,7 @@ fn breaks<const D: usize>(region: &Region<D>, axis: usize, most_panels: usize) -
     cuts.sort_by(f64::total_cmp);
     let close = 1e-12 * (high - low);
     cuts.dedup_by(|next, before| *next - *before <= close);
-    // Rounding may have put another cut in the place of the end.
+    // Removing duplicates may have dropped the end itself.
     if let Some(last) = cuts.last_mut() {
         *last = high;
     }
@@ -181,7 +181,7 @@ fn breaks<const D: usize>(region: &Region<D>, axis: usize, most_panels: usize) -
     cuts
 }
 
-/// Parts in groups whose bounds do not meet.
+/// Groups of parts whose bounds do not overlap.
 fn clusters<const D: usize>(parts: &[Region<D>]) -> Vec<Vec<&Region<D>>> {
     let mut clusters: Vec<Vec<&Region<D>>> = Vec::new();
     for part in parts.iter().filter(|part| !is_empty(&part.bounds)) {
@@ -194,7 +194,7 @@ fn clusters<const D: usize>(parts: &[Region<D>]) -> Vec<Vec<&Region<D>>> {
     clusters
 }
 
-/// The parts less those that others make superfluous; of two that do so to each other the first stays.
+/// Removes the parts that others replace; of two that replace each other, the first is kept.
 fn without_covered<const D: usize>(
     parts: Vec<&Region<D>>,
     replaces: impl Fn(&Region<D>, &Region<D>) -> bool,
@@ -213,7 +213,7 @@ fn content<const D: usize>(bounds: &Bounds<D>) -> f64 {
     (0..D).map(|d| bounds[1][d] - bounds[0][d]).product()
 }
 
-/// Whether two boxes have a part in common, not only a border.
+/// True if two boxes overlap by more than a common border.
 fn meet<const D: usize>(a: &Bounds<D>, b: &Bounds<D>) -> bool {
     !is_empty(&overlap(*a, *b))
 }

@@ -1,7 +1,7 @@
 use super::*;
 use proptest::prelude::*;
 
-/// Eight Gauss points on [−1, 1].
+/// Eight-point Gauss rule on [−1, 1].
 const GAUSS: [(f64, f64); 8] = [
     (-0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
     (-0.796_666_477_413_626_7, 0.222_381_034_453_374_48),
@@ -13,7 +13,7 @@ const GAUSS: [(f64, f64); 8] = [
     (0.960_289_856_497_536_3, 0.101_228_536_290_376_26),
 ];
 
-/// Corners of a unit square or cube, moved.
+/// A unit square or cube with displaced corners.
 fn distorted<const D: usize>(moves: &[[f64; 3]], by: f64) -> Vec<[f64; D]> {
     (0..1usize << D)
         .map(|c| {
@@ -27,7 +27,7 @@ fn moves() -> impl Strategy<Value = [[f64; 3]; 8]> {
     prop::array::uniform8(prop::array::uniform3(-1.0..1.0f64))
 }
 
-/// The weights of a box by eight Gauss points per axis, which are exact to degree fifteen; and its volume.
+/// Weights and volume of a box by eight Gauss points per axis, exact to degree fifteen.
 fn by_quadrature<const D: usize>(corners: &[[f64; D]]) -> (CornerWeights<D>, f64) {
     let mut weights = CornerWeights { value: [0.0; 8], gradient: [[0.0; D]; 8] };
     let mut volume = 0.0;
@@ -64,7 +64,7 @@ fn check_box<const D: usize>(corners: &[[f64; D]]) {
     conforms(corners, &weights);
 }
 
-/// Σ w_c = 1, Σ g_c = 0, Σ g_c ⊗ x_c = I.
+/// Checks Σ w_c = 1, Σ g_c = 0, Σ g_c ⊗ x_c = I.
 fn conforms<const D: usize>(corners: &[[f64; D]], weights: &CornerWeights<D>) {
     let n = corners.len();
     assert!((weights.value.iter().sum::<f64>() - 1.0).abs() < 1e-14);
@@ -77,11 +77,11 @@ fn conforms<const D: usize>(corners: &[[f64; D]], weights: &CornerWeights<D>) {
     }
 }
 
-/// The weights of a simplex as those of a box of which corners coincide: w_c sums over the corners at one place. The
-/// box is integrated with eight Gauss points per axis, none of them on the degenerate sides.
+/// Weights of a simplex, computed as a box with coincident corners: w_c is the sum over these. None of the eight Gauss
+/// points per axis lies on a degenerate side.
 fn check_simplex<const D: usize>(simplex: &[[f64; D]]) {
     let weights = CornerWeights::new(simplex).unwrap();
-    // Corner c of the box is at the corner of the simplex that the highest bit of c names.
+    // The highest set bit of c selects the corner of the simplex.
     let place = |c: usize| (0..D).rev().find(|d| c >> d & 1 == 1).map_or(0, |d| d + 1);
     let corners: Vec<[f64; D]> = (0..1 << D).map(|c| simplex[place(c)]).collect();
     let (collapsed, volume) = by_quadrature(&corners);
@@ -103,7 +103,7 @@ proptest! {
     fn weights_are_the_integrals_over_the_quadrilateral(m in moves()) {
         let corners = distorted::<2>(&m, 0.27);
         check_box(&corners);
-        // Closed forms: by the divergence theorem the gradients are those of the boundary polygon.
+        // By the divergence theorem, the gradients are those of the boundary polygon.
         let (weights, volume) = (CornerWeights::new(&corners).unwrap(), domain_volume(&corners));
         let ring = [0, 1, 3, 2];
         for k in 0..4 {
@@ -119,7 +119,7 @@ proptest! {
         check_box(&distorted::<3>(&m, 0.2));
     }
 
-    /// The flux of N_c through the faces, which are bilinear: the divergence theorem, by quadrature on the faces.
+    /// Flux of N_c through the bilinear faces (divergence theorem), by quadrature.
     #[test]
     fn gradients_of_a_hexahedron_are_fluxes_through_its_faces(m in moves()) {
         let corners = distorted::<3>(&m, 0.2);
@@ -185,7 +185,7 @@ fn inverted_and_crossing_hexahedra_are_refused() {
     assert!(!is_refused(&cube));
     assert!(!is_refused(&moved(&[(7, [-0.4, -0.4, -0.4])])), "one reflex corner");
     for axis in 0..3 {
-        // Arrowheads drawn out along an axis: what the plane allows.
+        // Extruded arrowheads, which are valid in the plane as well.
         let (a, b) = (7 & !(1 << axis), 7);
         let mut tip = [-0.4; 3];
         tip[axis] = -1.0;
@@ -211,7 +211,7 @@ fn inverted_and_crossing_hexahedra_are_refused() {
     assert!(is_refused(&[cube[0], cube[1], cube[2], cube[3]]), "a flat tetrahedron");
 }
 
-/// A domain with one side outside the grid: what the basis reproduces inside, it reproduces there, until the limit.
+/// A domain with one side outside the grid reproduces linear fields as it does inside, up to the limit.
 #[test]
 fn a_corner_just_outside_the_grid_loses_nothing() {
     use crate::grid::Structured;

@@ -1,12 +1,12 @@
-//! Local coordinates of a position.
+//! Inverse map of an element: local coordinates of a position.
 
 use super::{ElementShape, adjugate, cross, dot, minus};
 
 impl ElementShape {
     /// Local coordinates ξ of a position; the inverse of [`map`](Self::map) in and around the element.
     ///
-    /// The map of a simplex is linear and has its inverse everywhere. That of a quadrilateral or hexahedron folds
-    /// over at some distance from the element if opposite sides are not parallel: `None` beyond the fold.
+    /// The map of a simplex is linear and invertible everywhere. The map of a quadrilateral or hexahedron without
+    /// parallel sides folds over at some distance from the element; the result is `None` beyond the fold.
     pub fn inverse<const D: usize>(self, corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]> {
         match self {
             ElementShape::Simplex => linear(corners, x),
@@ -15,7 +15,7 @@ impl ElementShape {
     }
 }
 
-/// The local coordinates of a position in a simplex, whose map is linear.
+/// Local coordinates of a position in a simplex.
 fn linear<const D: usize>(corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]> {
     let origin = *corners.first()?;
     let shape = ElementShape::Simplex;
@@ -25,13 +25,13 @@ fn linear<const D: usize>(corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]
     Some(solve(&shape.jacobian(corners, shape.centre()), minus(*x, origin)))
 }
 
-/// J⁻¹ b.
+/// Solves J x = b.
 fn solve<const D: usize>(jacobian: &[[f64; D]; D], b: [f64; D]) -> [f64; D] {
     let (adjugate, determinant) = adjugate(jacobian);
     adjugate.map(|row| dot(row, b) / determinant)
 }
 
-/// The local coordinates of a position in a quadrilateral or hexahedron.
+/// Local coordinates of a position in a quadrilateral or hexahedron.
 fn multilinear<const D: usize>(corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]> {
     if D == 2 {
         let [p, q, r, s] = *corners else { return None };
@@ -41,11 +41,11 @@ fn multilinear<const D: usize>(corners: &[[f64; D]], x: &[f64; D]) -> Option<[f6
     trilinear(corners, x)
 }
 
-/// The local coordinates of a position in a quadrilateral.
+/// Local coordinates of a position in a quadrilateral.
 ///
-/// With x = p + (1+ξ)/2 b + (1+η)/2 c + (1+ξ)(1+η)/4 d, elimination of ξ leaves a quadratic equation for η. Its
-/// derivative at a root is the determinant of the map, so that the root of the element is the one with positive
-/// square root: no iteration can go astray. A Newton step removes the round-off of the formula.
+/// With x = p + (1+ξ)/2 b + (1+η)/2 c + (1+ξ)(1+η)/4 d, elimination of ξ gives a quadratic equation for η. Its
+/// derivative at a root is the determinant of the map, so the root in the element is the one with the positive square
+/// root; no iteration is needed. One Newton step removes the round-off of the formula.
 fn bilinear(corners: [[f64; 2]; 4], x: [f64; 2]) -> Option<[f64; 2]> {
     let [p, q, r, s] = corners;
     let (b, c, h) = (minus(q, p), minus(s, p), minus(x, p));
@@ -74,17 +74,17 @@ fn bilinear(corners: [[f64; 2]; 4], x: [f64; 2]) -> Option<[f64; 2]> {
     xi.iter().all(|v| v.is_finite()).then_some(xi)
 }
 
-/// Most Newton steps.
+/// Largest number of Newton steps.
 const MOST_STEPS: usize = 60;
-/// A Newton step in local coordinates below which the next one would be round-off: its error is of this order squared.
+/// Convergence tolerance of a Newton step in local coordinates: the remaining error is of the order of its square.
 const LAST_STEP: f64 = 1e-8;
-/// A part of a Newton step below which the search along it gives up.
+/// Smallest fraction of a Newton step that the line search tries.
 const SHORTEST: f64 = 1e-6;
-/// Local coordinates beyond this do not belong to the element any more.
+/// Local coordinates larger than this are certainly outside the element.
 const FAR: f64 = 1e3;
 
-/// The local coordinates of a position in a hexahedron: Newton's method from the centre or, should it not arrive, from
-/// the centres of the eight parts.
+/// Local coordinates of a position in a hexahedron, by Newton's method from the centre or, if that fails, from the
+/// centres of the eight octants.
 fn trilinear<const D: usize>(corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64; D]> {
     if corners.len() < ElementShape::Box.n_nodes::<D>() || x.iter().any(|x| !x.is_finite()) {
         return None;
@@ -93,7 +93,7 @@ fn trilinear<const D: usize>(corners: &[[f64; D]], x: &[f64; D]) -> Option<[f64;
     std::iter::once([0.0; D]).chain(parts).find_map(|start| newton(corners, x, start))
 }
 
-/// Newton's method with steps that are shortened until the distance falls and the map keeps its orientation.
+/// Newton's method with a line search that keeps the distance decreasing and the map orientation positive.
 fn newton<const D: usize>(corners: &[[f64; D]], x: &[f64; D], start: [f64; D]) -> Option<[f64; D]> {
     let shape = ElementShape::Box;
     let mut xi = start;

@@ -3,7 +3,7 @@ use proptest::prelude::*;
 
 const SHAPES: [ElementShape; 2] = [ElementShape::Simplex, ElementShape::Box];
 
-/// The reference element of a shape with its corners moved by up to `by`, turned and scaled.
+/// The reference element with its corners moved by up to `by`, then rotated and scaled.
 fn distorted<const D: usize>(
     shape: ElementShape,
     moves: &[[f64; 3]],
@@ -58,7 +58,7 @@ fn every_shape_function_is_one_at_its_node_and_zero_at_the_others() {
     check::<3>();
 }
 
-/// Sides go round with their normals outwards: the divergence theorem gives D times the volume.
+/// Sides have outward normals: by the divergence theorem they give D times the volume.
 #[test]
 fn sides_close_the_element() {
     for shape in SHAPES {
@@ -95,20 +95,20 @@ fn volumes_and_corners_tell_bad_elements() {
     assert!(ElementShape::Box.corner_determinants(&cube)[6] < 0.0);
 }
 
-/// A hexahedron whose determinant is positive at all corners and in all edges' middles but not in a face.
+/// A hexahedron with a positive determinant at all corners and edge mid-points but not in a face.
 #[test]
 fn folds_between_the_corners_are_found() {
     let cube: Vec<[f64; 3]> = (0..8).map(|k| ElementShape::Box.node_coordinates(k)).collect();
     assert!(!folds(&cube, 0.0));
     assert!(folds(&cube, 1.0), "the determinant is 1 everywhere");
-    // The top is turned by a half about the axis: folded in the middle of the height only.
+    // The top is rotated by 180° about the axis: folded only at half height.
     let mut turned = cube.clone();
     for k in 4..8 {
         turned[k] = [-cube[k][0], -cube[k][1], cube[k][2]];
     }
     assert!(ElementShape::Box.corner_determinants(&turned).iter().all(|d| *d > 0.0));
     assert!(folds(&turned, 0.0));
-    // By somewhat less than that, it is not.
+    // With a somewhat smaller rotation it does not fold.
     let (s, c) = 2.9f64.sin_cos();
     for k in 4..8 {
         turned[k] = [c * cube[k][0] - s * cube[k][1], s * cube[k][0] + c * cube[k][1], 1.0];
@@ -126,7 +126,7 @@ fn beyond_its_fold_an_element_has_no_local_coordinates() {
     for k in 4..8 {
         wedge[k][0] *= 0.2;
     }
-    // Its ridge is at z = 1.5, where the map turns inside out.
+    // The fold is at z = 1.5.
     assert_eq!(ElementShape::Box.inverse(&wedge, &[0.3, 0.2, 1.8]), None);
     assert!(ElementShape::Box.inverse(&wedge, &[0.01, 0.2, 1.4]).is_some());
     assert_eq!(ElementShape::Box.inverse(&wedge, &[f64::INFINITY, 0.0, 0.0]), None);
@@ -152,7 +152,7 @@ fn inverse_goes_back<const D: usize>(m: &[[f64; 3]], angle: f64, size: f64, t: [
     for shape in SHAPES {
         let corners = distorted::<D>(shape, m, 0.4, angle, size);
         let xi = local::<D>(shape, t, 0.1);
-        // Such corners may fold; outside the element, the map may have folded over anyway.
+        // Such corners may fold; outside the element, the map may have folded over.
         let bad = shape == ElementShape::Box && D == 3 && {
             let corners: Vec<[f64; 3]> = corners.iter().map(|x| [x[0], x[1], x[D - 1]]).collect();
             folds(&corners, 1e-3 * size.powi(3))
@@ -185,7 +185,7 @@ fn gradients_are_derivatives<const D: usize>(m: &[[f64; 3]], angle: f64, size: f
     }
 }
 
-/// Volume and centroid against a plain sum over many parts.
+/// Compares volume and centroid with a sum over many parts.
 fn the_centroid_balances<const D: usize>(m: &[[f64; 3]], angle: f64, size: f64) {
     let shape = ElementShape::Box;
     let corners = distorted::<D>(shape, m, 0.2, angle, size);
@@ -237,7 +237,7 @@ proptest! {
         the_centroid_balances::<3>(&m, angle, size);
     }
 
-    /// No hexahedron is called good that has a place of negative determinant, and none bad that is clearly good.
+    /// No hexahedron with a negative determinant anywhere passes as valid; none that is clearly valid is refused.
     #[test]
     fn folds_agree_with_a_dense_look(m in moves(), by in 0.2..0.9f64) {
         let corners = distorted::<3>(ElementShape::Box, &m, by, 0.0, 1.0);

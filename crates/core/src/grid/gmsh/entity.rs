@@ -1,10 +1,10 @@
-//! Elements and groups of a mesh file.
+//! Elements and physical groups of a mesh file.
 
 use std::collections::HashMap;
 
 use super::kinds::ElementKind;
 
-/// One element of a mesh file.
+/// An element of a mesh file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Element {
     /// Number of the element in the file; not necessarily unique.
@@ -16,7 +16,7 @@ pub struct Element {
 }
 
 impl Element {
-    /// Indices of the nodes into [`GmshFile::nodes`], in gmsh's order.
+    /// Indices of the nodes into [`GmshFile::nodes`], in gmsh order.
     pub fn nodes(&self) -> &[u32] {
         &self.nodes[..self.kind.n_nodes()]
     }
@@ -25,11 +25,11 @@ impl Element {
 /// A named set of elements of one dimension.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PhysicalGroup {
-    /// 0 for points to 3 for volumes.
+    /// Dimension, from 0 (points) to 3 (volumes).
     pub dimension: u8,
     /// Number of the group; unique within its dimension.
     pub tag: u32,
-    /// Name of the group; the tag in digits when the file has no name for it.
+    /// Name of the group; its tag as text if the file has no name for it.
     pub name: String,
 }
 

@@ -1,6 +1,6 @@
 //! The element types of gmsh.
 
-/// Type of an element: the linear ones.
+/// A supported element type; all are linear.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ElementKind {
     /// One node.
@@ -9,11 +9,11 @@ pub enum ElementKind {
     Line,
     /// Three nodes.
     Triangle,
-    /// Four nodes, in turn around the element.
+    /// Four nodes, in order around the element.
     Quadrilateral,
     /// Four nodes.
     Tetrahedron,
-    /// Eight nodes: four of one face in turn, then the opposite four.
+    /// Eight nodes: four around one face, then the four opposite ones.
     Hexahedron,
 }
 
@@ -29,7 +29,7 @@ impl ElementKind {
         }
     }
 
-    /// 0 for points to 3 for volumes.
+    /// Dimension, from 0 (points) to 3 (volumes).
     pub fn dimension(self) -> u8 {
         match self {
             ElementKind::Point => 0,
@@ -39,7 +39,7 @@ impl ElementKind {
         }
     }
 
-    /// The type that has a number in gmsh, if it is one of these.
+    /// The element type with this number in gmsh; `None` if it is not supported.
     pub(super) fn from_code(code: i32) -> Option<ElementKind> {
         Some(match code {
             1 => ElementKind::Line,
@@ -53,7 +53,7 @@ impl ElementKind {
     }
 }
 
-/// Gmsh's name and number of nodes of an element type, by its number in gmsh.
+/// Name and number of nodes of an element type, by its number in gmsh.
 pub(super) fn name_and_nodes(code: i32) -> Option<(&'static str, usize)> {
     Some(match code {
         1 => ("Line 2", 2),

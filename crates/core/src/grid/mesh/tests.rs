@@ -8,7 +8,7 @@ use crate::grid::element::cross;
 use crate::grid::gmsh;
 use crate::tensor::padded;
 
-/// The mesh of nodes and elements written in gmsh's format.
+/// The mesh of these nodes and elements, built via the gmsh format.
 fn mesh<const D: usize>(nodes: &[[f64; D]], elements: &[(u8, Vec<usize>)]) -> Mesh<D> {
     let mut text = format!("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{}\n", nodes.len());
     for (k, x) in nodes.iter().enumerate() {
@@ -24,7 +24,7 @@ fn mesh<const D: usize>(nodes: &[[f64; D]], elements: &[(u8, Vec<usize>)]) -> Me
     Mesh::from_gmsh(&gmsh::read(text.as_bytes()).unwrap()).unwrap()
 }
 
-/// The nodes of a lattice of n cells along each axis over the unit square or cube, those inside moved.
+/// The nodes of a lattice of n cells along each axis over the unit square or cube; interior nodes are moved.
 fn lattice<const D: usize>(n: usize) -> Vec<[f64; D]> {
     (0..(n + 1).pow(D as u32))
         .map(|k| {
@@ -38,7 +38,7 @@ fn lattice<const D: usize>(n: usize) -> Vec<[f64; D]> {
         .collect()
 }
 
-/// A distorted lattice of n × n quadrilaterals over the unit square, some of them cut into triangles.
+/// A distorted lattice of n × n quadrilaterals over the unit square; some are cut into triangles.
 fn distorted(n: usize, cut: impl Fn(usize, usize) -> bool) -> Mesh<2> {
     let mut elements = Vec::new();
     for (i, j) in (0..n).flat_map(|j| (0..n).map(move |i| (i, j))) {
@@ -64,7 +64,7 @@ pub(crate) fn hexahedra(n: usize) -> Mesh<3> {
     mesh(&lattice(n), &elements.collect::<Vec<_>>())
 }
 
-/// The same, each hexahedron cut into six tetrahedra along its diagonal.
+/// As [`hexahedra`], with each hexahedron cut into six tetrahedra along its diagonal.
 pub(crate) fn tetrahedra(n: usize) -> Mesh<3> {
     const PATHS: [[usize; 2]; 6] = [[1, 3], [3, 2], [2, 6], [6, 4], [4, 5], [5, 1]];
     let cut = |c: [usize; 8]| PATHS.map(|[a, b]| (4, vec![c[0], c[a], c[b], c[7]]));
@@ -80,8 +80,8 @@ fn corners_of_lattice(n: usize) -> impl Iterator<Item = [usize; 8]> {
     })
 }
 
-/// Every place of a few on every side of every cell, with noise, has the cell that it has without, the lowest of those
-/// that touch it.
+/// Positions on the sides of every cell, with noise, belong to the same cell as without noise: the lowest of those that
+/// touch the position.
 fn check_borders<const D: usize>(mesh: &Mesh<D>) {
     let hints = |cell| [None, Some(cell), Some(0), Some(7), Some(u32::MAX)];
     for cell in 0..mesh.n_cells() as u32 {
@@ -90,7 +90,7 @@ fn check_borders<const D: usize>(mesh: &Mesh<D>) {
             for weights in [[1.0, 0.0, 0.0, 0.0], [0.7, 0.3, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0], [0.25; 4]] {
                 let n = side.len();
                 let total: f64 = weights[..n].iter().sum();
-                // On bilinear faces, sums with these weights are on the face.
+                // With these weights, positions on bilinear faces are on the face.
                 let x: [f64; D] =
                     std::array::from_fn(|d| (0..n).map(|k| weights[k] / total * corners.x[side[k]][d]).sum());
                 let touching = |c: &u32| mesh.cell(*c).touches(&x, 1e-9 * mesh.size(*c));
@@ -134,7 +134,7 @@ fn check_outside<const D: usize>(mesh: &Mesh<D>) {
     assert!(at(0.0).is_some());
 }
 
-/// A position on the border of cells, up to round-off, touches the nodes of that part of the border only.
+/// A position on the border of a cell, up to round-off, touches only the nodes of that part of the border.
 fn check_border_values<const D: usize>(mesh: &Mesh<D>) {
     for cell in 0..mesh.n_cells() as u32 {
         let corners = mesh.cell(cell);
@@ -148,7 +148,7 @@ fn check_border_values<const D: usize>(mesh: &Mesh<D>) {
             let touched = || basis.nodes().iter().zip(basis.value()).filter(|(_, v)| **v != 0.0);
             assert!(touched().count() <= n && touched().all(|(_, v)| *v > 0.0));
             assert!(touched().all(|(node, _)| side.iter().any(|k| mesh.cell_nodes(cell)[*k] == *node)));
-            // And so do positions at nodes.
+            // The same holds for positions at nodes.
             let node = mesh.cell_nodes(cell)[side[0]];
             let x = corners.x[side[0]].map(|x| x + noise);
             let basis = mesh.shape(mesh.locate(&x, None).unwrap_or(cell), &x);
@@ -173,7 +173,7 @@ fn positions_outside_have_no_cell_but_a_nearest_one() {
     check_outside(&tetrahedra(3));
 }
 
-/// Distances from a cube against the closed form.
+/// Distances from a cube, compared with the closed form.
 #[test]
 fn distances_from_a_cell_are_those_of_a_box() {
     let corners: Vec<[f64; 3]> = (0..8).map(|k| ElementShape::Box.node_coordinates(k)).collect();
@@ -191,7 +191,7 @@ fn cells_fill_the_square_and_boundaries_go_round_it() {
     let area: f64 = (0..mesh.n_cells() as u32).map(|cell| mesh.volume(cell)).sum();
     assert!((area - 1.0).abs() < 1e-13);
     assert_eq!(mesh.boundary().len(), 48);
-    // The cell to the left: the edges go round counterclockwise.
+    // Cells lie to the left: boundary edges run counterclockwise.
     let place = |node: u32| mesh.node_position(node as usize);
     let twice = mesh.boundary().iter().map(|b| cross(place(b.side.nodes()[0]), place(b.side.nodes()[1])));
     assert!((twice.sum::<f64>() - 2.0).abs() < 1e-13);

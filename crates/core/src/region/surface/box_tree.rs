@@ -1,19 +1,19 @@
-//! A tree of boxes around facets, for searches.
+//! A bounding box tree over facets.
 
 use super::triangle::Triangle;
 use crate::region::{Bounds, hull, nothing};
 
-/// Most facets of a leaf.
+/// Largest number of facets in a leaf.
 const LEAF: usize = 4;
 
-/// Depth of the tree of 2³² facets, which halving cannot exceed.
+/// Upper bound of the depth: a balanced tree of 2³² facets is less deep.
 const DEEPEST: usize = 34;
 
-/// A binary tree of boxes. Facets are in the order of its leaves, so that every node stands for a range of them.
+/// A binary tree of bounding boxes. Facets are sorted by leaf, so that every node stands for a range of facets.
 #[derive(Debug, Clone)]
 pub(super) struct BoxTree {
     nodes: Vec<Node>,
-    /// The original number of each facet.
+    /// Original index of each facet.
     pub(super) order: Vec<u32>,
 }
 
@@ -22,7 +22,7 @@ struct Node {
     bounds: Bounds<3>,
     first: u32,
     end: u32,
-    /// The second child; the first one follows its parent. Zero for a leaf.
+    /// Index of the second child (the first follows its parent); 0 for a leaf.
     second: u32,
 }
 
@@ -34,7 +34,7 @@ impl BoxTree {
         tree
     }
 
-    /// Adds the node of a range of facets and those below it.
+    /// Adds the node of a range of facets, and its descendants.
     fn split(&mut self, boxes: &[Bounds<3>], first: usize, end: usize) {
         let range = &mut self.order[first..end];
         let around = range.iter().map(|&facet| boxes[facet as usize]).fold(nothing(), hull);
@@ -59,7 +59,7 @@ impl BoxTree {
         self.split(boxes, first + half, end);
     }
 
-    /// Things that belong to facets, in the order of the tree.
+    /// Data of facets, reordered to the order of the tree.
     pub(super) fn ordered<T: Copy>(&self, of_facets: &[T]) -> Vec<T> {
         self.order.iter().map(|&facet| of_facets[facet as usize]).collect()
     }
@@ -68,7 +68,7 @@ impl BoxTree {
         self.nodes[0].bounds
     }
 
-    /// Visits the places, in the order of the tree, of all facets in leaves whose boxes `meets` accepts.
+    /// Visits the facets, by index in the order of the tree, of all leaves whose boxes satisfy `meets`.
     pub(super) fn visit(&self, meets: impl Fn(&Bounds<3>) -> bool, mut visit: impl FnMut(usize)) {
         let mut open = [0u32; DEEPEST];
         let mut n = 1;
@@ -90,7 +90,7 @@ impl BoxTree {
     }
 }
 
-/// Bounds of a facet.
+/// Bounding box of a facet.
 pub(super) fn bounds(t: &Triangle) -> Bounds<3> {
     t.iter().map(|x| [*x, *x]).fold(nothing(), hull)
 }

@@ -1,9 +1,9 @@
-//! Triangles by the numbers of their corners.
+//! Triangles with indexed corners.
 
 use super::error::FacetReport;
 use super::triangle::Triangle;
 
-/// Triangles by the numbers of their corners.
+/// Triangles with indexed corners.
 pub(super) struct Facets {
     pub(super) positions: Vec<[f64; 3]>,
     pub(super) corners: Vec<[u32; 3]>,

@@ -1,15 +1,15 @@
-//! A triangle of a surface: the volume under it, and the side that a place is on.
+//! A triangle of a surface: volume under it, and side of a position.
 
 use robust::{Coord3D, orient3d};
 
 use crate::region::vector::{cross, dot, minus};
 
-/// Corners of a triangle, against the clock seen from outside, [length].
+/// Corners of a triangle, counterclockwise as seen from outside, [length].
 pub type Triangle = [[f64; 3]; 3];
 
-/// Enclosed volume by the divergence theorem: the sum of signed tetrahedra over the facets.
+/// Enclosed volume by the divergence theorem: the sum of the signed tetrahedra of all facets.
 pub(super) fn volume(triangles: &[Triangle]) -> f64 {
-    // About a corner of the surface: far from the origin the tetrahedra would be large and cancel.
+    // Relative to a corner of the surface: far from the origin the tetrahedra would be large and cancel.
     let about = triangles[0][0];
     let six_times = |t: &Triangle| {
         let [a, b, c] = t.map(|x| minus(&x, &about));
@@ -18,9 +18,9 @@ pub(super) fn volume(triangles: &[Triangle]) -> f64 {
     triangles.iter().map(six_times).sum::<f64>() / 6.0
 }
 
-/// Above zero when x lies on the inner side of a facet, zero in its plane; exact in sign.
+/// Positive if x lies on the inner side of a facet, zero in its plane; the sign is exact.
 pub(super) fn depth(t: &Triangle, x: &[f64; 3]) -> f64 {
-    // The exact decision is slow where all is in a plane; across an axis it is plain.
+    // The exact predicate is slow for coplanar positions; facets normal to an axis have a simple test.
     if (0..3).any(|d| t.iter().all(|corner| corner[d] == x[d])) {
         return 0.0;
     }
