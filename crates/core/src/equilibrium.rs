@@ -1,4 +1,4 @@
-//! A load step in equilibrium: what is known of it, and what must balance in it.
+//! A load step in equilibrium: its report, and its balance of energy and moments.
 
 mod balance;
 mod report;

@@ -1,4 +1,4 @@
-//! What is known of a load step that is in equilibrium.
+//! Report of a load step in equilibrium.
 
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
@@ -8,56 +8,58 @@ use crate::model::Model;
 use super::balance::{Energy, ReactionMoment};
 use crate::step::{Nodal, Step};
 
-/// The fields of the grid in a load step.
+/// Grid fields of a load step.
 #[derive(Debug, Clone)]
 pub struct GridFields<const D: usize> {
-    /// The links of the step; tells which nodes are active.
+    /// Links of the step, which list the active nodes.
     pub links: Connectivity<D>,
     /// Number of connected parts of the active nodes.
     pub parts: usize,
     /// Displacement increment of the active nodes, [length].
     pub delta_d: Nodal<D>,
-    /// Reaction on the active nodes, zero where free, [force].
+    /// Reaction at the active nodes, zero on free degrees of freedom, [force].
     pub reaction: Nodal<D>,
 }
 
-/// What is known of an equilibrated step.
+/// Report of a load step in equilibrium.
 #[derive(Debug, Clone)]
 pub struct StepReport<const D: usize> {
     /// The step.
     pub step: Step,
-    /// Residual of every evaluation, eq. (40); the first is the one before any solve.
+    /// Relative residuals, eq. (40), one per evaluation; the first precedes any solve.
     pub residuals: Vec<f64>,
-    /// Whether the step has been accepted as far as round-off allows, with a residual of 10⁻⁶ at most, rather than to the
+    /// True if the step was accepted at the round-off limit, with a residual of at most 10⁻⁶, instead of at the
     /// tolerance.
     pub rounding_limited: bool,
-    /// What is out of balance at the nodes of each body alone, relative to the forces on it; none for one body, [-].
+    /// Out-of-balance force at the nodes of each body alone, relative to the forces on that body, [-]; empty for a
+    /// single body.
     pub body_residuals: Vec<f64>,
-    /// The largest norm of the external forces and reactions on a part of each body, in this step or before, [force].
+    /// Largest norm of external forces and reactions on a connected part of each body, in this step or an earlier one,
+    /// [force].
     pub carried: Vec<f64>,
-    /// Whether only damped iterations found the equilibrium.
+    /// True if equilibrium was reached only by damped iterations.
     pub damped: bool,
-    /// Permanent numbers of the points whose torn domains were replaced, ascending.
+    /// Permanent numbers, ascending, of the points whose distorted domains were replaced.
     pub replaced_domains: Vec<u32>,
     /// Factorisation used in each iteration.
     pub factorisations: Vec<Factorisation>,
-    /// Iterations of the linear solver in all of them, none where it is direct.
+    /// Total number of iterations of the linear solver; 0 for a direct solver.
     pub linear_iterations: usize,
     /// Reaction of each boundary condition, [force].
     pub reactions: Vec<[f64; D]>,
-    /// Moment of the reaction of each boundary condition; none for bodies of revolution.
+    /// Moment of the reaction of each boundary condition; `None` for bodies of revolution.
     pub moments: Option<Vec<ReactionMoment<D>>>,
     /// Resultant of each load on the points, [force].
     pub loads: Vec<[f64; D]>,
     /// Work and energy.
     pub energy: Energy,
-    /// Moment of loads and reactions together, relative to all of them, [-]; none for bodies of revolution.
+    /// Relative imbalance of moments, see [`moment_error`](super::moment_error), [-]; `None` for bodies of revolution.
     pub moment_error: Option<f64>,
-    /// Load factor at the end of the step, where there is one for all loads and prescribed motions, [-].
+    /// Load factor at the end of the step, if all loads and prescribed motions share one, [-].
     pub load_factor: Option<f64>,
     /// Number of free degrees of freedom.
     pub unknowns: usize,
-    /// Number of faces that are stabilised.
+    /// Number of faces with ghost stabilisation.
     pub stabilised_faces: usize,
     /// Fields of the grid.
     pub grid: GridFields<D>,
@@ -66,18 +68,18 @@ pub struct StepReport<const D: usize> {
 impl<const D: usize> StepReport<D> {
     /// Sum of all loads on the points, [force].
     pub fn applied(&self) -> [f64; D] {
-        // The sum of no numbers would be −0.
+        // An empty sum of floats is −0.
         std::array::from_fn(|d| self.loads.iter().fold(0.0, |sum, force| sum + force[d]))
     }
 }
 
-/// The part of f_int − f_ext that the constraints take, zero on free components.
+/// Reactions: the part of f_int − f_ext that the constraints carry, zero on free components, [force].
 pub fn reactions_of<const N: usize>(f_ext: &[[f64; N]], f_int: &[[f64; N]], dofs: &DofMap<N>) -> Nodal<N> {
     let balancing = |n: usize| std::array::from_fn(|c| f_int[n][c] - f_ext[n][c]);
     (0..f_ext.len()).map(|n| dofs.held_part(n, &balancing(n))).collect()
 }
 
-/// Sum of the reactions of each boundary condition, by [`DofMap::for_each_share`].
+/// Sum of the reactions of each boundary condition, [force], shared out by [`DofMap::for_each_share`].
 pub fn named_reactions<const D: usize, const N: usize>(
     model: &Model<D>,
     reaction: &[[f64; N]],

@@ -5,8 +5,8 @@ use super::{
 };
 use crate::tensor::{Sym3, Tangent};
 
-/// Compressible neo-Hookean elasticity, W = μ/2 (tr b − 3) − μ ln J + λ/2 (ln J)², given in b and evaluated without its
-/// eigenvalues.
+/// Compressible neo-Hookean elasticity, W = μ/2 (tr b − 3) − μ ln J + λ/2 (ln J)², formulated in b and evaluated
+/// without its eigenvalues.
 #[derive(Debug, Clone)]
 pub struct NeoHookean {
     /// λ, [stress].
@@ -16,7 +16,7 @@ pub struct NeoHookean {
 }
 
 impl NeoHookean {
-    /// From Young's modulus, [stress], and Poisson's ratio, [-], of small strains.
+    /// The law with Young's modulus, [stress], and Poisson's ratio, [-], at small strain.
     pub fn new(young: f64, poisson: f64) -> Self {
         NeoHookean {
             lambda: young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)),
@@ -25,7 +25,7 @@ impl NeoHookean {
     }
 }
 
-/// det b − 1 of b = I + 2e, by the invariants of 2e so that small strains keep their digits.
+/// det b − 1 for b = I + 2e, from the invariants of 2e to avoid cancellation at small strain.
 #[inline]
 fn growth(e: &Sym3) -> f64 {
     let [x, y, z] = [2.0 * e.0[0], 2.0 * e.0[1], 2.0 * e.0[2]];
@@ -36,7 +36,7 @@ fn growth(e: &Sym3) -> f64 {
     x + y + z + second + third
 }
 
-/// ln J = ½ ln det(I + 2e).
+/// Logarithmic volume ratio ln J = ½ ln det(I + 2e).
 #[inline]
 fn log_volume_ratio(e: &Sym3) -> f64 {
     0.5 * growth(e).ln_1p()
@@ -68,7 +68,7 @@ impl Material for NeoHookean {
         StrainMeasure::LeftCauchyGreen
     }
 
-    /// τ = μ (b − I) + λ ln J I and, with the strain e = ½ (b − I), ∂τ/∂e = 2 μ 𝟙 + λ I ⊗ b⁻¹.
+    /// τ = μ (b − I) + λ ln J I; with the strain e = ½ (b − I), ∂τ/∂e = 2 μ 𝟙 + λ I ⊗ b⁻¹.
     fn update(&self, trial: &Sym3, _old: &[f64], _new: &mut [f64]) -> Result<Response, MaterialError> {
         let log_j = log_volume_ratio(trial);
         if !log_j.is_finite() {

@@ -1,4 +1,4 @@
-//! Prescribed displacements as they are stated.
+//! Prescribed displacements.
 
 use crate::formula::Formula;
 
@@ -9,8 +9,8 @@ use super::load::LoadCurve;
 pub enum NodeSet {
     /// Given grid nodes, ascending.
     Fixed(Vec<u32>),
-    /// All nodes of the cells that hold, or overlap with the domain of, the points of the outer layer of a body;
-    /// found afresh at each step.
+    /// All nodes of the cells that contain points of the outer layer of this body, or that overlap their domains. The
+    /// set is updated at every step.
     OuterLayer(u16),
 }
 
@@ -19,11 +19,11 @@ pub enum NodeSet {
 pub struct BoundaryCondition<const D: usize> {
     /// Name under which the reaction is reported.
     pub name: String,
-    /// The nodes.
+    /// Nodes with prescribed displacement.
     pub nodes: NodeSet,
-    /// Displacement along each prescribed axis, or direction of `axes`, [length]: a formula of the node's coordinates (`D` values), the original
-    /// position of the material there (`D` values) and the load factor. One that does not depend on the factor is
-    /// multiplied by it.
+    /// Prescribed displacement along each axis, or direction of `axes`, [length]; `None` if the axis is free. A formula of the coordinates of
+    /// the node (`D` values), the original position of the material there (`D` values) and the load factor. A formula
+    /// without the load factor is multiplied by it.
     pub displacement: [Option<Formula>; D],
     /// Directions to which `displacement` refers, where they are not the axes: orthonormal vectors, `[direction][axis]`.
     pub axes: Option<[[f64; D]; D]>,
@@ -42,17 +42,17 @@ impl<const D: usize> BoundaryCondition<D> {
         BoundaryCondition { name: name.into(), nodes, displacement, axes: None, curve }
     }
 
-    /// Whether a displacement depends on the original position of the material.
+    /// True if a displacement depends on the original position of the material.
     pub fn follows_material(&self) -> bool {
         self.displacement.iter().flatten().any(|formula| (D..2 * D).any(|k| formula.depends_on(k)))
     }
 
-    /// Whether it moves its nodes, rather than hold them.
+    /// True if the condition moves its nodes instead of fixing them.
     pub fn moves(&self) -> bool {
         self.displacement.iter().flatten().any(|formula| formula.as_constant() != Some(0.0))
     }
 
-    /// Whether it keeps its nodes where they are along an axis.
+    /// True if the condition fixes its nodes along an axis.
     pub fn holds(&self, axis: usize) -> bool {
         self.displacement[axis].as_ref().is_some_and(|formula| formula.as_constant() == Some(0.0))
     }

@@ -1,29 +1,29 @@
-//! External forces as they are stated: what they do, and how they follow time.
+//! External forces and load curves.
 
 use crate::formula::{Formula, MOST_INTERMEDIATE};
 
-/// Load factor over time, linear between given times.
+/// Load factor as a piecewise linear function of time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoadCurve(Vec<[f64; 2]>);
 
 impl LoadCurve {
-    /// From 0 at time 0 to 1 at the end.
+    /// A ramp from 0 at time 0 to 1 at the end.
     pub fn ramp(end_time: f64) -> Self {
         LoadCurve(vec![[0.0, 0.0], [end_time, 1.0]])
     }
 
-    /// From [time, factor] pairs with increasing times.
+    /// Interpolates [time, factor] pairs with increasing times.
     pub fn table(pairs: Vec<[f64; 2]>) -> Self {
         LoadCurve(pairs)
     }
 
-    /// The times at which it has a kink, ascending, [time].
+    /// Times at which the slope changes, ascending, [time].
     pub fn knots(&self) -> impl Iterator<Item = f64> + '_ {
         let slope = |a: &[f64; 2], b: &[f64; 2]| (b[1] - a[1]) / (b[0] - a[0]);
         self.0.windows(3).filter(move |w| slope(&w[0], &w[1]) != slope(&w[1], &w[2])).map(|w| w[1][0])
     }
 
-    /// The factor at a time; constant before the first and after the last pair.
+    /// Load factor at a time; constant before the first pair and after the last.
     pub fn factor(&self, time: f64) -> f64 {
         let after = self.0.partition_point(|pair| pair[0] <= time);
         match (after.checked_sub(1).and_then(|k| self.0.get(k)), self.0.get(after)) {
@@ -35,38 +35,39 @@ impl LoadCurve {
     }
 }
 
-/// What a load does.
+/// Kind of a load.
 #[derive(Debug, Clone)]
 pub enum Action<const D: usize> {
-    /// Constant mass of each point times this acceleration, [length/time²].
+    /// Acceleration that acts on the constant mass of each point, [length/time²].
     Gravity([f64; D]),
     /// Force per volume at the start of the step, [force/volume], eq. (24).
     BodyForce(VectorFormula<D>),
-    /// Force per constant mass of each point, [length/time²].
+    /// Force per unit of the constant mass of each point, [length/time²].
     MassForce(VectorFormula<D>),
-    /// The same force on each of these points (permanent numbers), [force], eq. (25).
+    /// The same force on each listed point, [force], eq. (25).
     PointForce {
         /// Permanent numbers of the points.
         points: Vec<u32>,
-        /// Force on each of them at load factor 1.
+        /// Force on each point at load factor 1, [force].
         force: [f64; D],
     },
 }
 
-/// A vector by formulas, with intermediate values, of position, original position and load factor.
+/// A vector-valued formula of position, original position and load factor.
 ///
-/// The variables of all formulas are, in this order: position x (`D` values), original position X (`D` values), the
-/// load factor, and the intermediate values that come before.
+/// The variables of every component are, in this order: position x (`D` values), original position X (`D` values), the
+/// load factor, and the intermediate values. An intermediate value may use those before it.
 #[derive(Debug, Clone)]
 pub struct VectorFormula<const D: usize> {
     intermediate: Vec<Formula>,
     components: [Formula; D],
-    /// For each formula whether it depends on the load factor, directly or through an intermediate value.
+    /// For each component, true if it is multiplied by the load factor because it does not depend on it.
     scaled: [bool; D],
 }
 
 impl<const D: usize> VectorFormula<D> {
-    /// From formulas of the variables listed above; at most [`MOST_INTERMEDIATE`] intermediate values are kept.
+    /// Builds the vector from formulas of the variables listed above; at most [`MOST_INTERMEDIATE`] intermediate values
+    /// are kept.
     pub fn new(mut intermediate: Vec<Formula>, components: [Formula; D]) -> Self {
         intermediate.truncate(MOST_INTERMEDIATE);
         let fixed = 2 * D + 1;
@@ -82,7 +83,7 @@ impl<const D: usize> VectorFormula<D> {
         VectorFormula { intermediate, components, scaled }
     }
 
-    /// The vector at a load factor; components that do not depend on it are multiplied by it.
+    /// Evaluates the vector at a load factor. Components that do not depend on the factor are multiplied by it.
     pub fn evaluate(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> [f64; D] {
         let values = self.values(x, original, factor);
         std::array::from_fn(|d| {
@@ -91,7 +92,7 @@ impl<const D: usize> VectorFormula<D> {
         })
     }
 
-    /// The variables with the intermediate values.
+    /// Values of all variables, the intermediate values included.
     fn values(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> [f64; 7 + MOST_INTERMEDIATE] {
         let mut values = [0.0; 7 + MOST_INTERMEDIATE];
         values[..D].copy_from_slice(x);
@@ -103,7 +104,8 @@ impl<const D: usize> VectorFormula<D> {
         values
     }
 
-    /// The first formula without a finite value, and that value: an intermediate one, if any, before the components.
+    /// The first formula whose value is not finite, as its text and value; intermediate values are checked before
+    /// components.
     pub fn not_finite(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> Option<(&str, f64)> {
         let values = self.values(x, original, factor);
         let of_intermediate = self.intermediate.iter().zip(&values[2 * D + 1..]).map(|(f, v)| (f, *v));
@@ -118,9 +120,9 @@ impl<const D: usize> VectorFormula<D> {
 pub struct Load<const D: usize> {
     /// Name.
     pub name: String,
-    /// What it does.
+    /// Kind and magnitude.
     pub action: Action<D>,
-    /// Whether it acts on each body.
+    /// For each body, true if the load acts on it.
     pub acts_on: Vec<bool>,
     /// Load factor over time.
     pub curve: LoadCurve,
