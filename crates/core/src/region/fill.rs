@@ -1,4 +1,4 @@
-//! Parts of grid cells whose centres lie in a region.
+//! Filling of regions: the parts of grid cells with their centres in a region.
 
 use std::ops::Range;
 
@@ -7,53 +7,53 @@ use rayon::prelude::*;
 use super::{Bounds, Region};
 use crate::grid::{Grid, Structured};
 
-/// Cells that are divided together.
+/// Number of cells that are filled in parallel before their parts are collected.
 const CELLS_AT_A_TIME: usize = 4096;
 
 /// A part of a cell.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Part<const D: usize> {
-    /// Its centre, [length].
+pub struct CellPart<const D: usize> {
+    /// Centre of the part, [length].
     pub position: [f64; D],
-    /// Its volume (area), [volume].
+    /// Volume (area) of the part, [volume].
     pub volume: f64,
 }
 
 /// A cell with parts in a region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FilledCell {
-    /// Number of the cell.
+    /// Index of the cell.
     pub cell: u32,
-    /// Which parts are its own.
+    /// Range of its parts in [`Filled::parts`].
     pub parts: Range<usize>,
-    /// Whether all of its parts are inside.
+    /// True if all parts of the cell are in the region.
     pub full: bool,
 }
 
-/// What of a grid lies in a region.
+/// Parts and cells of a grid that lie in a region.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Filled<P> {
-    /// The parts whose centres are inside, in the order of the cells.
+    /// Parts with their centres in the region, in the order of the cells.
     pub parts: Vec<P>,
-    /// The cells that have such parts, ascending.
+    /// Cells with such parts, ascending.
     pub cells: Vec<FilledCell>,
 }
 
-/// The parts of the cells of a grid whose centres lie in a region.
+/// Collects the parts of grid cells with their centres in a region.
 ///
-/// - `divide` gives the parts of a cell, of which only those inside are kept; `place` gives the centre of a part.
-/// - `in_group(key, cell)` says whether a cell belongs to the group `key` of the region.
+/// - `divide` returns the parts of a cell; `centre` returns the centre of a part.
+/// - `in_group(key, cell)` is true if a cell belongs to the group `key` of the region.
 ///
-/// Parallel over cells; the result does not depend on the number of threads.
+/// Cells are processed in parallel; the result does not depend on the number of threads.
 ///
 /// # Errors
-/// An error of `divide`, for the first cell that has one and may meet the region.
+/// The error of `divide` for the first cell that has one and may overlap the region.
 pub fn fill<const D: usize, P: Send, I: IntoIterator<Item = P>, E: Send>(
     region: &Region<D>,
     grid: &dyn Grid<D>,
     in_group: impl Fn(usize, usize) -> bool + Sync,
     divide: impl Fn(usize) -> Result<I, E> + Sync,
-    place: impl Fn(&P) -> [f64; D] + Sync,
+    centre: impl Fn(&P) -> [f64; D] + Sync,
 ) -> Result<Filled<P>, E> {
     let one_cell = |cell: usize| -> Result<(Vec<P>, bool), E> {
         if !region.may_meet_cell(&bounds_of_cell(grid, cell), &|key| in_group(key, cell)) {
@@ -62,7 +62,7 @@ pub fn fill<const D: usize, P: Send, I: IntoIterator<Item = P>, E: Send>(
         let holds = |x: &[f64; D]| contains_in_cell(region, grid, x, cell, &in_group);
         let (mut parts, mut full) = (Vec::new(), true);
         for part in divide(cell)? {
-            if holds(&place(&part)) {
+            if holds(&centre(&part)) {
                 parts.push(part);
             } else {
                 full = false;
@@ -75,7 +75,7 @@ pub fn fill<const D: usize, P: Send, I: IntoIterator<Item = P>, E: Send>(
         None => (0..grid.n_cells()).collect(),
     };
     let mut filled = Filled { parts: Vec::new(), cells: Vec::new() };
-    // Some cells at a time, so that the parts are never held twice.
+    // Chunks of cells, so that the parts are never stored twice.
     for chunk in candidates.chunks(CELLS_AT_A_TIME) {
         let by_cell: Vec<_> = chunk.par_iter().map(|&cell| one_cell(cell)).collect();
         for (&cell, parts) in chunk.iter().zip(by_cell) {
@@ -90,7 +90,7 @@ pub fn fill<const D: usize, P: Send, I: IntoIterator<Item = P>, E: Send>(
     Ok(filled)
 }
 
-/// Whether a position in a cell lies in a region; `in_group` as in [`fill`].
+/// True if a position in a cell lies in a region; `in_group` as in [`fill`].
 pub fn contains_in_cell<const D: usize>(
     region: &Region<D>,
     grid: &dyn Grid<D>,
@@ -99,7 +99,7 @@ pub fn contains_in_cell<const D: usize>(
     in_group: impl Fn(usize, usize) -> bool,
 ) -> bool {
     region.contains_with(x, &|key, y| {
-        // A position belongs to its cell even where it lies on the border; only moved groups need a search.
+        // A position on a border belongs to the given cell; only moved groups need a search.
         if y == x {
             in_group(key, cell)
         } else {
@@ -117,12 +117,12 @@ fn bounds_of_cell<const D: usize>(grid: &dyn Grid<D>, cell: usize) -> Bounds<D> 
     })
 }
 
-/// The even division of a cell of a structured grid into `per_cell` parts along each axis, first axis fastest.
+/// Divides a cell of a structured grid into `per_cell` equal parts along each axis; the first axis varies fastest.
 pub fn brick_parts<const D: usize>(
     grid: &Structured<D>,
     per_cell: [usize; D],
     cell: usize,
-) -> impl Iterator<Item = Part<D>> + use<'_, D> {
+) -> impl Iterator<Item = CellPart<D>> + use<'_, D> {
     let index = grid.cell_index(cell);
     let (origin, spacing) = (grid.origin(), grid.spacing());
     let n: usize = per_cell.iter().product();
@@ -134,6 +134,6 @@ pub fn brick_parts<const D: usize>(
             rest /= per_cell[d];
             origin[d] + spacing[d] * (index[d] as f64 + (k as f64 + 0.5) / per_cell[d] as f64)
         });
-        Part { position, volume }
+        CellPart { position, volume }
     })
 }

@@ -1,9 +1,9 @@
-//! Regions of the plane and of space that bodies fill: pure geometry, without decks and grids.
+//! Regions of the plane and of space that define bodies: pure geometry, independent of decks and grids.
 //!
-//! A [`Region`] is a primitive, a group of mesh cells, or a union, difference or intersection of regions; any of them
-//! can be moved by a [`Motion`]. A [`Primitive`] answers four questions: what lies inside, how far it extends along a
-//! direction, how large it is, and which parts of a line it cuts out. All else follows: bounds of moved regions,
-//! booleans of the parts of lines, and volumes of booleans by quadrature over lines (`volume.rs`).
+//! A [`Region`] is a primitive, a group of mesh cells, or a union, difference or intersection of regions. Every region
+//! can be moved by a [`Motion`]. A [`Primitive`] has four methods: containment of a position, extent along a direction,
+//! volume, and intersection with a line. Everything else is derived from them: bounds of moved regions, booleans on
+//! lines, and volumes of booleans by quadrature over lines (`volume.rs`).
 
 mod ball;
 mod brick;
@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 pub use ball::{Ball, HollowBall};
 pub use brick::Brick;
-pub use fill::{Filled, FilledCell, Part, brick_parts, contains_in_cell, fill};
+pub use fill::{CellPart, Filled, FilledCell, brick_parts, contains_in_cell, fill};
 pub use frustum::Frustum;
 pub use line::{Intervals, Line};
 pub use motion::Motion;
@@ -33,24 +33,23 @@ pub use prism::Prism;
 pub use surface::Surface;
 pub use volume::{Accuracy, Volume};
 
-/// A box with sides along the axes, as lowest and highest corner, [length]. Empty when a lowest coordinate is above
-/// the highest.
+/// Axis-aligned box given by its lowest and highest corner, [length]. Empty if a lowest coordinate exceeds the highest.
 pub type Bounds<const D: usize> = [[f64; D]; 2];
 
-/// Whether the group of cells with this number holds a position, which is given in the frame of the group: under a
-/// motion it is not the position that was asked for.
+/// Predicate: true if the group of cells with this key contains a position. The position is given in the frame of the
+/// group, before its motion.
 pub type InGroup<'a, const D: usize> = &'a dyn Fn(usize, &[f64; D]) -> bool;
 
-/// Why numbers do not describe a region.
+/// Invalid parameters of a region.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ShapeError {
-    /// A coordinate, a radius or an angle is infinite or not a number.
+    /// A coordinate, radius or angle is infinite or NaN.
     #[error("{what} is not finite")]
     NotFinite {
         /// The quantity.
         what: &'static str,
     },
-    /// A length must be positive.
+    /// A length is not positive.
     #[error("{what} must be positive, not {value}")]
     NotPositive {
         /// The quantity.
@@ -58,60 +57,60 @@ pub enum ShapeError {
         /// Its value.
         value: f64,
     },
-    /// A polygon with less than three corners.
+    /// A polygon has fewer than three corners.
     #[error("a polygon needs at least 3 corners, not {corners}")]
     Corners {
         /// Number of its corners.
         corners: usize,
     },
     /// A polygon crosses or touches itself.
-    #[error("the side from corner {} meets the one from corner {}", .sides[0] + 1, .sides[1] + 1)]
+    #[error("the side from corner {} meets the side from corner {}", .sides[0] + 1, .sides[1] + 1)]
     SelfCrossing {
-        /// The first corners of two sides, from 0.
+        /// Indices of the first corners of two sides, from 0.
         sides: [usize; 2],
     },
-    /// An axis other than the three.
+    /// The axis index is out of range.
     #[error("there is no axis {axis}")]
     NoAxis {
-        /// Number of the axis, from 0.
+        /// Index of the axis, from 0.
         axis: usize,
     },
-    /// A union or intersection of nothing.
+    /// A union or intersection has no parts.
     #[error("it has no parts")]
     NoParts,
 }
 
-/// A region of simple shape. Its border counts as inside, up to round-off.
+/// A primitive shape. Its border counts as inside, up to round-off.
 pub trait Primitive<const D: usize>: Debug + Send + Sync {
-    /// Whether a position lies inside.
+    /// True if a position lies inside.
     fn contains(&self, x: &[f64; D]) -> bool;
 
-    /// Least and greatest x · `direction` of its positions.
+    /// Minimum and maximum of x · `direction` over the shape.
     fn extent(&self, direction: &[f64; D]) -> [f64; 2];
 
     /// Volume (area), [volume].
     fn volume(&self) -> f64;
 
-    /// The parts of a line that lie inside.
+    /// The intervals of a line that lie inside.
     fn intervals(&self, line: &Line<D>) -> Intervals;
 
-    /// Whether the straight line between two of its positions is always inside.
+    /// True if the shape is convex.
     fn is_convex(&self) -> bool {
         false
     }
 
-    /// Corners of the border, where integrals over slices have kinks; none where there are too many to be of use.
+    /// Corners of the border, where integrals over slices have kinks; empty if there are too many to be useful.
     fn corners(&self) -> Vec<[f64; D]> {
         Vec::new()
     }
 }
 
-/// A group of mesh cells; who uses the region decides which positions it holds.
+/// A group of mesh cells. The caller decides which positions it contains, see [`InGroup`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Group<const D: usize> {
-    /// Number by which [`InGroup`] is asked.
+    /// Key passed to [`InGroup`].
     pub key: usize,
-    /// Lowest and highest coordinates of the cells, [length].
+    /// Bounds of the cells, [length].
     pub bounds: Bounds<D>,
     /// Volume of the cells, [volume].
     pub volume: f64,
@@ -144,7 +143,7 @@ impl<const D: usize> Region<D> {
         Self::placed_group(group, Motion::identity())
     }
 
-    /// What lies in any of the parts.
+    /// Union of the parts.
     ///
     /// # Errors
     /// [`ShapeError::NoParts`].
@@ -153,7 +152,7 @@ impl<const D: usize> Region<D> {
         Ok(Region { node: Node::Union(parts), bounds })
     }
 
-    /// What lies in all of the parts.
+    /// Intersection of the parts.
     ///
     /// # Errors
     /// [`ShapeError::NoParts`].
@@ -162,20 +161,20 @@ impl<const D: usize> Region<D> {
         Ok(Region { node: Node::Intersection(parts), bounds })
     }
 
-    /// What lies in a region and in none of others.
+    /// Difference: the region `from` without all regions `minus`.
     pub fn difference(from: Region<D>, minus: Vec<Region<D>>) -> Self {
         let bounds = from.bounds;
         Region { node: Node::Difference(Box::new(from), minus), bounds }
     }
 
-    /// The region after a motion.
+    /// The region moved by a motion.
     pub fn moved(self, motion: &Motion<D>) -> Self {
         let all =
             |parts: Vec<Region<D>>| parts.into_iter().map(|part| part.moved(motion)).collect::<Vec<_>>();
         match self.node {
             Node::Primitive(primitive, before) => Self::placed(primitive, before.then(motion)),
             Node::Group(group, before) => Self::placed_group(group, before.then(motion)),
-            // The motion goes down to the primitives because their bounds are tight and those of booleans are not.
+            // Apply the motion to the primitives: bounds of primitives are tight, bounds of booleans are not.
             Node::Union(parts) => {
                 let parts = all(parts);
                 let bounds = parts.iter().map(|part| part.bounds).fold(nothing(), hull);
@@ -203,12 +202,12 @@ impl<const D: usize> Region<D> {
         Region { node: Node::Group(group, motion), bounds }
     }
 
-    /// Whether a position lies inside; groups of cells hold none.
+    /// True if a position lies inside; groups of cells count as empty.
     pub fn contains(&self, x: &[f64; D]) -> bool {
         self.contains_with(x, &|_, _| false)
     }
 
-    /// Whether a position lies inside; `in_group` decides about groups of cells.
+    /// True if a position lies inside; `in_group` decides for groups of cells.
     pub fn contains_with(&self, x: &[f64; D], in_group: InGroup<'_, D>) -> bool {
         match &self.node {
             Node::Primitive(primitive, motion) => primitive.contains(&motion.undo(x)),
@@ -221,22 +220,22 @@ impl<const D: usize> Region<D> {
         }
     }
 
-    /// A box that holds the region, [length]; the least one for primitives and their unions.
+    /// Bounding box of the region, [length]; tight for primitives and their unions.
     pub fn bounds(&self) -> Bounds<D> {
         self.bounds
     }
 
-    /// Whether the region may have a position in common with a box; `false` is certain.
+    /// False if the region certainly does not overlap a box.
     pub fn may_meet(&self, cell: &Bounds<D>) -> bool {
         self.may_meet_cell(cell, &|_| true)
     }
 
-    /// As [`Region::may_meet`] for a cell of a grid in this box, of which `in_group` tells to which groups it belongs.
+    /// As [`Region::may_meet`] for a grid cell with these bounds; `in_group` is true for the groups of the cell.
     pub fn may_meet_cell(&self, cell: &Bounds<D>, in_group: &dyn Fn(usize) -> bool) -> bool {
         let near = (0..D).all(|d| cell[0][d] <= self.bounds[1][d] && self.bounds[0][d] <= cell[1][d]);
         near && match &self.node {
             Node::Primitive(..) => true,
-            // Where a group is moved to, its cells are not those of the grid.
+            // A moved group no longer coincides with the cells of the grid.
             Node::Group(group, motion) => *motion != Motion::identity() || in_group(group.key),
             Node::Union(parts) => parts.iter().any(|part| part.may_meet_cell(cell, in_group)),
             Node::Intersection(parts) => parts.iter().all(|part| part.may_meet_cell(cell, in_group)),
@@ -244,7 +243,7 @@ impl<const D: usize> Region<D> {
         }
     }
 
-    /// Whether a box lies inside; `true` is certain.
+    /// True if a box certainly lies inside.
     pub fn covers(&self, cell: &Bounds<D>) -> bool {
         match &self.node {
             Node::Primitive(primitive, motion) => {
@@ -259,7 +258,7 @@ impl<const D: usize> Region<D> {
         }
     }
 
-    /// The parts of a line that lie inside; `None` where groups of cells take part.
+    /// The intervals of a line that lie inside; `None` if the region contains groups of cells.
     pub fn intervals(&self, line: &Line<D>) -> Option<Intervals> {
         let fold = |parts: &[Region<D>], join: fn(&Intervals, &Intervals) -> Intervals| {
             let mut all: Option<Intervals> = None;
@@ -284,7 +283,7 @@ impl<const D: usize> Region<D> {
         }
     }
 
-    /// Calls `visit` with every primitive and its motion.
+    /// Visits every primitive with its motion.
     fn each_primitive(&self, visit: &mut dyn FnMut(&dyn Primitive<D>, &Motion<D>)) {
         match &self.node {
             Node::Primitive(primitive, motion) => visit(&**primitive, motion),
@@ -306,7 +305,7 @@ impl<const D: usize, P: Primitive<D> + 'static> From<P> for Region<D> {
     }
 }
 
-/// Bounds of a primitive after a motion.
+/// Bounds of a moved primitive.
 fn bounds_of<const D: usize>(primitive: &dyn Primitive<D>, motion: &Motion<D>) -> Bounds<D> {
     let mut bounds = nothing();
     for d in 0..D {
@@ -315,7 +314,7 @@ fn bounds_of<const D: usize>(primitive: &dyn Primitive<D>, motion: &Motion<D>) -
     bounds
 }
 
-/// Least and greatest coordinate of a primitive after a motion.
+/// Lowest and highest coordinate of a moved primitive along an axis.
 fn extent_of<const D: usize>(primitive: &dyn Primitive<D>, motion: &Motion<D>, axis: usize) -> [f64; 2] {
     let (direction, shift) = motion.undo_coordinate(axis);
     primitive.extent(&direction).map(|x| x + shift)
@@ -348,18 +347,18 @@ fn overlap<const D: usize>(a: Bounds<D>, b: Bounds<D>) -> Bounds<D> {
     if is_empty(&both) { nothing() } else { both }
 }
 
-/// The 2^D corners of a box, first axis fastest.
+/// The 2^D corners of a box; the first axis varies fastest.
 fn corners<const D: usize>(bounds: &Bounds<D>) -> impl Iterator<Item = [f64; D]> {
     let bounds = *bounds;
     (0..1usize << D).map(move |corner| std::array::from_fn(|d| bounds[corner >> d & 1][d]))
 }
 
-/// The numbers, if all of them are finite.
+/// The numbers, if all are finite.
 fn finite<const N: usize>(what: &'static str, numbers: [f64; N]) -> Result<[f64; N], ShapeError> {
     if numbers.iter().all(|x| x.is_finite()) { Ok(numbers) } else { Err(ShapeError::NotFinite { what }) }
 }
 
-/// The length, if it is finite and above zero.
+/// The length, if it is finite and positive.
 fn positive(what: &'static str, value: f64) -> Result<f64, ShapeError> {
     match finite(what, [value])? {
         [x] if x > 0.0 => Ok(x),

@@ -5,7 +5,7 @@ use robust::{Coord, orient2d};
 use super::vector::{dot, minus};
 use super::{Intervals, Line, Primitive, ShapeError, finite, positive};
 
-/// Above this number, corners of the border are too many to be of use as places where integrals have kinks.
+/// Largest number of corners for which the kinks they cause in integrals are treated one by one.
 const MOST_CORNERS: usize = 64;
 
 /// A simple polygon.
@@ -15,11 +15,11 @@ pub struct Polygon {
 }
 
 impl Polygon {
-    /// From its corners in order around it, either way, [length]. It closes by itself.
+    /// A closed polygon from its corners in either order around it, [length].
     ///
     /// # Errors
-    /// [`ShapeError::Corners`], [`ShapeError::NotFinite`], [`ShapeError::SelfCrossing`]; [`ShapeError::NotPositive`]
-    /// when it has no area.
+    /// [`ShapeError::Corners`], [`ShapeError::NotFinite`], [`ShapeError::SelfCrossing`]; [`ShapeError::NotPositive`] if
+    /// its area is zero.
     pub fn new(corners: Vec<[f64; 2]>) -> Result<Self, ShapeError> {
         if corners.len() < 3 {
             return Err(ShapeError::Corners { corners: corners.len() });
@@ -70,13 +70,14 @@ impl Primitive<2> for Polygon {
         if squared == 0.0 {
             return if self.contains(origin) { Intervals::whole() } else { Intervals::default() };
         }
-        // Place across and along the line. Every corner is on one side or the other, so the crossings come in pairs.
-        let place = |x: [f64; 2]| {
+        // Coordinates across and along the line. Every corner lies on one side or the other, so crossings come in
+        // pairs.
+        let coordinates = |x: [f64; 2]| {
             let r = minus(&x, origin);
             (direction[0] * r[1] - direction[1] * r[0], dot(direction, &r) / squared)
         };
         let crossing = |(a, b): ([f64; 2], [f64; 2])| {
-            let ((u, s), (v, t)) = (place(a), place(b));
+            let ((u, s), (v, t)) = (coordinates(a), coordinates(b));
             ((u > 0.0) != (v > 0.0)).then(|| s + (t - s) * (u / (u - v)))
         };
         Intervals::from_crossings(self.sides().filter_map(crossing).collect())
@@ -87,7 +88,7 @@ impl Primitive<2> for Polygon {
     }
 }
 
-/// Least and greatest x · direction of some positions.
+/// Minimum and maximum of x · `direction` over some positions.
 pub(super) fn extent_of<const D: usize>(positions: &[[f64; D]], direction: &[f64; D]) -> [f64; 2] {
     positions
         .iter()
@@ -95,11 +96,11 @@ pub(super) fn extent_of<const D: usize>(positions: &[[f64; D]], direction: &[f64
         .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
 }
 
-/// Whether the side from `a` to `b` crosses the ray from `x` along the first axis.
+/// True if the side from `a` to `b` crosses the ray from `x` along the first axis.
 ///
-/// A ray through a corner counts as passing just above it and one from a side as starting just to the right of it;
-/// decided exactly and the same way for both directions of the side, so that a position is in exactly one of the
-/// parts of a divided polygon.
+/// A ray through a corner counts as passing just above it; a ray from a side counts as starting just to its right. The
+/// decision is exact and independent of the direction of the side, so that a position lies in exactly one part of a
+/// divided polygon.
 pub(super) fn passes_right_of(a: &[f64; 2], b: &[f64; 2], x: &[f64; 2]) -> bool {
     if (a[1] > x[1]) == (b[1] > x[1]) {
         return false;
@@ -108,14 +109,14 @@ pub(super) fn passes_right_of(a: &[f64; 2], b: &[f64; 2], x: &[f64; 2]) -> bool 
     turn(low, high, x) > 0.0
 }
 
-/// Above zero when a, b, c go round against the clock; exact in sign.
+/// Positive if a, b, c are counterclockwise; the sign is exact.
 pub(super) fn turn(a: &[f64; 2], b: &[f64; 2], c: &[f64; 2]) -> f64 {
     let at = |x: &[f64; 2]| Coord { x: x[0], y: x[1] };
     orient2d(at(a), at(b), at(c))
 }
 
-/// Two sides of a closed polygon that have a position in common which they should not have, by the numbers of their
-/// first corners; neighbours have only their corner. Exact.
+/// Finds two sides of a closed polygon that meet beyond the corner that neighbours share; returns the indices of their
+/// first corners. Exact.
 pub fn crossing_sides(x: &[[f64; 2]]) -> Option<[usize; 2]> {
     let n = x.len();
     let end = |k: usize| (k + 1) % n;
@@ -123,8 +124,8 @@ pub fn crossing_sides(x: &[[f64; 2]]) -> Option<[usize; 2]> {
     let right = |k: usize| x[k][0].max(x[end(k)][0]);
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&a, &b| left(a).total_cmp(&left(b)));
-    for (place, &a) in order.iter().enumerate() {
-        for &b in order[place + 1..].iter().take_while(|&&b| left(b) <= right(a)) {
+    for (index, &a) in order.iter().enumerate() {
+        for &b in order[index + 1..].iter().take_while(|&&b| left(b) <= right(a)) {
             let meet = if end(a) == b {
                 folds(&x[a], &x[b], &x[end(b)])
             } else if end(b) == a {
@@ -140,19 +141,19 @@ pub fn crossing_sides(x: &[[f64; 2]]) -> Option<[usize; 2]> {
     None
 }
 
-/// Whether the side from b to c goes back over the one from a to b, or one of them has no length.
+/// True if the side from b to c folds back onto the side from a to b, or if one of them has zero length.
 fn folds(a: &[f64; 2], b: &[f64; 2], c: &[f64; 2]) -> bool {
     a == b || b == c || (turn(a, b, c) == 0.0 && dot(&minus(b, a), &minus(c, b)) <= 0.0)
 }
 
-/// Whether two segments have a position in common; exact.
+/// True if two segments have a common position; exact.
 pub(super) fn segments_meet([a, b]: [&[f64; 2]; 2], [c, d]: [&[f64; 2]; 2]) -> bool {
     let apart = |i: usize| a[i].max(b[i]) < c[i].min(d[i]) || c[i].max(d[i]) < a[i].min(b[i]);
     let sides = |p, q, r, s| opposite(turn(p, q, r), turn(p, q, s));
     !apart(0) && !apart(1) && sides(a, b, c, d) && sides(c, d, a, b)
 }
 
-/// Whether two numbers are not of the same sign; their product may vanish by underflow.
+/// True if two numbers have opposite signs or one is zero. Avoids their product, which may underflow.
 pub(super) fn opposite(a: f64, b: f64) -> bool {
     !(a > 0.0 && b > 0.0 || a < 0.0 && b < 0.0)
 }

@@ -1,60 +1,60 @@
 //! Reader of STL files, text and binary.
 //!
-//! A file is binary when its size is that which its count of facets demands, whatever its first word is: many binary
-//! files begin with `solid`. Coordinates of texts are read in double precision, and units are as given. Normals and
-//! attributes are ignored: the order of the corners says what is outside. All solids of a file make one surface.
+//! A file is binary if its size matches its facet count, whatever its first word: many binary files start with `solid`.
+//! Coordinates in text files are read in double precision; units are not converted. Normals and attributes are ignored:
+//! the order of the corners defines the outside. All solids of a file form one surface.
 
 use std::path::Path;
 
 use super::surface::Triangle;
 
-/// The largest file that is read: some 20 million facets.
+/// Largest file that is read, [byte]; about 20 million facets.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// Bytes of a binary file before the count of facets, with the count, and of one facet.
+/// Layout of a binary file, [byte]: header, header with facet count, one facet.
 const HEADER: usize = 80;
 const BEFORE_FACETS: usize = HEADER + 4;
 const FACET: usize = 50;
 
-/// Why an STL file cannot be read.
+/// An error in an STL file.
 #[derive(Debug, thiserror::Error)]
 pub enum StlError {
     /// The file cannot be opened or read.
     #[error("{0}")]
     Io(#[from] std::io::Error),
-    /// A directory or a device.
+    /// The path is a directory or a device.
     #[error("it is not a file")]
     NotAFile,
-    /// The file is larger than any surface that can be used.
-    #[error("the file has {bytes} bytes; at most {MAX_BYTES} are possible")]
+    /// The file exceeds the size limit.
+    #[error("the file has {bytes} bytes; the limit is {MAX_BYTES}")]
     TooLarge {
         /// Size of the file.
         bytes: u64,
     },
-    /// The file is something else.
+    /// The file is not an STL file.
     #[error("not an STL file: it does not begin with `solid` and is too short for a binary one")]
     NotStl,
-    /// A binary file is shorter or longer than its count of facets demands.
+    /// The size of a binary file does not match its facet count.
     #[error("the header announces {announced} facets, which take {needed} bytes, but the file has {bytes}")]
     Size {
-        /// Number of facets by the header.
+        /// Facet count in the header.
         announced: u32,
-        /// Bytes that those facets need.
+        /// Size of that many facets, [byte].
         needed: u64,
-        /// Bytes of the file.
+        /// Size of the file, [byte].
         bytes: usize,
     },
-    /// Something else stands where the format demands a certain word.
+    /// A text file contradicts the format.
     #[error("line {line}: expected {expected}, found {found}")]
     Expected {
         /// Line, from 1.
         line: usize,
-        /// What the format demands.
+        /// The word required by the format.
         expected: &'static str,
-        /// What stands there, shortened.
+        /// The word found, abbreviated.
         found: String,
     },
-    /// A text ends too early.
+    /// A text file ends too early.
     #[error("the file ends in line {line}, where {expected} is missing")]
     Truncated {
         /// Last line, from 1.
@@ -62,7 +62,7 @@ pub enum StlError {
         /// What is missing.
         expected: &'static str,
     },
-    /// A coordinate is infinite or not a number.
+    /// A coordinate is infinite or NaN.
     #[error("facet {facet}: a coordinate of corner {corner} is not finite")]
     NotFinite {
         /// Number of the facet, from 1.
@@ -75,12 +75,13 @@ pub enum StlError {
     NoFacets,
 }
 
-/// Reads an STL file from the disk.
+/// Reads an STL file.
 ///
 /// # Errors
-/// [`StlError::Io`] when the file cannot be read, [`StlError::NotAFile`], [`StlError::TooLarge`], otherwise as [`read`].
+/// [`StlError::Io`], [`StlError::NotAFile`] or [`StlError::TooLarge`] if the file cannot be read, otherwise as
+/// [`read`].
 pub fn read_file(path: &Path) -> Result<Vec<Triangle>, StlError> {
-    // A device or a pipe may never end.
+    // Reading a device or a pipe might never end.
     let about = std::fs::metadata(path)?;
     if !about.is_file() {
         return Err(StlError::NotAFile);
@@ -91,10 +92,11 @@ pub fn read_file(path: &Path) -> Result<Vec<Triangle>, StlError> {
     read(&std::fs::read(path)?)
 }
 
-/// The facets of an STL file in its order, with finite coordinates, [length]. Takes memory in proportion to the file.
+/// Reads the facets of an STL file, in file order, with finite coordinates, [length]. Memory is proportional to the
+/// file size.
 ///
 /// # Errors
-/// [`StlError`], but for those of [`read_file`].
+/// Any [`StlError`] about the contents.
 pub fn read(bytes: &[u8]) -> Result<Vec<Triangle>, StlError> {
     let facets = match (announced(bytes), is_text(bytes)) {
         (Some(n), _) if bytes.len() as u64 == size(n) => binary(bytes),
@@ -115,25 +117,25 @@ pub fn read(bytes: &[u8]) -> Result<Vec<Triangle>, StlError> {
     Ok(facets)
 }
 
-/// The count of facets at the head of a binary file.
+/// Facet count in the header of a binary file.
 fn announced(bytes: &[u8]) -> Option<u32> {
     bytes.get(HEADER..)?.first_chunk().map(|count| u32::from_le_bytes(*count))
 }
 
-/// Size of a binary file.
+/// Size of a binary file, [byte].
 fn size(facets: u32) -> u64 {
     BEFORE_FACETS as u64 + FACET as u64 * u64::from(facets)
 }
 
-/// Whether a file that is no whole binary one begins like a text: with `solid`, and no byte of its first part is one
-/// that texts do not have.
+/// True if a file that is not a valid binary file looks like text: it starts with `solid` and its first part has no
+/// bytes that do not occur in text.
 fn is_text(bytes: &[u8]) -> bool {
     let start = without_mark(bytes).trim_ascii_start();
     let begins = start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     begins && !bytes.iter().take(10 * BEFORE_FACETS).any(|byte| *byte == 0)
 }
 
-/// The bytes after the byte order mark, which some editors set.
+/// Skips the byte order mark that some editors write.
 fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
@@ -142,14 +144,14 @@ fn binary(bytes: &[u8]) -> Vec<Triangle> {
     let number = |bytes: &[u8; 4]| f64::from(f32::from_le_bytes(*bytes));
     let (facets, _) = bytes[BEFORE_FACETS..].as_chunks::<FACET>();
     let corners = |facet: &[u8; FACET]| -> Triangle {
-        // The normal comes first, the attribute last.
+        // Each facet starts with the normal and ends with the attribute.
         let (numbers, _) = facet[12..48].as_chunks::<4>();
         std::array::from_fn(|corner| std::array::from_fn(|d| number(&numbers[3 * corner + d])))
     };
     facets.iter().map(corners).collect()
 }
 
-/// The words of a text.
+/// The words of a text file.
 struct Words<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -157,7 +159,7 @@ struct Words<'a> {
 }
 
 impl<'a> Words<'a> {
-    /// The next word, if there is one.
+    /// The next word; `None` at the end.
     fn next(&mut self) -> Option<&'a [u8]> {
         while let Some(byte) = self.bytes.get(self.at).filter(|byte| byte.is_ascii_whitespace()) {
             self.line += usize::from(*byte == b'\n');
@@ -169,7 +171,7 @@ impl<'a> Words<'a> {
         (length > 0).then(|| &rest[..length])
     }
 
-    /// Goes to the end of the line.
+    /// Skips the rest of the line.
     fn skip_line(&mut self) {
         let rest = &self.bytes[self.at..];
         self.at += rest.iter().position(|byte| *byte == b'\n').unwrap_or(rest.len());
@@ -201,7 +203,7 @@ fn text(bytes: &[u8]) -> Result<Vec<Triangle>, StlError> {
     let mut facets = Vec::new();
     words.keyword("solid")?;
     loop {
-        // The name of the solid is the rest of the line.
+        // The rest of the line is the name of the solid.
         words.skip_line();
         loop {
             let word = words.required("facet or endsolid")?;
@@ -222,11 +224,11 @@ fn text(bytes: &[u8]) -> Result<Vec<Triangle>, StlError> {
     }
 }
 
-/// A facet after its first word.
+/// Reads a facet after its first word.
 fn facet(words: &mut Words<'_>) -> Result<Triangle, StlError> {
     words.keyword("normal")?;
     for _ in 0..3 {
-        // Whatever it is: programs write `nan` where they cannot form a normal.
+        // Any word: some programs write `nan` if they cannot form a normal.
         words.required("the normal of a facet")?;
     }
     words.keyword("outer")?;

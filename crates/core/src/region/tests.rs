@@ -10,7 +10,7 @@ use super::vector::{dot, minus};
 use super::*;
 use crate::grid::{Grid, Structured};
 
-/// Numbers that look random (splitmix64).
+/// Pseudo-random numbers (splitmix64).
 pub(super) struct Random(pub(super) u64);
 
 impl Random {
@@ -21,7 +21,7 @@ impl Random {
         x ^ (x >> 31)
     }
 
-    /// Between two numbers.
+    /// Uniform between two numbers.
     pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * (self.word() >> 11) as f64 / (1u64 << 53) as f64
     }
@@ -47,7 +47,7 @@ fn polygon(corners: &[[f64; 2]]) -> Polygon {
     Polygon::new(corners.to_vec()).unwrap()
 }
 
-/// A polygon with a notch, area 2.5.
+/// A polygon with a notch; its area is 2.5.
 fn notched() -> Polygon {
     polygon(&[[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 0.5], [0.0, 2.0]])
 }
@@ -188,7 +188,7 @@ proptest! {
 }
 
 proptest! {
-    // The bound of the error of a volume is an estimate; the cases are always the same ones.
+    // The error bound of a volume is an estimate, so the test cases are fixed.
     #![proptest_config(ProptestConfig { cases: 20, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
 
     #[test]
@@ -200,7 +200,7 @@ proptest! {
         let n = 40_000;
         let hits = (0..n).filter(|_| region.contains(&random.inside(&bounds))).count();
         let share = hits as f64 / f64::from(n);
-        // One more hit than there was: the deviation of a share of zero is not zero.
+        // One extra hit, so that the standard deviation of an empty sample is not zero.
         let deviation = around * ((share + 1.0 / f64::from(n)) / f64::from(n)).sqrt();
         prop_assert!(around == 0.0 || near(value, around * share, 5.0 * deviation + error),
             "{} ± {} against {} ± {}", value, error, around * share, deviation);
@@ -224,7 +224,7 @@ proptest! {
 
     #[test]
     fn quadrature_finds_the_volumes_of_primitives(region in moved_primitive()) {
-        // Together with a part of itself the region takes the way of booleans.
+        // The union with a part of itself forces the algorithm for booleans.
         let measured = union(&[region.clone(), intersection(&[region.clone(), brick([-0.5; 3], [0.5; 3])])]);
         let Volume { value, error } = measured.volume(Accuracy { relative: 1e-4, lines: 400_000 }).unwrap();
         let exact = closed_form(&region);
@@ -271,7 +271,7 @@ fn bounds_of_turned_primitives_are_tight() {
         brick([0.0; 3], [1.0, 2.0, 3.0]).moved(&quarter).bounds(),
         [[-2.0, 0.0, 0.0], [0.0, 1.0, 3.0]]
     );
-    // Discs reach r sin of the angle between their axis and the direction.
+    // Discs extend by r times the sine of the angle between their axis and the direction.
     let tilted = cylinder([0.0; 3], [0.0, 0.0, 2.0], 1.0).moved(&turn([1.0, 0.0, 0.0], PI / 6.0));
     let (s, c) = (PI / 6.0).sin_cos();
     let expected = [[-1.0, -c - 2.0 * s, -s], [1.0, c, 2.0 * c + s]];
@@ -286,7 +286,7 @@ fn bounds_of_turned_primitives_are_tight() {
     assert_eq!(cone.bounds(), [[-0.5, -0.5, 0.0], [0.5, 0.5, 2.0]]);
     let square = brick([-1.0; 2], [1.0; 2]).moved(&Motion::<2>::rotation(PI / 4.0, [0.0; 2]).unwrap());
     assert!(near(square.bounds()[1][0], 2.0f64.sqrt(), 1e-15));
-    // The bounds of a turned union are those of its turned parts.
+    // The bounds of a rotated union are those of its rotated parts.
     let both =
         union(&[ball([0.0; 3], 1.0), ball([3.0, 0.0, 0.0], 1.0)]).moved(&turn([0.0, 0.0, 1.0], PI / 4.0));
     assert!(near(both.bounds()[1][0], 3.0 / 2.0f64.sqrt() + 1.0, 1e-15));
@@ -304,14 +304,14 @@ fn booleans_have_the_volumes_of_textbooks() {
     measured(intersection(&[through(x), through(y)]), 16.0 / 3.0, 2e-6);
     measured(intersection(&[through(y), through(z)]), 16.0 / 3.0, 2e-6);
     measured(intersection(&[through(x), through(y), through(z)]), 8.0 * (2.0 - 2.0f64.sqrt()), 2e-6);
-    // Two unit balls at a distance d: π (4 + d)(2 − d)² / 12 in common.
+    // Two unit balls at a distance d share the volume π (4 + d)(2 − d)² / 12.
     let lens = |d: f64| PI * (4.0 + d) * (2.0 - d).powi(2) / 12.0;
     for d in [0.1, 1.0, 1.9] {
         let at = [0.6 * d, 0.0, 0.8 * d];
         measured(intersection(&[ball([0.0; 3], 1.0), ball(at, 1.0)]), lens(d), 2e-6);
         measured(union(&[ball([0.0; 3], 1.0), ball(at, 1.0)]), 8.0 / 3.0 * PI - lens(d), 2e-6);
     }
-    // A cap of height h: π h² (3 r − h) / 3. A ring of height h: π h³ / 6, whatever the ball.
+    // A spherical cap of height h has the volume π h² (3 r − h) / 3; a spherical ring, π h³ / 6 for any ball.
     measured(
         intersection(&[ball([0.0; 3], 1.0), brick([-2.0, -2.0, 0.7], [2.0; 3])]),
         PI * 0.09 * 2.7 / 3.0,
@@ -320,7 +320,7 @@ fn booleans_have_the_volumes_of_textbooks() {
     let radius = (4.0f64 - 0.25).sqrt();
     let ring = Region::difference(ball([0.0; 3], 2.0), vec![cylinder([0.0, 0.0, -3.0], z, radius)]);
     measured(ring, PI / 6.0, 2e-6);
-    // A square and the same turned by 45 degrees share an octagon.
+    // A square and its copy rotated by 45° share an octagon.
     let turn = Motion::<3>::rotation(x, PI / 4.0, [0.0; 3]).unwrap();
     let cube = brick([-0.5; 3], [0.5; 3]);
     measured(intersection(&[cube.clone(), cube.moved(&turn)]), 2.0 * (2.0f64.sqrt() - 1.0), 2e-6);
@@ -411,18 +411,18 @@ fn a_position_is_in_one_part_of_a_divided_polygon() {
     assert_eq!(parts.iter().filter(|part| part.contains(&middle)).count(), 1);
 }
 
-/// The parts of a grid whose centres lie in a region.
+/// The parts of a grid with their centres in a region.
 fn filled<const D: usize>(
     region: &Region<D>,
     grid: &Structured<D>,
     per_cell: [usize; D],
     groups: &[Vec<bool>],
-) -> Filled<Part<D>> {
+) -> Filled<CellPart<D>> {
     let divide = |cell: usize| Ok::<_, ()>(brick_parts(grid, per_cell, cell));
-    fill(region, grid, |key, cell| groups[key][cell], divide, |part: &Part<D>| part.position).unwrap()
+    fill(region, grid, |key, cell| groups[key][cell], divide, |part: &CellPart<D>| part.position).unwrap()
 }
 
-fn sum_of_parts<const D: usize>(filled: &Filled<Part<D>>) -> f64 {
+fn sum_of_parts<const D: usize>(filled: &Filled<CellPart<D>>) -> f64 {
     filled.parts.iter().map(|part| part.volume).sum()
 }
 
@@ -434,7 +434,7 @@ fn a_box_on_grid_lines_is_filled_exactly() {
     assert!(near(sum_of_parts(&block), 0.75, 1e-14));
     assert_eq!(block.cells.iter().filter(|filled| filled.full).count(), 4 * 6 * 2);
     for FilledCell { cell, parts, .. } in &block.cells {
-        let located = |part: &Part<3>| grid.locate(&part.position, None);
+        let located = |part: &CellPart<3>| grid.locate(&part.position, None);
         assert!(block.parts[parts.clone()].iter().all(|part| located(part) == Some(*cell)));
     }
     let first = block.parts[0].position;

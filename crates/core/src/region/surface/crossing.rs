@@ -1,4 +1,4 @@
-//! Whether facets of a surface cross or touch each other beyond the corners and edges that join them; exact.
+//! Check that facets meet only at shared corners and edges; exact.
 
 use rayon::prelude::*;
 
@@ -9,7 +9,7 @@ use super::triangle::{Triangle, depth};
 use crate::region::Bounds;
 use crate::region::polygon::{opposite, segments_meet, turn};
 
-/// Refuses a surface of which two facets cross or touch.
+/// Refuses a surface with two facets that cross or touch.
 pub(super) fn check(facets: &Facets, tree: &BoxTree) -> Result<(), SurfaceError> {
     let crossed_by = |facet: usize| {
         let triangle = facets.triangle(facet);
@@ -17,8 +17,8 @@ pub(super) fn check(facets: &Facets, tree: &BoxTree) -> Result<(), SurfaceError>
         let mut first: Option<usize> = None;
         tree.visit(
             |other| overlap(other, &around),
-            |place| {
-                let other = tree.order[place] as usize;
+            |index| {
+                let other = tree.order[index] as usize;
                 if other > facet && first.is_none_or(|first| other < first) {
                     let pair = [facets.corners[facet], facets.corners[other]];
                     let there = facets.triangle(other);
@@ -44,18 +44,18 @@ fn overlap(a: &Bounds<3>, b: &Bounds<3>) -> bool {
     (0..3).all(|d| a[0][d] <= b[1][d] && b[0][d] <= a[1][d])
 }
 
-/// Whether two facets have more in common than their common corners and the edge between those.
+/// True if two facets meet anywhere other than at their shared corners and edge.
 fn meet([a, b]: [[u32; 3]; 2], [s, t]: [&Triangle; 2]) -> bool {
     let own = |corners: [u32; 3], other: [u32; 3]| (0..3).filter(move |&k| !other.contains(&corners[k]));
     let (mut own_a, mut own_b) = (own(a, b), own(b, a));
     match (own_a.clone().count(), own_b.clone().count()) {
         (3, 3) => {
-            // One of the edges of one goes through the other.
+            // The facets meet if an edge of one crosses the other.
             let edge = |t: &Triangle, k: usize| [t[k], t[(k + 1) % 3]];
             (0..3).any(|k| segment_meets(&edge(s, k), t) || segment_meets(&edge(t, k), s))
         }
         (2, 2) => {
-            // Rays from the common corner leave a facet through the edge opposite to it.
+            // A facet lies between the rays from the shared corner to its opposite edge.
             let edge = |t: &Triangle, k: [Option<usize>; 2]| k.map(|k| t[k.unwrap_or(0)]);
             let far_a = edge(s, [own_a.next(), own_a.next()]);
             let far_b = edge(t, [own_b.next(), own_b.next()]);
@@ -65,12 +65,12 @@ fn meet([a, b]: [[u32; 3]; 2], [s, t]: [&Triangle; 2]) -> bool {
             (Some(i), Some(j)) => folded(s, i, &t[j]),
             _ => false,
         },
-        // The same corners twice.
+        // Both facets have the same corners.
         _ => true,
     }
 }
 
-/// Whether a facet on the edge opposite to the corner `k`, with its other corner at x, lies upon this one.
+/// True if a facet that shares the edge opposite to corner `k`, with its third corner at x, is folded onto this facet.
 fn folded(s: &Triangle, k: usize, x: &[f64; 3]) -> bool {
     if depth(s, x) != 0.0 {
         return false;
@@ -81,7 +81,7 @@ fn folded(s: &Triangle, k: usize, x: &[f64; 3]) -> bool {
     !opposite(turn(&a, &b, &flat(&s[k])), turn(&a, &b, &flat(x)))
 }
 
-/// Whether a segment and a triangle have a position in common.
+/// True if a segment and a triangle have a common position.
 fn segment_meets(segment: &[[f64; 3]; 2], t: &Triangle) -> bool {
     let [p, q] = segment;
     let (above, below) = (depth(t, p), depth(t, q));
@@ -91,7 +91,7 @@ fn segment_meets(segment: &[[f64; 3]; 2], t: &Triangle) -> bool {
     if above == 0.0 && below == 0.0 {
         return segment_meets_in_plane(segment, t);
     }
-    // The line goes through where it passes all edges on the same side.
+    // The line crosses the triangle if it passes all edges on the same side.
     let side = |k: usize| depth(&[*p, *q, t[k]], &t[(k + 1) % 3]);
     let sides = [side(0), side(1), side(2)];
     !(sides.iter().any(|x| *x > 0.0) && sides.iter().any(|x| *x < 0.0))
@@ -109,7 +109,7 @@ fn segment_meets_in_plane([p, q]: &[[f64; 3]; 2], t: &Triangle) -> bool {
     inside(&p) || (0..3).any(|k| segments_meet([&p, &q], edge(k)))
 }
 
-/// The axis along which a triangle can be seen with an area; `None` when its corners are on a line.
+/// An axis along which the projection of a triangle has a positive area; `None` if its corners are collinear.
 pub(super) fn plane_axis(t: &Triangle) -> Option<usize> {
     (0..3).find(|&axis| {
         let [a, b, c] = t.map(|x| across(&x, axis));
@@ -117,7 +117,7 @@ pub(super) fn plane_axis(t: &Triangle) -> Option<usize> {
     })
 }
 
-/// The coordinates of a position other than that along an axis.
+/// The other two coordinates of a position.
 fn across(x: &[f64; 3], axis: usize) -> [f64; 2] {
     [x[(axis + 1) % 3], x[(axis + 2) % 3]]
 }

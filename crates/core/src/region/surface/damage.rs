@@ -1,4 +1,4 @@
-//! Damaged files and bodies are refused or give a body; nothing panics, hangs or takes much memory.
+//! Damaged files and bodies are refused or yield a body: nothing panics, hangs, or takes much memory.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -9,7 +9,7 @@ use super::*;
 use crate::region::stl;
 use crate::region::tests::Random;
 
-/// `FUZZ_FILES` is the number of files.
+/// The environment variable `FUZZ_FILES` sets the number of files.
 #[test]
 fn damaged_files_are_refused_or_give_a_body() {
     let files_to_read = std::env::var("FUZZ_FILES").ok().and_then(|n| n.parse().ok()).unwrap_or(20_000);
@@ -79,7 +79,7 @@ fn damage(file: &mut Vec<u8>, files: &[Vec<u8>], random: &mut Random) {
             let (a, b) = (within(other.len()), within(other.len()));
             file.splice(at..to, other[a.min(b)..a.max(b)].iter().copied());
         }
-        // One coordinate of a facet takes the value of another, in a binary file.
+        // Replace a coordinate of a facet by another one (binary file).
         7 if file.len() > 200 => {
             let facets = (file.len() - 84) / 50;
             let (a, b) = (
@@ -88,18 +88,18 @@ fn damage(file: &mut Vec<u8>, files: &[Vec<u8>], random: &mut Random) {
             );
             file.copy_within(b..b + 4, a);
         }
-        // Two facets change places with a digit.
+        // Replace a digit of a text file.
         8 if file.len() > 84 => {
             let digit = file.iter().skip(at).position(u8::is_ascii_digit);
-            if let Some(place) = digit {
-                file[at + place] = b'0' + within(10) as u8;
+            if let Some(offset) = digit {
+                file[at + offset] = b'0' + within(10) as u8;
             }
         }
         _ => {}
     }
 }
 
-/// Moves a corner with all facets at it, or turns, removes or doubles a facet.
+/// Moves a corner together with all facets at it, or reverses, removes or duplicates a facet.
 fn bend(body: &mut Vec<Triangle>, random: &mut Random) {
     let facet = random.word() as usize % body.len();
     let shift: [f64; 3] = std::array::from_fn(|_| random.between(-2.0, 2.0));
@@ -117,7 +117,7 @@ fn bend(body: &mut Vec<Triangle>, random: &mut Random) {
     }
 }
 
-/// The kind of error, or a body that answers.
+/// Kind of the error; `body` if the file yields a body.
 fn outcome(file: &[u8]) -> String {
     let kind =
         |error: &dyn fmt::Debug| format!("{error:?}").split([' ', '(']).next().unwrap_or_default().to_owned();

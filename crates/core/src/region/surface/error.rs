@@ -1,18 +1,18 @@
-//! What can be wrong with a surface.
+//! Errors in surfaces.
 
 use std::fmt;
 
 use super::triangle::Triangle;
 
-/// The most places that an error lists.
+/// Largest number of facets or edges listed in a message.
 pub(super) const SHOWN: usize = 5;
 
-/// A facet in a report.
+/// A facet named in a message.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FacetReport {
-    /// Its number in the order in which the facets were given, from 1.
+    /// Number of the facet in the given order, from 1.
     pub facet: usize,
-    /// Its corners, [length].
+    /// Corners of the facet, [length].
     pub corners: Triangle,
 }
 
@@ -23,14 +23,14 @@ impl fmt::Display for FacetReport {
     }
 }
 
-/// An edge in a report.
+/// An edge named in a message.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EdgeReport {
     /// Number of a facet at the edge, from 1.
     pub facet: usize,
     /// Number of facets at the edge.
     pub facets: usize,
-    /// Its ends, [length].
+    /// Ends of the edge, [length].
     pub ends: [[f64; 3]; 2],
 }
 
@@ -41,28 +41,28 @@ impl fmt::Display for EdgeReport {
     }
 }
 
-/// Why triangles do not enclose a body. Lists hold the first few places only.
+/// An error in a surface. Lists hold the first few facets or edges only.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SurfaceError {
-    /// Less facets than a tetrahedron has.
+    /// Fewer facets than a tetrahedron has.
     #[error("the surface has {facets} facets; a closed one has at least 4")]
     TooFewFacets {
         /// Number of facets.
         facets: usize,
     },
-    /// More corners than can be numbered.
+    /// Too many facets.
     #[error("the surface has {facets} facets, more than can be numbered")]
     TooManyFacets {
         /// Number of facets.
         facets: usize,
     },
-    /// A coordinate is not a number, infinite or beyond all use.
-    #[error("a coordinate is not a number or too large: {at}")]
+    /// A coordinate is infinite, NaN or too large.
+    #[error("a coordinate is infinite, not a number or too large: {at}")]
     NotANumber {
         /// The facet.
         at: FacetReport,
     },
-    /// Facets whose corners lie on a line or are the same.
+    /// Facets with collinear or equal corners.
     #[error("{} no area: {}", count(*.n, "facet has", "facets have"), list(.first))]
     Degenerate {
         /// Number of such facets.
@@ -86,18 +86,18 @@ pub enum SurfaceError {
         /// The first of them.
         first: Vec<EdgeReport>,
     },
-    /// A facet whose corners go round the other way than those of its neighbours.
-    #[error("the corners of a facet go round the other way than those of {}: {at}", count(*.n, "neighbour", "neighbours"))]
+    /// A facet with the opposite orientation to its neighbours.
+    #[error("the corners of a facet are ordered opposite to those of {}: {at}", count(*.n, "neighbour", "neighbours"))]
     Turned {
-        /// Number of such neighbours.
+        /// Number of neighbours with the opposite orientation.
         n: usize,
         /// The facet that disagrees with most of its neighbours.
         at: FacetReport,
     },
-    /// Two facets have more in common than the corners and edges that join them.
+    /// Two facets meet beyond their shared corners and edges.
     #[error("the surface crosses or touches itself near {}: {} and {}", position(.near), .facets[0], .facets[1])]
     Crossing {
-        /// A place next to both, [length].
+        /// A position close to both facets, [length].
         near: [f64; 3],
         /// The two facets.
         facets: Box<[FacetReport; 2]>,
@@ -105,9 +105,9 @@ pub enum SurfaceError {
     /// A shell is inside out.
     #[error("{}: {at}", inside_out(*.cavity))]
     InsideOut {
-        /// Whether it lies in an odd number of other shells, so that it should be the border of a cavity.
+        /// True if the shell lies in an odd number of other shells and so should bound a cavity.
         cavity: bool,
-        /// Its first facet.
+        /// First facet of the shell.
         at: FacetReport,
     },
 }
@@ -116,19 +116,19 @@ fn count(n: usize, one: &str, many: &str) -> String {
     format!("{n} {}", if n == 1 { one } else { many })
 }
 
-fn list<T: fmt::Display>(places: &[T]) -> String {
-    places.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+fn list<T: fmt::Display>(items: &[T]) -> String {
+    items.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
 fn inside_out(cavity: bool) -> &'static str {
     if cavity {
-        "a shell within another one is no cavity: its corners go round against the clock, beginning with"
+        "a shell inside another one is not a cavity: its facets have counterclockwise corners, the first being"
     } else {
-        "the surface is inside out: seen from outside its corners go round with the clock, beginning with"
+        "the surface is inside out: seen from outside, its facets have clockwise corners, the first being"
     }
 }
 
-/// A position with the digits that a file of single precision has.
+/// A position with the number of digits of single precision.
 fn position(x: &[f64; 3]) -> String {
     let number = |x: f64| match x.abs() {
         0.0 => "0".to_owned(),

@@ -1,4 +1,4 @@
-//! What lies inside of a closed surface.
+//! The interior of a closed surface.
 
 use super::box_tree::BoxTree;
 use super::closed::Shells;
@@ -9,37 +9,38 @@ use crate::region::polygon::{passes_right_of, turn};
 use crate::region::vector::{along, cross, dot, minus, norm, unit};
 use crate::region::{Intervals, Line};
 
-/// Visits the facets above a position: its place in the order of the tree, and +1 or −1 as the upward ray leaves or
-/// enters through it. A ray through an edge meets one of the facets there. A facet that holds the position is above.
+/// Visits the facets above a position. `visit` receives the index in the order of the tree, and +1 if the upward ray
+/// leaves through the facet, −1 if it enters. A ray through an edge meets exactly one of its facets. A facet through
+/// the position counts as above.
 fn each_above(triangles: &[Triangle], tree: &BoxTree, x: &[f64; 3], mut visit: impl FnMut(usize, i32)) {
     let flat = |x: &[f64; 3]| [x[0], x[1]];
     tree.visit(
         |[low, high]| {
             low[0] <= x[0] && x[0] <= high[0] && low[1] <= x[1] && x[1] <= high[1] && x[2] <= high[2]
         },
-        |place| {
-            let t = &triangles[place];
+        |index| {
+            let t = &triangles[index];
             let [a, b, c] = t.each_ref().map(flat);
             let passes = |a: &[f64; 2], b: &[f64; 2]| passes_right_of(a, b, &flat(x));
             if passes(&a, &b) ^ passes(&b, &c) ^ passes(&c, &a) {
                 let upward = if turn(&a, &b, &c) > 0.0 { 1 } else { -1 };
                 if depth(t, x) * f64::from(upward) >= 0.0 {
-                    visit(place, upward);
+                    visit(index, upward);
                 }
             }
         },
     );
 }
 
-/// How often the surface goes around a position.
+/// Winding number of the surface around a position.
 pub(super) fn winding(triangles: &[Triangle], tree: &BoxTree, x: &[f64; 3]) -> i32 {
     let mut sum = 0;
     each_above(triangles, tree, x, |_, upward| sum += upward);
     sum
 }
 
-/// Refuses a shell that is inside out: one within an even number of others must enclose a positive volume, one within
-/// an odd number a cavity. `shell_of` is by the order of the tree.
+/// Refuses inside-out shells: a shell inside an even number of others must enclose a positive volume, one inside an odd
+/// number a cavity. `shell_of` is in the order of the tree.
 pub(super) fn check_orientation(
     facets: &Facets,
     shells: &Shells,
@@ -54,10 +55,10 @@ pub(super) fn check_orientation(
         first[shell as usize] = first[shell as usize].min(facet);
     }
     for (shell, own) in members.iter().enumerate() {
-        // Shells may touch in a corner; the middle of a facet is on no other shell.
+        // Shells may touch at a corner, but the centre of a facet lies on no other shell.
         let around = middle(&own[0]);
         let mut windings = vec![];
-        each_above(triangles, tree, &around, |place, upward| windings.push((shell_of[place], upward)));
+        each_above(triangles, tree, &around, |facet, upward| windings.push((shell_of[facet], upward)));
         windings.retain(|(other, _)| *other as usize != shell);
         windings.sort_unstable();
         let around_it =
@@ -74,14 +75,14 @@ fn middle(t: &Triangle) -> [f64; 3] {
     std::array::from_fn(|d| (t[0][d] + t[1][d] + t[2][d]) / 3.0)
 }
 
-/// Relative widening of boxes for the round-off of lines that are not along an axis.
+/// Relative widening of boxes for the round-off of lines that are not parallel to an axis.
 const WIDER: f64 = 1e-12;
 
-/// The parts of a line inside of the surface.
+/// The intervals of a line inside the surface.
 ///
-/// Corners are projected on a plane across the line. Their places there have round-off, but every corner has one place
-/// for all of its facets, and the line is inside an exact number of the projected facets: the crossings always come
-/// in pairs.
+/// Corners are projected onto a plane across the line. The projections have round-off, but each corner has one
+/// projection for all its facets, and the test whether the line passes through a projected facet is exact: crossings
+/// always come in pairs.
 pub(super) fn intervals(triangles: &[Triangle], tree: &BoxTree, line: &Line<3>) -> Intervals {
     let [e, f] = frame(&line.direction);
     let squared = dot(&line.direction, &line.direction);
@@ -90,23 +91,23 @@ pub(super) fn intervals(triangles: &[Triangle], tree: &BoxTree, line: &Line<3>) 
     let mut crossings = Vec::new();
     tree.visit(
         |bounds| passes(line, bounds, WIDER * size),
-        |place| {
-            let corners = triangles[place].map(|x| {
+        |index| {
+            let corners = triangles[index].map(|x| {
                 let r = minus(&x, &line.origin);
                 ([dot(&e, &r), dot(&f, &r)], dot(&line.direction, &r) / squared)
             });
             let [(a, _), (b, _), (c, _)] = &corners;
             let right = |a: &[f64; 2], b: &[f64; 2]| passes_right_of(a, b, &[0.0; 2]);
             if right(a, b) ^ right(b, c) ^ right(c, a) {
-                crossings.push(place_along(&corners));
+                crossings.push(parameter_along(&corners));
             }
         },
     );
     Intervals::from_crossings(crossings)
 }
 
-/// The parameter at which a line that is projected on the origin goes through a facet.
-fn place_along(corners: &[([f64; 2], f64); 3]) -> f64 {
+/// Parameter at which the line, projected onto the origin, crosses a facet.
+fn parameter_along(corners: &[([f64; 2], f64); 3]) -> f64 {
     let area = |k: usize| {
         let ((a, _), (b, _)) = (corners[(k + 1) % 3], corners[(k + 2) % 3]);
         a[0] * b[1] - a[1] * b[0]
@@ -115,11 +116,11 @@ fn place_along(corners: &[([f64; 2], f64); 3]) -> f64 {
     let [s, t, u] = corners.map(|(_, t)| t);
     let mean = (weights[0] * s + weights[1] * t + weights[2] * u) / weights.iter().sum::<f64>();
     let (low, high) = (s.min(t).min(u), s.max(t).max(u));
-    // A facet that is seen edge-on leaves nothing but round-off.
+    // A facet seen edge-on contributes round-off only.
     if mean.is_finite() { mean.clamp(low, high) } else { 0.5 * (low + high) }
 }
 
-/// Whether a line passes a box that is made wider on all sides.
+/// True if a line passes through a box widened on all sides.
 fn passes(line: &Line<3>, [low, high]: &[[f64; 3]; 2], wider: f64) -> bool {
     let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
     for d in 0..3 {
@@ -138,7 +139,7 @@ fn passes(line: &Line<3>, [low, high]: &[[f64; 3]; 2], wider: f64) -> bool {
     enter <= leave
 }
 
-/// Two directions across a direction and each other; along axes where it is.
+/// Two unit vectors normal to a direction and to each other; aligned with the axes if the direction is.
 fn frame(direction: &[f64; 3]) -> [[f64; 3]; 2] {
     let length = norm(direction);
     let n = direction.map(|x| x / length);

@@ -1,4 +1,4 @@
-//! Surfaces that are good, and what is found where they are not.
+//! Valid surfaces, and the errors found in invalid ones.
 
 use std::f64::consts::{PI, TAU};
 use std::time::Instant;
@@ -9,11 +9,11 @@ use crate::region::tests::Random;
 use crate::region::vector::{dot, minus};
 use crate::region::{Accuracy, Ball, Brick, Motion, Region};
 
-/// Two triangles for each part of a surface x(u, v), closed in u, and in v unless it ends in poles.
+/// Two triangles per patch of a surface x(u, v), which is closed in u and, unless it ends in poles, in v.
 fn parametric(nu: usize, nv: usize, poles: bool, x: impl Fn(f64, f64) -> [f64; 3]) -> Vec<Triangle> {
     let at = |i: usize, j: usize| {
         let j = if poles { j } else { j % nv };
-        // All corners at a pole are one position, round-off included.
+        // All corners at a pole have exactly the same position.
         let i = if poles && (j == 0 || j == nv) { 0 } else { i % nu };
         x(i as f64 / nu as f64, j as f64 / nv as f64)
     };
@@ -50,7 +50,7 @@ pub(super) fn sphere(center: [f64; 3], radius: f64, nu: usize, nv: usize) -> Vec
     })
 }
 
-/// A cube with its lowest corner and its side.
+/// A cube with this lowest corner and side.
 pub(super) fn cube([x, y, z]: [f64; 3], side: f64) -> Vec<Triangle> {
     let at =
         |k: usize| [x + side * (k & 1) as f64, y + side * (k >> 1 & 1) as f64, z + side * (k >> 2) as f64];
@@ -95,8 +95,8 @@ pub(super) fn text(triangles: &[Triangle]) -> Vec<u8> {
 #[test]
 fn volumes_are_those_of_the_polyhedra() {
     assert_eq!(Surface::new(&cube([1.0, 2.0, 3.0], 2.0)).unwrap().volume(), 8.0);
-    // A regular polygon of n corners has 1/2 n sin(2π/n) of the squared radius. A ring of n prisms cut at the angle
-    // bisectors has the sum of (area × path of the centroid): the centroid goes along chords.
+    // The area of a regular polygon of n corners is n/2 sin(2π/n) times the squared radius. A ring of n prisms mitred
+    // at the bisectors has the volume of area × path of the centroid, which runs along chords.
     let (n, m) = (24, 13);
     let polygon = |n: usize| 0.5 * n as f64 * (TAU / n as f64).sin();
     let ring = Surface::new(&torus(2.0, 0.5, n, m)).unwrap();
@@ -134,13 +134,13 @@ fn positions_are_inside_or_outside_exactly() {
     ] {
         assert!(!body.contains(&x), "{x:?}");
     }
-    // The axis of the ball goes through its poles, where all facets meet, and edges lie above the meridians.
+    // The axis of the ball passes through its poles, where all facets meet; edges lie above the meridians.
     let ball = Surface::new(&sphere([0.0; 3], 1.0, 12, 7)).unwrap();
     for k in -20..=20 {
         let z = f64::from(k) * 0.07;
         assert_eq!(ball.contains(&[0.0, 0.0, z]), z.abs() < 1.0, "{z}");
     }
-    // Cubes side by side, lattice positions on edges and corners: each is in one of them at most.
+    // Adjacent cubes and lattice positions on their edges and corners: each position is in at most one cube.
     let cubes = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(|x| Surface::new(&cube(x, 1.0)).unwrap());
     for k in 0..64 {
         let x = [f64::from(k % 8) * 0.25 + 0.25, f64::from(k / 8) * 0.25 + 0.25, 0.5];
@@ -163,14 +163,14 @@ fn text_and_binary_files_give_the_same_body() {
 fn several_shells_and_cavities() {
     let apart = Surface::new(&together(&[cube([0.0; 3], 1.0), cube([2.0, 0.0, 0.0], 1.0)])).unwrap();
     assert_eq!((apart.shells(), apart.volume()), (2, 2.0));
-    // Body, cavity, body in the cavity; the order of the facets does not matter.
+    // Body, cavity, and body in the cavity; the order of the facets is irrelevant.
     let nested = [cube([1.5; 3], 1.0), cube([0.0; 3], 4.0), turned(cube([1.0; 3], 2.0))];
     let nested = Surface::new(&together(&nested)).unwrap();
     assert_eq!((nested.shells(), nested.volume()), (3, 64.0 - 8.0 + 1.0));
     for (x, inside) in [(0.5, true), (1.2, false), (2.0, true), (4.1, false)] {
         assert_eq!(nested.contains(&[x; 3]), inside, "{x}");
     }
-    // Shells may meet in a corner.
+    // Shells may touch at a corner.
     let joined = Surface::new(&together(&[cube([0.0; 3], 1.0), cube([1.0; 3], 1.0)])).unwrap();
     assert_eq!((joined.shells(), joined.volume()), (2, 2.0));
 }
@@ -185,7 +185,7 @@ fn a_shell_that_is_inside_out_is_refused() {
     assert!(matches!(error, SurfaceError::InsideOut { cavity: true, at } if at.facet == 13));
     assert_eq!(
         error.to_string(),
-        "a shell within another one is no cavity: its corners go round against the clock, beginning with: \
+        "a shell inside another one is not a cavity: its facets have counterclockwise corners, the first being: \
          facet 13 with the corners (1, 1, 1), (1, 3, 1), (3, 3, 1)"
     );
 }
@@ -201,7 +201,7 @@ fn an_open_surface_is_refused_with_the_place() {
         "the surface is open: 3 edges have one facet only: (0, 0, 0) to (1, 0, 0) of facet 2; \
          (0, 0, 0) to (1, 0, 1) of facet 5; (1, 0, 0) to (1, 0, 1) of facet 11"
     );
-    // A corner in the middle of an edge leaves it open though nothing can be seen.
+    // A corner in the middle of an edge leaves the edge open although no gap is visible.
     let mut split = cube([0.0; 3], 1.0);
     let [a, b, c] = split[0];
     let middle = std::array::from_fn(|d| 0.5 * (a[d] + b[d]));
@@ -255,7 +255,7 @@ fn a_surface_that_crosses_or_touches_itself_is_refused_with_the_place() {
         }
         other => panic!("{other}"),
     }
-    // Pushed through the opposite face: only facets that share no corner with each other cross.
+    // One body pushed through the opposite face of another: facets that share no corner cross.
     let mut dented = sphere([0.0; 3], 1.0, 12, 7);
     let pole = [0.0, 0.0, -1.0];
     let pushed = |triangles: &mut Vec<Triangle>, to: f64| {
@@ -270,7 +270,7 @@ fn a_surface_that_crosses_or_touches_itself_is_refused_with_the_place() {
     let mut dimple = sphere([0.0; 3], 1.0, 12, 7);
     pushed(&mut dimple, 0.5);
     assert!(Surface::new(&dimple).is_ok());
-    // Faces that lie on each other, a corner on a face, an edge on a face.
+    // Coincident faces, a corner on a face, an edge on a face.
     for x in [[1.0, 0.25, 0.25], [1.0, 0.0, 0.5], [0.25, 1.0, -0.5]] {
         let touching = together(&[cube([0.0; 3], 1.0), cube(x, 0.5)]);
         assert!(matches!(refused(&touching), SurfaceError::Crossing { .. }), "{x:?}");
@@ -302,7 +302,7 @@ fn facets_folded_on_each_other_are_refused() {
         refused(&together(&[cube([3.0; 3], 1.0), vec![[a, b, c], [a, c, b]]])),
         SurfaceError::Crossing { .. }
     ));
-    // A tetrahedron whose fourth corner is in the plane of the others, beyond the edge from b to c.
+    // A tetrahedron with its fourth corner in the plane of the others, beyond the edge from b to c.
     let e = [0.8, 0.7, 0.0];
     let flat = [[a, c, b], [a, b, e], [a, e, c], [b, c, e]];
     assert!(matches!(refused(&flat), SurfaceError::Crossing { .. }));
@@ -341,7 +341,7 @@ fn lines_through_a_turned_body_agree_with_its_volume() {
     );
 }
 
-/// One million positions in a ball of a hundred thousand facets.
+/// One million positions in a ball of one hundred thousand facets.
 #[test]
 fn many_positions_are_decided_fast() {
     let triangles = sphere([0.0; 3], 1.0, 224, 225);
@@ -360,6 +360,6 @@ fn many_positions_are_decided_fast() {
     }
     let decided = start.elapsed();
     assert!((inside as f64 / 1e6 * 8.0 - body.volume()).abs() < 0.01);
-    // A hundred times what it takes.
+    // One hundred times the usual duration.
     assert!(decided.as_secs() < 100 && checked.as_secs() < 100, "{checked:?} {decided:?}");
 }
