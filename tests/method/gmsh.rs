@@ -1,10 +1,10 @@
-//! Mesh files as gmsh writes them, and what is left of them after damage.
+//! Mesh files written by gmsh, and damaged versions of them.
 
 #![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
 
-use mpm::grid::gmsh::{GmshError, GmshFile, PhysicalGroup, Place, read, read_file};
+use mpm::grid::gmsh::{FileLocation, GmshError, GmshFile, PhysicalGroup, read, read_file};
 use mpm::grid::mesh::{Mesh, MeshError, MeshWarning};
 use proptest::prelude::*;
 
@@ -29,7 +29,7 @@ fn all_files() -> Vec<Vec<u8>> {
     names.iter().map(|name| std::fs::read(path(name)).unwrap()).collect()
 }
 
-/// Equal but for the last digit of coordinates, of which gmsh's texts have one too few.
+/// Equal up to the last digit of the coordinates: gmsh writes one digit too few in text files.
 fn assert_same<const D: usize>(a: &Mesh<D>, b: &Mesh<D>) {
     assert_eq!((a.n_nodes(), a.n_cells()), (b.n_nodes(), b.n_cells()));
     for node in 0..a.n_nodes() {
@@ -130,7 +130,7 @@ fn groups_of_solids_become_sets() {
     let quadrilaterals = mesh.side_sets()["floor"].iter().filter(|side| side.nodes().len() == 4).count();
     assert!(quadrilaterals == 2 && mesh.side_sets()["floor"].len() > 4);
     assert!(mesh.warnings().is_empty());
-    // Every face of a group is one of the boundary.
+    // Every face of a group is a boundary face.
     let sorted = |nodes: &[u32]| {
         let mut nodes = nodes.to_vec();
         nodes.sort_unstable();
@@ -258,11 +258,14 @@ fn contradictions_are_found_where_they_are() {
     let triangle = "1 2 2 0 1 1 2 3\n";
     assert!(matches!(
         text(SQUARE, "7 2 2 0 1 1 2 4\n"),
-        Err(GmshError::UnknownNode { element: 7, node: 4, place: Place::Line(16) })
+        Err(GmshError::UnknownNode { element: 7, node: 4, location: FileLocation::Line(16) })
     ));
     assert!(matches!(text("1 0 0 0\n1 1 0 0\n", triangle), Err(GmshError::DuplicateNode { node: 1 })));
     let error = text("1 0 nan 0\n", triangle);
-    assert!(matches!(error, Err(GmshError::NonFinite { node: 1, place: Place::Line(9) })), "{error:?}");
+    assert!(
+        matches!(error, Err(GmshError::NonFinite { node: 1, location: FileLocation::Line(9) })),
+        "{error:?}"
+    );
     assert!(matches!(text(SQUARE, "1 99999 0\n"), Err(GmshError::UnknownType { code: 99999, .. })));
     let error = text("1 0 x 0\n", triangle).unwrap_err();
     assert_eq!(error.to_string(), "line 9: expected a coordinate, found `x`");
@@ -300,7 +303,7 @@ fn unusable_cells_are_found() {
     assert_eq!(shared, MeshError::SharedName { name: "5".into(), dimensions: [1, 2] });
 }
 
-/// Corners of two cubes, one on top of the other, and of a third beside them that has a face in common with none.
+/// Corners of two cubes, one on top of the other, and of a third beside them that shares no face.
 const CUBES: &str = "1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 0 0 1\n6 1 0 1\n7 1 1 1\n8 0 1 1\n\
                      9 0 0 2\n10 1 0 2\n11 1 1 2\n12 0 1 2\n13 .1 .1 .1\n";
 
@@ -316,16 +319,16 @@ fn unusable_solids_are_found() {
     assert_eq!((both.n_nodes(), both.n_cells(), both.boundary().len()), (12, 2, 10));
     let message = |elements: &str| cubes(elements).unwrap_err().to_string();
 
-    // A surface where a solid ought to be, and the other way round.
+    // A surface mesh for an analysis in space, and the reverse.
     assert_eq!(cubes("1 1 0 1 2\n").unwrap_err(), MeshError::NoCells { dimension: 3, n_surface: 0 });
     let surface = message("1 2 0 1 2 3\n2 3 0 1 2 3 4\n");
     assert!(surface.contains("only 2 surface elements; an analysis in space needs the volume"), "{surface}");
     let solid = Mesh::<2>::from_gmsh(&text(CUBES, &format!("{low}7 3 0 1 2 3 4\n")).unwrap()).unwrap_err();
     assert_eq!(solid, MeshError::Solid { n: 1 });
 
-    // Volumes.
+    // Invalid volumes.
     assert!(matches!(cubes("1 4 0 1 2 3 4\n"), Err(MeshError::NoVolume { dimension: 3, n: 1, .. })));
-    assert_eq!(message("1 4 0 1 2 3 4\n"), "1 cells have no volume: element 1 at (0.5, 0.5, 0)");
+    assert_eq!(message("1 4 0 1 2 3 4\n"), "1 cell has no volume: element 1 at (0.5, 0.5, 0)");
     assert!(matches!(cubes("1 5 0 1 2 3 4 1 2 3 4\n"), Err(MeshError::NoVolume { n: 1, .. })));
     assert_eq!(cubes("1 4 0 1 3 2 5\n").unwrap_err(), MeshError::AllInverted { dimension: 3 });
     assert!(message("1 4 0 1 3 2 5\n").starts_with("all cells are inside out"));
@@ -333,14 +336,14 @@ fn unusable_solids_are_found() {
         MeshError::Inverted { dimension: 3, n: 1, first } => assert_eq!(first[0].element, 2),
         other => panic!("{other:?}"),
     }
-    // A corner pushed through the cube; a top that is turned by a half folds in the middle of the height only.
+    // A corner pushed through the cube; with the top rotated by 180° the cube folds only at half height.
     assert!(matches!(cubes("1 5 0 1 2 3 4 5 6 13 8\n"), Err(MeshError::Folded { dimension: 3, n: 1, .. })));
     assert!(matches!(cubes("1 5 0 1 2 3 4 7 8 5 6\n"), Err(MeshError::Folded { n: 1, .. })));
     assert!(
-        message("1 5 0 1 2 3 4 5 6 13 8\n").contains("hexahedra are so distorted that they turn inside out")
+        message("1 5 0 1 2 3 4 5 6 13 8\n").contains("1 hexahedron is so distorted that it turns inside out")
     );
 
-    // Cells in each other's place, and cells that do not fit together.
+    // Overlapping cells, and cells that do not fit together.
     let twice = cubes(&format!("{low}3 5 0 5 6 7 8 9 10 11 12\n4 4 0 5 6 7 10\n")).unwrap_err();
     assert!(matches!(twice, MeshError::Nonconforming { n: 2, .. }), "{twice}");
     let overlap = cubes("1 4 0 1 2 4 5\n2 4 0 1 2 4 9\n").unwrap_err();
@@ -354,7 +357,7 @@ fn unusable_solids_are_found() {
 }
 
 #[test]
-fn nodes_of_solids_that_should_be_one_are_told() {
+fn coincident_nodes_of_solids_are_reported() {
     let nodes = format!("{CUBES}14 0 0 1\n15 1 0 1.0000000000001\n");
     let elements = "1 5 0 1 2 3 4 5 6 7 8\n2 5 0 14 15 7 8 9 10 11 12\n";
     let mesh = Mesh::<3>::from_gmsh(&text(&nodes, elements).unwrap()).unwrap();
@@ -364,14 +367,14 @@ fn nodes_of_solids_that_should_be_one_are_told() {
 }
 
 #[test]
-fn nodes_that_should_be_one_are_told() {
+fn coincident_nodes_are_reported() {
     let nodes = format!("{SQUARE}5 0 0 0\n6 1 1 1e-13\n");
     let mesh = Mesh::<2>::from_gmsh(&text(&nodes, "1 2 0 1 2 3\n2 2 0 5 6 40000000\n").unwrap()).unwrap();
     let [MeshWarning::Unmerged { n: 2, first }] = mesh.warnings() else { panic!("{:?}", mesh.warnings()) };
     assert_eq!(first, &[vec![0.0, 0.0], vec![1.0, 1.0]]);
 }
 
-/// The message of a mesh that cannot be used.
+/// Error message of an invalid mesh.
 fn refusal<const D: usize>(nodes: &str, elements: &str) -> String {
     Mesh::<D>::from_gmsh(&text(nodes, elements).unwrap()).unwrap_err().to_string()
 }
@@ -380,24 +383,24 @@ fn refusal<const D: usize>(nodes: &str, elements: &str) -> String {
 const STEP: &str = "1 0 0 0\n2 2 0 0\n3 2 2 0\n4 0 2 0\n5 3 0 0\n6 3 1 0\n7 3 2 0\n8 2 1 0\n";
 
 #[test]
-fn nodes_on_sides_of_connected_cells_are_refused_with_their_place() {
+fn nodes_on_sides_of_connected_cells_are_refused_with_their_position() {
     let hanging = "2 3 0 2 5 6 8\n3 3 0 8 6 7 3\n";
     assert_eq!(
         refusal::<2>(STEP, &format!("1 3 0 1 2 3 4\n{hanging}")),
-        "1 nodes lie on a side of a cell without being its corner, for example node 8 at (2, 1) on the side between the \
-         nodes 2 and 3 of element 1 at (1, 1); such meshes are not continuous: cut that cell at the node, or give the \
-         cells on both sides the same nodes"
+        "1 node lies on a side of a cell without being its corner, for example node 8 at (2, 1) on the side between the \
+         nodes 2 and 3 of element 1 at (1, 1); the basis functions are discontinuous there: cut that cell at the node, or \
+         give the cells on both sides the same nodes"
     );
     let triangles = refusal::<2>(STEP, &format!("1 2 0 1 2 3\n4 2 0 1 3 4\n{hanging}"));
     assert!(
         triangles.contains("node 8 at (2, 1) on the side between the nodes 2 and 3 of element 1"),
         "{triangles}"
     );
-    // Mended: the large cell is cut at the node.
+    // Valid once the large cell is divided at the node.
     let cut = format!("1 2 0 1 2 8\n4 2 0 1 8 4\n5 2 0 8 3 4\n{hanging}");
     let mesh = Mesh::<2>::from_gmsh(&text(STEP, &cut).unwrap()).unwrap();
     assert!(mesh.warnings().is_empty());
-    // Within round-off of the side, and clearly beside it: there is a gap.
+    // Within round-off of the side, and clearly off the side, which leaves a gap.
     let moved =
         |x: &str| text(&STEP.replace("8 2 1 0", &format!("8 {x} 1 0")), &format!("1 3 0 1 2 3 4\n{hanging}"));
     assert!(matches!(
@@ -410,14 +413,14 @@ fn nodes_on_sides_of_connected_cells_are_refused_with_their_place() {
 
 #[test]
 fn nodes_on_faces_and_edges_of_connected_solids_are_refused() {
-    // A cube of side 2, and on its face x = 2 one of side 1 in the corner: three of its nodes hang.
+    // A cube of side 2 and, in a corner of its face x = 2, a cube of side 1 with three hanging nodes.
     let nodes = "1 0 0 0\n2 2 0 0\n3 2 2 0\n4 0 2 0\n5 0 0 2\n6 2 0 2\n7 2 2 2\n8 0 2 2\n\
                  9 3 0 0\n10 3 1 0\n11 2 1 0\n12 2 0 1\n13 3 0 1\n14 3 1 1\n15 2 1 1\n";
     let (large, small) = ("1 5 0 1 2 3 4 5 6 7 8\n", "2 5 0 2 9 10 11 12 13 14 15\n");
     let hexahedra = refusal::<3>(nodes, &format!("{large}{small}"));
     assert!(hexahedra.starts_with("3 nodes lie on a side"), "{hexahedra}");
     assert!(hexahedra.contains("node 11 at (2, 1, 0) on the side between the nodes "), "{hexahedra}");
-    // A tetrahedron on the middle of the face of another, with one node of it.
+    // A tetrahedron in the middle of a face of another one, sharing one of its nodes.
     let nodes = "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 .25 .25 0\n6 .25 0 0\n7 0 0 -1\n";
     let tetrahedra = refusal::<3>(nodes, "1 4 0 1 2 3 4\n2 4 0 1 5 6 7\n");
     assert!(tetrahedra.starts_with("2 nodes lie on a side"), "{tetrahedra}");
@@ -425,7 +428,7 @@ fn nodes_on_faces_and_edges_of_connected_solids_are_refused() {
         tetrahedra.contains("node 5 at (0.25, 0.25, 0)") && tetrahedra.contains("of element 1 at"),
         "{tetrahedra}"
     );
-    // On a face that is curved, neither in the plane of three of its corners nor of the centre.
+    // On a curved face, outside the plane of three of its corners and of the centre.
     let curved = "1 0 0 0\n2 3 0 0\n3 3 3 0\n4 0 3 0\n5 0 0 3\n6 3 0 3\n7 3 3 4\n8 0 3 3\n\
                   9 1 1 3.111111111111111\n10 0 0 5\n11 1 0 4\n";
     let message = refusal::<3>(curved, "1 5 0 1 2 3 4 5 6 7 8\n2 4 0 5 11 9 10\n");
@@ -433,8 +436,8 @@ fn nodes_on_faces_and_edges_of_connected_solids_are_refused() {
 }
 
 #[test]
-fn parts_that_only_touch_are_allowed_and_told() {
-    // Squares with their own nodes at the common side, some of them elsewhere than those of the other.
+fn parts_that_only_touch_are_allowed_and_reported() {
+    // Squares with separate nodes on the common side, some at different positions.
     let nodes = STEP.to_owned() + "9 2 0 0\n10 2 2 0\n";
     let elements = "1 3 0 1 2 3 4\n2 3 0 9 5 6 8\n3 3 0 8 6 7 10\n";
     let mesh = Mesh::<2>::from_gmsh(&text(&nodes, elements).unwrap()).unwrap();
@@ -442,7 +445,7 @@ fn parts_that_only_touch_are_allowed_and_told() {
         panic!("{:?}", mesh.warnings())
     };
     assert_eq!(first, &[vec![2.0, 1.0]]);
-    // A part far away, however large or small, changes nothing.
+    // A distant part of any size has no effect.
     for (x, side) in [(-1e4, 1e-3), (-1e7, 1e6)] {
         let y = side;
         let far = format!("{nodes}21 {x} 0 0\n22 {} 0 0\n23 {x} {y} 0\n", x + side);
@@ -476,33 +479,33 @@ fn two_blocks<const D: usize>(shift: [f64; 3]) -> Result<Mesh<D>, MeshError> {
 }
 
 #[test]
-fn cells_in_the_place_of_others_are_refused_though_no_node_is_in_any() {
+fn overlapping_cells_are_refused_even_if_no_node_is_inside_another() {
     let nodes = "1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 .5 0 0\n6 1.5 0 0\n7 1.5 1 0\n8 .5 1 0\n";
     assert_eq!(
         refusal::<2>(nodes, "1 3 0 1 2 3 4\n2 3 0 5 6 7 8\n"),
-        "1 pairs of cells overlap, for example element 1 at (0.5, 0.5) and element 2 at (1, 0.5); take one of the two \
-         out, or mesh what overlaps as one part"
+        "1 pair of cells overlaps, for example element 1 at (0.5, 0.5) and element 2 at (1, 0.5); remove one of the two, \
+         or mesh both bodies as one part"
     );
-    // A cross of triangles, and of tetrahedra; each with all its nodes outside the other.
+    // Crossing triangles and tetrahedra, each with all its nodes outside the other.
     let cross = refusal::<2>(
         "1 -2 0 0\n2 2 -1 0\n3 2 1 0\n4 0 -2 0\n5 1 2 0\n6 -1 2 0\n",
         "1 2 0 1 2 3\n2 2 0 4 5 6\n",
     );
-    assert!(cross.starts_with("1 pairs of cells overlap"), "{cross}");
+    assert!(cross.starts_with("1 pair of cells overlaps"), "{cross}");
     let spikes = "1 -2 0 0\n2 2 -1 -1\n3 2 1 -1\n4 2 0 1\n5 0 -2 0\n6 1 2 -1\n7 -1 2 -1\n8 0 2 1\n";
     let cross = refusal::<3>(spikes, "1 4 0 1 2 3 4\n2 4 0 5 6 7 8\n");
-    assert!(cross.starts_with("1 pairs of cells overlap"), "{cross}");
-    // The same cells twice, with nodes of their own.
+    assert!(cross.starts_with("1 pair of cells overlaps"), "{cross}");
+    // The same cells twice, with separate nodes.
     assert!(matches!(two_blocks::<2>([0.0; 3]), Err(MeshError::Overlap { n: 4, .. })));
     assert!(matches!(two_blocks::<3>([0.0; 3]), Err(MeshError::Overlap { n: 8, .. })));
-    // A small part in the middle of a large one, whose cells there have no side at the boundary.
+    // A small part in the middle of a large one, where the cells of the large one have no boundary sides.
     let small = "31 .7 .7 0\n32 .8 .7 0\n33 .7 .8 0\n";
     let (nodes, cells) = block(1, 2, [0.0; 3]);
     let inside = refusal::<2>(&(nodes + small), &(cells + "31 2 0 31 32 33\n"));
     assert!(inside.contains("element 4 at (0.75, 0.75)") || inside.contains("element 31"), "{inside}");
 }
 
-/// One triangle in binary, with the bytes of numbers in either order.
+/// One triangle in binary format, in either byte order.
 fn binary(version: &str, reverse: bool) -> Vec<u8> {
     let number = |mut bytes: Vec<u8>| {
         if reverse {
@@ -549,7 +552,7 @@ fn no_part_of_a_file_is_a_file() {
     }
 }
 
-/// Reads and builds; only the absence of panics matters.
+/// Reads a file and builds the mesh; only the absence of panics matters.
 fn survive(bytes: &[u8]) {
     if let Ok(file) = read(bytes) {
         use_mesh(Mesh::<2>::from_gmsh(&file));
@@ -570,7 +573,7 @@ fn use_mesh<const D: usize>(mesh: Result<Mesh<D>, MeshError>) {
 }
 
 proptest! {
-    /// Two blocks of side 1 overlap where neither coordinate of the shift is 1 or more, and otherwise do not.
+    /// Two blocks of side 1 overlap if and only if all coordinates of the shift are below 1 in magnitude.
     #[test]
     fn overlaps_are_those_of_the_geometry(x in prop::collection::vec(prop_oneof![-1.5..1.5f64, Just(1.0), Just(0.5), Just(0.0)], 3)) {
         let shift = [x[0], x[1], x[2]];

@@ -1,7 +1,7 @@
-//! Reader of gmsh mesh files: formats 2.2 and 4.1, text and binary.
+//! Reader of gmsh mesh files, formats 2.2 and 4.1, text and binary.
 //!
-//! Only linear elements are read. Physical groups come from the tags of the elements (2.2) or of the entities that
-//! the elements lie on (4.1). Sections that say nothing about nodes, elements and groups are skipped.
+//! Only linear elements are read. Physical groups come from the tags of the elements (2.2) or of their entities (4.1).
+//! Sections other than nodes, elements and groups are skipped.
 
 mod elements;
 mod entity;
@@ -20,31 +20,31 @@ use nodes::Nodes;
 use reader::{Encoding, Reader};
 
 pub use entity::{Element, PhysicalGroup};
-pub use error::{GmshError, Place};
+pub use error::{FileLocation, GmshError};
 pub use kinds::ElementKind;
 
 /// The contents of a gmsh mesh file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GmshFile {
-    /// Positions of the nodes, [length]; all of them are finite.
+    /// Positions of the nodes, [length]; all are finite.
     pub nodes: Vec<[f64; 3]>,
-    /// Numbers of the nodes in the file; each is unique.
+    /// Node numbers in the file; each is unique.
     pub node_tags: Vec<u64>,
-    /// Elements of all dimensions, in the order of the file.
+    /// Elements of all dimensions, in file order.
     pub elements: Vec<Element>,
-    /// Physical groups, ascending by dimension and tag.
+    /// Physical groups, sorted by dimension and tag.
     pub groups: Vec<PhysicalGroup>,
-    /// The distinct lists of groups that elements have; see [`GmshFile::groups_of`].
+    /// Distinct sets of groups of the elements; see [`GmshFile::groups_of`].
     group_sets: Vec<Vec<u32>>,
 }
 
-/// Reads a mesh file from the disk.
+/// Reads a mesh file.
 ///
 /// # Errors
-/// [`GmshError::Io`] when the file cannot be read, [`GmshError::NotAFile`], [`GmshError::TooLarge`], otherwise as
+/// [`GmshError::Io`], [`GmshError::NotAFile`] or [`GmshError::TooLarge`] if the file cannot be read, otherwise as
 /// [`read`].
 pub fn read_file(path: &Path) -> Result<GmshFile, GmshError> {
-    // A device or a pipe may never end.
+    // Reading a device or a pipe might never end.
     let about = std::fs::metadata(path)?;
     if !about.is_file() {
         return Err(GmshError::NotAFile);
@@ -55,7 +55,8 @@ pub fn read_file(path: &Path) -> Result<GmshFile, GmshError> {
     read(&std::fs::read(path)?)
 }
 
-/// Reads a mesh from the bytes of a file. Time and memory are proportional to the number of bytes whatever they are.
+/// Reads a mesh from the bytes of a file. Time and memory are proportional to the number of bytes, whatever they
+/// contain.
 ///
 /// # Errors
 /// Any [`GmshError`] about the contents.
@@ -69,20 +70,24 @@ pub fn read(bytes: &[u8]) -> Result<GmshFile, GmshError> {
         return Err(GmshError::NotGmsh);
     }
     match (sections.nodes, sections.elements) {
-        (None, _) => Err(GmshError::Truncated { place: reader.place(), expected: "a section `$Nodes`" }),
-        (_, None) => Err(GmshError::Truncated { place: reader.place(), expected: "a section `$Elements`" }),
+        (None, _) => {
+            Err(GmshError::Truncated { location: reader.location(), expected: "a section `$Nodes`" })
+        }
+        (_, None) => {
+            Err(GmshError::Truncated { location: reader.location(), expected: "a section `$Elements`" })
+        }
         (Some(nodes), Some(elements)) => assemble(nodes, elements, sections.names),
     }
 }
 
-/// The two families of formats.
+/// Supported families of formats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Version {
     V22,
     V41,
 }
 
-/// What has been read so far.
+/// Sections read so far.
 #[derive(Default)]
 struct Sections {
     version: Option<Version>,
@@ -93,7 +98,7 @@ struct Sections {
 }
 
 impl Sections {
-    /// Before the format is known, whatever is wrong means that the file is something else.
+    /// Before the format is known, any error means that the file is not a gmsh file.
     fn explain(&self, error: GmshError) -> GmshError {
         match error {
             GmshError::Version { .. } => error,
@@ -102,7 +107,7 @@ impl Sections {
         }
     }
 
-    /// Reads or skips one section whose header has just been read.
+    /// Reads or skips one section; its header has just been read.
     fn read(&mut self, reader: &mut Reader<'_>, section: &str) -> Result<(), GmshError> {
         let Some(version) = self.version else {
             match section {
@@ -115,18 +120,18 @@ impl Sections {
         match (section, version) {
             ("PhysicalNames", _) => self.names = physical_names(reader)?,
             ("Entities", Version::V41) => self.entities = entities(reader)?,
-            ("PartitionedEntities", _) => return Err(GmshError::Partitioned { place: reader.place() }),
+            ("PartitionedEntities", _) => return Err(GmshError::Partitioned { location: reader.location() }),
             ("Nodes" | "ParametricNodes", _) => {
-                reader.once(self.nodes.is_none(), "only one section of nodes")?;
+                reader.require(self.nodes.is_none(), "only one section of nodes")?;
                 self.nodes = Some(match version {
                     Version::V22 => nodes::read_22(reader, section == "ParametricNodes")?,
                     Version::V41 => nodes::read_41(reader)?,
                 });
             }
             ("Elements", _) => {
-                reader.once(self.elements.is_none(), "only one section of elements")?;
+                reader.require(self.elements.is_none(), "only one section of elements")?;
                 let Some(nodes) = &self.nodes else {
-                    return reader.once(false, "the nodes before the elements");
+                    return reader.require(false, "the nodes before the elements");
                 };
                 self.elements = Some(match version {
                     Version::V22 => elements::read_22(reader, nodes)?,
@@ -139,7 +144,7 @@ impl Sections {
     }
 }
 
-/// Reads the section `$MeshFormat`, and from it how the other sections are written.
+/// Reads `$MeshFormat`, which states the version and encoding of the other sections.
 fn format(reader: &mut Reader<'_>) -> Result<Version, GmshError> {
     let stated = reader.token("a version")?;
     let version = match stated {
@@ -167,14 +172,14 @@ fn format(reader: &mut Reader<'_>) -> Result<Version, GmshError> {
     Ok(version)
 }
 
-/// Reads the names of the physical groups: text in all formats.
+/// Reads the names of the physical groups, which are text in all formats.
 fn physical_names(reader: &mut Reader<'_>) -> Result<BTreeMap<GroupKey, String>, GmshError> {
     let n = reader.text::<u64>("the number of names")?;
     let n = reader.bounded(n, "names", 7)?;
     let mut names = BTreeMap::new();
     for _ in 0..n {
         let dimension = reader.text::<u8>("the dimension of a group")?;
-        reader.once(dimension <= 3, "a dimension from 0 to 3")?;
+        reader.require(dimension <= 3, "a dimension from 0 to 3")?;
         let tag = reader.text::<i32>("the tag of a group")?.unsigned_abs();
         let name = reader.quoted("the name of a group in quotes")?;
         if !name.is_empty() {
@@ -184,7 +189,7 @@ fn physical_names(reader: &mut Reader<'_>) -> Result<BTreeMap<GroupKey, String>,
     Ok(names)
 }
 
-/// Reads which physical groups the entities of format 4.1 belong to.
+/// Reads the physical groups of the entities of format 4.1.
 fn entities(reader: &mut Reader<'_>) -> Result<EntityGroups, GmshError> {
     let mut counts = [0; 4];
     for count in &mut counts {
@@ -220,7 +225,7 @@ fn entities(reader: &mut Reader<'_>) -> Result<EntityGroups, GmshError> {
     Ok(all)
 }
 
-/// Numbers the groups and turns the group sets of the elements into these numbers.
+/// Numbers the groups and replaces the groups of the elements by their numbers.
 fn assemble(
     nodes: Nodes,
     elements: Elements,
@@ -254,7 +259,7 @@ fn assemble(
 }
 
 impl GmshFile {
-    /// The groups that an element belongs to: indices into [`GmshFile::groups`], ascending.
+    /// The groups of an element: indices into [`GmshFile::groups`], ascending.
     pub fn groups_of(&self, element: &Element) -> &[u32] {
         &self.group_sets[element.group_set as usize]
     }

@@ -16,24 +16,24 @@ use cell::Cell;
 pub use error::{CellReport, HangingNode, MeshError, MeshWarning};
 pub use sides::{BoundarySide, Side};
 
-/// A position closer than this to the border of a cell, relative to the size of the cell, counts as lying in the cell.
+/// Relative distance, in units of the cell size, within which a position counts as lying on the border of a cell.
 ///
-/// Positions that lie on a border in exact arithmetic must all be given to the same cell, whatever their round-off.
+/// Positions that lie on a border in exact arithmetic must all belong to the same cell, whatever their round-off.
 pub const ON_EDGE: f64 = 1e-9;
 
-/// An unstructured mesh. Cells have positive volume and do not overlap, quadrilaterals are convex and hexahedra do not
-/// fold; connected cells have whole sides in common. Triangles
-/// (tetrahedra) come first, then quadrilaterals (hexahedra), both in the order of the file.
+/// An unstructured mesh. Cells have positive volume and do not overlap; quadrilaterals are convex and hexahedra do not
+/// fold; connected cells share whole sides. Triangles (tetrahedra) come first, then quadrilaterals (hexahedra), both in
+/// file order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh<const D: usize> {
     positions: Vec<[f64; D]>,
     n_simplices: usize,
     cell_nodes: Vec<u32>,
     volume: Vec<f64>,
-    /// Size of the smallest cell around each node.
+    /// Size of the smallest cell around each node, [length].
     node_size: Vec<f64>,
     largest_size: f64,
-    /// The median of the sizes of all cells.
+    /// Median cell size, [length].
     usual_size: f64,
     bounds: Bounds<D>,
     bins: Bins<D>,
@@ -44,7 +44,7 @@ pub struct Mesh<const D: usize> {
     warnings: Vec<MeshWarning>,
 }
 
-/// Numbers of nodes and cells that do not exist are a mistake of the caller: all methods panic on them.
+/// All methods panic on numbers of nodes and cells that do not exist.
 impl<const D: usize> Mesh<D> {
     /// Number of nodes.
     pub fn n_nodes(&self) -> usize {
@@ -66,7 +66,7 @@ impl<const D: usize> Mesh<D> {
         if (cell as usize) < self.n_simplices { ElementShape::Simplex } else { ElementShape::Box }
     }
 
-    /// Nodes of a cell, in the order of the VTK cell.
+    /// Nodes of a cell in VTK order.
     pub fn cell_nodes(&self, cell: u32) -> &[u32] {
         let cell = cell as usize;
         let (small, large) = (D + 1, 1 << D);
@@ -76,7 +76,7 @@ impl<const D: usize> Mesh<D> {
         }
     }
 
-    /// Positions of the nodes of a cell, in the order of the VTK cell, [length].
+    /// Positions of the nodes of a cell in VTK order, [length].
     pub fn cell_corners(&self, cell: u32) -> impl std::ops::Deref<Target = [[f64; D]]> + use<D> {
         self.cell(cell)
     }
@@ -94,23 +94,23 @@ impl<const D: usize> Mesh<D> {
         self.volume[cell as usize]
     }
 
-    /// Size of a cell: the side of a square (cube) of its volume, [length].
+    /// Size of a cell, [length]: the side of a square (cube) of the same volume.
     pub fn size(&self, cell: u32) -> f64 {
         Cell::<D>::size_of(self.volume(cell))
     }
 
-    /// Centre of mass of a cell, [length].
+    /// Centroid of a cell, [length].
     pub fn centroid(&self, cell: u32) -> [f64; D] {
         let corners = self.cell(cell);
         corners.shape.centroid(&corners)
     }
 
-    /// Lower and upper corner of the box around the mesh, [length].
+    /// Lower and upper corner of the bounding box, [length].
     pub fn bounds(&self) -> [[f64; D]; 2] {
         self.bounds
     }
 
-    /// Edges (faces) that belong to one cell only, ascending by their nodes.
+    /// Edges (faces) that belong to one cell only, sorted by their nodes.
     pub fn boundary(&self) -> &[BoundarySide] {
         &self.boundary
     }
@@ -120,29 +120,29 @@ impl<const D: usize> Mesh<D> {
         &self.node_sets
     }
 
-    /// Edges of each physical group of curves in the plane, faces of each group of surfaces in space, with their nodes
-    /// in the order of the file; ascending.
+    /// Sides of each physical group, sorted, with their nodes in file order: edges of groups of curves in the plane,
+    /// faces of groups of surfaces in space.
     pub fn side_sets(&self) -> &BTreeMap<String, Vec<Side>> {
         &self.side_sets
     }
 
-    /// Cells of each physical group of surfaces in the plane, of volumes in space; ascending.
+    /// Cells of each physical group, ascending: groups of surfaces in the plane, of volumes in space.
     pub fn cell_sets(&self) -> &BTreeMap<String, Vec<u32>> {
         &self.cell_sets
     }
 
-    /// What is allowed but probably not meant.
+    /// Valid but suspicious properties of the mesh.
     pub fn warnings(&self) -> &[MeshWarning] {
         &self.warnings
     }
 
-    /// The cell that holds a position, or `None` outside the mesh.
+    /// The cell that contains a position; `None` outside the mesh.
     ///
-    /// A position within [`ON_EDGE`] of several cells belongs to the one with the lowest number. The `hint`, a cell
-    /// that may hold the position, makes no difference to the answer, only to the time it takes.
+    /// A position within [`ON_EDGE`] of several cells belongs to the one with the lowest number. A good `hint` makes
+    /// the search faster; it never changes the result.
     pub fn locate(&self, x: &[f64; D], hint: Option<u32>) -> Option<u32> {
         if let Some(cell) = hint.filter(|cell| (*cell as usize) < self.n_cells()) {
-            // Too far from the border for any neighbour, however large, to claim the position.
+            // Beyond this distance from the border, no other cell, however large, can claim the position.
             if self.cell(cell).holds(x, 2.0 * ON_EDGE * self.largest_size) {
                 return Some(cell);
             }
@@ -151,8 +151,8 @@ impl<const D: usize> Mesh<D> {
         candidates.find(|&cell| self.cell(cell).touches(x, ON_EDGE * self.size(cell)))
     }
 
-    /// The cell nearest to a position, inside or outside the mesh; of several as near within [`ON_EDGE`], the one
-    /// with the lowest number.
+    /// The cell nearest to a position inside or outside the mesh. Among cells at equal distance, within [`ON_EDGE`],
+    /// the one with the lowest number.
     pub fn nearest_cell(&self, x: &[f64; D]) -> u32 {
         if let Some(cell) = self.locate(x, None) {
             return cell;
@@ -171,12 +171,12 @@ impl<const D: usize> Mesh<D> {
         near.iter().map(|(cell, _)| *cell).min().unwrap_or(0)
     }
 
-    /// The basis of a cell at a position inside it, or outside by continuation. A position within [`ON_EDGE`] of the
-    /// border of the cell, relative to its size, counts as lying on it: nodes off that border have no part in it, and
-    /// round-off lets no point or corner touch nodes that it gives no stiffness to speak of.
+    /// The basis of a cell at a position, continued outside the cell. A position within [`ON_EDGE`] of the border of
+    /// the cell counts as lying on it: nodes off that border get exactly zero, so that round-off never activates a node
+    /// with negligible stiffness.
     ///
-    /// So far outside a quadrilateral or hexahedron that its map has no inverse, the linear basis of a part of it
-    /// stands in: it still reproduces linear fields.
+    /// Far outside a quadrilateral or hexahedron, where its map has no inverse, the linear basis of a part of the cell
+    /// is used, which still reproduces linear fields.
     pub fn shape(&self, cell: u32, x: &[f64; D]) -> CellBasis<D> {
         let corners = self.cell(cell);
         let shape = corners.shape;
@@ -191,13 +191,13 @@ impl<const D: usize> Mesh<D> {
             let (xi, values) = on_border(shape, xi);
             return basis(values, shape.gradients(&corners, xi));
         }
-        let places = corners.linear_part(x);
-        let part = places.map(|k| corners.x[k]);
+        let part_corners = corners.linear_part(x);
+        let part = part_corners.map(|k| corners.x[k]);
         let simplex = ElementShape::Simplex;
         let xi = simplex.inverse(&part[..=D], x).unwrap_or(simplex.centre());
         let (value, gradient) = (simplex.values(xi), simplex.gradients(&part[..=D], xi));
         let (mut values, mut gradients) = ([0.0; MAX_NODES], [[0.0; D]; MAX_NODES]);
-        for (k, corner) in places.into_iter().enumerate().take(D + 1) {
+        for (k, corner) in part_corners.into_iter().enumerate().take(D + 1) {
             values[corner] = value[k];
             gradients[corner] = gradient[k];
         }
@@ -205,7 +205,7 @@ impl<const D: usize> Mesh<D> {
     }
 }
 
-/// Local coordinates and shape functions with those that are round-off from the border of the cell put there.
+/// Snaps local coordinates and shape functions to the border of the cell if they are within round-off of it.
 fn on_border<const D: usize>(shape: ElementShape, mut xi: [f64; D]) -> ([f64; D], [f64; MAX_NODES]) {
     if shape == ElementShape::Box {
         for x in xi.iter_mut().filter(|x| (x.abs() - 1.0).abs() < 2.0 * ON_EDGE) {

@@ -8,16 +8,16 @@ use super::kinds::{ElementKind, name_and_nodes};
 use super::nodes::{Nodes, total_22, totals_41};
 use super::reader::{Encoding, Reader};
 
-/// Elements and the distinct sets of groups that they belong to.
+/// Elements and their distinct sets of groups.
 #[derive(Default)]
 pub(super) struct Elements {
     pub(super) elements: Vec<Element>,
     pub(super) group_sets: Vec<Vec<GroupKey>>,
-    /// Gmsh's name and number of elements of types that cannot be used.
+    /// Name in gmsh and number of elements of every unsupported type.
     pub(super) unsupported: BTreeMap<&'static str, usize>,
 }
 
-/// An element type: what is to be read, and whether it can be used.
+/// An element type; `None` as its kind if it is not supported.
 #[derive(Clone, Copy)]
 struct Type {
     kind: Option<ElementKind>,
@@ -30,13 +30,13 @@ impl Type {
         let code = reader.int("an element type")?;
         match name_and_nodes(code) {
             Some((name, n_nodes)) => Ok(Type { kind: ElementKind::from_code(code), name, n_nodes }),
-            None => Err(GmshError::UnknownType { place: reader.place(), code }),
+            None => Err(GmshError::UnknownType { location: reader.location(), code }),
         }
     }
 }
 
 impl Elements {
-    /// Reads the nodes of an element by `number`; the element itself is `None` if its type cannot be used.
+    /// Reads the nodes of an element with `number`. The element is `None` if its type is not supported.
     fn nodes(
         &mut self,
         reader: &mut Reader<'_>,
@@ -54,9 +54,9 @@ impl Elements {
         let mut element = Element { tag, kind: usable, nodes: [0; 8], group_set: 0 };
         for entry in &mut element.nodes[..kind.n_nodes] {
             let node = number(reader)?;
-            let place = || reader.place();
+            let location = || reader.location();
             *entry = nodes.find(node).ok_or_else(|| GmshError::UnknownNode {
-                place: place(),
+                location: location(),
                 element: tag,
                 node,
             })?;
@@ -92,7 +92,7 @@ pub(super) fn read_41(
         found += n;
     }
     if found != total {
-        return Err(GmshError::Total { place: reader.place(), what: "elements", declared: total });
+        return Err(GmshError::Total { location: reader.location(), what: "elements", declared: total });
     }
     all.group_sets = sets.in_order();
     Ok(all)
@@ -100,8 +100,8 @@ pub(super) fn read_41(
 
 /// Reads `$Elements` of format 2.2.
 ///
-/// The format has room for one group only: gmsh writes elements with more of them repeatedly, so elements with the
-/// same nodes are one.
+/// The format stores one group per element; gmsh repeats elements that belong to several groups. Elements with the same
+/// nodes are merged.
 pub(super) fn read_22(reader: &mut Reader<'_>, nodes: &Nodes) -> Result<Elements, GmshError> {
     let n = total_22(reader, "elements", 3)?;
     let mut all = Elements::default();
@@ -126,15 +126,15 @@ pub(super) fn read_22(reader: &mut Reader<'_>, nodes: &Nodes) -> Result<Elements
         found += block.n;
     }
     if found != n {
-        return Err(GmshError::Total { place: reader.place(), what: "elements", declared: n });
+        return Err(GmshError::Total { location: reader.location(), what: "elements", declared: n });
     }
     all.set_groups(memberships);
     Ok(all)
 }
 
-/// A run of elements in format 2.2: single elements in a text, elements of one type in a binary file.
+/// A run of elements in format 2.2: a single element in a text file, elements of one type in a binary file.
 struct Block {
-    /// Type and number of tags, if they stand before the elements.
+    /// Type and number of tags, if they precede the elements.
     common: Option<(Type, u64)>,
     n: usize,
 }
@@ -150,7 +150,7 @@ impl Block {
         Ok(Block { common: Some((kind, n_tags)), n: reader.count_of(n, "elements", 1 + kind.n_nodes)? })
     }
 
-    /// Reads what stands before the nodes of one element: its type, number and physical group (0 for none).
+    /// Reads the data before the nodes of an element: type, number and physical group (0 for none).
     fn head(&self, reader: &mut Reader<'_>) -> Result<(Type, u64, u32), GmshError> {
         let number = reader.natural("the number of an element")?;
         let (kind, n_tags) = match self.common {
@@ -169,7 +169,7 @@ impl Block {
 }
 
 impl Elements {
-    /// Gives every element the set of its groups, from pairs of element and group.
+    /// Assigns its set of groups to every element, from pairs of element and group.
     fn set_groups(&mut self, mut memberships: Vec<(u32, GroupKey)>) {
         memberships.sort_unstable();
         memberships.dedup();

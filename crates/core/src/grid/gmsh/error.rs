@@ -1,122 +1,122 @@
-//! Why a mesh file cannot be read, and where.
+//! Errors in mesh files.
 
 use std::fmt;
 
-/// The most physical groups that one element may belong to. The number of links between elements and groups is
-/// the product of two counts of the file; this keeps it in proportion to the size of the file.
+/// Largest number of physical groups of an element. The number of element-group pairs is the product of two counts in
+/// the file; this limit keeps it proportional to the file size.
 pub(super) const MAX_GROUPS: usize = 1000;
-/// The largest file that is read: some 30 million cells.
+/// Largest file that is read, [byte]; about 30 million cells.
 pub(super) const MAX_BYTES: u64 = 4 << 30;
 
-/// Where in a file something is wrong.
+/// Location of an error in a mesh file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum FileLocation {
     /// Line of a text file, from 1.
     Line(usize),
-    /// Offset into a binary file, from 0.
+    /// Byte offset in a binary file, from 0.
     Byte(usize),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for FileLocation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Place::Line(line) => write!(f, "line {line}"),
-            Place::Byte(byte) => write!(f, "byte {byte}"),
+            FileLocation::Line(line) => write!(f, "line {line}"),
+            FileLocation::Byte(byte) => write!(f, "byte {byte}"),
         }
     }
 }
 
-/// Why a mesh file cannot be read.
+/// An error in a mesh file.
 #[derive(Debug, thiserror::Error)]
 pub enum GmshError {
     /// The file cannot be opened or read.
     #[error("{0}")]
     Io(#[from] std::io::Error),
-    /// A directory or a device.
+    /// The path is a directory or a device.
     #[error("it is not a file")]
     NotAFile,
-    /// The file is larger than any mesh that can be used.
-    #[error("the file has {bytes} bytes; at most {MAX_BYTES} are possible")]
+    /// The file exceeds the size limit.
+    #[error("the file has {bytes} bytes; the limit is {MAX_BYTES}")]
     TooLarge {
         /// Size of the file.
         bytes: u64,
     },
-    /// The file is something else.
+    /// The file is not a gmsh mesh file.
     #[error("not a gmsh mesh file: it does not begin with a section `$MeshFormat`")]
     NotGmsh,
-    /// A version of the format that this reader does not know.
+    /// The format version is not supported.
     #[error("gmsh format {version} is not supported; save the mesh in format 4.1 or 2.2")]
     Version {
-        /// Version as the file states it.
+        /// Version stated by the file.
         version: String,
     },
-    /// Something else stands where the format demands a certain thing.
-    #[error("{place}: expected {expected}, found {found}")]
+    /// The file contradicts its format.
+    #[error("{location}: expected {expected}, found {found}")]
     Expected {
-        /// Where it stands.
-        place: Place,
-        /// What the format demands.
+        /// Location of the unexpected data.
+        location: FileLocation,
+        /// The data required by the format.
         expected: &'static str,
-        /// What stands there, shortened.
+        /// The data found, abbreviated.
         found: String,
     },
     /// The file ends too early.
-    #[error("{place}: the file ends where {expected} was expected")]
+    #[error("{location}: the file ends where {expected} was expected")]
     Truncated {
-        /// Where it ends.
-        place: Place,
-        /// What the format demands there.
+        /// Location of the end.
+        location: FileLocation,
+        /// The data required by the format.
         expected: &'static str,
     },
-    /// A section has no end.
-    #[error("{place}: section `${section}` has no end")]
+    /// A section is not closed.
+    #[error("{location}: section `${section}` has no end")]
     Unclosed {
-        /// Where the section begins.
-        place: Place,
+        /// Location of the start of the section.
+        location: FileLocation,
         /// Name of the section.
         section: String,
     },
-    /// A count that the rest of the file is too short for.
-    #[error("{place}: {count} {what} cannot fit into the {left} bytes that follow")]
+    /// A count exceeds the size of the rest of the file.
+    #[error("{location}: {count} {what} cannot fit into the {left} bytes that follow")]
     Count {
-        /// Where the count stands.
-        place: Place,
-        /// What is counted.
+        /// Location of the count.
+        location: FileLocation,
+        /// The counted items.
         what: &'static str,
         /// The count.
         count: u64,
-        /// Number of bytes after it.
+        /// Number of bytes that follow.
         left: usize,
     },
-    /// The blocks of a section do not add up to its total.
-    #[error("{place}: the blocks of the section hold other than the announced {declared} {what}")]
+    /// The blocks of a section do not sum to its total.
+    #[error("{location}: the blocks of the section do not hold the announced {declared} {what}")]
     Total {
-        /// Where the contradiction shows.
-        place: Place,
-        /// What is counted.
+        /// Location of the contradiction.
+        location: FileLocation,
+        /// The counted items.
         what: &'static str,
-        /// The total at the head of the section.
+        /// The total in the header of the section.
         declared: usize,
     },
-    /// Element types that are not linear, or linear but not known to this program.
+    /// The mesh has elements that are not linear, or not supported.
     #[error("{}", unsupported(.kinds))]
     Unsupported {
-        /// Gmsh's name and number of elements of every such type.
+        /// Name in gmsh and number of elements of every such type.
         kinds: Vec<(&'static str, usize)>,
     },
-    /// An element type that does not exist, so that the rest of the section cannot be understood.
-    #[error("{place}: unknown element type {code}")]
+    /// An unknown element type; the rest of the section cannot be read.
+    #[error("{location}: unknown element type {code}")]
     UnknownType {
-        /// Where it stands.
-        place: Place,
-        /// Gmsh's number of the type.
+        /// Location of the type.
+        location: FileLocation,
+        /// Number of the type in gmsh.
         code: i32,
     },
-    /// An element refers to a node that the file does not have.
-    #[error("{place}: element {element} refers to node {node}, which does not exist")]
+    /// An element refers to a node that is not defined.
+    #[error("{location}: element {element} refers to node {node}, which does not exist")]
     UnknownNode {
-        /// Where the reference ends.
-        place: Place,
+        /// Location of the end of the reference.
+        location: FileLocation,
         /// Number of the element.
         element: u64,
         /// Number of the node.
@@ -128,21 +128,21 @@ pub enum GmshError {
         /// Number of the node.
         node: u64,
     },
-    /// A coordinate is infinite or not a number.
-    #[error("{place}: a coordinate of node {node} is not finite")]
+    /// A coordinate is infinite or NaN.
+    #[error("{location}: a coordinate of node {node} is not finite")]
     NonFinite {
-        /// Where the node ends.
-        place: Place,
+        /// Location of the end of the node.
+        location: FileLocation,
         /// Number of the node.
         node: u64,
     },
-    /// The mesh is split into parts.
-    #[error("{place}: the mesh is partitioned; save it without partitions")]
+    /// The mesh is partitioned.
+    #[error("{location}: the mesh is partitioned; save it without partitions")]
     Partitioned {
-        /// Where the section begins.
-        place: Place,
+        /// Location of the start of the section.
+        location: FileLocation,
     },
-    /// An element belongs to more groups than any sensible mesh has.
+    /// An element belongs to too many physical groups.
     #[error("an element belongs to {count} physical groups, more than {MAX_GROUPS}")]
     TooManyGroups {
         /// Number of its groups.

@@ -3,22 +3,22 @@
 use super::error::GmshError;
 use super::reader::{Encoding, Reader};
 
-/// Marks a number that no node has.
+/// Marks a number without a node.
 const NONE: u32 = u32::MAX;
 
-/// Positions of the nodes and the way to them from the numbers that the file gives them.
+/// Node positions and the map from node numbers in the file to indices.
 pub(super) struct Nodes {
     pub(super) positions: Vec<[f64; 3]>,
-    /// The numbers that the file gives them.
+    /// Node numbers in the file.
     pub(super) tags: Vec<u64>,
     index: Index,
 }
 
-/// From the numbers of nodes in the file to their order.
+/// Map from node numbers in the file to indices.
 enum Index {
-    /// By the difference to the lowest number.
+    /// Table indexed by the difference from the lowest number.
     Dense(u64, Vec<u32>),
-    /// Ascending by number.
+    /// Pairs of number and index, ascending.
     Sparse(Vec<(u64, u32)>),
 }
 
@@ -47,7 +47,7 @@ impl Nodes {
         Ok(Nodes { positions, tags, index })
     }
 
-    /// Index of the node that has a number in the file.
+    /// Index of the node with this number in the file.
     pub(super) fn find(&self, tag: u64) -> Option<u32> {
         match &self.index {
             Index::Dense(low, dense) => {
@@ -69,7 +69,7 @@ fn position(reader: &mut Reader<'_>, node: u64) -> Result<[f64; 3], GmshError> {
     if x.iter().all(|x| x.is_finite()) {
         Ok(x)
     } else {
-        Err(GmshError::NonFinite { place: reader.place(), node })
+        Err(GmshError::NonFinite { location: reader.location(), node })
     }
 }
 
@@ -85,7 +85,7 @@ pub(super) fn read_22(reader: &mut Reader<'_>, parametric: bool) -> Result<Nodes
         if parametric {
             let dimension = reader.natural("the dimension of an entity")?;
             reader.int("the number of an entity")?;
-            // Points have no parameters, and those of volumes would be the coordinates.
+            // Points have no parameters; those of volumes would be the coordinates.
             for _ in 0..if dimension < 3 { dimension } else { 0 } {
                 reader.real("a parameter")?;
             }
@@ -94,7 +94,7 @@ pub(super) fn read_22(reader: &mut Reader<'_>, parametric: bool) -> Result<Nodes
     Nodes::new(positions, tags)
 }
 
-/// The number of nodes or elements at the head of a section of format 2.2: text also in binary files.
+/// Reads the number of nodes or elements at the start of a section of format 2.2, which is text in binary files, too.
 pub(super) fn total_22(
     reader: &mut Reader<'_>,
     what: &'static str,
@@ -108,7 +108,7 @@ pub(super) fn total_22(
     Ok(n)
 }
 
-/// Reads the head of `$Nodes` or `$Elements` of format 4.1: the numbers of blocks and of things in all of them.
+/// Reads the header of `$Nodes` or `$Elements` of format 4.1: the number of blocks and the total number of items.
 pub(super) fn totals_41(reader: &mut Reader<'_>, what: &'static str) -> Result<(usize, usize), GmshError> {
     let blocks = reader.size("the number of blocks")?;
     let total = reader.size("a number of nodes or elements")?;
@@ -124,7 +124,7 @@ pub(super) fn read_41(reader: &mut Reader<'_>) -> Result<Nodes, GmshError> {
     let mut tags = Vec::new();
     for _ in 0..blocks {
         let dimension = reader.natural("the dimension of an entity")?;
-        reader.once(dimension <= 3, "a dimension from 0 to 3")?;
+        reader.require(dimension <= 3, "a dimension from 0 to 3")?;
         reader.int("the number of an entity")?;
         let parameters = if reader.int("0 or 1")? == 0 { 0 } else { dimension };
         let n = reader.size("the number of nodes")?;
@@ -141,7 +141,7 @@ pub(super) fn read_41(reader: &mut Reader<'_>) -> Result<Nodes, GmshError> {
         }
     }
     if tags.len() != total {
-        return Err(GmshError::Total { place: reader.place(), what: "nodes", declared: total });
+        return Err(GmshError::Total { location: reader.location(), what: "nodes", declared: total });
     }
     Nodes::new(positions, tags)
 }

@@ -1,16 +1,16 @@
-//! Numbers, words and sections of a mesh file, whatever its encoding.
+//! Low-level reader: numbers, words and sections in any encoding.
 
 use std::str::FromStr;
 
-use super::error::{GmshError, Place};
+use super::error::{FileLocation, GmshError};
 
-/// Names of sections are short; a limit keeps the search for their end proportional to the file.
+/// Section names are short; this limit keeps the search for their end proportional to the file size.
 const MAX_SECTION_NAME: usize = 100;
 
-/// How numbers are written.
+/// Encoding of numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
-    /// Words separated by blanks.
+    /// Words separated by white space.
     Text,
     /// Binary, least significant byte first.
     Little,
@@ -23,7 +23,7 @@ pub(super) enum Encoding {
 pub(super) struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
-    /// How numbers are written from here on.
+    /// Encoding of the numbers from here on.
     pub(super) encoding: Encoding,
 }
 
@@ -32,15 +32,17 @@ impl<'a> Reader<'a> {
         Reader { bytes, at: 0, encoding: Encoding::Text }
     }
 
-    /// The present position, for errors.
-    pub(super) fn place(&self) -> Place {
-        self.place_of(self.at)
+    /// Current location, for error messages.
+    pub(super) fn location(&self) -> FileLocation {
+        self.location_of(self.at)
     }
 
-    fn place_of(&self, at: usize) -> Place {
+    fn location_of(&self, at: usize) -> FileLocation {
         match self.encoding {
-            Encoding::Text => Place::Line(1 + self.bytes[..at].iter().filter(|b| **b == b'\n').count()),
-            _ => Place::Byte(at),
+            Encoding::Text => {
+                FileLocation::Line(1 + self.bytes[..at].iter().filter(|b| **b == b'\n').count())
+            }
+            _ => FileLocation::Byte(at),
         }
     }
 
@@ -55,23 +57,23 @@ impl<'a> Reader<'a> {
     fn expected(&self, at: usize, expected: &'static str) -> GmshError {
         let rest = &self.bytes[at..];
         if rest.is_empty() {
-            return GmshError::Truncated { place: self.place_of(at), expected };
+            return GmshError::Truncated { location: self.location_of(at), expected };
         }
         let length = rest.iter().take(30).take_while(|b| !b.is_ascii_whitespace()).count();
         let found = format!("`{}`", rest[..length].escape_ascii());
-        GmshError::Expected { place: self.place_of(at), expected, found }
+        GmshError::Expected { location: self.location_of(at), expected, found }
     }
 
-    /// An error at the present position unless the condition holds.
-    pub(super) fn once(&self, condition: bool, expected: &'static str) -> Result<(), GmshError> {
+    /// Returns an error at the current location unless the condition holds.
+    pub(super) fn require(&self, condition: bool, expected: &'static str) -> Result<(), GmshError> {
         if condition {
             return Ok(());
         }
         let found = "something else".into();
-        Err(GmshError::Expected { place: self.place(), expected, found })
+        Err(GmshError::Expected { location: self.location(), expected, found })
     }
 
-    /// The next word of text.
+    /// Reads the next word of text.
     pub(super) fn token(&mut self, expected: &'static str) -> Result<&'a str, GmshError> {
         self.skip_blanks();
         let length = self.rest().iter().take_while(|b| !b.is_ascii_whitespace()).count();
@@ -84,14 +86,14 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The next word of text as a number.
+    /// Reads the next word of text as a number.
     pub(super) fn text<T: FromStr>(&mut self, expected: &'static str) -> Result<T, GmshError> {
         self.skip_blanks();
         let start = self.at;
         self.token(expected)?.parse().map_err(|_| self.expected(start, expected))
     }
 
-    /// The text between the next quotation mark and the last one of the line. Gmsh has no escapes.
+    /// Reads the text between the next quotation mark and the last one of the line. Gmsh has no escape sequences.
     pub(super) fn quoted(&mut self, expected: &'static str) -> Result<String, GmshError> {
         self.skip_blanks();
         let line = self.rest().split(|b| *b == b'\n').next().unwrap_or_default();
@@ -103,18 +105,18 @@ impl<'a> Reader<'a> {
         Ok(String::from_utf8_lossy(&line[1..close]).into_owned())
     }
 
-    /// The next bytes of a binary file.
+    /// Reads the next `N` bytes of a binary file.
     pub(super) fn take<const N: usize>(&mut self, expected: &'static str) -> Result<[u8; N], GmshError> {
         match self.rest().first_chunk() {
             Some(bytes) => {
                 self.at += N;
                 Ok(*bytes)
             }
-            None => Err(GmshError::Truncated { place: self.place_of(self.bytes.len()), expected }),
+            None => Err(GmshError::Truncated { location: self.location_of(self.bytes.len()), expected }),
         }
     }
 
-    /// A signed number: 4 bytes in a binary file.
+    /// Reads a signed integer: 4 bytes in a binary file.
     pub(super) fn int(&mut self, expected: &'static str) -> Result<i32, GmshError> {
         Ok(match self.encoding {
             Encoding::Text => self.text(expected)?,
@@ -123,7 +125,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// A count or a number of a node or an element: 8 bytes in a binary file.
+    /// Reads a count or the number of a node or an element: 8 bytes in a binary file.
     pub(super) fn size(&mut self, expected: &'static str) -> Result<u64, GmshError> {
         Ok(match self.encoding {
             Encoding::Text => self.text(expected)?,
@@ -132,13 +134,13 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// A signed number that must not be negative.
+    /// Reads a signed integer that must not be negative.
     pub(super) fn natural(&mut self, expected: &'static str) -> Result<u64, GmshError> {
         let at = self.at;
         u64::try_from(self.int(expected)?).map_err(|_| self.expected(at, expected))
     }
 
-    /// A real number.
+    /// Reads a real number.
     pub(super) fn real(&mut self, expected: &'static str) -> Result<f64, GmshError> {
         Ok(match self.encoding {
             Encoding::Text => self.text(expected)?,
@@ -147,27 +149,27 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// A count of things of at least `numbers` numbers each, as far as the file can be long enough for it.
+    /// Checks a count of items of at least `numbers` numbers each against the rest of the file.
     pub(super) fn count_of(
         &self,
         count: u64,
         what: &'static str,
         numbers: usize,
     ) -> Result<usize, GmshError> {
-        // A number takes four bytes in a binary file, in a text at least a digit and a blank.
+        // A number takes at least four bytes in a binary file, and at least a digit and a blank in a text file.
         self.bounded(count, what, numbers * if self.encoding == Encoding::Text { 2 } else { 4 })
     }
 
-    /// A count of things of at least `bytes` bytes each, as far as the file can be long enough for it.
+    /// Checks a count of items of at least `bytes` bytes each against the rest of the file.
     pub(super) fn bounded(&self, count: u64, what: &'static str, bytes: usize) -> Result<usize, GmshError> {
         let left = self.rest().len();
         match usize::try_from(count) {
             Ok(n) if n <= left / bytes && u32::try_from(n).is_ok() => Ok(n),
-            _ => Err(GmshError::Count { place: self.place(), what, count, left }),
+            _ => Err(GmshError::Count { location: self.location(), what, count, left }),
         }
     }
 
-    /// The end of a line of text, after which binary data may begin.
+    /// Reads the end of a line of text, after which binary data may begin.
     pub(super) fn end_of_line(&mut self) -> Result<(), GmshError> {
         self.at += self.rest().iter().take_while(|b| matches!(b, b' ' | b'\t' | b'\r')).count();
         match self.rest().first() {
@@ -179,7 +181,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The header of the next section and the line end after it, or `None` at the end of the file.
+    /// Reads the header of the next section and its line end; `None` at the end of the file.
     pub(super) fn section(&mut self) -> Result<Option<&'a str>, GmshError> {
         self.skip_blanks();
         if self.rest().is_empty() {
@@ -192,7 +194,7 @@ impl<'a> Reader<'a> {
         Ok(Some(name))
     }
 
-    /// The end of a section.
+    /// Reads the end of a section.
     pub(super) fn end(&mut self, section: &str) -> Result<(), GmshError> {
         self.skip_blanks();
         let start = self.at;
@@ -202,7 +204,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Goes past the end of a section, whatever is in it.
+    /// Skips to the end of a section.
     pub(super) fn skip(&mut self, section: &str) -> Result<(), GmshError> {
         let end = format!("$End{section}");
         match self.rest().windows(end.len()).position(|window| window == end.as_bytes()) {
@@ -210,7 +212,7 @@ impl<'a> Reader<'a> {
                 self.at += offset;
                 self.end(section)
             }
-            None => Err(GmshError::Unclosed { place: self.place(), section: section.to_owned() }),
+            None => Err(GmshError::Unclosed { location: self.location(), section: section.to_owned() }),
         }
     }
 }

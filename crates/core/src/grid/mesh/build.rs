@@ -1,4 +1,4 @@
-//! From a mesh file to a mesh.
+//! Construction of a mesh from a mesh file.
 
 use std::collections::BTreeMap;
 
@@ -10,27 +10,27 @@ use crate::grid::bins::{Bins, Bounds, bounds};
 use crate::grid::element::{ElementShape, MAX_NODES, dot, folds, minus};
 use crate::tensor::padded;
 
-/// Number of cells that reports list.
+/// Number of cells listed in error messages.
 const LISTED: usize = 5;
 
-/// A cell whose volume (or that of a corner) is less than this part of that of a square (cube) of its longest side has
-/// none.
+/// Relative volume below which a cell, or a corner of it, counts as having none; the reference is a square (cube) of
+/// its longest side.
 const NO_VOLUME: f64 = 1e-10;
 
 /// Marks a node of the file that no cell uses.
 const UNUSED: u32 = u32::MAX;
 
 impl<const D: usize> Mesh<D> {
-    /// Builds the mesh of all triangles and quadrilaterals (tetrahedra and hexahedra) of a file; nodes that none of
-    /// them uses are dropped.
+    /// Builds the mesh from all triangles and quadrilaterals (tetrahedra and hexahedra) of a file; unused nodes are
+    /// dropped.
     ///
-    /// The physical groups become sets: a group of points is a set of nodes, of curves a set of their nodes and in the
-    /// plane of edges, of surfaces a set of their nodes and in the plane of cells, in space of faces, of volumes a set
-    /// of cells and of their nodes. Groups that have no elements on the cells are left out; groups of equal dimension
-    /// and name are one.
+    /// Physical groups become sets. Every group gives a set of its nodes. In the plane, groups of curves also give a
+    /// set of edges and groups of surfaces a set of cells; in space, groups of surfaces give a set of faces and groups
+    /// of volumes a set of cells. Groups without elements on the cells are dropped; groups of equal dimension and name
+    /// are merged.
     ///
     /// # Errors
-    /// [`MeshError`]: what makes the file no mesh for an analysis in the plane or in space, or its cells unusable.
+    /// [`MeshError`] if the file has no valid mesh of dimension `D`.
     pub fn from_gmsh(file: &GmshFile) -> Result<Self, MeshError> {
         let elements = elements::<D>(file)?;
         let cells: Vec<Cell<D>> = elements.iter().map(|element| cell(file, element)).collect();
@@ -75,7 +75,7 @@ impl<const D: usize> Mesh<D> {
     }
 }
 
-/// The kinds of elements that are cells: simplices first.
+/// The element kinds that are cells, simplices first.
 fn kinds<const D: usize>() -> [ElementKind; 2] {
     if D == 3 {
         [ElementKind::Tetrahedron, ElementKind::Hexahedron]
@@ -84,7 +84,7 @@ fn kinds<const D: usize>() -> [ElementKind; 2] {
     }
 }
 
-/// The cells of the file, simplices first.
+/// The cells of a file, simplices first.
 fn elements<const D: usize>(file: &GmshFile) -> Result<Vec<Element>, MeshError> {
     let of = |kind| file.elements.iter().filter(move |e| e.kind == kind).copied();
     let [simplex, cuboid] = kinds::<D>();
@@ -121,7 +121,7 @@ fn report<const D: usize>(element: &Element, cell: &Cell<D>) -> CellReport {
 }
 
 /// Checks that all cells have positive volume, quadrilaterals are convex and hexahedra do not fold. Comparisons are
-/// such that volumes that are not numbers, from coordinates near the limits of the range, are no volumes.
+/// written so that a NaN volume (from huge coordinates) fails the check.
 fn check_shapes<const D: usize>(elements: &[Element], cells: &[Cell<D>]) -> Result<(), MeshError> {
     let dimension = D;
     let select = |wrong: &dyn Fn(&Cell<D>) -> bool| {
@@ -170,7 +170,7 @@ fn check_shapes<const D: usize>(elements: &[Element], cells: &[Cell<D>]) -> Resu
     Ok(())
 }
 
-/// Numbers of the used nodes, in the order of the file.
+/// New numbers of the used nodes, in file order.
 fn number_nodes(file: &GmshFile, elements: &[Element]) -> Vec<u32> {
     let mut number = vec![UNUSED; file.nodes.len()];
     for node in elements.iter().flat_map(|element| element.nodes()) {
@@ -181,7 +181,7 @@ fn number_nodes(file: &GmshFile, elements: &[Element]) -> Vec<u32> {
     number
 }
 
-/// The box of all positions that count as lying in a cell, and a little more.
+/// Slightly enlarged bounding box of all positions that count as lying in a cell.
 fn inflated<const D: usize>(cell: &Cell<D>) -> Bounds<D> {
     let [lower, upper] = cell.bounds();
     let margin = 2.0 * ON_EDGE * Cell::<D>::size_of(cell.shape.volume(cell));
@@ -189,10 +189,10 @@ fn inflated<const D: usize>(cell: &Cell<D>) -> Bounds<D> {
 }
 
 impl<const D: usize> Mesh<D> {
-    /// Makes the sets of nodes, sides and cells from the physical groups.
+    /// Builds the sets of nodes, sides and cells from the physical groups.
     fn find_sets(&mut self, file: &GmshFile, node_of: &[u32]) -> Result<(), MeshError> {
         let mut members = vec![Members::default(); file.groups.len()];
-        let mut next = [0, self.n_simplices as u32]; // numbers of the next simplex and box
+        let mut next = [0, self.n_simplices as u32]; // numbers of the next simplex and the next box
         let [simplex, _] = kinds::<D>();
         for element in &file.elements {
             let dimension = usize::from(element.kind.dimension());
@@ -232,7 +232,7 @@ impl<const D: usize> Mesh<D> {
     }
 }
 
-/// What belongs to one physical group.
+/// Members of one physical group.
 #[derive(Debug, Clone, Default)]
 struct Members {
     nodes: Vec<u32>,
@@ -240,7 +240,7 @@ struct Members {
     cells: Vec<u32>,
 }
 
-/// Adds members to the set of a name, which is made if there are any; sets are ascending and without repetition.
+/// Adds members to the set with this name, if there are any. Sets are sorted, without duplicates.
 fn add<T: Ord>(sets: &mut BTreeMap<String, Vec<T>>, name: &str, members: Vec<T>) {
     if !members.is_empty() {
         let set = sets.entry(name.to_owned()).or_default();

@@ -1,13 +1,13 @@
-//! Where a position is with respect to one cell: inside, at its border, or how far away.
+//! Position relative to one cell: inside, on the border, or at a distance.
 
 use crate::grid::bins::{Bounds, bounds};
 use crate::grid::element::{ElementShape, MAX_NODES, cross, dot, minus, vector_product};
 use crate::tensor::padded;
 
-/// By how much a first-order estimate of a distance must exceed what is asked for.
+/// Safety factor on first-order estimates of a distance.
 const SAFETY: f64 = 100.0;
 
-/// Positions of the corners of a cell.
+/// Shape and corner positions of a cell.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cell<const D: usize> {
     pub(super) x: [[f64; D]; MAX_NODES],
@@ -23,21 +23,21 @@ impl<const D: usize> std::ops::Deref for Cell<D> {
 }
 
 impl<const D: usize> Cell<D> {
-    /// The edges as pairs of positions; in space, each edge twice.
+    /// Edges as pairs of positions; in space each edge occurs twice.
     pub(super) fn edges(&self) -> impl Iterator<Item = ([f64; D], [f64; D])> + '_ {
         self.shape.sides::<D>().iter().flat_map(|side| {
-            // A side of two corners is the edge itself, and not the way back.
+            // In the plane a side is one edge; do not return it in reverse as well.
             let n = if side.len() == 2 { 1 } else { side.len() };
             (0..n).map(|k| (self.x[side[k]], self.x[side[(k + 1) % side.len()]]))
         })
     }
 
-    /// The smallest box that holds the corners.
+    /// Bounding box of the corners.
     pub(super) fn bounds(&self) -> Bounds<D> {
         bounds(self.iter().copied())
     }
 
-    /// Size: the side of a square (cube) of the same volume, [length].
+    /// Size of a cell of this volume, [length]: the side of a square (cube) of the same volume.
     pub(super) fn size_of(volume: f64) -> f64 {
         match D {
             2 => volume.sqrt(),
@@ -46,8 +46,8 @@ impl<const D: usize> Cell<D> {
         }
     }
 
-    /// Whether a position is inside, farther than `margin` away from the border; of a hexahedron by a cautious
-    /// estimate.
+    /// True if a position is inside and farther than `margin` from the border. For a hexahedron the estimate is
+    /// conservative.
     pub(super) fn holds(&self, x: &[f64; D], margin: f64) -> bool {
         if (self.shape, D) != (ElementShape::Box, 3) {
             return self.is_within(x, margin);
@@ -56,7 +56,8 @@ impl<const D: usize> Cell<D> {
             return false;
         }
         let Some(xi) = self.shape.inverse(self, x) else { return false };
-        // A local coordinate is the sum of the N times its values at the corners; so is its gradient of the ∇N.
+        // A local coordinate is interpolated from its values at the corners; its gradient follows from the gradients
+        // ∇N.
         let gradients = self.shape.gradients(self, xi);
         (0..D).all(|d| {
             let slope: [f64; D] = std::array::from_fn(|i| {
@@ -67,7 +68,7 @@ impl<const D: usize> Cell<D> {
         })
     }
 
-    /// Whether a position is inside or no farther away than `tolerance`; of a hexahedron up to a factor of the order
+    /// True if a position is inside or at most `tolerance` outside. For a hexahedron, exact up to a factor of the order
     /// of its distortion.
     pub(super) fn touches(&self, x: &[f64; D], tolerance: f64) -> bool {
         if (self.shape, D) == (ElementShape::Box, 3) {
@@ -78,12 +79,13 @@ impl<const D: usize> Cell<D> {
                     inside == xi || dot(away, away) <= tolerance * tolerance
                 });
         }
-        // The lines (planes) of a sharp corner come close to positions far beyond the corner, hence the third test.
+        // Near a sharp corner, the lines (planes) of its sides also pass close to positions far beyond it, hence the
+        // third test.
         self.is_within(x, -tolerance)
             && (self.is_within(x, 0.0) || self.distance_squared(x) <= tolerance * tolerance)
     }
 
-    /// Square of the distance of a position, zero inside; from a hexahedron with curved faces, from flat triangles
+    /// Squared distance of a position; zero inside. The curved faces of a hexahedron are replaced by flat triangles
     /// between their edges and centres.
     pub(super) fn distance_squared(&self, x: &[f64; D]) -> f64 {
         let inside = match (self.shape, D) {
@@ -99,14 +101,13 @@ impl<const D: usize> Cell<D> {
         self.edges().map(|(a, b)| distance_squared(x, a, b)).fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether a position is on the inner side of the lines through all edges of a polygon, or of the planes of a
-    /// tetrahedron, at a distance of `margin` or more.
+    /// True if a position is on the inner side of every edge line (face plane), at least `margin` away from it.
     fn is_within(&self, x: &[f64; D], margin: f64) -> bool {
         if D == 3 {
             let x = padded(x);
             return self.shape.sides::<D>().iter().all(|side| {
                 let [a, b, c] = [side[0], side[1], side[2]].map(|k| padded(&self.x[k]));
-                let normal = vector_product(minus(b, a), minus(c, a)); // outwards
+                let normal = vector_product(minus(b, a), minus(c, a)); // outward normal
                 -dot(normal, minus(x, a)) >= margin * dot(normal, normal).sqrt()
             });
         }
@@ -133,9 +134,8 @@ impl<const D: usize> Cell<D> {
         least
     }
 
-    /// The corners of a part with a linear basis that stands in for that of the cell at positions where its map has no
-    /// inverse: the nearer half of a quadrilateral, the tetrahedron at the nearest corner of a hexahedron. The first
-    /// `D` + 1 count.
+    /// Corners of the linear part that replaces the cell at positions where its map has no inverse: the nearer half of
+    /// a quadrilateral, or the tetrahedron at the nearest corner of a hexahedron. Only the first `D` + 1 are used.
     pub(super) fn linear_part(&self, x: &[f64; D]) -> [usize; 4] {
         if self.shape == ElementShape::Simplex {
             return [0, 1, 2, 3];
@@ -150,13 +150,13 @@ impl<const D: usize> Cell<D> {
             dot(away, away)
         };
         let corner = (1..self.len()).fold(0, |near, k| if away(k) < away(near) { k } else { near });
-        // Neighbours round the bottom or the top, and across.
+        // The two neighbours around the bottom or top, and the one above or below.
         let base = corner & 4;
         [corner, base | (corner + 1) & 3, base | (corner + 3) & 3, corner ^ 4]
     }
 }
 
-/// Whether a position is inside a box or no farther away than `tolerance` along any axis.
+/// True if a position is inside a box or at most `tolerance` outside along each axis.
 fn within<const D: usize>([lower, upper]: &Bounds<D>, x: &[f64; D], tolerance: f64) -> bool {
     (0..D).all(|d| lower[d] - tolerance <= x[d] && x[d] <= upper[d] + tolerance)
 }

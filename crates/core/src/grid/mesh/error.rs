@@ -1,9 +1,8 @@
-//! What can be wrong with a mesh.
+//! Errors and warnings about meshes.
 
 use crate::grid::ON_LINE;
-use crate::grid::element::ElementShape;
 
-/// A cell in a report.
+/// A cell named in a message.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CellReport {
     /// Number of the element in the file.
@@ -12,20 +11,20 @@ pub struct CellReport {
     pub position: Vec<f64>,
 }
 
-/// A node on a side of a cell that it is no corner of.
+/// A node on a side of a cell without being a corner of that side.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HangingNode {
     /// Number of the node in the file.
     pub node: u64,
     /// Its position, [length].
     pub position: Vec<f64>,
-    /// Numbers in the file of the corners of the side.
+    /// Node numbers, in the file, of the corners of the side.
     pub side: Vec<u64>,
-    /// The cell that the side belongs to.
+    /// The cell with that side.
     pub cell: CellReport,
 }
 
-/// Why a mesh file is not a mesh for an analysis in the plane or in space. Lists of cells hold the first few only.
+/// An error in a mesh. Lists hold the first few cells only.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeshError {
     /// The file has no elements of the dimension of the analysis.
@@ -33,10 +32,10 @@ pub enum MeshError {
     NoCells {
         /// Dimension of the analysis.
         dimension: usize,
-        /// Number of surface elements that a mesh without volume elements has, if it ought to have those.
+        /// Number of surface elements, if the analysis is in space and the mesh has no volume elements.
         n_surface: usize,
     },
-    /// The file has elements of three dimensions, and the analysis is in the plane.
+    /// The mesh has volume elements but the analysis is in the plane.
     #[error(
         "the mesh has {n} solid elements; an analysis in the plane needs triangles or quadrilaterals only"
     )]
@@ -44,16 +43,16 @@ pub enum MeshError {
         /// Number of such elements.
         n: usize,
     },
-    /// Cells are not in one plane of constant z.
-    #[error("the mesh is not flat: z goes from {low} to {high}")]
+    /// The cells do not lie in one plane of constant z.
+    #[error("the mesh is not flat: z ranges from {low} to {high}")]
     NotFlat {
-        /// Least z of a cell, [length].
+        /// Lowest z of a cell, [length].
         low: f64,
-        /// Greatest z of a cell, [length].
+        /// Highest z of a cell, [length].
         high: f64,
     },
-    /// Cells whose volume is next to nothing compared with the length of their sides.
-    #[error("{n} cells have no {}: {}", if *.dimension == 3 { "volume" } else { "area" }, list(.first))]
+    /// Cells with negligible volume relative to the length of their sides.
+    #[error("{} no {}: {}", count(*.n, "cell has", "cells have"), measure(*.dimension), list(.first))]
     NoVolume {
         /// Dimension of the analysis.
         dimension: usize,
@@ -63,7 +62,7 @@ pub enum MeshError {
         first: Vec<CellReport>,
     },
     /// Some cells have negative volume.
-    #[error("{n} cells {}: {}", inverted(*.dimension), list(.first))]
+    #[error("{}: {}", inverted(*.dimension, *.n), list(.first))]
     Inverted {
         /// Dimension of the analysis.
         dimension: usize,
@@ -73,13 +72,13 @@ pub enum MeshError {
         first: Vec<CellReport>,
     },
     /// All cells have negative volume.
-    #[error("all cells {}; reverse the {} of the mesh", inverted(*.dimension), whole(*.dimension))]
+    #[error("{}", all_inverted(*.dimension))]
     AllInverted {
         /// Dimension of the analysis.
         dimension: usize,
     },
     /// Quadrilaterals that are not convex, or hexahedra whose map turns inside out somewhere.
-    #[error("{n} {}: {}", folded(*.dimension), list(.first))]
+    #[error("{}: {}", folded(*.dimension, *.n), list(.first))]
     Folded {
         /// Dimension of the analysis.
         dimension: usize,
@@ -88,10 +87,10 @@ pub enum MeshError {
         /// The first of them.
         first: Vec<CellReport>,
     },
-    /// Cells are so far from the origin that their coordinates have hardly a digit left.
+    /// Cells so far from the origin that their coordinates have too few significant digits.
     #[error(
-        "coordinates of {n} cells have a round-off of more than {ON_LINE:e} of their sides, for example {}; take the \
-         origin of the coordinates near the bodies", show(.first)
+        "the round-off error of the coordinates exceeds {ON_LINE:e} of the size of {}, for example {}; move the origin of \
+         the coordinates closer to the bodies", count(*.n, "cell", "cells"), show(.first)
     )]
     FarAway {
         /// Number of such cells.
@@ -99,22 +98,25 @@ pub enum MeshError {
         /// The first of them.
         first: CellReport,
     },
-    /// Cells have more in common than their sides.
+    /// Overlapping cells.
     #[error(
-        "{n} pairs of cells overlap, for example {} and {}; take one of the two out, or mesh what overlaps as one part",
-        show(&.first[0]), show(&.first[1])
+        "{}, for example {} and {}; remove one of the two, or mesh both bodies as one part",
+        count(*.n, "pair of cells overlaps", "pairs of cells overlap"), show(&.first[0]), show(&.first[1])
     )]
     Overlap {
-        /// Number of such pairs; where two cells lie on the same side of an edge or face, the number of those.
+        /// Number of such pairs. If two cells lie on the same side of an edge or face, only such pairs are counted.
         n: usize,
         /// The first pair.
         first: [CellReport; 2],
     },
-    /// Nodes lie on sides of cells that they are connected with but no corners of, so that the basis is not continuous.
+    /// Nodes on a side of a connected cell without being one of its corners; the basis functions are discontinuous
+    /// there.
     #[error(
-        "{n} nodes lie on a side of a cell without being its corner, for example node {} at ({}) on the side between the \
-         nodes {} of {}; such meshes are not continuous: cut that cell at the node, or give the cells on both sides the \
-         same nodes", .first.node, numbers(&.first.position), tags(&.first.side), show(&.first.cell)
+        "{} on a side of a cell without being its corner, for example node {} at ({}) on the side between the nodes {} of \
+         {}; the basis functions are discontinuous there: cut that cell at the node, or give the cells on both sides the \
+         same nodes",
+        count(*.n, "node lies", "nodes lie"), .first.node, numbers(&.first.position), tags(&.first.side),
+        show(&.first.cell)
     )]
     Hanging {
         /// Number of such nodes.
@@ -122,11 +124,11 @@ pub enum MeshError {
         /// The first of them.
         first: Box<HangingNode>,
     },
-    /// Tetrahedra share half a face with hexahedra, where their basis functions do not agree.
+    /// Tetrahedra that share half a face with a hexahedron; the basis functions do not match there.
     #[error(
-        "{n} faces of tetrahedra share three nodes with a face of a hexahedron, for example of {} and {}; such \
-         meshes are not continuous: use one kind of element, or keep the two kinds apart",
-        show(&.first[0]), show(&.first[1])
+        "{} three nodes with a face of a hexahedron, for example of {} and {}; the basis functions are discontinuous \
+         there: use one kind of element, or keep the two kinds apart",
+        count(*.n, "face of a tetrahedron shares", "faces of tetrahedra share"), show(&.first[0]), show(&.first[1])
     )]
     Nonconforming {
         /// Number of such faces.
@@ -134,7 +136,7 @@ pub enum MeshError {
         /// The first tetrahedron and its hexahedron.
         first: [CellReport; 2],
     },
-    /// Groups of different dimensions have the same name, so that the set of nodes would be ambiguous.
+    /// Groups of different dimensions with the same name; the set of nodes would be ambiguous.
     #[error("physical groups of dimensions {} and {} are both called `{name}`; give them different names",
         .dimensions[0], .dimensions[1])]
     SharedName {
@@ -145,20 +147,22 @@ pub enum MeshError {
     },
 }
 
-/// What is allowed in a mesh but probably not meant.
+/// A valid but suspicious property of a mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MeshWarning {
-    /// Nodes of different cells at the same position, so that the cells are not connected there.
-    #[error("{n} pairs of nodes coincide without being one, the first at ({})", numbers(&.first[0]))]
+    /// Nodes of different cells at the same position; the cells are not connected there.
+    #[error("{} but not merged, the first at ({})", count(*.n, "pair of nodes is coincident", "pairs of nodes are coincident"),
+        numbers(&.first[0]))]
     Unmerged {
         /// Number of such pairs.
         n: usize,
         /// Positions of the first of them, [length].
         first: Vec<Vec<f64>>,
     },
-    /// Nodes of one part of the mesh on sides of another part, which it is not connected with.
+    /// Nodes on sides of a part of the mesh to which they are not connected.
     #[error(
-        "{n} nodes lie on sides of another part that they are not connected with, the first at ({}): bodies are torn there",
+        "{} on sides of a part to which they are not connected, the first at ({}): bodies separate there",
+        count(*.n, "node lies", "nodes lie"),
         numbers(&.first[0])
     )]
     Apart {
@@ -192,19 +196,36 @@ fn no_cells(dimension: usize, n_surface: usize) -> String {
     }
 }
 
-fn inverted(dimension: usize) -> &'static str {
-    if dimension == 3 { "are inside out" } else { "have their nodes in clockwise order" }
+fn count(n: usize, one: &str, many: &str) -> String {
+    format!("{n} {}", if n == 1 { one } else { many })
 }
 
-fn whole(dimension: usize) -> &'static str {
-    if dimension == 3 { "order of the nodes" } else { "surfaces" }
+fn measure(dimension: usize) -> &'static str {
+    if dimension == 3 { "volume" } else { "area" }
 }
 
-fn folded(dimension: usize) -> String {
-    let cells =
-        if dimension == 3 { ElementShape::Box.plural::<3>() } else { ElementShape::Box.plural::<2>() };
-    let fault = if dimension == 3 { "are so distorted that they turn inside out" } else { "are not convex" };
-    format!("{cells} {fault}")
+fn inverted(dimension: usize, n: usize) -> String {
+    match dimension {
+        3 => count(n, "cell is inside out", "cells are inside out"),
+        _ => count(n, "cell has its nodes in clockwise order", "cells have their nodes in clockwise order"),
+    }
+}
+
+fn all_inverted(dimension: usize) -> &'static str {
+    match dimension {
+        3 => "all cells are inside out; reverse the order of the nodes of the mesh",
+        _ => "all cells have their nodes in clockwise order; reverse the surfaces of the mesh",
+    }
+}
+
+fn folded(dimension: usize, n: usize) -> String {
+    match dimension {
+        3 => {
+            count(n, "hexahedron is so distorted that it turns", "hexahedra are so distorted that they turn")
+                + " inside out"
+        }
+        _ => count(n, "quadrilateral is not convex", "quadrilaterals are not convex"),
+    }
 }
 
 fn show(cell: &CellReport) -> String {

@@ -1,9 +1,8 @@
-//! Whether the cells of a mesh fit together: cells that lie in each other, nodes on sides that they are no corners of,
-//! and nodes that coincide.
+//! Check that the cells of a mesh fit together: overlapping cells, hanging nodes, and coincident nodes.
 //!
-//! How many cells cover a place changes at sides of one cell only, and no cell covers what is far away. So where two
-//! cells overlap, a cell at such a side overlaps another one; and a node on a side that is not its own lies, as that
-//! side, at the boundary. The boundary is all that has to be looked at.
+//! The number of cells that cover a position changes only at sides that belong to one cell, and is zero far away. So if
+//! two cells overlap, a cell at such a side overlaps another one. A hanging node, like the side it lies on, is at the
+//! boundary. Only the boundary needs to be checked.
 
 use rayon::prelude::*;
 
@@ -14,28 +13,28 @@ use crate::grid::bins::{Bins, Bounds, bounds};
 use crate::grid::element::{ElementShape, dot, minus, vector_product};
 use crate::tensor::padded;
 
-/// What is this close, relative to the size of the cells there, touches but does not overlap; nodes coincide, or lie on a
-/// side.
+/// Relative distance, in units of the local cell size, up to which cells touch instead of overlap, nodes coincide, and
+/// nodes lie on a side.
 const TOUCHES: f64 = 1e-6;
 
-/// Number of places that warnings list.
+/// Number of positions listed in warnings.
 const LISTED: usize = 5;
 
-/// A triangle or tetrahedron: the first `D` + 1 corners.
+/// Corners of a triangle or tetrahedron; the first `D` + 1 are used.
 type Simplex<const D: usize> = [[f64; D]; 4];
 
-/// How a node at the boundary lies to a side that it does not belong to.
+/// Position of a boundary node on a side to which it does not belong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Meeting {
-    /// At this corner.
+    /// At this corner of the side.
     Corner(u32),
-    /// Elsewhere on the side of this number.
+    /// Elsewhere on the side with this number.
     Inside(u32),
 }
 
 impl<const D: usize> Mesh<D> {
-    /// Finds what does not fit together: errors where the basis would be ambiguous or not continuous, warnings where
-    /// parts touch without being connected. `report` describes a cell, `tag` is the number of a node in the file.
+    /// Finds misfits. An error if the basis would be ambiguous or discontinuous, a warning if parts touch without being
+    /// connected. `report` describes a cell; `tag` is the number of a node in the file.
     pub(super) fn check_fit(
         &self,
         report: impl Fn(u32) -> CellReport,
@@ -69,22 +68,22 @@ impl<const D: usize> Mesh<D> {
         }
         pairs.sort_unstable();
         pairs.dedup();
-        let places = |nodes: &mut dyn Iterator<Item = u32>| -> Vec<Vec<f64>> {
+        let positions = |nodes: &mut dyn Iterator<Item = u32>| -> Vec<Vec<f64>> {
             nodes.take(LISTED).map(|node| self.positions[node as usize].to_vec()).collect()
         };
         let mut warnings = Vec::new();
         if !pairs.is_empty() {
-            let first = places(&mut pairs.iter().map(|pair| pair[0]));
+            let first = positions(&mut pairs.iter().map(|pair| pair[0]));
             warnings.push(MeshWarning::Unmerged { n: pairs.len(), first });
         }
         if !apart.is_empty() {
-            let first = places(&mut apart.iter().map(|(node, _)| *node));
+            let first = positions(&mut apart.iter().map(|(node, _)| *node));
             warnings.push(MeshWarning::Apart { n: apart.len(), first });
         }
         Ok(warnings)
     }
 
-    /// Number of pairs of cells that overlap, and the first of them.
+    /// Number of pairs of overlapping cells, and the first pair.
     fn overlaps(&self) -> (usize, Option<[u32; 2]>) {
         let mut outer: Vec<u32> = self.boundary.iter().map(|b| b.cell).collect();
         outer.sort_unstable();
@@ -111,7 +110,7 @@ impl<const D: usize> Mesh<D> {
         near
     }
 
-    /// Whether two cells have a side in common; they lie on different sides of it.
+    /// True if two cells have a common side; they lie on opposite sides of it.
     fn share_a_side(&self, a: u32, b: u32) -> bool {
         let common = self.cell_nodes(a).iter().filter(|node| self.cell_nodes(b).contains(node)).count();
         let corners = |cell: u32| match (self.cell_shape(cell), D) {
@@ -121,17 +120,17 @@ impl<const D: usize> Mesh<D> {
         common >= corners(a).min(corners(b))
     }
 
-    /// Distance that does not count at places of about this size around a position.
+    /// Geometric tolerance at a position, for cells of this size.
     fn tolerance(size: f64, x: &[f64; D]) -> f64 {
         let largest = x.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
         TOUCHES * size + 4.0 * f64::EPSILON * largest
     }
 
-    /// Whether two cells have more in common than what touches.
+    /// True if two cells overlap by more than the tolerance.
     fn overlap(&self, a: u32, b: u32) -> bool {
         let origin = self.positions[self.cell_nodes(a)[0] as usize];
         let tolerance = Self::tolerance(self.size(a).min(self.size(b)), &origin);
-        // Seen from a corner of one of them, places are as exact as the cells are small.
+        // Coordinates relative to a corner of one of the cells, so that their round-off scales with the cell size.
         let [a, b] = [a, b].map(|cell| {
             let mut cell = self.cell(cell);
             cell.x.iter_mut().for_each(|x| *x = minus(*x, origin));
@@ -146,14 +145,14 @@ impl<const D: usize> Mesh<D> {
             parts.iter().filter(|second| meet(&around, &bounds(second[..=D].iter().copied()), tolerance)).any(
                 |second| {
                     let common = common::<D>(first, second, tolerance);
-                    // The parts of a hexahedron with curved faces are not exactly it.
+                    // The simplices of a hexahedron with curved faces only approximate it.
                     common.iter().map(middle).any(|x| a.holds(&x, 0.0) && b.holds(&x, 0.0))
                 },
             )
         })
     }
 
-    /// Nodes at the boundary on corners and sides that are not theirs, ascending.
+    /// Boundary nodes on corners and sides to which they do not belong, ascending.
     fn meetings(&self) -> Vec<(u32, Meeting)> {
         let mut nodes: Vec<u32> = self.boundary.iter().flat_map(|b| b.side.nodes().iter().copied()).collect();
         nodes.sort_unstable();
@@ -192,7 +191,7 @@ impl<const D: usize> Mesh<D> {
         self.is_on(&side, cell, &x, tolerance).then_some(Meeting::Inside(number))
     }
 
-    /// Whether a position is on a side of a cell.
+    /// True if a position is on a side of a cell.
     fn is_on(&self, side: &super::Side, cell: u32, x: &[f64; D], tolerance: f64) -> bool {
         let at = |k: usize| self.positions[side.nodes()[k] as usize];
         match side.nodes().len() {
@@ -204,8 +203,8 @@ impl<const D: usize> Mesh<D> {
             _ => {
                 let corners = self.cell(cell);
                 let Some(xi) = corners.shape.inverse(&corners, x) else { return false };
-                let places = self.cell_nodes(cell).iter().enumerate();
-                let mut of_side = places.filter(|(_, node)| side.nodes().contains(node)).map(|(k, _)| k);
+                let nodes = self.cell_nodes(cell).iter().enumerate();
+                let mut of_side = nodes.filter(|(_, node)| side.nodes().contains(node)).map(|(k, _)| k);
                 let Some(first) = of_side.next().map(|k| corners.shape.node_coordinates::<D>(k)) else {
                     return false;
                 };
@@ -221,7 +220,7 @@ impl<const D: usize> Mesh<D> {
         }
     }
 
-    /// For each node the lowest node that cells connect it with, through others or not.
+    /// For each node, the lowest node that is connected to it by cells, directly or through others.
     fn parts(&self) -> Vec<u32> {
         fn root(parent: &mut [u32], mut node: u32) -> u32 {
             while parent[node as usize] != node {
@@ -243,8 +242,8 @@ impl<const D: usize> Mesh<D> {
 }
 
 impl<const D: usize> Cell<D> {
-    /// Triangles or tetrahedra that make it up; a hexahedron by those between its edges, the centres of its faces and its
-    /// own, so that neighbours agree on their common face.
+    /// Triangles or tetrahedra that make up the cell. A hexahedron is divided at its centre and its face centres, so
+    /// that neighbours agree on their common face.
     fn simplices(&self) -> Vec<Simplex<D>> {
         let of = |corners: [usize; 4]| corners.map(|k| self.x[k]);
         match (self.shape, D) {
@@ -267,12 +266,12 @@ impl<const D: usize> Cell<D> {
     }
 }
 
-/// Whether two boxes have more in common than `tolerance` along every axis.
+/// True if two boxes overlap by more than `tolerance` along every axis.
 fn meet<const D: usize>(a: &Bounds<D>, b: &Bounds<D>, tolerance: f64) -> bool {
     (0..D).all(|d| a[1][d].min(b[1][d]) - a[0][d].max(b[0][d]) > tolerance)
 }
 
-/// What the first has in common with the second, as far as that is farther than `tolerance` from the sides of the second.
+/// The parts of `first` inside `second`, at least `tolerance` away from the sides of `second`.
 fn common<const D: usize>(first: &Simplex<D>, second: &Simplex<D>, tolerance: f64) -> Vec<Simplex<D>> {
     let mut pieces = vec![*first];
     for k in 0..=D {
@@ -292,7 +291,7 @@ fn common<const D: usize>(first: &Simplex<D>, second: &Simplex<D>, tolerance: f6
     pieces
 }
 
-/// The unit normal of the side opposite to a corner, towards that corner; zero or not a number if there is none.
+/// Unit normal of the side opposite to a corner, towards that corner; zero or NaN for a degenerate simplex.
 fn inner_normal<const D: usize>(simplex: &Simplex<D>, corner: usize) -> [f64; D] {
     let at = |k: usize| simplex[(corner + k) % (D + 1)];
     let edge = padded(&minus(at(2), at(1)));
@@ -306,7 +305,7 @@ fn inner_normal<const D: usize>(simplex: &Simplex<D>, corner: usize) -> [f64; D]
     std::array::from_fn(|d| scale * normal[d])
 }
 
-/// Adds the pieces of a simplex where a linear function with these values at its corners is positive.
+/// Adds the pieces of a simplex in which a linear function with these corner values is positive.
 fn cut<const D: usize>(simplex: Simplex<D>, values: [f64; 4], pieces: &mut Vec<Simplex<D>>) {
     let Some(i) = (0..=D).find(|&k| values[k] > 0.0) else { return };
     let Some(j) = (0..=D).find(|&k| values[k] < 0.0) else {

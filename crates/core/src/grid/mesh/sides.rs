@@ -1,10 +1,10 @@
-//! The edges (faces) between cells: the boundary, overlaps, and faces that do not fit together.
+//! Sides (edges, faces) of cells: the boundary, and errors that show at sides.
 
 use std::collections::BTreeSet;
 
 use super::{CellReport, Mesh, MeshError};
 
-/// An edge of a mesh in the plane, a triangle or quadrilateral of one in space.
+/// A side: an edge in the plane, a triangle or quadrilateral in space.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Side {
     nodes: [u32; 4],
@@ -12,7 +12,7 @@ pub struct Side {
 }
 
 impl Side {
-    /// From its nodes, in turn around it; at most four, more are left out.
+    /// A side with these nodes, in order around it; at most four are used.
     pub fn new(list: &[u32]) -> Self {
         let mut nodes = [0; 4];
         let n = list.len().min(4);
@@ -25,8 +25,8 @@ impl Side {
         &self.nodes[..usize::from(self.n)]
     }
 
-    /// The side with its nodes from the lowest one on towards the lower one of its neighbours, the same for both cells
-    /// that share it, and whether that is the direction it was given in.
+    /// The side in a canonical order: from its lowest node towards the lower of its two neighbours. Both cells of a
+    /// side get the same order. The flag is true if the given order has this direction.
     fn undirected(&self) -> (Side, bool) {
         let nodes = self.nodes();
         let n = nodes.len();
@@ -44,24 +44,24 @@ impl Side {
 /// A side that belongs to one cell only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BoundarySide {
-    /// Its nodes in the order of the cell: the cell lies to the left of an edge; a face goes round counterclockwise as
-    /// seen from outside.
+    /// The side with its nodes in the order of the cell: an edge has the cell to its left; a face is counterclockwise
+    /// as seen from outside.
     pub side: Side,
     /// The cell.
     pub cell: u32,
 }
 
 impl<const D: usize> Mesh<D> {
-    /// Finds the sides of one cell only, and cells that overlap because they lie on the same side of one.
+    /// Finds the sides that belong to one cell only. An error if two cells lie on the same side of an edge or face.
     pub(super) fn find_boundary(&mut self, report: impl Fn(u32) -> CellReport) -> Result<(), MeshError> {
-        // The side as both cells have it, whether this one has it in that direction, the cell, and its direction.
+        // Canonical side, its direction in this cell, the cell, and the side as given.
         let mut sides: Vec<(Side, bool, u32, Side)> = Vec::with_capacity(self.cell_nodes.len());
         for cell in 0..self.n_cells() as u32 {
             let nodes = self.cell_nodes(cell);
-            for places in self.cell_shape(cell).sides::<D>() {
+            for corners in self.cell_shape(cell).sides::<D>() {
                 let mut list = [0; 4];
-                list.iter_mut().zip(*places).for_each(|(node, k)| *node = nodes[*k]);
-                let side = Side::new(&list[..places.len()]);
+                list.iter_mut().zip(*corners).for_each(|(node, k)| *node = nodes[*k]);
+                let side = Side::new(&list[..corners.len()]);
                 let (undirected, forward) = side.undirected();
                 sides.push((undirected, forward, cell, side));
             }
@@ -81,7 +81,7 @@ impl<const D: usize> Mesh<D> {
         self.check_faces(report)
     }
 
-    /// Finds tetrahedra and hexahedra that meet at a face, of which both have a part at the boundary.
+    /// Refuses a face where a tetrahedron meets half a face of a hexahedron.
     fn check_faces(&self, report: impl Fn(u32) -> CellReport) -> Result<(), MeshError> {
         let sorted = |mut nodes: [u32; 3]| {
             nodes.sort_unstable();
