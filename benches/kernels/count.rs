@@ -55,7 +55,7 @@ pub fn work<const D: usize>(
     let (d, history) = (D as f64, history as f64);
     let mut flops = 0.0;
     for p in 0..n_points {
-        let n = links.places(p).len() as f64;
+        let n = links.local_nodes(p).len() as f64;
         flops += own + (2.0 * d * d + per_node) * n + per_pair * n * (n + 1.0) / 2.0;
     }
     let of_point = size_of::<StartOfStep>() as f64 + 2.0 * size_of::<Sym3>() as f64 + 2.0 * history * number;

@@ -82,7 +82,7 @@ fn laws() {
     for (name, law) in &laws {
         let law = law.as_ref();
         kernel::<2, PlaneStrain>(&format!("plane strain: stress and tangent, {name}"), law, true);
-        if law.side_by_side().is_some() {
+        if law.vectorised().is_some() {
             side_by_side(&format!("plane strain, four side by side: stress and tangent, {name}"), law);
         }
         kernel::<2, Axisymmetric>(&format!("axisymmetric: stress and tangent, {name}"), law, true);
@@ -135,7 +135,7 @@ impl WithSimd for All<'_> {
         for (starts, increments) in self.starts.as_chunks().0.iter().zip(self.increments.as_chunks().0) {
             let [a, b, c, d] = starts;
             history.fill(Lanes::ZERO);
-            black_box(PlaneStrain::respond_side_by_side([a, b, c, d], increments, self.law, &mut history));
+            black_box(PlaneStrain::respond_vectorised([a, b, c, d], increments, self.law, &mut history));
         }
     }
 }

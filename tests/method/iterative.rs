@@ -1,5 +1,5 @@
-//! Iterations with the multigrid preconditioner: the answer of the factorisation, in few iterations however
-//! fine the grid is and however little of a cell the body fills, and the same bits for any number of threads.
+//! Iterative solution with the multigrid preconditioner: it agrees with the factorisation, needs few iterations for any
+//! grid size and any filling of cut cells, and gives the same bits for any number of threads.
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stdout, reason = "the counts belong to the test")]
 
@@ -39,7 +39,7 @@ fn deck(path: &str, set: &[(&str, &str)]) -> LoadedDeck {
     load(&path, &set).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// The equations of the first load step of a model.
+/// The linear equations of the first load step of a model.
 struct Equations<const D: usize> {
     sum: Sum<D>,
     dofs: DofMap<D>,
@@ -49,7 +49,7 @@ struct Equations<const D: usize> {
     f_ext: Vec<[f64; D]>,
 }
 
-/// The stiffness of the first step at an increment of up to `wobble` at every node, [length].
+/// Stiffness of the first step at a random increment of up to `wobble` at every node, [length].
 fn equations<const D: usize, M: Mechanics<D>>(
     model: &Model<D>,
     points: &mut Points<D>,
@@ -75,7 +75,7 @@ fn equations<const D: usize, M: Mechanics<D>>(
 }
 
 impl<const D: usize> Equations<D> {
-    /// The external force or, where `rough`, random forces; zero where held.
+    /// The external force, or random forces if `rough`; zero at fixed degrees of freedom.
     fn load(&self, rough: bool) -> Vec<[f64; D]> {
         let mut random = Random(5);
         let mut load = vec![[0.0; D]; self.places.len()];
@@ -170,7 +170,7 @@ fn solutions_are_those_of_the_factorisation() {
     }
 }
 
-/// Eight times as many cells each time, and hardly more iterations.
+/// Refinement by a factor of eight in the number of cells hardly changes the number of iterations.
 #[test]
 fn iterations_hardly_grow_with_refinement() {
     let counts = ["0.5", "0.25", "0.125"].map(|h| {
@@ -184,7 +184,7 @@ fn iterations_hardly_grow_with_refinement() {
     assert!(counts[2] <= counts[0] + 6 && counts[2] <= 20, "{counts:?}");
 }
 
-/// A block that fills its outermost cells by a part of each side only.
+/// A block that fills only the fraction `part` of each side of its outermost cells.
 fn cut(method: &str, part: f64) -> LoadedDeck {
     let side = 4.0 + 0.5 * part;
     let text = format!(
@@ -212,7 +212,7 @@ output: {{every: 0}}
 }
 
 #[test]
-fn cells_that_are_hardly_filled_cost_few_iterations() {
+fn nearly_empty_cells_cost_few_iterations() {
     for method in ["mpm", "gimp"] {
         let mut counts = Vec::new();
         for part in [1.0, 0.5, 1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8] {
@@ -226,8 +226,8 @@ fn cells_that_are_hardly_filled_cost_few_iterations() {
     }
 }
 
-/// The stiffness of a block with these multiples of the blocks on the diagonal: the outcome for random forces, and the
-/// residual it really leaves.
+/// Solves with the stiffness of a block whose diagonal blocks are scaled, for random forces; returns the outcome and
+/// the true residual.
 fn with_diagonal(factor: f64) -> (Result<Solved, LinearError>, f64) {
     let (model, mut points) = build::<3>(&deck("block/block.yaml", &[("h", "0.5")])).unwrap();
     let equations = equations::<3, Solid>(&model, &mut points, 0.0);
@@ -259,7 +259,7 @@ fn with_diagonal(factor: f64) -> (Result<Solved, LinearError>, f64) {
 }
 
 #[test]
-fn what_is_not_positive_definite_is_solved_all_the_same() {
+fn indefinite_systems_are_solved_as_well() {
     for (factor, kind) in [
         (0.99, Factorisation::Multigrid),
         (0.97, Factorisation::MultigridIndefinite),
@@ -274,9 +274,9 @@ fn what_is_not_positive_definite_is_solved_all_the_same() {
     }
 }
 
-/// Where hardly a motion has a positive stiffness, no cycle helps; that is said.
+/// With hardly any motion of positive stiffness, no multigrid cycle converges; the solver must report this.
 #[test]
-fn what_iterations_cannot_solve_is_told() {
+fn failure_of_the_iterations_is_reported() {
     for factor in [0.5, -1.0] {
         let (outcome, _) = with_diagonal(factor);
         println!("{factor}: {outcome:?}");
@@ -284,7 +284,7 @@ fn what_iterations_cannot_solve_is_told() {
     }
 }
 
-/// What a run does, step by step.
+/// Record of a run, step by step.
 #[derive(Default)]
 struct Record {
     residuals: Vec<Vec<f64>>,
@@ -322,8 +322,8 @@ where
     })
 }
 
-/// Newton iterations with inexact solves take as many iterations as with exact ones, reach the same equilibrium, and
-/// reactions balance the loads as well.
+/// Inexact solves need as many Newton iterations as exact ones and reach the same equilibrium; reactions balance the
+/// loads equally well.
 #[test]
 fn equilibrium_is_reached_as_with_exact_solves() {
     for method in ["mpm", "gimp"] {
@@ -337,7 +337,7 @@ fn equilibrium_is_reached_as_with_exact_solves() {
             println!("{method}: {a:?} {b:?}");
             assert_eq!(a.len(), b.len(), "{method}: {a:?} {b:?}");
             assert!(b[b.len() - 1] <= 1e-9);
-            // Nearly of second order: an error of 1e-2 becomes one of 1e-6.
+            // Convergence is nearly quadratic: an error of 1e-2 becomes 1e-6.
             assert!(b[2] < 1e-3 * b[1] && b[3] < 1e-3 * b[2], "{b:?}");
         }
         for (a, b) in exact.positions.iter().zip(&inexact.positions) {
@@ -350,7 +350,7 @@ fn equilibrium_is_reached_as_with_exact_solves() {
     }
 }
 
-/// Everything comes from reactions where a motion is prescribed; they are those of exact solves.
+/// The load is a prescribed motion only; its reactions must equal those of exact solves.
 #[test]
 fn prescribed_motion_loads_the_body_through_inexact_solves() {
     let text = "
@@ -380,7 +380,7 @@ steps: {count: 2}
     }
 }
 
-/// A beam under so large steps that its stiffness is not positive definite on the way.
+/// A beam with steps so large that its stiffness becomes indefinite during the iterations.
 #[test]
 fn indefinite_steps_reach_the_same_equilibrium() {
     let set = [("method", "mpm"), ("steps", "5"), ("h", "0.125")];
@@ -396,9 +396,9 @@ fn indefinite_steps_reach_the_same_equilibrium() {
     }
 }
 
-/// Soil that collapses in few steps: some matrices on the way are far from positive definite.
+/// A soil collapse in few steps, with strongly indefinite matrices.
 #[test]
-fn what_iterations_cannot_solve_is_factorised_and_told() {
+fn systems_that_iterations_cannot_solve_are_factorised_and_reported() {
     let set = [("method", "mpm"), ("steps", "4"), ("h", "0.25")];
     let built = || build::<2>(&deck("collapse.yaml", &set)).unwrap();
     let (_, summary) = run(built(), Choice::Iterative, 1);

@@ -1,4 +1,4 @@
-//! Analyses with large steps, beyond limit loads and through snaps.
+//! Analyses with large steps, beyond limit loads and through snap-through.
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stdout, reason = "the measured numbers are part of the verification")]
 
@@ -7,7 +7,7 @@ use std::path::Path;
 
 use mpm::deck::build::build;
 use mpm::deck::load::{load, load_text};
-use mpm::model::{Control, Model, Patterns, Predictor, Tangent, Where};
+use mpm::model::{Control, Model, PatternReuse, Predictor, StabilisationMode, StiffnessUpdate};
 use mpm::points::Points;
 use mpm::solver::{
     self, Diagnosis, FailedAttempt, Kind, Observer, Reached, SolveError, Step, StepReport, Summary,
@@ -21,13 +21,13 @@ struct Record {
     step: Step,
     factor: Option<f64>,
     residual: f64,
-    /// Whether round-off keeps it from the tolerance.
+    /// True if round-off prevents the step from reaching the tolerance.
     rounding_limited: bool,
     reactions: Vec<[f64; 2]>,
     /// Displacement of the first probe.
     probe: [f64; 2],
     unknowns: usize,
-    /// Unknowns of the pattern that the next step may go on with.
+    /// Number of unknowns of the sparsity pattern that the next step may reuse.
     kept: usize,
 }
 
@@ -36,9 +36,9 @@ struct Recorder {
     steps: Vec<Record>,
     failed: Vec<(Step, &'static str)>,
     diagnosis: Option<Diagnosis>,
-    /// The run stops after this step, …
+    /// Stop the run after this step.
     stop_after: Option<usize>,
-    /// … here.
+    /// State at the stop.
     reached: Option<(Points<2>, Reached)>,
 }
 
@@ -73,7 +73,7 @@ impl Observer<2> for Recorder {
         });
         if self.stop_after == Some(report.step.index) {
             let reached = Reached { step: report.step, summary: summary.clone() };
-            // As a checkpoint keeps it.
+            // The state as a checkpoint stores it.
             let text = serde_json::to_string(&reached).unwrap();
             self.reached = Some((points.clone(), serde_json::from_str(&text).unwrap()));
         }
@@ -121,14 +121,14 @@ fn extent(points: &Points<2>) -> [f64; 2] {
     [0, 1].map(|d| points.converged.position.iter().map(|x| x[d]).fold(f64::NEG_INFINITY, f64::max))
 }
 
-/// Section 7.5 in 5 steps instead of 40, and section 7.3 in 3 instead of 50: both end by themselves, the collapse with
-/// smaller steps where it needs them.
+/// Section 7.5 in 5 steps instead of 40, and section 7.3 in 3 instead of 50: both runs finish without intervention, the
+/// collapse with cut steps where necessary.
 #[test]
 fn the_collapse_in_five_steps_and_the_beam_in_three_end_by_themselves() {
     for method in ["gimp", "cpdi2"] {
         let fine = run(deck("collapse.yaml", &[("h", "0.25"), ("n", "3"), ("method", method)]));
         fine.0.unwrap();
-        for mode in [Where::Off, Where::Auto] {
+        for mode in [StabilisationMode::Off, StabilisationMode::Auto] {
             let mut parts =
                 deck("collapse.yaml", &[("h", "0.25"), ("n", "3"), ("method", method), ("steps", "5")]);
             parts.0.stabilisation.mode = mode;
@@ -156,10 +156,10 @@ fn the_collapse_in_five_steps_and_the_beam_in_three_end_by_themselves() {
     }
 }
 
-/// A strip of von Mises material, half as wide as 1 and long as 4, hangs from its upper end. In plane strain a stress field
-/// in which every section carries what hangs below it says that the limit load is at least that of a stress of √2 ρ_y at
-/// the top; a slip line from the top downwards, at 45°, that it is at most 4 / 3.5 of that. The run ends in between, and says
-/// why.
+/// A strip of von Mises material, of half width 1 and length 4, hangs from its upper end in plane strain. Lower bound
+/// of the limit load: a stress field in which every section carries the weight below it gives a stress of √2 ρ_y at the
+/// top. Upper bound: a slip line from the top at 45° gives 4 / 3.5 of that. The run ends in between and reports the
+/// reason.
 #[test]
 fn a_load_beyond_the_limit_ends_with_the_limit_load() {
     let lower = 2f64.sqrt() * 1e3 / 4.0;
@@ -189,7 +189,8 @@ steps: {{count: 10}}",
     }
 }
 
-/// The same path by its length and by the displacement of the apex, through the limit point, the snap and the stiffening.
+/// The same path under arc-length control and under displacement control of the apex: through the limit point, the
+/// snap-through and the stiffening.
 #[test]
 fn a_truss_is_followed_through_its_snap() {
     let (outcome, by_length, _) = run(deck("arch.yaml", &[]));
@@ -203,7 +204,7 @@ fn a_truss_is_followed_through_its_snap() {
         start.into_iter().chain(recorder.steps.iter().map(|r| [-r.probe[1], r.factor.unwrap()])).collect()
     };
     let (a, b) = (path(&by_length), path(&by_apex));
-    // Displacement control meets what it prescribes.
+    // Displacement control reaches the prescribed displacement.
     for record in &by_apex.steps {
         assert!((record.probe[1] + 3.0 * record.step.end).abs() < 1e-9, "{record:?}");
     }
@@ -231,7 +232,7 @@ fn a_truss_is_followed_through_its_snap() {
         let [f, g] = [at(&a, apex), at(&b, apex)];
         assert!((f - g).abs() < 0.03 * peak(&b).max(g), "{apex}: {f} {g}");
     }
-    // Loads cannot follow it: the largest they reach is the limit.
+    // Load control cannot follow the path: its largest load is the limit load.
     let mut parts = deck("arch.yaml", &[("steps", "100")]);
     parts.0.stepping.control = Control::Load;
     let (_, by_load, _) = run(parts);
@@ -247,7 +248,7 @@ fn a_truss_is_followed_through_its_snap() {
     );
 }
 
-/// A run that stops anywhere goes on with the same bits, cut steps and unknown load factors included.
+/// A run resumed after any step continues with the same bits, including cut steps and unknown load factors.
 #[test]
 fn a_run_goes_on_where_it_stopped() {
     let mut cases = vec![("arch", deck("arch.yaml", &[("steps", "20"), ("h", "0.5")]), 7)];
@@ -268,16 +269,16 @@ fn a_run_goes_on_where_it_stopped() {
     }
 }
 
-/// Penetrations up to a tenth of the width: the force on a rough strip is between (2 + π) c and what the row of cells beside
-/// the footing that moves along adds to it, and comes closer on a finer grid; points that do not let the material flow
-/// without changing its volume show a force that is far too large.
+/// Penetration up to a tenth of the width. The force on a rough footing lies between (2 + π) c and the addition due to
+/// the row of cells that moves with the footing; it converges under grid refinement. Points that lock (cannot flow at
+/// constant volume) give a force that is far too large.
 #[test]
 fn a_footing_carries_what_prandtl_says_unless_it_locks() {
     let pressure = |h: &str, n: &str, depth: &str, steps: &str| {
         let set = [("h", h), ("n", n), ("depth", depth), ("steps", steps)];
         let (outcome, recorder, _) = run(deck("footing.yaml", &set));
         outcome.unwrap();
-        // The last third is a plateau; half a footing of width 1, c = 10e3.
+        // The last third is a plateau. Half a footing of width 1, c = 10e3.
         let forces: Vec<f64> = recorder.steps.iter().map(|r| -r.reactions[3][1] / 10e3).collect();
         let last = &forces[2 * forces.len() / 3..];
         last.iter().sum::<f64>() / last.len() as f64
@@ -309,7 +310,7 @@ steps: {count: 50, LARGEST}
 output: {every: 50, probes: [{name: top, body: b, nearest: [0.1, 2.9]}]}
 ";
 
-/// Kinks that end a requested step and others, with steps that grow over both.
+/// Kinks at the end of a requested step and elsewhere; steps grow across both.
 #[test]
 fn kinks_are_met_by_steps_that_grow() {
     for kink in [0.6, 0.603] {
@@ -323,7 +324,7 @@ fn kinks_are_met_by_steps_that_grow() {
     }
 }
 
-/// Without load nothing is left but round-off, by which a relative residual cannot fall.
+/// Without load only round-off remains, so a relative residual cannot decrease.
 #[test]
 fn a_body_is_unloaded_to_nothing() {
     for method in ["mpm", "gimp", "cpdi2"] {
@@ -339,8 +340,8 @@ fn a_body_is_unloaded_to_nothing() {
     }
 }
 
-/// The path of a higher arch is the same with coarse steps and with fine ones, in which what a fresh grid leaves out of
-/// balance is more than what the load adds; no run turns back.
+/// The path of a higher arch is the same with coarse and fine steps. With fine steps, the out-of-balance force of a
+/// fresh grid exceeds the load increment; no run may turn back.
 #[test]
 fn the_length_of_the_path_may_be_coarse_or_fine() {
     let limits: Vec<f64> = ["23", "60", "500"]
@@ -360,13 +361,13 @@ fn the_length_of_the_path_may_be_coarse_or_fine() {
     assert!((limits[0] / limits[2] - 1.0).abs() < 0.04 && (limits[1] / limits[2] - 1.0).abs() < 0.02);
 }
 
-/// The beam under its dead load has no limit load: its path goes on and up.
+/// The beam under a dead load has no limit load: its path keeps rising.
 #[test]
 fn the_length_of_the_path_leads_a_cantilever_on() {
     for steps in ["50", "100"] {
         let mut parts = deck("beam.yaml", &[("h", "0.5"), ("n", "4"), ("method", "gimp"), ("steps", steps)]);
         parts.0.stepping.control = Control::ArcLength { length: None };
-        // It leaves the grid in the end.
+        // Finally, the beam leaves the grid.
         let (_, recorder, _) = run(parts);
         let factors: Vec<f64> = recorder.steps.iter().filter_map(|r| r.factor).collect();
         println!("{steps} steps: up to {:?}", factors.last());
@@ -375,7 +376,7 @@ fn the_length_of_the_path_leads_a_cantilever_on() {
 }
 
 #[test]
-fn a_load_that_does_not_move_the_probe_is_told_at_once() {
+fn a_load_that_does_not_move_the_probe_is_reported_at_once() {
     let bar = BAR.replace("METHOD", "mpm").replace(", LARGEST", "").replace("poisson: 0.3", "poisson: 0");
     let mut parts = text(&bar);
     parts.0.stepping.control = Control::Displacement { probe: 0, axis: 0, to: 1.0 };
@@ -396,8 +397,8 @@ fn the_largest_load_factor_may_be_negative() {
     assert_eq!(outcome.unwrap().largest_load_factor, Some(least));
 }
 
-/// A predicted start and kept tangents lead to the same equilibria with fewer factorisations, and a run that stops goes on
-/// to the same bits.
+/// The predictor and the kept tangent give the same equilibria with fewer factorisations. A resumed run continues with
+/// the same bits.
 #[test]
 fn a_prediction_and_a_kept_tangent_change_the_way_only() {
     let start = || {
@@ -410,9 +411,9 @@ fn a_prediction_and_a_kept_tangent_change_the_way_only() {
     let (outcome, plain, _) = run(start());
     let plain_solves = outcome.unwrap().linear_solves;
     for (predictor, tangent) in [
-        (Predictor::LastStep, Tangent::Fresh),
-        (Predictor::None, Tangent::Kept),
-        (Predictor::LastStep, Tangent::Kept),
+        (Predictor::LastStep, StiffnessUpdate::Fresh),
+        (Predictor::None, StiffnessUpdate::Kept),
+        (Predictor::LastStep, StiffnessUpdate::Kept),
     ] {
         let with = || {
             let mut parts = start();
@@ -426,7 +427,7 @@ fn a_prediction_and_a_kept_tangent_change_the_way_only() {
             "{predictor:?}, {tangent:?}: {} solves, {} evaluations",
             summary.linear_solves, summary.evaluations
         );
-        if tangent == Tangent::Fresh {
+        if tangent == StiffnessUpdate::Fresh {
             assert!(summary.linear_solves < plain_solves);
         }
         for (a, b) in plain.steps.iter().zip(&recorder.steps) {
@@ -443,11 +444,11 @@ fn a_prediction_and_a_kept_tangent_change_the_way_only() {
     }
 }
 
-/// A column that settles out of its upper cells and comes back: the equations of its steps are part of those at the start,
-/// whose analysis serves for all; and a run that stops goes on to the same bits.
+/// A column settles out of its upper cells and returns. The patterns of its steps are contained in the first one, so
+/// one symbolic factorisation serves all. A resumed run continues with the same bits.
 #[test]
 fn an_analysis_serves_for_the_patterns_that_it_contains() {
-    let start = |pattern: Patterns| {
+    let start = |pattern: PatternReuse| {
         let mut parts = text(
             &BAR.replace("METHOD", "mpm")
                 .replace(", LARGEST", "")
@@ -457,9 +458,9 @@ fn an_analysis_serves_for_the_patterns_that_it_contains() {
         parts.0.newton.pattern = pattern;
         parts
     };
-    let (outcome, plain, _) = run(start(Patterns::Same));
+    let (outcome, plain, _) = run(start(PatternReuse::Same));
     assert!(outcome.unwrap().kept.is_none());
-    let (outcome, recorder, points) = run(start(Patterns::Contained));
+    let (outcome, recorder, points) = run(start(PatternReuse::Contained));
     let largest = outcome.unwrap().kept.unwrap();
     let fewest = recorder.steps.iter().map(|step| step.unknowns).min().unwrap();
     println!("{} unknowns, {fewest} at least in a step", largest.names.len());
@@ -472,7 +473,7 @@ fn an_analysis_serves_for_the_patterns_that_it_contains() {
             assert!((a - b).abs() < 1e-3, "{a} {b}");
         }
     }
-    let (model, mut stopped) = start(Patterns::Contained);
+    let (model, mut stopped) = start(PatternReuse::Contained);
     let stop_after = recorder.steps.iter().position(|step| step.unknowns == fewest).map(|k| k + 1);
     let mut recorder = Recorder { stop_after, ..Recorder::default() };
     solver::run(&model, &mut stopped, &mut recorder).unwrap_err();

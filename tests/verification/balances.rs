@@ -1,6 +1,6 @@
 //! Balances of energy, forces and moments, step by step.
 
-use mpm::model::{Stabilisation, Where};
+use mpm::model::{Stabilisation, StabilisationMode};
 use mpm::output::findings::ForceBalance;
 use mpm::solver::Summary;
 
@@ -62,7 +62,8 @@ fn regridding_takes_energy_from_standard_points_above_all() {
 fn stabilisation_takes_its_share() {
     let (mut model, mut points) =
         build_deck("beam.yaml", &[("h", "0.5"), ("n", "4"), ("method", "cpdi2"), ("steps", "50")]);
-    model.stabilisation = Stabilisation { mode: Where::On, parameter: 0.1, ..Stabilisation::default() };
+    model.stabilisation =
+        Stabilisation { mode: StabilisationMode::On, parameter: 0.1, ..Stabilisation::default() };
     let summary = watch(&model, &mut points, |_, _| ()).unwrap();
     let share = summary.stabilisation_work / summary.external_work;
     println!("stabilisation {share:.2e}, error {:.1e}", summary.energy_error());

@@ -1,11 +1,11 @@
-//! How the domain of a point follows the deformation, eqs. (32)-(39).
+//! Update of the domains of GIMP points with the deformation, eqs. (32)-(39).
 #![allow(non_snake_case)]
 
 use serde::{Deserialize, Serialize};
 
 use crate::tensor::{Mat3, Sym3};
 
-/// How the half lengths of a GIMP domain follow the deformation; equation numbers of Coombs et al. (2020).
+/// Update rule for the half lengths of a GIMP domain; equation numbers refer to Coombs et al. (2020).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -27,8 +27,8 @@ pub enum DomainUpdate {
     DiagonalIncremental,
 }
 
-/// The motion of one point over a load step, as far as its domain needs it.
-pub struct Motion<'a, const D: usize> {
+/// Motion of one point over a load step: the input of its domain update.
+pub struct DomainMotion<'a, const D: usize> {
     /// Deformation gradient F at the end of the step.
     pub F: &'a Mat3,
     /// Its increment ΔF over the step.
@@ -39,17 +39,17 @@ pub struct Motion<'a, const D: usize> {
     pub previous: &'a [f64; D],
     /// Position at the start of the step, [length].
     pub position: &'a [f64; D],
-    /// Displacement over the step of a place given at the start of the step, from the grid, eq. (35).
+    /// Displacement increment of the grid at a position given at the start of the step, eq. (35), [length].
     pub displacement: &'a dyn Fn(&[f64; D]) -> [f64; D],
 }
 
-/// The update would give a domain of no or negative length.
+/// The updated half length of a domain is not positive.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the domain collapses along axis {axis}: half length {half_length:e}")]
 pub struct Collapsed {
-    /// Axis along which it does.
+    /// Axis of the half length.
     pub axis: usize,
-    /// The half length that the update gives, [length].
+    /// The updated half length, [length].
     pub half_length: f64,
 }
 
@@ -70,9 +70,9 @@ impl DomainUpdate {
     /// Half lengths at the end of the step, [length].
     ///
     /// # Errors
-    /// [`Collapsed`] when a length would not be positive: under (33), (38) and (39) at large rotations.
-    pub fn half_lengths<const D: usize>(self, motion: &Motion<D>) -> Result<[f64; D], Collapsed> {
-        let Motion { F, dF, original, previous, .. } = motion;
+    /// [`Collapsed`] if a half length is not positive, which large rotations cause under eqs. (33), (38) and (39).
+    pub fn half_lengths<const D: usize>(self, motion: &DomainMotion<D>) -> Result<[f64; D], Collapsed> {
+        let DomainMotion { F, dF, original, previous, .. } = motion;
         let scaled = |lengths: &[f64; D], factor: &dyn Fn(usize) -> f64| {
             std::array::from_fn(|i| lengths[i] * factor(i))
         };
@@ -116,8 +116,8 @@ fn right_stretch(F: &Mat3) -> Sym3 {
     Sym3::symmetric_part(&(F.transpose() * F)).map_eigenvalues(f64::sqrt)
 }
 
-/// l_i F_ii (det F / ∏ F_jj)^(1/n_D) of eqs. (38) and (39). Where the diagonal of F is not positive, no factor mends
-/// it, and the lengths are l_i F_ii as they are.
+/// Evaluates l_i F_ii (det F / ∏ F_jj)^(1/n_D), eqs. (38) and (39). Returns l_i F_ii if the diagonal of F is not
+/// positive: no factor makes such lengths valid.
 fn corrected<const D: usize>(F: &Mat3, lengths: &[f64; D]) -> [f64; D] {
     let factor = if (0..D).all(|j| F[(j, j)] > 0.0) {
         let product: f64 = (0..D).map(|j| F[(j, j)]).product();
@@ -128,26 +128,27 @@ fn corrected<const D: usize>(F: &Mat3, lengths: &[f64; D]) -> [f64; D] {
     std::array::from_fn(|i| lengths[i] * F[(i, i)] * factor)
 }
 
-/// Scales lengths uniformly to a volume (both per 2^n_D), as eq. (37).
+/// Scales the lengths uniformly to a volume, eq. (37); both the lengths and the volume are per 2^n_D.
 fn with_volume<const D: usize>(lengths: [f64; D], volume: f64) -> [f64; D] {
     let factor = root::<D>(volume / lengths.iter().product::<f64>());
     lengths.map(|l| l * factor)
 }
 
-/// Eqs. (35)-(36): half the largest distance between the mid-points of the sides (faces), after the corners have moved.
-fn lengths_from_corners<const D: usize>(motion: &Motion<D>) -> [f64; D] {
+/// Half the largest distance between the mid-points of opposite sides (faces) after the corners have moved, eqs.
+/// (35)-(36).
+fn lengths_from_corners<const D: usize>(motion: &DomainMotion<D>) -> [f64; D] {
     let mut low = [f64::INFINITY; D];
     let mut high = [f64::NEG_INFINITY; D];
     let corners = 1usize << D;
     let mut middle = [[[0.0; D]; 2]; D]; // [axis][side]
     for corner in 0..corners {
-        let place: [f64; D] = std::array::from_fn(|d| {
+        let corner_position: [f64; D] = std::array::from_fn(|d| {
             motion.position[d] + if corner >> d & 1 == 1 { motion.previous[d] } else { -motion.previous[d] }
         });
-        let u = (motion.displacement)(&place);
+        let u = (motion.displacement)(&corner_position);
         for (axis, sides) in middle.iter_mut().enumerate() {
             for d in 0..D {
-                sides[corner >> axis & 1][d] += (place[d] + u[d]) / (corners / 2) as f64;
+                sides[corner >> axis & 1][d] += (corner_position[d] + u[d]) / (corners / 2) as f64;
             }
         }
     }

@@ -1,4 +1,4 @@
-//! The model: everything about an analysis that does not change while it runs.
+//! The model: all data of an analysis that stay constant during a run.
 
 use crate::basis::{DomainKind, Method, domain_volume};
 use crate::domain::DomainUpdate;
@@ -17,11 +17,11 @@ mod stepping;
 pub use arrays::HistoryVariable;
 pub use boundary_condition::{BoundaryCondition, NodeSet};
 pub use load::{Action, Load, LoadCurve, VectorFormula};
-pub use newton::{Newton, Patterns, Predictor, Tangent};
-pub use stabilisation::{Stabilisation, Where};
-pub use stepping::{Control, SAME, Stepping};
+pub use newton::{Newton, PatternReuse, Predictor, StiffnessUpdate};
+pub use stabilisation::{Stabilisation, StabilisationMode};
+pub use stepping::{Control, SAME_TIME, Stepping};
 
-/// A material under its name.
+/// A named material.
 #[derive(Debug)]
 pub struct NamedMaterial {
     /// Name.
@@ -35,15 +35,15 @@ pub struct NamedMaterial {
 pub struct Body {
     /// Name.
     pub name: String,
-    /// Number of its material.
+    /// Index of its material.
     pub material: usize,
-    /// Method of its points.
+    /// Material point method of its points.
     pub method: Method,
-    /// How their domains follow the deformation; without effect for methods without domain.
+    /// Update rule of their domains; ignored by methods without domains.
     pub domain_update: DomainUpdate,
 }
 
-/// A place whose displacement is recorded: the mean over some points.
+/// A probe: a set of points whose mean displacement is recorded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Probe {
     /// Name.
@@ -52,21 +52,21 @@ pub struct Probe {
     pub points: Vec<u32>,
 }
 
-/// An analysis in `D` dimensions; immutable after construction.
+/// An analysis in `D` dimensions; constant during a run.
 #[derive(Debug)]
 pub struct Model<const D: usize> {
-    /// One line that says what is analysed.
+    /// One-line description of the analysis.
     pub title: String,
     /// The background grid.
     pub grid: Box<dyn Grid<D>>,
-    /// Whether the bodies are of revolution about the axis where the first coordinate vanishes; otherwise those of two
-    /// dimensions have unit thickness.
+    /// True for bodies of revolution about the axis where the first coordinate is zero. Other two-dimensional bodies
+    /// have unit thickness.
     pub revolved: bool,
-    /// Configuration in which equilibrium is written.
+    /// Configuration in which equilibrium is formulated.
     pub formulation: Formulation,
-    /// Where the current volume of a point comes from.
+    /// Definition of the current volume of a point.
     pub point_volume: PointVolume,
-    /// Where cells that hold hardly any material are stabilised.
+    /// Ghost stabilisation of cells with little material.
     pub stabilisation: Stabilisation,
     /// Materials.
     pub materials: Vec<NamedMaterial>,
@@ -80,12 +80,12 @@ pub struct Model<const D: usize> {
     pub stepping: Stepping,
     /// Control of the Newton iterations.
     pub newton: Newton,
-    /// Places whose displacement is recorded.
+    /// Probes.
     pub probes: Vec<Probe>,
 }
 
 impl<const D: usize> Model<D> {
-    /// A model on a grid, without bodies, conditions and loads; it takes one load step of unit time.
+    /// A model with a grid only: no bodies, boundary conditions or loads, and one load step of unit time.
     pub fn new(grid: Box<dyn Grid<D>>) -> Model<D> {
         Model {
             title: String::new(),
@@ -104,32 +104,31 @@ impl<const D: usize> Model<D> {
         }
     }
 
-    /// The curve that all loads and prescribed motions follow; `None` where they follow several, or where there are
-    /// none.
+    /// The load curve shared by all loads and prescribed motions; `None` if there are several curves or none.
     pub fn common_curve(&self) -> Option<&LoadCurve> {
-        // Conditions that only hold their nodes have a curve without effect.
+        // The curve of a condition that only fixes nodes has no effect.
         let moving = self.boundary_conditions.iter().filter(|c| c.moves()).map(|condition| &condition.curve);
         let mut curves = self.loads.iter().map(|load| &load.curve).chain(moving);
         let first = curves.next()?;
         curves.all(|curve| curve == first).then_some(first)
     }
 
-    /// Whether there is one load factor for all loads and prescribed motions.
+    /// True if one load factor governs all loads and prescribed motions.
     pub fn has_one_load_factor(&self) -> bool {
         self.stepping.control != Control::Load || self.common_curve().is_some()
     }
 
-    /// The law of a point.
+    /// Material law of a point.
     pub fn law(&self, points: &Points<D>, p: usize) -> &dyn Material {
         self.materials[self.bodies[points.body[p] as usize].material].law.as_ref()
     }
 
-    /// Extent of the bodies out of the plane at a place: the length of the full circle about the axis, or 1; [length].
+    /// Out-of-plane extent of the bodies at a position, [length]: 2πr for bodies of revolution, otherwise 1.
     pub fn depth(&self, position: &[f64; D]) -> f64 {
         if self.revolved { std::f64::consts::TAU * position[0] } else { 1.0 }
     }
 
-    /// Volume that a point represents in its converged state, V_p^n of eq. (22) or that of its domain, [volume].
+    /// Volume of a point in its converged state, [volume]: V_p^n of eq. (22), or the volume of its domain.
     pub fn volume(&self, points: &Points<D>, p: usize) -> f64 {
         let domain = match self.point_volume {
             PointVolume::Deformation => DomainKind::None,

@@ -18,7 +18,7 @@ pub use mpm_core::domain::DomainUpdate;
 pub use mpm_core::linear::Choice as LinearChoice;
 use mpm_core::model::Newton;
 pub use mpm_core::model::Stabilisation;
-pub use mpm_core::model::{Patterns, Predictor, Tangent};
+pub use mpm_core::model::{PatternReuse, Predictor, StiffnessUpdate};
 pub use mpm_core::points::PointVolume;
 pub use mpm_core::stress::Formulation;
 use mpm_files::fields::PointField;
@@ -492,9 +492,9 @@ pub struct SolverDeck {
     /// Where the iterations of a step begin, where loads are prescribed.
     pub predictor: Predictor,
     /// When the stiffness is factorised within a step.
-    pub tangent: Tangent,
+    pub tangent: StiffnessUpdate,
     /// For which equations an order of elimination and the layout of the factor serve.
-    pub pattern: Patterns,
+    pub pattern: PatternReuse,
 }
 
 impl Default for SolverDeck {

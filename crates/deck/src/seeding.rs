@@ -11,7 +11,7 @@ use super::region::Groups;
 use super::{AXES, BodyDeck, PerAxis, Shape};
 use mpm_core::basis::{DomainKind, Method};
 use mpm_core::grid::element::ElementShape;
-use mpm_core::grid::subdivide::{Part, subdivide_box, subdivide_simplex};
+use mpm_core::grid::subdivide::{ElementPart, subdivide_box, subdivide_simplex};
 use mpm_core::grid::{Grid, Structured};
 use mpm_core::points::Seed;
 use mpm_core::region::{Accuracy, FilledCell, Region, Volume, brick_parts, contains_in_cell, fill};
@@ -90,7 +90,7 @@ impl<const D: usize> Filling<'_, D> {
     /// others whose centres lie inside.
     fn measured(&self) -> Volume {
         let fine = if D > 2 { FINE_IN_SPACE } else { FINE };
-        let divide = |cell: usize| -> Result<Vec<(Part<D>, bool)>, std::convert::Infallible> {
+        let divide = |cell: usize| -> Result<Vec<(ElementPart<D>, bool)>, std::convert::Infallible> {
             let nodes = self.grid.corners(cell);
             let x: Vec<[f64; D]> =
                 nodes.nodes().iter().map(|&n| self.grid.node_position(n as usize)).collect();
@@ -100,7 +100,7 @@ impl<const D: usize> Filling<'_, D> {
             };
             let holds = |key: usize, cell: usize| self.groups.holds(key, cell);
             let is_inside =
-                |part: &Part<D>| contains_in_cell(self.region, self.grid, &part.position, cell, holds);
+                |part: &ElementPart<D>| contains_in_cell(self.region, self.grid, &part.position, cell, holds);
             let is_full = parts(PROBED).iter().all(is_inside);
             Ok(parts(if is_full { 1 } else { fine }).into_iter().map(|part| (part, !is_full)).collect())
         };
@@ -342,7 +342,7 @@ impl<const D: usize> Filling<'_, D> {
         Ok(self.points(subdivide_box(&x, n).unwrap_or_default()))
     }
 
-    fn points(&self, parts: Vec<Part<D>>) -> (Parts<'_, D>, usize) {
+    fn points(&self, parts: Vec<ElementPart<D>>) -> (Parts<'_, D>, usize) {
         let n = parts.len();
         (Box::new(parts.into_iter().map(|part| self.point(part))), n)
     }
@@ -364,7 +364,7 @@ impl<const D: usize> Filling<'_, D> {
     }
 
     /// The point of a part of a cell of any form.
-    fn point(&self, part: Part<D>) -> Seed<D> {
+    fn point(&self, part: ElementPart<D>) -> Seed<D> {
         let mut seed = self.seed(part.position, part.volume);
         if self.domain() == DomainKind::Corners {
             seed.corners = part.corners;

@@ -1,4 +1,4 @@
-//! Random converged states under large deformation, and random displacement increments on top of them.
+//! Random converged states with large deformation, and random displacement increments from them.
 
 use mpm::basis::{Connectivity, DomainKind, Method};
 use mpm::domain::DomainUpdate;
@@ -6,12 +6,12 @@ use mpm::grid::Structured;
 use mpm::material::{
     Elasticity, Hencky, Material, MaterialError, NeoHookean, Response, StateField, StrainMeasure, VonMises,
 };
-use mpm::model::{Body, Model, NamedMaterial, Newton, Stabilisation, Stepping, Where};
+use mpm::model::{Body, Model, NamedMaterial, Newton, Stabilisation, StabilisationMode, Stepping};
 use mpm::points::{PointVolume, Points, Seed};
 use mpm::stress::{Formulation, Mechanics};
 use mpm::tensor::{Mat3, Sym3, Tangent};
 
-/// Pseudo-random numbers (splitmix64), so that every run of a test sees the same ones.
+/// Pseudo-random numbers (splitmix64), equal in every run.
 pub struct Random(pub u64);
 
 impl Random {
@@ -30,15 +30,15 @@ impl Random {
 pub enum Law {
     Hencky,
     NeoHookean,
-    /// Strong enough for some of the points of a state to stay elastic.
+    /// With a yield stress such that some points of a state stay elastic.
     VonMises,
-    /// Two bodies, one of each law, points of both in the same cells.
+    /// Two bodies, one of each law, with points in the same cells.
     Both,
-    /// [`Skewed`].
+    /// The law [`Skewed`].
     Skewed,
 }
 
-/// Linear in the strain with a tangent that has no major symmetry, as non-associated flow would give.
+/// A linear law whose tangent lacks major symmetry, as under non-associated flow.
 #[derive(Debug)]
 pub struct Skewed(Tangent);
 
@@ -63,7 +63,7 @@ impl Material for Skewed {
     }
 
     fn energy(&self, _: &Sym3) -> f64 {
-        0.0 // it has none
+        0.0 // this law has no energy
     }
 
     fn tangent_is_symmetric(&self) -> bool {
@@ -73,14 +73,14 @@ impl Material for Skewed {
 
 const LAWS: [Law; 5] = [Law::Hencky, Law::NeoHookean, Law::VonMises, Law::Both, Law::Skewed];
 
-/// Everything the tests in the plane run over.
+/// All methods and laws tested in the plane.
 pub fn cases() -> Vec<(Method, Law)> {
     let mut cases = cases_without_corners();
     cases.extend([(Method::Cpdi2, Law::Hencky), (Method::Cpdi2, Law::VonMises)]);
     cases
 }
 
-/// The same without domains given by corners.
+/// As [`cases`], without domains that have corners.
 pub fn cases_without_corners() -> Vec<(Method, Law)> {
     [Method::Mpm, Method::Gimp].into_iter().flat_map(|method| LAWS.map(|law| (method, law))).collect()
 }
@@ -95,8 +95,8 @@ pub struct State<const D: usize> {
     pub delta_d: Vec<[f64; D]>,
 }
 
-/// Points at random places of a grid of oblong cells, some with domains that reach outside it; elastic strains of up
-/// to ±0.2, F with det(F) from 0.6 to 1.7; an increment that stretches, shears and turns, plus noise at the nodes.
+/// Points at random positions of a grid of oblong cells, some with domains that extend beyond it. Elastic strains up to
+/// ±0.2, det(F) from 0.6 to 1.7; the increment stretches, shears and rotates, with noise at the nodes.
 pub fn random_state<const D: usize, M: Mechanics<D>>(
     method: Method,
     law: Law,
@@ -106,7 +106,7 @@ pub fn random_state<const D: usize, M: Mechanics<D>>(
     state_with::<D, M>(method, Domain::Box, law, n_points, seed)
 }
 
-/// Shape of domains that are given by their corners.
+/// Shape of domains with corners.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Domain {
     /// Quadrilaterals, hexahedra.
@@ -116,7 +116,7 @@ pub enum Domain {
     Simplex,
 }
 
-/// The same with domains of a shape.
+/// As [`random_state`], with domains of this shape.
 pub fn state_with<const D: usize, M: Mechanics<D>>(
     method: Method,
     domain: Domain,
@@ -129,7 +129,7 @@ pub fn state_with<const D: usize, M: Mechanics<D>>(
     state_on::<D, M>(cells, margin, (method, domain), law, n_points, seed)
 }
 
-/// The same on a grid large enough for several batches, with domains that stay inside it.
+/// As [`random_state`], on a grid large enough for several batches, with domains inside it.
 #[allow(dead_code, reason = "not every test program uses it")]
 pub fn large_random_state<M: Mechanics<2>>(method: Method, law: Law, n_points: usize, seed: u64) -> State<2> {
     state_on::<2, M>([24, 20], 0.4, (method, Domain::Box), law, n_points, seed)
@@ -208,7 +208,7 @@ fn state_on<const D: usize, M: Mechanics<D>>(
         revolved: M::REVOLVED,
         formulation: Formulation::PreviouslyConverged,
         point_volume: PointVolume::Deformation,
-        stabilisation: Stabilisation { mode: Where::Off, ..Stabilisation::default() },
+        stabilisation: Stabilisation { mode: StabilisationMode::Off, ..Stabilisation::default() },
         materials: laws.into_iter().map(|law| NamedMaterial { name: "law".into(), law }).collect(),
         bodies,
         boundary_conditions: Vec::new(),
@@ -230,7 +230,7 @@ fn state_on<const D: usize, M: Mechanics<D>>(
     }
     let methods = vec![method; model.bodies.len()];
     let links = Connectivity::new(model.grid.as_ref(), &mut points, &methods).unwrap();
-    // Slopes of the increment.
+    // Displacement gradient of the increment.
     let slope = if D == 2 {
         [[0.25, 0.45, 0.0], [-0.3, -0.1, 0.0], [0.0; 3]]
     } else {

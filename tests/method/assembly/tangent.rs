@@ -1,4 +1,4 @@
-//! K is the derivative of the internal force, symmetric, and the same in both formulations.
+//! The stiffness is the derivative of the internal force, symmetric, and equal in both formulations.
 
 use mpm::assembly::Wanted;
 use mpm::basis::Method;
@@ -9,7 +9,7 @@ use mpm::terms::Sum;
 
 use super::states::{FORMULATIONS, Law, Random, State, cases, cases_without_corners, random_state};
 
-/// Internal force at an increment, and which points flow.
+/// Internal force at an increment, and the points that flow plastically.
 fn evaluate<const D: usize>(
     sum: &mut Sum<D>,
     state: &mut State<D>,
@@ -21,7 +21,7 @@ fn evaluate<const D: usize>(
     (sum.system().internal_force().to_vec(), flow.collect())
 }
 
-/// Some of the von Mises points flow, some do not.
+/// Some von Mises points must flow, and some must not.
 fn check_mixture(law: Law, flowing: &[bool]) {
     let n = flowing.iter().filter(|f| **f).count();
     let both = 10 * n > flowing.len() && 10 * n < 9 * flowing.len();
@@ -46,7 +46,7 @@ fn check_derivative<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>, 
             let (_, flowing) = evaluate(&mut sum, &mut state, &base);
             check_mixture(law, &flowing);
             let n = base.len();
-            // All columns of K, before the system is assembled elsewhere.
+            // Copy all columns of K before the system is assembled at another state.
             let mut columns = Vec::new();
             for b in 0..D * n {
                 let mut unit = vec![[0.0; D]; n];
@@ -149,7 +149,7 @@ fn check_force<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
                 Sum::of_bodies::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
             let (force, _) = evaluate(&mut sum, &mut state, &first);
             let trial = state.points.trial.clone();
-            // The stiffness of another state, which is to stay.
+            // The stiffness of another state, which must not change.
             evaluate(&mut sum, &mut state, &half);
             let mut before = half.clone();
             sum.system_mut().multiply(&first, &mut before);
@@ -173,8 +173,8 @@ fn without_stiffness_force_and_points_have_the_same_bits() {
     check_force::<3, Solid>(cases_without_corners());
 }
 
-/// The system stores one triangle only, which would hide an unsymmetric tangent: the tangent of every point must have
-/// major symmetry, Ã of eqs. (A.3)-(A.6) and a of eqs. (A.1)-(A.2) alike.
+/// The system stores one triangle only, which would hide an unsymmetric tangent. So the tangent of every point must
+/// have major symmetry: Ã of eqs. (A.3)-(A.6), and a of eqs. (A.1)-(A.2).
 #[test]
 fn point_tangents_and_stiffness_are_symmetric() {
     let mut worst = 0.0f64;
@@ -209,7 +209,7 @@ fn point_tangent(
     p: usize,
 ) -> [[[[f64; 2]; 2]; 2]; 2] {
     let place = &points.converged.position[p];
-    let mut room = mpm::basis::Room { value: &mut [], gradient: &mut [] }; // in the plane none is needed
+    let mut room = mpm::basis::LinkBuffer { value: &mut [], gradient: &mut [] }; // in the plane none is needed
     let increment = Increment::new(false, links.nodes_of(group), &links.links(p, &mut room), delta_d, place);
     let f_n = points.converged.deformation_gradient[p];
     let law = model.law(points, p);

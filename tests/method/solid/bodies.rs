@@ -1,15 +1,16 @@
-//! Models of one body in space.
+//! Models of a single body in space.
 
 use std::path::Path;
 
 use mpm::basis::{DomainKind, Method};
 use mpm::domain::DomainUpdate;
 use mpm::formula::Formula;
-use mpm::grid::subdivide::{Part, subdivide_box, subdivide_tetrahedron};
+use mpm::grid::subdivide::{ElementPart, subdivide_box, subdivide_tetrahedron};
 use mpm::grid::{Grid, Mesh, Structured, gmsh};
 use mpm::material::Material;
 use mpm::model::{
-    Body, BoundaryCondition, LoadCurve, Model, NamedMaterial, Newton, NodeSet, Stabilisation, Stepping, Where,
+    Body, BoundaryCondition, LoadCurve, Model, NamedMaterial, Newton, NodeSet, Stabilisation,
+    StabilisationMode, Stepping,
 };
 use mpm::points::{PointVolume, Points, Seed};
 use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
@@ -34,16 +35,16 @@ pub fn cells_in(grid: &Structured<3>, low: [f64; 3], high: [f64; 3]) -> Vec<u32>
     (0..grid.n_cells() as u32).filter(inside).collect()
 }
 
-/// How a body is filled.
+/// Method and number of points of a body.
 #[derive(Debug, Clone, Copy)]
 pub struct Filling {
     pub method: Method,
-    /// Parts along each axis of a hexahedron; as many parts of a tetrahedron.
+    /// Number of parts along each axis of a hexahedron; a tetrahedron gets their product.
     pub n: [usize; 3],
     pub density: f64,
 }
 
-/// The points of a body of whole cells. The outer layer are the points of cells at the border of the body.
+/// The points of a body of whole cells. The points of the cells at its border form the outer layer.
 pub fn fill(grid: &dyn Grid<3>, cells: &[u32], filling: Filling, law: &dyn Material) -> Vec<Seed<3>> {
     let mut owners = vec![0; grid.n_nodes()];
     let mut others = vec![0; grid.n_nodes()];
@@ -53,7 +54,7 @@ pub fn fill(grid: &dyn Grid<3>, cells: &[u32], filling: Filling, law: &dyn Mater
         let count = if *is_in { &mut owners } else { &mut others };
         grid.corners(cell).nodes().iter().for_each(|node| count[*node as usize] += 1);
     }
-    // Nodes on the border of a grid that the body fills have fewer than eight hexahedra.
+    // Nodes on the border of a filled grid have fewer than eight hexahedra.
     let [low, high] = grid.bounds();
     let on_border = |node: u32| {
         let x = grid.node_position(node as usize);
@@ -73,7 +74,7 @@ pub fn fill(grid: &dyn Grid<3>, cells: &[u32], filling: Filling, law: &dyn Mater
     seeds
 }
 
-fn seed(part: Part<3>, filling: Filling, outer_layer: bool, law: &dyn Material) -> Seed<3> {
+fn seed(part: ElementPart<3>, filling: Filling, outer_layer: bool, law: &dyn Material) -> Seed<3> {
     let domain = filling.method.domain();
     let extent = |d: usize| {
         let along = part.corners.iter().map(|x| x[d]);
@@ -104,7 +105,7 @@ pub fn model(
         grid: Box::new(grid),
         formulation: Formulation::PreviouslyConverged,
         point_volume: PointVolume::Deformation,
-        stabilisation: Stabilisation { mode: Where::Off, ..Stabilisation::default() },
+        stabilisation: Stabilisation { mode: StabilisationMode::Off, ..Stabilisation::default() },
         revolved: false,
         materials: vec![NamedMaterial { name: "law".into(), law: Box::new(law) }],
         bodies: vec![Body { name: "body".into(), material: 0, method, domain_update }],
@@ -116,7 +117,7 @@ pub fn model(
     }
 }
 
-/// The condition that moves nodes by (ΔF − I)(x − centre) in each of `n_steps` steps.
+/// A boundary condition that moves nodes by (ΔF − I)(x − centre) in each of `n_steps` steps.
 pub fn homogeneous(
     nodes: NodeSet,
     increment: &Mat3,
@@ -134,18 +135,18 @@ pub fn homogeneous(
     BoundaryCondition { name: "moved".into(), nodes, displacement, axes: None, curve: LoadCurve::ramp(1.0) }
 }
 
-/// The nodes of a grid for which something holds.
+/// The nodes of a grid whose positions satisfy a predicate.
 pub fn nodes_where(grid: &dyn Grid<3>, holds: impl Fn([f64; 3]) -> bool) -> NodeSet {
     NodeSet::Fixed((0..grid.n_nodes() as u32).filter(|n| holds(grid.node_position(*n as usize))).collect())
 }
 
-/// The condition that fixes some axes of nodes.
+/// A boundary condition that fixes nodes along some axes.
 pub fn fixed(name: &str, nodes: NodeSet, axes: [bool; 3]) -> BoundaryCondition<3> {
     let displacement = axes.map(|fixed| fixed.then(|| Formula::constant(0.0)));
     BoundaryCondition { name: name.into(), nodes, displacement, axes: None, curve: LoadCurve::ramp(1.0) }
 }
 
-/// The turn by an angle, rad, about an axis.
+/// Rotation by an angle, [rad], about an axis.
 pub fn rotation(axis: [f64; 3], angle: f64) -> Mat3 {
     let axis = nalgebra::Unit::new_normalize(nalgebra::Vector3::from(axis));
     nalgebra::Rotation3::from_axis_angle(&axis, angle).into_inner()
@@ -156,7 +157,7 @@ pub fn logarithmic_strain(f: &Mat3) -> Sym3 {
     Sym3::symmetric_part(&(f * f.transpose())).map_eigenvalues(f64::ln) * 0.5
 }
 
-/// Shows every equilibrated step to a closure.
+/// An observer that passes every converged step to a closure.
 struct Watcher<F>(F);
 
 impl<F: FnMut(&Points<3>, &StepReport<3>)> Observer<3> for Watcher<F> {
@@ -172,7 +173,7 @@ impl<F: FnMut(&Points<3>, &StepReport<3>)> Observer<3> for Watcher<F> {
     }
 }
 
-/// Runs a model and shows every equilibrated step to `look`.
+/// Runs a model and passes every converged step to `look`.
 pub fn watch(
     model: &Model<3>,
     points: &mut Points<3>,

@@ -1,4 +1,4 @@
-//! Decks in space, from the text to the last step: rigid rotation, a column against the plane, every kind of region.
+//! Decks in space, from text to the last step: rigid rotation, a column compared with the plane, every kind of region.
 
 use std::path::Path;
 
@@ -23,7 +23,7 @@ pub fn of_inputs(deck: &str, set: &[(&str, &str)]) -> LoadedDeck {
     load(&path, &set).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// The points after the analysis in space of a deck of `inputs/` with parameters set.
+/// Final points of an analysis in space of a deck of `inputs/`, with parameters set.
 pub fn run_of_inputs(deck: &str, set: &[(&str, &str)]) -> Points<3> {
     let (model, mut points) = build(&of_inputs(deck, set)).unwrap_or_else(|found| panic!("{found:?}"));
     solver::run(&model, &mut points, &mut Silent).unwrap_or_else(|error| panic!("{error}"));
@@ -38,7 +38,7 @@ fn largest(stress: &[Sym3]) -> f64 {
     stress.iter().flat_map(|tau| tau.0).fold(0.0, |most, tau| most.max(tau.abs()))
 }
 
-/// A ball in the middle of the grid, turned by 40° about an oblique axis by the nodes around it.
+/// A ball in the middle of the grid, rotated by 40° about an oblique axis by prescribing the nodes around it.
 fn turned(grid: &str, body: &str, centre: f64) -> f64 {
     let angle = 40f64.to_radians();
     let turn = Motion::<3>::rotation([1.0, 2.0, 3.0], angle, [centre; 3]).unwrap();
@@ -97,7 +97,7 @@ fn a_rigid_rotation_leaves_no_stress() {
     assert!(stress < 1e-10, "{stress:e}");
 }
 
-/// The column of `inputs/compaction.yaml` with square cross-section: nothing depends on the third axis.
+/// The column of `inputs/compaction.yaml` with a square cross-section: nothing depends on the third axis.
 #[test]
 fn a_column_in_space_is_that_of_the_plane() {
     let inputs = Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs/compaction.yaml");
@@ -125,7 +125,7 @@ steps: {{count: 20}}
         ));
         solver::run(&model, &mut space, &mut Silent).unwrap();
         let (mut differs, mut error) = (0.0f64, 0.0);
-        let by_height = |id: usize| (id / 4) * 2; // two points of the plane where space has four
+        let by_height = |id: usize| (id / 4) * 2; // space has four points where the plane has two
         let order = plane.by_id();
         for (id, p) in space.by_id().into_iter().enumerate() {
             let q = order[by_height(id)];
@@ -141,7 +141,7 @@ steps: {{count: 20}}
     }
 }
 
-/// Volume of the points of a body with cells of this size.
+/// Volume of the points of a body on a grid with this spacing.
 fn volume(shape: &str, spacing: f64) -> f64 {
     let (_, points) = solid(&format!(
         "
@@ -181,7 +181,7 @@ fn the_volume_of_the_points_of_every_region_tends_to_its_own() {
                 .to_owned(),
             0.5 * (3.3 * 3.1 - 0.8 * 0.2) * 2.2,
         ),
-        // Off the lattice of the points: those on the surface would all count as inside.
+        // Shifted off the lattice of the points: points on the surface would all count as inside.
         (
             "{type: translate, by: [0.037, 0.051, 0.023], shape: {type: stl, file: pyramid.stl}}".to_owned(),
             4.0,
@@ -214,7 +214,7 @@ fn the_volume_of_the_points_of_every_region_tends_to_its_own() {
         let errors = [1.0, 0.5, 0.25, 0.125].map(|h| volume(&shape, h) / exact - 1.0);
         let word = shape.split([',', '{', ' ']).nth(2).unwrap();
         println!("{word}: {}", errors.map(|e| format!("{e:+.4}")).join(" "));
-        // The error of the cells that the surface cuts has either sign and falls with their size.
+        // The error of the cut cells has either sign and decreases with the cell size.
         assert!(errors[3].abs() < 0.02 && errors[2].abs() < 0.06, "{shape}: {errors:?}");
         (0..4).for_each(|k| squares[k] += errors[k] * errors[k]);
     }
@@ -222,7 +222,7 @@ fn the_volume_of_the_points_of_every_region_tends_to_its_own() {
     assert!(squares.windows(2).all(|pair| pair[1] < 0.5 * pair[0]), "{squares:?}");
 }
 
-/// Hexahedra and tetrahedra of a mesh by their groups: their points have all of their volume.
+/// Hexahedra and tetrahedra of mesh groups: the points must have their entire volume.
 #[test]
 fn groups_of_a_mesh_are_filled_to_the_last() {
     let deck = |group: &str, points: &str| {
@@ -252,7 +252,7 @@ steps: {{count: 1}}
         println!("{group}: {of_points:.6} of {exact:.6}");
         assert!((of_points / of_cells - 1.0).abs() < 1e-13, "{of_points} {of_cells}");
         assert!((of_points - exact).abs() < 1e-9, "{of_points} {exact}");
-        // Domains that fill the grid would leave it.
+        // Domains that fill the grid would extend beyond it.
         if points.corners_per_point == 0 {
             solver::run(&model, &mut points, &mut Silent).unwrap();
             assert!(largest(&points.converged.kirchhoff_stress) > 1e3);

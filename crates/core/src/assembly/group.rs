@@ -179,7 +179,7 @@ impl<const D: usize, const N: usize, const C: usize> Dense<D> for Cell<D, N, C> 
         let (value, gradients, force) = (&links.value[..N], &gradients[..N], &mut force[..N]);
         let nodes: [W::Gradient<f64>; N] = std::array::from_fn(|a| weak.gradient(&gradients[a], value[a]));
         let rows: [W::Gradient<Lanes>; C] =
-            std::array::from_fn(|c| W::side_by_side(&nodes[c * Lanes::WIDTH..N.min((c + 1) * Lanes::WIDTH)]));
+            std::array::from_fn(|c| W::pack(&nodes[c * Lanes::WIDTH..N.min((c + 1) * Lanes::WIDTH)]));
         for b in 0..N {
             let column = weak.column(&nodes[b], &mut force[b]);
             for c in self.first(b)..C {

@@ -55,7 +55,7 @@ impl NodePairs {
             let marks = &mut self.position[self.group_start[group]..self.group_start[group + 1]];
             let mut last: &[u32] = &[];
             for p in links.points_of(group) {
-                let local = links.places(p);
+                let local = links.local_nodes(p);
                 if local == last {
                     continue; // neighbours in a cell mostly touch the same nodes
                 }

@@ -1,4 +1,4 @@
-//! Which nodes every point touches and how strongly, for all points of a load step (section 5.1).
+//! The links of a load step: the nodes that each point touches, with basis function values and gradients (section 5.1).
 
 use rayon::prelude::*;
 
@@ -8,16 +8,16 @@ use super::{Basis, Method, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
 use crate::points::Points;
 
-/// Number of groups that are linked as one piece of work.
+/// Number of groups linked by one parallel task.
 const PIECE: usize = 16;
 
-/// Number of pieces that are linked before they are put together, while they are still in the cache.
+/// Number of pieces linked before they are merged, so that they are merged from the cache.
 const ROUND: usize = 32;
 
-/// Number of points, as a power of two, whose starts are told from a common one.
+/// Base-2 logarithm of the number of points in a block. Offsets in a block fit into 32 bits.
 const BLOCK: u32 = 12;
 
-/// Where the numbers of the first point of a block start, whichever they are.
+/// Offsets of the first point of a block in each array.
 #[derive(Debug, Clone, Copy)]
 struct Block {
     link: usize,
@@ -28,32 +28,33 @@ struct Block {
 /// Marks a grid node that no point touches.
 const INACTIVE: u32 = u32::MAX;
 
-/// The links between points and grid nodes; built once per load step, then constant.
+/// The links between points and grid nodes, built once per load step.
 ///
-/// Points come in groups: those whose home is the same grid cell. A group touches few nodes, so its points
-/// accumulate one dense block before anything is scattered. Nodes that are touched are *active* and numbered in the
-/// order of the grid.
+/// The points of a grid cell form a group. A group touches few nodes, so its contributions are summed in one dense
+/// block before they are scattered. Touched nodes are *active* and are numbered in the order of the grid.
 #[derive(Debug, Clone, Default)]
 pub struct Connectivity<const D: usize> {
     group_points: Vec<usize>,
     group_node_start: Vec<usize>,
     group_nodes: Vec<u32>,
-    /// While they are linked: whether a point of the group touches the node by more than a sliver.
+    /// For each entry of `group_nodes`, true if a point of the group touches the node by more than a sliver; used while
+    /// linking.
     holds: Vec<bool>,
-    /// Whether all points of a group touch all its nodes.
+    /// For each group, true if all its points touch all its nodes.
     whole: Vec<bool>,
-    /// Where the numbers of each point start: in `value` and `gradient`, or in `factor`.
+    /// Start of the data of each point in `value` and `gradient`, or in `factor`; relative to its block.
     start: Vec<u32>,
     form: Vec<Form>,
-    /// Where the places of the nodes of each point start in `local`; neighbours that touch the same nodes share them.
+    /// Start of the node indices of each point in `local`, relative to its block; points with the same nodes share
+    /// them.
     local_start: Vec<u32>,
-    /// What is to be added to these starts, for each block of points.
+    /// Offsets of each block of points.
     blocks: Vec<Block>,
     local: Vec<u32>,
     value: Vec<f64>,
     gradient: Vec<[f64; D]>,
-    /// In space, what the values and gradients of points on a regular grid are products of. In the plane the products are
-    /// kept: they are hardly more than their factors.
+    /// Factors of the basis functions of points on a regular grid in three dimensions. In two dimensions the products
+    /// themselves are stored, which take hardly more memory.
     factor: Vec<f64>,
     /// 1/h of a regular grid along each axis, [1/length].
     per_length: Vec<f64>,
@@ -61,7 +62,7 @@ pub struct Connectivity<const D: usize> {
     active_nodes: Vec<u32>,
     active_of: Vec<u32>,
     active_cells: Vec<u32>,
-    /// Grid nodes that only slivers touch, ascending, each with the node that moves for it.
+    /// Grid nodes touched only by slivers, ascending, each with the node that carries it.
     carried: Vec<[u32; 2]>,
 }
 
@@ -70,14 +71,14 @@ pub struct Connectivity<const D: usize> {
 pub struct SupportFailure {
     /// Index of the point.
     pub point: usize,
-    /// Why.
+    /// The reason.
     pub error: SupportError,
 }
 
-/// The links of one point.
+/// Links of one point.
 #[derive(Debug, Clone, Copy)]
 pub struct Links<'a, const D: usize> {
-    /// Places of the nodes in the node list of the point's group, ascending.
+    /// Indices of the nodes into the node list of the point's group, ascending.
     pub local: &'a [u32],
     /// S_vp, [-].
     pub value: &'a [f64],
@@ -85,19 +86,19 @@ pub struct Links<'a, const D: usize> {
     pub gradient: &'a [[f64; D]],
 }
 
-/// Where the values and gradients of one point are multiplied out: as many places as its group has nodes.
-pub struct Room<'a, const D: usize> {
-    /// For S_vp.
+/// Buffer for the values and gradients of one point, with buffer for all nodes of its group.
+pub struct LinkBuffer<'a, const D: usize> {
+    /// Buffer for S_vp, [-].
     pub value: &'a mut [f64],
-    /// For ∂S_vp/∂X̃.
+    /// Buffer for ∂S_vp/∂X̃, [1/length].
     pub gradient: &'a mut [[f64; D]],
 }
 
 impl<const D: usize> Connectivity<D> {
-    /// Links all points; groups them by cell first.
+    /// Groups the points by cell and links them.
     ///
     /// # Errors
-    /// The first point that is outside the grid or whose domain is.
+    /// The first point that lies outside the grid or whose domain does.
     pub fn new(
         grid: &dyn Grid<D>,
         points: &mut Points<D>,
@@ -106,7 +107,8 @@ impl<const D: usize> Connectivity<D> {
         Connectivity::default().renew(grid, points, methods)
     }
 
-    /// The same in the memory of links that are no longer needed, as those of the step before.
+    /// Like [`Connectivity::new`], but reuses the memory of links that are no longer needed, such as those of the
+    /// previous step.
     ///
     /// # Errors
     /// As [`Connectivity::new`].
@@ -134,7 +136,7 @@ impl<const D: usize> Connectivity<D> {
         Ok(self)
     }
 
-    /// Links the points, group by group, in grid node numbers.
+    /// Links the points group by group. Nodes keep their grid numbers for now.
     fn link(
         mut self,
         grid: &dyn Grid<D>,
@@ -149,7 +151,7 @@ impl<const D: usize> Connectivity<D> {
         }
         let n_groups = group_points.len() - 1;
         let mut all = self;
-        // In rounds, so that no more than a few pieces exist beside the whole.
+        // Rounds limit the number of pieces that exist besides the result.
         for round in (0..n_groups).step_by(ROUND * PIECE) {
             let end = (round + ROUND * PIECE).min(n_groups);
             let pieces: Vec<Result<Piece<D>, SupportFailure>> = (round..end)
@@ -167,7 +169,7 @@ impl<const D: usize> Connectivity<D> {
         Ok(all)
     }
 
-    /// Forgets all links but keeps the memory.
+    /// Removes all links but keeps the memory.
     fn clear(&mut self) {
         self.group_node_start.clear();
         self.group_nodes.clear();
@@ -190,27 +192,27 @@ impl<const D: usize> Connectivity<D> {
     }
 
     fn append(&mut self, piece: Piece<D>) {
-        let (nodes, places) = (self.group_nodes.len(), self.local.len());
+        let (nodes, locals) = (self.group_nodes.len(), self.local.len());
         let (links, factors) = (self.value.len(), self.factor.len());
         self.group_node_start.extend(piece.group_node_start.iter().map(|s| s + nodes));
         self.group_nodes.extend(piece.group_nodes);
         self.holds.extend(piece.holds);
         self.whole.extend(piece.whole);
-        // Where the numbers of each kind go on. Places are shared within a group, not only one after the other.
-        let mut next = Block { link: links, factor: factors, local: places };
+        // Offsets of the next data of each kind. Node indices may be shared with any earlier point of the group.
+        let mut next = Block { link: links, factor: factors, local: locals };
         for ((&start, form), &local) in piece.start.iter().zip(&piece.form).zip(&piece.local_start) {
-            let kept_as_they_are = form.is_as_they_are();
-            let begin = if kept_as_they_are { &mut next.link } else { &mut next.factor };
-            *begin = start + if kept_as_they_are { links } else { factors };
+            let explicit = form.is_explicit();
+            let begin = if explicit { &mut next.link } else { &mut next.factor };
+            *begin = start + if explicit { links } else { factors };
             let begin = *begin;
             if self.start.len().is_multiple_of(1 << BLOCK) {
                 self.blocks.push(next);
             }
             let block = self.blocks[self.start.len() >> BLOCK];
-            let from = if kept_as_they_are { block.link } else { block.factor };
-            // Within a block they are few: a point reaches some hundred nodes at most.
+            let from = if explicit { block.link } else { block.factor };
+            // Offsets within a block fit: a point touches a few hundred nodes at most.
             self.start.push((begin - from) as u32);
-            self.local_start.push((local + places - block.local) as u32);
+            self.local_start.push((local + locals - block.local) as u32);
         }
         self.n_links += piece.form.iter().map(|form| form.nodes::<D>()).sum::<usize>();
         self.form.extend(piece.form);
@@ -222,7 +224,7 @@ impl<const D: usize> Connectivity<D> {
         self.carried.extend(piece.carried);
     }
 
-    /// Numbers the touched nodes in grid order and turns the node lists of the groups into these numbers.
+    /// Numbers the touched nodes in grid order and converts the node lists of the groups to these numbers.
     fn number_active_nodes(&mut self, n_nodes: usize) {
         self.active_of.resize(n_nodes, INACTIVE);
         for &node in &self.group_nodes {
@@ -239,7 +241,7 @@ impl<const D: usize> Connectivity<D> {
         }
     }
 
-    /// Turns the list of cells that were met into an ascending one in which each stands once.
+    /// Sorts the list of touched cells and removes duplicates.
     fn list_active_cells(&mut self, n_cells: usize) {
         let mut is_met = vec![false; n_cells];
         for &cell in &self.active_cells {
@@ -254,7 +256,7 @@ impl<const D: usize> Connectivity<D> {
         self.group_points.len() - 1
     }
 
-    /// The points of a group.
+    /// Range of the points of a group.
     pub fn points_of(&self, group: usize) -> std::ops::Range<usize> {
         self.group_points[group]..self.group_points[group + 1]
     }
@@ -264,42 +266,44 @@ impl<const D: usize> Connectivity<D> {
         &self.group_nodes[self.group_node_start[group]..self.group_node_start[group + 1]]
     }
 
-    /// Places of the nodes of a point in the node list of its group, ascending.
+    /// Indices of the nodes of a point into the node list of its group, ascending.
     #[inline(always)]
-    pub fn places(&self, point: usize) -> &[u32] {
+    pub fn local_nodes(&self, point: usize) -> &[u32] {
         let start = self.blocks[point >> BLOCK].local + self.local_start[point] as usize;
         &self.local[start..][..self.form[point].nodes::<D>()]
     }
 
-    /// The links of a point.
+    /// Links of a point; `buffer` holds values and gradients that are stored as factors.
     #[inline(always)]
-    pub fn links<'a>(&'a self, point: usize, room: &'a mut Room<'_, D>) -> Links<'a, D> {
-        let local = self.places(point);
+    pub fn links<'a>(&'a self, point: usize, buffer: &'a mut LinkBuffer<'_, D>) -> Links<'a, D> {
+        let local = self.local_nodes(point);
         let (block, start) = (&self.blocks[point >> BLOCK], self.start[point] as usize);
-        if D < 3 || self.form[point].is_as_they_are() {
+        if D < 3 || self.form[point].is_explicit() {
             let range = block.link + start..block.link + start + local.len();
             return Links { local, value: &self.value[range.clone()], gradient: &self.gradient[range] };
         }
-        let (value, gradient) = (&mut room.value[..local.len()], &mut room.gradient[..local.len()]);
+        let (value, gradient) = (&mut buffer.value[..local.len()], &mut buffer.gradient[..local.len()]);
         multiply(self.form[point], &self.factor[block.factor + start..], &self.per_length(), value, gradient);
         Links { local, value, gradient }
     }
 
-    /// Calls `visit` with the place of each node of a point in the node list of its group, and S_vp.
+    /// Calls `visit` for each node of a point with its index into the node list of the group, and S_vp.
     #[inline(always)]
     pub fn for_each_value(&self, point: usize, mut visit: impl FnMut(usize, f64)) {
         self.for_each_link(point, |local, value, _| visit(local, value));
     }
 
-    /// Calls `visit` with the place of each node of a point in the node list of its group, S_vp, and ∂S_vp/∂X̃, [1/length].
+    /// Calls `visit` for each node of a point with its index into the node list of the group, S_vp, and ∂S_vp/∂X̃,
+    /// [1/length].
     #[inline(always)]
     pub fn for_each_link(&self, point: usize, mut visit: impl FnMut(usize, f64, &[f64; D])) {
         const FEW: usize = 64;
-        let n = self.places(point).len();
+        let n = self.local_nodes(point).len();
         let (mut value, mut gradient) = ([0.0; FEW], [[0.0; D]; FEW]);
-        // Points with more nodes are kept as they are and need no room.
-        let mut room = Room { value: &mut value[..n.min(FEW)], gradient: &mut gradient[..n.min(FEW)] };
-        let links = self.links(point, &mut room);
+        // Points with more nodes are stored explicitly and need no buffer.
+        let mut buffer =
+            LinkBuffer { value: &mut value[..n.min(FEW)], gradient: &mut gradient[..n.min(FEW)] };
+        let links = self.links(point, &mut buffer);
         for ((&local, value), gradient) in links.local.iter().zip(links.value).zip(links.gradient) {
             visit(local as usize, *value, gradient);
         }
@@ -312,12 +316,12 @@ impl<const D: usize> Connectivity<D> {
         per_length
     }
 
-    /// Number of links of all points.
+    /// Total number of links.
     pub fn n_links(&self) -> usize {
         self.n_links
     }
 
-    /// Whether all points of a group touch all its nodes.
+    /// True if all points of a group touch all its nodes.
     #[inline]
     pub fn is_whole(&self, group: usize) -> bool {
         self.whole[group]
@@ -333,14 +337,14 @@ impl<const D: usize> Connectivity<D> {
         &self.active_nodes
     }
 
-    /// The grid cells that points or their domains meet, ascending; of domains given by corners, the cells of the point
-    /// and of the corners.
+    /// Grid cells touched by points or their domains, ascending. A domain with corners touches the cells of the point
+    /// and of its corners.
     pub fn active_cells(&self) -> &[u32] {
         &self.active_cells
     }
 
-    /// Number of the active node that moves with a grid node: that node, or where only slivers of basis functions touch it
-    /// the one that carries it; `None` where no point is near.
+    /// Active number of the node that moves with a grid node: the node itself, or its carrier if only slivers of basis
+    /// functions touch it; `None` if no point is near.
     #[inline(always)]
     pub fn moves_with(&self, node: usize) -> Option<usize> {
         match self.active_of[node] {
@@ -350,14 +354,14 @@ impl<const D: usize> Connectivity<D> {
         }
     }
 
-    /// Number of the active node that carries a grid node which only slivers of basis functions touch.
+    /// Active number of the node that carries a grid node touched only by slivers.
     #[cold]
     fn carrier(&self, node: usize) -> Option<usize> {
-        let place = self.carried.binary_search_by_key(&(node as u32), |pair| pair[0]).ok()?;
-        self.active_number(self.carried[place][1] as usize)
+        let index = self.carried.binary_search_by_key(&(node as u32), |pair| pair[0]).ok()?;
+        self.active_number(self.carried[index][1] as usize)
     }
 
-    /// Active number of a grid node, if any point touches it by more than a sliver of its basis function.
+    /// Active number of a grid node; `None` if points touch it by slivers only, or not at all.
     #[inline]
     pub fn active_number(&self, node: usize) -> Option<usize> {
         match self.active_of[node] {
@@ -367,12 +371,12 @@ impl<const D: usize> Connectivity<D> {
     }
 }
 
-/// The links of consecutive groups, in grid node numbers.
+/// Links of consecutive groups, with grid node numbers.
 #[derive(Default)]
 struct Piece<const D: usize> {
     group_node_start: Vec<usize>,
     group_nodes: Vec<u32>,
-    /// Whether a point of the group touches the node by more than a sliver.
+    /// As [`Connectivity::holds`].
     holds: Vec<bool>,
     whole: Vec<bool>,
     start: Vec<usize>,
@@ -395,15 +399,15 @@ impl<const D: usize> Piece<D> {
         slivers: &Slivers,
     ) -> Result<Self, SupportFailure> {
         let mut piece = Piece::default();
-        let mut holds: Vec<bool> = Vec::new(); // of `touched`, whether it is by more than a sliver
+        let mut holds: Vec<bool> = Vec::new(); // for each entry of `touched`, true if by more than a sliver
         let mut support = Support::default();
-        let mut touched: Vec<u32> = Vec::new(); // grid nodes of one group, point by point where they differ
+        let mut touched: Vec<u32> = Vec::new(); // grid nodes of one group, listed for each point unless equal to those before
         let mut nodes: Vec<u32> = Vec::new();
         for range in groups.windows(2).map(|w| w[0]..w[1]) {
             touched.clear();
             holds.clear();
             nodes.clear();
-            let mut held_from = 0; // where in `touched` the nodes begin that are known to be touched by more
+            let mut held_from = 0; // from here on, all entries of `touched` are known to hold
             let size = range.clone().next().map_or(0.0, |p| grid.size(points.cell[p] as usize));
             let mut n_links = 0;
             for p in range.clone() {
@@ -428,7 +432,7 @@ impl<const D: usize> Piece<D> {
                     }
                     _ => {
                         piece.start.push(piece.value.len());
-                        piece.form.push(Form::as_they_are(support.nodes.len()));
+                        piece.form.push(Form::explicit(support.nodes.len()));
                         piece.value.extend_from_slice(&support.value);
                         piece.gradient.extend_from_slice(&support.gradient);
                     }
@@ -463,9 +467,9 @@ impl<const D: usize> Piece<D> {
             let first = piece.group_nodes.len();
             piece.group_nodes.extend_from_slice(&nodes);
             piece.holds.resize(piece.group_nodes.len(), false);
-            let places = &piece.local[piece.local.len() - touched.len()..];
-            for (&place, &holds) in places.iter().zip(&holds) {
-                piece.holds[first + place as usize] |= holds;
+            let locals = &piece.local[piece.local.len() - touched.len()..];
+            for (&local, &holds) in locals.iter().zip(&holds) {
+                piece.holds[first + local as usize] |= holds;
             }
             piece.whole.push(n_links == range.len() * nodes.len());
         }
@@ -479,8 +483,8 @@ mod tests {
     use crate::grid::Structured;
     use crate::points::Seed;
 
-    /// Many points of two methods, some with domains that end at the sides of cells, so that their nodes are among those of
-    /// their neighbours.
+    /// Checks many points of two methods. Some domains end at cell borders, so that their nodes are a subset of their
+    /// neighbours' nodes.
     fn check<const D: usize>(grid: &Structured<D>, n: usize) {
         let methods = [Method::Mpm, Method::Gimp];
         let mut state = 1u64;
@@ -507,7 +511,7 @@ mod tests {
         for group in 0..links.n_groups() {
             let nodes = links.nodes_of(group);
             let (mut value, mut gradient) = (vec![0.0; nodes.len()], vec![[0.0; D]; nodes.len()]);
-            let mut room = Room { value: &mut value, gradient: &mut gradient };
+            let mut buffer = LinkBuffer { value: &mut value, gradient: &mut gradient };
             let mut whole = true;
             for p in links.points_of(group) {
                 let point = PointGeometry {
@@ -517,7 +521,7 @@ mod tests {
                     corners: &[],
                 };
                 methods[points.body[p] as usize].basis().support(grid, &point, &mut support).unwrap();
-                let found = links.links(p, &mut room);
+                let found = links.links(p, &mut buffer);
                 let touched: Vec<u32> =
                     found.local.iter().map(|l| links.active_nodes()[nodes[*l as usize] as usize]).collect();
                 assert_eq!(touched, support.nodes, "point {p}");
@@ -530,7 +534,7 @@ mod tests {
         assert_eq!(links.n_links(), total);
     }
 
-    /// A domain in the middle of one cell, and one that reaches by a fraction of a cell into its neighbours.
+    /// One domain in the middle of a cell, and one that overlaps the neighbouring cells by `reach` of a cell.
     fn with_sliver(reach: f64) -> Connectivity<2> {
         let grid = Structured::<2>::new([0.0; 2], [1.0; 2], [4, 4]);
         let seed = Seed {
@@ -548,7 +552,7 @@ mod tests {
 
     #[test]
     fn nodes_that_only_slivers_touch_are_not_active() {
-        // The row above is touched along a whole side; only the node at its corner is one of slivers.
+        // The row above is touched along a whole side; only its corner node is touched by slivers alone.
         for (reach, active) in [(1e-9, 4), (1e-4, 8), (0.1, 9)] {
             let links = with_sliver(reach);
             assert_eq!(links.n_active(), active, "{reach}");
@@ -556,8 +560,8 @@ mod tests {
             assert_eq!(links.active_number(corner).is_some(), reach > 0.01);
             assert_eq!(links.moves_with(corner).is_some(), reach > 1e-8);
             let (mut value, mut gradient) = ([0.0; 9], [[0.0; 2]; 9]);
-            let mut room = Room { value: &mut value, gradient: &mut gradient };
-            let found = links.links(0, &mut room);
+            let mut buffer = LinkBuffer { value: &mut value, gradient: &mut gradient };
+            let found = links.links(0, &mut buffer);
             assert!((found.value.iter().sum::<f64>() - 1.0).abs() < 1e-15);
             assert!((0..2).all(|d| found.gradient.iter().map(|g| g[d]).sum::<f64>().abs() < 1e-15));
         }

@@ -1,29 +1,29 @@
 //! Convected particle domain interpolation, CPDI1 and CPDI2 (Sadeghirad et al., 2011 and 2013), derived from its
-//! definition; the formulas first printed for CPDI2 were wrong (footnote 6). Domains are quadrilaterals (hexahedra)
-//! or triangles (tetrahedra).
+//! definition because the formulas first printed for CPDI2 were wrong (footnote 6). Domains are quadrilaterals
+//! (hexahedra) or triangles (tetrahedra).
 //!
-//! The grid basis inside the domain of a point is replaced by the interpolation of its values at the corners of the
-//! domain, N_v(x) ≈ Σ_c N_c(x) N_v(x_c), so that
+//! Inside the domain of a point, the grid basis is replaced by the interpolation of its values at the corners, N_v(x) ≈
+//! Σ_c N_c(x) N_v(x_c), so that
 //!
 //! S_v = Σ_c w_c N_v(x_c) with w_c = (1/V) ∫ N_c dV and ∇S_v = Σ_c g_c N_v(x_c) with g_c = (1/V) ∫ ∇N_c dV.
 //!
-//! On a quadrilateral or hexahedron the integrands N_c det J and ∂N_c/∂ξ det J J⁻¹ are polynomials. An entry of J is
-//! constant along its own parametric axis and linear along the others, so det J, a sum of products of one entry of
-//! each column, is of degree D − 1 along each axis, N_c det J of degree D, and the entries of det J J⁻¹ times ∂N_c/∂ξ
-//! of degree D − 1. Two Gauss points per axis, exact to degree three, are enough for D ≤ 3. On a quadrilateral the
-//! integrals have closed forms. On a simplex ∇N_c is constant and w_c = 1/(D + 1).
+//! On a quadrilateral or hexahedron the integrands N_c det J and ∂N_c/∂ξ det J J⁻¹ are polynomials. Column a of J is
+//! constant along axis a and linear along the others, so det J has degree D − 1 along each axis, N_c det J has degree
+//! D, and the entries of det J J⁻¹ times ∂N_c/∂ξ have degree D − 1. Two Gauss points per axis integrate degree three
+//! exactly, which is sufficient for D ≤ 3. On a quadrilateral the integrals have closed forms. On a simplex ∇N_c is
+//! constant and w_c = 1/(D + 1).
 
 use super::{Basis, PointGeometry, Support, SupportError};
 use crate::grid::element::{ElementShape, box_shape, corner_side, gauss_points};
 use crate::grid::{CellBasis, Grid};
 use crate::tensor::{Mat3, padded};
 
-/// Points whose domain is given by its corners. CPDI1 and CPDI2 share this basis; they differ in how the corners
-/// follow the deformation.
+/// Points with a domain given by its corners. CPDI1 and CPDI2 share this basis; they differ in the update of the
+/// corners.
 #[derive(Debug, Clone, Copy)]
 pub struct Cpdi;
 
-/// Most corners of a domain.
+/// Largest number of corners of a domain.
 const MAX_CORNERS: usize = 8;
 
 impl<const D: usize> Basis<D> for Cpdi {
@@ -40,7 +40,7 @@ impl<const D: usize> Basis<D> for Cpdi {
     }
 }
 
-/// The support on a grid whose type is known, so that its arithmetic is in line.
+/// Evaluates the support on a grid of static type, so that its methods can be inlined.
 fn support_on<const D: usize, G: Grid<D> + ?Sized>(
     grid: &G,
     point: &PointGeometry<D>,
@@ -49,15 +49,15 @@ fn support_on<const D: usize, G: Grid<D> + ?Sized>(
     let weights = CornerWeights::new(point.corners)?;
     out.clear();
     out.cells.push(point.cell);
-    for (corner, place) in point.corners.iter().enumerate() {
-        let (cell, basis) = near_corner(grid, corner, place, point.cell)?;
+    for (corner, position) in point.corners.iter().enumerate() {
+        let (cell, basis) = near_corner(grid, corner, position, point.cell)?;
         if !out.cells.contains(&cell) {
             out.cells.push(cell);
         }
         let (w, g) = (weights.value[corner], &weights.gradient[corner]);
         let (nodes, values) = (basis.nodes(), basis.value());
         if out.nodes == nodes {
-            // Mostly all corners are in one cell.
+            // The usual case: all corners lie in one cell.
             for (k, value) in values.iter().enumerate() {
                 out.value[k] += w * value;
                 (0..D).for_each(|d| out.gradient[k][d] += g[d] * value);
@@ -73,55 +73,55 @@ fn support_on<const D: usize, G: Grid<D> + ?Sized>(
     Ok(())
 }
 
-/// How far outside the grid a corner may be, in cells. The corners of CPDI1 follow the deformation of their point, not
-/// that of the border, and leave the grid by a little where a body slides along a wall.
+/// Largest distance of a corner from the grid, in cells. The corners of CPDI1 follow the deformation of their point and
+/// may leave the grid slightly where a body slides along a wall.
 pub const CORNER_MARGIN: f64 = 0.05;
 
-/// The cell that holds a place, or the nearest, and how far outside the place is, in cells: the sum of the negative
-/// values of its continued basis there.
+/// The cell at a position, or the nearest cell, and the distance of the position from the grid, in cells. The distance
+/// is the negative part of the basis of that cell, continued to the position.
 #[inline]
 pub fn nearest_with_distance<const D: usize, G: Grid<D> + ?Sized>(
     grid: &G,
-    place: &[f64; D],
+    position: &[f64; D],
     hint: u32,
 ) -> (u32, f64) {
-    if let Some(cell) = grid.locate(place, Some(hint)) {
+    if let Some(cell) = grid.locate(position, Some(hint)) {
         return (cell, 0.0);
     }
-    let cell = grid.nearest_cell(place);
-    let basis = grid.basis_at(cell, place);
+    let cell = grid.nearest_cell(position);
+    let basis = grid.basis_at(cell, position);
     (cell, -basis.value().iter().map(|value| value.min(0.0)).sum::<f64>())
 }
 
-/// The basis that a corner gets, and its cell; just outside the grid it is continued, so that linear fields stay exact.
+/// The cell and basis of a corner. Just outside the grid the basis is continued, which keeps linear fields exact.
 #[inline(always)]
 fn near_corner<const D: usize, G: Grid<D> + ?Sized>(
     grid: &G,
     corner: usize,
-    place: &[f64; D],
+    position: &[f64; D],
     hint: u32,
 ) -> Result<(u32, CellBasis<D>), SupportError> {
-    let (cell, basis) = grid.basis_near(place, Some(hint));
+    let (cell, basis) = grid.basis_near(position, Some(hint));
     let outside = -basis.value().iter().map(|value| value.min(0.0)).sum::<f64>();
     if outside <= CORNER_MARGIN {
         return Ok((cell, basis));
     }
-    Err(SupportError::CornerOffGrid { corner, position: padded(place), dimension: D })
+    Err(SupportError::CornerOffGrid { corner, position: padded(position), dimension: D })
 }
 
-/// Whether a domain given by its corners lies in the grid and is neither inverted nor crosses itself; `cell` is where
-/// to look first.
+/// Checks that a domain given by its corners lies in the grid, is not inverted and does not cross itself. The search
+/// starts at `cell`.
 ///
 /// # Errors
-/// What [`Cpdi`] could not form basis functions from.
+/// The [`SupportError`] that [`Cpdi`] would return for this domain.
 pub fn check_domain<const D: usize, G: Grid<D> + ?Sized>(
     grid: &G,
     corners: &[[f64; D]],
     cell: u32,
 ) -> Result<(), SupportError> {
-    for (corner, place) in corners.iter().enumerate() {
-        if nearest_with_distance(grid, place, cell).1 > CORNER_MARGIN {
-            return Err(SupportError::CornerOffGrid { corner, position: padded(place), dimension: D });
+    for (corner, position) in corners.iter().enumerate() {
+        if nearest_with_distance(grid, position, cell).1 > CORNER_MARGIN {
+            return Err(SupportError::CornerOffGrid { corner, position: padded(position), dimension: D });
         }
     }
     if D == 2 && corners.len() == 4 {
@@ -130,7 +130,7 @@ pub fn check_domain<const D: usize, G: Grid<D> + ?Sized>(
     CornerWeights::new(corners).map(|_| ())
 }
 
-/// w_c and g_c of a domain.
+/// Weights w_c and g_c of the corners of a domain.
 struct CornerWeights<const D: usize> {
     value: [f64; MAX_CORNERS],
     gradient: [[f64; D]; MAX_CORNERS],
@@ -146,8 +146,8 @@ impl<const D: usize> CornerWeights<D> {
         }
     }
 
-    /// Weights of a triangle or tetrahedron. With the edges from the first corner as columns of J, the rows of J⁻¹ are the
-    /// gradients of the other corners; all of them add up to zero.
+    /// Weights of a triangle or tetrahedron. With the edges from the first corner as the columns of J, the rows of J⁻¹
+    /// are the gradients of all other corners; the gradients of all corners sum to zero.
     fn of_simplex(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };
         let jacobian = edges(corners);
@@ -168,8 +168,8 @@ impl<const D: usize> CornerWeights<D> {
         Ok(weights)
     }
 
-    /// Weights of a quadrilateral, whose det J is linear: d₀ + d·ξ, so that V = 4 d₀ and w_c = (1 + ξ_c·d / 3 d₀) / 4; by the
-    /// divergence theorem g_c is the normal of the line between the neighbours of the corner, over twice V.
+    /// Weights of a quadrilateral. Its det J = d₀ + d·ξ is linear, so V = 4 d₀ and w_c = (1 + ξ_c·d / 3 d₀) / 4. By the
+    /// divergence theorem, g_c is the normal of the line between the two neighbours of the corner, divided by 2V.
     fn of_quadrilateral(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let at_corner = quadrilateral(corners)?;
         let mean = 0.25 * at_corner.iter().sum::<f64>();
@@ -188,8 +188,7 @@ impl<const D: usize> CornerWeights<D> {
         Ok(weights)
     }
 
-    /// Weights of a hexahedron. Corners are numbered by bits: bit d says on which side along parametric axis
-    /// d.
+    /// Weights of a hexahedron. Bit d of a corner's number is its side along parametric axis d.
     fn of_box(corners: &[[f64; D]]) -> Result<Self, SupportError> {
         let mut weights = CornerWeights { value: [0.0; MAX_CORNERS], gradient: [[0.0; D]; MAX_CORNERS] };
         let n = corners.len();
@@ -219,8 +218,8 @@ impl<const D: usize> CornerWeights<D> {
     }
 }
 
-/// det J at the corners of a quadrilateral that bounds a body: one that has a positive area and at most one reflex corner;
-/// with two it is a bow-tie or inverted.
+/// det J at the corners of a valid quadrilateral, which has a positive area and at most one reflex corner. With two
+/// reflex corners it is inverted or crosses itself.
 #[inline]
 fn quadrilateral<const D: usize>(corners: &[[f64; D]]) -> Result<[f64; 4], SupportError> {
     let at_corner: [f64; 4] = std::array::from_fn(|c| corner_determinant(corners, c));
@@ -229,9 +228,8 @@ fn quadrilateral<const D: usize>(corners: &[[f64; D]]) -> Result<[f64; 4], Suppo
     if volume.is_nan() || volume <= 0.0 || reflex > 1 { Err(SupportError::Distorted) } else { Ok(at_corner) }
 }
 
-/// Whether a hexahedron of positive volume bounds a body: it may have one reflex corner, at which the
-/// map is inverted, or two on one edge, as an arrowhead that is drawn out has. With more, it crosses itself or is inverted;
-/// so is one whose reflex edge runs backwards.
+/// True if a hexahedron of positive volume is valid: at most one reflex corner, or two on one edge (an extruded
+/// arrowhead). With more, or with a reversed reflex edge, it is inverted or crosses itself.
 fn is_meaningful<const D: usize>(corners: &[[f64; D]]) -> bool {
     let is_reflex = |c: &usize| corner_determinant(corners, *c) <= 0.0;
     let mut reflex = (0..corners.len()).filter(is_reflex);
@@ -240,7 +238,7 @@ fn is_meaningful<const D: usize>(corners: &[[f64; D]]) -> bool {
     if reflex.next().is_some() || !along.is_power_of_two() {
         return false;
     }
-    // The edges along the axis of the reflex one, which begins at `a`, the lower of the two.
+    // Edges along the axis of the reflex edge, which starts at `a`, its lower end.
     let edge =
         |from: usize| -> [f64; D] { std::array::from_fn(|d| corners[from | along][d] - corners[from][d]) };
     let others = (0..corners.len()).filter(|c| c & along == 0 && *c != a).map(edge);
@@ -248,7 +246,7 @@ fn is_meaningful<const D: usize>(corners: &[[f64; D]]) -> bool {
     towards > 0.0
 }
 
-/// det ∂x/∂ξ of a quadrilateral or hexahedron at one of its corners: half the edges there are its columns.
+/// det ∂x/∂ξ of a quadrilateral or hexahedron at a corner. The columns are half the edges at that corner.
 #[inline(always)]
 fn corner_determinant<const D: usize>(corners: &[[f64; D]], corner: usize) -> f64 {
     let edge = |axis: usize| -> [f64; D] {
@@ -263,7 +261,7 @@ fn corner_determinant<const D: usize>(corners: &[[f64; D]], corner: usize) -> f6
     a[0] * minor(&b, &c, 1, 2) - a[1] * minor(&b, &c, 0, 2) + a[2] * minor(&b, &c, 0, 1)
 }
 
-/// The edges of a simplex from its first corner as columns, with ones on the diagonal beyond `D`.
+/// Edges of a simplex from its first corner, as columns; the unit matrix beyond `D`.
 fn edges<const D: usize>(corners: &[[f64; D]]) -> Mat3 {
     let mut edges = Mat3::identity();
     for j in 0..D {
@@ -274,7 +272,7 @@ fn edges<const D: usize>(corners: &[[f64; D]]) -> Mat3 {
     edges
 }
 
-/// ∂x/∂ξ of a quadrilateral or hexahedron, with ones on the diagonal beyond `D`.
+/// ∂x/∂ξ of a quadrilateral or hexahedron; the unit matrix beyond `D`.
 fn jacobian<const D: usize>(corners: &[[f64; D]], xi: &[f64; D]) -> Mat3 {
     let mut jacobian = Mat3::identity();
     for d in 0..D {
@@ -291,7 +289,7 @@ fn jacobian<const D: usize>(corners: &[[f64; D]], xi: &[f64; D]) -> Mat3 {
     jacobian
 }
 
-/// Volume (area) of a domain given by its corners; zero for a number of corners that no domain has.
+/// Volume (area) of a domain given by its corners, [volume]; zero if the number of corners is invalid.
 pub fn domain_volume<const D: usize>(corners: &[[f64; D]]) -> f64 {
     match ElementShape::from_nodes::<D>(corners.len()) {
         Some(ElementShape::Simplex) => edges(corners).determinant() / (1..=D).product::<usize>() as f64,

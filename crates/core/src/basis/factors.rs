@@ -1,42 +1,42 @@
-//! Basis functions on a regular grid as what they are products of: one function along each axis.
+//! Storage of basis functions on a regular grid as factors: one function along each axis.
 
-/// Most nodes along an axis; domains that reach farther are kept by their products.
+/// Largest number of nodes along an axis; larger domains store the products themselves.
 const MOST: usize = 4;
 
-/// A basis function along one axis.
+/// Basis functions along one axis.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Line {
+pub(super) struct AxisFactors {
     /// Number of nodes.
     n: usize,
     value: [f64; MOST],
     slope: [f64; MOST],
 }
 
-/// The basis functions of a point along all axes.
+/// Basis functions of a point as factors along all axes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Factors<const D: usize>([Line; D]);
+pub(super) struct Factors<const D: usize>([AxisFactors; D]);
 
-/// How many numbers are kept of each axis, and of how many nodes: in bits, four for the nodes of each axis and one more
-/// where they are those of one cell, of which only the place in the cell is kept.
+/// Storage format of a point: for each axis, four bits for the number of nodes and one bit for points inside one cell,
+/// of which only the local coordinate is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Form(u32);
 
 const NODES: u32 = 0b1111;
 const IN_CELL: u32 = 0b1_0000;
 const BITS: usize = 5;
-/// Marks values and gradients kept as they are; the other bits are their number.
-const AS_THEY_ARE: u32 = 1 << 31;
+/// Marks explicit storage of values and gradients; the other bits are the number of nodes.
+const EXPLICIT: u32 = 1 << 31;
 
 impl Form {
-    /// The form of a point of `n` nodes whose values and gradients are kept as they are.
-    pub fn as_they_are(n: usize) -> Form {
-        Form(AS_THEY_ARE | n as u32)
+    /// Explicit storage of the values and gradients of `n` nodes.
+    pub fn explicit(n: usize) -> Form {
+        Form(EXPLICIT | n as u32)
     }
 
-    /// Whether values and gradients are kept as they are.
+    /// True if values and gradients are stored explicitly.
     #[inline(always)]
-    pub fn is_as_they_are(self) -> bool {
-        self.0 & AS_THEY_ARE != 0
+    pub fn is_explicit(self) -> bool {
+        self.0 & EXPLICIT != 0
     }
 
     #[inline(always)]
@@ -52,26 +52,26 @@ impl Form {
     /// Number of nodes.
     #[inline(always)]
     pub fn nodes<const D: usize>(self) -> usize {
-        if self.is_as_they_are() {
-            return (self.0 & !AS_THEY_ARE) as usize;
+        if self.is_explicit() {
+            return (self.0 & !EXPLICIT) as usize;
         }
         (0..D).map(|d| self.nodes_along(d)).product()
     }
 
-    /// Along all axes the two nodes of one cell.
+    /// The two nodes of one cell along every axis.
     fn of_cell<const D: usize>() -> Form {
         Form((0..D).fold(0, |form, d| form | (IN_CELL | 2) << (BITS * d)))
     }
 }
 
 impl<const D: usize> Factors<D> {
-    /// Values and slopes of consecutive nodes along each axis; `None` where they are too many.
+    /// Factors from values and slopes of consecutive nodes along each axis; `None` if there are too many nodes.
     pub fn new(axes: &[(usize, &[(f64, f64)]); D]) -> Option<Self> {
         if axes.iter().any(|(_, line)| line.len() > MOST) {
             return None;
         }
         Some(Factors(axes.map(|(_, entries)| {
-            let mut line = Line { n: entries.len(), value: [0.0; MOST], slope: [0.0; MOST] };
+            let mut line = AxisFactors { n: entries.len(), value: [0.0; MOST], slope: [0.0; MOST] };
             for (k, &(value, slope)) in entries.iter().enumerate() {
                 (line.value[k], line.slope[k]) = (value, slope);
             }
@@ -79,16 +79,16 @@ impl<const D: usize> Factors<D> {
         })))
     }
 
-    /// Factors of a point at a place in its cell, each coordinate from 0 to 1; `per_length` is 1/h along each axis.
+    /// Factors of a point at local coordinates `xi` (0 to 1) of its cell; `per_length` is 1/h along each axis.
     pub fn in_cell(xi: &[f64; D], per_length: &[f64; D]) -> Self {
-        Factors(std::array::from_fn(|d| Line {
+        Factors(std::array::from_fn(|d| AxisFactors {
             n: 2,
             value: [1.0 - xi[d], xi[d], 0.0, 0.0],
             slope: [-per_length[d], per_length[d], 0.0, 0.0],
         }))
     }
 
-    /// Keeps them in as few numbers as give them back bit for bit.
+    /// Appends the factors to `numbers`, in the shortest form that restores them bit for bit.
     pub fn keep(&self, per_length: &[f64; D], numbers: &mut Vec<f64>) -> Form {
         let mut form = 0;
         for (d, line) in self.0.iter().enumerate() {
@@ -108,10 +108,10 @@ impl<const D: usize> Factors<D> {
         Form(form)
     }
 
-    /// What has been kept.
+    /// Restores the factors that [`Factors::keep`] stored.
     #[inline(always)]
     fn kept(form: Form, mut numbers: &[f64], per_length: &[f64; D]) -> Self {
-        let mut lines = [Line { n: 2, value: [0.0; MOST], slope: [0.0; MOST] }; D];
+        let mut lines = [AxisFactors { n: 2, value: [0.0; MOST], slope: [0.0; MOST] }; D];
         for (d, line) in lines.iter_mut().enumerate() {
             if form.axis(d) & IN_CELL != 0 {
                 (line.value[0], line.value[1]) = (1.0 - numbers[0], numbers[0]);
@@ -130,7 +130,7 @@ impl<const D: usize> Factors<D> {
     }
 }
 
-/// The products of what has been kept, nodes along the first axis fastest.
+/// Multiplies stored factors; the first axis varies fastest.
 #[inline(always)]
 pub(super) fn multiply<const D: usize>(
     form: Form,
@@ -162,12 +162,12 @@ pub(super) fn multiply<const D: usize>(
         return;
     }
     let Factors(lines) = Factors::kept(form, numbers, per_length);
-    let mut place = [0; D];
+    let mut index = [0; D];
     for (value, gradient) in value.iter_mut().zip(gradient).take(form.nodes::<D>()) {
         let mut product = 1.0;
         let mut slopes = [1.0; D];
         for d in 0..D {
-            let (s, ds) = (lines[d].value[place[d]], lines[d].slope[place[d]]);
+            let (s, ds) = (lines[d].value[index[d]], lines[d].slope[index[d]]);
             product *= s;
             for e in 0..D {
                 slopes[e] *= if e == d { ds } else { s };
@@ -175,11 +175,11 @@ pub(super) fn multiply<const D: usize>(
         }
         (*value, *gradient) = (product, slopes);
         for d in 0..D {
-            place[d] += 1;
-            if place[d] < lines[d].n {
+            index[d] += 1;
+            if index[d] < lines[d].n {
                 break;
             }
-            place[d] = 0;
+            index[d] = 0;
         }
     }
 }
@@ -195,7 +195,7 @@ mod tests {
         #[test]
         fn products_are_those_of_the_basis(
             x in prop::array::uniform3(0.2..3.8f64),
-            // At most four nodes along an axis.
+            // At most four nodes along each axis.
             l in prop::array::uniform3(0.0..0.69f64),
         ) {
             let grid = Structured::<3>::new([0.0; 3], [1.0, 0.7, 1.3], [4, 6, 3]);

@@ -16,7 +16,7 @@ impl<const D: usize> Basis<D> for Gimp {
         out: &mut Support<D>,
     ) -> Result<(), SupportError> {
         let grid = grid.structured().ok_or(SupportError::Unstructured)?;
-        let mut axes: [(usize, Line); D] = std::array::from_fn(|_| (0, Line::default()));
+        let mut axes: [(usize, AxisSupport); D] = std::array::from_fn(|_| (0, AxisSupport::default()));
         for d in 0..D {
             axes[d] = mean_hats(grid, d, point.position[d], point.half_lengths[d]);
         }
@@ -29,7 +29,7 @@ impl<const D: usize> Basis<D> for Gimp {
     }
 }
 
-/// The tensor product of one-dimensional supports: `(first node, [(S, dS/dx)])` per axis.
+/// Tensor product of one-dimensional supports, each given as `(first node, [(S, dS/dx)])`.
 fn tensor_product<const D: usize>(
     grid: &Structured<D>,
     axes: &[(usize, &[(f64, f64)]); D],
@@ -51,14 +51,14 @@ fn tensor_product<const D: usize>(
         out.value.push(value);
         out.gradient.push(gradient);
     });
-    // The domain meets the cells between the first and the last node of each axis.
+    // The domain touches the cells between the first and the last node of each axis.
     for_each_offset(axes.map(|(_, line)| (line.len() - 1).max(1)), |offset| {
         let cell = std::array::from_fn(|d| (axes[d].0 + offset[d]).min(grid.cells()[d] - 1));
         out.cells.push(grid.cell(cell) as u32);
     });
 }
 
-/// All offsets below these counts, none of which is zero, the first axis fastest.
+/// Visits all multi-indices below `counts`, none of which is zero; the first axis varies fastest.
 #[inline(always)]
 fn for_each_offset<const D: usize>(counts: [usize; D], mut visit: impl FnMut([usize; D])) {
     let mut offset = [0; D];
@@ -79,18 +79,18 @@ fn for_each_offset<const D: usize>(counts: [usize; D], mut visit: impl FnMut([us
     }
 }
 
-/// Values and slopes of consecutive nodes along one axis; domains up to 6 cells long stay off the heap.
+/// Values and slopes of consecutive nodes along one axis. Domains up to 6 cells long need no heap memory.
 #[derive(Debug, Default)]
-struct Line {
+struct AxisSupport {
     few: [(f64, f64); 8],
     many: Vec<(f64, f64)>,
     n: usize,
 }
 
-impl Line {
-    fn with_len(n: usize) -> Line {
+impl AxisSupport {
+    fn with_len(n: usize) -> AxisSupport {
         let many = if n > 8 { vec![(0.0, 0.0); n] } else { Vec::new() };
-        Line { few: [(0.0, 0.0); 8], many, n }
+        AxisSupport { few: [(0.0, 0.0); 8], many, n }
     }
 
     fn entries(&self) -> &[(f64, f64)] {
@@ -102,22 +102,27 @@ impl Line {
     }
 }
 
-/// The mean over [x − l, x + l] of every hat function that meets it, and the derivative with respect to x.
+/// Mean over [x − l, x + l] of every hat function that overlaps it, and the derivative of the mean with respect to x.
 ///
-/// Cell by cell the hats are linear, so the mean over the part of the domain inside a cell is the value at its
-/// middle; there is no cancellation for small domains. Where the domain reaches outside the grid, nodes that do not
-/// exist are left out and the partition of unity is lost by that much.
-fn mean_hats<const D: usize>(grid: &Structured<D>, axis: usize, x: f64, half_length: f64) -> (usize, Line) {
+/// Hat functions are linear in a cell, so their mean over the part of the domain in a cell is the value at the middle
+/// of that part: there is no cancellation for small domains. Outside the grid there are no nodes; a domain that reaches
+/// there loses the partition of unity accordingly.
+fn mean_hats<const D: usize>(
+    grid: &Structured<D>,
+    axis: usize,
+    x: f64,
+    half_length: f64,
+) -> (usize, AxisSupport) {
     let h = grid.spacing()[axis];
     let n = grid.cells()[axis] as f64;
     let n_cells = grid.cells()[axis] as i64;
     let a = grid.cell_coordinate(axis, x - half_length);
     let b = grid.cell_coordinate(axis, x + half_length);
-    // Cells −1 and n_cells touch one node of the grid. The bounds come first: any number may be a coordinate.
+    // Cells −1 and n_cells each touch one node of the grid. Clamp before converting: a coordinate may be any number.
     let first = a.floor().clamp(-1.0, n) as i64;
     let last = ((b.ceil() - 1.0).clamp(-1.0, n) as i64).max(first);
     let (low, high) = (first.max(0), (last + 1).min(n_cells));
-    let mut line = Line::with_len((high - low + 1) as usize);
+    let mut line = AxisSupport::with_len((high - low + 1) as usize);
     let entries = line.entries_mut();
     let length = b - a;
     for cell in first..=last {

@@ -1,4 +1,5 @@
-//! Basis functions of the material point methods: which grid nodes a point touches, and how strongly (section 6.1).
+//! Basis functions of the material point methods: the grid nodes that a point touches, with values and gradients
+//! (section 6.1).
 
 mod connectivity;
 mod cpdi;
@@ -15,7 +16,7 @@ use crate::points::coordinates;
 
 use factors::Factors;
 
-pub use connectivity::{Connectivity, Links, Room, SupportFailure};
+pub use connectivity::{Connectivity, LinkBuffer, Links, SupportFailure};
 pub use cpdi::{CORNER_MARGIN, Cpdi, check_domain, domain_volume, nearest_with_distance};
 pub use gimp::Gimp;
 pub use mpm::Mpm;
@@ -29,20 +30,20 @@ pub enum Method {
     Mpm,
     /// The generalised interpolation material point method: points with a rectangular domain.
     Gimp,
-    /// The convected particle domain interpolation with parallelograms (parallelepipeds): the domain follows F of the
-    /// point.
+    /// Convected particle domain interpolation with parallelograms (parallelepipeds), which follow the deformation
+    /// gradient of the point.
     Cpdi1,
-    /// The second-order convected particle domain interpolation: the corners of the domain move with the grid.
+    /// Second-order convected particle domain interpolation: the corners of the domain move with the grid.
     #[default]
     Cpdi2,
 }
 
-/// What kind of domain the points of a method have.
+/// Kind of domain of the points of a method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DomainKind {
-    /// None: the point is a point.
+    /// No domain.
     None,
-    /// A box aligned with the axes, given by half lengths.
+    /// A box aligned with the axes, given by its half lengths.
     Box,
     /// A quadrilateral or triangle (hexahedron or tetrahedron), given by its corners.
     Corners,
@@ -68,7 +69,7 @@ impl Method {
         }
     }
 
-    /// What kind of domain its points have.
+    /// Kind of domain of its points.
     pub fn domain(self) -> DomainKind {
         match self {
             Method::Mpm => DomainKind::None,
@@ -78,7 +79,7 @@ impl Method {
     }
 }
 
-/// Where a point is at the start of a load step, and its domain.
+/// Position and domain of a point at the start of a load step.
 #[derive(Debug, Clone, Copy)]
 pub struct PointGeometry<'a, const D: usize> {
     /// The cell that holds the point.
@@ -87,12 +88,12 @@ pub struct PointGeometry<'a, const D: usize> {
     pub position: &'a [f64; D],
     /// Half lengths of a box domain, [length].
     pub half_lengths: &'a [f64; D],
-    /// Corners of a domain of the kind [`DomainKind::Corners`], [length]: 2^`D`, bit d of a corner's number being its
-    /// side along parametric axis d, or `D` + 1 of a triangle or tetrahedron.
+    /// Corners of a domain of kind [`DomainKind::Corners`], [length]: 2^`D` corners, where bit d of a corner's number
+    /// is its side along parametric axis d, or the `D` + 1 corners of a triangle or tetrahedron.
     pub corners: &'a [[f64; D]],
 }
 
-/// The part of the grid that one point sees.
+/// Grid nodes and cells that a point touches, with basis function values and gradients.
 #[derive(Debug, Clone, Default)]
 pub struct Support<const D: usize> {
     /// Grid nodes, ascending.
@@ -101,14 +102,14 @@ pub struct Support<const D: usize> {
     pub value: Vec<f64>,
     /// ∂S_vp/∂X̃ in the configuration at the start of the step, [1/length].
     pub gradient: Vec<[f64; D]>,
-    /// Cells that the point or its domain meets, in no order, perhaps repeated.
+    /// Cells that the point or its domain touches, unsorted, possibly with duplicates.
     pub cells: Vec<u32>,
-    /// What the values and gradients are products of, where they are.
+    /// Factors of the values and gradients, if they are products.
     factors: Option<Factors<D>>,
 }
 
 impl<const D: usize> Support<D> {
-    /// Forgets the previous point.
+    /// Removes the data of the previous point.
     pub fn clear(&mut self) {
         self.nodes.clear();
         self.value.clear();
@@ -117,7 +118,7 @@ impl<const D: usize> Support<D> {
         self.factors = None;
     }
 
-    /// Adds to the value and gradient of a node.
+    /// Adds to the value and gradient at a node.
     pub fn add(&mut self, node: u32, value: f64, gradient: [f64; D]) {
         if self.nodes.last().is_none_or(|last| *last < node) {
             self.nodes.push(node);
@@ -125,16 +126,16 @@ impl<const D: usize> Support<D> {
             self.gradient.push(gradient);
             return;
         }
-        let place = self.nodes.partition_point(|n| *n < node);
-        if self.nodes.get(place) == Some(&node) {
-            self.value[place] += value;
-            for (sum, g) in self.gradient[place].iter_mut().zip(gradient) {
+        let index = self.nodes.partition_point(|n| *n < node);
+        if self.nodes.get(index) == Some(&node) {
+            self.value[index] += value;
+            for (sum, g) in self.gradient[index].iter_mut().zip(gradient) {
                 *sum += g;
             }
         } else {
-            self.nodes.insert(place, node);
-            self.value.insert(place, value);
-            self.gradient.insert(place, gradient);
+            self.nodes.insert(index, node);
+            self.value.insert(index, value);
+            self.gradient.insert(index, gradient);
         }
     }
 }
@@ -142,15 +143,15 @@ impl<const D: usize> Support<D> {
 /// The basis functions of a point cannot be formed.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SupportError {
-    /// The point is not in the grid.
+    /// The point lies outside the grid.
     #[error("the point is outside the grid")]
     OffGrid,
-    /// A corner of its domain is not in the grid.
+    /// A corner of the domain lies outside the grid.
     #[error("corner {corner} of its domain, at {}, is outside the grid", coordinates(&position[..*dimension]))]
     CornerOffGrid {
         /// Number of the corner.
         corner: usize,
-        /// Where it is, [length]; zero beyond the dimension.
+        /// Its position, [length]; zero beyond the dimension.
         position: [f64; 3],
         /// Number of coordinates.
         dimension: usize,
@@ -158,17 +159,17 @@ pub enum SupportError {
     /// The domain is inverted, a bow-tie, or has no volume.
     #[error("its domain is inverted or crosses itself")]
     Distorted,
-    /// The method needs a structured grid.
+    /// GIMP requires a structured grid.
     #[error("the method needs a structured grid")]
     Unstructured,
 }
 
-/// A material point method: from the position and domain of a point to its basis functions.
+/// A material point method: evaluates the basis functions of a point from its position and domain.
 pub trait Basis<const D: usize>: Sync {
-    /// Writes the nodes, values and gradients seen by a point, and the cells it meets.
+    /// Writes the nodes that a point touches, their values and gradients, and the cells it touches to `out`.
     ///
     /// # Errors
-    /// [`SupportError`] when the point or a corner of its domain is outside the grid, or the domain is distorted.
+    /// [`SupportError`] if the point or a corner of its domain lies outside the grid, or if the domain is distorted.
     fn support(
         &self,
         grid: &dyn Grid<D>,

@@ -1,4 +1,4 @@
-//! The standard material point method: the finite element basis at the position of the point.
+//! Standard material point method: the finite element basis at the position of the point.
 
 use super::factors::Factors;
 use super::{Basis, PointGeometry, Support, SupportError};
@@ -20,12 +20,13 @@ impl<const D: usize> Basis<D> for Mpm {
         let basis = match grid.structured() {
             Some(grid) => {
                 let base = grid.cell_index(point.cell as usize);
-                let place: [f64; D] = std::array::from_fn(|d| grid.cell_coordinate(d, point.position[d]));
+                let coordinates: [f64; D] =
+                    std::array::from_fn(|d| grid.cell_coordinate(d, point.position[d]));
                 if D > 2 {
-                    let xi = std::array::from_fn(|d| place[d] - base[d] as f64);
+                    let xi = std::array::from_fn(|d| coordinates[d] - base[d] as f64);
                     out.factors = Some(Factors::in_cell(&xi, &grid.spacing().map(|h| 1.0 / h)));
                 }
-                grid.basis_in(base, place)
+                grid.basis_in(base, coordinates)
             }
             None => grid.basis_at(point.cell, point.position),
         };

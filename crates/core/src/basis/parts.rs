@@ -3,8 +3,8 @@
 use super::Connectivity;
 
 impl<const D: usize> Connectivity<D> {
-    /// Connected parts of the active nodes: for each node the lowest node that is coupled to it, directly or through
-    /// others. Two nodes are coupled when a point touches both.
+    /// Connected parts of the active nodes: for each node, the lowest node coupled to it directly or through others.
+    /// Two nodes are coupled if one point touches both.
     pub fn parts(&self) -> Vec<usize> {
         fn find(root: &mut [usize], mut node: usize) -> usize {
             while root[node] != node {
@@ -20,9 +20,9 @@ impl<const D: usize> Connectivity<D> {
             let of_group = self.points_of(group);
             let looked_at = if self.is_whole(group) { of_group.start..of_group.start + 1 } else { of_group };
             for p in looked_at {
-                let local = self.places(p);
+                let local = self.local_nodes(p);
                 if local == last {
-                    continue; // neighbours in a cell mostly touch the same nodes
+                    continue; // points of a cell mostly touch the same nodes
                 }
                 last = local;
                 let Some((&first, others)) = local.split_first() else { continue };
@@ -36,7 +36,7 @@ impl<const D: usize> Connectivity<D> {
                 }
             }
         }
-        // No node points to a higher one.
+        // Every root is lower than its nodes, so one pass is sufficient.
         for node in 0..root.len() {
             root[node] = root[root[node]];
         }

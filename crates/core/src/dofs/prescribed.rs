@@ -124,7 +124,7 @@ pub fn nodes_of<const D: usize>(
                 let nodes = links.nodes_of(group);
                 for p in links.points_of(group) {
                     if points.outer_layer[p] && points.body[p] == *body {
-                        for &local in links.places(p) {
+                        for &local in links.local_nodes(p) {
                             touched[nodes[local as usize] as usize] = true;
                         }
                     }

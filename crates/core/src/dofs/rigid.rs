@@ -95,7 +95,7 @@ fn name_bodies<const D: usize>(
     for group in 0..links.n_groups() {
         let nodes = links.nodes_of(group);
         for p in links.points_of(group) {
-            if let Some(&first) = links.places(p).first() {
+            if let Some(&first) = links.local_nodes(p).first() {
                 members.insert((points.body[p], root[nodes[first as usize] as usize]));
             }
         }

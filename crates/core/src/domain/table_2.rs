@@ -1,5 +1,5 @@
-//! Table 2 as a conformance test, with (38) and (39) added: each update under each motion, and for those that the
-//! table rejects the very failure that its footnotes describe; in the plane as the table stands, and extended to space.
+//! Table 2 as a conformance test, with eqs. (38) and (39) added: every update under every motion. An update that the
+//! table rejects must fail exactly as its footnotes describe. The table is tested in the plane and extended to space.
 
 use super::DomainUpdate::*;
 use super::*;
@@ -10,7 +10,7 @@ const ALL: [DomainUpdate; 7] =
 const L0: [f64; 2] = [0.3, 0.2];
 const STEPS: usize = 40;
 
-/// Half lengths after a homogeneous motion in equal steps, given by its deformation gradient at time t in [0, 1].
+/// Half lengths after a homogeneous motion in equal steps. `F_at` is the deformation gradient at time t in [0, 1].
 fn after_steps<const D: usize>(
     update: DomainUpdate,
     original: [f64; D],
@@ -26,7 +26,7 @@ fn after_steps<const D: usize>(
         let displacement = |x: &[f64; D]| -> [f64; D] {
             std::array::from_fn(|i| (0..D).map(|j| dF[(i, j)] * x[j]).sum::<f64>() - x[i])
         };
-        let motion = Motion {
+        let motion = DomainMotion {
             F: &F,
             dF: &dF,
             original: &original,
@@ -117,11 +117,11 @@ fn pure_rotation() {
     assert!(is(after(DiagonalIncremental, |t| rotation(2.0 * t)), L0));
 }
 
-/// Half the side of the cube.
+/// Half the side of the cube, [length].
 const A: f64 = 0.25;
-/// Its principal stretches.
+/// Principal stretches of the cube.
 const STRETCHES: [f64; 3] = [1.6, 0.7, 1.2];
-/// Its half lengths then.
+/// Half lengths of the stretched cube.
 const STRETCHED: [f64; 3] = [A * STRETCHES[0], A * STRETCHES[1], A * STRETCHES[2]];
 
 fn of_cube(update: DomainUpdate, steps: usize, F_at: impl Fn(f64) -> Mat3) -> Result<[f64; 3], Collapsed> {
@@ -136,7 +136,7 @@ fn volume(l: [f64; 3]) -> f64 {
     l.iter().product()
 }
 
-/// Three different stretches of a cube.
+/// A cube with three different stretches.
 #[test]
 fn stretches_of_a_cube() {
     for update in ALL {
@@ -148,7 +148,7 @@ fn stretches_of_a_cube() {
     assert!(is(of_cube(Determinant, STEPS, stretched_at), [mean; 3]));
 }
 
-/// The stretched cube is turned about z by 90°, in `n` increments after one step of stretch.
+/// Half lengths after one step of stretch and a rotation by `degrees` about z in `n` increments.
 fn stretched_and_turned(update: DomainUpdate, n: usize, degrees: f64) -> Result<[f64; 3], Collapsed> {
     let angle = degrees.to_radians() / n as f64;
     of_cube(update, n + 1, |t| {
@@ -157,9 +157,9 @@ fn stretched_and_turned(update: DomainUpdate, n: usize, degrees: f64) -> Result<
     })
 }
 
-/// What each update makes of the rotation, in closed form. In the plane, the correction of the volume undoes what a
-/// rotation does to both lengths; in space, it spreads over three of which a rotation about z changes two, so that (38)
-/// lets z grow without bound towards 90° and (37) and (39) are left with an error that falls with the increments.
+/// Closed-form result of the rotation for each update. In the plane, the volume correction cancels the error that the
+/// rotation causes in both lengths. In space, it spreads over three lengths although a rotation about z affects only
+/// two: (38) lets z grow without bound towards 90°, and (37) and (39) keep an error that decreases with the increment.
 #[test]
 fn rotation_of_a_stretched_cube() {
     let n = 18;
@@ -170,26 +170,26 @@ fn rotation_of_a_stretched_cube() {
         match update {
             None => assert!(is(turned, [A; 3])),
             Determinant => assert!(is(turned, [A * STRETCHES.iter().product::<f64>().cbrt(); 3])),
-            // U does not change: right in volume, but the lengths do not follow the axes of the cube.
+            // U is constant: the volume is right, but the lengths do not follow the rotating axes of the cube.
             Stretch => assert!(is(turned, STRETCHED)),
             // F_xx = F_yy = 0, up to round-off.
             Diagonal => assert!(turned.is_err() || volume(turned.unwrap()) < 1e-15),
             DiagonalCorrected => assert!(turned.is_err() || turned.unwrap()[2] > 1e8 * z),
-            // Every increment multiplies x and y by cos and all by cos^(−2/3).
+            // Every increment multiplies x and y by cos and all lengths by cos^(−2/3).
             Corners | DiagonalIncremental => {
                 let (shrink, grow) = (cosine.powf(n as f64 / 3.0), cosine.powf(-2.0 * n as f64 / 3.0));
                 assert!(is(turned, [x * shrink, y * shrink, z * grow]), "{update:?} {turned:?}");
             }
         }
     }
-    // At 60°, (33) has lost three quarters of the volume and (38) has turned them into height.
+    // At 60°, (33) has lost three quarters of the volume; (38) has converted them to height.
     assert!((volume(stretched_and_turned(Diagonal, n, 60.0).unwrap()) / (x * y * z) - 0.25).abs() < 1e-12);
     let corrected = stretched_and_turned(DiagonalCorrected, n, 60.0).unwrap();
     assert!((volume(corrected) / (x * y * z) - 1.0).abs() < 1e-12);
     assert!((corrected[2] / z - 4f64.cbrt()).abs() < 1e-12);
 }
 
-/// All updates but (33) keep the volume that they had before the rotation.
+/// All updates except (33) conserve volume under rotation.
 #[test]
 fn rotation_keeps_the_volume_of_all_updates_but_one() {
     for update in ALL.into_iter().filter(|update| *update != Diagonal) {
@@ -198,7 +198,7 @@ fn rotation_keeps_the_volume_of_all_updates_but_one() {
     }
 }
 
-/// The error of (37) and (39) under rotation is of first order in the increment.
+/// Under rotation, the error of (37) and (39) is of first order in the increment.
 #[test]
 fn the_error_of_incremental_updates_falls_with_the_increment() {
     for update in [Corners, DiagonalIncremental] {
@@ -211,18 +211,19 @@ fn the_error_of_incremental_updates_falls_with_the_increment() {
     }
 }
 
-/// A quarter turn in a single step: the mid-faces of (37) stand for each other, and the lengths change places.
+/// Quarter turn in a single step: under (37) the mid-faces swap axes, and so do the lengths.
 #[test]
 fn mid_faces_follow_a_quarter_turn() {
     let turned = stretched_and_turned(Corners, 1, 90.0);
     assert!(is(turned, [STRETCHED[1], STRETCHED[0], STRETCHED[2]]), "{turned:?}");
-    // And about another axis, by what the corners do, not by F: 120° about the diagonal of the cube.
+    // A turn about another axis depends on the motion of the corners, not on F: 120° about the diagonal of the cube.
     let permute = Mat3::new(0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0);
     let steps = |t: f64| if t < 0.75 { stretch(STRETCHES) } else { permute * stretch(STRETCHES) };
     assert!(is(of_cube(Corners, 2, steps), [STRETCHED[2], STRETCHED[0], STRETCHED[1]]));
 }
 
-/// Shear of a cube along a diagonal of its face: all but (34) keep it; (37) through the middles of its faces.
+/// Shear of a cube along a face diagonal: all updates except (34) keep the lengths; (37) does so through the face
+/// centres.
 #[test]
 fn shear_of_a_cube() {
     let shear = |t: f64| Mat3::new(1.0, 0.9 * t, 1.3 * t, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);

@@ -1,4 +1,4 @@
-//! What must balance in every step: work against energy that is stored or goes into plastic flow, and the moments of the
+//! Balance checks for every step: external work against stored energy and plastic dissipation, and the moments of the
 //! forces on the bodies.
 
 use crate::basis::Connectivity;
@@ -9,35 +9,37 @@ use crate::points::Points;
 use crate::step::Nodal;
 use crate::terms::Ledger;
 
-/// Work of a step, and energy at its end.
+/// Work done during a step, and energy at its end.
 ///
-/// The work is that of the trapezoidal rule, whose error over a given motion falls with the square of the step. Each step
-/// starts on an undeformed grid, whose basis functions are not those that the equilibrium of the step before was found
-/// with: the forces that are out of balance for that reason do work, too. It vanishes with the size of the steps where
-/// basis functions are smooth; with standard points, whose stress jumps at the borders of cells, it does not.
+/// The work follows from the trapezoidal rule, whose error for a given motion decreases with the square of the step
+/// size. Each step starts on an undeformed grid with new basis functions, on which the equilibrium of the previous step
+/// no longer holds exactly. The resulting out-of-balance forces do work, too. This work vanishes with the step size if
+/// the basis functions are smooth. It does not vanish for standard points, whose stress jumps as they cross cell
+/// borders.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Energy {
-    /// Work of loads and reactions over the step, [energy].
+    /// Work of loads and reactions during the step, [energy].
     pub external_work: f64,
-    /// Work over the step of the forces that are out of balance at its start, [energy].
+    /// Work during the step of the out-of-balance forces at its start, [energy].
     pub regridding_work: f64,
-    /// Work that the stabilisation of faces has taken over the step, [energy].
+    /// Work absorbed by the ghost stabilisation during the step, [energy].
     pub stabilisation_work: f64,
-    /// Work that damped iterations have taken between grids, [energy].
+    /// Work absorbed by damped iterations, [energy].
     pub damping_work: f64,
     /// Stored elastic energy, [energy].
     pub strain_energy: f64,
-    /// Work that has gone into plastic flow since the start of the analysis, [energy].
+    /// Plastic work since the start of the analysis, [energy].
     pub plastic_work: f64,
 }
 
 impl Energy {
-    /// The energy of a part of a slump: what is out of balance at its start is so since the part before, not by the fresh grid.
+    /// Energy of one part of a slumping step. The out-of-balance forces at its start remain from the part before and do
+    /// not stem from the fresh grid, so their work counts as damping work.
     pub fn of_slump(self) -> Energy {
         Energy { damping_work: self.damping_work - self.regridding_work, regridding_work: 0.0, ..self }
     }
 
-    /// The energy of a step that goes on from where another part of it has ended.
+    /// Sum of the energy of this part of a step and the part `before` it.
     pub fn after(self, before: Energy) -> Energy {
         Energy {
             external_work: before.external_work + self.external_work,
@@ -48,8 +50,11 @@ impl Energy {
         }
     }
 
-    /// The energy of a step that is in equilibrium but not committed, from its displacement increment, the external forces
-    /// (loads, reactions) at its start and end, the internal force at the start, and what the terms know.
+    /// Energy of a step that is in equilibrium but not yet committed.
+    ///
+    /// `start` and `end` are the external forces (loads, reactions) at the start and end of the step, `f_int_start` is
+    /// the internal force at the start, all [force]; `delta_d` is the displacement increment, [length]; `ledger` is the
+    /// energy of the terms.
     pub fn new<const D: usize, const N: usize>(
         delta_d: &[[f64; D]],
         [start, end]: [(&Nodal<N>, &Nodal<N>); 2],
@@ -74,30 +79,30 @@ impl Energy {
     }
 }
 
-/// The moment of the reaction of a boundary condition.
+/// Moment of the reaction of a boundary condition.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReactionMoment<const D: usize> {
-    /// The point it is taken about: the mean position, at the end of the step, of the active nodes that the condition acts
-    /// on, [length]; none where it acts on no active node.
+    /// Reference point: the mean position, at the end of the step, of the active nodes of the condition, [length];
+    /// `None` if it has no active node.
     pub about: Option<[f64; D]>,
-    /// Moment on the body about the axes x, y and z, positive by the right-hand rule, [force·length]; in the plane only the
-    /// last is not 0, positive where it turns x towards y.
+    /// Moment on the body about the axes x, y and z, positive by the right-hand rule, [force·length]. In the plane only
+    /// z is not zero; it is positive from x towards y.
     pub moment: [f64; 3],
 }
 
 impl<const D: usize> ReactionMoment<D> {
-    /// Names of the axes that a moment can have in `D` dimensions.
+    /// Names of the axes about which a moment is reported in `D` dimensions.
     pub const AXES: &'static [&'static str] = if D == 3 { &["x", "y", "z"] } else { &["z"] };
 
-    /// The components about those axes, [force·length].
+    /// Components of the moment about [`Self::AXES`], [force·length].
     pub fn components(&self) -> &[f64] {
         &self.moment[3 - Self::AXES.len()..]
     }
 }
 
-/// The moments of the reactions on the nodes of each boundary condition, in the configuration that the step has reached as
-/// [`moment_error`]. Conditions that prescribe the same motion of a degree of freedom share its reaction equally. None for
-/// bodies of revolution, whose forces are sums over the circle.
+/// Moments of the reactions at the nodes of each boundary condition, in the deformed configuration (see
+/// [`moment_error`]). Conditions that prescribe the same motion of a degree of freedom share its reaction equally.
+/// `None` for bodies of revolution, whose forces are sums over the full circle.
 pub fn reaction_moments<const D: usize, const N: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -108,19 +113,19 @@ pub fn reaction_moments<const D: usize, const N: usize>(
     if model.revolved {
         return None;
     }
-    let places = deformed_nodes(model, links, delta_d);
+    let positions = deformed_nodes(model, links, delta_d);
     let of_condition = |(number, condition): (usize, &BoundaryCondition<D>)| {
         let nodes = nodes_of(condition, points, links);
         if nodes.is_empty() {
             return ReactionMoment { about: None, moment: [0.0; 3] };
         }
         let about: [f64; D] =
-            std::array::from_fn(|d| nodes.iter().map(|n| places[*n][d]).sum::<f64>() / nodes.len() as f64);
+            std::array::from_fn(|d| nodes.iter().map(|n| positions[*n][d]).sum::<f64>() / nodes.len() as f64);
         let mut moment = [0.0; 3];
         for node in nodes {
             let (mut arm, mut force) = ([0.0; 3], [0.0; 3]);
             for d in 0..D {
-                arm[d] = places[node][d] - about[d];
+                arm[d] = positions[node][d] - about[d];
             }
             dofs.for_each_share(model, node, &reaction[node], |condition, axis, share| {
                 if condition == number {
@@ -137,7 +142,7 @@ pub fn reaction_moments<const D: usize, const N: usize>(
     Some(model.boundary_conditions.iter().enumerate().map(of_condition).collect())
 }
 
-/// Where the active nodes are at the end of a step, which they begin undeformed, [length].
+/// Positions of the active nodes at the end of a step, [length].
 fn deformed_nodes<const D: usize>(
     model: &Model<D>,
     links: &Connectivity<D>,
@@ -145,15 +150,15 @@ fn deformed_nodes<const D: usize>(
 ) -> Nodal<D> {
     (links.active_nodes().iter().zip(delta_d))
         .map(|(&node, du)| {
-            let place = model.grid.node_position(node as usize);
-            std::array::from_fn(|d| place[d] + du[d])
+            let position = model.grid.node_position(node as usize);
+            std::array::from_fn(|d| position[d] + du[d])
         })
         .collect()
 }
 
-/// Magnitude of the moment of loads and reactions together about the middle of the nodes they act on, in the configuration
-/// that the step has reached, relative to the sum of the magnitudes of all moments, [-]. None for bodies of revolution, in
-/// which hoop stresses keep the balance; 0 where there are no forces.
+/// Imbalance of moments: the resultant moment of loads and reactions about the centre of the active nodes, relative to
+/// the sum of the magnitudes of all moments, [-]. Evaluated in the deformed configuration. `None` for bodies of
+/// revolution, whose hoop stresses contribute to the balance; 0 without forces.
 pub fn moment_error<const D: usize, const N: usize>(
     model: &Model<D>,
     links: &Connectivity<D>,
@@ -163,12 +168,12 @@ pub fn moment_error<const D: usize, const N: usize>(
     if model.revolved {
         return None;
     }
-    let places = deformed_nodes(model, links, delta_d);
+    let positions = deformed_nodes(model, links, delta_d);
     let middle: [f64; D] =
-        std::array::from_fn(|d| places.iter().map(|x| x[d]).sum::<f64>() / places.len() as f64);
+        std::array::from_fn(|d| positions.iter().map(|x| x[d]).sum::<f64>() / positions.len() as f64);
     let (mut moments, mut scale) = ([[0.0; D]; D], 0.0);
-    for (node, place) in places.iter().enumerate() {
-        let arm: [f64; D] = std::array::from_fn(|d| place[d] - middle[d]);
+    for (node, position) in positions.iter().enumerate() {
+        let arm: [f64; D] = std::array::from_fn(|d| position[d] - middle[d]);
         let length = |v: &[f64]| v[..D].iter().map(|x| x * x).sum::<f64>().sqrt();
         for force in [&load[node], &reaction[node]] {
             for i in 0..D {

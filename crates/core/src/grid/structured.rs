@@ -1,8 +1,8 @@
-//! A regular grid of rectangles (or bricks) aligned with the axes; point location is arithmetic.
+//! A regular grid of rectangles (bricks) aligned with the axes. Cells are located by arithmetic.
 
 use super::{CellBasis, Corners, Grid, MAX_CORNERS, ON_LINE};
 
-/// A regular background grid in `D` dimensions. Nodes and cells are numbered with the first axis fastest.
+/// A regular grid in `D` dimensions. Nodes and cells are numbered with the first axis fastest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Structured<const D: usize> {
     origin: [f64; D],
@@ -11,7 +11,8 @@ pub struct Structured<const D: usize> {
 }
 
 impl<const D: usize> Structured<D> {
-    /// A grid with its lowest corner at `origin`, cells of side `spacing` and `cells` of them along each axis.
+    /// A grid with its lowest corner at `origin`, [length], and `cells` cells of side `spacing`, [length], along each
+    /// axis.
     pub fn new(origin: [f64; D], spacing: [f64; D], cells: [usize; D]) -> Self {
         Structured { origin, spacing, cells }
     }
@@ -61,7 +62,8 @@ impl<const D: usize> Structured<D> {
         split(cell, self.cells)
     }
 
-    /// Position in units of cells from the lowest corner, along one axis; snapped to a grid line that it lies on.
+    /// Cell coordinate along one axis: distance from the lowest corner in units of cells, snapped to a grid line within
+    /// [`ON_LINE`].
     #[inline(always)]
     pub fn cell_coordinate(&self, axis: usize, x: f64) -> f64 {
         let xi = (x - self.origin[axis]) / self.spacing[axis];
@@ -69,8 +71,8 @@ impl<const D: usize> Structured<D> {
         if (xi - line).abs() < ON_LINE { line } else { xi }
     }
 
-    /// Indices of the cell that holds a position, or `None` outside the grid. A position on a grid line belongs to
-    /// the upper cell, on the upper edge of the grid to the last one.
+    /// Indices of the cell that contains a position; `None` outside the grid. A position on a grid line belongs to the
+    /// upper cell, on the upper border of the grid to the last cell.
     #[inline]
     pub fn locate_index(&self, position: &[f64; D]) -> Option<[usize; D]> {
         let mut index = [0; D];
@@ -85,18 +87,18 @@ impl<const D: usize> Structured<D> {
         Some(index)
     }
 
-    /// Indices of the cell nearest to a place in units of cells.
+    /// Indices of the cell nearest to a position given in cell coordinates.
     #[inline(always)]
-    fn nearest_index(&self, place: [f64; D]) -> [usize; D] {
-        std::array::from_fn(|d| (place[d].max(0.0) as usize).min(self.cells[d] - 1))
+    fn nearest_index(&self, coordinates: [f64; D]) -> [usize; D] {
+        std::array::from_fn(|d| (coordinates[d].max(0.0) as usize).min(self.cells[d] - 1))
     }
 
-    /// The basis of the cell with these indices at a place in units of cells; outside the cell it is continued.
+    /// Basis of a cell at a position given in cell coordinates; continued outside the cell.
     #[inline(always)]
-    pub fn basis_in(&self, base: [usize; D], place: [f64; D]) -> CellBasis<D> {
+    pub fn basis_in(&self, base: [usize; D], coordinates: [f64; D]) -> CellBasis<D> {
         let mut basis = CellBasis::default();
         let hats: [[f64; 2]; D] = std::array::from_fn(|d| {
-            let xi = place[d] - base[d] as f64;
+            let xi = coordinates[d] - base[d] as f64;
             [1.0 - xi, xi]
         });
         let slopes = self.spacing.map(|h| {
@@ -115,7 +117,7 @@ impl<const D: usize> Structured<D> {
         basis
     }
 
-    /// Indices along one axis of the grid lines within a range, and some that are just outside.
+    /// Range of the grid lines between two coordinates, enlarged by at least one line on both sides.
     fn lines_near(&self, axis: usize, low: f64, high: f64) -> std::ops::Range<usize> {
         let n = self.cells[axis];
         let line = |x: f64| ((x - self.origin[axis]) / self.spacing[axis]).clamp(-2.0, n as f64 + 2.0);
@@ -124,13 +126,13 @@ impl<const D: usize> Structured<D> {
         first.min(n + 1)..(last + 1).min(n + 1)
     }
 
-    /// All nodes within bounds, [length], ascending, and some that are just outside.
+    /// All nodes within bounds, [length], and some just outside; ascending.
     pub fn nodes_near(&self, [low, high]: &[[f64; D]; 2]) -> impl Iterator<Item = usize> + use<'_, D> {
         let ranges = std::array::from_fn(|d| self.lines_near(d, low[d], high[d]));
         indices(ranges).map(|index| self.node(index))
     }
 
-    /// All cells that may meet bounds, [length], ascending, and some more beside them.
+    /// All cells that may overlap bounds, [length], and some beside them; ascending.
     pub fn cells_near(&self, [low, high]: &[[f64; D]; 2]) -> impl Iterator<Item = usize> + use<'_, D> {
         let ranges = std::array::from_fn(|d| {
             let lines = self.lines_near(d, low[d], high[d]);
@@ -140,15 +142,15 @@ impl<const D: usize> Structured<D> {
     }
 }
 
-/// The nearest whole number of one below 2⁵¹ in size, by what round-off does beyond 2⁵²: without the call that older
-/// sets of instructions need.
+/// Rounds a number below 2⁵¹ in magnitude to the nearest integer by adding and subtracting 1.5 × 2⁵², which needs no
+/// function call on older instruction sets.
 #[inline]
 fn nearest_whole(x: f64) -> f64 {
     const SHIFT: f64 = 6_755_399_441_055_744.0; // 1.5 × 2⁵²
     (x + SHIFT) - SHIFT
 }
 
-/// All places with indices in these ranges, first axis fastest.
+/// All multi-indices in these ranges; the first axis varies fastest.
 fn indices<const D: usize>(ranges: [std::ops::Range<usize>; D]) -> impl Iterator<Item = [usize; D]> {
     let lengths = ranges.clone().map(|range| range.len());
     let first = ranges.map(|range| range.start);
@@ -208,8 +210,8 @@ impl<const D: usize> Grid<D> for Structured<D> {
     }
 
     fn nearest_cell(&self, position: &[f64; D]) -> u32 {
-        let place = std::array::from_fn(|d| self.cell_coordinate(d, position[d]));
-        self.cell(self.nearest_index(place)) as u32
+        let coordinates = std::array::from_fn(|d| self.cell_coordinate(d, position[d]));
+        self.cell(self.nearest_index(coordinates)) as u32
     }
 
     #[inline]
@@ -220,9 +222,9 @@ impl<const D: usize> Grid<D> for Structured<D> {
 
     #[inline(always)]
     fn basis_near(&self, position: &[f64; D], _hint: Option<u32>) -> (u32, CellBasis<D>) {
-        let place: [f64; D] = std::array::from_fn(|d| self.cell_coordinate(d, position[d]));
-        let base = self.nearest_index(place);
-        (self.cell(base) as u32, self.basis_in(base, place))
+        let coordinates: [f64; D] = std::array::from_fn(|d| self.cell_coordinate(d, position[d]));
+        let base = self.nearest_index(coordinates);
+        (self.cell(base) as u32, self.basis_in(base, coordinates))
     }
 
     fn structured(&self) -> Option<&Structured<D>> {
@@ -230,8 +232,8 @@ impl<const D: usize> Grid<D> for Structured<D> {
     }
 }
 
-/// The corner, numbered by its offsets (bit d along axis d), that stands at a place in the order of a VTK
-/// quadrilateral or hexahedron.
+/// Maps between VTK order and bitwise order (bit d of the number is the side along axis d) of the corners of a
+/// quadrilateral or hexahedron; its own inverse.
 pub fn vtk_corner(corner: usize) -> usize {
     match corner % 4 {
         2 => corner + 1,

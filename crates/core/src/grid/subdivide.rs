@@ -1,41 +1,40 @@
-//! Division of an element into parts of which each becomes a material point.
+//! Subdivision of elements into parts, each of which becomes a material point.
 
 use super::element::{ElementShape, box_shape};
 use super::structured::vtk_corner;
 
 /// A part of an element.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Part<const D: usize> {
-    /// Where its point stands, [length].
+pub struct ElementPart<const D: usize> {
+    /// Position of its material point, [length].
     pub position: [f64; D],
     /// Volume (area), [length^`D`].
     pub volume: f64,
-    /// Its corners, as a domain given by corners has them ([`crate::points::Seed::corners`]), [length].
+    /// Corners, ordered as in [`crate::points::Seed::corners`], [length].
     pub corners: Vec<[f64; D]>,
 }
 
-/// Places of `n` points in a triangle: barycentric coordinates and the part of the area that each stands for.
+/// Positions of `n` points in a triangle: barycentric coordinates, and the share of the area of each point.
 ///
-/// - `n` = k²: the sides are divided into k parts, which gives k² congruent triangles; the points are their
-///   centroids.
-/// - `n` = 8: each of the four triangles of k = 2 is halved by its median from the corner that corresponds to the
-///   first node of the triangle (in the inverted triangle in the middle, the corner opposite to that node); the
-///   points are the centroids of the halves.
+/// - `n` = k²: dividing the sides into k gives k² congruent triangles; the points are their centroids.
+/// - `n` = 8: each of the four triangles of k = 2 is halved by its median from the corner that corresponds to the first
+///   node of the triangle (in the inverted middle triangle, the corner opposite that node); the points are the
+///   centroids of the halves.
 ///
-/// All points stand for the same area, and their mean is the centroid. `None` for any other `n`.
+/// All points have the same area, and their mean is the centroid. `None` for any other `n`.
 pub fn subdivide_triangle(n: usize) -> Option<Vec<([f64; 3], f64)>> {
     let points = if n == 8 { halved() } else { squared(n)? };
     Some(points.into_iter().map(|([a, b], _)| ([1.0 - a - b, a, b], 1.0 / n as f64)).collect())
 }
 
-/// The corners, counterclockwise, of the parts of a triangle of which [`subdivide_triangle`] gives the centroids, in
-/// the same order: coordinates along the two sides from the first node.
+/// Corners, counterclockwise, of the parts whose centroids [`subdivide_triangle`] returns, in the same order; given as
+/// coordinates along the two sides from the first node.
 pub fn triangle_parts(n: usize) -> Option<Vec<[[f64; 2]; 3]>> {
     let points = if n == 8 { halved() } else { squared(n)? };
     Some(points.into_iter().map(|(_, corners)| corners).collect())
 }
 
-/// The centroid and the corners of a part of a triangle.
+/// Centroid and corners of a part of a triangle.
 type TrianglePart = ([f64; 2], [[f64; 2]; 3]);
 
 /// k² congruent triangles: centroid and corners as coordinates along the two sides from the first node.
@@ -44,15 +43,15 @@ fn squared(n: usize) -> Option<Vec<TrianglePart>> {
     if n == 0 || k * k != n {
         return None;
     }
-    let place = |i: usize, shift: f64| (i as f64 + shift) / k as f64;
-    let at = |i: usize, j: usize| [place(i, 0.0), place(j, 0.0)];
+    let position = |i: usize, shift: f64| (i as f64 + shift) / k as f64;
+    let at = |i: usize, j: usize| [position(i, 0.0), position(j, 0.0)];
     let mut points = Vec::new();
     for j in 0..k {
         for i in 0..k - j {
-            let centroid = [place(i, 1.0 / 3.0), place(j, 1.0 / 3.0)];
+            let centroid = [position(i, 1.0 / 3.0), position(j, 1.0 / 3.0)];
             points.push((centroid, [at(i, j), at(i + 1, j), at(i, j + 1)]));
             if i + j + 2 <= k {
-                let centroid = [place(i, 2.0 / 3.0), place(j, 2.0 / 3.0)];
+                let centroid = [position(i, 2.0 / 3.0), position(j, 2.0 / 3.0)];
                 points.push((centroid, [at(i + 1, j + 1), at(i, j + 1), at(i + 1, j)]));
             }
         }
@@ -62,51 +61,52 @@ fn squared(n: usize) -> Option<Vec<TrianglePart>> {
 
 /// The halves of four congruent triangles.
 fn halved() -> Vec<TrianglePart> {
-    // First corner and the size, negative for the inverted triangle.
+    // First corner, and size, which is negative for the inverted triangle.
     let quarters = [([0.0, 0.0], 0.5), ([0.5, 0.0], 0.5), ([0.0, 0.5], 0.5), ([0.5, 0.5], -0.5)];
-    // The halves of the whole triangle with their centroids.
+    // The halves of the whole triangle and their centroids.
     let half = [
         ([0.5, 1.0 / 6.0], [[0.0, 0.0], [1.0, 0.0], [0.5, 0.5]]),
         ([1.0 / 6.0, 0.5], [[0.0, 0.0], [0.5, 0.5], [0.0, 1.0]]),
     ];
-    let place = |corner: [f64; 2], size: f64, x: [f64; 2]| [corner[0] + size * x[0], corner[1] + size * x[1]];
+    let position =
+        |corner: [f64; 2], size: f64, x: [f64; 2]| [corner[0] + size * x[0], corner[1] + size * x[1]];
     let of_quarter = |(corner, size): ([f64; 2], f64)| {
         half.map(|(centroid, corners)| {
-            (place(corner, size, centroid), corners.map(|x| place(corner, size, x)))
+            (position(corner, size, centroid), corners.map(|x| position(corner, size, x)))
         })
     };
     quarters.into_iter().flat_map(of_quarter).collect()
 }
 
-/// Divides a tetrahedron into `n` parts of equal volume, of which the points are the centroids.
+/// Divides a tetrahedron into `n` parts of equal volume; the points are their centroids.
 ///
-/// - `n` = k³: the edges are divided into k parts. With the corners at (0, 0, 0), (k, 0, 0), (k, k, 0) and (k, k, k)
-///   the tetrahedron is the set k ≥ x ≥ y ≥ z ≥ 0; the planes of whole x, y, z, x − y, y − z and x − z cut it into
-///   k³ tetrahedra, of up to three shapes.
+/// - `n` = k³: the edges are divided into k. With corners at (0, 0, 0), (k, 0, 0), (k, k, 0) and (k, k, k) the
+///   tetrahedron is the set k ≥ x ≥ y ≥ z ≥ 0. The planes of integer x, y, z, x − y, y − z and x − z cut it into k³
+///   tetrahedra of up to three shapes.
 /// - `n` = 4: the four faces are joined to the centroid.
 ///
-/// All points stand for the same volume, and their mean is the centroid. `None` for any other `n`.
-pub fn subdivide_tetrahedron(corners: &[[f64; 3]; 4], n: usize) -> Option<Vec<Part<3>>> {
+/// The mean of the points is the centroid of the tetrahedron. `None` for any other `n`.
+pub fn subdivide_tetrahedron(corners: &[[f64; 3]; 4], n: usize) -> Option<Vec<ElementPart<3>>> {
     let shape = ElementShape::Simplex;
     let volume = shape.volume(corners) / n as f64;
     let part = |local: [[f64; 3]; 4]| {
         let part = local.map(|xi| shape.map(corners, xi));
-        Part { position: shape.centroid(&part), volume, corners: part.to_vec() }
+        ElementPart { position: shape.centroid(&part), volume, corners: part.to_vec() }
     };
     Some(if n == 4 { joined_to_the_centroid() } else { cubed(n)? }.into_iter().map(part).collect())
 }
 
 /// Divides a triangle as [`subdivide_triangle`] or a tetrahedron as [`subdivide_tetrahedron`].
 ///
-/// `corners` are those of the element, at least `D` + 1. `None` for any other `n` than these know.
-pub fn subdivide_simplex<const D: usize>(corners: &[[f64; D]], n: usize) -> Option<Vec<Part<D>>> {
+/// `corners` are the `D` + 1 corners of the element, [length]. `None` for any other `n`.
+pub fn subdivide_simplex<const D: usize>(corners: &[[f64; D]], n: usize) -> Option<Vec<ElementPart<D>>> {
     let shape = ElementShape::Simplex;
     let local = |x: &[f64]| std::array::from_fn::<f64, D, _>(|d| x[d]);
     match D {
         2 => {
             let area = shape.volume(&corners[..3]);
             let parts = subdivide_triangle(n)?.into_iter().zip(triangle_parts(n)?);
-            let part = |(([_, a, b], share), part): (([f64; 3], f64), [[f64; 2]; 3])| Part {
+            let part = |(([_, a, b], share), part): (([f64; 3], f64), [[f64; 2]; 3])| ElementPart {
                 position: shape.map(corners, local(&[a, b])),
                 volume: share * area,
                 corners: part.iter().map(|x| shape.map(corners, local(x))).collect(),
@@ -116,7 +116,7 @@ pub fn subdivide_simplex<const D: usize>(corners: &[[f64; D]], n: usize) -> Opti
         3 => {
             let padded = std::array::from_fn(|k| std::array::from_fn(|d| corners[k][d]));
             let parts = subdivide_tetrahedron(&padded, n)?.into_iter();
-            let part = |part: Part<3>| Part {
+            let part = |part: ElementPart<3>| ElementPart {
                 position: local(&part.position),
                 volume: part.volume,
                 corners: part.corners.iter().map(|x| local(x)).collect(),
@@ -142,25 +142,26 @@ fn cubed(n: usize) -> Option<Vec<[[f64; 3]; 4]>> {
     if k.pow(3) != n {
         return None;
     }
-    // Every cube of the lattice is cut into six along its diagonal: from its lowest corner, a step along each axis.
+    // Every cube of the lattice is cut into six tetrahedra along its diagonal: paths from its lowest corner, one axis
+    // at a time.
     const STEPS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]];
     let mut parts = Vec::with_capacity(n);
     for (z, y, x) in (0..k).flat_map(|z| (z..k).flat_map(move |y| (y..k).map(move |x| (z, y, x)))) {
         for (number, steps) in STEPS.iter().enumerate() {
-            let mut place = [x, y, z];
-            let mut corners = [place; 4];
+            let mut position = [x, y, z];
+            let mut corners = [position; 4];
             for (corner, axis) in corners[1..].iter_mut().zip(steps) {
-                place[*axis] += 1;
-                *corner = place;
+                position[*axis] += 1;
+                *corner = position;
             }
             if corners.iter().any(|[x, y, z]| y > x || z > y) {
                 continue; // outside the tetrahedron
             }
-            // Steps in the order of an odd permutation turn the other way.
+            // Odd permutations of the axes give the opposite orientation.
             if number >= 3 {
                 corners.swap(1, 2);
             }
-            // From x, y, z to local coordinates: the corners are at (1, 0, 0), (1, 1, 0) and (1, 1, 1).
+            // Converts x, y, z to local coordinates: the corners are at (1, 0, 0), (1, 1, 0) and (1, 1, 1).
             let part = |n: usize| n as f64 / k as f64;
             parts.push(corners.map(|[x, y, z]| [part(x - y), part(y - z), part(z)]));
         }
@@ -168,19 +169,20 @@ fn cubed(n: usize) -> Option<Vec<[[f64; 3]; 4]>> {
     Some(parts)
 }
 
-/// Divides a quadrilateral or hexahedron by lines (planes) of constant local coordinates into `n` parts along each
-/// local axis: from the first to the second corner, from the second to the third and, in space, from the bottom to the
-/// top. The parts are quadrilaterals (hexahedra) again, whose volumes add up to that of the element exactly. Points are
-/// their centres of mass, so that linear fields are integrated exactly and a domain given by corners moves with the
-/// mean of its basis functions. They follow along the first axis first.
+/// Divides a quadrilateral or hexahedron along lines (planes) of constant local coordinates.
 ///
-/// `corners` stand in the order of the VTK cell. `None` for another number of corners.
-pub fn subdivide_box<const D: usize>(corners: &[[f64; D]], n: [usize; D]) -> Option<Vec<Part<D>>> {
+/// `n` is the number of parts along each local axis: from the first to the second corner, from the second to the third
+/// and, in space, from the bottom to the top. The parts are quadrilaterals (hexahedra) whose volumes sum to that of the
+/// element. Points are their centroids, so that linear fields are integrated exactly and the point of a domain with
+/// corners moves with the mean of its basis functions. The first axis varies fastest.
+///
+/// `corners` are in VTK order, [length]. `None` if their number is wrong.
+pub fn subdivide_box<const D: usize>(corners: &[[f64; D]], n: [usize; D]) -> Option<Vec<ElementPart<D>>> {
     let shape = ElementShape::Box;
     if corners.len() != shape.n_nodes::<D>() {
         return None;
     }
-    let place = |at: [f64; D]| {
+    let position = |at: [f64; D]| {
         let mut x = [0.0; D];
         for (k, corner) in corners.iter().enumerate() {
             let (value, _) = box_shape(vtk_corner(k), &at);
@@ -200,10 +202,14 @@ pub fn subdivide_box<const D: usize>(corners: &[[f64; D]], n: [usize; D]) -> Opt
             i
         });
         let part: Vec<[f64; D]> = (0..1usize << D)
-            .map(|c| place(std::array::from_fn(|d| line(d, index[d] + (c >> d & 1)))))
+            .map(|c| position(std::array::from_fn(|d| line(d, index[d] + (c >> d & 1)))))
             .collect();
         let around: Vec<[f64; D]> = (0..part.len()).map(|k| part[vtk_corner(k)]).collect();
-        parts.push(Part { position: shape.centroid(&around), volume: shape.volume(&around), corners: part });
+        parts.push(ElementPart {
+            position: shape.centroid(&around),
+            volume: shape.volume(&around),
+            corners: part,
+        });
     }
     Some(parts)
 }
@@ -276,7 +282,7 @@ mod tests {
         assert!(refused.iter().all(|n| subdivide_tetrahedron(&TETRAHEDRON, *n).is_none()));
     }
 
-    /// Equal volumes that add up to the whole, and no centroid of one part in another: the parts fill the tetrahedron.
+    /// Equal volumes that sum to the whole, and no centroid inside another part: the parts fill the tetrahedron.
     #[test]
     fn parts_of_a_tetrahedron_do_not_overlap() {
         for n in [4, 8, 27] {
@@ -296,7 +302,7 @@ mod tests {
         assert_eq!(parts.len(), n.iter().product::<usize>());
         let whole = ElementShape::Box.volume(corners);
         assert!((parts.iter().map(|p| p.volume).sum::<f64>() - whole).abs() < 1e-14 * whole);
-        // Centres of mass of the parts balance to that of the whole.
+        // The centroids of the parts balance to that of the whole.
         let centroid = ElementShape::Box.centroid(corners);
         for d in 0..D {
             let moment: f64 = parts.iter().map(|p| p.volume * p.position[d]).sum();

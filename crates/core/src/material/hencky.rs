@@ -1,9 +1,9 @@
 //! Hencky elasticity.
 
-use super::{Elasticity, Material, MaterialError, Response, ShortResponse, SideBySide, StateField};
+use super::{CompactResponse, Elasticity, Material, MaterialError, Response, StateField, VectorisedLaw};
 use crate::tensor::{Lane, Lanes, Sym3, Tangent};
 
-/// Hencky elasticity: Kirchhoff stress linear in the elastic logarithmic strain (section 2).
+/// Hencky elasticity: the Kirchhoff stress is linear in the elastic logarithmic strain (section 2).
 #[derive(Debug, Clone)]
 pub struct Hencky {
     elasticity: Elasticity,
@@ -11,7 +11,7 @@ pub struct Hencky {
 }
 
 impl Hencky {
-    /// From Young's modulus, [stress], and Poisson's ratio, [-].
+    /// The law with Young's modulus, [stress], and Poisson's ratio, [-].
     pub fn new(young: f64, poisson: f64) -> Self {
         let elasticity = Elasticity::from_young_poisson(young, poisson);
         Hencky { elasticity, tangent: elasticity.tangent() }
@@ -31,7 +31,7 @@ impl Material for Hencky {
         Ok(Response { tau, elastic_strain: *trial, tangent: self.tangent })
     }
 
-    fn side_by_side(&self) -> Option<&dyn SideBySide> {
+    fn vectorised(&self) -> Option<&dyn VectorisedLaw> {
         Some(self)
     }
 
@@ -40,9 +40,9 @@ impl Material for Hencky {
     }
 }
 
-impl SideBySide for Hencky {
-    fn respond(&self, trial: &[Lanes; 4], _history: &mut [Lanes]) -> ShortResponse<Lanes, 4> {
-        ShortResponse {
+impl VectorisedLaw for Hencky {
+    fn respond(&self, trial: &[Lanes; 4], _history: &mut [Lanes]) -> CompactResponse<Lanes, 4> {
+        CompactResponse {
             tau: self.elasticity.stress_components(trial),
             elastic_strain: *trial,
             lambda: Lanes::splat(self.elasticity.lambda()),

@@ -1,9 +1,9 @@
-//! Constitutive laws between the elastic strain and the Kirchhoff stress.
+//! Constitutive laws: Kirchhoff stress as a function of elastic strain.
 //!
-//! A law is written once and in three dimensions, in one of two strains ([`StrainMeasure`]). Laws of the logarithmic
-//! strain have small-strain form: the multiplicative decomposition lets the return mapping of small strains serve
-//! finite ones. Laws of b^e are evaluated without its eigenvalues. Laws know no grid, dimension or load step, and their
-//! result depends on nothing but their arguments.
+//! A law is implemented once, in three dimensions, in one of two strain measures ([`StrainMeasure`]). Laws in the
+//! logarithmic strain have the form of small-strain laws: with the multiplicative decomposition, the return mapping of
+//! small-strain plasticity applies at finite strain. Laws in b^e avoid its eigenvalues. A law knows neither the grid
+//! nor the dimension nor the load step, and its result depends only on its arguments.
 
 mod at_rest;
 mod hencky;
@@ -20,25 +20,26 @@ pub use von_mises::VonMises;
 /// A history variable of a law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StateField {
-    /// Name as it appears in the results.
+    /// Name in result files.
     pub name: &'static str,
-    /// Unit, in words.
+    /// Unit as text.
     pub unit: &'static str,
-    /// Value at the start.
+    /// Initial value.
     pub initial: f64,
 }
 
-/// The elastic strain in which a law is written. All measures vanish with the strain and agree when it is small.
+/// Strain measure in which a law is formulated. All measures are zero in the undeformed state and agree at small
+/// strain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StrainMeasure {
     /// ε^e = ½ ln b^e.
     Logarithmic,
-    /// ½ (b^e − I), for laws that are given in b^e.
+    /// ½ (b^e − I), for laws formulated in b^e.
     LeftCauchyGreen,
 }
 
 impl StrainMeasure {
-    /// b^e of a strain, by its eigenvalues where they are needed.
+    /// b^e from a strain in this measure.
     pub fn left_cauchy_green(self, strain: &Sym3) -> Sym3 {
         match self {
             StrainMeasure::Logarithmic => strain.map_eigenvalues(|e| (2.0 * e).exp()),
@@ -46,7 +47,7 @@ impl StrainMeasure {
         }
     }
 
-    /// ε^e = ½ ln b^e of a strain.
+    /// ε^e = ½ ln b^e from a strain in this measure.
     pub fn logarithmic(self, strain: &Sym3) -> Sym3 {
         match self {
             StrainMeasure::Logarithmic => *strain,
@@ -55,7 +56,7 @@ impl StrainMeasure {
     }
 }
 
-/// What a law answers to a trial elastic strain, all strains in the measure of the law.
+/// Response of a law to a trial elastic strain. All strains are in the measure of the law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Response {
     /// Kirchhoff stress τ, [stress].
@@ -66,7 +67,7 @@ pub struct Response {
     pub tangent: Tangent,
 }
 
-/// What a law with isotropic spatial moduli answers to a trial elastic strain.
+/// Response of a law with isotropic spatial moduli to a trial elastic strain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IsotropicResponse {
     /// Kirchhoff stress τ, [stress].
@@ -79,20 +80,20 @@ pub struct IsotropicResponse {
     pub mu: f64,
 }
 
-/// An elastic law without history whose spatial moduli, between the rate of deformation and the Oldroyd rate of τ, are
-/// isotropic in every state, λ̂ I⊗I + 2 μ̂ 𝟙 with λ̂ and μ̂ that depend on the state.
+/// An elastic law without history whose spatial moduli are isotropic in every state: λ̂ I⊗I + 2 μ̂ 𝟙 with
+/// state-dependent λ̂ and μ̂. The moduli map the rate of deformation to the Oldroyd rate of τ.
 pub trait IsotropicModuli {
-    /// Stress and moduli at the trial b^e; the same law as [`Material::update`].
+    /// Stress and moduli at the trial b^e, consistent with [`Material::update`].
     ///
     /// # Errors
-    /// [`MaterialError`] when the strain is not finite.
+    /// [`MaterialError`] if the strain is not finite.
     fn respond(&self, b: &Sym3) -> Result<IsotropicResponse, MaterialError>;
 }
 
-/// What a law of the logarithmic strain answers whose tangent is D^alg = λ I⊗I + 2μ 𝟙 − α n⊗n. Tensors are the first `N`
-/// components of a layout like Mandel's, the normal ones before the shears; `T` may be several points side by side.
+/// Response of a law in the logarithmic strain whose tangent is D^alg = λ I⊗I + 2μ 𝟙 − α n⊗n. Tensors are the first `N`
+/// components of a Mandel-like layout, normal components before shears. `T` is one number or one SIMD lane per point.
 #[derive(Debug, Clone, Copy)]
-pub struct ShortResponse<T, const N: usize> {
+pub struct CompactResponse<T, const N: usize> {
     /// Kirchhoff stress τ, [stress].
     pub tau: [T; N],
     /// Elastic strain after the return mapping, [-].
@@ -107,14 +108,15 @@ pub struct ShortResponse<T, const N: usize> {
     pub n: [T; N],
 }
 
-/// A law of the logarithmic strain with a tangent of the form of [`ShortResponse`], on several points side by side.
-pub trait SideBySide {
-    /// The same as [`Material::update`] in the plane, `xx, yy, zz, √2 xy`; `history` is replaced by its new values. What
-    /// is not finite in the trial strain is not in the stress.
-    fn respond(&self, trial: &[Lanes; 4], history: &mut [Lanes]) -> ShortResponse<Lanes, 4>;
+/// A law in the logarithmic strain with a tangent of the form of [`CompactResponse`], evaluated for several points at
+/// once.
+pub trait VectorisedLaw {
+    /// Plane form of [`Material::update`], in components `xx, yy, zz, √2 xy`; replaces `history` by its new values. A
+    /// trial strain that is not finite gives a stress that is not finite.
+    fn respond(&self, trial: &[Lanes; 4], history: &mut [Lanes]) -> CompactResponse<Lanes, 4>;
 }
 
-/// A law could not be evaluated.
+/// Failure of a law.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum MaterialError {
     /// The trial strain is not a number.
@@ -122,43 +124,44 @@ pub enum MaterialError {
     NotFinite,
 }
 
-/// An isotropic law between elastic strain and Kirchhoff stress.
+/// An isotropic constitutive law: Kirchhoff stress as a function of elastic strain.
 pub trait Material: Send + Sync + std::fmt::Debug {
-    /// Names, units and initial values of the history variables; the order is the layout of `old` and `new`.
+    /// History variables with names, units and initial values; their order is the layout of `old` and `new` in
+    /// [`Material::update`].
     fn state_fields(&self) -> &'static [StateField];
 
-    /// The strain in which the law is written.
+    /// Strain measure in which the law is formulated.
     fn strain_measure(&self) -> StrainMeasure {
         StrainMeasure::Logarithmic
     }
 
-    /// Return mapping from the trial elastic strain; `old` are the converged history variables, `new` receives the
-    /// trial ones. Depends on nothing but its arguments.
+    /// Return mapping from the trial elastic strain. `old` holds the converged history variables; the trial ones are
+    /// written to `new`. The result depends only on the arguments.
     ///
     /// # Errors
-    /// [`MaterialError`] when the strain is not finite or the return mapping fails.
+    /// [`MaterialError`] if the strain is not finite or the return mapping fails.
     fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError>;
 
-    /// The law by its spatial moduli if these are isotropic, which makes it cheaper in three dimensions.
+    /// The spatial moduli of the law if they are isotropic, which allows a cheaper evaluation in three dimensions.
     fn isotropic_moduli(&self) -> Option<&dyn IsotropicModuli> {
         None
     }
 
-    /// The law on several points side by side, if it can be written so.
-    fn side_by_side(&self) -> Option<&dyn SideBySide> {
+    /// The vectorised form of the law, if it has one.
+    fn vectorised(&self) -> Option<&dyn VectorisedLaw> {
         None
     }
 
     /// Stored elastic energy per initial volume, [energy/volume].
     fn energy(&self, elastic_strain: &Sym3) -> f64;
 
-    /// Work that has gone into plastic flow per initial volume, from the history variables, [energy/volume]. What
-    /// hardening stores is part of it.
+    /// Plastic work per initial volume, from the history variables, [energy/volume]. It includes the energy stored by
+    /// hardening.
     fn plastic_work(&self, _history: &[f64]) -> f64 {
         0.0
     }
 
-    /// Whether Ã always has major symmetry: whether D^alg has, taken with respect to the logarithmic strain.
+    /// True if Ã always has major symmetry, which requires that D^alg, with respect to the logarithmic strain, has it.
     fn tangent_is_symmetric(&self) -> bool {
         true
     }
@@ -174,24 +177,25 @@ pub struct Elasticity {
 }
 
 impl Elasticity {
-    /// From Young's modulus, [stress], and Poisson's ratio, [-].
+    /// Elasticity with Young's modulus, [stress], and Poisson's ratio, [-].
     pub fn from_young_poisson(young: f64, poisson: f64) -> Self {
         Elasticity { bulk: young / (3.0 * (1.0 - 2.0 * poisson)), shear: young / (2.0 * (1.0 + poisson)) }
     }
 
-    /// K − 2G/3, [stress].
+    /// First Lamé parameter K − 2G/3, [stress].
     #[inline(always)]
     pub fn lambda(&self) -> f64 {
         self.bulk - 2.0 / 3.0 * self.shear
     }
 
-    /// τ = K tr(ε) I + 2 G dev(ε).
+    /// Stress τ = K tr(ε) I + 2 G dev(ε), [stress].
     #[inline]
     pub fn stress(&self, strain: &Sym3) -> Sym3 {
         Sym3(self.stress_components(&strain.0))
     }
 
-    /// The same of as many components as there are, normal ones first; perhaps of several points side by side.
+    /// As [`Elasticity::stress`] for the first `N` components, normal ones first; `T` is one number or one SIMD lane
+    /// per point.
     #[inline(always)]
     pub fn stress_components<T: Lane, const N: usize>(&self, strain: &[T; N]) -> [T; N] {
         let pressure = (strain[0] + strain[1] + strain[2]) * self.lambda();
@@ -202,18 +206,18 @@ impl Elasticity {
         tau
     }
 
-    /// D = (K − 2G/3) I ⊗ I + 2 G 𝟙.
+    /// Elastic tangent D = (K − 2G/3) I ⊗ I + 2 G 𝟙, [stress].
     pub fn tangent(&self) -> Tangent {
         dyad(&Sym3::IDENTITY, &Sym3::IDENTITY) * self.lambda() + Tangent::identity() * (2.0 * self.shear)
     }
 
-    /// ½ ε : D : ε per initial volume.
+    /// Stored energy ½ ε : D : ε per initial volume, [energy/volume].
     pub fn energy(&self, strain: &Sym3) -> f64 {
         0.5 * self.stress(strain).dot(strain)
     }
 }
 
-/// One check of everything the solver relies on, run over every law: a new law adds one line to the list.
+/// Conformance test of all properties that the solver relies on. A new law adds one line to the list.
 #[cfg(test)]
 mod conformance {
     use super::*;
@@ -230,7 +234,7 @@ mod conformance {
         ]
     }
 
-    /// A strain in the measure of a law from a logarithmic one.
+    /// Converts a logarithmic strain to the measure of a law.
     fn in_measure(law: &dyn Material, logarithmic: &Sym3) -> Sym3 {
         match law.strain_measure() {
             StrainMeasure::Logarithmic => *logarithmic,
@@ -276,7 +280,7 @@ mod conformance {
             let spatial = moduli.respond(&b).unwrap();
             assert!((spatial.tau - response.tau).norm() <= 1e-14 * scale);
             assert!((spatial.elastic_strain - response.elastic_strain).norm() <= 1e-15);
-            // ḃ = l b + b lᵀ and the Oldroyd rate of τ, τ̇ − l τ − τ lᵀ, at any velocity gradient l.
+            // Rates at a velocity gradient l: ḃ = l b + b lᵀ, and the Oldroyd rate τ̇ − l τ − τ lᵀ of τ.
             let l = Mat3::from_fn(|i, j| ((3 * i + 2 * j) as f64).sin());
             let sheared = |t: &Sym3| Sym3::symmetric_part(&(l * t.to_matrix())) * 2.0;
             let rate = (sheared(&b) * 0.5).contract(&response.tangent) - sheared(&response.tau);
@@ -284,13 +288,13 @@ mod conformance {
             let by_moduli = Sym3::IDENTITY * (spatial.lambda * d.trace()) + d * (2.0 * spatial.mu);
             assert!((by_moduli - rate).norm() < 1e-13 * scale, "{by_moduli:?} {rate:?}");
         }
-        if let Some(law) = law.side_by_side() {
-            side_by_side(law, &response, &trial, &old, &new);
+        if let Some(law) = law.vectorised() {
+            check_vectorised(law, &response, &trial, &old, &new);
         }
-        // The returned strain is admissible: applied anew it gives the same stress and no further flow.
+        // The returned strain is admissible: a second update gives the same stress and no further flow.
         let settled = law.update(&response.elastic_strain, &new, &mut again).unwrap();
         assert!((settled.tau - response.tau).norm() <= 1e-12 * response.tau.norm());
-        // The energy is the potential of the stress in the elastic range.
+        // In the elastic range, the energy is the potential of the stress.
         let elastic = law.strain_measure().logarithmic(&response.elastic_strain) * 0.5;
         let energy = |by: f64| law.energy(&in_measure(law, &(elastic + logarithmic * by)));
         let slope = (energy(1e-6) - energy(-1e-6)) / 2e-6;
@@ -299,8 +303,8 @@ mod conformance {
         assert!((slope - work).abs() <= 1e-7 * scale * logarithmic.dot(&logarithmic), "{slope} {work}");
     }
 
-    /// Side by side with other strains, what a law answers in the plane is what it answers alone.
-    fn side_by_side(law: &dyn SideBySide, alone: &Response, trial: &Sym3, old: &[f64], new: &[f64]) {
+    /// The vectorised form, evaluated with other strains in the other lanes, agrees with the response in the plane.
+    fn check_vectorised(law: &dyn VectorisedLaw, alone: &Response, trial: &Sym3, old: &[f64], new: &[f64]) {
         if !trial.is_plane() {
             return;
         }
@@ -318,7 +322,7 @@ mod conformance {
                 assert!((entry - alone.tangent[(c, d)]).abs() <= 1e-15 * alone.tangent.norm());
             }
         }
-        assert!((0..4).any(|c| short.tau[c].0[3].is_nan()), "no number must not become one");
+        assert!((0..4).any(|c| short.tau[c].0[3].is_nan()), "NaN must propagate");
         assert!(history.iter().map(|h| h.0[2]).eq(new.iter().copied()));
     }
 
@@ -355,8 +359,8 @@ mod conformance {
         assert_eq!(law.update(&inside_out, &[], &mut []), Err(MaterialError::NotFinite));
     }
 
-    /// Uniaxial stress: Kirchhoff stress σ along x and plastic logarithmic strain κ there, by bisection in the transverse
-    /// strain. Beyond yield σ rises by √(3/2) H per unit of κ.
+    /// Uniaxial stress: Kirchhoff stress σ and plastic logarithmic strain κ along x, by bisection in the transverse
+    /// strain. Beyond yield, σ grows by √(3/2) H per unit of κ.
     #[test]
     fn hardening_is_linear_in_uniaxial_tension() {
         let (young, poisson, radius, modulus) = (1e6, 0.3, 20e3, 0.4e6);
@@ -383,7 +387,7 @@ mod conformance {
         }
     }
 
-    /// A large step gives what many small ones do, as the direction stays: the return mapping is exact for it.
+    /// One large step equals many small ones if the flow direction is constant: the return mapping is then exact.
     #[test]
     fn proportional_flow_does_not_depend_on_the_steps() {
         let law = VonMises::new(1e6, 0.3, 20e3).hardening(0.4e6);

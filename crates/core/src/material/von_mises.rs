@@ -1,28 +1,28 @@
 //! Von Mises plasticity.
 
-use super::{Elasticity, Material, MaterialError, Response, ShortResponse, SideBySide, StateField};
+use super::{CompactResponse, Elasticity, Material, MaterialError, Response, StateField, VectorisedLaw};
 use crate::tensor::{Lane, Lanes, Sym3, Tangent, dyad};
 
-/// A stress this little beyond the yield surface, relative to its radius, is still elastic.
+/// Relative tolerance of the yield surface: stresses beyond it by less than this are elastic.
 ///
-/// A point that has yielded starts the next step on the surface up to round-off; without this margin round-off would
-/// decide between its elastic and its plastic tangent, and with it how Newton's iterations run.
+/// A point that has yielded starts the next step on the surface up to round-off. Without a tolerance, round-off would
+/// select its elastic or plastic tangent and so change the course of the Newton iterations.
 const ON_SURFACE: f64 = 1e-10;
 
 /// Von Mises plasticity with linear isotropic hardening: f = ρ − (ρ_y + H κ) with ρ = √(2 J₂) of the Kirchhoff stress,
-/// eq. (43), and κ the equivalent plastic strain.
+/// eq. (43), and the equivalent plastic strain κ.
 #[derive(Debug, Clone)]
 pub struct VonMises {
     elasticity: Elasticity,
-    /// Deviatoric yield stress ρ_y at the start, [stress].
+    /// Initial deviatoric yield stress ρ_y, [stress].
     yield_radius: f64,
-    /// H, [stress].
+    /// Hardening modulus H, [stress].
     hardening: f64,
     elastic_tangent: Tangent,
 }
 
 impl VonMises {
-    /// Perfect plasticity, from Young's modulus, [stress], Poisson's ratio, [-], and the deviatoric yield stress ρ_y,
+    /// Perfect plasticity with Young's modulus, [stress], Poisson's ratio, [-], and the deviatoric yield stress ρ_y,
     /// [stress].
     pub fn new(young: f64, poisson: f64, deviatoric_yield_stress: f64) -> Self {
         let elasticity = Elasticity::from_young_poisson(young, poisson);
@@ -34,25 +34,26 @@ impl VonMises {
         }
     }
 
-    /// The same with hardening: the deviatoric yield stress grows by H, [stress], per unit of equivalent plastic strain.
+    /// Adds linear hardening: the deviatoric yield stress grows by `modulus`, [stress], per unit of equivalent plastic
+    /// strain.
     pub fn hardening(self, modulus: f64) -> Self {
         VonMises { hardening: modulus, ..self }
     }
 }
 
-/// What the return mapping finds.
+/// Result of the return mapping.
 struct Returned<T, const N: usize> {
-    short: ShortResponse<T, N>,
+    response: CompactResponse<T, N>,
     /// Norm of the trial deviator, [stress].
     rho: T,
-    /// |Δε^p|, [-].
+    /// Norm of the plastic strain increment |Δε^p|, [-].
     flow: T,
 }
 
 impl VonMises {
-    /// Radial return: the trial deviator s = 2 G dev(ε) is scaled back along n = s/|s| by the flow |Δε^p|, with
-    /// |s| − 2 G |Δε^p| = ρ_y + H κ =: ρ and h = √(2/3) H the growth of ρ per |Δε^p|;
-    /// D^alg = K I⊗I + 2 G (ρ/|s|) (𝟙_dev − n⊗n) + (2 G h/(2 G + h)) n⊗n. `kappa` is replaced by its new value.
+    /// Radial return. The trial deviator s = 2 G dev(ε) is scaled back along n = s/|s| by the flow |Δε^p|, which
+    /// satisfies |s| − 2 G |Δε^p| = ρ_y + H κ =: ρ. With the growth h = √(2/3) H of ρ per |Δε^p|, D^alg = K I⊗I + 2 G
+    /// (ρ/|s|) (𝟙_dev − n⊗n) + (2 G h/(2 G + h)) n⊗n. `kappa` is replaced by its new value.
     #[inline(always)]
     fn radial_return<T: Lane, const N: usize>(&self, trial: &[T; N], kappa: &mut T) -> Returned<T, N> {
         let Elasticity { bulk, shear } = self.elasticity;
@@ -88,7 +89,7 @@ impl VonMises {
         *kappa += flow * EQUIVALENT;
         let mu = ratio * shear;
         let kept = T::splat(2.0 * shear * growth / (2.0 * shear + growth));
-        let short = ShortResponse {
+        let response = CompactResponse {
             tau,
             elastic_strain,
             lambda: T::splat(bulk) - mu * (2.0 / 3.0),
@@ -96,11 +97,11 @@ impl VonMises {
             along: where_elastic(zero, mu * 2.0 - kept),
             n,
         };
-        Returned { short, rho, flow }
+        Returned { response, rho, flow }
     }
 }
 
-/// √(2/3): growth of the equivalent plastic strain per norm of the plastic strain.
+/// √(2/3): growth of the equivalent plastic strain per norm of the plastic strain increment.
 const EQUIVALENT: f64 = 0.816_496_580_927_726;
 
 impl Material for VonMises {
@@ -110,21 +111,21 @@ impl Material for VonMises {
 
     fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
         new.copy_from_slice(old);
-        let Returned { short, rho, flow } = self.radial_return(&trial.0, &mut new[0]);
+        let Returned { response, rho, flow } = self.radial_return(&trial.0, &mut new[0]);
         if !(rho + trial.trace()).is_finite() {
             return Err(MaterialError::NotFinite);
         }
-        let n = Sym3(short.n);
+        let n = Sym3(response.n);
         let tangent = if flow > 0.0 {
             let Elasticity { bulk, .. } = self.elasticity;
-            Elasticity { bulk, shear: short.mu }.tangent() - dyad(&n, &n) * short.along
+            Elasticity { bulk, shear: response.mu }.tangent() - dyad(&n, &n) * response.along
         } else {
             self.elastic_tangent
         };
-        Ok(Response { tau: Sym3(short.tau), elastic_strain: Sym3(short.elastic_strain), tangent })
+        Ok(Response { tau: Sym3(response.tau), elastic_strain: Sym3(response.elastic_strain), tangent })
     }
 
-    fn side_by_side(&self) -> Option<&dyn SideBySide> {
+    fn vectorised(&self) -> Option<&dyn VectorisedLaw> {
         Some(self)
     }
 
@@ -139,9 +140,9 @@ impl Material for VonMises {
     }
 }
 
-impl SideBySide for VonMises {
-    fn respond(&self, trial: &[Lanes; 4], history: &mut [Lanes]) -> ShortResponse<Lanes, 4> {
-        self.radial_return(trial, &mut history[0]).short
+impl VectorisedLaw for VonMises {
+    fn respond(&self, trial: &[Lanes; 4], history: &mut [Lanes]) -> CompactResponse<Lanes, 4> {
+        self.radial_return(trial, &mut history[0]).response
     }
 }
 
@@ -149,7 +150,7 @@ impl SideBySide for VonMises {
 mod tests {
     use super::*;
 
-    /// Along a path that yields, unloads and yields again, in steps so small that the trapezoidal rule is exact enough.
+    /// Path with yielding, unloading and reloading, in steps small enough for the trapezoidal rule.
     #[test]
     fn plastic_work_is_that_of_the_stress_on_the_plastic_strain() {
         let law = VonMises::new(1e6, 0.3, 20e3).hardening(0.4e6);

@@ -1,24 +1,24 @@
-//! How the Newton iterations of a load step are controlled.
+//! Settings of the Newton iterations.
 
 use serde::{Deserialize, Serialize};
 
 use crate::linear::Choice;
 
-/// Control of the Newton iterations.
+/// Settings of the Newton iterations of a load step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Newton {
-    /// Largest relative out-of-balance force, eq. (40), of an equilibrated step, [-].
+    /// Tolerance: the largest relative out-of-balance force, eq. (40), of a converged step, [-].
     pub tolerance: f64,
     /// Largest number of linear solves in a step.
     pub max_iterations: usize,
-    /// How their linear equations are solved.
+    /// Solver of the linear equations.
     pub linear: Choice,
-    /// Where the iterations begin.
+    /// Initial guess of the iterations.
     pub predictor: Predictor,
     /// When the stiffness is factorised.
-    pub tangent: Tangent,
-    /// For which equations an analysis of their pattern serves.
-    pub pattern: Patterns,
+    pub tangent: StiffnessUpdate,
+    /// Reuse of the symbolic factorisation.
+    pub pattern: PatternReuse,
 }
 
 impl Default for Newton {
@@ -28,46 +28,47 @@ impl Default for Newton {
             max_iterations: 20,
             linear: Choice::Auto,
             predictor: Predictor::None,
-            tangent: Tangent::Fresh,
-            pattern: Patterns::Same,
+            tangent: StiffnessUpdate::Fresh,
+            pattern: PatternReuse::Same,
         }
     }
 }
 
-/// Where the iterations of a step begin.
+/// Initial guess of the iterations of a load step.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Predictor {
-    /// With the solution of the equations at the start of the step.
+    /// Starts with the solution of the equations linearised at the start of the step.
     #[default]
     None,
-    /// With the displacement increment of the step before, scaled to the length of the step, in place of the first
-    /// solution of the equations. Where that leaves more out of balance than there was at the start, it is dropped.
+    /// Starts with the displacement increment of the previous step, scaled to the size of the step. Discarded if it
+    /// increases the out-of-balance force.
     LastStep,
 }
 
-/// When the stiffness is factorised within a step. A preconditioner is always set up as with `kept`, which does not change
-/// what the equations are.
+/// When the stiffness is factorised within a step. A preconditioner is always reused as with `kept`, which does not
+/// change the equations.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
-pub enum Tangent {
-    /// In each iteration.
+pub enum StiffnessUpdate {
+    /// In every iteration.
     #[default]
     Fresh,
-    /// In the first iteration, and after one that has not made the out-of-balance force ten times smaller.
+    /// In the first iteration, and after any iteration that reduces the out-of-balance force by less than a factor of
+    /// ten.
     Kept,
 }
 
-/// For which equations an order of elimination and the layout of the factor serve.
+/// Reuse of the symbolic factorisation (elimination order and layout of the factor).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
-pub enum Patterns {
-    /// For equations of the same pattern.
+pub enum PatternReuse {
+    /// Reused if the sparsity pattern is the same.
     #[default]
     Same,
-    /// Also for equations whose pattern is part of it.
+    /// Reused also if the new sparsity pattern is contained in the old one.
     Contained,
 }

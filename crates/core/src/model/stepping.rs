@@ -1,54 +1,55 @@
-//! How the loading is divided into load steps, and what is prescribed along them.
+//! Division of the loading into load steps, and step control.
 
-/// Times that differ by less than this, relative to a requested step, are the same.
-pub const SAME: f64 = 1e-9;
+/// Tolerance for equal times, relative to a requested step, [-].
+pub const SAME_TIME: f64 = 1e-9;
 
-/// How the loading is divided into steps. A *requested* step is one of those that the deck asks for.
+/// Division of the loading into steps. *Requested* steps are those of the deck; the solver may cut or enlarge them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stepping {
-    /// Number of requested steps, all of the same size.
+    /// Number of requested steps, all of equal size.
     pub count: usize,
     /// Time at the end of the analysis, [time].
     pub end_time: f64,
-    /// Smallest step that a failed one is cut to, relative to a requested one, [-].
+    /// Smallest size to which a failed step is cut, relative to a requested step, [-].
     pub smallest: f64,
-    /// Whether a step that fails and cannot be made smaller is tried once more with damped iterations.
+    /// True if a step that fails at the smallest size is repeated with damped iterations.
     pub damping: bool,
-    /// Largest step, relative to a requested one, [-].
+    /// Largest step size, relative to a requested step, [-].
     pub largest: f64,
-    /// Every so many requested steps one ends exactly, however large steps are.
+    /// Interval of the requested steps that must be met exactly, however large the steps are.
     pub stops: usize,
-    /// Times at which a step ends exactly, ascending, [time]: where load curves have a kink.
+    /// Further times at which a step must end exactly, ascending, [time]: the kinks of the load curves.
     pub knots: Vec<f64>,
-    /// What is prescribed along the steps.
+    /// Step control.
     pub control: Control,
 }
 
-/// What is prescribed along the steps, and what follows from equilibrium.
+/// Step control: the quantity that is prescribed along the steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Control {
-    /// Loads and motions of the boundary by their curves; displacements follow.
+    /// Loads and boundary displacements follow their curves; displacements follow from equilibrium.
     Load,
-    /// The mean displacement of the points of a probe along an axis grows in proportion to time; one factor of all loads
-    /// follows.
+    /// The mean displacement of a probe along an axis grows in proportion to time. The common factor of all loads
+    /// follows from equilibrium.
     Displacement {
-        /// Number of the probe.
+        /// Index of the probe.
         probe: usize,
-        /// The axis.
+        /// Axis of the displacement, from 0.
         axis: usize,
         /// Displacement at the end of the analysis, [length].
         to: f64,
     },
-    /// The length of the path of the displacements grows in proportion to time; one factor of all loads follows.
+    /// The arc length of the displacements grows in proportion to time. The common factor of all loads follows from
+    /// equilibrium.
     ArcLength {
-        /// Length of the path at the end of the analysis, [length]: that of [`crate::solver::path_length`]. Where it is
-        /// not given, the first step takes its share of the load and sets the pace.
+        /// Arc length at the end of the analysis, [length], as defined by [`crate::solver::path_length`]. Without it,
+        /// the first step is load-controlled and its arc length sets the size of all others.
         length: Option<f64>,
     },
 }
 
 impl Stepping {
-    /// Steps by time alone, that are not cut.
+    /// Load control with steps of fixed size that are never cut.
     pub fn fixed(count: usize, end_time: f64) -> Self {
         Stepping {
             count,
@@ -67,13 +68,13 @@ impl Stepping {
         self.end_time * (requested as f64 / self.count as f64)
     }
 
-    /// The requested step that ends at a time, if one does.
+    /// The requested step that ends at this time; `None` if none does.
     pub fn requested(&self, time: f64) -> Option<usize> {
         let number = (time / self.size()).round();
-        ((time / self.size() - number).abs() <= SAME && number >= 0.0).then_some(number as usize)
+        ((time / self.size() - number).abs() <= SAME_TIME && number >= 0.0).then_some(number as usize)
     }
 
-    /// Whether damped iterations are the last resort: where steps may be cut, and all loads are known.
+    /// True if damped iterations may be used as a last resort: steps may be cut and all loads are prescribed.
     pub fn may_damp(&self) -> bool {
         self.damping && self.smallest < 1.0 && self.control == Control::Load
     }
@@ -83,11 +84,11 @@ impl Stepping {
         self.end_time / self.count as f64
     }
 
-    /// The first time after another at which a step has to end, [time].
+    /// The first time after `time` at which a step must end, [time].
     pub fn next_stop(&self, time: f64) -> f64 {
-        let slack = SAME * self.size();
+        let slack = SAME_TIME * self.size();
         let every = if self.largest > 1.0 { self.stops.max(1) } else { 1 };
-        let passed = (time / self.size() + SAME) as usize;
+        let passed = (time / self.size() + SAME_TIME) as usize;
         let stop = self.time(((passed / every + 1) * every).min(self.count));
         let after = self.knots.partition_point(|knot| *knot <= time + slack);
         self.knots.get(after).copied().filter(|knot| *knot < stop - slack).unwrap_or(stop)

@@ -59,7 +59,7 @@ impl Parts {
                 if alike { of_group.start..(of_group.start + 1).min(of_group.end) } else { of_group.clone() };
             for p in examined {
                 let end = if alike { of_group.end } else { p + 1 };
-                let (body, local) = (points.body[p], links.places(p));
+                let (body, local) = (points.body[p], links.local_nodes(p));
                 if last == Some((body, local)) {
                     if let Some(cluster) = clusters.last_mut() {
                         cluster.end = p + 1;

@@ -129,7 +129,7 @@ pub(super) fn shared_nodes<const D: usize>(points: &Points<D>, links: &Connectiv
         let nodes = links.nodes_of(group);
         let mut last: Option<(u16, &[u32])> = None;
         for p in links.points_of(group) {
-            let (body, local) = (points.body[p], links.places(p));
+            let (body, local) = (points.body[p], links.local_nodes(p));
             if last == Some((body, local)) {
                 continue;
             }

@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Control, Model, Newton, Stepping, Where};
+use crate::model::{Control, Model, Newton, StabilisationMode, Stepping};
 use crate::points::{Points, coordinates};
 use crate::quality::oscillation;
 
@@ -216,7 +216,7 @@ impl Diagnosis {
         let at = node.clone().or_else(|| place.map(|place| place.position.clone()));
         let around = at.as_ref().and_then(cell_at);
         let circumstances = Circumstances {
-            is_stabilised: model.stabilisation.mode != Where::Off,
+            is_stabilised: model.stabilisation.mode != StabilisationMode::Off,
             is_driven: model.stepping.control != Control::Load
                 || model.boundary_conditions.iter().any(|condition| condition.moves()),
             has_one_material: model.materials.len() == 1,

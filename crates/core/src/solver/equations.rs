@@ -6,7 +6,7 @@ use crate::assembly::{Border, System};
 use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::linear::{Backend, Choice, DirectBackend, Extent, Krylov, Layout, LinearError, Named, Solved};
-use crate::model::{Model, Patterns};
+use crate::model::{Model, PatternReuse};
 use crate::step::{Nodal, StepContext};
 use crate::timing::{Phase, Timings};
 
@@ -67,7 +67,7 @@ impl<const D: usize, const N: usize> Place<'_, D, N> {
             numbering: self.dofs.numbering(),
             nodes: self.links.active_nodes(),
             lattice: &|active| self.lattice(active),
-            keeps_pattern: self.model.newton.pattern == Patterns::Contained,
+            keeps_pattern: self.model.newton.pattern == PatternReuse::Contained,
         })
     }
 

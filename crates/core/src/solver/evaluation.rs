@@ -2,7 +2,7 @@
 //! halved; one that overshoots is shortened by a line search.
 
 use crate::assembly::Wanted;
-use crate::model::Tangent;
+use crate::model::StiffnessUpdate;
 use crate::step::StepContext;
 use crate::terms::PointFailure;
 use crate::timing::Phase;
@@ -51,7 +51,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     /// formed. An old tangent makes no forecast.
     fn evaluate_last(&mut self) -> Option<f64> {
         let tolerance = self.context.model.newton.tolerance;
-        let is_last = self.context.model.newton.tangent == Tangent::Fresh
+        let is_last = self.context.model.newton.tangent == StiffnessUpdate::Fresh
             && !self.is_damped()
             && self.course.forecast(&self.forcing, self.summary.last_iterations) <= tolerance
             && self.has_reached_constraints();

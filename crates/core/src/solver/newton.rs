@@ -1,7 +1,7 @@
 //! Newton iterations to equilibrium within one load step: eqs. (26), (28), (30) and (40).
 
 use crate::linear::Solved;
-use crate::model::Tangent;
+use crate::model::StiffnessUpdate;
 use crate::step::{StepContext, displacement};
 use crate::stress::Mechanics;
 use crate::timing::Phase;
@@ -111,7 +111,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             return Ok(None);
         }
         // A preconditioner may be that of an earlier iteration, without harm to the solution.
-        let keeps = (newton.tangent == Tangent::Kept || equations.is_iterative())
+        let keeps = (newton.tangent == StiffnessUpdate::Kept || equations.is_iterative())
             && course.falls_fast()
             && !(unknowns.prescribes || course.solved.is_empty());
         let Unknowns { rhs, iterative, .. } = &mut *unknowns;

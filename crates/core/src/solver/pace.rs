@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{SAME, Stepping};
+use crate::model::{SAME_TIME, Stepping};
 
 /// Most iterations of a step that may be followed by one of twice the size.
 const FEW: usize = 8;
@@ -51,12 +51,12 @@ impl Pace {
     /// End of the step that starts at a time, [time]; `None` at the end of the analysis.
     pub fn end_of_step(&self, stepping: &Stepping, start: f64) -> Option<f64> {
         let unit = stepping.size();
-        if start >= stepping.end_time - SAME * unit {
+        if start >= stepping.end_time - SAME_TIME * unit {
             return None;
         }
         let stop = stepping.next_stop(start);
         let (step, rest) = (self.size * unit, stop - start);
-        Some(if rest <= step * (1.0 + SAME) {
+        Some(if rest <= step * (1.0 + SAME_TIME) {
             stop
         } else if rest < step * (1.0 + REST) {
             start + 0.5 * rest
@@ -93,7 +93,7 @@ impl Pace {
     /// smaller step, or at the same step by a last resort.
     pub fn failed(&mut self, stepping: &Stepping, start: f64, end: f64, is_torn: bool) -> bool {
         let smaller = 0.5 * (end - start) / stepping.size();
-        if smaller >= stepping.smallest * (1.0 - SAME) {
+        if smaller >= stepping.smallest * (1.0 - SAME_TIME) {
             *self = Pace { size: smaller, patience: PATIENCE, resort: None };
             return true;
         }

@@ -77,7 +77,7 @@ impl Parts {
             for group in 0..links.n_groups() {
                 let nodes = links.nodes_of(group);
                 for p in links.points_of(group) {
-                    if let Some(place) = links.places(p).first() {
+                    if let Some(place) = links.local_nodes(p).first() {
                         let part = self.of_node[nodes[*place as usize] as usize];
                         of_part[part as usize].insert(points.body[p] as usize);
                     }
@@ -337,7 +337,7 @@ pub(super) fn of_bodies<const D: usize, const N: usize>(
         }
     };
     each_point(&mut |nodes, p| {
-        for &place in links.places(p) {
+        for &place in links.local_nodes(p) {
             let owner = &mut owner[nodes[place as usize] as usize];
             *owner = if [NOBODY, u32::from(points.body[p])].contains(owner) {
                 points.body[p].into()

@@ -5,8 +5,8 @@ use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use super::error::SolveError;
-use crate::basis::{Connectivity, DomainKind, Method, Room as Products, check_domain};
-use crate::domain::Motion;
+use crate::basis::{Connectivity, DomainKind, LinkBuffer as Products, Method, check_domain};
+use crate::domain::DomainMotion;
 use crate::grid::interpolate;
 use crate::kinematics::Increment;
 use crate::model::Model;
@@ -210,7 +210,7 @@ fn move_point<const D: usize, M: Mechanics<D>>(
     match body.method.domain() {
         DomainKind::None => {}
         DomainKind::Box => {
-            let motion = Motion {
+            let motion = DomainMotion {
                 F: &along_axes::<D>(F),
                 dF: &along_axes::<D>(dF),
                 original: &points.original_half_lengths[p],

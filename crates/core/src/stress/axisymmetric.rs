@@ -1,10 +1,10 @@
 //! The kernel for bodies of revolution.
 //!
-//! x is the distance r from the axis, y runs along it, and the third direction of every tensor is the one around it, θ.
-//! That direction stays principal. A node carries the ring through it: moving it outwards by u_r stretches the ring,
+//! x is the distance r from the axis, y runs along the axis, and the third direction of every tensor is
+//! circumferential, θ. It stays principal. A node represents a ring: an outward displacement u_r stretches the ring,
 //! ΔF_θθ = 1 + Σ S_vp Δu_r/r̃. Forces, masses and volumes are those of the full circle.
 
-use super::products::PLACE;
+use super::products::MANDEL_INDEX;
 use super::{
     Contribution, Lane, Lanes, Mechanics, PointError, PointResponse, Solid, Spatial, StartOfStep, WeakForm,
     transposed,
@@ -17,8 +17,8 @@ use crate::tensor::Mat3;
 #[derive(Debug, Clone, Copy)]
 pub struct Axisymmetric;
 
-/// A point of a body of revolution in the previously converged formulation: the general one, in which the motion of a
-/// node also stretches its ring.
+/// A point of a body of revolution in the previously converged formulation: the general kernel, extended by the stretch
+/// of the rings.
 #[derive(Debug, Clone, Copy)]
 pub struct Revolved {
     point: Spatial,
@@ -27,13 +27,13 @@ pub struct Revolved {
     per_radius: f64,
 }
 
-/// The direction around the axis.
+/// Index of the circumferential direction.
 const AROUND: usize = 2;
 
 impl WeakForm<2> for Revolved {
     /// ∂S/∂r, ∂S/∂z, S/r in the current configuration.
     type Gradient<T: Lane> = [T; 3];
-    /// `[m][i][k]`: m the component of the gradient.
+    /// `[m][i][k]` with the component m of the gradient.
     type Column = [[[f64; 2]; 2]; 3];
 
     #[inline(always)]
@@ -47,7 +47,7 @@ impl WeakForm<2> for Revolved {
     }
 
     #[inline(always)]
-    fn side_by_side(nodes: &[[f64; 3]]) -> [Lanes; 3] {
+    fn pack(nodes: &[[f64; 3]]) -> [Lanes; 3] {
         transposed(nodes)
     }
 
@@ -61,20 +61,20 @@ impl WeakForm<2> for Revolved {
         force[1] += traction[1];
         let alpha: [f64; 2] = std::array::from_fn(|i| b[i][0] * r + b[i][1] * z);
         let stretch = b[AROUND][AROUND] * hoop;
-        let change = |place: usize, k: usize| {
-            let of = |q: usize| moduli[PLACE[k][q]][place];
+        let change = |component: usize, k: usize| {
+            let of = |q: usize| moduli[MANDEL_INDEX[k][q]][component];
             let in_plane = of(0) * alpha[0] + of(1) * alpha[1];
-            if k == 0 { in_plane + moduli[AROUND][place] * stretch } else { in_plane }
+            if k == 0 { in_plane + moduli[AROUND][component] * stretch } else { in_plane }
         };
         let mut column = [[[0.0; 2]; 2]; 3];
         for k in 0..2 {
             for i in 0..2 {
                 for m in 0..2 {
-                    column[m][i][k] = change(PLACE[i][m], k);
+                    column[m][i][k] = change(MANDEL_INDEX[i][m], k);
                 }
                 column[k][i][k] -= traction[i];
             }
-            // The ring works with the motion outwards only.
+            // The hoop stress works with the radial displacement only.
             column[AROUND][0][k] = change(AROUND, k);
         }
         column[AROUND][0][0] -= around;
@@ -93,12 +93,12 @@ impl WeakForm<2> for Revolved {
     }
 }
 
-/// The increment as one of the solid.
+/// The increment in three dimensions.
 #[inline]
 fn solid(increment: &Increment<2>) -> Result<Increment<3>, PointError> {
     let [[rr, rz], [zr, zz]] = increment.dF;
     if increment.hoop.is_nan() || increment.hoop <= 0.0 {
-        // Through the axis: det(ΔF) may be positive all the same.
+        // The point has crossed the axis; det(ΔF) may still be positive.
         let determinant = (rr * zz - rz * zr).abs() * increment.hoop;
         return Err(PointError::Inverted { determinant });
     }
@@ -139,16 +139,18 @@ impl Mechanics<2> for Axisymmetric {
     ) -> Result<PointResponse<Contribution<2, 3>>, PointError> {
         let PointResponse { weak: full, tau, elastic_strain } =
             Solid::respond_updated(start, &solid(increment)?, material, old, new)?;
-        // Component (i, j) of the stress of the solid; (1, 2) would be the ring and the motion along the axis.
-        let place = |i: usize, j: usize| match (i, j) {
+        // Component (i, j) of the three-dimensional stress. (1, 2), the work of the hoop stress with the axial
+        // displacement, is zero.
+        let component = |i: usize, j: usize| match (i, j) {
             (1, AROUND) => None,
             (_, AROUND) => Some((AROUND, AROUND)),
             pair => Some(pair),
         };
         let index = std::array::from_fn::<usize, 2, _>(|i| i);
         let components = std::array::from_fn::<usize, 3, _>(|j| j);
-        let stress = index.map(|i| components.map(|j| place(i, j).map_or(0.0, |(i, j)| full.stress[i][j])));
-        let entry = |i, j, k, l| match (place(i, j), place(k, l)) {
+        let stress =
+            index.map(|i| components.map(|j| component(i, j).map_or(0.0, |(i, j)| full.stress[i][j])));
+        let entry = |i, j, k, l| match (component(i, j), component(k, l)) {
             (Some((i, j)), Some((k, l))) => full.tangent[i][j][k][l],
             _ => 0.0,
         };

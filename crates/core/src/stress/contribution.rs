@@ -2,22 +2,22 @@
 
 use super::{Lane, Lanes, WeakForm, transposed};
 
-/// A point given by its stress and the derivative of it, with `E` components of the gradient of a basis function: those
-/// along the `D` axes and, for a body of revolution, S/r, which works with the first component of the displacement.
+/// Stress and tangent of a point for `E` components of the gradient of a basis function: those along the `D` axes and,
+/// for a body of revolution, S/r, which is conjugate to the first component of the displacement.
 ///
-/// With the previously converged formulation `stress` is P̃, `tangent` is Ã and `volume` is V_n; with the updated
-/// Lagrangian one they are σ, a and V, and gradients are those of the current configuration.
+/// In the previously converged formulation `stress` is P̃, `tangent` is Ã and `volume` is V_n. In the updated
+/// Lagrangian formulation they are σ, a and V, and gradients refer to the current configuration.
 #[derive(Debug, Clone, Copy)]
 pub struct Contribution<const D: usize, const E: usize> {
-    /// Stress that works with the gradient of the basis, `[i][j]`, j the component of the gradient.
+    /// Stress conjugate to the gradient of the basis, `[i][j]` with the component j of the gradient, [stress].
     pub stress: [[f64; E]; D],
-    /// Its derivative, `[i][j][k][l]`.
+    /// Derivative of the stress, `[i][j][k][l]`, [stress].
     pub tangent: [[[[f64; E]; D]; E]; D],
-    /// Volume that the point represents in this configuration.
+    /// Volume of the point in this configuration, [volume].
     pub volume: f64,
     /// ΔF⁻¹ if this is the current configuration.
     pub inverse: Option<[[f64; D]; D]>,
-    /// 1/r in this configuration; without effect unless `E` exceeds `D`.
+    /// 1/r in this configuration, [1/length]; unused unless `E` exceeds `D`.
     pub per_radius: f64,
 }
 
@@ -36,7 +36,7 @@ impl<const D: usize, const E: usize> WeakForm<D> for Contribution<D, E> {
     }
 
     #[inline(always)]
-    fn side_by_side(nodes: &[[f64; E]]) -> [Lanes; E] {
+    fn pack(nodes: &[[f64; E]]) -> [Lanes; E] {
         transposed(nodes)
     }
 

@@ -1,19 +1,19 @@
-//! The weak form of a point in the plane, previously converged.
+//! The weak form of a point in the plane, in the previously converged formulation.
 
 use super::{Lane, Lanes, WeakForm, transposed};
 
-/// A point by V P̃ and V Ã, their indices in the order in which the nodes take them up; `T` may be several points side by
-/// side.
+/// V P̃ and V Ã of a point, with indices in the order in which they are contracted. `T` is one number or one SIMD lane
+/// per point.
 #[derive(Debug, Clone, Copy)]
 pub struct InPlane<T = f64> {
     /// V P̃_ij, `[j][i]`.
     pub stress: [[T; 2]; 2],
-    /// V Ã_ijkl, `[l][j][i][k]`: what the gradients of both nodes leave is the block of a pair, at one place in memory.
+    /// V Ã_ijkl, `[l][j][i][k]`: contraction with both gradients leaves the block of a pair contiguous in memory.
     pub tangent: [[[[T; 2]; 2]; 2]; 2],
 }
 
 impl InPlane<Lanes> {
-    /// One of the points.
+    /// Extracts one point.
     #[inline(always)]
     pub(super) fn point(&self, lane: usize) -> InPlane {
         let mut point = InPlane { stress: [[0.0; 2]; 2], tangent: [[[[0.0; 2]; 2]; 2]; 2] };
@@ -45,7 +45,7 @@ impl WeakForm<2> for InPlane {
     }
 
     #[inline(always)]
-    fn side_by_side(nodes: &[[f64; 2]]) -> [Lanes; 2] {
+    fn pack(nodes: &[[f64; 2]]) -> [Lanes; 2] {
         transposed(nodes)
     }
 

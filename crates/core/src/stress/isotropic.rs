@@ -1,14 +1,14 @@
-//! A point in three dimensions whose law has isotropic moduli in the current configuration.
+//! A point in three dimensions whose law has isotropic spatial moduli.
 
 use super::products::{full, times};
 use super::{Lane, Lanes, WeakForm, transposed};
 use crate::material::IsotropicResponse;
 
-/// A point of the previously converged formulation with gradients in the current configuration, g = ∂S/∂X̃ ΔF⁻¹.
+/// A point in the previously converged formulation, with gradients in the current configuration, g = ∂S/∂X̃ ΔF⁻¹.
 ///
-/// In terms of the spatial moduli c, which take the rate of deformation to the Oldroyd rate of τ, the stiffness of
-/// eqs. (A.3)-(A.6) between two nodes is V_n/J_n (g_a·c·g_b + (g_a·τ·g_b) 1). With c = λ̂ 1⊗1 + 2 μ̂ 𝟙 what remains are
-/// products of two vectors: V_n/J_n (λ̂ g_a⊗g_b + μ̂ g_b⊗g_a + (g_a·(τ + μ̂ 1)·g_b) 1).
+/// With the spatial moduli c, which map the rate of deformation to the Oldroyd rate of τ, the stiffness of eqs.
+/// (A.3)-(A.6) between two nodes is V_n/J_n (g_a·c·g_b + (g_a·τ·g_b) 1). For c = λ̂ 1⊗1 + 2 μ̂ 𝟙 it reduces to products
+/// of two vectors: V_n/J_n (λ̂ g_a⊗g_b + μ̂ g_b⊗g_a + (g_a·(τ + μ̂ 1)·g_b) 1).
 #[derive(Debug, Clone, Copy)]
 pub struct Isotropic {
     /// ΔF⁻¹.
@@ -22,7 +22,7 @@ pub struct Isotropic {
 }
 
 impl Isotropic {
-    /// From ΔF⁻¹, the answer of the law, and V_n/J_n.
+    /// Builds the point from ΔF⁻¹, the response of the law, and `weight` = V_n/J_n.
     #[inline(always)]
     pub(super) fn new(inverse: [[f64; 3]; 3], answer: &IsotropicResponse, weight: f64) -> Self {
         let IsotropicResponse { tau, lambda, mu, .. } = answer;
@@ -30,7 +30,7 @@ impl Isotropic {
     }
 }
 
-/// The part of node b.
+/// Contribution of node b to its pairs.
 #[derive(Debug, Clone, Copy)]
 pub struct Vectors {
     /// λ̂ g_b.
@@ -56,7 +56,7 @@ impl WeakForm<3> for Isotropic {
     }
 
     #[inline(always)]
-    fn side_by_side(nodes: &[[f64; 3]]) -> [Lanes; 3] {
+    fn pack(nodes: &[[f64; 3]]) -> [Lanes; 3] {
         transposed(nodes)
     }
 

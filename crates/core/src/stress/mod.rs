@@ -1,10 +1,10 @@
-//! The finite-strain kernel around a law: from the deformation increment of one material point to the force and
-//! stiffness that enter equilibrium, eqs. (14)-(18), (A.1)-(A.6).
+//! The finite-strain kernel around a law: maps the deformation increment of a material point to its contribution to
+//! internal force and stiffness, eqs. (14)-(18) and (A.1)-(A.6).
 //!
-//! [`plane_strain`] is in closed form for motions that keep z a principal direction, [`solid`] is the general kernel in
-//! three dimensions and [`axisymmetric`] the same for bodies of revolution. Each also has the updated Lagrangian
-//! formulation, which in three dimensions is transcribed equation by equation. Tests hold all of them together, and to
-//! a transcription of eqs. (18) and (A.3)-(A.6).
+//! [`plane_strain`] has a closed form for motions that keep z a principal direction. [`solid`] is the general kernel in
+//! three dimensions, and [`axisymmetric`] adapts it to bodies of revolution. Each also implements the updated
+//! Lagrangian formulation, which in three dimensions is a literal transcription of the equations. Tests compare all
+//! kernels with each other and with a transcription of eqs. (18) and (A.3)-(A.6).
 #![allow(non_snake_case)]
 
 mod axisymmetric;
@@ -31,7 +31,7 @@ pub use isotropic::Isotropic;
 pub use plane_strain::PlaneStrain;
 pub use solid::{Solid, Spatial};
 
-/// Configuration in which equilibrium is written.
+/// Configuration in which equilibrium is formulated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -39,61 +39,62 @@ pub enum Formulation {
     /// The previously converged configuration, Coombs et al. (2020), section 5.
     #[default]
     PreviouslyConverged,
-    /// The current configuration, Coombs et al. (2020), section 3; slower, kept as a cross-check.
+    /// The current configuration, Coombs et al. (2020), section 3. Slower; kept as a cross-check.
     UpdatedLagrangian,
 }
 
-/// What the equilibrium of one load step needs to know of a material point, fixed at the start of the step.
+/// State of a material point at the start of a load step.
 #[derive(Debug, Clone, Copy)]
 pub struct StartOfStep {
     /// Elastic left Cauchy-Green strain b^e_n, [-].
     pub b_n: Sym3,
     /// Volume ratio J_n, [-].
     pub J_n: f64,
-    /// Volume at the start of the step V_n, eq. (22), [volume].
+    /// Volume V_n at the start of the step, eq. (22), [volume].
     pub volume_n: f64,
 }
 
-/// The answer of a point to a deformation increment.
+/// Response of a point to a deformation increment.
 #[derive(Debug, Clone, Copy)]
 pub struct PointResponse<W> {
-    /// Its part in internal force and stiffness.
+    /// Contribution to internal force and stiffness.
     pub weak: W,
-    /// Kirchhoff stress τ.
+    /// Kirchhoff stress τ, [stress].
     pub tau: Sym3,
-    /// Elastic strain after the return mapping, in the measure of the law.
+    /// Elastic strain after the return mapping, in the measure of the law, [-].
     pub elastic_strain: Sym3,
 }
 
-/// The part of one point in internal force and stiffness: V P̃·∇S_a on node a and V ∇S_a·Ã·∇S_b between nodes a and b,
-/// eqs. (21) and (23), in whatever form is the cheapest to evaluate.
+/// Contribution of one point to internal force and stiffness, eqs. (21) and (23): V P̃·∇S_a at node a and V ∇S_a·Ã·∇S_b
+/// between nodes a and b. Each implementation uses the form that is cheapest to evaluate.
 pub trait WeakForm<const D: usize>: Copy {
-    /// What is needed of the basis function of a node, or of those of several nodes side by side.
+    /// Data of the basis function of one node, or of several nodes in SIMD lanes.
     type Gradient<T: Lane>: Copy;
-    /// What node b contributes to its pairs, V Ã·∇S_b.
+    /// Contribution of node b to all its pairs, V Ã·∇S_b.
     type Column;
 
-    /// ΔF⁻¹ where gradients must be given in the current configuration, eq. (8): ∂S/∂x = ∂S/∂X̃ ΔF⁻¹.
+    /// ΔF⁻¹ if gradients must refer to the current configuration, eq. (8): ∂S/∂x = ∂S/∂X̃ ΔF⁻¹.
     fn inverse(&self) -> Option<&[[f64; D]; D]>;
 
-    /// From the gradient of a basis function, mapped if need be, and its value.
+    /// Data of a basis function, from its value and its gradient in the configuration required by
+    /// [`WeakForm::inverse`].
     fn gradient(&self, gradient: &[f64; D], value: f64) -> Self::Gradient<f64>;
 
-    /// Puts up to as many nodes side by side as there are lanes; those that are missing are zero.
-    fn side_by_side(nodes: &[Self::Gradient<f64>]) -> Self::Gradient<Lanes>;
+    /// Packs the data of up to [`Lanes::WIDTH`] nodes into lanes; missing nodes are zero.
+    fn pack(nodes: &[Self::Gradient<f64>]) -> Self::Gradient<Lanes>;
 
-    /// The column of a node; adds the force on it.
+    /// Returns the column of a node and adds the force at it to `force`.
     fn column(&self, gradient: &Self::Gradient<f64>, force: &mut [f64; D]) -> Self::Column;
 
-    /// Adds to the block of a pair, `[i][k]`, the part of the node of `gradient` (row) with that of a column; for
-    /// several rows side by side, to their blocks side by side.
+    /// Adds the entries of a row (`gradient`) and a `column` to the block of the pair, `[i][k]`. With several rows in
+    /// lanes, the blocks are in lanes as well.
     fn add_block<T: Lane>(column: &Self::Column, gradient: &Self::Gradient<T>, block: &mut [[T; D]; D]);
 }
 
-/// A point could not follow the displacement increment.
+/// Failure of a point under the displacement increment.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum PointError {
-    /// The increment turns the material inside out.
+    /// The increment inverts the material.
     #[error("det(ΔF) = {determinant:e} is not positive")]
     Inverted {
         /// det(ΔF).
@@ -104,24 +105,24 @@ pub enum PointError {
     Material(#[from] MaterialError),
 }
 
-/// How a `D`-dimensional displacement increment deforms the three-dimensional material: the idealisation.
+/// An idealisation: maps a `D`-dimensional displacement increment to the deformation of a three-dimensional material.
 pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
-    /// Whether the body is one of revolution about the axis where the first coordinate vanishes.
+    /// True for bodies of revolution about the axis where the first coordinate is zero.
     const REVOLVED: bool = false;
-    /// Whether [`Mechanics::respond_side_by_side`] has something to say.
-    const SIDE_BY_SIDE: bool = false;
+    /// True if [`Mechanics::respond_vectorised`] is implemented.
+    const VECTORISED: bool = false;
 
     /// A point in the previously converged formulation.
     type Previous: WeakForm<D>;
-    /// The same for a law with isotropic spatial moduli.
+    /// As [`Mechanics::Previous`], for laws with isotropic spatial moduli.
     type Isotropic: WeakForm<D>;
     /// A point in the updated Lagrangian formulation.
     type Updated: WeakForm<D>;
 
-    /// Evaluates one point in the previously converged formulation.
+    /// Evaluates a point in the previously converged formulation.
     ///
     /// # Errors
-    /// [`PointError`] when det(ΔF) is not positive or the law fails.
+    /// [`PointError`] if det(ΔF) is not positive or the law fails.
     fn respond(
         start: &StartOfStep,
         increment: &Increment<D>,
@@ -130,10 +131,11 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
         new: &mut [f64],
     ) -> Result<PointResponse<Self::Previous>, PointError>;
 
-    /// The same for several points of one law side by side; `history` holds their variables and receives the new ones.
-    /// `None` where mechanics or law have no such form, and where a point fails: then they are evaluated one by one.
+    /// As [`Mechanics::respond`] for several points of one law at once; replaces `history` by its new values. `None` if
+    /// the idealisation or the law has no vectorised form, or if a point fails. The points must then be evaluated one
+    /// by one.
     #[inline(always)]
-    fn respond_side_by_side(
+    fn respond_vectorised(
         _starts: [&StartOfStep; Lanes::WIDTH],
         _increments: &[Increment<D>; Lanes::WIDTH],
         _material: &dyn Material,
@@ -142,8 +144,8 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
         None
     }
 
-    /// The same for a law with isotropic spatial moduli, of which nothing of fourth order is formed; `None` for all
-    /// others, and where nothing is gained.
+    /// As [`Mechanics::respond`] without fourth-order tensors, for a law with isotropic spatial moduli. `None` for
+    /// other laws, and if the idealisation gains nothing from it.
     #[inline(always)]
     fn respond_isotropic(
         _start: &StartOfStep,
@@ -153,7 +155,7 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
         None
     }
 
-    /// Evaluates one point in the updated Lagrangian formulation.
+    /// Evaluates a point in the updated Lagrangian formulation.
     ///
     /// # Errors
     /// As [`Mechanics::respond`].
@@ -168,7 +170,7 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     /// The increment as a three-dimensional tensor.
     fn embed(increment: &Increment<D>) -> Mat3;
 
-    /// b^e of an elastic strain in the measure of its law.
+    /// b^e from an elastic strain in the measure `measure`.
     fn elastic_left_cauchy_green(measure: StrainMeasure, elastic_strain: &Sym3) -> Sym3 {
         measure.left_cauchy_green(elastic_strain)
     }

@@ -1,24 +1,24 @@
-//! The kernel in closed form for plane strain.
+//! The closed-form kernel for plane strain.
 //!
 //! z stays a principal direction and ΔF_33 = 1, so the in-plane 2×2 blocks decouple and only the in-plane block of
-//! D^alg enters the tangent. In-plane symmetric tensors are three numbers `xx, yy, √2 xy`. The equations are written on
-//! numbers that may be several points side by side.
+//! D^alg enters the tangent. Symmetric in-plane tensors have three components `xx, yy, √2 xy`. The equations are
+//! generic over [`Lane`], so that several points can be evaluated at once.
 
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 use super::{Contribution, InPlane, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep};
 use crate::kinematics::Increment;
-use crate::material::{Material, ShortResponse, StrainMeasure};
+use crate::material::{CompactResponse, Material, StrainMeasure};
 use crate::tensor::{Mat3, Sym3, Tensor4, plane};
 
-/// Plane strain in x, y.
+/// Plane strain in the x-y plane.
 #[derive(Debug, Clone, Copy)]
 pub struct PlaneStrain;
 
-/// A tensor in the plane, all of it.
+/// A full (unsymmetric) tensor in the plane, `[i][j]`.
 type Rows<T> = [[T; 2]; 2];
 
-/// The trial state.
+/// Trial state of a point.
 struct Trial<T> {
     dJ: T,
     /// ΔF b_n.
@@ -48,10 +48,10 @@ impl<T: Lane> Trial<T> {
     }
 }
 
-/// What the law answers to the trial state.
+/// Response of the law to the trial state.
 struct Answer {
     trial: Trial<f64>,
-    /// τ and the elastic strain of the law.
+    /// τ and the elastic strain.
     law: (Sym3, Sym3),
     /// Derivative of τ with respect to b on the in-plane components.
     C: [[f64; 3]; 3],
@@ -78,7 +78,7 @@ fn answer(
         }
         StrainMeasure::LeftCauchyGreen => ((plane::tensor(trial.b) - Sym3::IDENTITY) * 0.5, [[0.0; 3]; 3]),
     };
-    // By reference: the tangent of six by six entries is better not moved about.
+    // Passed by reference, because moving the 6×6 tangent is expensive.
     let answer = material.update(&strain, old, new);
     let law = match &answer {
         Ok(law) => law,
@@ -94,7 +94,7 @@ fn answer(
 }
 
 impl Mechanics<2> for PlaneStrain {
-    const SIDE_BY_SIDE: bool = true;
+    const VECTORISED: bool = true;
 
     type Previous = InPlane;
     type Isotropic = InPlane;
@@ -115,13 +115,13 @@ impl Mechanics<2> for PlaneStrain {
     }
 
     #[inline(always)]
-    fn respond_side_by_side(
+    fn respond_vectorised(
         starts: [&StartOfStep; Lanes::WIDTH],
         increments: &[Increment<2>; Lanes::WIDTH],
         material: &dyn Material,
         history: &mut [Lanes],
     ) -> Option<[PointResponse<InPlane>; Lanes::WIDTH]> {
-        let law = material.side_by_side()?;
+        let law = material.vectorised()?;
         let (mut b_n, mut dF) = ([Lanes::ZERO; 4], [[Lanes::ZERO; 2]; 2]);
         let (mut volume_n, mut J_n) = (Lanes::ZERO, Lanes::ZERO);
         for p in 0..Lanes::WIDTH {
@@ -184,12 +184,12 @@ impl Mechanics<2> for PlaneStrain {
     }
 }
 
-// What is compiled for vector instructions has no closures: those are not always inlined, and then are not.
+// No closures below: the compiler does not always inline them, and then does not vectorise them.
 
-/// One of several points.
+/// Extracts one point.
 #[inline(always)]
-fn point(weak: &InPlane<Lanes>, answer: &ShortResponse<Lanes, 4>, lane: usize) -> PointResponse<InPlane> {
-    let ShortResponse { tau, elastic_strain: e, .. } = answer;
+fn point(weak: &InPlane<Lanes>, answer: &CompactResponse<Lanes, 4>, lane: usize) -> PointResponse<InPlane> {
+    let CompactResponse { tau, elastic_strain: e, .. } = answer;
     PointResponse {
         weak: weak.point(lane),
         tau: plane::tensor([tau[0].0[lane], tau[1].0[lane], tau[2].0[lane], tau[3].0[lane]]),
@@ -200,8 +200,8 @@ fn point(weak: &InPlane<Lanes>, answer: &ShortResponse<Lanes, 4>, lane: usize) -
 /// Rows of the in-plane components in the Mandel layout.
 const IN_PLANE: [usize; 3] = [0, 1, 5];
 
-/// Which of these is component (i, j).
-const PLACE: [[usize; 2]; 2] = [[0, 2], [2, 1]];
+/// Index of component (i, j) into the components `xx, yy, xy`.
+const IN_PLANE_INDEX: [[usize; 2]; 2] = [[0, 2], [2, 1]];
 
 /// The in-plane block of `xx, yy, zz, √2 xy`.
 #[inline(always)]
@@ -218,8 +218,8 @@ fn invert<T: Lane>(dF: &Rows<T>, dJ: T) -> Rows<T> {
 
 /// D^alg on the in-plane components `xx, yy, √2 xy`.
 #[inline(always)]
-fn tangent<T: Lane>(answer: &ShortResponse<T, 4>) -> [[T; 3]; 3] {
-    let ShortResponse { lambda, mu, along, n, .. } = answer;
+fn tangent<T: Lane>(answer: &CompactResponse<T, 4>) -> [[T; 3]; 3] {
+    let CompactResponse { lambda, mu, along, n, .. } = answer;
     let (lambda, twice_mu) = (*lambda, *mu * 2.0);
     let [x, y, s] = [n[0], n[1], n[3]];
     let [of_x, of_y, of_s] = [*along * x, *along * y, *along * s];
@@ -240,8 +240,8 @@ fn half_product<T: Lane>(D: &[[T; 3]; 3], L: &[[T; 3]; 3]) -> [[T; 3]; 3] {
     C
 }
 
-/// C : B as `[component][k][l]`, with B_ijkl = δ_ik A_jl + A_il δ_jk the derivative of b, eqs. (A.2) and (A.5);
-/// components xx, yy, xy of the result.
+/// C : B as `[component][k][l]` for the components xx, yy, xy. B_ijkl = δ_ik A_jl + A_il δ_jk is the derivative of b,
+/// eqs. (A.2) and (A.5).
 #[inline(always)]
 fn contract<T: Lane>(C: &[[T; 3]; 3], A: &Rows<T>) -> [Rows<T>; 3] {
     let mut product = [[[C[0][0]; 2]; 2]; 3];
@@ -277,7 +277,7 @@ fn previous<T: Lane>(
     for l in 0..2 {
         for j in 0..2 {
             for i in 0..2 {
-                let [first, second] = [&dtau[PLACE[i][0]], &dtau[PLACE[i][1]]];
+                let [first, second] = [&dtau[IN_PLANE_INDEX[i][0]], &dtau[IN_PLANE_INDEX[i][1]]];
                 for k in 0..2 {
                     // (A.3) with (A.6): τ_im ∂ΔF⁻¹_jm/∂ΔF_kl = −τ_im ΔF⁻¹_lm ΔF⁻¹_jk.
                     tangent[l][j][i][k] = weighted[j][0] * first[k][l] + weighted[j][1] * second[k][l]
@@ -298,7 +298,7 @@ fn updated(C: &[[f64; 3]; 3], tau: &[[f64; 2]; 2], b: &[[f64; 2]; 2], J: f64) ->
             std::array::from_fn(|k| {
                 std::array::from_fn(|l| {
                     let geometric = if j == k { sigma[i][l] } else { 0.0 };
-                    CB[PLACE[i][j]][k][l] / J - geometric
+                    CB[IN_PLANE_INDEX[i][j]][k][l] / J - geometric
                 })
             })
         })

@@ -1,4 +1,4 @@
-//! Products of small matrices that several kernels share.
+//! Products of small matrices shared by the kernels.
 
 use crate::tensor::Sym3;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -8,7 +8,7 @@ pub(super) fn times(a: &[[f64; 3]; 3], x: &[f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| a[i][0] * x[0] + a[i][1] * x[1] + a[i][2] * x[2])
 }
 
-/// A symmetric tensor as a full matrix of rows, times a factor.
+/// A symmetric tensor as a full matrix, times a factor.
 #[inline(always)]
 pub(super) fn full(t: &Sym3, factor: f64) -> [[f64; 3]; 3] {
     let [xx, yy, zz] = [t.0[0] * factor, t.0[1] * factor, t.0[2] * factor];
@@ -17,5 +17,5 @@ pub(super) fn full(t: &Sym3, factor: f64) -> [[f64; 3]; 3] {
     [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 }
 
-/// Row of the Mandel layout in which component (i, j) of a symmetric tensor stands.
-pub(super) const PLACE: [[usize; 3]; 3] = [[0, 5, 4], [5, 1, 3], [4, 3, 2]];
+/// Index of component (i, j) of a symmetric tensor in the Mandel layout.
+pub(super) const MANDEL_INDEX: [[usize; 3]; 3] = [[0, 5, 4], [5, 1, 3], [4, 3, 2]];

@@ -1,6 +1,6 @@
 //! The kernel in three dimensions.
 
-use super::products::{PLACE, full, times};
+use super::products::{MANDEL_INDEX, full, times};
 use super::{
     Contribution, Isotropic, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep, WeakForm,
     transposed,
@@ -10,15 +10,15 @@ use crate::material::{Material, StrainMeasure};
 use crate::tensor::{Mat3, Sym3, Tangent, Tensor4, log_with_derivative, mandel_entry};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
-/// Three-dimensional solid: nothing is idealised.
+/// Three-dimensional solid, without idealisation.
 #[derive(Debug, Clone, Copy)]
 pub struct Solid;
 
-/// A point of the previously converged formulation with gradients in the current configuration.
+/// A point in the previously converged formulation, with gradients in the current configuration.
 ///
-/// In V_n ∇S_a·Ã·∇S_b every index of the start of the step stands with a ΔF⁻¹: moving these to the gradients,
-/// g = ∂S/∂X̃ ΔF⁻¹, leaves V_n/J_n g_a·(∂τ/∂ΔF : ΔFᵀ − τ ⊗̄ 1)·g_b, with b in place of ΔF b_n ΔFᵀ. Nothing of fourth order
-/// is ever mapped, which is most of the work of eqs. (A.3)-(A.6).
+/// In V_n ∇S_a·Ã·∇S_b every index that refers to the start of the step is contracted with a ΔF⁻¹. Moving these to the
+/// gradients, g = ∂S/∂X̃ ΔF⁻¹, leaves V_n/J_n g_a·(∂τ/∂ΔF : ΔFᵀ − τ ⊗̄ 1)·g_b, with b in place of ΔF b_n ΔFᵀ. No
+/// fourth-order tensor is mapped, which would be most of the work of eqs. (A.3)-(A.6).
 #[derive(Debug, Clone, Copy)]
 pub struct Spatial {
     /// ΔF⁻¹.
@@ -27,8 +27,8 @@ pub struct Spatial {
     pub(super) b: [[f64; 3]; 3],
     /// V_n τ/J_n.
     pub(super) stress: [[f64; 3]; 3],
-    /// V_n/J_n times the change of each component of τ (second index) per change b_kq = α_q (k ≠ q) or 2α_k of the
-    /// component of b that the first index is the place of.
+    /// V_n/J_n times the change of τ with b. The first index is the component of b that changes, by α_q for b_kq (k ≠
+    /// q) or by 2α_k for b_kk; the second index is the component of τ. Both are in the Mandel order.
     pub(super) moduli: [[f64; 6]; 6],
 }
 
@@ -47,12 +47,12 @@ impl WeakForm<3> for Spatial {
     }
 
     #[inline(always)]
-    fn side_by_side(nodes: &[[f64; 3]]) -> [Lanes; 3] {
+    fn pack(nodes: &[[f64; 3]]) -> [Lanes; 3] {
         transposed(nodes)
     }
 
-    /// V_n Ã·∇S_b with both gradients mapped, as `[m][i][k]`: the change of τ when node b moves along k, less
-    /// (τ g_b)_i where m is k, which is the change of ΔF⁻¹.
+    /// V_n Ã·∇S_b with both gradients mapped, `[m][i][k]`: the change of τ due to a motion of node b along k, minus (τ
+    /// g_b)_i if m = k, which is the change of ΔF⁻¹.
     #[inline(always)]
     fn column(&self, gradient: &[f64; 3], force: &mut [f64; 3]) -> [[[f64; 3]; 3]; 3] {
         let traction = times(&self.stress, gradient);
@@ -61,14 +61,14 @@ impl WeakForm<3> for Spatial {
         }
         let alpha = times(&self.b, gradient);
         let change: [[f64; 6]; 3] = std::array::from_fn(|k| {
-            let of = |q: usize| &self.moduli[PLACE[k][q]];
+            let of = |q: usize| &self.moduli[MANDEL_INDEX[k][q]];
             std::array::from_fn(|r| of(0)[r] * alpha[0] + of(1)[r] * alpha[1] + of(2)[r] * alpha[2])
         });
         let mut column = [[[0.0; 3]; 3]; 3];
         for m in 0..3 {
             for i in 0..3 {
                 for k in 0..3 {
-                    column[m][i][k] = change[k][PLACE[i][m]];
+                    column[m][i][k] = change[k][MANDEL_INDEX[i][m]];
                 }
                 column[m][i][m] -= traction[i];
             }
@@ -118,7 +118,7 @@ fn trial(dF: &[[f64; 3]; 3], b_n: &Sym3) -> Sym3 {
     ])
 }
 
-/// τ and the elastic strain of a law at b, and twice the derivative of τ with respect to b by columns.
+/// τ and elastic strain of a law at b, and twice the derivative of τ with respect to b, by columns.
 #[inline(always)]
 fn answer(
     material: &dyn Material,
@@ -169,7 +169,7 @@ impl Mechanics<3> for Solid {
         let b = trial(&increment.dF, &start.b_n);
         let (tau, elastic_strain, derivative) = answer(material, &b, old, new)?;
         let weight = start.volume_n / start.J_n;
-        // From the Mandel layout and twice the derivative to the tensor components of τ per α.
+        // Converts the doubled derivative from the Mandel layout to tensor components of τ per α.
         let mut moduli = derivative;
         for (s, column) in moduli.iter_mut().enumerate() {
             let scale = if s < 3 { weight } else { weight * FRAC_1_SQRT_2 };

@@ -12,7 +12,7 @@ fn laws() -> [Box<dyn Material>; 4] {
     ]
 }
 
-/// Largest entry of a tangent of these laws over all states of the tests, about.
+/// Approximate magnitude of the largest tangent entry of these laws over all tested states.
 const STIFF: f64 = 1e8;
 
 fn history(law: &dyn Material) -> Vec<f64> {
@@ -25,8 +25,8 @@ fn determinant(dF: &[[f64; 3]; 3]) -> f64 {
 
 type Rows = [[f64; 3]; 3];
 
-/// Random start-of-step states and increments: in three dimensions; with z a principal direction that the increment
-/// stretches; in plane strain.
+/// Random states at the start of a step, and increments: in three dimensions; with z a principal direction that the
+/// increment stretches; in plane strain.
 fn states(free: fn(Rows) -> Rows, out_of_plane: f64) -> impl Strategy<Value = (StartOfStep, Rows)> {
     let increment = prop::array::uniform3(prop::array::uniform3(-0.5..0.5f64));
     let strain = prop::array::uniform6(-0.3..0.3f64);
@@ -56,10 +56,10 @@ fn plane_increment(dF: &Rows) -> Increment<2> {
     Increment::of([[dF[0][0], dF[0][1]], [dF[1][0], dF[1][1]]])
 }
 
-/// V Ã by pairs of nodes.
+/// V Ã for each pair of nodes.
 type Blocks<const D: usize> = Vec<Vec<[[f64; D]; D]>>;
 
-/// V P̃ and V Ã of a point, by the gradients along the axes at the start of the step and the values of basis functions.
+/// V P̃ and V Ã of a point, from the gradients at the start of the step and the values of basis functions.
 fn moduli<const D: usize, W: WeakForm<D>>(weak: &W, nodes: &[([f64; D], f64)]) -> (Vec<[f64; D]>, Blocks<D>) {
     let gradient = |(g, value): &([f64; D], f64)| {
         let mapped = match weak.inverse() {
@@ -117,7 +117,7 @@ fn delta(i: usize, j: usize) -> f64 {
     f64::from(u8::from(i == j))
 }
 
-/// Eqs. (18) and (A.3)-(A.6) times the volume, letter by letter.
+/// Literal transcription of eqs. (18) and (A.3)-(A.6), times the volume.
 fn transcription(start: &StartOfStep, dF: &Rows, law: &dyn Material, old: &[f64]) -> (Rows, Tensor4<3>) {
     let dF = Mat3::from_fn(|i, j| dF[i][j]);
     let b_n = start.b_n.to_matrix();
@@ -161,7 +161,7 @@ proptest! {
                 prop_assert!((isotropic.tau - point.tau).norm() <= 1e-14 * scale);
                 prop_assert!((isotropic.elastic_strain - point.elastic_strain).norm() < 1e-15);
             }
-            // Both formulations give one force and stiffness.
+            // Both formulations give the same force and stiffness.
             let updated = Solid::respond_updated(&start, &Increment::of(dF), law.as_ref(), &old, &mut old.clone()).unwrap();
             let (P, A) = tensors(&updated.weak);
             prop_assert!(difference(P.as_flattened(), stress.as_flattened()) < 1e-13 * scale);
@@ -230,24 +230,25 @@ proptest! {
             let PointResponse { weak, tau, elastic_strain } =
                 PlaneStrain::respond_updated(&start, &increment, law.as_ref(), &old, &mut old.clone()).unwrap();
             check(PointResponse { weak: moduli(&weak, &axes()), tau, elastic_strain })?;
-            // Beside others, one of them at rest.
+            // Evaluated with other points in the lanes, one of them at rest.
             let mut lanes: Vec<Lanes> = old.iter().map(|h| Lanes::splat(*h)).collect();
             let increments = [Increment::of([[1.0, 0.0], [0.0, 1.0]]), increment, increment, increment];
-            let beside = PlaneStrain::respond_side_by_side([&start; 4], &increments, law.as_ref(), &mut lanes);
-            prop_assert_eq!(beside.is_some(), law.side_by_side().is_some());
+            let beside = PlaneStrain::respond_vectorised([&start; 4], &increments, law.as_ref(), &mut lanes);
+            prop_assert_eq!(beside.is_some(), law.vectorised().is_some());
             for PointResponse { weak, tau, elastic_strain } in beside.iter().flatten().skip(1) {
                 check(PointResponse { weak: moduli(weak, &axes()), tau: *tau, elastic_strain: *elastic_strain })?;
             }
         }
     }
 
-    /// A node of a ring moves the point in the plane and stretches it around the axis: its part in force and stiffness is
-    /// that of the solid with the gradient (g_r, g_z, 0) for the motion and S/r̃ on θθ for the motion outwards.
+    /// A ring node moves the point in the plane and stretches it circumferentially. Its contribution to force and
+    /// stiffness is that of the solid with the gradient (g_r, g_z, 0) for the motion and S/r̃ on θθ for the radial
+    /// displacement.
     #[test]
     fn the_ring_works_as_the_solid_with_its_stretch((start, dF) in revolved_states(), radius in 0.1..3.0f64,
                                                      g in prop::array::uniform2(prop::array::uniform3(-1.0..1.0f64))) {
         let nodes = g.map(|[x, y, value]| ([x, y], value));
-        // The motion of each node along each axis as a displacement gradient.
+        // Displacement gradients for a unit motion of each node along each axis.
         let motion = |n: usize, i: usize| {
             let ([x, y], value) = nodes[n];
             let mut m = [[0.0; 3]; 3];
@@ -310,8 +311,8 @@ fn a_point_turned_inside_out_is_an_error() {
     let plane = PlaneStrain::respond(&start, &plane_increment(&inverted), &law, &[], &mut []);
     assert!(matches!(plane, Err(PointError::Inverted { determinant: -1.0 })));
     let inside_out = [0, 1, 2, 3].map(|_| plane_increment(&inverted));
-    assert!(PlaneStrain::respond_side_by_side([&start; 4], &inside_out, &law, &mut []).is_none());
-    // Through the axis and inverted in the plane: the determinant alone would not tell.
+    assert!(PlaneStrain::respond_vectorised([&start; 4], &inside_out, &law, &mut []).is_none());
+    // A point that crosses the axis and is inverted in the plane has a positive determinant.
     let ring = Increment { hoop: -0.5, radius: 1.0, ..plane_increment(&inverted) };
     let ring = Axisymmetric::respond(&start, &ring, &law, &[], &mut []);
     assert!(matches!(ring, Err(PointError::Inverted { determinant }) if determinant == -0.5));

@@ -19,7 +19,7 @@ use crate::assembly::{System, Wanted};
 use crate::basis::Connectivity;
 use crate::grid::element::ElementShape;
 use crate::grid::{CellBasis, Grid};
-use crate::model::{Model, Stabilisation, Where};
+use crate::model::{Model, Stabilisation, StabilisationMode};
 use crate::points::Points;
 use crate::step::{At, StepContext};
 
@@ -52,7 +52,7 @@ impl Ghost {
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Ghost {
         let mut ghost = Ghost { node_start: vec![0], stiffness_start: vec![0], ..Ghost::default() };
         let Stabilisation { mode, parameter, filling } = model.stabilisation;
-        if mode == Where::Off {
+        if mode == StabilisationMode::Off {
             return ghost;
         }
         let grid = model.grid.as_ref();
@@ -63,7 +63,7 @@ impl Ghost {
             })
             .collect();
         let (faces, mut weak) = faces_of(grid, &cells);
-        if mode == Where::Auto {
+        if mode == StabilisationMode::Auto {
             weak.fill(false);
         }
         let few = cells_of_few_points(model, points, links);

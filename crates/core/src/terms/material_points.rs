@@ -14,7 +14,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::assembly::{NodePairs, System, UNCOUPLED, Wanted};
-use crate::basis::{Connectivity, Room};
+use crate::basis::{Connectivity, LinkBuffer};
 use crate::linear::Block;
 use crate::points::{PIECE, Points};
 use crate::step::{At, StepContext, displacement};
@@ -155,7 +155,7 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
                 history: &mut points.trial.history[first * n..last * n],
                 mapped,
             };
-            let room = Room { value, gradient };
+            let room = LinkBuffer { value, gradient };
             let work = Work { trial, dense: &mut in_hand.blocks, force: &mut in_hand.force, room };
             let (outcome, ()) = rayon::join(
                 || task.run(batch.clone(), work),

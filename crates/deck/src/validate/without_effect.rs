@@ -5,7 +5,7 @@ use super::suspicions::is_zero;
 use crate::ControlDeck;
 use crate::quoting::quote;
 use mpm_core::basis::DomainKind;
-use mpm_core::model::Where;
+use mpm_core::model::StabilisationMode;
 
 impl Check<'_> {
     /// Keys whose value changes nothing. One that comes from a parameter may have an effect in another run of a study, as
@@ -25,7 +25,9 @@ impl Check<'_> {
 
     fn stabilisation_without_effect(&mut self) {
         let mode = "/analysis/stabilisation/mode";
-        if self.deck.analysis.stabilisation.mode != Where::Off || self.source.is_from_parameter(mode) {
+        if self.deck.analysis.stabilisation.mode != StabilisationMode::Off
+            || self.source.is_from_parameter(mode)
+        {
             return;
         }
         for key in ["parameter", "filling"] {

@@ -1,18 +1,18 @@
-//! Whether the map of a hexahedron keeps its orientation everywhere.
+//! Check that the map of a hexahedron is orientation-preserving everywhere.
 
 use super::{ElementShape, MAX_NODES, adjugate};
 
-/// How often a hexahedron is divided into eight before it counts as folding.
+/// Largest depth of the subdivision into octants; a hexahedron that is still undecided counts as folded.
 const MOST_DIVISIONS: usize = 5;
 
-/// The nodes of the quadratic interpolation along an axis.
+/// Number of nodes of the quadratic interpolation along an axis.
 const LATTICE: usize = 3;
 
-/// Whether the determinant of the map of a hexahedron is not larger than `least` somewhere inside, [length³].
+/// True if the determinant of the map of a hexahedron is at most `least` somewhere inside, [length³].
 ///
-/// The determinant is a polynomial of degree two along each local axis. Where all its Bernstein coefficients are above
-/// the limit, so is the polynomial; where one of its values is not, the answer is known as well. In between, the
-/// hexahedron is divided into eight; one that is undecided to the last counts as folding.
+/// The determinant is a polynomial of degree two along each local axis. If all its Bernstein coefficients exceed the
+/// limit, so does the polynomial; if one of its values does not, the hexahedron folds. Otherwise the hexahedron is
+/// divided into octants. One that stays undecided counts as folded.
 pub fn folds(corners: &[[f64; 3]], least: f64) -> bool {
     if corners.len() < MAX_NODES {
         return true;
@@ -21,7 +21,7 @@ pub fn folds(corners: &[[f64; 3]], least: f64) -> bool {
     falls_below(&determinant, [0.0; 3], 1.0, least, MOST_DIVISIONS)
 }
 
-/// Whether a polynomial of degree two along each axis is not above `least` somewhere in a cube of half side `half`.
+/// True if a polynomial of degree two along each axis is at most `least` somewhere in a cube of half side `half`.
 fn falls_below(
     polynomial: &dyn Fn([f64; 3]) -> f64,
     centre: [f64; 3],
@@ -34,8 +34,8 @@ fn falls_below(
     for k in 0..LATTICE {
         for j in 0..LATTICE {
             for i in 0..LATTICE {
-                let place = [i, j, k].map(|n| n as f64 - 1.0);
-                values[number(i, j, k)] = polynomial(std::array::from_fn(|d| centre[d] + half * place[d]));
+                let offset = [i, j, k].map(|n| n as f64 - 1.0);
+                values[number(i, j, k)] = polynomial(std::array::from_fn(|d| centre[d] + half * offset[d]));
             }
         }
     }
@@ -43,7 +43,8 @@ fn falls_below(
     if !values.iter().all(above) {
         return true;
     }
-    // Bernstein coefficients of a quadratic from its values at −1, 0 and 1: those at the ends are the values.
+    // Bernstein coefficients of a quadratic from its values at −1, 0 and 1. The outer coefficients equal the end
+    // values.
     for axis in 0..3 {
         let stride = LATTICE.pow(axis);
         for first in (0..values.len()).filter(|n| n / stride % LATTICE == 0) {

@@ -7,7 +7,7 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::assembly::{Cell, Dense, Forces, NodePairs, Square, Triangle, Wanted, Whole};
-use crate::basis::{Connectivity, Links, Room};
+use crate::basis::{Connectivity, LinkBuffer, Links};
 use crate::kinematics::Increment;
 use crate::linear::Block;
 use crate::material::Material;
@@ -78,7 +78,7 @@ pub(super) struct Work<'a, const D: usize> {
     pub(super) trial: Trial<'a, D>,
     pub(super) dense: &'a mut [Block<D>],
     pub(super) force: &'a mut [[f64; D]],
-    pub(super) room: Room<'a, D>,
+    pub(super) room: LinkBuffer<'a, D>,
 }
 
 impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
@@ -99,8 +99,10 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         let (force_l, force_r) = work.force.split_at_mut(n_nodes);
         let (value_l, value_r) = work.room.value.split_at_mut(n_nodes);
         let (gradient_l, gradient_r) = work.room.gradient.split_at_mut(n_nodes);
-        let (room_l, room_r) =
-            (Room { value: value_l, gradient: gradient_l }, Room { value: value_r, gradient: gradient_r });
+        let (room_l, room_r) = (
+            LinkBuffer { value: value_l, gradient: gradient_l },
+            LinkBuffer { value: value_r, gradient: gradient_r },
+        );
         let work_l = Work { trial: trial_l, dense: dense_l, force: force_l, room: room_l };
         let work_r = Work { trial: trial_r, dense: dense_r, force: force_r, room: room_r };
         let (a, b) = rayon::join(|| self.run(left, work_l), || self.run(right, work_r));
@@ -165,7 +167,7 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         &self,
         group: usize,
         trial: &mut Trial<D>,
-        room: &mut Room<D>,
+        room: &mut LinkBuffer<D>,
         force: &mut [[f64; D]],
         dense: &mut impl Dense<D>,
     ) -> Result<(), PointFailure> {
@@ -186,7 +188,7 @@ struct Vectorised<'t, 'a, 's, 'r, const D: usize, M, K, const UPDATED: bool> {
     task: &'t Task<'a, D, M>,
     group: usize,
     trial: &'t mut Trial<'s, D>,
-    room: &'t mut Room<'r, D>,
+    room: &'t mut LinkBuffer<'r, D>,
     force: &'t mut [[f64; D]],
     dense: &'t mut K,
 }
@@ -230,7 +232,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let p = points.start;
         let law = task.law(p);
         let kept = law.state_fields().len();
-        if UPDATED || !M::SIDE_BY_SIDE || law.side_by_side().is_none() || kept > MOST_HISTORY {
+        if UPDATED || !M::VECTORISED || law.vectorised().is_none() || kept > MOST_HISTORY {
             return Ok(None);
         }
         let alike = task.body[points].iter().take_while(|&&body| body == task.body[p]);
@@ -247,7 +249,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         for (h, lanes) in history[..kept].iter_mut().enumerate() {
             *lanes = Lanes::gather(|l| task.old_history[of_lane[l] * n + h]);
         }
-        let Some(responses) = M::respond_side_by_side(starts, &increments, law, &mut history[..kept]) else {
+        let Some(responses) = M::respond_vectorised(starts, &increments, law, &mut history[..kept]) else {
             return Ok(None);
         };
         for (l, response) in responses[..count].iter().enumerate() {
