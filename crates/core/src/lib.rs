@@ -16,7 +16,8 @@
 //!
 //! # Modules
 //!
-//! Start reading with [`solver`]: it follows the algorithm of the paper from top to bottom and calls all other modules.
+//! Start reading with [`solver`]: it follows the algorithm of the paper from top to bottom and calls most of the other
+//! modules.
 //!
 //! | Task | Modules |
 //! |---|---|

@@ -76,7 +76,7 @@ pub struct Model<const D: usize> {
     pub boundary_conditions: Vec<BoundaryCondition<D>>,
     /// External forces.
     pub loads: Vec<Load<D>>,
-    /// How the loading is divided into steps.
+    /// Division of the loading into steps, and step control.
     pub stepping: Stepping,
     /// Control of the Newton iterations.
     pub newton: Newton,

@@ -1,8 +1,8 @@
 //! Second- and fourth-order tensors in three dimensions, their spectral functions, and index conventions.
 //!
 //! Symmetric second-order tensors are stored in the Mandel layout `xx, yy, zz, √2 yz, √2 xz, √2 xy`, in which the
-//! double contraction is the dot product and a fourth-order tensor with minor symmetries is a 6×6 matrix: no factor
-//! of two ever appears in a material. Full fourth-order tensors are nested arrays indexed `[i][j][k][l]`.
+//! double contraction is the dot product and a fourth-order tensor with minor symmetries is a 6×6 matrix: material
+//! laws need no factors of two. Full fourth-order tensors are nested arrays indexed `[i][j][k][l]`.
 #![allow(non_snake_case)]
 
 pub mod lane;
@@ -128,7 +128,7 @@ impl Sym3 {
         spectrum.compose(spectrum.values.map(f))
     }
 
-    /// Whether z is a principal direction (no out-of-plane shear), so that the closed forms of [`plane`] apply.
+    /// True if z is a principal direction (no out-of-plane shear); the closed forms of [`plane`] then apply.
     pub fn is_plane(&self) -> bool {
         self.0[3] == 0.0 && self.0[4] == 0.0
     }
@@ -158,7 +158,7 @@ impl Mul<f64> for Sym3 {
     }
 }
 
-/// A vector as three components, zero beyond `D`.
+/// A vector padded with zeros to three components.
 pub fn padded<const D: usize>(v: &[f64; D]) -> [f64; 3] {
     std::array::from_fn(|d| if d < D { v[d] } else { 0.0 })
 }

@@ -78,7 +78,7 @@ fn support_on<const D: usize, G: Grid<D> + ?Sized>(
 pub const CORNER_MARGIN: f64 = 0.05;
 
 /// The cell at a position, or the nearest cell, and the distance of the position from the grid, in cells. The distance
-/// is the negative part of the basis of that cell, continued to the position.
+/// is the sum of the negative values of the basis of that cell, continued to the position.
 #[inline]
 pub fn nearest_with_distance<const D: usize, G: Grid<D> + ?Sized>(
     grid: &G,

@@ -119,7 +119,7 @@ pub trait VectorisedLaw {
 /// Failure of a law.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum MaterialError {
-    /// The trial strain is not a number.
+    /// The trial strain is not finite.
     #[error("the trial elastic strain is not finite")]
     NotFinite,
 }

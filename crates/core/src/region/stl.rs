@@ -59,7 +59,7 @@ pub enum StlError {
     Truncated {
         /// Last line, from 1.
         line: usize,
-        /// What is missing.
+        /// The missing word.
         expected: &'static str,
     },
     /// A coordinate is infinite or NaN.

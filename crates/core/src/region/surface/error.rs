@@ -103,7 +103,7 @@ pub enum SurfaceError {
         facets: Box<[FacetReport; 2]>,
     },
     /// A shell is inside out.
-    #[error("{}: {at}", inside_out(*.cavity))]
+    #[error("{}, for example {at}", inside_out(*.cavity))]
     InsideOut {
         /// True if the shell lies in an odd number of other shells and so should bound a cavity.
         cavity: bool,
@@ -122,9 +122,9 @@ fn list<T: fmt::Display>(items: &[T]) -> String {
 
 fn inside_out(cavity: bool) -> &'static str {
     if cavity {
-        "a shell inside another one is not a cavity: its facets have counterclockwise corners, the first being"
+        "a shell inside another one is not a cavity: its facets have counterclockwise corners"
     } else {
-        "the surface is inside out: seen from outside, its facets have clockwise corners, the first being"
+        "the surface is inside out: seen from outside, its facets have clockwise corners"
     }
 }
 

@@ -185,7 +185,7 @@ fn a_shell_that_is_inside_out_is_refused() {
     assert!(matches!(error, SurfaceError::InsideOut { cavity: true, at } if at.facet == 13));
     assert_eq!(
         error.to_string(),
-        "a shell inside another one is not a cavity: its facets have counterclockwise corners, the first being: \
+        "a shell inside another one is not a cavity: its facets have counterclockwise corners, for example \
          facet 13 with the corners (1, 1, 1), (1, 3, 1), (3, 3, 1)"
     );
 }
