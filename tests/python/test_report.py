@@ -295,7 +295,7 @@ def test_a_failed_run_says_so(page_of, failed):
     summary = json.loads((failed / "summary.json").read_text())
     said = f"The analysis failed with {summary['code']} after 1 of 2 load steps: {summary['reason']}"
     assert re.sub(r"\s+", " ", said).replace("\u2212", "-") in text
-    assert "Everything on this page shows the steps in equilibrium only." in text
+    assert "This page shows only steps in equilibrium." in text
     assert "step 2, failed" in text
 
 
@@ -307,11 +307,11 @@ def test_a_run_that_goes_on_or_was_killed_says_so(page_of, program, beam, tmp_pa
         assert process.poll() is None
         time.sleep(0.01)
     # Files of the next step may appear while the report is written; each is complete.
-    assert "The analysis is still going on." in text_of(page_of(out).read_text())
+    assert "The analysis is still running." in text_of(page_of(out).read_text())
     process.kill()
     process.wait(timeout=60)
     text = text_of(page_of(out).read_text())
-    assert re.search(r"The analysis was killed: its process ended without a word after \d+ of 2000 load steps", text)
+    assert re.search(r"The analysis was killed: its process ended unexpectedly after \d+ of 2000 load steps", text)
 
 
 def test_a_run_without_summary_and_status(page_of, beam, tmp_path):
@@ -320,7 +320,7 @@ def test_a_run_without_summary_and_status(page_of, beam, tmp_path):
     (directory / "summary.json").unlink()
     (directory / "status.json").unlink()
     text = text_of(page_of(directory).read_text())
-    assert "How the analysis ended is not known" in text and "20 of 20 load steps are in equilibrium" in text
+    assert "The outcome of the analysis is unknown" in text and "20 of 20 load steps are in equilibrium" in text
     # Before the first step is in equilibrium there is next to nothing to show.
     header = (directory / "history.csv").read_text().splitlines()[0]
     (directory / "history.csv").write_text(header + "\n")

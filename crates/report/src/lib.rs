@@ -1,5 +1,5 @@
-//! What is made of results: a report as one page of HTML ([`appendix`]), and studies that run a deck for many parameters
-//! ([`study`]).
+//! Uses of results: a report as a single HTML page ([`appendix`]), and studies that run a deck for many parameter
+//! values ([`study`]).
 
 pub mod appendix;
 pub mod study;

@@ -25,40 +25,40 @@ const LONGEST_NAME: usize = 26;
 /// Most points of a curve that are drawn.
 const MOST_POINTS: usize = 1600;
 
-/// How a curve looks.
+/// Style of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Look {
-    /// In the colour and dashes of a number.
+    /// The colour and dashes with this number.
     Number(usize),
     /// One of an ordered family: 0 is the first, 1 the last.
     Family(f64),
-    /// The one to look at in such a family.
+    /// The highlighted curve of such a family.
     Alarm,
 }
 
 /// A curve.
 #[derive(Debug, Clone)]
 pub(super) struct Curve {
-    /// Its name in plain text; empty for one that is not named on the chart.
+    /// Its name in plain text; empty if the chart does not name it.
     pub name: String,
     /// Its points.
     pub points: Vec<[f64; 2]>,
-    /// How it looks.
+    /// Its style.
     pub look: Look,
 }
 
 /// An axis.
 #[derive(Debug, Clone)]
 pub(super) struct Axis {
-    /// What it measures, in plain text.
+    /// Name of the quantity, in plain text.
     pub name: String,
     /// The kind of quantity.
     pub quantity: Quantity,
-    /// Whether equal steps stand for equal ratios.
+    /// True for a logarithmic axis.
     pub logarithmic: bool,
     /// Values that it must contain.
     pub contains: Vec<f64>,
-    /// Whether its values are whole numbers.
+    /// True if its values are whole numbers.
     pub whole_numbers: bool,
 }
 
@@ -74,12 +74,12 @@ impl Axis {
         }
     }
 
-    /// An axis that counts.
+    /// An axis of whole numbers.
     pub fn counting(name: &str) -> Axis {
         Axis { whole_numbers: true, ..Axis::new(name, Quantity::Number) }
     }
 
-    /// The axis over the values of the curves, between two places.
+    /// The scale over the values of the curves, between two positions.
     fn scale(&self, values: impl Iterator<Item = f64>, places: [f64; 2], marks: usize) -> Scale {
         let usable = |v: &f64| v.is_finite() && (!self.logarithmic || *v > 0.0);
         let all = values.chain(self.contains.iter().copied()).filter(usable);
@@ -96,7 +96,7 @@ impl Axis {
 /// A chart.
 #[derive(Debug, Clone)]
 pub(super) struct Chart {
-    /// What it shows, for those who do not see it.
+    /// Description for screen readers.
     pub description: String,
     /// The horizontal axis.
     pub x: Axis,
@@ -104,7 +104,7 @@ pub(super) struct Chart {
     pub y: Axis,
     /// The curves.
     pub curves: Vec<Curve>,
-    /// Values of y with a name, drawn as lines across.
+    /// Named values of y, drawn as horizontal lines.
     pub levels: Vec<(f64, String)>,
     /// Height.
     pub height: f64,
@@ -187,7 +187,7 @@ impl Chart {
     }
 }
 
-/// A name as it is shown.
+/// A name, shortened for display.
 fn shown(name: &str) -> String {
     if name.chars().count() <= LONGEST_NAME {
         return name.to_owned();
@@ -222,14 +222,14 @@ fn draw_curve(svg: &mut String, curve: &Curve, points: &[[f64; 2]], places: &[[f
         value(0),
         value(1)
     );
-    // Few points are shown one by one: what lies between them is only a line.
+    // A few points are marked one by one.
     if points.len() <= 60 && matches!(curve.look, Look::Number(_)) {
         let dots: String = places.iter().map(|[x, y]| format!("M{x:.1} {y:.1}h0")).collect();
         let _ = writeln!(svg, "<path class=\"dots {class}\" d=\"{dots}\"/>");
     }
 }
 
-/// A number with six significant digits, as short as it goes.
+/// A number with at most six significant digits, as short as possible.
 fn compact(value: f64) -> String {
     shortest(format!("{value:.5e}").parse().unwrap_or(value))
 }
@@ -259,8 +259,8 @@ fn draw_names(svg: &mut String, mut ends: Vec<([f64; 2], &Curve)>, right: f64, [
     }
 }
 
-/// Places close to the wanted ones, which ascend, that keep a distance from each other and stay between two bounds if
-/// there is room.
+/// Positions close to the wanted ones, which ascend, but at least `distance` apart and, if there is room, between two
+/// bounds.
 fn apart(wanted: &[f64], distance: f64, [low, high]: [f64; 2]) -> Vec<f64> {
     let mut places = wanted.to_vec();
     let mut least = low;
@@ -276,7 +276,7 @@ fn apart(wanted: &[f64], distance: f64, [low, high]: [f64; 2]) -> Vec<f64> {
     places
 }
 
-/// The points of a curve, or so many of them that it looks the same.
+/// The points of a curve, thinned so that it looks the same.
 fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let finite: Vec<[f64; 2]> = points.iter().copied().filter(|p| p.iter().all(|c| c.is_finite())).collect();
     if finite.len() <= MOST_POINTS {

@@ -3,7 +3,7 @@
 /// A colour in sRGB.
 pub(super) type Rgb = [u8; 3];
 
-/// viridis, by Stéfan van der Walt and Nathaniel Smith (CC0), at 33 even places.
+/// viridis, by Stéfan van der Walt and Nathaniel Smith (CC0), at 33 equally spaced values.
 const VIRIDIS: [u32; 33] = [
     0x440154, 0x470d60, 0x48186a, 0x482374, 0x472d7b, 0x453781, 0x424086, 0x3e4989, 0x3b528b, 0x375b8d,
     0x33638d, 0x2f6b8e, 0x2c728e, 0x297a8e, 0x26828e, 0x23898e, 0x21918c, 0x1f988b, 0x1fa088, 0x22a785,
@@ -11,7 +11,7 @@ const VIRIDIS: [u32; 33] = [
     0xd8e219, 0xece51b, 0xfde725,
 ];
 
-/// From a value to a colour.
+/// A map from values to colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ColourMap {
     low: f64,
@@ -20,15 +20,15 @@ pub(super) struct ColourMap {
 }
 
 impl ColourMap {
-    /// A map over some values. Where they lie on both sides of zero, blue stands for negative ones, red for positive
-    /// ones, and the range is made symmetrical.
+    /// A map over a range of values. If the range contains zero in its interior, negative values are blue, positive
+    /// ones red, and the range is made symmetric.
     pub fn over(low: f64, high: f64) -> ColourMap {
         let diverging = low < 0.0 && high > 0.0 && low.abs().min(high) > 0.05 * low.abs().max(high);
         let (low, high) = if diverging { (-high.max(-low), high.max(-low)) } else { (low, high) };
         ColourMap { low, high, diverging }
     }
 
-    /// The values at its ends.
+    /// The values at the ends of the map.
     pub fn bounds(&self) -> [f64; 2] {
         [self.low, self.high]
     }
@@ -82,7 +82,7 @@ fn from_oklab([l, a, b]: [f64; 3]) -> Rgb {
     })
 }
 
-/// A colour as HTML writes it.
+/// A colour in the notation of HTML.
 pub(super) fn hex([r, g, b]: Rgb) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
@@ -101,7 +101,7 @@ mod tests {
         if y > 0.008_856 { 116.0 * y.cbrt() - 16.0 } else { 903.3 * y }
     }
 
-    /// That lightness changes by about the same in each of so many steps.
+    /// Asserts that lightness changes by about the same amount in each of `steps` steps.
     fn assert_even(colour: impl Fn(f64) -> Rgb, steps: usize) {
         let at = |index: usize| lightness(colour(index as f64 / steps as f64));
         let mean = (at(steps) - at(0)) / steps as f64;

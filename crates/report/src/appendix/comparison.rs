@@ -46,7 +46,7 @@ pub(super) fn page(runs: &[Run], options: &Options) -> Result<String, ReportErro
     Ok(page.finish(&format!("Comparison: {title}"), &head, &foot(runs, &naming)))
 }
 
-/// A table with a row per run; `cells` are those behind its name.
+/// A table with one row per run; `cells` are those after its name.
 fn table_of_runs(
     runs: &[Run],
     head: impl IntoIterator<Item = String>,
@@ -93,7 +93,7 @@ fn outcome(page: &mut Page, runs: &[Run], naming: &Naming) {
         }
     }
     columns.push(("strain_energy".to_owned(), "strain energy".to_owned(), Quantity::Energy));
-    // As many columns as a page is wide.
+    // As many columns as fit on a page.
     for group in columns.chunks(6) {
         let heads = group.iter().map(|(_, name, quantity)| match naming.unit(*quantity) {
             unit if unit.is_empty() => format!("#{name}"),
@@ -112,7 +112,7 @@ fn outcome(page: &mut Page, runs: &[Run], naming: &Naming) {
     }
     for run in runs {
         if run.summary["warnings"].as_array().is_some_and(|warnings| !warnings.is_empty()) {
-            page.paragraph(&format!("Of <code>{}</code>:", escape(&run.name)));
+            page.paragraph(&format!("Warnings of <code>{}</code>:", escape(&run.name)));
             warnings(page, run);
         }
     }
@@ -148,7 +148,8 @@ fn decks(page: &mut Page, runs: &[Run]) {
         let (name, first) = (escape(&run.name), escape(&runs[0].name));
         match (runs[0].deck_text(), run.deck_text()) {
             (Some(a), Some(b)) if a == b => {
-                page.paragraph(&format!("The text of the deck of <code>{name}</code> is that of <code>{first}</code>."));
+                page.paragraph(&format!("The deck of <code>{name}</code> has the same text as that of \
+                    <code>{first}</code>."));
             }
             (Some(a), Some(b)) => {
                 page.paragraph(&format!("Changes of the text from <code>{first}</code> to <code>{name}</code>:"));
@@ -162,7 +163,7 @@ fn decks(page: &mut Page, runs: &[Run]) {
     }
 }
 
-/// Lines taken away and put in, with a few around them.
+/// Removed and inserted lines, with a few lines of context.
 fn difference(a: &str, b: &str) -> String {
     let diff = TextDiff::from_lines(a, b);
     let mut html = "<pre class=\"difference\">\n".to_owned();
@@ -258,7 +259,10 @@ fn convergence(page: &mut Page, runs: &[Run], naming: &Naming) {
     page.section("Convergence");
     page.figure("Iterations of each load step.", &curves::iterations(runs).svg(naming));
     if let Some(chart) = curves::orders(runs) {
-        page.figure("Observed order of the Newton iterations, where it can be told.", &chart.svg(naming));
+        page.figure(
+            "Observed order of the Newton iterations, where it can be determined.",
+            &chart.svg(naming),
+        );
     }
 }
 
@@ -321,7 +325,7 @@ fn origins(page: &mut Page, runs: &[Run]) {
         let threads = Cell::maybe(run.number("/threads"), 4);
         vec![known(started(run)), known(program(run)), known(hash), known(machine(run)), threads]
     });
-    page.table("Where the results come from.", &table);
+    page.table("Origin of the results.", &table);
 }
 
 #[cfg(test)]

@@ -16,18 +16,18 @@ const ROUND_OFF: f64 = 1e-9;
 /// Names of the axes.
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// What the load is plotted against: the load factor where there is one for all, else time.
+/// The abscissa of curves over the run: the load factor if all loads share one, otherwise time.
 pub(super) struct Progress {
     by_factor: bool,
 }
 
 impl Progress {
-    /// The measure that all runs have.
+    /// The measure that all runs have in common.
     pub fn of(runs: &[Run]) -> Progress {
         Progress { by_factor: runs.iter().all(|run| run.is_ramp() && run.end_time().is_some()) }
     }
 
-    /// Whether it is the load factor.
+    /// True if it is the load factor.
     pub fn is_factor(&self) -> bool {
         self.by_factor
     }
@@ -49,8 +49,8 @@ impl Progress {
         }
     }
 
-    /// Its values at the ends of the steps, and the values of a column, from the undeformed state on: at time 0 nothing acts,
-    /// whatever the load curves say.
+    /// Its values at the ends of the steps and the values of a column, starting at the undeformed state: at time 0
+    /// nothing acts, whatever the load curves are.
     fn points(&self, run: &Run, column: &str) -> Vec<[f64; 2]> {
         let times = run.column("time").iter().map(|time| self.at(run, *time));
         let values = times.zip(run.column(column)).map(|(x, y)| [x, *y]);
@@ -58,7 +58,7 @@ impl Progress {
     }
 }
 
-/// A column of `history.csv` that belongs to something with a name.
+/// A column of `history.csv` of a named boundary condition, load or probe.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Component {
     /// The column.
@@ -80,7 +80,7 @@ fn largest(run: &Run, column: &str) -> f64 {
     run.column(column).iter().fold(0.0, |largest, value| value.abs().max(largest))
 }
 
-/// Components with a letter (`r` of reactions, `f` of loads, `u` of displacements) that are more than round-off in some run.
+/// Components of a kind (`r` reactions, `f` loads, `u` displacements) that exceed round-off in some run.
 pub(super) fn components(runs: &[Run], letter: char) -> Vec<Component> {
     let mut found: Vec<Component> = Vec::new();
     for run in runs {
@@ -98,7 +98,7 @@ pub(super) fn components(runs: &[Run], letter: char) -> Vec<Component> {
         |component: &Component| runs.iter().map(|run| largest(run, &component.column)).fold(0.0, f64::max);
     let most = found.iter().map(size).fold(0.0, f64::max);
     found.retain(|component| size(component) > ROUND_OFF * most);
-    // In the order of the deck, the axes of one thing together.
+    // In the order of the deck, with the axes of one entry together.
     let order: Vec<String> = found.iter().map(|component| component.of.clone()).collect();
     found.sort_by_key(|component| (order.iter().position(|of| *of == component.of), component.axis));
     found
@@ -108,7 +108,7 @@ fn chart(description: String, x: Axis, y: Axis, curves: Vec<Curve>) -> Chart {
     Chart { description, x, y, curves, levels: Vec::new(), height: 320.0 }
 }
 
-/// The components of one run against its load, in charts of a dozen curves at most.
+/// The components of one run against its load, in charts of at most [`MOST_CURVES`] curves.
 pub(super) fn against_load(
     run: &Run,
     components: &[Component],
@@ -143,8 +143,8 @@ pub(super) fn of_runs(runs: &[Run], column: &str, name: &str, quantity: Quantity
     chart(description, progress.axis(), Axis::new(name, quantity), curves)
 }
 
-/// What carries or drives the bodies against the largest displacement, and its caption: the resultant of each load where
-/// several act, else the largest reaction, of the conditions that move where any does.
+/// The load-displacement chart and its caption, against the largest displacement: the resultant of each load if several
+/// act, otherwise the largest reaction, preferably of a condition that moves.
 pub(super) fn load_displacement(runs: &[Run]) -> Option<(String, Chart)> {
     let size =
         |component: &Component| runs.iter().map(|run| largest(run, &component.column)).fold(0.0, f64::max);
@@ -210,7 +210,7 @@ pub(super) fn energies(run: &Run) -> Chart {
     Chart { height: 240.0, ..chart }
 }
 
-/// The residuals of the steps of a run, one curve per step; how many steps are drawn, and of how many.
+/// The residuals of the steps of a run, one curve per step; the number of steps drawn, and the number of all steps.
 pub(super) fn residuals(run: &Run) -> Option<(Chart, usize, usize)> {
     let steps = run.residuals();
     let failed = match run.state {
@@ -264,10 +264,10 @@ pub(super) fn iterations(runs: &[Run]) -> Chart {
     Chart { height: 220.0, ..chart }
 }
 
-/// Observed order of the iterations of each step of all runs, where it can be told.
+/// Observed order of the iterations of each step of all runs, where it can be determined.
 pub(super) fn orders(runs: &[Run]) -> Option<Chart> {
     let curve = |(number, run): (usize, &Run)| {
-        // The order of a step that failed says nothing.
+        // The order of a failed step is meaningless.
         let order = |(step, residuals): (usize, Vec<f64>)| {
             if step <= run.steps() { Some([step as f64, newton_order(&residuals)?]) } else { None }
         };

@@ -6,21 +6,21 @@ use std::path::{Path, PathBuf};
 use mpm_deck::quoting::{list, quote};
 use strsim::jaro_winkler;
 
-/// Why a directory holds no results.
+/// Reason why a directory contains no results.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoResults {
     /// It is a file.
     File,
-    /// It is the directory of a study, which has those of its members in it.
+    /// It is the directory of a study, which contains those of its members.
     Study,
-    /// There is no history of a run.
+    /// It has no history of a run.
     Other,
 }
 
 /// Why a report cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
-    /// There is nothing to report on.
+    /// No directory is given.
     #[error("a report needs at least one directory of results")]
     Nothing,
     /// A directory without results.
@@ -28,7 +28,7 @@ pub enum ReportError {
     NoResults {
         /// The directory.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         hint: NoResults,
     },
     /// A file or directory that cannot be read.
@@ -36,18 +36,18 @@ pub enum ReportError {
     Unreadable {
         /// Its path.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         error: io::Error,
     },
-    /// A file that is not as a run writes it; the error names it.
+    /// A damaged file; the error names it.
     #[error("a file of the results is damaged: {0}")]
     DamagedFile(io::Error),
-    /// A file that is not as a run writes it.
+    /// A damaged file.
     #[error("a file of the results is damaged: {}: {what}", path.display())]
     Damaged {
         /// Its path.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         what: String,
     },
     /// A field that the points do not have.
@@ -55,21 +55,21 @@ pub enum ReportError {
     NoField {
         /// Its name.
         name: String,
-        /// The fields that they have.
+        /// The fields of the points.
         known: Vec<String>,
     },
-    /// A component that a field does not have, or none where one is needed.
+    /// A component that a field does not have, or a missing component.
     #[error("{}", no_component(field, component.as_deref(), known))]
     NoComponent {
         /// Name of the field.
         field: String,
         /// The component.
         component: Option<String>,
-        /// The components that it has.
+        /// The components of the field.
         known: Vec<String>,
     },
-    /// A load step whose points were not written.
-    #[error("load step {step} was not written; there are {}", numbers(known))]
+    /// A load step for which no points were written.
+    #[error("load step {step} was not written; the steps written are {}", numbers(known))]
     NoStep {
         /// The step.
         step: usize,
@@ -81,7 +81,7 @@ pub enum ReportError {
     Unwritable {
         /// Its path.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         error: io::Error,
     },
 }
@@ -105,7 +105,7 @@ impl ReportError {
     }
 }
 
-/// A path in full: it may have to be copied.
+/// A path in full, so that it can be copied.
 fn shown(path: &Path) -> String {
     format!("`{}`", path.display())
 }
@@ -115,11 +115,10 @@ fn no_results(path: &Path, hint: NoResults) -> String {
         NoResults::File => "is a file, not a directory of results".to_owned(),
         NoResults::Study => {
             let members = path.join("*");
-            format!("holds a study, not the results of one run; give its members: {}/", members.display())
+            format!("contains a study, not the results of one run; give its members: {}/", members.display())
         }
         NoResults::Other => {
-            "holds no results: there is no `history.csv`; give the directory that `mpm run` has written"
-                .to_owned()
+            "contains no results: there is no `history.csv`; give a directory written by `mpm run`".to_owned()
         }
     }
 }
@@ -128,7 +127,7 @@ fn instead(name: &str, known: &[String]) -> String {
     let near = known.iter().map(|other| (jaro_winkler(name, other), other));
     match near.filter(|(nearness, _)| *nearness > 0.8).max_by(|a, b| a.0.total_cmp(&b.0)) {
         Some((_, best)) => format!("did you mean {}?", quote(best)),
-        None => format!("there are {}", list(known.iter().map(String::as_str))),
+        None => format!("the fields are {}", list(known.iter().map(String::as_str))),
     }
 }
 

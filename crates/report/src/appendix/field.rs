@@ -1,4 +1,4 @@
-//! A field of the points that a picture is coloured by, and the steps that it is shown at.
+//! The choice of a field that colours a picture, and of the steps that are shown.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,7 +9,7 @@ use super::error::ReportError;
 use super::run::{Snapshot, read_mesh};
 use super::units::Quantity;
 
-/// A field by its name in the files, with a component where it has several.
+/// A field by its name in the files, with a component if it has several.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FieldChoice {
     name: String,
@@ -40,7 +40,7 @@ impl fmt::Display for FieldChoice {
 }
 
 impl FieldChoice {
-    /// What is shown of some states where nothing is asked for: the first of these fields that all of them have.
+    /// The default field of some states: the first of a list of fields that all of them have.
     pub(super) fn usual(snapshots: &[Snapshot]) -> Result<FieldChoice, ReportError> {
         let mut names =
             vec!["von_mises_stress", "equivalent_plastic_strain", "pressure", "J", "displacement"];
@@ -49,11 +49,11 @@ impl FieldChoice {
             let mesh = read_mesh(&snapshot.path)?;
             names.retain(|name| mesh.arrays(Section::PointData).any(|array| array.name == *name));
         }
-        // The volume is in every file.
+        // Every file has the volume.
         Ok(FieldChoice { name: names.first().copied().unwrap_or("volume").to_owned(), component: None })
     }
 
-    /// The field in words.
+    /// Name of the field in words.
     pub(super) fn title(&self) -> String {
         let words = match self.name.as_str() {
             "von_mises_stress" => "von Mises stress".to_owned(),
@@ -67,7 +67,7 @@ impl FieldChoice {
         }
     }
 
-    /// What the field measures; a plain number where that is not known.
+    /// The quantity of the field; a plain number if it is unknown.
     pub(super) fn quantity(&self) -> Quantity {
         Quantity::of_field(&self.name).unwrap_or(Quantity::Number)
     }
@@ -132,7 +132,7 @@ impl FromStr for StepChoice {
 }
 
 impl StepChoice {
-    /// The place of the step among those that were written, which ascend.
+    /// Index of the step among those that were written, which ascend.
     fn find(self, written: &[Snapshot]) -> Option<usize> {
         let (first, last) = (written.first()?.step, written.last()?.step);
         match self {

@@ -1,11 +1,11 @@
-//! Reports: what runs have left in their directories, as one page for the appendix of an engineer's document.
+//! Reports: the results of runs as one page, for the appendix of an engineer's document.
 //!
-//! A page is one file of HTML without anything from elsewhere: it can be sent, printed and kept. It is made from the
-//! files of the results alone, so a report can be written long after the run, or while it goes on.
+//! A page is one self-contained HTML file, which can be sent, printed and archived. It is made only from the result
+//! files, so a report can be written long after the run, or during it.
 //!
 //! `run` reads a directory. `chart` (with `scale`) draws curves, `picture` (with `scene`, `view`, `raster` and
-//! `colour`) the points;
-//! `page` numbers sections, figures and tables. `single` and `comparison` say what stands where.
+//! `colour`) the points; `page` numbers sections, figures and tables. `single` and `comparison` define the content of
+//! the pages.
 
 mod chart;
 mod colour;
@@ -37,10 +37,10 @@ pub use units::Units;
 
 use run::Run;
 
-/// The page about the run in a directory, or the comparison of the runs in several.
+/// Makes the page about the run in a directory, or the comparison of the runs in several directories.
 ///
 /// # Errors
-/// When a directory holds no results, one of their files is damaged, or a chosen field or step does not exist.
+/// If a directory contains no results, one of their files is damaged, or a chosen field or step does not exist.
 pub fn report(directories: &[PathBuf], options: &Options) -> Result<String, ReportError> {
     let mut runs: Vec<Run> =
         directories.iter().map(|directory| Run::read(directory)).collect::<Result<_, _>>()?;
@@ -55,7 +55,7 @@ pub fn report(directories: &[PathBuf], options: &Options) -> Result<String, Repo
 /// Writes a page to a file, which appears under its name only when it is complete.
 ///
 /// # Errors
-/// When the file cannot be written.
+/// If the file cannot be written.
 pub fn write(path: &Path, page: &str) -> Result<(), ReportError> {
     replace_file(path, |out| out.write_all(page.as_bytes()))
         .map_err(|error| ReportError::Unwritable { path: path.to_owned(), error })

@@ -1,19 +1,19 @@
-//! Numbers as they stand in tables and on axes.
+//! Numbers formatted for tables and axes.
 
 /// A number as text, split at its decimal point so that a column can be aligned there.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Decimal {
     /// Sign and digits before the decimal point.
     pub whole: String,
-    /// Decimal point and digits behind it, or nothing.
+    /// Decimal point and the digits after it, or empty.
     pub fraction: String,
-    /// Power of ten that it is to be multiplied by, or 0.
+    /// Power of ten by which it is multiplied, or 0.
     pub exponent: i32,
 }
 
 impl Decimal {
-    /// A number with so many significant digits, zeros at its end left out; with a power of ten where it is very
-    /// large or very small.
+    /// A number with `digits` significant digits, without trailing zeros; with a power of ten if it is very large or
+    /// very small.
     pub fn significant(value: f64, digits: usize) -> Decimal {
         if value == 0.0 {
             return Decimal { whole: "0".to_owned(), fraction: String::new(), exponent: 0 };
@@ -21,7 +21,7 @@ impl Decimal {
         if !value.is_finite() {
             return Decimal { whole: value.to_string(), fraction: String::new(), exponent: 0 };
         }
-        // Rounding may carry into the next power of ten; the formatter knows.
+        // Rounding may carry into the next power of ten, which the formatter handles.
         let scientific = format!("{value:.*e}", digits.max(1) - 1);
         let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
         let exponent: i32 = exponent.parse().unwrap_or(0);
@@ -33,10 +33,10 @@ impl Decimal {
         }
     }
 
-    /// A number with so many decimals, zeros included.
+    /// A number with `decimals` decimals, including zeros.
     pub fn fixed(value: f64, decimals: usize) -> Decimal {
         let text = format!("{value:.decimals$}");
-        // What is rounded to zero has no sign.
+        // A number rounded to zero has no sign.
         let has_digits = text.bytes().any(|b| (b'1'..=b'9').contains(&b));
         let text = text.replace('-', if has_digits { "\u{2212}" } else { "" });
         let (whole, digits) = text.split_once('.').unwrap_or((&text, ""));
@@ -52,7 +52,7 @@ impl Decimal {
         Decimal { whole: grouped(whole), fraction, exponent }
     }
 
-    /// What stands behind the whole digits, in HTML.
+    /// The part after the whole digits, in HTML.
     pub fn tail(&self) -> String {
         match self.exponent {
             0 => self.fraction.clone(),
@@ -60,7 +60,7 @@ impl Decimal {
         }
     }
 
-    /// Number of characters of [`Decimal::tail`] as it is seen.
+    /// Number of visible characters of [`Decimal::tail`].
     pub fn tail_length(&self) -> usize {
         let power = if self.exponent == 0 { 0 } else { 4 + self.exponent.to_string().len() };
         self.fraction.len() + power
@@ -72,7 +72,7 @@ impl Decimal {
     }
 }
 
-/// A whole number with groups of three digits from ten thousand on.
+/// Groups the digits of a whole number in threes, from ten thousand on.
 pub(super) fn grouped(digits: &str) -> String {
     let (sign, digits) = match digits.strip_prefix('\u{2212}') {
         Some(rest) => ("\u{2212}", rest),
@@ -96,12 +96,12 @@ pub(super) fn with_minus(value: i32) -> String {
     value.to_string().replace('-', "\u{2212}")
 }
 
-/// A number with so many significant digits, in HTML.
+/// A number with `digits` significant digits, in HTML.
 pub(super) fn html(value: f64, digits: usize) -> String {
     Decimal::significant(value, digits).html()
 }
 
-/// A number in plain text, for places that take no markup.
+/// A number in plain text, where markup is not possible.
 pub(super) fn plain(value: f64, digits: usize) -> String {
     let decimal = Decimal::significant(value, digits);
     match decimal.exponent {
@@ -110,7 +110,7 @@ pub(super) fn plain(value: f64, digits: usize) -> String {
     }
 }
 
-/// A duration in the unit that suits it.
+/// A duration in a suitable unit.
 pub(super) fn duration(seconds: f64) -> String {
     let whole = seconds.round().max(0.0) as u64;
     let (hours, minutes) = (whole / 3600, whole / 60 % 60);
@@ -121,7 +121,7 @@ pub(super) fn duration(seconds: f64) -> String {
     }
 }
 
-/// An amount of memory in the unit that suits it.
+/// An amount of memory in a suitable unit.
 pub(super) fn memory(bytes: f64) -> String {
     for (unit, size) in [("GiB", 30), ("MiB", 20)] {
         let size = f64::from(1u32 << size);
@@ -137,7 +137,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_have_the_digits_that_were_asked_for() {
+    fn numbers_have_the_requested_digits() {
         for (value, digits, text) in [
             (0.0, 5, "0"),
             (-0.0, 5, "0"),
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn durations_and_memory_are_in_units_that_suit_them() {
+    fn durations_and_memory_have_suitable_units() {
         assert_eq!(duration(0.0312), "0.0312\u{a0}s");
         assert_eq!(duration(125.0), "2\u{a0}min 05\u{a0}s");
         assert_eq!(duration(7260.0), "2\u{a0}h 01\u{a0}min");

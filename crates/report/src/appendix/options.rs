@@ -1,17 +1,17 @@
-//! What a report shows.
+//! Options of a report.
 
 use super::error::ReportError;
 use super::field::{FieldChoice, StepChoice};
 use super::run::Snapshot;
 use super::units::Units;
 
-/// What a report shows.
+/// Options of a report.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// The fields that the points are coloured by, each in a figure of its own; where there are none, the von Mises stress,
-    /// or another field if that was not written.
+    /// The fields that colour the points, each in its own figure; if empty, the von Mises stress, or another field if
+    /// that was not written.
     pub fields: Vec<FieldChoice>,
-    /// The steps that the points are shown at; a comparison shows the last of them.
+    /// The steps at which the points are shown; a comparison shows the last of them.
     pub steps: Vec<StepChoice>,
     /// The unit system of the decks.
     pub units: Option<Units>,
@@ -28,7 +28,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// The fields that are shown of some states.
+    /// The fields to show for some states.
     pub(super) fn fields(&self, snapshots: &[Snapshot]) -> Result<Vec<FieldChoice>, ReportError> {
         if self.fields.is_empty() {
             Ok(vec![FieldChoice::usual(snapshots)?])

@@ -6,12 +6,12 @@ use mpm_files::escape_xml;
 
 use super::number::Decimal;
 
-/// Text as HTML shows it, also inside the quotes of an attribute.
+/// Escapes text for HTML, also for use in quoted attributes.
 pub(super) fn escape(text: &str) -> String {
     escape_xml(text)
 }
 
-/// A page in the making.
+/// A page under construction.
 #[derive(Debug, Default)]
 pub(super) struct Page {
     body: String,
@@ -34,7 +34,7 @@ impl Page {
         ));
     }
 
-    /// Adds HTML as it is.
+    /// Adds HTML unchanged.
     pub fn push(&mut self, html: &str) {
         self.body.push_str(html);
     }
@@ -53,7 +53,7 @@ impl Page {
         ));
     }
 
-    /// Adds a numbered table with a caption of HTML; nothing where it has no rows.
+    /// Adds a numbered table with an HTML caption; adds nothing if it has no rows.
     pub fn table(&mut self, caption: &str, table: &Table) {
         if table.rows.is_empty() {
             return;
@@ -67,7 +67,7 @@ impl Page {
         ));
     }
 
-    /// The page: `title` is plain text, `head` and `foot` are the HTML before and after the sections.
+    /// Completes the page: `title` is plain text, `head` and `foot` are the HTML before and after the sections.
     pub fn finish(mut self, title: &str, head: &str, foot: &str) -> String {
         if !self.sections.is_empty() {
             self.body.push_str("</section>\n");
@@ -78,7 +78,7 @@ impl Page {
             // Writing to a string cannot fail.
             let _ = writeln!(contents, "<li><a href=\"#s{number}\">{}</a></li>", escape(section));
         }
-        // The policy is a promise to the reader, kept by the browser: nothing is fetched from anywhere.
+        // The policy makes the browser guarantee that nothing is fetched from elsewhere.
         format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
@@ -106,7 +106,7 @@ pub(super) enum Cell {
     Number(Decimal),
     /// A share between 0 and 1, as a bar.
     Bar(f64),
-    /// Nothing known.
+    /// No value.
     Empty,
 }
 
@@ -121,12 +121,12 @@ impl Cell {
         Cell::Html(format!("<code>{}</code>", escape(text)))
     }
 
-    /// A number with so many decimals, zeros included.
+    /// A number with `decimals` decimals, including zeros.
     pub fn fixed(value: Option<f64>, decimals: usize) -> Cell {
         value.map_or(Cell::Empty, |value| Cell::Number(Decimal::fixed(value, decimals)))
     }
 
-    /// A number beside others, of which the largest has so many significant digits and the others no more decimals.
+    /// A number among others: the largest has `digits` significant digits, and the others have no more decimals.
     pub fn beside(value: Option<f64>, largest: f64, digits: usize) -> Cell {
         match value {
             None => Cell::Empty,
@@ -139,7 +139,7 @@ impl Cell {
         }
     }
 
-    /// A number with so many significant digits.
+    /// A number with `digits` significant digits.
     pub fn rounded(value: f64, digits: usize) -> Cell {
         Cell::Number(Decimal::significant(value, digits))
     }
@@ -153,7 +153,7 @@ impl Cell {
 /// Rows under headings.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Table {
-    /// Headings as HTML, and whether numbers stand under them.
+    /// Headings as HTML; true for columns of numbers.
     head: Vec<(String, bool)>,
     rows: Vec<(Vec<Cell>, bool)>,
 }
@@ -173,7 +173,7 @@ impl Table {
         self.rows.push((cells.into_iter().collect(), false));
     }
 
-    /// Adds a row that sums up those above.
+    /// Adds a row with the sum of those above.
     pub fn total(&mut self, cells: impl IntoIterator<Item = Cell>) {
         self.rows.push((cells.into_iter().collect(), true));
     }
@@ -227,7 +227,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_from_outside_becomes_markup() {
+    fn text_from_outside_is_escaped() {
         let evil = "<script>alert('x')</script> & \"quotes\"";
         let mut page = Page::default();
         page.section(evil);

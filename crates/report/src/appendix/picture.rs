@@ -1,5 +1,5 @@
 //! Pictures of the deformed points: their domains as polygons, coloured by a field, over the active cells of the grid;
-//! in space, what is seen of them.
+//! in space, their visible sides.
 
 use std::fmt::Write;
 
@@ -17,7 +17,7 @@ use super::scene::{NOWHERE, Polygon, Scene, around};
 use super::units::{Naming, Quantity};
 use super::view::View;
 
-/// Pixels of the raster for a pixel of the screen: enough for paper.
+/// Pixels of the raster per pixel of the screen: enough for print.
 const DENSITY: f64 = 2.5;
 /// Width of the page.
 const PAGE: f64 = 720.0;
@@ -25,14 +25,14 @@ const PAGE: f64 = 720.0;
 const HALF: f64 = 352.0;
 /// Largest height of the axes of a picture.
 const HIGHEST: f64 = 520.0;
-/// Space left of the axes, above and below them.
+/// Margins to the left of the axes, above and below them.
 const MARGIN: [f64; 3] = [58.0, 24.0, 44.0];
 /// Colour of outlines.
 const OUTLINE: Rgba = [0, 0, 0, 90];
 /// Smallest domain whose outline is drawn, in pixels of the raster.
 const OUTLINED: f64 = 6.0;
 
-/// The place of a picture on the page and its axes.
+/// Position of a picture on the page, and its axes.
 struct Frame {
     extent: [[f64; 2]; 2],
     /// Size of the axes.
@@ -42,7 +42,7 @@ struct Frame {
 }
 
 impl Frame {
-    /// Axes for an extent, with a little air around it.
+    /// Axes for an extent, with a small margin around it.
     fn new(extent: [[f64; 2]; 2], pictures: usize) -> Frame {
         let [low, high] = extent;
         let span = [high[0] - low[0], high[1] - low[1]];
@@ -59,7 +59,7 @@ impl Frame {
         self.size[1] + MARGIN[1] + MARGIN[2]
     }
 
-    /// From a position to the pixels of the raster, which counts from the top.
+    /// Converts a position to pixels of the raster, which counts from the top.
     fn pixel(&self, position: [f64; 2]) -> [f64; 2] {
         let scale = self.size[0] / (self.extent[1][0] - self.extent[0][0]) * DENSITY;
         [(position[0] - self.extent[0][0]) * scale, (self.extent[1][1] - position[1]) * scale]
@@ -71,7 +71,7 @@ pub(super) struct Gallery<'a> {
     scenes: &'a [Scene],
     field: &'a FieldChoice,
     map: ColourMap,
-    /// Whether values lie beyond the ends of the colour map.
+    /// For each end of the colour map, true if values lie beyond it.
     beyond: [bool; 2],
     /// Smallest and largest value.
     range: [f64; 2],
@@ -84,7 +84,7 @@ impl<'a> Gallery<'a> {
             scenes.iter().flat_map(|scene| &scene.values).copied().filter(|v| v.is_finite()).collect();
         let range = all.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(*v), h.max(*v)]);
         let (range, most) = if all.is_empty() { ([0.0; 2], [0.0; 2]) } else { (range, middle(&mut all)) };
-        // A few extreme points, such as those that carry a point force, must not take all the colours.
+        // A few extreme points, such as those under a point force, must not use up the colours.
         let [low, high] =
             if range[1] - range[0] > 1.5 * (most[1] - most[0]) && most[1] > most[0] { most } else { range };
         let map = ColourMap::over(low, high);
@@ -92,7 +92,7 @@ impl<'a> Gallery<'a> {
         Gallery { scenes, field, map, beyond: [range[0] < low, range[1] > high], range }
     }
 
-    /// What the pictures show, in HTML.
+    /// Caption of the pictures, in HTML.
     pub fn caption(&self, naming: &Naming) -> String {
         let (title, unit) = (escape(&self.field.title()), naming.unit(self.field.quantity()));
         let with_domains = self.scenes.iter().any(Scene::has_domains);
@@ -112,7 +112,10 @@ impl<'a> Gallery<'a> {
         let unit = if unit.is_empty() { String::new() } else { format!("\u{a0}{}", escape(&unit)) };
         let _ = write!(text, ". Values from {} to {}{unit}", html(self.range[0], 4), html(self.range[1], 4));
         if self.beyond != [false, false] {
-            text.push_str("; those beyond the ends of the scale, less than 1\u{a0}% of all, have the colours of its ends");
+            text.push_str(
+                "; values beyond the ends of the scale, less than 1\u{a0}% of all, have the colours \
+                 of its ends",
+            );
         }
         text.push('.');
         if let Some([low, high]) = self.scenes.last().and_then(|scene| scene.space) {
@@ -120,7 +123,7 @@ impl<'a> Gallery<'a> {
             let unit = escape(&naming.unit(Quantity::Length));
             let _ = write!(
                 text,
-                " The last picture shows what lies between ({}) and ({})\u{a0}{unit}.",
+                " The last picture shows the box from ({}) to ({})\u{a0}{unit}.",
                 place(low),
                 place(high)
             );
@@ -128,7 +131,7 @@ impl<'a> Gallery<'a> {
         text
     }
 
-    /// The pictures and their colour bar; `id` tells them from those of other figures.
+    /// The pictures and their colour bar; `id` distinguishes them from those of other figures.
     pub fn html(&self, naming: &Naming, id: &str) -> Result<String, ReportError> {
         let extent = self.scenes.iter().fold(NOWHERE, |extent, scene| around(extent, scene.extent()));
         if !extent.iter().flatten().all(|x| x.is_finite()) {
@@ -193,7 +196,7 @@ impl<'a> Gallery<'a> {
             let corners = on_raster(corners);
             raster.fill(&corners, opaque(scene.values[*point], *shade));
             if outlined && scene.space.is_some() {
-                raster.outline(&corners, 0.7, OUTLINE); // what is nearer covers it
+                raster.outline(&corners, 0.7, OUTLINE); // nearer faces cover it
             }
         }
         if outlined && scene.space.is_none() {
@@ -323,7 +326,7 @@ fn area_of(corners: &[[f64; 2]]) -> f64 {
     0.5 * (0..corners.len()).map(cross).sum::<f64>()
 }
 
-/// The values below which half a percent lies, and above which half a percent lies.
+/// The values below and above which half a percent of all values lies.
 fn middle(values: &mut [f64]) -> [f64; 2] {
     let last = values.len() - 1;
     let at = |share: f64| (share * last as f64).round() as usize;
@@ -360,7 +363,7 @@ mod tests {
         assert_eq!(gallery.beyond, [true, true]);
         let [low, high] = gallery.map.bounds();
         assert!(low < 0.01 && (0.99..1.01).contains(&high), "{low} {high}");
-        assert!(gallery.caption(&Naming::default()).contains("from 0 to 50\u{a0}stress; those beyond"));
+        assert!(gallery.caption(&Naming::default()).contains("from 0 to 50\u{a0}stress; values beyond"));
         let scenes = [scene(vec![1.0, 2.0, 4.0])];
         let gallery = Gallery::new(&scenes, &field);
         assert_eq!((gallery.map.bounds(), gallery.beyond), ([1.0, 4.0], [false, false]));

@@ -8,7 +8,8 @@ const SAMPLES: usize = 3;
 /// A colour in sRGB with its opacity.
 pub(super) type Rgba = [u8; 4];
 
-/// A picture in the making; transparent where nothing has been drawn. Places are in pixels from the upper left corner.
+/// A picture under construction; transparent where nothing has been drawn. Positions are in pixels from the upper left
+/// corner.
 pub(super) struct Raster {
     width: usize,
     height: usize,
@@ -23,8 +24,8 @@ impl Raster {
         Raster { width, height, samples: vec![[0; 4]; width * height * SAMPLES * SAMPLES] }
     }
 
-    /// Fills a polygon, in either sense. Its sides belong to it or to its neighbour, never to both. One that is too
-    /// small to cover a sample marks the sample nearest to it.
+    /// Fills a polygon, in either sense. A side belongs to it or to its neighbour, never to both. A polygon too small
+    /// to cover a sample marks the nearest one.
     pub fn fill(&mut self, corners: &[[f64; 2]], colour: Rgba) {
         if corners.len() < 3 || corners.iter().flatten().any(|c| !c.is_finite()) {
             return;
@@ -97,7 +98,7 @@ impl Raster {
     /// The picture as a PNG file.
     ///
     /// # Errors
-    /// When it is too large to be encoded.
+    /// If it is too large to be encoded.
     pub fn png(&self) -> io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
         let too_large = |_| io::Error::other("the picture is too large");
@@ -138,7 +139,7 @@ impl Raster {
     }
 }
 
-/// Lays a colour over another.
+/// Blends a colour over another.
 fn blend(under: &mut Rgba, over: Rgba) {
     if over[3] == 255 {
         *under = over;
@@ -188,7 +189,7 @@ mod tests {
         let mut raster = Raster::new(20, 20);
         for k in 0..9 {
             let next = if k == 8 { rim(0) } else { rim(k + 1) };
-            // Half opaque: a sample that two of them cover would be darker, one that none covers lighter.
+            // Half opaque: a sample covered twice would be darker, one not covered lighter.
             let corners = if k % 2 == 0 { [centre, rim(k), next] } else { [next, rim(k), centre] };
             raster.fill(&corners, [0, 0, 0, 128]);
         }
@@ -196,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_tiny_or_outside_does_no_harm() {
+    fn tiny_or_outside_polygons_are_harmless() {
         let mut raster = Raster::new(3, 3);
         raster.fill(&[[1.51, 1.51], [1.52, 1.51], [1.52, 1.52]], RED);
         assert_eq!(pixel(&raster, 1, 1)[3], 28, "one sample of nine");

@@ -1,4 +1,4 @@
-//! What a run has left in its directory.
+//! The results of a run, read from its directory.
 
 use std::fs;
 use std::io;
@@ -15,20 +15,20 @@ use mpm_files::vtu::read::{MeshFile, Section};
 
 use super::error::{NoResults, ReportError};
 
-/// How a run stands.
+/// State of a run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum State {
     /// All steps are in equilibrium.
     Completed,
-    /// It could not go on, with the code of the message and the reason.
+    /// It failed, with the code of the message and the reason.
     Failed(Option<String>, String),
     /// The user stopped it.
     Interrupted,
-    /// It goes on.
+    /// It is running.
     Running,
-    /// Its process ended without a word.
+    /// Its process ended unexpectedly.
     Died,
-    /// There is no summary, and nobody knows why.
+    /// Unknown: there is no summary.
     Unknown,
 }
 
@@ -50,7 +50,7 @@ pub(super) struct Run {
     pub directory: PathBuf,
     /// Its name, unique among the runs of a report.
     pub name: String,
-    /// How it stands.
+    /// Its state.
     pub state: State,
     /// `summary.json`; null for a run that has not ended.
     pub summary: Value,
@@ -87,7 +87,7 @@ impl Run {
             let path = directory.join(name);
             Columns::read(&path).map_err(|error| ReportError::unreadable(&path, error))
         };
-        // Attempts that failed are no steps.
+        // Failed attempts are not steps.
         let history = table("history.csv")?.where_column("converged", |value| value == 1.0);
         let convergence = table("convergence.csv")?;
         for (file, table, names) in [
@@ -103,7 +103,7 @@ impl Run {
         if let Some(steps) = summary["steps"].as_u64()
             && steps != rows
         {
-            let what = format!("it has {rows} rows, and the run made {steps} steps");
+            let what = format!("it has {rows} rows, but the run made {steps} steps");
             return Err(ReportError::Damaged { path: directory.join("history.csv"), what });
         }
         let state = state_of(&summary, directory)?;
@@ -123,7 +123,7 @@ impl Run {
         Ok(run)
     }
 
-    /// Understands the deck as far as this version can.
+    /// Reads the deck, if this version can.
     fn read_deck(&mut self) {
         let Some(text) = self.deck_text() else { return };
         let text = text.to_owned();
@@ -149,7 +149,7 @@ impl Run {
         found.map_or_else(Vec::new, |map| map.iter().map(|(k, v)| (k.clone(), v.clone())).collect())
     }
 
-    /// What both files may say about the run; the summary is asked first.
+    /// A fact that both files may contain; the summary takes precedence.
     pub fn fact(&self, pointer: &str) -> Option<&Value> {
         let known = |file: &'_ Value| file.pointer(pointer).is_some_and(|value| !value.is_null());
         [&self.summary, &self.start].into_iter().find(|file| known(file))?.pointer(pointer)
@@ -170,7 +170,7 @@ impl Run {
         self.text("/title").filter(|title| !title.is_empty()).unwrap_or(&self.name)
     }
 
-    /// Equilibrated steps.
+    /// Number of steps in equilibrium.
     pub fn steps(&self) -> usize {
         self.history.rows()
     }
@@ -185,7 +185,7 @@ impl Run {
         self.history.names().iter().filter_map(|name| name.strip_suffix(ending)).collect()
     }
 
-    /// Whether everything that acts grows in proportion to time, so that time by end time is *the* load factor.
+    /// True if all loads grow in proportion to time, so that time divided by end time is the load factor.
     pub fn is_ramp(&self) -> bool {
         let Some(deck) = &self.deck else { return false };
         if !matches!(deck.steps.control, ControlDeck::Load {}) {
@@ -199,7 +199,7 @@ impl Run {
         deck.loads.iter().all(of_load) && deck.boundary_conditions.iter().all(|c| c.curve.is_none())
     }
 
-    /// Whether the boundary condition of this name moves its nodes, rather than hold them.
+    /// True if the boundary condition of this name moves its nodes.
     pub fn moves(&self, name: &str) -> bool {
         let conditions = self.deck.iter().flat_map(|deck| &deck.boundary_conditions);
         let of_name = conditions.filter(|condition| condition.name == name);
@@ -241,12 +241,12 @@ impl Run {
         found.map(|snapshot| read_mesh(&snapshot.path)).transpose()
     }
 
-    /// Whether the problem is in two dimensions.
+    /// True if the problem is two-dimensional.
     pub fn is_plane(&self) -> bool {
         self.text("/idealisation") != Some("solid")
     }
 
-    /// Whether the bodies are of revolution.
+    /// True for bodies of revolution.
     pub fn is_revolved(&self) -> bool {
         self.text("/idealisation") == Some("axisymmetric")
     }
@@ -272,20 +272,22 @@ fn state_of(summary: &Value, directory: &Path) -> Result<State, ReportError> {
     })
 }
 
-/// Null where there is no such file.
+/// Reads a JSON file; null if it does not exist.
 fn read_json(path: &Path) -> Result<Value, ReportError> {
     match fs::read(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Value::Null),
         Err(error) => Err(ReportError::unreadable(path, error)),
         Ok(text) => match serde_json::from_slice::<Value>(&text) {
             Ok(value) if value.is_object() => Ok(value),
-            Ok(_) => Err(ReportError::Damaged { path: path.to_owned(), what: "no object".to_owned() }),
+            Ok(_) => {
+                Err(ReportError::Damaged { path: path.to_owned(), what: "not a JSON object".to_owned() })
+            }
             Err(error) => Err(ReportError::Damaged { path: path.to_owned(), what: error.to_string() }),
         },
     }
 }
 
-/// The entries of a series with their load steps; none where it was not written.
+/// The entries of a series with their load steps; empty if it was not written.
 fn snapshots(directory: &Path, series: &str) -> Result<Vec<Snapshot>, ReportError> {
     let path = directory.join(format!("{series}.pvd"));
     let entries = match series::read(&path) {
@@ -313,7 +315,7 @@ pub(super) fn values(mesh: &MeshFile, section: Section, name: &str) -> Result<Ve
     mesh.values(section, name).map_err(ReportError::from_reader)
 }
 
-/// Gives every run the shortest end of its path that no other run shares.
+/// Names every run by the shortest end of its path that no other run shares.
 pub(super) fn name_apart(runs: &mut [Run]) {
     let parts: Vec<Vec<String>> = runs
         .iter()

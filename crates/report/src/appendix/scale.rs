@@ -1,26 +1,26 @@
-//! From values to places on a drawing, and the round values that an axis is marked with.
+//! Scales of axes: from values to positions on a drawing, and the round values of ticks.
 
 use super::units::superscript;
 
 /// Kind of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Equal steps stand for equal differences.
+    /// Equal distances are equal differences.
     Linear,
-    /// Equal steps stand for equal ratios.
+    /// Equal distances are equal ratios.
     Logarithmic,
 }
 
-/// A mark of an axis.
+/// A tick of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tick {
     /// Its value.
     pub value: f64,
-    /// Its text; empty for a small mark.
+    /// Its text; empty for a minor tick.
     pub label: String,
 }
 
-/// An axis between two places of a drawing.
+/// An axis between two positions of a drawing.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Scale {
     kind: Kind,
@@ -28,15 +28,15 @@ pub(super) struct Scale {
     high: f64,
     from: f64,
     to: f64,
-    /// Marks in order.
+    /// Ticks in order.
     pub ticks: Vec<Tick>,
-    /// Power of ten that the values at the marks are to be multiplied by.
+    /// Power of ten by which the labels of the ticks are multiplied.
     pub power: i32,
 }
 
 impl Scale {
-    /// A linear axis over some values, from one place to another, with about so many marks. It begins and ends at a
-    /// mark if `whole`, at the values otherwise.
+    /// A linear axis over some values, between two positions, with about `marks` ticks. It begins and ends at a tick if
+    /// `whole`, otherwise at the values.
     pub fn linear(values: [f64; 2], places: [f64; 2], marks: usize, whole: bool) -> Scale {
         let [low, high] = with_extent(values);
         let step = Step::near((high - low) / marks.max(1) as f64);
@@ -46,7 +46,7 @@ impl Scale {
             (-step.at_or_below(-low), step.at_or_below(high))
         };
         let (low, high) = if whole { (step.value(first), step.value(last)) } else { (low, high) };
-        // Engineers count in thousands.
+        // Powers of ten are multiples of three, as usual in engineering.
         let largest = low.abs().max(high.abs());
         let power =
             if (1e-3..1e4).contains(&largest) { 0 } else { 3 * (largest.log10() / 3.0).floor() as i32 };
@@ -57,7 +57,7 @@ impl Scale {
         Scale { kind: Kind::Linear, low, high, from: places[0], to: places[1], ticks, power }
     }
 
-    /// A logarithmic axis over some positive values, from one place to another, with about so many labels.
+    /// A logarithmic axis over some positive values, between two positions, with about `marks` labels.
     pub fn logarithmic(values: [f64; 2], places: [f64; 2], marks: usize) -> Scale {
         let exponent = |value: f64| value.max(f64::MIN_POSITIVE).log10();
         let (first, mut last) = (exponent(values[0]).floor() as i32, exponent(values[1]).ceil() as i32);
@@ -74,7 +74,7 @@ impl Scale {
         Scale { kind: Kind::Logarithmic, low, high, from: places[0], to: places[1], ticks, power: 0 }
     }
 
-    /// Place of a value.
+    /// Position of a value.
     pub fn place(&self, value: f64) -> f64 {
         let value = match self.kind {
             Kind::Linear => value,
@@ -84,13 +84,13 @@ impl Scale {
     }
 }
 
-/// Bounds that are apart and finite, around the given ones.
+/// Distinct and finite bounds around the given ones.
 fn with_extent([low, high]: [f64; 2]) -> [f64; 2] {
     if !(low.is_finite() && high.is_finite() && low <= high) {
         return [0.0, 1.0];
     }
     let size = low.abs().max(high.abs());
-    // Differences below this are round-off, and an axis of them would have marks of a dozen digits.
+    // Smaller differences are round-off, and the labels of such an axis would have a dozen digits.
     if high - low > 1e-9 * size {
         [low, high]
     } else if size == 0.0 {
@@ -100,7 +100,7 @@ fn with_extent([low, high]: [f64; 2]) -> [f64; 2] {
     }
 }
 
-/// A round distance between marks: 1, 2 or 5 times a power of ten.
+/// A round distance between ticks: 1, 2 or 5 times a power of ten.
 #[derive(Debug, Clone, Copy)]
 struct Step {
     digit: f64,
@@ -124,7 +124,7 @@ impl Step {
         (value / self.value(1.0) + 1e-9).floor()
     }
 
-    /// So many steps, free of the round-off of a repeated sum.
+    /// The value after `count` steps, without the round-off of a repeated sum.
     fn value(self, count: f64) -> f64 {
         let digits = count * self.digit;
         if self.exponent < 0 {
@@ -134,7 +134,7 @@ impl Step {
         }
     }
 
-    /// So many steps as text, in units of a power of ten.
+    /// The value after `count` steps as text, in units of a power of ten.
     fn label(self, count: f64, power: i32) -> String {
         let exponent = self.exponent - power;
         let decimals = usize::try_from(-exponent).unwrap_or(0);

@@ -12,15 +12,15 @@ use super::view::{Face, View};
 /// One state of the points.
 #[derive(Debug)]
 pub(super) struct Scene {
-    /// What is written over it, in plain text.
+    /// Title above the picture, in plain text.
     pub title: String,
     /// Value of the field at each point.
     pub values: Vec<f64>,
     /// Position of each point.
     pub positions: Vec<[f64; 2]>,
-    /// Radius of each point that has no domain, 0 of those that have one.
+    /// Radius of each point without domain, 0 for those with one.
     pub radii: Vec<f64>,
-    /// What is filled, in this order.
+    /// Polygons to fill, in this order.
     pub domains: Vec<Polygon>,
     /// Sides of the active cells, each once.
     pub sides: Vec<[[f64; 2]; 2]>,
@@ -74,7 +74,7 @@ impl Scene {
         let points = read_mesh(&snapshot.path)?;
         let positions = points.positions().map_err(ReportError::from_reader)?;
         let volumes = values(&points, Section::PointData, "volume")?;
-        // The square of a ring is its section.
+        // The square of a point that represents a ring is its cross-section.
         let round = |x: f64| {
             if run.is_revolved() { std::f64::consts::TAU * x.abs().max(f64::MIN_POSITIVE) } else { 1.0 }
         };
@@ -83,7 +83,7 @@ impl Scene {
             title,
             values: field.values(&points)?,
             positions: positions.iter().copied().map(plane).collect(),
-            // As the squares of a standard point's volume, a little apart.
+            // Squares of the volume of the points, slightly shrunk.
             radii: areas.map(|area| 0.45 * area.sqrt()).collect(),
             domains: Vec::new(),
             sides: Vec::new(),
@@ -94,7 +94,7 @@ impl Scene {
             let corners = mesh.corners().map_err(ReportError::from_reader)?;
             let ids = values(&mesh, Section::CellData, "point_id")?;
             for (polygon, id) in polygons(&positions, corners).into_iter().zip(ids) {
-                // Points stand in the order of their numbers.
+                // Points are in the order of their numbers.
                 if let Some(radius) = scene.radii.get_mut(id as usize) {
                     *radius = 0.0;
                     scene.domains.push(Polygon { corners: polygon, point: id as usize, shade: 1.0 });
@@ -110,7 +110,7 @@ impl Scene {
     }
 
     /// Reads a state of bodies in space: the sides of domains, or of cubes of the volume of points without domain, that
-    /// are in view, from the farthest to the nearest.
+    /// are visible, from the farthest to the nearest.
     fn read_in_space(
         run: &Run,
         snapshot: &Snapshot,
@@ -164,7 +164,7 @@ impl Scene {
         })
     }
 
-    /// Whether points have domains of their own.
+    /// True if points have domains.
     pub fn has_domains(&self) -> bool {
         self.radii.contains(&0.0)
     }
@@ -181,10 +181,10 @@ impl Scene {
     }
 }
 
-/// The extent of nothing.
+/// An empty extent.
 pub(super) const NOWHERE: [[f64; 2]; 2] = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
 
-/// The extent of two extents.
+/// The smallest extent around two others.
 pub(super) fn around(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> [[f64; 2]; 2] {
     [[a[0][0].min(b[0][0]), a[0][1].min(b[0][1])], [a[1][0].max(b[1][0]), a[1][1].max(b[1][1])]]
 }

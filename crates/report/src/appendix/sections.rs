@@ -1,4 +1,4 @@
-//! Parts that pages about one run and about several have in common.
+//! Parts common to pages about one run and about several.
 
 use serde_json::Value;
 
@@ -10,13 +10,13 @@ use super::page::{Page, escape};
 use super::run::{Run, State};
 use super::units::{Naming, Quantity};
 
-/// How the units of some runs are named.
+/// The names of units for some runs.
 pub(super) fn naming(runs: &[Run], options: &Options) -> Naming {
     let per_thickness = runs.iter().all(|run| run.is_plane() && !run.is_revolved());
     Naming { units: options.units.clone(), per_thickness }
 }
 
-/// One or two words for how a run stands.
+/// The state of a run in words.
 pub(super) fn state_in_words(state: &State) -> &'static str {
     match state {
         State::Completed => "completed",
@@ -28,7 +28,7 @@ pub(super) fn state_in_words(state: &State) -> &'static str {
     }
 }
 
-/// The load steps in equilibrium, and of how many.
+/// The number of load steps in equilibrium, and the number requested.
 pub(super) fn steps_in_words(run: &Run) -> String {
     let wanted = run.number("/steps_requested").or_else(|| Some(f64::from(run.deck.as_ref()?.steps.count)));
     match wanted {
@@ -37,11 +37,11 @@ pub(super) fn steps_in_words(run: &Run) -> String {
     }
 }
 
-/// A box that says how a run stands.
+/// A box with the state of a run.
 pub(super) fn banner(page: &mut Page, run: &Run, name: Option<&str>) {
     let of = name.map_or_else(String::new, |name| format!("<code>{}</code>: ", escape(name)));
     let (steps, class) = (steps_in_words(run), state_in_words(&run.state));
-    let only = "Everything on this page shows the steps in equilibrium only.";
+    let only = "This page shows only steps in equilibrium.";
     let text = match &run.state {
         State::Completed => {
             format!("<strong>{of}Completed.</strong> All {} load steps are in equilibrium.", run.steps())
@@ -57,21 +57,22 @@ pub(super) fn banner(page: &mut Page, run: &Run, name: Option<&str>) {
             format!("<strong>{of}The analysis was interrupted</strong> after {steps} load steps. {only}")
         }
         State::Running => format!(
-            "<strong>{of}The analysis is still going on.</strong> {steps} load steps are in equilibrium so far. {only}"
+            "<strong>{of}The analysis is still running.</strong> {steps} load steps are in equilibrium so far. {only}"
         ),
         State::Died => format!(
-            "<strong>{of}The analysis was killed:</strong> its process ended without a word after {steps} load \
+            "<strong>{of}The analysis was killed:</strong> its process ended unexpectedly after {steps} load \
              steps. {only}"
         ),
         State::Unknown => format!(
-            "<strong>{of}How the analysis ended is not known:</strong> there is no summary. {steps} load steps are in \
+            "<strong>{of}The outcome of the analysis is unknown:</strong> there is no summary. {steps} load \
+             steps are in \
              equilibrium. {only}"
         ),
     };
     page.push(&format!("<p class=\"outcome {class}\" role=\"status\">{text}</p>\n"));
 }
 
-/// The warnings of a run as a list: what has happened and what to do, in a line each.
+/// The warnings of a run as a list: each with its event and remedy on one line.
 pub(super) fn warnings(page: &mut Page, run: &Run) {
     let warnings: Vec<&Value> = run.summary["warnings"].as_array().into_iter().flatten().collect();
     if !warnings.is_empty() {
@@ -103,7 +104,7 @@ pub(super) fn title_block(entries: &[(&str, Option<String>)]) -> String {
     block
 }
 
-/// The time at which a run was started, in HTML.
+/// The start of a run, in HTML.
 pub(super) fn started(run: &Run) -> Option<String> {
     run.text("/started").map(date)
 }
@@ -151,7 +152,7 @@ pub(super) fn foot(runs: &[Run], naming: &Naming) -> String {
     let now = date(&jiff::Timestamp::now().to_string());
     let units = match &naming.units {
         Some(_) => String::new(),
-        None => " Units are those of the deck; words in brackets say of what kind.".to_owned(),
+        None => " Units are those of the deck; words in brackets name the kind of quantity.".to_owned(),
     };
     let thickness = match (naming.per_thickness, runs.iter().any(Run::is_revolved)) {
         (true, _) => " Plane strain: forces, energies, volumes and masses are per unit thickness.",

@@ -64,7 +64,7 @@ fn outcome(page: &mut Page, run: &Run, naming: &Naming) {
     let residual = largest_residual(run).map(|residual| html(residual, 3));
     row("Largest residual of a step", residual, tolerance.unwrap_or_default());
     let limited = run.column("rounding_limited").iter().filter(|limited| **limited == 1.0).count();
-    let remark = "accepted although round-off keeps them from the tolerance".to_owned();
+    let remark = "accepted although round-off prevents them from reaching the tolerance".to_owned();
     row("Steps limited by round-off", (limited > 0).then(|| limited.to_string()), remark);
     for (key, name, quantity) in EXTREMES {
         if let Some((value, remark)) = extreme(run, key, quantity, naming) {
@@ -78,7 +78,7 @@ fn outcome(page: &mut Page, run: &Run, naming: &Naming) {
     let count = |key: &str| run.number(key).map(|count| html(count, 12));
     row("Material points", count("/points"), String::new());
     row("Cells of the grid", count("/cells"), String::new());
-    row("Unknowns", count("/unknowns"), "in the step that has most".to_owned());
+    row("Unknowns", count("/unknowns"), "in the step with the most".to_owned());
     let indefinite = run.number("/indefinite_solves").filter(|n| *n > 0.0);
     let remark = indefinite.map(|n| format!("{} with a matrix that was not positive definite", html(n, 9)));
     row("Linear solves", count("/linear_solves"), remark.unwrap_or_default());
@@ -94,7 +94,7 @@ const EXTREMES: [(&str, &str, Quantity); 4] = [
     ("highest_pressure", "Highest pressure", Quantity::Stress),
 ];
 
-/// One of them, and where it is.
+/// One of these values, and its location.
 fn extreme(run: &Run, key: &str, quantity: Quantity, naming: &Naming) -> Option<(String, String)> {
     let found = &run.summary["largest"][key];
     let place: Vec<String> =
@@ -104,7 +104,7 @@ fn extreme(run: &Run, key: &str, quantity: Quantity, naming: &Naming) -> Option<
     Some((with_unit(found["value"].as_f64()?, quantity, naming), remark))
 }
 
-/// Names in a table and a number for each axis, which may be missing.
+/// Names in a table, with a number for each axis, which may be missing.
 type Rows = Vec<(Cell, Vec<Option<f64>>)>;
 
 /// The last values of columns of the history, `r` of reactions, `f` of loads or `u` of probes.
@@ -115,7 +115,7 @@ fn last_values(run: &Run, letter: char, axes: &[&str]) -> Rows {
     rows.filter(|(_, values): &(Cell, Vec<Option<f64>>)| values.iter().any(Option::is_some)).collect()
 }
 
-/// A table of numbers for each axis, with a last row apart from the others.
+/// A table of numbers for each axis, with a separate last row.
 fn table_by_axis(
     head: &str,
     axes: &[&str],
@@ -133,7 +133,7 @@ fn table_by_axis(
         std::iter::once(name).chain(numbers)
     };
     rows.into_iter().for_each(|row| table.row(cells(row)));
-    // What is left of large numbers would vanish beside them.
+    // Small differences of large numbers would otherwise not be visible.
     for (name, values) in last {
         let numbers = values.into_iter().map(|value| Cell::maybe(value, 3));
         table.total(std::iter::once(name).chain(numbers));
@@ -164,7 +164,7 @@ fn end_of_run(page: &mut Page, run: &Run, naming: &Naming) {
     }
     let sum = along("difference").map(|sum| (Cell::text("Sum"), sum));
     let of_loads = last_values(run, 'f', &axes);
-    // Several loads by their names, one as what it is.
+    // Several loads by their names, a single one as `Loads`.
     if of_loads.len() > 1 {
         rows.splice(0..0, of_loads);
     } else {
@@ -316,7 +316,8 @@ fn convergence(page: &mut Page, run: &Run, naming: &Naming) {
         let order = &run.summary["quality"]["newton_order"];
         let median = order["median"].as_f64().map(|median| format!(" Their median is {}.", html(median, 3)));
         let caption = format!(
-            "Observed order of the Newton iterations, from the last three residuals above round-off, where it can be told; where residuals fall in uneven jumps, as when stiff and soft motions take turns, it says little.{}",
+            "Observed order of the Newton iterations, from the last three residuals above round-off, where it \
+             can be determined; it is not meaningful where residuals fall unevenly, as when stiff and soft motions alternate.{}",
             median.unwrap_or_default()
         );
         page.figure(&caption, &chart.svg(naming));
@@ -350,7 +351,7 @@ fn quality(page: &mut Page, run: &Run, naming: &Naming) {
                 Cell::text(name),
                 Cell::rounded(value, 4),
                 Cell::Html(String::new()),
-                Cell::text("volume now by volume at the start"),
+                Cell::text("current volume divided by original volume"),
             ]);
         }
     }
@@ -383,15 +384,15 @@ const MEASURES: [(&str, &str, f64, &str); 7] = [
         "smallest_cell_filling",
         "Smallest filling of a cell [%]",
         100.0,
-        "volume of the points in a cell by its own",
+        "volume of the points in a cell divided by that of the cell",
     ),
     (
         "domain_volume_excess",
         "Excess of domain volume [%]",
         100.0,
-        "domains against points; negative: they leave gaps",
+        "volume of the domains relative to that of the points; negative: gaps",
     ),
-    ("domain_overlap", "Overlap of domains [%]", 100.0, "volume that domains share, at the end of the run"),
+    ("domain_overlap", "Overlap of domains [%]", 100.0, "volume shared by domains at the end of the run"),
     ("rotation", "Largest rotation [°]", 1.0, "of R in F = R U, in the plane"),
     ("shear", "Largest shear", 1.0, "tangent of the loss of a right angle"),
 ];
@@ -418,12 +419,12 @@ fn cost(page: &mut Page, run: &Run) {
     }
     table.row(cells("other", other_wall.max(0.0), other_cpu.map(|cpu| cpu.max(0.0))));
     table.total(cells("total", total, seconds("cpu_seconds", "total")));
-    page.table("Where the time went.", &table);
+    page.table("Time spent in each phase.", &table);
     let mut facts = vec![format!("Wall time {}", duration(total))];
     facts.extend(
-        run.number("/threads").map(|n| format!("{n} threads, whose number does not change the results")),
+        run.number("/threads").map(|n| format!("{n} threads (the number does not change the results)")),
     );
-    facts.extend(run.number("/peak_memory_bytes").map(|bytes| format!("largest memory {}", memory(bytes))));
+    facts.extend(run.number("/peak_memory_bytes").map(|bytes| format!("peak memory {}", memory(bytes))));
     let cost = "/cpu_microseconds_per_point_and_evaluation/all";
     facts
         .extend(run.number(cost).map(|cost| format!("{} µs of CPU per point and evaluation", html(cost, 3))));
@@ -453,11 +454,11 @@ fn deck(page: &mut Page, run: &Run) {
     }
 }
 
-/// The text of a deck, line by line, comments apart.
+/// The text of a deck, line by line, with comments marked.
 fn listing(text: &str) -> String {
     let mut html = "<pre class=\"deck\">\n".to_owned();
     for line in text.lines() {
-        // A `#` begins a comment at the start of a line or behind a space, unless a quote is open before it.
+        // A `#` at the start of a line or after a space begins a comment, unless a quote is open before it.
         let is_comment = |at: &usize| {
             let before = &line[..*at];
             (before.is_empty() || before.ends_with([' ', '\t']))
@@ -479,7 +480,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn comments_of_a_deck_are_told_from_its_text() {
+    fn comments_of_a_deck_are_marked() {
         let html = listing("# all\na: \"#1\" # one <1>\nb: c#d");
         assert!(html.contains("<code><i># all</i></code>"));
         assert!(html.contains("<code>a: &quot;#1&quot; <i># one &lt;1&gt;</i></code>"));

@@ -1,8 +1,8 @@
-//! Units behind the numbers: those that the user names, or else the words for their kind.
+//! Units of numbers: those given by the user, otherwise the names of quantities.
 
 use std::str::FromStr;
 
-/// What a number measures.
+/// The quantity that a number measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Quantity {
     /// A length.
@@ -24,7 +24,7 @@ pub(super) enum Quantity {
 }
 
 impl Quantity {
-    /// Unit of a field of points, by its name in the files.
+    /// Quantity of a field of points, by its name in the files.
     pub fn of_field(name: &str) -> Option<Quantity> {
         Some(match name {
             "displacement" => Quantity::Length,
@@ -62,7 +62,7 @@ impl FromStr for Units {
 }
 
 impl Units {
-    /// Force by area.
+    /// Unit of stress: force per area.
     fn stress(&self) -> String {
         let named = [
             ("m", "N", "Pa"),
@@ -77,7 +77,7 @@ impl Units {
             .map_or_else(|| format!("{}/{}²", self.force, self.length), |(_, _, stress)| (*stress).to_owned())
     }
 
-    /// Force times length.
+    /// Unit of energy: force times length.
     fn energy(&self) -> String {
         let named =
             [("m", "N", "J"), ("m", "kN", "kJ"), ("m", "MN", "MJ"), ("mm", "N", "mJ"), ("mm", "kN", "J")];
@@ -86,7 +86,7 @@ impl Units {
         found.map_or_else(|| format!("{} {}", self.force, self.length), |(_, _, energy)| (*energy).to_owned())
     }
 
-    /// Force by acceleration.
+    /// Unit of mass: force per acceleration.
     fn mass(&self) -> String {
         let named =
             [("m", "N", "kg"), ("m", "kN", "t"), ("m", "MN", "kt"), ("mm", "N", "t"), ("mm", "kN", "kt")];
@@ -101,14 +101,14 @@ impl Units {
 /// Units of a report.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Naming {
-    /// The unit system, if the user named it.
+    /// The unit system, if the user gave one.
     pub units: Option<Units>,
-    /// Whether forces, energies, volumes and masses are per unit thickness.
+    /// True if forces, energies, volumes and masses are per unit thickness.
     pub per_thickness: bool,
 }
 
 impl Naming {
-    /// The unit, or the word for the kind of quantity; nothing for plain numbers.
+    /// The unit, or the name of the quantity; empty for plain numbers.
     pub fn unit(&self, quantity: Quantity) -> String {
         let of_thickness = |unit: String, length: &str| {
             if self.per_thickness { format!("{unit}/{length}") } else { unit }
@@ -148,7 +148,7 @@ impl Naming {
     }
 }
 
-/// A whole number in raised digits.
+/// A whole number in superscript digits.
 pub(super) fn superscript(value: i32) -> String {
     let raised = |c: char| match c {
         '-' => '⁻',

@@ -1,13 +1,13 @@
-//! How bodies in space are looked at: by parallel projection, from above, with z upwards. Faces that look away are left
-//! out, and the others are drawn from the farthest to the nearest, darker the more they turn from the light.
+//! The view of bodies in space: a parallel projection, from above, with z upwards. Faces that look away are left out,
+//! and the others are drawn from the farthest to the nearest, darker the more they face away from the light.
 
-/// Where the viewer is: angle from x towards y in the horizontal plane, and above it, [degrees]. Walls at the smallest
-/// y and at the largest x are in view.
+/// Direction of the viewer: angle from x towards y in the horizontal plane, and elevation above it, [degrees]. Walls at
+/// the smallest y and at the largest x are visible.
 const AZIMUTH: f64 = -52.0;
 const ELEVATION: f64 = 24.0;
-/// Towards the light.
+/// Direction towards the light.
 const LIGHT: [f64; 3] = [0.25, -0.55, 0.8];
-/// Brightness of a face that turns away from the light.
+/// Brightness of a face that faces away from the light.
 const DARKEST: f64 = 0.62;
 
 /// Faces of the cells that a file may hold, by the number of their corners, in the order of VTK and counterclockwise seen
@@ -25,7 +25,7 @@ pub(super) struct View {
     light: [f64; 3],
 }
 
-/// A face as it is seen.
+/// A face in the picture.
 #[derive(Debug, Clone)]
 pub(super) struct Face {
     /// Its corners in the picture.
@@ -46,12 +46,12 @@ impl View {
         View { right, up: cross(towards, right), towards, light: LIGHT.map(|c| c / length) }
     }
 
-    /// Where a place is in the picture.
+    /// Projects a position to the picture.
     pub fn project(&self, place: [f64; 3]) -> [f64; 2] {
         [dot(self.right, place), dot(self.up, place)]
     }
 
-    /// The faces of a cell that look towards the viewer; none of a cell that has neither four nor eight corners.
+    /// The faces of a cell that look towards the viewer; empty for a cell that has neither four nor eight corners.
     pub fn faces(&self, corners: &[[f64; 3]]) -> Vec<Face> {
         let faces: &[&[usize]] = match corners.len() {
             4 => &FACES_OF_TETRAHEDRON,
@@ -64,7 +64,7 @@ impl View {
     /// A cube with its sides along the axes.
     pub fn cube(&self, centre: [f64; 3], side: f64) -> Vec<Face> {
         let corner = |k: usize| {
-            // The corners of a face go around it.
+            // The corners of a face are in order around it.
             let sign = [[0, 3, 4, 7].contains(&k), [0, 1, 4, 5].contains(&k), k < 4];
             std::array::from_fn(|d| centre[d] + if sign[d] { -0.5 * side } else { 0.5 * side })
         };
@@ -72,7 +72,7 @@ impl View {
     }
 
     fn face(&self, corners: Vec<[f64; 3]>) -> Option<Face> {
-        // From two diagonals, or two sides of a triangle.
+        // Normal from two diagonals, or from two sides of a triangle.
         let last = corners.len() - 1;
         let normal = cross(minus(corners[2], corners[0]), minus(corners[last], corners[1]));
         let length = dot(normal, normal).sqrt();

@@ -1,6 +1,6 @@
 //! Parameter studies: one deck, run for every combination of lists of values.
 //!
-//! Here are the members of a study, what each left behind, and the table of all; who runs them is not known here.
+//! This module has the members of a study, their results, and the table of all; running them is left to the caller.
 
 mod record;
 mod table;
@@ -15,13 +15,13 @@ use mpm_deck::quoting::{list, quote};
 pub use record::Record;
 pub use table::{Outcome, Row, may_be_replaced, write_table};
 
-/// Why a study cannot be made.
+/// An invalid study.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum StudyError {
-    /// A text that is no list of values.
+    /// A text that is not a list of values.
     #[error("expected NAME=VALUE,VALUE,..., for example h=1,0.5,0.25")]
     NoList,
-    /// There is nothing to vary.
+    /// No parameter varies.
     #[error("a study needs at least one list of values")]
     Empty,
     /// A parameter has two lists.
@@ -30,15 +30,15 @@ pub enum StudyError {
     /// A parameter has a list and a fixed value.
     #[error("the parameter {} is both varied and set", quote(.0))]
     VariedAndSet(String),
-    /// A value is twice in a list.
-    #[error("the value {} is twice in the list of {}", quote(.1), quote(.0))]
+    /// A value is repeated in a list.
+    #[error("the value {} appears twice in the list of {}", quote(.1), quote(.0))]
     RepeatedValue(String, String),
     /// The deck does not have a parameter.
     #[error("the deck has no parameter {}; {help}", quote(.name))]
     Unknown {
         /// The name.
         name: String,
-        /// What there is instead.
+        /// The parameters it has.
         help: String,
     },
     /// More members than can be counted.
@@ -46,7 +46,7 @@ pub enum StudyError {
     TooLarge,
 }
 
-/// A parameter of the deck and the values that it takes, as they were written.
+/// A parameter of the deck and its values, as they were written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Axis {
     name: String,
@@ -72,7 +72,7 @@ impl FromStr for Axis {
     }
 }
 
-/// All combinations of the values of some parameters, the others being fixed.
+/// All combinations of the values of some parameters, with the others fixed.
 #[derive(Debug, Clone)]
 pub struct Study {
     axes: Vec<Axis>,
@@ -81,10 +81,10 @@ pub struct Study {
 }
 
 impl Study {
-    /// A study over some parameters; `fixed` are names and values that hold for all members.
+    /// A study over some parameters; `fixed` are names and values for all members.
     ///
     /// # Errors
-    /// When there is nothing to vary, or a parameter is given more than once.
+    /// If no parameter varies, or a parameter is given more than once.
     pub fn new(axes: Vec<Axis>, fixed: Vec<(String, String)>) -> Result<Study, StudyError> {
         if axes.is_empty() {
             return Err(StudyError::Empty);
@@ -101,7 +101,7 @@ impl Study {
         Ok(Study { axes, fixed, size: size.ok_or(StudyError::TooLarge)? })
     }
 
-    /// Whether a deck with these parameters has all that the study changes.
+    /// Checks that a deck with these parameters has all those the study changes.
     ///
     /// # Errors
     /// The first parameter that it does not have.
@@ -159,8 +159,8 @@ pub struct Member {
 }
 
 impl Member {
-    /// Name of its directory, such as `h=0.25,n=6`; what a file system might not take is written as `%` and the
-    /// hexadecimal number of the byte, so that different members have different names.
+    /// Name of its directory, such as `h=0.25,n=6`; characters that a file system might not accept are written as `%`
+    /// and the hexadecimal value of the byte, so that different members have different names.
     pub fn directory_name(&self) -> String {
         let mut text = String::new();
         for (name, value) in &self.settings {
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_is_no_study() {
+    fn refuses_invalid_studies() {
         for text in ["h", "h=", "=1", "h=1,,2", "h=1,"] {
             assert_eq!(text.parse::<Axis>(), Err(StudyError::NoList), "{text}");
         }

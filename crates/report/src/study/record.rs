@@ -1,4 +1,4 @@
-//! What a member of a study left in its directory.
+//! The results of a member of a study.
 
 use std::fs;
 use std::io;
@@ -11,7 +11,7 @@ use mpm_files::shortest;
 use mpm_files::summary::VERSION;
 use mpm_files::table::Columns;
 
-/// Columns of the table that come from `summary.json`, and their places in it.
+/// Columns of the table that come from `summary.json`, and their JSON pointers.
 pub(super) const MEASURES: [(&str, &str); 7] = [
     ("steps", "/steps"),
     ("evaluations", "/evaluations"),
@@ -25,8 +25,8 @@ pub(super) const MEASURES: [(&str, &str); 7] = [
 /// Columns of `history.csv` that describe the step rather than the state it reached.
 const STEP_COLUMNS: [&str; 6] = ["step", "time", "iterations", "residual", "linear_iterations", "converged"];
 
-/// The results of a run, read from its directory. The table of a study is made from these alone, so that it is the
-/// same whether a member was run just now or earlier.
+/// The results of a run, read from its directory. The table of a study is made from these alone, so it does not matter
+/// when a member was run.
 #[derive(Debug, Clone)]
 pub struct Record {
     summary: Value,
@@ -38,7 +38,7 @@ impl Record {
     /// Reads `summary.json` and `history.csv` of a directory.
     ///
     /// # Errors
-    /// When one of them is missing or not understood.
+    /// If one of them is missing or cannot be read.
     pub fn read(directory: &Path) -> io::Result<Record> {
         let summary = serde_json::from_slice(&fs::read(directory.join("summary.json"))?)?;
         let history =
@@ -46,7 +46,7 @@ impl Record {
         Ok(Record { summary, history: last_row(&history) })
     }
 
-    /// Whether this is a completed run of a deck by this version of the program.
+    /// True if this is a completed run of a deck by this version of the program.
     pub fn completes(&self, loaded: &LoadedDeck) -> bool {
         self.summary["outcome"] == "completed"
             && self.summary["version"] == VERSION

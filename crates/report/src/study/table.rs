@@ -10,12 +10,12 @@ use mpm_files::table::quoted;
 use super::record::MEASURES;
 use super::{Member, Record, Study};
 
-/// How a member of a study ended.
+/// Outcome of a member of a study.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
     /// All steps are in equilibrium.
     Completed,
-    /// It could not go on, with the reason.
+    /// It failed, with the reason.
     Failed(String),
     /// The user stopped it.
     Interrupted,
@@ -24,7 +24,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// The word for it in the table.
+    /// Name in the table.
     pub fn word(&self) -> &'static str {
         match self {
             Outcome::Completed => "completed",
@@ -42,14 +42,14 @@ impl Outcome {
     }
 }
 
-/// What is known of a member.
+/// A row of the table: the results of a member.
 #[derive(Debug, Clone)]
 pub struct Row {
     /// The member.
     pub member: Member,
-    /// How it ended.
+    /// Its outcome.
     pub outcome: Outcome,
-    /// What it left behind, if it began.
+    /// Its results, if it was started.
     pub record: Option<Record>,
 }
 
@@ -83,7 +83,7 @@ pub fn write_table<'a>(
     replace_file(path, |out| out.write_all(text.as_bytes()))
 }
 
-/// Whether there is nothing at a path, an empty file, or the table of a study.
+/// True if a path does not exist, or is an empty file or the table of a study.
 pub fn may_be_replaced(path: &Path) -> bool {
     let Ok(about) = std::fs::metadata(path) else { return true };
     let mut header = String::new();
@@ -114,7 +114,7 @@ fn line(fields: &[String]) -> String {
     fields.join(",") + "\n"
 }
 
-/// The heading of a parameter; a deck may well call one of them `steps`, which is a result, too.
+/// The heading of a parameter; it must differ from the columns of results, such as `steps`.
 fn heading(name: &str, results: &[&str]) -> String {
     if results.contains(&name) { format!("parameter_{name}") } else { name.to_owned() }
 }
