@@ -1,4 +1,4 @@
-//! What the machine reaches: sums of products in registers, and a stream through memory.
+//! Speed of the machine: multiply-adds in registers, and a stream through memory.
 
 use std::hint::black_box;
 

@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use cpu_time::ThreadTime;
 
-/// A measurement ends after this much CPU time in all.
+/// A measurement ends after this much CPU time in total.
 const ENOUGH: Duration = Duration::from_millis(400);
 
-/// Least CPU time of one call of `work` over repeated calls, [s]: what it takes when nothing else on the machine is in
-/// the way. Clocks of CPU time do not run while other programs do, but caches and memory are shared all the same.
+/// Least CPU time of one call of `work` over repeated calls, [s]: its cost without interference by other programs. CPU
+/// time does not count other programs, but they share caches and memory.
 ///
-/// Calls are long enough, some milliseconds, not to need batches.
+/// Calls take some milliseconds, so no batches are needed.
 pub fn least(mut work: impl FnMut()) -> f64 {
     let mut least = f64::INFINITY;
     let begin = ThreadTime::now();

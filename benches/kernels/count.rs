@@ -9,7 +9,7 @@ use mpm::basis::Connectivity;
 use mpm::stress::StartOfStep;
 use mpm::tensor::Sym3;
 
-/// What one evaluation of all points takes.
+/// Cost of one evaluation of all points.
 pub struct Work {
     /// Operations.
     pub flops: f64,
@@ -17,7 +17,7 @@ pub struct Work {
     pub bytes: f64,
 }
 
-/// The kernels by what they cost.
+/// The kernels, by their cost.
 #[derive(Clone, Copy)]
 pub enum Kernel {
     /// [`mpm::stress::PlaneStrain`].

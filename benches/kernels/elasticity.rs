@@ -1,4 +1,4 @@
-//! Equations of linear elasticity on whole grids of quadrilaterals or hexahedra, as other direct solvers are measured on.
+//! Equations of linear elasticity on whole grids of quadrilaterals or hexahedra, a usual benchmark of direct solvers.
 
 use mpm::linear::{Direct, LinearSolver, Pattern, ordering};
 
@@ -6,7 +6,7 @@ use crate::calibration::Machine;
 use crate::clock::least;
 use crate::point::numbers;
 
-/// Prints what order and analysis, factorisation and solution take.
+/// Prints the cost of ordering and analysis, factorisation and solution.
 pub fn print(machine: &Machine) {
     println!("\n## Linear elasticity\n");
     println!(
@@ -52,8 +52,8 @@ fn row<const D: usize>(machine: &Machine, name: &str, n: usize) {
     );
 }
 
-/// The stiffness of `n` nodes along each axis, the lowest along the last axis held, with a stiffness of cells that varies at
-/// random; and the places of its nodes.
+/// The stiffness of `n` nodes along each axis, the lowest along the last axis fixed, with a random stiffness of cells;
+/// and the positions of its nodes.
 fn equations<const D: usize>(n: usize) -> (Pattern, Vec<f64>, Vec<[u32; D]>) {
     let place = |node: usize| -> [usize; D] { std::array::from_fn(|d| node / n.pow(d as u32) % n) };
     let number = |place: [usize; D]| (0..D).map(|d| place[d] * n.pow(d as u32)).sum::<usize>();

@@ -7,10 +7,10 @@ use mpm::output::vtu::{CellKind, Field, Kinds, Mesh, SYMMETRIC_TENSOR, TENSOR, V
 use crate::clock::{exponent, least};
 use crate::point::numbers;
 
-/// Numbers that a point has in the file: its place, displacement, stress, deformation gradient and volume.
+/// Numbers per point in the file: position, displacement, stress, deformation gradient and volume.
 const NUMBERS: usize = 3 + 3 + 6 + 9 + 1;
 
-/// Prints what it takes to write points with their fields.
+/// Prints the cost of writing points with their fields.
 pub fn print(directory: &Path) -> std::io::Result<()> {
     println!(
         "\n## Output\n\n| Points | per point (µs) | MB/s before compression | growth |\n|---|---|---|---|"
@@ -29,7 +29,7 @@ pub fn print(directory: &Path) -> std::io::Result<()> {
 
 fn seconds(directory: &Path, n: usize) -> std::io::Result<f64> {
     let mut number = numbers();
-    // Smooth fields with all digits taken, as computed ones are.
+    // Smooth fields with all digits significant, like computed ones.
     let mut field = |components: usize| -> Vec<f64> {
         let phase = number();
         (0..n * components)

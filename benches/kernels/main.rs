@@ -1,12 +1,12 @@
-//! What the parts of an analysis take, beside what the machine reaches in the same run.
+//! Cost of the parts of an analysis, with the speed of the machine measured in the same run.
 //!
 //! ```sh
 //! cargo bench --bench kernels [-- TEXT]
 //! ```
 //!
-//! With a text, only those examples of assembly and linear systems whose name and method contain it. Everything runs on
-//! one thread and is measured by the CPU time of that thread, the least of several calls: other programs on the
-//! machine then matter little. Tables are Markdown, for `docs/performance.md`.
+//! With a text, only examples of assembly and linear systems run whose name and method contain it. Everything runs on
+//! one thread and is measured by the CPU time of that thread, the least of several calls: other programs on the machine
+//! then matter little. Tables are Markdown, for `docs/performance.md`.
 #![allow(clippy::print_stdout, reason = "a program")]
 
 mod calibration;

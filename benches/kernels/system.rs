@@ -23,7 +23,7 @@ struct Example {
     name: &'static str,
     deck: &'static str,
     method: &'static str,
-    /// Text of the deck and what takes its place, for another law.
+    /// Text of the deck and its replacement, for another law.
     law: [&'static str; 2],
     /// Points per cell along each axis.
     per_cell: usize,
@@ -77,7 +77,7 @@ const EXAMPLES: [Example; 20] = [
     sparse(space("space, von Mises", "gimp", VON_MISES)),
 ];
 
-/// What one size of an example takes.
+/// Cost of one size of an example.
 struct Measured {
     points: f64,
     unknowns: f64,
@@ -92,7 +92,7 @@ struct Measured {
     work: Work,
 }
 
-/// Prints what every example takes, at the finest grid, and how it grows.
+/// Prints the cost of every example at the finest grid, and its growth.
 pub fn print(machine: &Machine, only: Option<&str>) {
     let wanted = |e: &&Example| only.is_none_or(|text| format!("{} {}", e.name, e.method).contains(text));
     let all: Vec<(&Example, Vec<Measured>)> = EXAMPLES
