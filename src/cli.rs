@@ -16,15 +16,15 @@ pub struct Cli {
 
 pub const FIRST_RUN: &str = "\
 First run:
-  mpm new beam         writes beam.yaml, a deck with comments
-  mpm run beam.yaml    leaves results in results/beam
-then open results/beam/domains.pvd in ParaView. `mpm new` lists more decks to start from.
+  mpm new beam         writes beam.yaml, a commented deck
+  mpm run beam.yaml    writes the results to results/beam
+Then open results/beam/domains.pvd in ParaView. `mpm new` lists more example decks.
 
 Exit codes: 0 done, 1 the analysis failed, 2 the deck or command line is wrong, 130 interrupted.";
 
 #[derive(Subcommand)]
 pub enum Command {
-    /// Write a deck to start from, or list what there is.
+    /// Write an example deck to start from, or list the examples.
     New(new::NewArgs),
     /// Check a deck: do everything up to the first load step.
     Check {
@@ -35,16 +35,16 @@ pub enum Command {
     Run(run::RunArgs),
     /// Show the progress of a run, from another shell.
     ///
-    /// The exit code is that of the run: 0 completed, 1 failed or died, 130 interrupted; and 3 while it goes on, 2
-    /// where there is no run.
+    /// The exit code is that of the run: 0 completed, 1 failed or died, 130 interrupted; 3 if it is still running, and
+    /// 2 if there is no run.
     Status(status::StatusArgs),
-    /// Run a deck for every combination of lists of values of its parameters.
+    /// Run a parameter study: a deck for every combination of the listed values.
     Sweep(sweep::SweepArgs),
-    /// Write a report on results as one page of HTML; several results are compared.
+    /// Write a report on results as a single HTML page; several results are compared.
     Report(report::ReportArgs),
     /// Explain a message by its code, such as D014, or list all codes.
     Explain {
-        /// The code; all are listed where none is given.
+        /// The code; without it, all codes are listed.
         code: Option<String>,
     },
     /// Print the JSON schema of decks.
@@ -60,7 +60,7 @@ pub enum Command {
     ///
     /// For example: mpm man > ~/.local/share/man/man1/mpm.1
     Man {
-        /// A command; the page of the program where none is given.
+        /// A command; without it, the page of the program.
         command: Option<String>,
     },
 }

@@ -1,7 +1,7 @@
 //! Every code of a message, with the page that explains it.
 //!
-//! The pages are files of the documentation, one per code: what the message means, an example, how to mend it. Tests
-//! see to it that the examples of a page give its code, and that the mended ones do not.
+//! The pages are files of the documentation, one per code: what the message means, an example, how to fix it. Tests
+//! check that the faulty example of a page produces its code and that the corrected one does not.
 
 /// A code with its page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,7 +13,7 @@ pub struct Page {
 }
 
 impl Page {
-    /// What the code stands for, in a few words.
+    /// Meaning of the code in a few words.
     pub fn title(&self) -> &'static str {
         let heading = self.text.lines().next().unwrap_or_default();
         heading.split_once(": ").map_or(heading, |(_, title)| title)
@@ -29,8 +29,8 @@ macro_rules! pages {
     };
 }
 
-/// All pages, in the order of their codes: D for decks, S for solutions, R for directories of results,
-/// W for warnings of runs.
+/// All pages, in the order of their codes: D for decks, S for the solution, R for results directories, W for warnings
+/// during a run.
 pub const PAGES: &[Page] = pages! {
     D001 D002 D003 D004 D005 D006 D007 D008 D009 D010 D011 D012 D013 D014 D015 D016 D017 D018 D019 D020
     D021 D022 D023 D024 D025 D026 D027 D028 D029 D030 D031 D032 D033 D034 D035 D036 D037 D038 D039 D040
@@ -40,7 +40,7 @@ pub const PAGES: &[Page] = pages! {
     W001 W002 W003 W004 W005 W006 W007 W008 W009 W010 W011 W012 W013 W014 W015 W016 W017
 };
 
-/// The page of a code, in capitals or not.
+/// The page of a code, in upper or lower case.
 pub fn page(code: &str) -> Option<&'static Page> {
     PAGES.iter().find(|page| page.code.eq_ignore_ascii_case(code))
 }
@@ -62,7 +62,7 @@ mod tests {
         }
     }
 
-    /// Codes that no list knows would be missing here, too.
+    /// A code missing from its list would also be missing from the pages.
     #[test]
     fn every_code_in_the_sources_has_a_page() {
         let mut folders = ["src", "crates"].map(std::path::PathBuf::from).to_vec();

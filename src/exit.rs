@@ -1,4 +1,4 @@
-//! Exit codes beside 0.
+//! Exit codes other than 0.
 
 /// The analysis failed.
 pub const FAILED: u8 = 1;

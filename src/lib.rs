@@ -1,14 +1,14 @@
 //! `mpm`: an implicit, quasi-static, finite-deformation material point method.
 //!
-//! This crate is the program, and under one name all libraries of which it is made:
+//! This crate is the program; it re-exports the libraries it is built from:
 //!
-//! - the method (`mpm-core`): [`solver`], and what it needs; begin with the page of that crate;
+//! - the method (`mpm-core`): [`solver`] and its parts; start with the page of that crate;
 //! - [`deck`] (`mpm-deck`): from YAML to a [`model::Model`] and [`points::Points`], with messages that name the line;
-//! - [`output`] (`mpm-files`): from there to files;
+//! - [`output`] (`mpm-files`): from there to result files;
 //! - [`appendix`] and [`study`] (`mpm-report`): reports of results, and a deck run for many parameters;
 //! - [`codes`]: the pages that explain messages.
 //!
-//! Each knows only those above it in this list. None prints or exits; `main.rs` does.
+//! Each depends only on those above it in this list. None prints or exits; only `main.rs` does.
 
 pub use mpm_core::{
     assembly, basis, dofs, domain, equilibrium, formula, grid, kinematics, linear, material, memory, model,

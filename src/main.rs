@@ -6,7 +6,7 @@ mod cli;
 mod commands;
 mod exit;
 mod interrupt;
-mod last_words;
+mod system_limits;
 
 use std::process::ExitCode;
 use std::time::Instant;
@@ -18,14 +18,14 @@ use cli::{Cli, Command};
 use commands::{explain, manual, new, report, run, status, sweep};
 use exit::USAGE;
 use screen::failure::as_error;
+use screen::message;
 use screen::print::{print, print_json};
-use screen::tell;
 
 fn main() -> ExitCode {
     let began = Instant::now();
-    let result = last_words::limits_are_errors().and_then(|()| run_command(began));
+    let result = system_limits::limits_are_errors().and_then(|()| run_command(began));
     result.unwrap_or_else(|error| {
-        tell!("{}", as_error(&error));
+        message!("{}", as_error(&error));
         ExitCode::from(USAGE)
     })
 }
@@ -49,17 +49,17 @@ fn run_command(began: Instant) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Says what is wrong with the command line, or gives the help that was asked for.
+/// Reports an error in the command line, or prints the help that was requested.
 fn refuse(error: &clap::Error) -> anyhow::Result<ExitCode> {
     if !error.use_stderr() {
         return print(&error.render().to_string());
     }
-    // The arguments are part of the message.
+    // The message quotes the arguments, which may contain control characters.
     let plain = error.render().to_string();
-    if tell::clean(&plain) == plain {
+    if message::clean(&plain) == plain {
         let _ = error.print();
     } else {
-        tell!("{}", plain.trim_end());
+        message!("{}", plain.trim_end());
     }
     Ok(ExitCode::from(USAGE))
 }

@@ -1,7 +1,7 @@
-//! What a user reads in the terminal.
+//! Output in the terminal.
 
 #[macro_use]
-pub mod tell;
+pub mod message;
 pub mod closing;
 pub mod failure;
 pub mod log;

@@ -17,7 +17,7 @@ use mpm::terms::Sum;
 use states::{FORMULATIONS, Random, State, cases, random_state};
 
 thread_local! {
-    /// Allocations of this thread; the others of the test harness are of no interest.
+    /// Allocations of this thread, without those of the test harness.
     static COUNT: Cell<usize> = const { Cell::new(0) };
 }
 

@@ -1,4 +1,4 @@
-//! One analysis: from a deck to a model that is ready, and from there to a directory of results.
+//! One analysis: from a deck to a model ready to run, and from there to a results directory.
 
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
@@ -22,12 +22,12 @@ use serde_json::{Value, json};
 
 use crate::commands::arguments::{DeckArgs, Format};
 use crate::commands::resume::{self, AGAIN, Found};
-use crate::last_words::wait_for_lack_of_memory;
 use crate::screen::closing::Closing;
 use crate::screen::failure::{Coded, in_words};
+use crate::screen::message::clean;
 use crate::screen::print::print_json;
 use crate::screen::progress::{View, Watch};
-use crate::screen::tell::clean;
+use crate::system_limits::wait_for_lack_of_memory;
 
 /// A deck and the analysis built from it.
 pub struct Ready {
@@ -39,8 +39,7 @@ pub struct Ready {
     pub extent: Extent,
 }
 
-/// Builds the model of a deck that was read, as far as the first load step. With `deny_warnings` a warning about the
-/// deck is an error.
+/// Builds the model of a deck up to the first load step. With `deny_warnings`, warnings about the deck are errors.
 pub fn prepare(
     loaded: Result<LoadedDeck, Box<LoadFailure>>,
     deny_warnings: bool,
@@ -69,7 +68,7 @@ pub fn prepare(
     }
 }
 
-/// The source of a deck and what there is to say about it.
+/// The source of a deck and the messages about it.
 fn findings(prepared: &Result<Ready, Box<LoadFailure>>) -> (&Source, &[Diagnostic]) {
     match prepared {
         Ok(Ready { loaded, .. }) => (&loaded.source, &loaded.notes),
@@ -77,22 +76,22 @@ fn findings(prepared: &Result<Ready, Box<LoadFailure>>) -> (&Source, &[Diagnosti
     }
 }
 
-/// Reads and builds a deck; messages about it are printed, and handed to `write_down` if there are any. `None` when
-/// the deck cannot be used.
-pub fn prepare_aloud(args: &DeckArgs, write_down: &dyn Fn(&str)) -> anyhow::Result<Option<Ready>> {
+/// Reads and builds a deck; prints the messages about it and passes them to `log_text`. `None` if the deck cannot be
+/// used.
+pub fn prepare_and_report(args: &DeckArgs, log_text: &dyn Fn(&str)) -> anyhow::Result<Option<Ready>> {
     let prepared = prepare(load(&args.deck, &args.set), args.deny_warnings);
     let plain = messages(&prepared, false);
     if !plain.is_empty() {
-        write_down(&plain);
+        log_text(&plain);
     }
     match args.format {
         Format::Json => {
             print_json(&as_document(&prepared))?;
         }
         Format::Text if !plain.is_empty() => {
-            tell_messages(&prepared);
+            print_messages(&prepared);
             if prepared.is_err() && io::stderr().is_terminal() {
-                tell!("`mpm explain CODE` says more about a message");
+                message!("`mpm explain CODE` explains a message");
             }
         }
         Format::Text => {}
@@ -100,18 +99,18 @@ pub fn prepare_aloud(args: &DeckArgs, write_down: &dyn Fn(&str)) -> anyhow::Resu
     Ok(prepared.ok())
 }
 
-/// Writes messages about a deck to standard error, in colours where there is a terminal.
-pub fn tell_messages(prepared: &Result<Ready, Box<LoadFailure>>) {
+/// Writes messages about a deck to standard error, in colour on a terminal.
+pub fn print_messages(prepared: &Result<Ready, Box<LoadFailure>>) {
     let plain = messages(prepared, false);
-    // Colours are told from what foreign text smuggles in only where that holds no sequence of its own.
+    // Colours need escape sequences, which are allowed only if the text itself contains none.
     if io::stderr().is_terminal() && clean(&plain) == plain {
         let _ = writeln!(io::stderr(), "{}", messages(prepared, true));
     } else {
-        tell!("{plain}");
+        message!("{plain}");
     }
 }
 
-/// All messages about a deck, without the last line break; empty where there is nothing to say.
+/// All messages about a deck, without the last line break; empty if there are none.
 pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>, colour: bool) -> String {
     let (source, diagnostics) = findings(prepared);
     let text = render_all(source, diagnostics, colour);
@@ -121,7 +120,7 @@ pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>, colour: bool) -> Str
     }
 }
 
-/// All messages about a deck for programs, with the size of the analysis where it can be run.
+/// All messages about a deck as JSON, with the size of the analysis if it can be run.
 fn as_document(prepared: &Result<Ready, Box<LoadFailure>>) -> Value {
     let (source, diagnostics) = findings(prepared);
     let mut report = as_json(source, diagnostics);
@@ -139,30 +138,30 @@ fn as_document(prepared: &Result<Ready, Box<LoadFailure>>) -> Value {
     report
 }
 
-/// How an analysis ended.
+/// Outcome of an analysis.
 pub struct Ended {
-    /// The account of the run, or why it ended early.
+    /// The summary of the run, or the error that ended it.
     pub outcome: Result<Summary, SolveError>,
-    /// What there is to say at the end; `None` where no step is in equilibrium.
+    /// The closing table; `None` if no step is in equilibrium.
     pub closing: Option<Closing>,
 }
 
-/// Where a run begins.
+/// State in which a run starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Begin {
-    /// Without a load; earlier results are replaced.
+    /// The undeformed state; earlier results are replaced.
     Anew,
-    /// At the last checkpoint in the directory.
+    /// The last checkpoint in the directory.
     AtCheckpoint,
-    /// There if it can, otherwise anew.
+    /// The last checkpoint if it can be used, otherwise the undeformed state.
     AtCheckpointIfAny,
 }
 
-/// Runs an analysis into a directory; `set_up` is the time that went into making it ready. `None` where it is at its end
-/// already.
+/// Runs an analysis and writes its results to a directory; `set_up` is the time already spent on setting it up. `None`
+/// if the run in the directory is already complete.
 ///
 /// # Errors
-/// When the directory cannot be written, another run writes there, or there is nothing to go on from.
+/// If the directory cannot be written, another run writes there, or no checkpoint can be resumed.
 pub fn run_into(
     directory: &Path,
     ready: Ready,
@@ -178,7 +177,7 @@ pub fn run_into(
         Begin::AtCheckpoint | Begin::AtCheckpointIfAny => {
             match checkpoint_in(directory, &loaded, &mut analysis, begin)? {
                 Some((_, Found::End(steps))) => {
-                    tell!(
+                    message!(
                         "the run in `{}` is complete: {steps} steps in equilibrium; nothing is left to do",
                         directory.display()
                     );
@@ -213,12 +212,16 @@ pub fn run_into(
         Some((lock, checkpoint, reached)) => {
             let (place, step) = ((directory, lock), reached.step);
             let reopened = match &analysis {
-                Analysis::Plane(parts) => Results::go_on(place, &asked, &parts.0, account, &checkpoint, step),
-                Analysis::Solid(parts) => Results::go_on(place, &asked, &parts.0, account, &checkpoint, step),
+                Analysis::Plane(parts) => {
+                    Results::resume(place, &asked, &parts.0, account, &checkpoint, step)
+                }
+                Analysis::Solid(parts) => {
+                    Results::resume(place, &asked, &parts.0, account, &checkpoint, step)
+                }
             };
             let results = reopened.map_err(|error| {
                 let what = format!("the results of the steps up to the checkpoint cannot be used: {error}");
-                Coded::new("R002", format!("{what}\n  help: put the file back, or {AGAIN}"))
+                Coded::new("R002", format!("{what}\n  help: restore the file, or {AGAIN}"))
             })?;
             (results, Some((checkpoint, reached)))
         }
@@ -230,18 +233,17 @@ pub fn run_into(
     };
     let reached = match from {
         Some((checkpoint, reached)) => {
-            watch.goes_on(&checkpoint, &reached);
+            watch.resumed(&checkpoint, &reached);
             *reached
         }
         None => analysis.beginning(),
     };
-    // On one of the threads that share the work, so that none of its parts has to be handed over to them.
-    let outcome = rayon::scope(|_| analysis.go_on(reached, &mut watch));
+    // On a worker thread, so that work need not be handed over to the pool.
+    let outcome = rayon::scope(|_| analysis.run(reached, &mut watch));
     Ok(Some(Ended { outcome, closing: watch.end() }))
 }
 
-/// Locks a directory and looks for a checkpoint there; the points are then in its state. `None` where the run may begin
-/// anew instead.
+/// Locks a directory and restores the points from its last checkpoint. `None` if the run may start over instead.
 fn checkpoint_in(
     directory: &Path,
     loaded: &LoadedDeck,
@@ -259,31 +261,31 @@ fn checkpoint_in(
         }
         (Err(error), _) if begin == Begin::AtCheckpoint => Err(Coded::new("R002", in_words(&error)).into()),
         (Err(error), Some(_)) if last_step(directory).is_some() => {
-            tell!("  begins anew: {}", in_words(&error));
+            message!("  starts over: {}", in_words(&error));
             Ok(None)
         }
         _ => Ok(None),
     }
 }
 
-/// Why a run cannot begin in a directory.
+/// Error of a results directory that cannot be written.
 pub fn not_writable(directory: &Path, error: io::Error) -> Coded {
     Coded::new("R001", format!("the results directory `{}` cannot be written: {error}", directory.display()))
 }
 
-/// So many residuals of a failed step are shown from the beginning …
-const FIRST_TOLD: usize = 20;
-/// … and so many from the end.
-const LAST_TOLD: usize = 10;
+/// Number of residuals of a failed step shown from its beginning.
+const FIRST_RESIDUALS: usize = 20;
+/// Number of residuals of a failed step shown from its end.
+const LAST_RESIDUALS: usize = 10;
 
-/// Why an analysis failed, in a few lines.
+/// Describes the failure of an analysis in a few lines.
 pub fn describe_failure(error: &SolveError) -> String {
     let code = error.code().map(|code| format!("[{code}]")).unwrap_or_default();
     let mut text = format!("error{code}: {error}");
     if !error.residuals().is_empty() {
         let mut history: Vec<String> = error.residuals().iter().map(|r| format!("{r:.3e}")).collect();
-        if history.len() > FIRST_TOLD + LAST_TOLD + 1 {
-            history.splice(FIRST_TOLD..history.len() - LAST_TOLD, ["…".to_owned()]);
+        if history.len() > FIRST_RESIDUALS + LAST_RESIDUALS + 1 {
+            history.splice(FIRST_RESIDUALS..history.len() - LAST_RESIDUALS, ["…".to_owned()]);
         }
         text.push_str(&format!("\n  residuals: {}", history.join(", ")));
     }
@@ -293,10 +295,10 @@ pub fn describe_failure(error: &SolveError) -> String {
     text
 }
 
-/// Most threads that can be asked for.
+/// Largest number of threads.
 const MOST_THREADS: usize = 1024;
 
-/// Starts the threads, as many as there are cores if no number is given.
+/// Starts the threads; by default, one per core.
 pub fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
     if threads.is_some_and(|n| !(1..=MOST_THREADS).contains(&n)) {
         bail!("--threads takes a number from 1 to {MOST_THREADS}");
@@ -305,5 +307,5 @@ pub fn start_threads(threads: Option<usize>) -> anyhow::Result<()> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))
         .build_global()
-        .map_err(|error| anyhow!("the threads cannot be started: {error}; `--threads` chooses their number"))
+        .map_err(|error| anyhow!("the threads cannot be started: {error}; `--threads` sets their number"))
 }

@@ -19,10 +19,10 @@ pub struct DeckArgs {
     pub deny_warnings: bool,
 }
 
-/// For whom something is written.
+/// Format of output.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Format {
-    /// Text for readers.
+    /// Text for people.
     Text,
     /// One JSON document on standard output, for programs.
     Json,

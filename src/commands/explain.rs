@@ -1,4 +1,4 @@
-//! `mpm explain`: what a message means and what to do about it.
+//! `mpm explain`: the meaning of a message and its remedy.
 
 use std::process::ExitCode;
 
@@ -15,6 +15,6 @@ pub fn explain(code: Option<&str>) -> anyhow::Result<ExitCode> {
     };
     match page(code.trim()) {
         Some(page) => print(page.text),
-        None => bail!("there is no message `{code}`; `mpm explain` lists all"),
+        None => bail!("there is no code `{code}`; `mpm explain` lists all codes"),
     }
 }

@@ -1,4 +1,4 @@
-//! `mpm completions` and `mpm man`: what shells and `man` want to know of the command line.
+//! `mpm completions` and `mpm man`: completion scripts and manual pages.
 
 use std::process::ExitCode;
 
@@ -20,7 +20,7 @@ pub fn completions(shell: Shell) -> anyhow::Result<ExitCode> {
 /// Prints the manual page of the program, or that of one of its commands.
 pub fn man(name: Option<&str>) -> anyhow::Result<ExitCode> {
     let mut program = Cli::command();
-    // Fills in what is only known when the arguments are read, such as the names of commands in the synopsis.
+    // Completes the definition, for example with the names of commands in the synopsis.
     program.build();
     let command: Command = match name {
         None => program,

@@ -1,4 +1,4 @@
-//! `mpm new`: decks to start from.
+//! `mpm new`: example decks to start from.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::screen::print::{json_text, print};
 /// Arguments of `mpm new`.
 #[derive(Args)]
 pub struct NewArgs {
-    /// Name of an example; all are listed where none is given.
+    /// Name of an example; without it, all examples are listed.
     name: Option<String>,
     /// The deck to write [default: NAME.yaml].
     #[arg(long, value_name = "FILE", requires = "name")]
@@ -27,7 +27,7 @@ pub struct NewArgs {
     list: bool,
 }
 
-/// A deck to start from.
+/// An example deck.
 struct Example {
     name: &'static str,
     deck: &'static str,
@@ -59,18 +59,18 @@ const EXAMPLES: &[Example] = &[
 const SCHEMA: &str = "deck.schema.json";
 
 impl Example {
-    /// What the deck analyses, in a line: its title.
+    /// Title of the deck.
     fn title(&self) -> &'static str {
         self.deck.lines().find_map(|line| line.strip_prefix("title: ")).unwrap_or_default()
     }
 }
 
-/// Writes an example, or lists all.
+/// Writes an example, or lists all examples.
 pub fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
     let Some(name) = &args.name else { return print(&listing()) };
     let Some(example) = EXAMPLES.iter().find(|example| example.name == name) else {
         bail!(
-            "there is no example `{name}`; there are {}",
+            "there is no example `{name}`; the examples are {}",
             list(EXAMPLES.iter().map(|example| example.name))
         );
     };
@@ -83,7 +83,7 @@ pub fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
     let is_taken = |(path, _): &(PathBuf, &[u8])| path.file_name() == deck.file_name();
     if let Some((path, _)) = files[1..].iter().find(|file| is_taken(file)) {
         bail!(
-            "`{}` is what another file of the example is called; `--out` chooses another name",
+            "`{}` is the name of another file of the example; choose another name with `--out`",
             path.display()
         );
     }
@@ -101,19 +101,19 @@ fn listing() -> String {
     text
 }
 
-/// Writes all files or, where one is there with another content, none.
+/// Writes all files, or none of them if one exists with other content.
 fn write_all(files: &[(PathBuf, &[u8])], force: bool) -> anyhow::Result<()> {
     let mut missing = Vec::new();
     for (path, content) in files {
-        // A device or a pipe takes everything and keeps nothing, or never ends.
+        // A device or a pipe would discard the deck, or block.
         if fs::metadata(path).is_ok_and(|about| !about.is_file()) {
-            bail!("`{}` is no file that could be written; `--out` chooses another name", path.display());
+            bail!("`{}` is not a regular file; choose another name with `--out`", path.display());
         }
         match fs::read(path) {
             Ok(found) if found == *content => {}
             Ok(found) if !force && !is_schema(path, &found) => {
                 bail!(
-                    "`{}` is there already; `--out` chooses another name, `--force` overwrites",
+                    "`{}` already exists; choose another name with `--out`, or overwrite it with `--force`",
                     path.display()
                 )
             }
@@ -122,14 +122,15 @@ fn write_all(files: &[(PathBuf, &[u8])], force: bool) -> anyhow::Result<()> {
     }
     for (path, content) in missing {
         if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder).with_context(|| format!("`{}` cannot be made", folder.display()))?;
+            fs::create_dir_all(folder)
+                .with_context(|| format!("`{}` cannot be created", folder.display()))?;
         }
         fs::write(path, content).with_context(|| format!("`{}` cannot be written", path.display()))?;
     }
     Ok(())
 }
 
-/// Whether a file is the schema of another version of the program: nobody edits it.
+/// True if a file is the schema of another version of the program, which users do not edit.
 fn is_schema(path: &Path, content: &[u8]) -> bool {
     let schema: Option<serde_json::Value> = serde_json::from_slice(content).ok();
     path.ends_with(SCHEMA) && schema.is_some_and(|schema| schema["title"] == "Deck")

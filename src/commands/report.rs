@@ -1,4 +1,4 @@
-//! `mpm report`: a page of HTML about results.
+//! `mpm report`: an HTML page about results.
 
 use std::fs::File;
 use std::io::Read;
@@ -11,9 +11,9 @@ use mpm::appendix::{self, FieldChoice, Options, StepChoice, Units};
 
 use crate::commands::analysis::start_threads;
 
-/// Bytes at the beginning of a page among which it names the program.
+/// Bytes at the beginning of a page that contain the tag of its generator.
 const FIRST: u64 = 1000;
-/// How it does so.
+/// Beginning of that tag.
 const GENERATOR: &str = r#"<meta name="generator" content="mpm "#;
 
 /// Arguments of `mpm report`.
@@ -25,11 +25,11 @@ pub struct ReportArgs {
     /// The page [default: DIR/report.html; comparison.html for several directories].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Field that colours the points; may be given several times; cauchy_stress:XX is a component [default:
-    /// von_mises_stress, or another field if the run did not write that].
+    /// Field that colours the points, or a component such as cauchy_stress:XX; may be given several times [default:
+    /// von_mises_stress, or another field if the run did not write it].
     #[arg(long, value_name = "NAME[:COMPONENT]")]
     field: Vec<FieldChoice>,
-    /// Load steps to show the points at: numbers, first, middle, last.
+    /// Load steps at which the points are shown: numbers, first, middle or last.
     #[arg(long, value_name = "STEP,...", value_delimiter = ',', default_value = "first,middle,last")]
     steps: Vec<StepChoice>,
     /// Units of length, force and time in the decks, for example m,kN,s.
@@ -47,18 +47,18 @@ pub fn report(args: ReportArgs) -> anyhow::Result<ExitCode> {
         _ => PathBuf::from("comparison.html"),
     });
     if !may_be_replaced(&path) {
-        bail!("`{}` exists and is no report of mpm; choose another name with `--out`", path.display());
+        bail!("`{}` exists and is not a report of mpm; choose another name with `--out`", path.display());
     }
     appendix::write(&path, &page)?;
-    tell!("the report is {}", path.display());
+    message!("the report is {}", path.display());
     Ok(ExitCode::SUCCESS)
 }
 
-/// Whether there is nothing at a path, an empty file, or a report.
+/// True if a path does not exist, or is an empty file or a report.
 fn may_be_replaced(path: &Path) -> bool {
     let Ok(about) = std::fs::metadata(path) else { return true };
     let mut first = Vec::new();
-    // What cannot be read cannot be known to be a report.
+    // An unreadable file may be anything.
     let read =
         about.is_file() && File::open(path).and_then(|file| file.take(FIRST).read_to_end(&mut first)).is_ok();
     read && (first.is_empty() || String::from_utf8_lossy(&first).contains(GENERATOR))

@@ -1,4 +1,4 @@
-//! `mpm run --resume`: from which checkpoint a run goes on, and whether it may.
+//! `mpm run --resume`: finds the checkpoint to resume from and checks that the deck still allows it.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -13,30 +13,30 @@ use mpm::output::{directory, status};
 use mpm::solver::{Pace, Reached, Step};
 use serde::Deserialize;
 
-/// What to do where a run cannot go on.
-pub const AGAIN: &str = "run the deck without `--resume` to begin anew, which replaces the results";
+/// Remedy if a run cannot be resumed.
+pub const AGAIN: &str = "run the deck without `--resume` to start over, which replaces the results";
 
-/// Where a run stands that is to go on.
+/// State of the run to resume.
 pub enum Found {
-    /// At the step of a checkpoint, in whose state the points are now; with its number in this deck.
+    /// A checkpoint, from which the points were restored; its step has the number of this deck.
     Step(Box<Checkpoint>, Box<Reached>),
-    /// At its end, with all its results: so many steps.
+    /// The end of the run, with all its results, after this number of steps.
     End(usize),
 }
 
-/// The last checkpoint in a directory that can be used.
+/// Finds the last usable checkpoint in a directory and restores the points from it.
 ///
 /// # Errors
-/// When there is none, or the deck has changed in what the steps so far depend on.
+/// If there is none, or a part of the deck has changed on which the steps so far depend.
 pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> anyhow::Result<Found> {
     let (found, refused) = match latest(directory) {
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            bail!("there is no checkpoint in `{}` to go on from\n  help: {AGAIN}", directory.display())
+            bail!("there is no checkpoint in `{}` to resume from\n  help: {AGAIN}", directory.display())
         }
         found => found.with_context(|| format!("the directory `{}` cannot be read", directory.display()))?,
     };
     for refused in &refused {
-        tell!("warning: {refused}");
+        message!("warning: {refused}");
     }
     let Some(checkpoint) = found else {
         bail!("no checkpoint in `{}` can be used\n  help: {AGAIN}", directory.display());
@@ -49,24 +49,24 @@ pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> a
     };
     let mut changed = changes(&of_checkpoint, &loaded.deck, end);
     if checkpoint.head.files != loaded.hash_of_files() {
-        changed.push("a mesh or surface that it names has changed".to_owned());
+        changed.push("a mesh or surface file that it names has changed".to_owned());
     }
     if !changed.is_empty() {
         bail!(
-            "the deck is not the one that `{name}` belongs to:\n  {}\n  help: undo that, or {AGAIN}; steps, tolerances, \
-             output and later loads may change",
+            "the deck differs from that of the checkpoint `{name}`:\n  {}\n  help: undo the changes, or {AGAIN}; \
+             steps, tolerances, output and later loads may change",
             changed.join("\n  ")
         );
     }
     let Some(step) = step_at(&loaded.deck, end, index) else {
         bail!(
-            "`{name}` was written at time {end}, after the end of the analysis at {}\n  help: let `steps: {{end_time}}` be \
-             later",
+            "`{name}` was written at time {end}, after the end of the analysis at {}\n  help: increase `steps: \
+             {{end_time}}`",
             loaded.deck.steps.end_time
         );
     };
     if is_end(&loaded.deck, end) && status::is_complete(directory) {
-        // What is left by a run that was killed after it had written its summary.
+        // Removes the remains of a run that was killed after it had written its summary.
         directory::tidy(directory).with_context(|| format!("`{}` cannot be written", directory.display()))?;
         return Ok(Found::End(checkpoint.head.reached.summary.steps));
     }

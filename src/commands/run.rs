@@ -10,7 +10,7 @@ use mpm::output::summary::Start;
 use mpm::solver::SolveError;
 use mpm::timing::{Phase, Timings};
 
-use crate::commands::analysis::{self, Begin, Ended, describe_failure, prepare_aloud, run_into};
+use crate::commands::analysis::{self, Begin, Ended, describe_failure, prepare_and_report, run_into};
 use crate::commands::arguments::{DeckArgs, Format};
 use crate::exit::{FAILED, INTERRUPTED, USAGE};
 use crate::interrupt::stop_on_interrupt;
@@ -33,15 +33,15 @@ pub struct RunArgs {
     /// Number of threads [default: all cores]. The results are the same for any number.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// Write every iteration, warning and time to a file.
+    /// Write a log of iterations, warnings and timings to a file.
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Print where the time went.
+    /// Print the time spent in each phase of the run.
     #[arg(long)]
     timings: bool,
 }
 
-/// Runs a deck; `began` is when the program did.
+/// Runs a deck; `began` is the start of the program.
 pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
     analysis::start_threads(args.threads)?;
     let directory = args.out.clone().unwrap_or_else(|| default_directory(&args.deck.deck));
@@ -49,13 +49,13 @@ pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
         log::keep_out_of_results(log, &directory)?;
     }
     let log = args.log.as_deref().map(|path| LogFile::create(path, began, args.resume)).transpose()?;
-    // The log tells itself when it can no longer be written.
-    let write_down = |text: &str| {
+    // A write error of the log is reported by the progress display.
+    let log_text = |text: &str| {
         let _ = log.as_ref().map(|log| log.line(text));
     };
-    write_down(&heading(&args.deck));
+    log_text(&heading(&args.deck));
     let mut timings = Timings::default();
-    let prepared = timings.measure(Phase::SetUp, || prepare_aloud(&args.deck, &write_down));
+    let prepared = timings.measure(Phase::SetUp, || prepare_and_report(&args.deck, &log_text));
     let Some(ready) = prepared? else {
         return Ok(ExitCode::from(USAGE));
     };
@@ -70,41 +70,41 @@ pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
     let mut is_shown = true;
     if let Some(closing) = closing {
         let table = closing.table(began.elapsed().as_secs_f64());
-        write_down(&table);
+        log_text(&table);
         match args.deck.format {
             Format::Text => {
                 if let Err(error) = print(&table) {
                     is_shown = false;
-                    tell!(
+                    message!(
                         "error: the table of results cannot be written to standard output: {error:#}\n  the results are \
                          in {}",
                         directory.display()
                     );
                 }
             }
-            // Standard output has its one document.
-            Format::Json => tell!("{}", table.trim_end()),
+            // Standard output is reserved for the JSON document.
+            Format::Json => message!("{}", table.trim_end()),
         }
     }
     let (text, code) = match &outcome {
         Ok(summary) => {
             timings.add(&summary.timings);
             let table = timings_table(&timings);
-            write_down(&table);
+            log_text(&table);
             (if args.timings { table } else { String::new() }, 0)
         }
         Err(error) => conclude(error, &directory),
     };
     if !text.is_empty() {
-        tell!("{text}");
+        message!("{text}");
     }
     if outcome.is_err() {
-        write_down(&text);
+        log_text(&text);
     }
     Ok(ExitCode::from(if is_shown { code } else { code.max(FAILED) }))
 }
 
-/// What a log begins with.
+/// First lines of a log.
 fn heading(deck: &DeckArgs) -> String {
     let version = env!("CARGO_PKG_VERSION");
     let now = jiff::Timestamp::now();
@@ -118,13 +118,13 @@ fn heading(deck: &DeckArgs) -> String {
     )
 }
 
-/// Why a run ended early, and the exit code.
+/// Message about a run that ended early, and the exit code.
 fn conclude(error: &SolveError, directory: &Path) -> (String, u8) {
     let directory = directory.display();
     if let SolveError::Interrupted { step } = error {
         let text = format!(
-            "interrupted: all steps before step {step} are in equilibrium and written to {directory}; the same command \
-             with `--resume` goes on from there"
+            "interrupted: all steps before step {step} are in equilibrium and written to {directory}; the same \
+             command with `--resume` continues from there"
         );
         return (text, INTERRUPTED);
     }
@@ -137,7 +137,7 @@ fn default_directory(deck: &Path) -> PathBuf {
     Path::new("results").join(deck.file_stem().unwrap_or_default())
 }
 
-/// The phases of a run in the manner of the paper's Table 5, without a line break at the end.
+/// Table of the time spent in each phase, as Table 5 of the paper, without a line break at the end.
 fn timings_table(timings: &Timings) -> String {
     let total: f64 = Phase::ALL.iter().map(|&phase| timings.of(phase).wall.as_secs_f64()).sum();
     let mut text = format!("{:<10} {:>10} {:>10} {:>7}", "phase", "wall [s]", "CPU [s]", "share");
@@ -155,10 +155,10 @@ fn timings_table(timings: &Timings) -> String {
     text
 }
 
-/// Does everything up to the first load step and reports.
+/// Does everything up to the first load step and prints the size of the analysis.
 pub fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
     analysis::start_threads(None)?;
-    let Some(ready) = prepare_aloud(args, &|_| ())? else {
+    let Some(ready) = prepare_and_report(args, &|_| ())? else {
         return Ok(ExitCode::from(USAGE));
     };
     if args.format == Format::Json {

@@ -1,4 +1,4 @@
-//! `mpm status`: how far a run is, from another shell.
+//! `mpm status`: the progress of a run, from another shell.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::exit::{FAILED, INTERRUPTED};
 use crate::screen::print::{print, print_json};
 use crate::screen::quantities::{bytes, duration, rate, significant};
 
-/// The run has not ended.
+/// Exit code of a run that has not ended.
 const RUNNING: u8 = 3;
 
 /// Arguments of `mpm status`.
@@ -28,7 +28,7 @@ pub struct StatusArgs {
     format: Format,
 }
 
-/// Prints how far a run is; the exit code is that of the run, or 3 while it goes on.
+/// Prints the progress of a run; the exit code is that of the run, or 3 if it is still running.
 pub fn status(args: &StatusArgs) -> anyhow::Result<ExitCode> {
     let directory = &args.directory;
     let status = match status::read(directory) {
@@ -65,7 +65,7 @@ fn in_words(directory: &Path, status: &Status) -> String {
         let residual =
             status.residual.map_or_else(|| "not finite".to_owned(), |residual| format!("{residual:.1e}"));
         rows.push((
-            "step in hand",
+            "current step",
             format!(
                 "{}, iteration {}, residual {residual}, tolerance {:e}",
                 status.step, status.iteration, status.tolerance
@@ -90,19 +90,19 @@ fn in_words(directory: &Path, status: &Status) -> String {
         rows.push(("warnings", status.warnings.to_string()));
     }
     rows.push(("process", status.process.to_string()));
-    // The clock may have been set back since; `duration` shows that as no time.
+    // The clock may have been set back; `duration` shows negative times as 0.
     let ago = Timestamp::now().duration_since(status.updated).as_secs_f64();
-    let last = if running { "last word" } else { "ended" };
+    let last = if running { "last update" } else { "ended" };
     rows.push((last, format!("{} ago, {}", duration(ago), status.updated)));
     rows.extend(status.reason.as_ref().map(|reason| ("reason", reason.clone())));
     rows.extend(match (status.state, status.checkpoint) {
         (State::Completed, _) | (State::Running, None) => None,
         (State::Running, Some(step)) => Some(("checkpoint", format!("of step {step}"))),
         (_, Some(step)) => {
-            let text = format!("of step {step}, from where `mpm run` goes on with `--resume`");
+            let text = format!("of step {step}; `mpm run --resume` continues from there");
             Some(("checkpoint", text))
         }
-        (_, None) => Some(("checkpoint", "none: the run has to begin anew".to_owned())),
+        (_, None) => Some(("checkpoint", "none: the run has to start over".to_owned())),
     });
     let mut text = format!("{}: {}\n", directory.display(), status.state.word());
     for (label, value) in rows {

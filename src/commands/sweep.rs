@@ -17,7 +17,7 @@ use mpm::study::{Axis, Member, Outcome, Record, Row, Study, may_be_replaced, wri
 use mpm::timing::{Phase, Timings};
 
 use crate::commands::analysis::{
-    self, Begin, Ended, describe_failure, messages, not_writable, prepare, run_into, tell_messages,
+    self, Begin, Ended, describe_failure, messages, not_writable, prepare, print_messages, run_into,
 };
 use crate::commands::arguments::DeckArgs;
 use crate::exit::{FAILED, INTERRUPTED, USAGE};
@@ -53,7 +53,7 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
     let (known, text) = match read {
         Ok(read) => read,
         Err(failure) => {
-            tell!("{}", failure.render(std::io::stderr().is_terminal()).trim_end());
+            message!("{}", failure.render(std::io::stderr().is_terminal()).trim_end());
             return Ok(ExitCode::from(USAGE));
         }
     };
@@ -69,12 +69,12 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
     let table = directory.join(TABLE);
     if !may_be_replaced(&table) {
         let what =
-            format!("`{}` exists and is no table of a study; choose another directory", table.display());
+            format!("`{}` exists and is not a table of a study; choose another directory", table.display());
         return Err(Coded::new("R001", what).into());
     }
     let begin = if args.resume { Begin::AtCheckpointIfAny } else { Begin::Anew };
-    let (rows, told) = (Vec::new(), BTreeSet::new());
-    let mut sweep = Sweep { study, name, text, directory, stop, begin, rows, told };
+    let (rows, printed) = (Vec::new(), BTreeSet::new());
+    let mut sweep = Sweep { study, name, text, directory, stop, begin, rows, printed };
     sweep.take_completed();
     sweep.write_table()?;
     Ok(ExitCode::from(sweep.run_members()))
@@ -83,25 +83,25 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
 /// Name of the table of a study.
 const TABLE: &str = "sweep.csv";
 
-/// A study in the making.
+/// A study in progress.
 struct Sweep {
     study: Study,
-    /// Name of the deck, and its text: read once, so that all members have the same.
+    /// Name and text of the deck; read once, so that all members use the same text.
     name: String,
     text: Vec<u8>,
     directory: PathBuf,
     stop: Arc<AtomicBool>,
-    /// Where members begin.
+    /// State in which members start.
     begin: Begin,
-    /// What is known of each member so far.
+    /// Results of the members so far.
     rows: Vec<Option<Row>>,
-    /// Remarks about the deck that were printed.
-    told: BTreeSet<String>,
+    /// Messages about the deck that were already printed.
+    printed: BTreeSet<String>,
 }
 
 impl Sweep {
-    /// Takes over the members that were completed earlier with the same deck and the same program. All of them
-    /// before the first one is run, so that the table never knows less than it did.
+    /// Takes over the members that were completed earlier with the same deck and the same program. This precedes the
+    /// first run, so that the table never loses rows.
     fn take_completed(&mut self) {
         let taken = |member: Member| {
             let loaded = load_text(&self.name, &self.text, &self.study.overrides(&member)).ok()?;
@@ -112,22 +112,22 @@ impl Sweep {
         self.rows = self.study.members().map(taken).collect();
     }
 
-    /// Runs what is missing; returns the exit code.
+    /// Runs the missing members; returns the exit code.
     fn run_members(&mut self) -> u8 {
         let members: Vec<Member> = self.study.members().collect();
         for (index, member) in members.into_iter().enumerate() {
             let label = format!("member {}/{}", index + 1, self.study.size());
             if self.rows[index].is_some() {
-                tell!("{label}: {member}: completed earlier");
+                message!("{label}: {member}: completed earlier");
                 continue;
             }
             if self.stop.load(Ordering::SeqCst) {
                 break;
             }
-            tell!("{label}: {member}");
+            message!("{label}: {member}");
             self.rows[index] = Some(self.run_member(member, label));
             if let Err(error) = self.write_table() {
-                tell!("error: {error:#}");
+                message!("error: {error:#}");
                 return FAILED;
             }
         }
@@ -141,14 +141,14 @@ impl Sweep {
         let prepared =
             set_up.measure(Phase::SetUp, || prepare(load_text(&self.name, &self.text, &overrides), false));
         let messages = messages(&prepared, false);
-        // Remarks are the same for many members; once is enough. Errors belong to the member.
-        if !messages.is_empty() && (prepared.is_err() || self.told.insert(messages.clone())) {
-            tell_messages(&prepared);
+        // Warnings are the same for many members and are printed once; errors are printed for each member.
+        if !messages.is_empty() && (prepared.is_err() || self.printed.insert(messages.clone())) {
+            print_messages(&prepared);
         }
         let ready = match prepared {
             Ok(ready) => ready,
             Err(failure) => {
-                tell!("  invalid");
+                message!("  invalid");
                 return Row { member, outcome: Outcome::Invalid(in_one_line(&failure)), record: None };
             }
         };
@@ -156,12 +156,12 @@ impl Sweep {
         let record = ended.as_ref().ok().and_then(|_| Record::read(&directory).ok());
         let outcome = match ended {
             Err(error) => {
-                tell!("{}", as_error(&error));
+                message!("{}", as_error(&error));
                 Outcome::Failed(in_words(&error))
             }
             Ok(None) => Outcome::Completed,
             Ok(Some(Ended { outcome: Ok(summary), .. })) => {
-                tell!(
+                message!(
                     "  completed: {} steps in equilibrium, {} evaluations, {:.1} s",
                     summary.steps,
                     summary.evaluations,
@@ -170,16 +170,16 @@ impl Sweep {
                 Outcome::Completed
             }
             Ok(Some(Ended { outcome: Err(SolveError::Interrupted { step }), .. })) => {
-                tell!("  interrupted: all steps before step {step} are in equilibrium");
+                message!("  interrupted: all steps before step {step} are in equilibrium");
                 Outcome::Interrupted
             }
             Ok(Some(Ended { outcome: Err(error), .. })) => {
-                tell!("{}", describe_failure(&error));
+                message!("{}", describe_failure(&error));
                 Outcome::Failed(error.to_string())
             }
         };
         if matches!(outcome, Outcome::Failed(_)) {
-            tell!("  failed");
+            message!("  failed");
         }
         Row { member, outcome, record }
     }
@@ -198,9 +198,9 @@ impl Sweep {
             words.iter().filter(|w| count(w) > 0).map(|w| format!("{} {w}", count(w))).collect();
         let open = self.rows.iter().filter(|row| row.is_none()).count();
         if open > 0 {
-            counts.push(format!("{open} not begun"));
+            counts.push(format!("{open} not started"));
         }
-        tell!("{}; the table is {}", counts.join(", "), self.directory.join(TABLE).display());
+        message!("{}; the table is {}", counts.join(", "), self.directory.join(TABLE).display());
         if open > 0 || count("interrupted") > 0 {
             INTERRUPTED
         } else if count("failed") > 0 {
@@ -213,7 +213,7 @@ impl Sweep {
     }
 }
 
-/// The errors of a deck as a reason in the table.
+/// The errors of a deck in one line, for the table.
 fn in_one_line(failure: &LoadFailure) -> String {
     let errors = failure.diagnostics.iter().filter(|diagnostic| Diagnostic::is_error(diagnostic));
     let errors: Vec<String> = errors.map(|error| format!("{}: {}", error.code, error.message)).collect();

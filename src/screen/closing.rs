@@ -1,4 +1,4 @@
-//! The table that a run ends with: what was solved, how well, what came out, and where it is.
+//! The table at the end of a run: model, convergence, results, and the files that contain them.
 
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -12,14 +12,14 @@ use mpm::solver::{SolveError, Summary};
 
 use crate::screen::quantities::{duration, significant};
 
-/// Width that lines are kept to, where names and paths allow it.
+/// Width of a line, [characters]; names and paths may exceed it.
 const WIDTH: usize = 80;
 /// Width of the first column.
 const LABEL: usize = 18;
-/// Boundary conditions beyond these are summed up.
+/// Most boundary conditions that are listed one by one; the others are summed.
 const MOST_CONDITIONS: usize = 8;
 
-/// What there is to say at the end of a run.
+/// Summary printed at the end of a run.
 #[derive(Debug)]
 pub struct Closing {
     title: String,
@@ -43,7 +43,7 @@ pub struct Closing {
     directory: PathBuf,
     picture: Option<Picture>,
     asks_for_pictures: bool,
-    /// From where to look at it.
+    /// Argument of `plot` in PyVista that sets the camera.
     view: &'static str,
 }
 
@@ -59,8 +59,8 @@ impl Closing {
         let (steps, asked) = (summary.steps, model.stepping.count);
         let outcome = match error {
             None if summary.failed_attempts > 0 => format!(
-                "completed: {steps} steps in equilibrium, {} at first too large",
-                counted(summary.failed_attempts, "attempt", "attempts")
+                "completed: {steps} steps in equilibrium after {}",
+                counted(summary.failed_attempts, "failed attempt", "failed attempts")
             ),
             None => format!("completed: {steps} steps in equilibrium"),
             Some(SolveError::Interrupted { .. }) => {
@@ -101,7 +101,7 @@ impl Closing {
         })
     }
 
-    /// The table, with a line break at the end; `seconds` is what the run took.
+    /// Formats the table, with a line break at the end; `seconds` is the duration of the run.
     pub fn table(&self, seconds: f64) -> String {
         let mut table = Table::default();
         table.row("", &self.title);
@@ -206,12 +206,12 @@ impl Closing {
                 table.line(&format!("import pyvista; pyvista.read({file}).plot({})", self.view));
             }
             None if self.asks_for_pictures => table.row("", "no VTU files could be written"),
-            None => table.row("", "no VTU files, as the deck says `output: {every: 0}`"),
+            None => table.row("", "no VTU files: the deck sets `output: {every: 0}`"),
         }
     }
 }
 
-/// A number and what it counts.
+/// Formats a number with the singular or plural of its noun.
 pub fn counted(number: usize, one: &str, many: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { many })
 }
@@ -243,7 +243,7 @@ impl Table {
         }
     }
 
-    /// Loads, reactions and what is between them, by axis.
+    /// Loads, reactions and their difference, by axis.
     fn forces(&mut self, balance: &ForceBalance) {
         let axes = ["x", "y", "z"].iter().take(balance.applied.len());
         self.line(&format!("{:<LABEL$}{}", "forces", columns(axes.map(|axis| (*axis).to_owned()))));
@@ -256,7 +256,7 @@ impl Table {
             self.line(&format!("{label}{}{after}", columns(force.iter().map(number))));
         };
         row("  loads", &all(&balance.applied), "");
-        // All of them, or all but those that have to share a line.
+        // All of them, or all but those that share the last line.
         let shown =
             if balance.reactions.len() > MOST_CONDITIONS { MOST_CONDITIONS - 1 } else { MOST_CONDITIONS };
         for (name, reaction) in balance.reactions.iter().take(shown) {
@@ -287,7 +287,7 @@ fn columns(entries: impl Iterator<Item = String>) -> String {
     entries.map(|entry| format!("{entry:>13}")).collect()
 }
 
-/// A line broken at spaces into lines of at most so many characters; a longer word stands alone.
+/// Breaks a line at spaces into lines of at most `width` characters; a longer word gets a line of its own.
 fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split(' ') {

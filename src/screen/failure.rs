@@ -1,6 +1,6 @@
-//! Errors as they are printed.
+//! Formatting of errors.
 
-/// An error that has a page, [`mpm::codes`].
+/// An error whose code is explained in [`mpm::codes`].
 #[derive(Debug, thiserror::Error)]
 #[error("{reason}")]
 pub struct Coded {
@@ -14,12 +14,12 @@ impl Coded {
     }
 }
 
-/// An error with its causes.
+/// Formats an error with its causes.
 pub fn in_words(error: &anyhow::Error) -> String {
     format!("{error:#}")
 }
 
-/// An error as it is printed, with its code if it has one.
+/// Formats an error for printing, with its code if it has one.
 pub fn as_error(error: &anyhow::Error) -> String {
     let code = error.downcast_ref::<Coded>().map(|coded| format!("[{}]", coded.code)).unwrap_or_default();
     format!("error{code}: {}", in_words(error))

@@ -1,4 +1,4 @@
-//! The log of a run: everything that happened, as it happened.
+//! The log of a run: every event, written as it occurs.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -9,15 +9,15 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use mpm::output::directory;
 
-use crate::screen::tell::clean;
+use crate::screen::message::clean;
 
-/// Bytes at the beginning of a log in which the name of the program stands.
+/// Bytes at the beginning of a log that contain the name of the program.
 const FIRST: u64 = 24;
 
-/// Refuses a log that would stand in the way of the results: in the place of one of their files, or of their directory.
+/// Refuses a log whose path clashes with the results: with one of their files, or with their directory.
 ///
 /// # Errors
-/// When it would.
+/// If the path clashes.
 pub fn keep_out_of_results(log: &Path, results: &Path) -> anyhow::Result<()> {
     let (place, results) = (real(log), real(results));
     let is_way = results.starts_with(&place);
@@ -29,7 +29,7 @@ pub fn keep_out_of_results(log: &Path, results: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A path without links, as far as it exists.
+/// Resolves the links in the part of a path that exists.
 fn real(path: &Path) -> PathBuf {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let mut missing = Vec::new();
@@ -42,7 +42,7 @@ fn real(path: &Path) -> PathBuf {
     path
 }
 
-/// A log file, each line with the seconds since the program began. Every line is in the file once it is written.
+/// A log file; each line begins with the seconds since the program started and is written without buffering.
 #[derive(Debug, Clone)]
 pub struct LogFile {
     file: Arc<File>,
@@ -50,23 +50,23 @@ pub struct LogFile {
 }
 
 impl LogFile {
-    /// Starts a log afresh, or goes on with the one that is there.
+    /// Creates a log or, if `append` is true, continues an existing one.
     ///
     /// # Errors
-    /// When the file cannot be written, or exists and is no log.
-    pub fn create(path: &Path, began: Instant, goes_on: bool) -> anyhow::Result<LogFile> {
+    /// If the file cannot be written, or exists and is not a log.
+    pub fn create(path: &Path, began: Instant, append: bool) -> anyhow::Result<LogFile> {
         let mut first = Vec::new();
-        // What cannot be read is found out by writing.
+        // An unreadable file is reported when it is opened for writing.
         let _ = File::open(path).and_then(|file| file.take(FIRST).read_to_end(&mut first));
         let is_log = String::from_utf8_lossy(&first).contains("  mpm ");
         if !first.is_empty() && !is_log {
-            bail!("`{}` exists and is no log of mpm; choose another name with `--log`", path.display());
+            bail!("`{}` exists and is not a log of mpm; choose another name with `--log`", path.display());
         }
         let file = OpenOptions::new()
             .create(true)
-            .write(!goes_on)
-            .append(goes_on)
-            .truncate(!goes_on)
+            .write(!append)
+            .append(append)
+            .truncate(!append)
             .open(path)
             .with_context(|| format!("the log `{}` cannot be written", path.display()))?;
         Ok(LogFile { file: Arc::new(file), began })
@@ -79,7 +79,7 @@ impl LogFile {
     pub fn line(&self, text: &str) -> io::Result<()> {
         let time = self.began.elapsed().as_secs_f64();
         let lines: String = clean(text).lines().map(|line| format!("{time:10.3}  {line}\n")).collect();
-        // One unbuffered write: whoever follows the file, or kills the run, meets whole lines.
+        // One unbuffered write, so that the file has whole lines at all times, even if the run is killed.
         (&*self.file).write_all(lines.as_bytes())
     }
 }

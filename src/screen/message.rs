@@ -1,27 +1,27 @@
-//! Messages for the user, on standard error, and what keeps foreign text from steering the terminal.
+//! Messages on standard error, without characters that would control the terminal.
 
 use std::borrow::Cow;
 
-/// Writes a line to standard error without control characters; that nobody reads it, or can, is no reason to stop an
+/// Writes a line to standard error without control characters. Write errors are ignored: they must not stop an
 /// analysis.
-macro_rules! tell {
+macro_rules! message {
     ($($part:tt)*) => {{
         use std::io::Write as _;
         let text = format!($($part)*);
-        let _ = writeln!(std::io::stderr(), "{}", $crate::screen::tell::clean(&text));
+        let _ = writeln!(std::io::stderr(), "{}", $crate::screen::message::clean(&text));
     }};
 }
 
-/// Whether a character may move the cursor, change colours or titles, or turn the direction of what follows.
-fn steers(c: char) -> bool {
-    let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
-    c.is_control() && c != '\n' && c != '\t' || turns
+/// True if a character may move the cursor, change colours or titles, or reverse the direction of the text.
+fn controls_terminal(c: char) -> bool {
+    let reverses = matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    c.is_control() && c != '\n' && c != '\t' || reverses
 }
 
-/// A text that a terminal shows as it is: titles, names and paths may hold escape sequences.
+/// Replaces control characters in a text: titles, names and paths may contain escape sequences.
 pub fn clean(text: &str) -> Cow<'_, str> {
-    if text.contains(steers) {
-        Cow::Owned(text.chars().map(|c| if steers(c) { '\u{fffd}' } else { c }).collect())
+    if text.contains(controls_terminal) {
+        Cow::Owned(text.chars().map(|c| if controls_terminal(c) { '\u{fffd}' } else { c }).collect())
     } else {
         Cow::Borrowed(text)
     }
@@ -32,7 +32,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_that_steers_a_terminal_is_left() {
+    fn control_characters_are_replaced() {
         assert_eq!(clean("a title\n\twith tabs, é and ∂"), "a title\n\twith tabs, é and ∂");
         let cleaned = clean("\u{1b}]0;owned\u{7}\r\u{9b}2J\u{7f}");
         assert_eq!(cleaned, "\u{fffd}]0;owned\u{fffd}\u{fffd}\u{fffd}2J\u{fffd}");

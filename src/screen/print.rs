@@ -1,9 +1,9 @@
-//! What is written to standard output.
+//! Output to standard output.
 
 use std::io::Write;
 use std::process::ExitCode;
 
-use super::tell;
+use super::message;
 
 /// A JSON document as text.
 pub fn json_text(document: &impl serde::Serialize) -> anyhow::Result<String> {
@@ -12,13 +12,13 @@ pub fn json_text(document: &impl serde::Serialize) -> anyhow::Result<String> {
 
 /// Writes a JSON document to standard output.
 pub fn print_json(document: &impl serde::Serialize) -> anyhow::Result<ExitCode> {
-    // Programs read it, and they need every character.
+    // Programs read it and need every character.
     write_out(&json_text(document)?)
 }
 
-/// Writes a text to standard output without control characters; a reader that has gone away is no error.
+/// Writes a text to standard output without control characters; a closed pipe is not an error.
 pub fn print(text: &str) -> anyhow::Result<ExitCode> {
-    write_out(&tell::clean(text))
+    write_out(&message::clean(text))
 }
 
 fn write_out(text: &str) -> anyhow::Result<ExitCode> {

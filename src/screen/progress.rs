@@ -1,4 +1,4 @@
-//! What the user sees while a run goes on: a bar on a terminal, lines elsewhere, a log, and a status for others.
+//! Progress of a run: a bar on a terminal, lines elsewhere, the log, and the status file.
 
 use std::io::{self, IsTerminal};
 use std::sync::Arc;
@@ -19,22 +19,22 @@ use crate::screen::closing::Closing;
 use crate::screen::log::LogFile;
 use crate::screen::quantities::{bytes, duration, rate, significant};
 
-/// What is shown of a run.
+/// Amount of output during a run.
 pub enum View {
-    /// Everything: it is all that the program does.
+    /// Full output: the only run of the program.
     Run {
-        /// Where everything is written down.
+        /// The log, if there is one.
         log: Option<LogFile>,
     },
-    /// Only a bar under this label, and nothing where there is no terminal: it is one run among others.
+    /// A bar with this label on a terminal, nothing elsewhere: one run among several.
     Member(String),
 }
 
-/// The bar is drawn afresh at most this often.
+/// Shortest time between two redraws of the bar.
 const FRAME: Duration = Duration::from_millis(100);
-/// Without a terminal there are about so many lines in all, …
+/// Approximate number of progress lines of a run without a terminal.
 const LINES: usize = 20;
-/// … and one at least every so often.
+/// Longest time between two such lines.
 const SILENCE: Duration = Duration::from_secs(30);
 
 /// Writes the results of a run and shows how far it is.
@@ -43,25 +43,25 @@ pub struct Watch {
     view: View,
     progress: Progress,
     status_file: StatusFile,
-    /// Whether writing the status and the log has worked so far: a failure is told once and stops nothing.
+    /// False once writing the status or the log has failed: a failure is reported once and does not stop the run.
     status_works: bool,
     log_works: bool,
     display: Display,
-    /// Warnings that were printed.
+    /// Number of warnings printed so far.
     warned: usize,
     stop: Arc<AtomicBool>,
     closing: Option<Closing>,
 }
 
-/// Length of the bar.
+/// Length of the bar, in its own units.
 const WHOLE: u64 = 10_000;
 
-/// The part of the bar that belongs to a time.
+/// Position of the bar at a time.
 fn part_of(time: f64, end_time: f64) -> u64 {
     (time / end_time * WHOLE as f64) as u64
 }
 
-/// How the progress is shown.
+/// Form in which the progress is shown.
 enum Display {
     Bar { bar: ProgressBar, drawn: Option<Instant> },
     Lines { last: Instant },
@@ -69,7 +69,7 @@ enum Display {
 }
 
 impl Watch {
-    /// Watches a run that `stop` may end.
+    /// Watches a run; setting `stop` ends it.
     pub fn new<const D: usize>(
         results: Results,
         model: &Model<D>,
@@ -119,21 +119,21 @@ impl Watch {
         watch
     }
 
-    /// Tells that the run goes on from a checkpoint.
-    pub fn goes_on(&mut self, checkpoint: &Checkpoint, reached: &Reached) {
-        self.progress.goes_on(reached);
+    /// Reports that the run resumes from a checkpoint.
+    pub fn resumed(&mut self, checkpoint: &Checkpoint, reached: &Reached) {
+        self.progress.resumed(reached);
         self.warned = reached.summary.warnings.len();
         if let Display::Bar { bar, .. } = &self.display {
             bar.set_position(part_of(reached.step.end, self.progress.status().end_time));
         }
-        self.say(&format!("going on after step {} from {}", reached.step.index, checkpoint.path.display()));
+        self.say(&format!("resuming after step {} from {}", reached.step.index, checkpoint.path.display()));
     }
 
     /// Prints a line, above the bar if there is one.
     fn print(&self, line: &str) {
         match &self.display {
-            Display::Bar { bar, .. } => bar.suspend(|| tell!("{line}")),
-            Display::Lines { .. } | Display::Nothing => tell!("{line}"),
+            Display::Bar { bar, .. } => bar.suspend(|| message!("{line}")),
+            Display::Lines { .. } | Display::Nothing => message!("{line}"),
         }
     }
 
@@ -153,7 +153,7 @@ impl Watch {
         }
     }
 
-    /// Says what a run that ends here probably suffers from.
+    /// Prints the probable cause of a failure.
     fn diagnosis(&mut self, diagnosis: &Diagnosis) {
         self.say(&format!("diagnosis: {diagnosis}"));
         let factor = diagnosis.largest_load_factor.map_or(String::new(), |factor| {
@@ -172,7 +172,7 @@ impl Watch {
         }
     }
 
-    /// Shows the state of things on the bar, if it is time.
+    /// Redraws the bar if it is due.
     fn draw(&mut self) {
         let Display::Bar { bar, drawn } = &mut self.display else { return };
         if drawn.is_some_and(|drawn| drawn.elapsed() < FRAME) {
@@ -182,7 +182,7 @@ impl Watch {
         bar.set_message(on_the_bar(&self.progress.status()));
     }
 
-    /// Shows a step in equilibrium where there is no terminal.
+    /// Prints a line about a step in equilibrium if there is no terminal and a line is due.
     fn show_line<const D: usize>(&mut self, report: &StepReport<D>) {
         let Display::Lines { last } = &mut self.display else { return };
         let status = self.progress.status();
@@ -193,11 +193,11 @@ impl Watch {
             *last = Instant::now();
             let left = status.seconds_left.filter(|_| !ends);
             let left = left.map(|left| format!(", {} left", duration(left))).unwrap_or_default();
-            tell!("{}{left}", in_equilibrium(report, &status));
+            message!("{}{left}", in_equilibrium(report, &status));
         }
     }
 
-    /// Leaves the terminal tidy; returns what there is to say at the end.
+    /// Removes the bar; returns the closing summary.
     pub fn end(self) -> Option<Closing> {
         if let Display::Bar { bar, .. } = &self.display {
             bar.finish_and_clear();
@@ -269,7 +269,9 @@ impl<const D: usize> Observer<D> for Watch {
         let code = attempt.error.code().unwrap_or_default();
         self.log(&format!("attempt failed [{code}]: {}", attempt.error));
         match ended {
-            None => self.log(&format!("a step of {} of a requested one is too large", significant(part, 3))),
+            None => {
+                self.log(&format!("a step of {} requested load steps is too large", significant(part, 3)))
+            }
             Some((_, diagnosis)) => self.diagnosis(diagnosis),
         }
         self.update_status();
@@ -289,7 +291,7 @@ impl<const D: usize> Observer<D> for Watch {
         error: Option<&SolveError>,
     ) -> io::Result<()> {
         let written = self.results.finished(model, points, summary, error);
-        // Whoever waits for the end of the run finds the summary when the status tells of it.
+        // The summary is complete before the status reports the end of the run.
         let lost = written.as_ref().err().map(SolveError::output);
         self.progress.finished(error.or(lost.as_ref()));
         self.update_status();
@@ -298,25 +300,25 @@ impl<const D: usize> Observer<D> for Watch {
     }
 }
 
-/// The step in hand among those that the deck asks for, or, where one was cut, the part of the time that it reaches.
+/// The current step among those requested or, once a step was cut, the share of the end time reached.
 fn step_of(status: &Status) -> String {
     let Status { step, steps_requested, time, end_time, .. } = status;
     let reached = time / end_time;
     if (reached * *steps_requested as f64 - *step as f64).abs() < 1e-6 {
         format!("step {step}/{steps_requested}")
     } else {
-        format!("step {step}, {:.4} % of the time", 100.0 * reached)
+        format!("step {step}, {:.4} % of the end time", 100.0 * reached)
     }
 }
 
-/// A step in equilibrium, in a line.
+/// One line about a step in equilibrium.
 fn in_equilibrium<const D: usize>(report: &StepReport<D>, status: &Status) -> String {
     let solves = report.residuals.len().saturating_sub(1);
     let residual = report.residuals.last().copied().unwrap_or(0.0);
     format!("{}: {solves} iterations, residual {residual:.2e}", step_of(status))
 }
 
-/// Two lines of less than 80 columns in all.
+/// Text beside the bar: two lines, each shorter than 80 columns with the bar.
 fn on_the_bar(status: &Status) -> String {
     let mut first = step_of(status);
     if let Some(residual) = status.residual {
@@ -330,7 +332,7 @@ fn on_the_bar(status: &Status) -> String {
     format!("{first}\n{}", second.join("  "))
 }
 
-/// What the log says of a step in equilibrium beside its residual.
+/// Further entries of the log about a step in equilibrium.
 fn in_the_log(status: &Status) -> String {
     let mut parts = Vec::new();
     parts.extend(status.load_factor.map(|factor| format!("load factor {}", significant(factor, 4))));

@@ -1,6 +1,6 @@
-//! Numbers as a person reads them.
+//! Numbers formatted for people.
 
-/// A number with so many significant digits; with an exponent where it is very large or very small.
+/// Formats a number with `digits` significant digits, and with an exponent if it is very large or very small.
 pub fn significant(value: f64, digits: usize) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
@@ -17,7 +17,7 @@ pub fn significant(value: f64, digits: usize) -> String {
     }
 }
 
-/// A time in seconds, such as `0.3 s`, `42 s`, `3 min 5 s` or `2 h 10 min`.
+/// Formats a time in seconds, such as `0.3 s`, `42 s`, `3 min 5 s` or `2 h 10 min`.
 pub fn duration(seconds: f64) -> String {
     if seconds < 9.95 {
         return format!("{:.1} s", seconds.max(0.0));
@@ -31,7 +31,7 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
-/// A rate of points per second.
+/// Formats a rate of points per second.
 pub fn rate(points_per_second: f64) -> String {
     let (value, unit) = match points_per_second {
         ..1e4 => (points_per_second, ""),
@@ -41,7 +41,7 @@ pub fn rate(points_per_second: f64) -> String {
     format!("{value:.0}{unit} points/s")
 }
 
-/// A size of memory.
+/// Formats an amount of memory.
 pub fn bytes(bytes: u64) -> String {
     mpm::memory::in_words(bytes as f64)
 }

@@ -1,5 +1,6 @@
-//! Every deck in `tests/decks` is refused when it is read with exactly the messages stored beside it, and every deck in
-//! `tests/decks/build` when its first load step is set up, unless its name says `good`, or `note` for messages that refuse nothing.
+//! Every deck in `tests/decks` is refused on reading, and every deck in `tests/decks/build` on setting up its first
+//! load step, with exactly the messages stored beside it; unless its name contains `good`, or `note` for messages that
+//! are not errors.
 //!
 //! A line `# set: name=value` in a deck is an override. `UPDATE_EXPECTED=1` rewrites the stored messages.
 
@@ -14,7 +15,7 @@ use mpm::deck::load::load_text;
 use mpm::deck::ready::ready;
 use mpm::memory::{Bound, Memory};
 
-/// Folders of decks, relative to the root of the sources, where tests are run: so are the paths in messages.
+/// Folders of decks, relative to the root of the sources, where tests run; so are the paths in messages.
 const READ: &str = "tests/decks";
 const BUILT: &str = "tests/decks/build";
 
@@ -36,7 +37,7 @@ fn overrides(text: &[u8]) -> Vec<(String, String)> {
         .collect()
 }
 
-/// The messages of a deck, and whether it was refused.
+/// The messages of a deck, and true if it was refused.
 fn messages(path: &Path) -> (String, bool) {
     let text = fs::read(path).unwrap();
     let name = path.file_name().unwrap().to_string_lossy();
@@ -56,10 +57,10 @@ fn messages(path: &Path) -> (String, bool) {
     }
 }
 
-/// A machine of which the messages about memory speak.
+/// The machine assumed in messages about memory.
 const MEMORY: Memory = Memory { limit: 16 << 30, available: 16 << 30, bound: Bound::Machine };
 
-/// The messages of a deck that can be read, up to its first load step, and whether it was refused.
+/// The messages of a readable deck, up to its first load step, and true if it was refused.
 fn messages_of_model(path: &Path) -> (String, bool) {
     let text = fs::read(path).unwrap();
     let name = path.file_name().unwrap().to_string_lossy();
@@ -123,7 +124,7 @@ fn bad_decks_are_refused_with_the_stored_messages() {
 }
 
 #[test]
-fn decks_that_do_not_go_with_their_mesh_are_refused_with_the_stored_messages() {
+fn decks_that_do_not_fit_their_mesh_are_refused_with_the_stored_messages() {
     assert!(compare(BUILT, messages_of_model) >= 30);
 }
 

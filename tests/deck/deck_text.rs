@@ -1,4 +1,4 @@
-//! Changes to the text of a deck at the place of one of its keys or values.
+//! Changes to the text of a deck at one of its keys or values.
 
 #![allow(clippy::unwrap_used)]
 #![allow(dead_code, reason = "not every test needs all of it")]
@@ -9,7 +9,7 @@ use mpm::deck::diagnostic::Diagnostic;
 use mpm::deck::source::{Source, Span};
 use serde_json::Value;
 
-/// A deck with the places of its keys and values.
+/// A deck with the locations of its keys and values.
 pub struct DeckText {
     pub name: String,
     pub text: String,
@@ -30,7 +30,7 @@ impl DeckText {
         DeckText { name: name.to_owned(), value: value.unwrap(), text, source }
     }
 
-    /// Pointers to all values, the deck itself left out, in the order of the deck.
+    /// Pointers to all values except the deck itself, in the order of the deck.
     pub fn pointers(&self) -> Vec<String> {
         let mut found = Vec::new();
         collect(&self.value, "", &mut found);
@@ -41,7 +41,7 @@ impl DeckText {
         self.value.pointer(pointer).unwrap()
     }
 
-    /// The last part of a pointer where it is the key of a mapping.
+    /// The last part of a pointer, if it is the key of a mapping.
     pub fn key<'p>(&self, pointer: &'p str) -> Option<&'p str> {
         self.source.key_span_of(pointer).map(|_| last(pointer))
     }
@@ -74,7 +74,7 @@ impl DeckText {
         let rest = after.trim_start();
         let open = before.trim_end();
         if let Some(rest) = rest.strip_prefix(',') {
-            // The comment or line break in front of the comma goes, too.
+            // The comment or line break before the comma is removed, too.
             format!("{before}{rest}")
         } else if rest.starts_with(['}', ']']) && open.ends_with(',') || is_entry && open.ends_with('-') {
             format!("{}{after}", &open[..open.len() - 1])
@@ -98,7 +98,7 @@ pub fn parent(pointer: &str) -> &str {
     pointer.rsplit_once('/').map_or("", |(parent, _)| parent)
 }
 
-/// The line and column of a message, both 0 where it has no place.
+/// The line and column of a message, both 0 if it has no location.
 pub fn place(source: &Source, found: &Diagnostic) -> (usize, usize) {
     found.span.map_or((0, 0), |span| source.line_column(span.start))
 }

@@ -1,7 +1,7 @@
-//! The pages that explain messages: their examples give the code, the fixed ones do not.
+//! The pages that explain messages: their examples produce the code, the corrected ones do not.
 //!
-//! Blocks of a page hold some keys of a deck; the others come from the deck in `docs/errors/README.md`. A block of shell
-//! commands gives overrides of parameters.
+//! Blocks of a page contain some keys of a deck; the others come from the deck in `docs/errors/README.md`. A block of
+//! shell commands gives overrides of parameters.
 
 #![allow(clippy::unwrap_used)]
 
@@ -15,7 +15,7 @@ use mpm::deck::ready::ready;
 use mpm::memory::Memory;
 use mpm::solver::Silent;
 
-/// What cannot be shown by a deck on every machine: no memory, no room on the disk.
+/// Codes that no deck can produce on every machine: no memory, no space on the disk.
 const WITHOUT_EXAMPLE: [&str; 9] = ["D036", "S008", "S011", "S012", "S013", "S015", "R001", "R002", "W004"];
 
 /// The blocks of a language between two headings, or up to the end.
@@ -62,7 +62,7 @@ fn overrides(commands: &str) -> Vec<(String, String)> {
 /// Codes of all messages about a deck: those of errors, and those of warnings and notes.
 type Codes = [BTreeSet<&'static str>; 2];
 
-/// The codes that an analysis gives up to its end.
+/// The codes of an analysis up to its end.
 fn codes(deck: &str, set: &[(String, String)]) -> Codes {
     let mut codes = Codes::default();
     let mut take = |found: &[Diagnostic]| {
@@ -84,7 +84,7 @@ fn codes(deck: &str, set: &[(String, String)]) -> Codes {
         Ok(mut ready) => {
             take(&ready.notes);
             let nothing = ready.analysis.beginning();
-            match ready.analysis.go_on(nothing, &mut Silent) {
+            match ready.analysis.run(nothing, &mut Silent) {
                 Ok(summary) => codes[1].extend(summary.warnings.iter().map(|warning| warning.code.text())),
                 Err(error) => {
                     codes[0].insert(error.code().unwrap());
@@ -96,7 +96,7 @@ fn codes(deck: &str, set: &[(String, String)]) -> Codes {
 }
 
 #[test]
-fn examples_give_their_code_and_fixed_ones_do_not() {
+fn examples_produce_their_code_and_corrected_ones_do_not() {
     let readme = include_str!("../../docs/errors/README.md");
     let common = blocks(readme, "yaml", "# Messages")[0];
     assert_eq!(codes(common, &[]), Codes::default(), "the deck of all examples is good");
@@ -118,10 +118,10 @@ fn examples_give_their_code_and_fixed_ones_do_not() {
         if !only || !(errors.contains(code) || remarks.contains(code)) {
             faults.push(format!("{code}: the example gives {errors:?} and {remarks:?}"));
         }
-        let (fixed, set, _) = under("\n## Fixed\n");
-        let [errors, remarks] = codes(&fixed, &set);
-        if !errors.is_empty() || remarks.contains(code) || fixed == wrong && !text.contains("--set") {
-            faults.push(format!("{code}: the fixed example gives {errors:?} and {remarks:?}"));
+        let (corrected, set, _) = under("\n## Fixed\n");
+        let [errors, remarks] = codes(&corrected, &set);
+        if !errors.is_empty() || remarks.contains(code) || corrected == wrong && !text.contains("--set") {
+            faults.push(format!("{code}: the corrected example gives {errors:?} and {remarks:?}"));
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));

@@ -28,7 +28,7 @@ struct Key<'a> {
     schema: &'static Value,
 }
 
-/// Follows references; returns the place in the schema.
+/// Follows references; returns the pointer in the schema.
 fn resolve(home: &str) -> String {
     let node = strict_schema().pointer(home).unwrap();
     let reference = node.get("$ref").or_else(|| node.pointer("/allOf/0/$ref")).and_then(Value::as_str);
@@ -46,7 +46,7 @@ fn of_type(schema: &Value, value: &Value) -> bool {
     }
 }
 
-/// Notes for every key of the schema that a value has where it stands in the deck.
+/// Records for every key of the schema in a value its pointer in the deck.
 fn walk(home: &str, value: &Value, at: &str, found: &mut BTreeMap<String, String>) {
     let home = resolve(home);
     let node = strict_schema().pointer(&home).unwrap();
@@ -88,7 +88,7 @@ fn is_declaration(schema: &Value) -> bool {
     schema.as_object().is_some_and(|schema| !schema.is_empty())
 }
 
-/// All keys of the schema, by the places where they are declared.
+/// All keys of the schema, by the pointers where they are declared.
 fn declared() -> BTreeSet<String> {
     fn collect(schema: &Value, home: &str, found: &mut BTreeSet<String>) {
         for (keyword, inner) in schema.as_object().into_iter().flatten() {
@@ -115,7 +115,7 @@ fn declared() -> BTreeSet<String> {
     found
 }
 
-/// Every key of the schema, where one of the decks has it first, in the order of the decks.
+/// Every key of the schema at its first occurrence in the decks, in their order.
 fn keys(decks: &[DeckText; 4]) -> Vec<Key<'_>> {
     let mut seen = BTreeSet::new();
     let mut keys = Vec::new();
@@ -176,7 +176,7 @@ fn every_misspelt_key_is_named() {
     compare("misspelt_keys", &all);
 }
 
-/// Values of every type; none of them is a sensible one anywhere.
+/// Values of every type; none of them is valid anywhere.
 const VALUES: [&str; 6] = ["wrong", "5.5", "true", "", "[7]", "{a: 7}"];
 
 #[test]

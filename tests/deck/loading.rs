@@ -1,4 +1,4 @@
-//! Loading decks: what good decks become, and that no damaged deck makes the program panic.
+//! Loading decks: the result for valid decks, and no panic for damaged ones.
 
 #![allow(clippy::unwrap_used)]
 
@@ -62,7 +62,7 @@ fn parameters_may_depend_on_each_other_and_be_overridden() {
 }
 
 #[test]
-fn formulas_know_the_parameters() {
+fn formulas_may_contain_parameters() {
     let loaded = good(RICH, &[]);
     let side = &loaded.deck.boundary_conditions[1];
     assert_eq!(side.ux, Some(Expression::Formula("(-0.5)*y^2 + if(x < h, 1, 0)".into())));
@@ -133,7 +133,7 @@ fn large_decks_are_read() {
     assert_eq!(good(&text, &[]).deck.bodies.len(), 19_990);
 }
 
-/// Loads a damaged deck; whatever comes of it must be told without a panic.
+/// Loads a damaged deck, which must not cause a panic.
 fn load_damaged(text: &[u8]) -> bool {
     match load_text("damaged.yaml", text, &[]) {
         Ok(loaded) => {
@@ -150,7 +150,7 @@ fn load_damaged(text: &[u8]) -> bool {
     }
 }
 
-/// All pointers of a value, the root left out.
+/// All pointers of a value except the root.
 fn pointers(value: &Value, at: &str, found: &mut Vec<String>) {
     match value {
         Value::Object(entries) => {
@@ -263,7 +263,7 @@ proptest! {
     }
 }
 
-/// A study must not take the results of another mesh for its own.
+/// A study must not reuse the results of another mesh.
 #[test]
 fn the_mesh_is_part_of_the_hash() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mesh hash");
@@ -281,7 +281,7 @@ fn the_mesh_is_part_of_the_hash() {
     assert_eq!(first, hash("mixed_4.1_text"));
 }
 
-/// Whole cells from which a circle is cut: its area is known although no formula gives that of the rest.
+/// Whole cells minus a circle: the area is measured, since no formula gives it.
 #[test]
 fn the_area_of_cut_cells_is_measured() {
     let text = "version: 1

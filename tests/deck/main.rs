@@ -1,4 +1,4 @@
-//! Decks: how they are read, checked and built, and what is said of those that are wrong.
+//! Decks: reading, checking and building them, and the messages about faulty ones.
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 #![allow(clippy::print_stdout, reason = "the counts and numbers belong to the tests")]

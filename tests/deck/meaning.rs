@@ -1,5 +1,5 @@
-//! What keys of the deck mean, by what comes out of a run: displacements of the material, forces per mass, lengths of
-//! paths, probes between points; and decks that grow beyond any bound.
+//! The meaning of keys of the deck, tested by runs: displacements of the material, forces per mass, lengths of paths,
+//! probes between points; and decks that grow without bound.
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stdout, reason = "the measured numbers belong to the tests")]
 
@@ -41,7 +41,7 @@ boundary_conditions: [{name: all, nodes: {outer_layer: block}, DISPLACEMENT}]
 steps: {count: COUNT}
 ";
 
-/// A displacement of the original position is the displacement of the material, in as many steps as one likes.
+/// A displacement as a function of the original position is that of the material, for any number of steps.
 #[test]
 fn a_stretch_of_the_original_position_does_not_depend_on_the_steps() {
     for method in ["method: mpm", "method: gimp", "method: cpdi2"] {
@@ -64,7 +64,7 @@ fn a_stretch_of_the_original_position_does_not_depend_on_the_steps() {
             }
             println!("{method}, {count} steps: F off by {worst:.1e}, places by {moved:.1e}");
             assert!(worst < 1e-9 && moved < 1e-9, "{method}, {count} steps: {worst:e}, {moved:e}");
-            // At the node's place the steps multiply.
+            // As a function of the current position, the steps multiply.
             let (points, _) = run(deck(&text("ux: 0, uy: 0.5*y")));
             let steps: f64 = count.parse().unwrap();
             let stretch = points.converged.deformation_gradient[0][(1, 1)];
@@ -126,7 +126,7 @@ loads: [{name: push, type: body-force, force: [0, -3]}]
 steps: {count: COUNT, control: {type: arc-length LENGTH}}
 ";
 
-/// The cantilever within a path of this length, and the length that it came along.
+/// The cantilever along a path of this length, and the length that it reached.
 fn cantilever(count: usize, length: Option<f64>) -> (Points<2>, Summary, f64) {
     let given = length.map_or(String::new(), |length| format!(", length: {length:?}"));
     let text = CANTILEVER.replace("COUNT", &count.to_string()).replace("LENGTH", &given);
@@ -148,7 +148,7 @@ fn the_length_of_the_path_can_be_given() {
     println!("length {length}, given {same}, places off by {:.1e}", apart(&free, &given));
     assert!((same / length - 1.0).abs() < 1e-12 && apart(&free, &given) < 1e-9);
     assert!((of_given.path.factor / of_free.path.factor - 1.0).abs() < 1e-9);
-    // Steps of half the length: twice as many lead to the same place, as many to the middle of the way.
+    // Twice as many steps of half the length end at the same state, the same number of them half-way.
     let (fine, of_fine, _) = cantilever(16, Some(length));
     let (half, of_half, halved) = cantilever(8, Some(0.5 * length));
     let (far, to_half) = (apart(&fine, &given), apart(&half, &given));
@@ -158,7 +158,7 @@ fn the_length_of_the_path_can_be_given() {
     assert!(far < 0.1 * to_half, "{far:e}, {to_half:e}");
 }
 
-/// A body that moves as a whole by u has come along a path of the length u.
+/// For a rigid translation by u, the length of the path is |u|.
 #[test]
 fn the_length_of_the_path_is_that_of_a_rigid_motion() {
     let text = "
@@ -183,7 +183,7 @@ steps: {count: 1, control: {type: arc-length, length: 0.01}}
 }
 
 #[test]
-fn a_probe_between_points_takes_all_that_are_equally_near() {
+fn a_probe_between_points_includes_all_that_are_equally_near() {
     let with = |probe: &str| {
         let text = BLOCK.replace("METHOD", "method: gimp").replace("DISPLACEMENT", "fix: [x, y]");
         let probes = format!("output: {{probes: [{{name: p, body: block, {probe}}}]}}\n");
@@ -207,7 +207,7 @@ fn a_probe_between_points_takes_all_that_are_equally_near() {
 }
 
 #[test]
-fn parameters_that_hold_each_other_do_not_grow_without_bound() {
+fn parameters_that_contain_each_other_do_not_grow_without_bound() {
     let began = Instant::now();
     let chain: String = (1..400).fold("  a0: \"word \"\n".to_owned(), |text, k| {
         text + &format!("  a{k}: \"${{a{}}}${{a{}}}\"\n", k - 1, k - 1)
@@ -225,7 +225,7 @@ fn parameters_that_hold_each_other_do_not_grow_without_bound() {
     let found = faults(&text);
     assert!(found.iter().any(|d| d.message.contains("to the deck")), "{:?}", &found[..found.len().min(3)]);
     assert!(found.len() < 10);
-    // What decks use is far from it.
+    // Real decks are far below the limit.
     let text =
         "version: 1\nparameters: {a: gimp, b: \"${a} and ${a}\", c: \"${b}, ${b}\"}\ntitle: \"${c}\"\n";
     assert!(!faults(text).iter().any(|d| d.code == "D012"));
@@ -247,7 +247,7 @@ fn aliases_and_keys_do_not_grow_without_bound() {
     println!("{:.2} s", began.elapsed().as_secs_f64());
 }
 
-/// Decks that are shipped say nothing without effect.
+/// Decks in `inputs` have no keys without effect.
 #[test]
 fn no_deck_of_the_inputs_has_a_key_without_effect() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("inputs");

@@ -27,7 +27,7 @@ enum Change {
     OtherSign,
 }
 
-/// What became of a change.
+/// Outcome of a change.
 enum Verdict {
     Refused(Vec<Diagnostic>),
     Accepted(Vec<Diagnostic>),
@@ -87,7 +87,7 @@ fn final_type(deck: &DeckText, pointer: &str) -> &'static str {
     }
 }
 
-/// A value with the other sign; nothing where it has none.
+/// A value with the other sign; `None` if it has no sign.
 fn with_other_sign(deck: &DeckText, pointer: &str) -> Option<String> {
     if final_type(deck, pointer) != "number" && !is_formula(pointer) {
         return None;
@@ -405,15 +405,15 @@ fn reason(change: Change, deck: &str, pointer: &str, became: &str) -> Option<usi
     })
 }
 
-/// Codes about something that depends on two places of the deck; either may be the one to change.
+/// Codes about something that depends on two keys of the deck; either may be the one to change.
 const RELATIONS: [&str; 8] = ["D015", "D018", "D021", "D024", "D027", "D028", "D029", "D035"];
 
-/// Whether a message stands where the change was made, or where the deck uses what was changed.
+/// True if a message is located at the change, or where the deck uses the changed value.
 fn is_at_the_right_line(deck: &DeckText, changed: &Source, pointer: &str, found: &Diagnostic) -> bool {
     let line = place(changed, found).0;
     let of =
         |pointer: &str| changed.nearest_span(pointer).map_or(0, |span| changed.line_column(span.start).0);
-    // What is gone was where its parent is; a list goes on after it.
+    // A removed value was inside its parent; a list continues after it.
     let key_of_parent =
         changed.key_span_of(parent(pointer)).map_or(0, |span| changed.line_column(span.start).0);
     let own = [of(pointer), of(parent(pointer)), key_of_parent];
@@ -460,7 +460,7 @@ fn every_change_of_a_key_is_refused_at_its_line_or_accepted_for_a_reason() {
     let mut accepted = String::new();
     for name in &decks {
         let path = format!("inputs/{name}.yaml");
-        // With fewer points the block says the same, sooner.
+        // With fewer points, the block gives the same result faster.
         let text = fs::read_to_string(root().join(&path)).unwrap().replace("h: 0.25, n: 3", "h: 1, n: 2");
         let deck = DeckText::new(&path, text);
         for pointer in deck.pointers() {

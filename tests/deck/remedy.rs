@@ -1,11 +1,11 @@
-//! Whether a message says what to do. The checks of decks call this for every message that any test deck brings about.
+//! Checks that a message has a remedy. The tests of decks call this for every message of every test deck.
 
 use mpm::deck::diagnostic::Diagnostic;
 
-/// Messages without a remedy: the code, a part of the message, and why there is nothing to do about it.
+/// Messages without a remedy: the code, a part of the message, and the reason why there is none.
 const WITHOUT: &[(&str, &str, &str)] = &[];
 
-/// Fails for a message without help, unless it is listed above, and for a help that says nothing of its own.
+/// Fails for a message without help, unless it is listed above, and for a help that repeats the message.
 pub fn has_remedy(found: &Diagnostic) {
     let excused = WITHOUT.iter().any(|(code, part, _)| found.code == *code && found.message.contains(part));
     let help = found.help.as_deref().unwrap_or("");

@@ -109,7 +109,7 @@ fn validator() -> Validator {
     jsonschema::options().with_draft(Draft::Draft7).build(&deck_schema()).unwrap()
 }
 
-/// What the program says about the shape of a deck: `None` where it is not YAML, so that it has none, or where a
+/// True if the program accepts the shape of a deck; `None` if the deck is not YAML and so has no shape, or if a
 /// parameter is at fault, whose value a schema cannot know.
 fn accepted_by_program(path: &Path, text: &[u8]) -> Option<bool> {
     let failure = match load_text(&path.display().to_string(), text, &[]) {
@@ -172,6 +172,6 @@ fn published_schema_accepts_expressions_of_parameters() {
     for young in [json!("2*E"), json!("${}"), json!(-1), json!(null)] {
         assert!(!accepts("hencky", young.clone()), "{young}");
     }
-    // Which keys a material has is not known when a parameter chooses its law.
+    // The keys of a material are unknown if a parameter selects its law.
     assert!(accepts("${law}", json!(null)));
 }

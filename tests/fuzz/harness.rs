@@ -31,15 +31,15 @@ pub trait Bench: Send + 'static {
     fn run(&self, content: &[u8]) -> String;
 }
 
-/// Held by the test that is running.
+/// Held by the running test.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// Waits until no other test limits the memory of the process, and keeps them from it.
+/// Waits until no other test limits the memory of the process, and locks the others out.
 pub fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Goes on for as much processor time as `FUZZ_SECONDS` says, from the case that `FUZZ_SEED` says.
+/// Runs for the processor time `FUZZ_SECONDS`, beginning with the case `FUZZ_SEED`.
 pub fn fuzz_for_long<B: Bench>(make: impl FnOnce() -> B + Send + 'static) {
     let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse::<u64>().ok());
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap();
@@ -94,7 +94,7 @@ pub fn fuzz<B: Bench>(make: impl FnOnce() -> B + Send + 'static, first: u64, mos
     let mut counts: BTreeMap<String, usize> = BTreeMap::new();
     let (mut total, mut longest, mut faults) = (0, (Duration::ZERO, 0), Vec::new());
     while let Ok(seed) = told.recv() {
-        // Processor time: the machine may have other things to do.
+        // Processor time, since the machine may be busy.
         let began = ProcessTime::now();
         let report = loop {
             match receive.recv_timeout(Duration::from_millis(500)) {

@@ -75,7 +75,7 @@ fn a_deck_of_a_hundred_megabytes_is_refused() {
     let text = refusal(&path).render(false);
     println!("refused in {:.2} s", before.elapsed().as_secs_f64());
     assert!(text.contains("the deck is larger than 64 MiB"), "{text}");
-    assert!(text.contains("help: bulky data belongs into a mesh file"), "{text}");
+    assert!(text.contains("help: put bulky data into a mesh file"), "{text}");
 }
 
 /// 70 × 70 points in each of 100 × 100 cells.
@@ -95,7 +95,7 @@ fn a_deck_too_large_for_memory_is_refused_before_any_of_it_is_taken() {
     let loaded = load_text("large.yaml", LARGE.as_bytes(), &[]).unwrap();
     let _alone = alone();
     let before = ALLOCATOR.allocated();
-    // The other tests of this program may run at the same time and take a little.
+    // Other tests of this program may run at the same time and take some memory.
     ALLOCATOR.set_limit(before + (1 << 30)).unwrap();
     let began = Instant::now();
     let found = ready(&loaded, Some(memory)).unwrap_err();
@@ -159,7 +159,7 @@ fn messages_are_written_as_json() {
 }
 
 #[test]
-fn a_deck_that_can_be_used_tells_its_size_as_json() {
+fn a_valid_deck_has_its_size_in_the_json() {
     let output = mpm(&["check", "inputs/beam.yaml", "--format", "json"]);
     assert!(output.status.success());
     let report = json(&output);
@@ -194,7 +194,7 @@ output: {{every: {every}}}
     )
 }
 
-/// The prediction is to warn of what does not fit: it may be too high by half, too low by a fifth.
+/// The prediction must warn of analyses that do not fit: it may be too high by half, or too low by a fifth.
 #[test]
 #[cfg(target_os = "linux")]
 fn the_predicted_memory_is_what_a_run_takes() {
@@ -221,7 +221,7 @@ fn the_predicted_memory_is_what_a_run_takes() {
     }
 }
 
-/// Compares the memory that is predicted for a deck with what its run takes.
+/// Compares the memory predicted for a deck with that of its run.
 #[cfg(target_os = "linux")]
 fn check_prediction(deck: &Path, out: &Path, set: &[&str]) {
     let deck = deck.to_str().unwrap();
@@ -254,7 +254,7 @@ fn warnings_can_be_made_errors() {
         let denied = mpm(&["check", deck, flag]);
         assert_eq!(denied.status.code(), Some(2));
         let text = String::from_utf8_lossy(&denied.stderr).into_owned();
-        assert!(text.starts_with("error[D045]") && text.contains("was made an error"), "{text}");
+        assert!(text.starts_with("error[D045]") && text.contains("treated as an error"), "{text}");
     }
     let report = json(&mpm(&["check", deck, "--deny-warnings", "--format", "json"]));
     assert_eq!((&report["usable"], &report["errors"]), (&Value::from(false), &Value::from(1)));
@@ -291,7 +291,7 @@ fn results_that_cannot_be_written_are_a_usage_error() {
     }
 }
 
-/// Decks of about this many lines, by what they have most of.
+/// Decks of about this many lines, by their main content.
 fn long_decks(lines: usize) -> Vec<(&'static str, String)> {
     let deck = |grid: usize, bodies: &str, conditions: &str, loads: &str, probes: &str| {
         format!(
@@ -360,7 +360,7 @@ output:
     ]
 }
 
-/// What `mpm check` does with long decks; the processor time it takes is printed, and `docs/diagnostics.md` states it.
+/// `mpm check` of long decks; the processor time is printed, and `docs/diagnostics.md` states it.
 #[test]
 fn decks_of_ten_thousand_lines_are_checked() {
     for lines in [1000, 10_000] {

@@ -88,7 +88,7 @@ steps: {{count: 3}}
     let mut analysis: Analysis = ready(&loaded, None).unwrap().analysis;
     let mut recorder = Recorder { length: l, stress: s, record: Record::default() };
     let nothing = analysis.beginning();
-    analysis.go_on(nothing, &mut recorder).unwrap_or_else(|error| panic!("{length} {stress}: {error}"));
+    analysis.run(nothing, &mut recorder).unwrap_or_else(|error| panic!("{length} {stress}: {error}"));
     recorder.record
 }
 
@@ -124,7 +124,7 @@ steps: {{count: 1}}"
         let loaded = load_text("deck", deck.as_bytes(), &[]).unwrap_or_else(|failure| panic!("{failure}"));
         let mut analysis = ready(&loaded, None).unwrap().analysis;
         let nothing = analysis.beginning();
-        let outcome = analysis.go_on(nothing, &mut mpm::solver::Silent);
+        let outcome = analysis.run(nothing, &mut mpm::solver::Silent);
         match outcome {
             Ok(summary) => assert!(force == "1e-320" && summary.external_work.is_finite()),
             Err(error) => assert!(error.code().is_some() && force != "1e-320", "{force}: {error}"),

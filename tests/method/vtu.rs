@@ -229,7 +229,7 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn refuses_what_does_not_fit_together() {
+fn refuses_inconsistent_data() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("refused.vtu");
     let points = [[0.0; 3], [1.0; 3]];

@@ -148,10 +148,10 @@ def test_a_comparison_shows_what_all_have(run, mpm, whole, tmp_path):
     [
         ("{fields: [displacment]}", "did you mean `displacement`?"),
         ("{fields: [stress]}", "cauchy_stress"),
-        ("{fields: [J, displacement, J]}", "the field `J` is named twice"),
+        ("{fields: [J, displacement, J]}", "the field `J` is listed twice"),
         ("{fields: J}", "list"),
         ("{precision: half}", "`single`"),
-        ("{precision: 32}", "expected a text"),
+        ("{precision: 32}", "expected text"),
     ],
 )
 def test_wrong_choices_are_explained(mpm, tmp_path, output, complaint):

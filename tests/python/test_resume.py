@@ -128,7 +128,7 @@ def test_an_interrupted_run_goes_on(mpm, stopped, whole, tmp_path):
     directory = stopped(deck, tmp_path / "stopped", *SMALL, after=5)
     assert last_checkpoint(directory) >= 5
     process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
-    assert process.returncode == 0 and "going on after step" in process.stderr, process.stderr
+    assert process.returncode == 0 and "resuming after step" in process.stderr, process.stderr
     assert results(directory) == expected
 
 
@@ -174,7 +174,7 @@ def test_steps_may_become_finer_after_a_failure(mpm, tmp_path):
     assert step >= 1
     process = mpm("run", deck, "--out", directory, *settings(h=1, n=3, method="mpm", steps=80), "--resume")
     assert process.returncode == 0, process.stderr
-    assert f"going on after step {20 * step} " in process.stderr
+    assert f"resuming after step {20 * step} " in process.stderr
 
 
 def test_a_changed_deck_is_refused_with_what_changed(mpm, tmp_path, whole):
@@ -202,7 +202,7 @@ def test_a_damaged_checkpoint_is_named_and_the_one_before_it_used(mpm, tmp_path,
         process = mpm("run", deck, "--out", directory, *SMALL, "--resume")
         assert process.returncode == 0, process.stderr
         assert "checkpoint_0030.mpm` cannot be used" in process.stderr
-        assert "going on after step 27" in process.stderr
+        assert "resuming after step 27" in process.stderr
         assert results(directory) == expected
         assert newest.read_bytes()[:16] == b"mpm checkpoint 3"
 
@@ -333,11 +333,11 @@ def test_members_of_a_study_go_on_from_their_checkpoints(mpm, program, tmp_path)
     process.communicate()
     second = mpm("sweep", deck, "--out", directory, *over, "--resume")
     assert second.returncode == 0, second.stderr
-    assert "n=2: completed earlier" in second.stderr and "going on after step" in second.stderr
+    assert "n=2: completed earlier" in second.stderr and "resuming after step" in second.stderr
     for member in ("n=2", "n=3"):
         assert results(directory / member) == results(tmp_path / "whole" / member)
-    # A checkpoint of another deck is no place to go on from: the member begins anew, and that is said.
+    # A checkpoint of another deck cannot be resumed: the member starts over, with a message.
     (directory / "n=3" / "summary.json").unlink()
     over = ["--over", "n=2,3", *settings(h=1, steps=30, every=5, method="mpm")]
     third = mpm("sweep", deck, "--out", directory, *over, "--resume")
-    assert third.stderr.count("begins anew: the deck is not the one") == 2, third.stderr
+    assert third.stderr.count("starts over: the deck differs from that") == 2, third.stderr

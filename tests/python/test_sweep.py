@@ -258,7 +258,7 @@ def test_ctrl_c_leaves_a_valid_table_and_the_study_goes_on(program, mpm, tmp_pat
     process.send_signal(signal.SIGINT)
     _, messages = process.communicate(timeout=120)
     assert process.returncode == 130, messages
-    assert "1 interrupted" in messages and "1 not begun" in messages
+    assert "1 interrupted" in messages and "1 not started" in messages
     # The member that was completed earlier is in the table although the study did not get there.
     rows = read_table(out)
     assert [(row["n"], row["h"], row["outcome"]) for row in rows] == [

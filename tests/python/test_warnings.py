@@ -129,7 +129,7 @@ def test_a_run_that_goes_on_has_the_same_warnings(mpm, run, tmp_path):
     (tmp_path / "out" / "summary.json").unlink()
     (tmp_path / "out" / "checkpoint_0008.mpm").unlink()
     process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out", "--resume")
-    assert process.returncode == 0 and "going on after step 5" in process.stderr, process.stderr
+    assert process.returncode == 0 and "resuming after step 5" in process.stderr, process.stderr
     again = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert whole["warnings"] and again["warnings"] == whole["warnings"]
     assert "warning[W005]" not in process.stderr, "told before"

@@ -1,4 +1,4 @@
-"""A run seen while it goes on and when it ends: lines, log, status, signals, and the table at the end."""
+"""A run seen during it and at its end: lines, log, status, signals, and the table at the end."""
 
 import json
 import os
@@ -116,7 +116,7 @@ def test_signals_end_a_run_with_complete_files(start, kind):
     process.send_signal(kind)
     output, messages = process.communicate(timeout=120)
     assert process.returncode == 130, messages
-    assert "stopping after the step in hand" in messages
+    assert "stopping after the current step" in messages
     results = Results(out)
     assert results.summary["outcome"] == "interrupted"
     assert len(results.series("points")) == len(results.history["step"]) + 1
@@ -145,7 +145,7 @@ def test_nohup_keeps_a_run_going(start):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, messages = process.communicate(timeout=120)
-    assert messages.count("stopping after the step in hand") == 1
+    assert messages.count("stopping after the current step") == 1
 
 
 def test_the_log_has_every_iteration(mpm, tmp_path):

@@ -1,4 +1,4 @@
-//! Runs a deck of `inputs/` in memory and keeps what the tests look at.
+//! Runs a deck of `inputs/` in memory and records the results that the tests check.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
 
-/// One equilibrated step.
+/// One step in equilibrium.
 #[derive(Debug, Clone)]
 pub struct Record {
     pub residuals: Vec<f64>,
@@ -93,7 +93,7 @@ fn finish(mut model: Model<2>, mut points: Points<2>) -> Analysis {
     Analysis { model, points, steps: recorder.steps, summary }
 }
 
-/// Shows every equilibrated step to a closure.
+/// Passes every step in equilibrium to a closure.
 struct Watcher<F>(F);
 
 impl<F: FnMut(&Points<2>, &StepReport<2>)> Observer<2> for Watcher<F> {
@@ -109,7 +109,7 @@ impl<F: FnMut(&Points<2>, &StepReport<2>)> Observer<2> for Watcher<F> {
     }
 }
 
-/// Runs a model and shows every equilibrated step to `look`.
+/// Runs a model and passes every step in equilibrium to `look`.
 pub fn watch(
     model: &Model<2>,
     points: &mut Points<2>,

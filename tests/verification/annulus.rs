@@ -106,7 +106,8 @@ fn the_error_falls_with_refinement_if_there_are_enough_points() {
     let few = error(&annulus(72, 1).completed());
     println!("1 point at 72 segments: {few:.3e}");
     assert!(few > 2.0 * fine[2].1);
-    // With one point the finer grids tear, and the run says so instead of writing what is not in equilibrium.
+    // With one point per triangle the finer grids tear, and the run ends with an error instead of writing steps that
+    // are not in equilibrium.
     assert!(annulus(144, 1).summary.is_err());
 }
 

@@ -21,8 +21,8 @@ fn runs(deck: &str, set: &[(&str, &str)], steps: &[&str]) -> Vec<Analysis> {
 fn the_balance_of_energy_closes_with_the_square_of_the_steps() {
     for (deck, method, n, steps, least) in [
         ("beam.yaml", "cpdi2", "4", ["25", "50", "100"], 1.9),
-        // Points that are out of balance on a fresh grid first move elastically, then flow: the stress has a kink within
-        // the step, the sharper the more there is to regrid.
+        // Points that are out of balance on a fresh grid first move elastically, then flow: the stress has a kink
+        // within the step, the sharper, the larger the regridding work.
         ("collapse.yaml", "cpdi2", "4", ["20", "40", "80"], 1.4),
         ("collapse.yaml", "mpm", "4", ["40", "80", "160"], 0.5),
     ] {
@@ -40,8 +40,8 @@ fn the_balance_of_energy_closes_with_the_square_of_the_steps() {
     }
 }
 
-/// What a fresh grid costs: next to nothing where basis functions are smooth, a part of all work with standard points,
-/// whose stress jumps when they cross a cell border. Without it the balance would not close.
+/// Energy lost to the reset of the grid: next to nothing with smooth basis functions, but a share of all work with
+/// standard points, whose stress jumps when they cross a cell border. Without it the balance would not close.
 #[test]
 fn regridding_takes_energy_from_standard_points_above_all() {
     let share = |method: &str, steps: &str| {
@@ -57,7 +57,7 @@ fn regridding_takes_energy_from_standard_points_above_all() {
     assert!(standard < -0.1 && error.abs() < 1e-3, "{standard} {error}");
 }
 
-/// What the stabilisation of faces takes is known, and small; the balance closes with it.
+/// The work of the face stabilisation is known, and small; the balance closes with it.
 #[test]
 fn stabilisation_takes_its_share() {
     let (mut model, mut points) =

@@ -20,7 +20,7 @@ fn beam(h: &str, method: &str, update: &str) -> Analysis {
     run("beam.yaml", &[("h", h), ("method", method), ("update", update)]).completed()
 }
 
-/// Largest distance of the loaded points from the reference over all steps but `skip`, in m.
+/// Largest distance of the loaded points from the reference over all steps except `skip`, in m.
 fn largest_difference(analysis: &Analysis, name: &str, skip: &[usize]) -> f64 {
     let reference = reference(name);
     assert_eq!(reference.len(), analysis.steps.len());
@@ -48,9 +48,9 @@ fn digits(residual: f64) -> f64 {
     -residual.log10()
 }
 
-/// Whether the last iteration of a step doubles the number of correct digits, but for a constant: r' ≤ 2·10⁴ r², or
-/// round-off. The constant is the ratio of axial to bending stiffness of the beam, whose residual falls alternately
-/// in the one and in the other. A tangent with an error of a hundredth converges linearly and fails this.
+/// True if the last iteration of a step doubles the number of correct digits, up to a constant: r' ≤ 2·10⁴ r², or
+/// round-off. The constant is the ratio of axial to bending stiffness of the beam, whose residual falls alternately in
+/// the one and in the other. A tangent with an error of a hundredth converges linearly and fails this.
 fn ends_quadratically(residuals: &[f64]) -> bool {
     match residuals {
         [.., before, last] => digits(*last) >= (2.0 * digits(*before) - 4.3).min(13.4),
@@ -58,7 +58,7 @@ fn ends_quadratically(residuals: &[f64]) -> bool {
     }
 }
 
-/// Every step but `skip` ends quadratically.
+/// Every step except `skip` ends quadratically.
 fn assert_quadratic(analysis: &Analysis, skip: &[usize]) {
     for (k, step) in analysis.steps.iter().enumerate().filter(|(k, _)| !skip.contains(&(k + 1))) {
         assert!(ends_quadratically(&step.residuals), "step {}: {:?}", k + 1, step.residuals);

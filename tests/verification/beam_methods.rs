@@ -1,5 +1,5 @@
-//! Section 7.3, the methods beside each other on the cantilever: evaluation counts (Table 4) and the response of CPDI2
-//! against that of GIMP (Fig. 17).
+//! Section 7.3, the methods compared on the cantilever: evaluation counts (Table 4) and the response of CPDI2 against
+//! that of GIMP (Fig. 17).
 
 use crate::analysis::{Analysis, run};
 
@@ -80,7 +80,8 @@ fn table_4() {
     }
 }
 
-/// Largest distance between the loaded points of two analyses over the steps that both have, and how many those are.
+/// Largest distance between the loaded points of two analyses over the steps that both have, and the number of those
+/// steps.
 fn largest_distance(a: &Analysis, b: &Analysis) -> (f64, usize) {
     let steps = a.steps.len().min(b.steps.len());
     let apart = |k: usize| distance(a, b, k);

@@ -157,8 +157,8 @@ fn table_7_cpdi2() {
     assert_admissible(&analysis);
 }
 
-/// With domains at h = 0.5 m the stiffness of step 31 is indefinite by a billionth of that of weak nodes. Whoever takes it
-/// for singular finds no equilibrium there.
+/// With domains at h = 0.5 m the stiffness of step 31 is indefinite by a billionth of that of weak nodes. A solver that
+/// treats it as singular finds no equilibrium there.
 #[test]
 fn weakly_indefinite_steps_converge() {
     let analysis = collapse("0.5", "6", "gimp", "corners");
@@ -167,8 +167,9 @@ fn weakly_indefinite_steps_converge() {
     assert_admissible(&analysis);
 }
 
-/// CPDI1, whose corners follow the deformation of their point, leaves the plane of symmetry and the base by little, and
-/// carries on: balanced, admissible, with the extent and height of CPDI2 within 0.02 %, closer on the finer grid.
+/// CPDI1, whose corners follow the deformation of their point, leaves the plane of symmetry and the base slightly, and
+/// the run completes: balanced, admissible, with the extent and height of CPDI2 within 0.02 %, closer on the finer
+/// grid.
 #[test]
 fn cpdi1_slides_along_walls() {
     let mut before = f64::INFINITY;

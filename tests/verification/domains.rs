@@ -21,7 +21,7 @@ fn deformed(update: &str, motion: &[(&str, &str)], F: &Mat3) -> [f64; 2] {
     lengths(&analysis)
 }
 
-/// Whether two pairs of lengths are equal but for round-off.
+/// True if two pairs of lengths are equal up to round-off.
 fn equal(a: [f64; 2], b: [f64; 2]) -> bool {
     (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) < 1e-12
 }
@@ -29,7 +29,8 @@ fn equal(a: [f64; 2], b: [f64; 2]) -> bool {
 /// Parameters of a motion, its deformation gradient, the lengths of a suitable domain, and the unsuitable updates.
 type Motion = (&'static [(&'static str, &'static str)], Mat3, [f64; 2], &'static [&'static str]);
 
-/// Table 2 through a deck: which updates give the domain its right lengths, and the failures of the footnotes, Fig. 4.
+/// Table 2 through a deck: the updates that give the domain its correct lengths, and the failures of the footnotes,
+/// Fig. 4.
 #[test]
 fn table_2() {
     let plane = |xx, xy, yx, yy| Mat3::new(xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, 1.0);

@@ -6,14 +6,14 @@ use mpm::stress::Formulation;
 
 use crate::analysis::{build_deck, watch};
 
-/// What is compared of a step.
+/// Compared quantities of a step.
 struct Step {
     /// Positions by permanent number.
     position: Vec<[f64; 2]>,
     /// Mean displacement of the loaded points.
     tip: [f64; 2],
     evaluations: usize,
-    /// Whether all matrices were positive definite beyond doubt.
+    /// True if all matrices were clearly positive definite.
     definite: bool,
 }
 

@@ -51,7 +51,7 @@ mod cantilever {
         run("cantilever/structured.yaml", &[("h", h)]).completed()
     }
 
-    /// How far the centre of mass has come down, m: a measure with a limit, unlike the displacement under a point load.
+    /// Descent of the centre of mass, m: it converges, unlike the displacement under a point load.
     pub fn drop(points: &Points<2>) -> f64 {
         let mass: f64 = points.mass.iter().sum();
         let moved = |p: usize| points.original_position[p][1] - points.converged.position[p][1];

@@ -1,5 +1,5 @@
-//! What a body of revolution asks of a deck: points that stand for rings, a grid on one side of the axis, and a weight
-//! along it. That nodes on the axis stay there is seen when the first step is set up.
+//! Requirements of a body of revolution: points that represent rings, a grid on one side of the axis, and gravity along
+//! the axis. The check that nodes on the axis stay there is part of setting up the first step.
 
 use super::LoadDeck;
 use super::diagnostic::Diagnostic;
@@ -8,7 +8,7 @@ use mpm_core::dofs::ON_AXIS;
 use mpm_core::grid::Grid;
 use mpm_core::points::Seed;
 
-/// Turns points that stand for areas into points that stand for the rings they describe, the full circle.
+/// Turns points that represent areas into points that represent full rings about the axis.
 pub(super) fn revolve<const D: usize>(seeds: &mut [Seed<D>]) {
     for seed in seeds {
         let circumference = std::f64::consts::TAU * seed.position[0];
@@ -17,7 +17,7 @@ pub(super) fn revolve<const D: usize>(seeds: &mut [Seed<D>]) {
     }
 }
 
-/// What is wrong with the grid and the loads of a body of revolution.
+/// Faults in the grid and the loads of a body of revolution.
 pub(super) fn faults<const D: usize>(loaded: &LoadedDeck, grid: &dyn Grid<D>) -> Vec<Diagnostic> {
     let error = |pointer: &str, message: String| Diagnostic::at(&loaded.source, "D046", pointer, message);
     let mut found = Vec::new();
@@ -25,9 +25,7 @@ pub(super) fn faults<const D: usize>(loaded: &LoadedDeck, grid: &dyn Grid<D>) ->
     let is_beyond = |node: usize| grid.node_position(node)[0] < -ON_AXIS * grid.size_around(node);
     if leftmost < 0.0 && (0..grid.n_nodes()).any(is_beyond) {
         let message = format!("the grid begins at x = {leftmost}, beyond the axis of revolution x = 0");
-        found.push(
-            error("/grid", message).help("x is the distance from the axis: let the grid begin at x = 0"),
-        );
+        found.push(error("/grid", message).help("x is the distance from the axis: begin the grid at x = 0"));
         return found;
     }
     for (number, load) in loaded.deck.loads.iter().enumerate() {
@@ -35,7 +33,7 @@ pub(super) fn faults<const D: usize>(loaded: &LoadedDeck, grid: &dyn Grid<D>) ->
             && acceleration.first().is_some_and(|radial| *radial != 0.0)
         {
             let pointer = format!("/loads/{number}/acceleration/0");
-            let message = "a weight cannot act along the radius of a body of revolution".to_owned();
+            let message = "gravity cannot act along the radius of a body of revolution".to_owned();
             let help = "set the first component to 0, or use a load of type `body-force`";
             found.push(error(&pointer, message).help(help));
         }

@@ -1,4 +1,4 @@
-//! Gate three, feasibility: from a deck to the model and its points. What needs the mesh is checked here.
+//! Gate three, feasibility: from a deck to the model and its points. Checks that need the mesh are made here.
 
 mod magnitudes;
 mod nearest;
@@ -33,14 +33,14 @@ use mpm_core::region::Region;
 /// Relative distance to a grid line within which a selected coordinate counts as lying on it.
 const ON_LINE: f64 = 1e-6;
 
-/// Part of the area of a region that is probably not missed on purpose.
+/// Share of the area of a region whose loss is probably not intended.
 const MUCH: f64 = 0.05;
 
-/// Builds the model of a deck that passed the earlier gates, and its points; `D` must be the number of dimensions of
-/// the deck.
+/// Builds the model of a deck that passed the earlier gates, and its points; `D` must be the number of axes of the
+/// deck.
 ///
 /// # Errors
-/// Everything that cannot be done with this mesh, each with its place in the deck.
+/// All faults found with this mesh, each with its location in the deck.
 #[expect(private_bounds, reason = "there are two numbers of dimensions, and no other can be added")]
 pub fn build<const D: usize>(loaded: &LoadedDeck) -> Result<(Model<D>, Points<D>), Vec<Diagnostic>>
 where
@@ -49,17 +49,17 @@ where
     built(loaded, Memory::of_this_machine()).map(|built| (built.model, built.points))
 }
 
-/// What a deck is built into.
+/// The result of building a deck.
 pub(super) struct Built<const D: usize> {
     pub(super) model: Model<D>,
     pub(super) points: Points<D>,
-    /// Warnings and notes that are no errors.
+    /// Warnings and notes.
     pub(super) notes: Vec<Diagnostic>,
-    /// The memory that the analysis will need at most, estimated, [byte].
+    /// Estimated peak memory of the analysis, [byte].
     pub(super) memory: f64,
 }
 
-/// As [`build`], for a machine with this memory: a model that does not fit into it is refused.
+/// As [`build`], but refuses a model that does not fit into `memory`.
 pub(super) fn built<const D: usize>(
     loaded: &LoadedDeck,
     memory: Option<Memory>,
@@ -81,7 +81,7 @@ where
     }
 }
 
-/// The load curve that a deck gives; from 0 to 1 over the analysis where it gives none.
+/// The load curve of a deck; by default, a ramp from 0 to 1 over the analysis.
 pub(super) fn load_curve(curve: Option<&CurveDeck>, end_time: f64) -> LoadCurve {
     match curve {
         Some(CurveDeck(pairs)) => LoadCurve::table(pairs.clone()),
@@ -89,7 +89,7 @@ pub(super) fn load_curve(curve: Option<&CurveDeck>, end_time: f64) -> LoadCurve 
     }
 }
 
-/// The law of a material.
+/// The constitutive law of a material.
 fn law(material: &MaterialDeck) -> Box<dyn Material> {
     match *material {
         MaterialDeck::Hencky { young, poisson, .. } => Box::new(Hencky::new(young, poisson)),
@@ -100,10 +100,10 @@ fn law(material: &MaterialDeck) -> Box<dyn Material> {
     }
 }
 
-/// What becomes of points that are equally near, where not all of them were asked for.
+/// Treatment of points that are equally near when fewer were requested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Ties {
-    /// Round-off would choose between them: an error.
+    /// An error, since round-off would choose between them.
     Refused,
     /// All of them are taken.
     All,
@@ -121,7 +121,7 @@ impl<'a, const D: usize> Builder<'a, D>
 where
     Region<D>: OfDeck<D>,
 {
-    /// The model and its points; nothing where what is missing keeps the rest from being looked at.
+    /// The model and its points; `None` if a fault prevents the checks that follow.
     fn build(&mut self, memory: Option<Memory>) -> Option<(Model<D>, Points<D>)> {
         let deck = self.deck;
         if deck.dimensions() != D {
@@ -217,13 +217,13 @@ where
             },
             ..Stepping::fixed(count as usize, end_time)
         };
-        // Without output but at the end steps may grow as they like.
+        // Without intermediate output, steps may grow freely.
         if self.deck.output.every == 0 {
             stepping.stops = stepping.count;
         }
         let curves = loads.iter().map(|load| &load.curve).chain(conditions.iter().map(|c| &c.curve));
         let between = |t: &f64| *t > 0.0 && *t < end_time;
-        // Times that end a requested step do so to the last bit.
+        // Times at the end of a requested step equal it to the last bit.
         let of_step = |t: f64| stepping.requested(t).map_or(t, |step| stepping.time(step));
         let mut knots: Vec<f64> = curves.flat_map(|c| c.knots()).filter(between).map(of_step).collect();
         knots.sort_by(f64::total_cmp);
@@ -248,18 +248,18 @@ where
         }
     }
 
-    /// The mesh of a gmsh file; a message if it cannot be used.
+    /// The mesh of a gmsh file; reports an error if it cannot be used.
     fn mesh(&mut self, file: &str) -> Option<Mesh<D>> {
         let path = self.loaded.directory.join(file);
         let source = &self.loaded.source;
         let read = gmsh::read_file(&path);
-        // What is in the file can only be mended in gmsh.
+        // Faults in the file can only be repaired in gmsh.
         let help = match &read {
             Err(GmshError::Io(_) | GmshError::NotAFile | GmshError::TooLarge { .. }) => {
                 format!("the path is relative to the deck; this is `{}`", path.display())
             }
             Err(GmshError::NotGmsh) => "save the mesh from gmsh as `.msh`, format 4.1 or 2.2".to_owned(),
-            _ => "mend the mesh in gmsh and save it again".to_owned(),
+            _ => "repair the mesh in gmsh and save it again".to_owned(),
         };
         let mesh = read
             .map_err(|error| format!("the mesh {} cannot be read: {error}", quote(file)))
@@ -272,7 +272,7 @@ where
                 for warning in mesh.warnings() {
                     let message = format!("the mesh {}: {warning}", quote(file));
                     let found = Diagnostic::at(source, "D032", "/grid/file", message);
-                    let help = "mend the mesh in gmsh and save it again, if this is not meant";
+                    let help = "if this is not intended, repair the mesh in gmsh and save it again";
                     self.found.push(found.severity(Severity::Warning).help(help));
                 }
                 Some(mesh)
@@ -288,7 +288,7 @@ where
         self.body_numbers.get(name).copied().unwrap_or(0)
     }
 
-    /// The regions of all bodies, and the groups of cells that they are made from; nothing where one is not known.
+    /// The regions of all bodies, and the groups of cells they are made of; `None` if one cannot be determined.
     fn regions(&mut self, grid: &dyn Grid<D>) -> Option<(Vec<Region<D>>, Groups)> {
         let (directory, source) = (self.loaded.directory.as_path(), &self.loaded.source);
         let mut given = FromFiles { grid, directory, source, groups: Groups::default(), found: Vec::new() };
@@ -362,13 +362,13 @@ where
         for (number, message) in placing::overlaps(grid, &self.deck.bodies, (regions, groups), &seeds) {
             let found =
                 Diagnostic::at(&self.loaded.source, "D025", &format!("/bodies/{number}/shape"), message);
-            let help = "take the one from the other by a `difference`, if this is not meant";
+            let help = "if this is not intended, subtract one from the other with a `difference`";
             self.found.push(found.severity(Severity::Warning).help(help));
         }
         seeds
     }
 
-    /// Says how far the points of a body miss the area (volume) of its region.
+    /// Reports how much the area (volume) of the points of a body differs from that of its region.
     fn report_volume(&mut self, number: usize, deck: &super::BodyDeck, filled: &Filled<D>) {
         let Some(exact) = filled.exact.filter(|exact| exact.value > 0.0) else { return };
         let volume: f64 = filled.seeds.iter().map(|s| s.volume).sum();
@@ -377,14 +377,14 @@ where
             let what = if D > 2 { "a volume" } else { "an area" };
             let word = if part > 0.0 { "more" } else { "less" };
             let message = format!(
-                "the points of the body {} stand for {what} of {volume:.6}, {:.3} % {word} than its region",
+                "the points of the body {} represent {what} of {volume:.6}, {:.3} % {word} than its region",
                 quote(&deck.name),
                 100.0 * part.abs()
             );
             let found =
                 Diagnostic::at(&self.loaded.source, "D033", &format!("/bodies/{number}/shape"), message);
             self.found.push(if part.abs() > MUCH {
-                let help = "use more points or smaller cells, and see that the region lies in the grid";
+                let help = "use more points or smaller cells, and check that the region lies in the grid";
                 found.severity(Severity::Warning).help(help)
             } else {
                 let help = "use more points, or smaller cells, where this matters";
@@ -395,7 +395,7 @@ where
 
     fn faulty_formulas(&mut self, pointer: &str, faults: Vec<formulas::Fault>) {
         for fault in faults {
-            let help = "see the reference of formulas".to_owned();
+            let help = "see the reference for formulas".to_owned();
             self.error("D021", &format!("{pointer}/{}", fault.key), fault.error.message, help);
         }
     }
@@ -451,7 +451,7 @@ where
                 off_line |= self.check_line(grid, axis, *c, &format!("{pointer}/nodes/{}", AXES[axis]));
             }
         }
-        // On an imported grid the cells around a node say what counts as near.
+        // On an imported grid, the cells around a node define what counts as near.
         let spacing = grid.structured().map(|grid| grid.spacing());
         let slack = |node: usize| spacing.unwrap_or_else(|| [grid.size_around(node); D]).map(|h| ON_LINE * h);
         let all = grid.bounds();
@@ -459,7 +459,7 @@ where
             Some(region) => [array(&region.min), array(&region.max)],
             None => [0, 1].map(|side| std::array::from_fn(|d| coordinates[d].unwrap_or(all[side][d]))),
         };
-        // What no coordinate restricts is not left out for its round-off.
+        // Round-off must not exclude nodes along an axis that no coordinate restricts.
         let restricts = |d: usize| within.is_some() || coordinates[d].is_some();
         let inside = |node: usize| {
             let (x, slack) = (grid.node_position(node), slack(node));
@@ -473,7 +473,10 @@ where
             let help = grid.structured().map_or_else(
                 || {
                     let names = grid.set_names();
-                    format!("name a physical group of the mesh by `group`; there are {}", list(names))
+                    format!(
+                        "select a physical group of the mesh with `group`; the groups are {}",
+                        list(names)
+                    )
                 },
                 |grid| {
                     let along = |d: usize| {
@@ -490,7 +493,7 @@ where
         NodeSet::Fixed(nodes)
     }
 
-    /// Reports a coordinate that is on no grid line; returns whether it did.
+    /// Reports a coordinate that lies on no grid line; returns true if it did.
     fn check_line(&mut self, grid: &Structured<D>, axis: usize, c: f64, pointer: &str) -> bool {
         let (origin, spacing) = (grid.origin()[axis], grid.spacing()[axis]);
         let line = ((c - origin) / spacing).round().clamp(0.0, grid.cells()[axis] as f64);
@@ -504,7 +507,7 @@ where
         true
     }
 
-    /// For each body whether a load acts on it.
+    /// For each body, true if a load acts on it.
     fn acts_on(&self, chosen: Option<&[String]>) -> Vec<bool> {
         let Some(chosen) = chosen else { return vec![true; self.deck.bodies.len()] };
         let mut acts_on = vec![false; self.deck.bodies.len()];

@@ -1,4 +1,4 @@
-//! What may not change in a deck when a run goes on from a checkpoint: everything that the steps so far depend on.
+//! Finds the changes of a deck with which a run cannot resume: those in anything the steps so far depend on.
 
 use std::collections::BTreeSet;
 
@@ -9,23 +9,23 @@ use super::quoting::quote;
 use super::{Deck, Expression, LoadCurve, LoadDeck};
 use mpm_core::formula::names;
 
-/// Times that differ by less than this, relative to the end of the analysis, are the same.
+/// Times that differ by less than this, relative to the end of the analysis, count as equal.
 const SAME: f64 = 1e-12;
-/// Longest value that is shown.
+/// Longest value that is shown in full, [characters].
 const LONGEST: usize = 60;
 
-/// Changes of a deck that do not allow a run to go on from `time`, each as a sentence. The control of steps and
+/// Changes of a deck with which a run cannot resume from `time`, each as a sentence. The control of steps and
 /// iterations, loads after that time, titles and the output may change.
 pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
     let mut found = Vec::new();
     compare("", &essential(old), &essential(new), &mut found);
     if found.is_empty() {
-        // Conditions and loads now correspond to each other.
+        // Conditions and loads of both decks now correspond to each other.
         let curves = curves(old).into_iter().zip(curves(new));
         for ((name, before), (_, after)) in curves {
             if differ(before, old.steps.end_time, after, new.steps.end_time, time) {
                 found.push(format!(
-                    "the load curve of {} is another before time {time}, which has been reached",
+                    "the load curve of {} has changed before time {time}, which the run has reached",
                     quote(name)
                 ));
             }
@@ -34,8 +34,8 @@ pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
     found
 }
 
-/// The number of a step that has been reached at a time: its own, or that of the requested step of this deck that ends
-/// there if it is larger, so that no file of an earlier step is written again. `None` after the end of the analysis.
+/// The number in this deck of the step that ends at a time: its own number or, if larger, that of the requested step
+/// that ends there, so that no file of an earlier step is overwritten. `None` after the end of the analysis.
 pub fn step_at(deck: &Deck, time: f64, own: usize) -> Option<usize> {
     let (count, end) = (f64::from(deck.steps.count), deck.steps.end_time);
     if time > end * (1.0 + SAME) {
@@ -46,12 +46,12 @@ pub fn step_at(deck: &Deck, time: f64, own: usize) -> Option<usize> {
     Some(if matches { own.max(requested as usize) } else { own })
 }
 
-/// Whether a time is the end of the analysis.
+/// True if a time is the end of the analysis.
 pub fn is_end(deck: &Deck, time: f64) -> bool {
     (time - deck.steps.end_time).abs() <= SAME * deck.steps.end_time
 }
 
-/// A deck without what may change.
+/// A deck without the parts that may change.
 fn essential(deck: &Deck) -> Value {
     let mut value = serde_json::to_value(deck).unwrap_or_default();
     let used: BTreeSet<&str> =
@@ -60,7 +60,7 @@ fn essential(deck: &Deck) -> Value {
         for key in ["title", "solver", "checkpoint"] {
             map.remove(key);
         }
-        // What is prescribed along the steps is no matter of their size.
+        // Step sizes may change, the control may not.
         if let Some(steps) = map.get_mut("steps").and_then(Value::as_object_mut) {
             steps.retain(|key, _| key == "control");
         }
@@ -68,7 +68,7 @@ fn essential(deck: &Deck) -> Value {
             output.retain(|key, _| key == "probes");
         }
         if let Some(parameters) = map.get_mut("parameters").and_then(Value::as_object_mut) {
-            // The others stand in the deck with their values.
+            // The values of the others are already inserted in the deck.
             parameters.retain(|name, _| used.contains(name.as_str()));
         }
         for section in ["boundary_conditions", "loads"] {
@@ -80,7 +80,7 @@ fn essential(deck: &Deck) -> Value {
     value
 }
 
-/// The texts of all formulas that are evaluated during a run.
+/// Texts of all formulas that are evaluated during a run.
 fn formulas(deck: &Deck) -> Vec<&str> {
     super::validate::expressions(deck)
         .filter_map(|expression| match expression {
@@ -90,7 +90,7 @@ fn formulas(deck: &Deck) -> Vec<&str> {
         .collect()
 }
 
-/// Names and curves of all loads, and of the conditions that move something.
+/// Names and curves of all loads, and of the conditions that move nodes.
 fn curves(deck: &Deck) -> Vec<(&str, Option<&LoadCurve>)> {
     let moving =
         deck.boundary_conditions.iter().filter(|c| c.displacements().iter().any(|(_, u)| u.is_some()));
@@ -103,7 +103,7 @@ fn curves(deck: &Deck) -> Vec<(&str, Option<&LoadCurve>)> {
     conditions.chain(loads).collect()
 }
 
-/// Whether two curves, which are lines between their pairs, differ up to a time.
+/// True if two piecewise linear curves differ before a time.
 fn differ(
     before: Option<&LoadCurve>,
     end_before: f64,
@@ -122,7 +122,7 @@ fn differ(
     })
 }
 
-/// Where two values differ, each with its path.
+/// Collects the differences of two values, each with its path.
 fn compare(path: &str, old: &Value, new: &Value, found: &mut Vec<String>) {
     match (old, new) {
         (Value::Object(a), Value::Object(b)) => {
@@ -144,7 +144,7 @@ fn compare(path: &str, old: &Value, new: &Value, found: &mut Vec<String>) {
 
 fn shown(value: &Value) -> String {
     match value {
-        Value::Null => "not there".to_owned(),
+        Value::Null => "absent".to_owned(),
         value => {
             let text = value.to_string();
             let short: String = text.chars().take(LONGEST).collect();
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_past_depends_on_must_not_change() {
+    fn parts_that_past_steps_depend_on_must_not_change() {
         let old = deck(&[]);
         for (change, says) in [
             (("12e6", "13e6"), "`materials"),

@@ -1,4 +1,4 @@
-//! Messages about a deck: what is wrong, where, and what to do about it.
+//! Messages about a deck: the fault, its location and the remedy.
 
 mod json;
 
@@ -13,14 +13,14 @@ use super::source::{Source, Span};
 pub enum Severity {
     /// The deck cannot be used.
     Error,
-    /// The deck can be used, but probably does not say what was meant.
+    /// The deck can be used, but is probably not what was intended.
     Warning,
-    /// Something worth knowing.
+    /// Information only.
     Note,
 }
 
 impl Severity {
-    /// The word for it.
+    /// Name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Severity::Error => "error",
@@ -30,21 +30,21 @@ impl Severity {
     }
 }
 
-/// The checks that a deck passes, in their order.
+/// The stages of checking a deck, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Gate {
     /// The file is text, the text is YAML, and its parameters have values.
     Text,
-    /// Every key is known, every value has its type and lies in its range: what the schema says.
+    /// The deck meets the schema: every key is known, every value has its type and lies in its range.
     Shape,
-    /// What the deck says makes sense as far as that can be known without the mesh.
+    /// The deck makes sense, as far as this can be checked without the mesh.
     Meaning,
-    /// It can be done with this mesh, on this machine.
+    /// The analysis is possible with this mesh, on this machine.
     Feasibility,
 }
 
 impl Gate {
-    /// The word for it.
+    /// Name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Gate::Text => "text",
@@ -64,24 +64,24 @@ pub struct Diagnostic {
     pub severity: Severity,
     /// The check that found it.
     pub gate: Gate,
-    /// What is wrong, as a fragment in lower case.
+    /// The fault, as a fragment in lower case.
     pub message: String,
-    /// What is possible there, for programs: a kind of value, a range, words, keys or names. Texts for people have it
-    /// in the message or in the help.
+    /// The values possible there, for programs: a kind of value, a range, words, keys or names. Texts for people state
+    /// them in the message or in the help.
     pub expected: Option<String>,
-    /// JSON pointer of the value it is about, such as `/bodies/0/shape/min`.
+    /// JSON pointer to the value concerned, such as `/bodies/0/shape/min`.
     pub pointer: Option<String>,
-    /// Place in the text of the deck.
+    /// Location in the text of the deck.
     pub span: Option<Span>,
-    /// Short text beside the marked place.
+    /// Short text beside the marked location.
     pub label: Option<String>,
     /// Further facts, for example that a value comes from a parameter.
     pub notes: Vec<String>,
-    /// The next action.
+    /// The remedy.
     pub help: Option<String>,
 }
 
-/// All codes with a title each.
+/// All codes with their titles.
 pub const CODES: &[(&str, &str)] = &[
     ("D001", "the file cannot be read as text"),
     ("D002", "the text is not YAML"),
@@ -116,14 +116,14 @@ pub const CODES: &[(&str, &str)] = &[
     ("D031", "a physical group that does not exist"),
     ("D032", "a mesh file that cannot be used, or looks wrong"),
     ("D033", "a body whose points do not fill its region exactly"),
-    ("D034", "a method that does not go with the grid"),
+    ("D034", "a method that the grid does not support"),
     ("D035", "a body that no boundary condition holds, or that can turn"),
-    ("D036", "an analysis that needs more memory than there is"),
+    ("D036", "an analysis that needs more memory than is available"),
     ("D037", "something in the deck that has no effect"),
     ("D038", "one point per cell"),
     ("D039", "Poisson's ratio so near to 0.5 that the cells lock"),
     ("D040", "units that look mixed"),
-    ("D041", "points far from the place that was asked for"),
+    ("D041", "points far from the requested location"),
     ("D042", "boundary conditions that contradict each other"),
     ("D043", "a formula that has no finite value somewhere"),
     ("D044", "a domain update that does not suit the motion"),
@@ -131,11 +131,11 @@ pub const CODES: &[(&str, &str)] = &[
     ("D046", "a body of revolution whose axis is free or inside the grid, or whose weight is not along it"),
     ("D047", "a surface file that cannot be used, or looks wrong"),
     ("D048", "something that exists in the plane or in space only"),
-    ("D049", "a control of the steps that does not fit"),
+    ("D049", "a step control that does not fit the deck"),
 ];
 
 impl Diagnostic {
-    /// An error without a place.
+    /// An error without a location.
     pub fn error(code: &'static str, message: impl Into<String>) -> Diagnostic {
         debug_assert!(CODES.iter().any(|(known, _)| *known == code), "unregistered code {code}");
         Diagnostic {
@@ -152,8 +152,8 @@ impl Diagnostic {
         }
     }
 
-    /// An error about the value at a JSON pointer; placed at the nearest parent that is in the text. Says so where
-    /// the value comes from a parameter.
+    /// An error about the value at a JSON pointer, located at the nearest parent that is in the text. A note is added
+    /// if the value comes from a parameter.
     pub fn at(source: &Source, code: &'static str, pointer: &str, message: impl Into<String>) -> Diagnostic {
         let mut diagnostic = Diagnostic::error(code, message);
         diagnostic.span = source.nearest_span(pointer);
@@ -162,7 +162,7 @@ impl Diagnostic {
         diagnostic
     }
 
-    /// As [`Diagnostic::at`], but placed at the key rather than at its value.
+    /// As [`Diagnostic::at`], but located at the key rather than at its value.
     pub fn at_key(
         source: &Source,
         code: &'static str,
@@ -175,7 +175,7 @@ impl Diagnostic {
         diagnostic
     }
 
-    /// As [`Diagnostic::at`], but placed at a part of the text of a scalar: `length` bytes from byte `offset`.
+    /// As [`Diagnostic::at`], but located at a part of a scalar: `length` bytes from byte `offset`.
     pub fn inside(
         source: &Source,
         code: &'static str,
@@ -188,21 +188,21 @@ impl Diagnostic {
         diagnostic
     }
 
-    /// Adds a text beside the marked place.
+    /// Adds a text beside the marked location.
     #[must_use]
     pub fn label(mut self, label: impl Into<String>) -> Diagnostic {
         self.label = Some(label.into());
         self
     }
 
-    /// Adds what is possible there.
+    /// Adds the values possible there.
     #[must_use]
     pub fn expected(mut self, expected: impl Into<String>) -> Diagnostic {
         self.expected = Some(expected.into());
         self
     }
 
-    /// Adds the next action.
+    /// Adds the remedy.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Diagnostic {
         self.help = Some(help.into());
@@ -216,19 +216,19 @@ impl Diagnostic {
         self
     }
 
-    /// Changes how serious it is.
+    /// Sets how serious the message is.
     #[must_use]
     pub fn severity(mut self, severity: Severity) -> Diagnostic {
         self.severity = severity;
         self
     }
 
-    /// Whether the deck cannot be used because of it.
+    /// True if the deck cannot be used.
     pub fn is_error(&self) -> bool {
         self.severity == Severity::Error
     }
 
-    /// The message as text, with the line of the deck it is about; no newline at the end.
+    /// The message as text, with the line of the deck concerned; no newline at the end.
     pub fn render(&self, source: &Source, colour: bool) -> String {
         let level = match self.severity {
             Severity::Error => Level::ERROR,
@@ -265,23 +265,23 @@ impl Diagnostic {
     }
 }
 
-/// Messages from one place on belong to a gate.
+/// Assigns messages to a gate.
 pub(super) fn assign(gate: Gate, diagnostics: &mut [Diagnostic]) {
     diagnostics.iter_mut().for_each(|diagnostic| diagnostic.gate = gate);
 }
 
-/// Makes every warning an error; returns whether there was one.
+/// Makes every warning an error; returns true if there was one.
 pub fn deny_warnings(diagnostics: &mut [Diagnostic]) -> bool {
     let mut any = false;
     for diagnostic in diagnostics.iter_mut().filter(|d| d.severity == Severity::Warning) {
         diagnostic.severity = Severity::Error;
-        diagnostic.notes.push("this is a warning that was made an error".to_owned());
+        diagnostic.notes.push("this is a warning, treated as an error".to_owned());
         any = true;
     }
     any
 }
 
-/// How many errors and warnings there are, as text; empty where there are none.
+/// The numbers of errors and warnings as text; empty if there are none.
 pub fn count(diagnostics: &[Diagnostic]) -> String {
     let counts = [(Severity::Error, "error", "errors"), (Severity::Warning, "warning", "warnings")];
     let counts = counts.map(|(severity, one, several)| {
@@ -294,10 +294,10 @@ pub fn count(diagnostics: &[Diagnostic]) -> String {
     counts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-/// Most messages that are rendered; a deck with more faults has one cause for most of them.
+/// Most messages that are rendered; in a deck with more faults, most of them have one cause.
 const MOST: usize = 100;
 
-/// Renders messages in the order of their places, with an empty line between them and a newline at the end.
+/// Renders messages in the order of their locations, with an empty line between them and a newline at the end.
 pub fn render_all(source: &Source, diagnostics: &[Diagnostic], colour: bool) -> String {
     let mut text = String::new();
     for diagnostic in diagnostics.iter().take(MOST) {
@@ -313,11 +313,11 @@ pub fn render_all(source: &Source, diagnostics: &[Diagnostic], colour: bool) -> 
     text
 }
 
-/// Sorts messages by place and drops repetitions, which arise where several aliases lead to one place.
+/// Sorts messages by location and drops repetitions, which arise where several aliases refer to one value.
 pub fn sort(diagnostics: &mut Vec<Diagnostic>) {
     diagnostics.sort_by(|a, b| {
-        let place = |d: &Diagnostic| d.span.map_or((0, 0), |span| (span.start, span.end));
-        (place(a), a.code, &a.message).cmp(&(place(b), b.code, &b.message))
+        let location = |d: &Diagnostic| d.span.map_or((0, 0), |span| (span.start, span.end));
+        (location(a), a.code, &a.message).cmp(&(location(b), b.code, &b.message))
     });
     diagnostics.dedup_by(|a, b| a.span == b.span && a.code == b.code && a.message == b.message);
 }

@@ -1,7 +1,7 @@
-//! Gate three, feasibility, second half: what the first load step would begin with, looked at without solving it.
+//! Gate three, feasibility, second half: sets up the first load step without solving it.
 //!
-//! What cannot even begin is told with its place in the deck; the solver finds the same in later steps, where the
-//! deck alone cannot.
+//! Faults that prevent the first step are reported with their location in the deck; the solver finds the same faults in
+//! later steps.
 
 use super::advice::against;
 use super::diagnostic::{Diagnostic, Gate, Severity, assign, sort};
@@ -18,7 +18,7 @@ use mpm_core::solver::Obstacle;
 use mpm_core::terms::LoadNotFinite;
 use mpm_core::terms::external_force::external_force;
 
-/// Most parts of the bodies about which something is said.
+/// Most parts of the bodies that are reported.
 const MOST_PARTS: usize = 20;
 
 /// The size of the first load step.
@@ -30,10 +30,10 @@ pub struct FirstStep {
     pub unknowns: usize,
 }
 
-/// Sets the first load step up as far as the deck is concerned; returns its size, with warnings and notes.
+/// Sets up the first load step and checks it; returns its size, with warnings and notes.
 ///
 /// # Errors
-/// Everything that keeps the step from being solved, with warnings and notes.
+/// All faults that prevent the step from being solved, with warnings and notes.
 pub fn first_step<const D: usize>(
     loaded: &LoadedDeck,
     model: &Model<D>,
@@ -123,7 +123,7 @@ impl Check<'_> {
             ConstraintError::Conflict { first, second, node, axis, a, b } => {
                 let pointer = format!("/boundary_conditions/{}", number(second));
                 let message = format!(
-                    "the boundary conditions {} and {} contradict each other: at the grid node {} they move it by {} \
+                    "the boundary conditions {} and {} contradict each other: they move the grid node {} by {} \
                      and {} along {axis} in the first load step",
                     quote(first),
                     quote(second),
@@ -144,29 +144,28 @@ impl Check<'_> {
         self.found.push(found.help(against(Obstacle::from(error))));
     }
 
-    /// A boundary condition on nodes that no point touches: perhaps a wall that a body will reach.
+    /// Notes a boundary condition on nodes that no point touches: perhaps a wall that a body will reach.
     fn touches_nothing(&mut self, number: usize, name: &str) {
         let message =
-            format!("the boundary condition {} holds no node of a cell with points yet", quote(name));
+            format!("the boundary condition {} acts on no node of a cell that contains points", quote(name));
         let found = self.at("D037", &format!("/boundary_conditions/{number}/nodes"), message);
-        let help =
-            "see that it lies where the bodies are; a wall that a body will reach later is fine as it is";
+        let help = "check that it lies at the bodies; a wall that a body will reach later needs no change";
         self.found.push(found.severity(Severity::Note).help(help));
     }
 
-    /// Boundary conditions that hold along an axis only nodes which others hold already.
+    /// Warns of boundary conditions that fix along an axis only nodes that others already fix.
     fn held_already<const D: usize>(&mut self, model: &Model<D>) {
         for Covered { condition, axis, by } in covered(&model.boundary_conditions) {
             let name = |number: usize| model.boundary_conditions[number].name.as_str();
             let others = list(by.iter().map(|&number| name(number)));
             let message = format!(
-                "the boundary condition {} has no effect along {}: all of its nodes are held by {others}, which gets the \
-                 reaction",
+                "the boundary condition {} has no effect along {}: all of its nodes are already fixed by \
+                 {others}, which gets the reaction",
                 quote(name(condition)),
                 AXES[axis]
             );
             let at = format!("/boundary_conditions/{condition}");
-            let help = format!("leave {} to one of them, or select other nodes", AXES[axis]);
+            let help = format!("fix {} in one of them only, or select other nodes", AXES[axis]);
             let found = self.at("D037", &at, message).severity(Severity::Warning);
             self.found.push(found.help(help));
         }
@@ -190,27 +189,27 @@ impl Check<'_> {
                 None => " about a point".to_owned(),
             };
             let message =
-                format!("no boundary condition keeps {bodies} at the node {place} from turning{about}");
+                format!("no boundary condition prevents {bodies} at the node {place} from rotating{about}");
             let help = if D > 2 {
-                "hold it at three nodes that are on no line, along more than one axis"
+                "fix it at three nodes that are not on one line, along more than one axis"
             } else {
-                "hold it along one axis at two nodes that are apart along the other"
+                "fix it along one axis at two nodes that are apart along the other"
             };
             self.at("D035", &pointer, message).severity(Severity::Warning).help(help)
         } else {
             let axes: Vec<&str> = part.axes.iter().map(|&axis| AXES[axis % 3]).collect();
-            let turning = if part.rotations > 0 { ", or from turning" } else { "" };
+            let turning = if part.rotations > 0 { ", or against rotation" } else { "" };
             let axes = axes.join(" and ");
             let message =
                 format!("no boundary condition holds {bodies} at the node {place} along {axes}{turning}");
-            let help = "fix or prescribe the displacement along that axis at one node of each separate part at least";
+            let help = "fix or prescribe the displacement along that axis at one or more nodes of each separate part";
             self.at("D035", &pointer, message).help(help)
         };
         self.found.push(found);
     }
 }
 
-/// The key, under a body force, of the formula with this text.
+/// The key, relative to a body force, of the formula with this text.
 fn key_of(load: &LoadDeck, formula: &str) -> Option<String> {
     let LoadDeck::BodyForce { force, intermediate, .. } = load else { return None };
     let is_it = |expression: &Expression| matches!(expression, Expression::Formula(text) if text == formula);

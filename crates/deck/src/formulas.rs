@@ -1,4 +1,5 @@
-//! From the texts of a deck to formulas: which names each knows, and in which order intermediate values are found.
+//! From the texts of a deck to formulas: the names each may contain, and the order in which intermediate values are
+//! computed.
 
 use std::collections::BTreeMap;
 
@@ -6,23 +7,22 @@ use super::{AXES, BoundaryConditionDeck, Expression, Parameter};
 use mpm_core::formula::{Formula, FormulaError, MOST_INTERMEDIATE, names};
 use mpm_core::model::VectorFormula;
 
-/// Names of the variables of a formula for points or for grid nodes, in the order of their values.
+/// Names of the variables of a formula for points or grid nodes, in the order of their values.
 fn variables(dimensions: usize) -> Vec<&'static str> {
     let n = dimensions.min(3);
     [&["x", "y", "z"][..n], &["X", "Y", "Z"][..n], &["factor"]].concat()
 }
 
-/// Names that stand for variables in some formula, so that no parameter may have them.
+/// Names of variables of formulas, which no parameter may have.
 pub const VARIABLES: [&str; 7] = ["x", "y", "z", "X", "Y", "Z", "factor"];
 
-/// A fault of a formula: the key under the load or boundary condition (`force/0`, `where/q`), the text, and what is
-/// wrong.
+/// A fault of a formula: the key under the load or boundary condition (`force/0`, `where/q`), the text, and the error.
 pub struct Fault {
     /// Key, relative to the load or boundary condition.
     pub key: String,
     /// Text of the formula.
     pub text: String,
-    /// What is wrong.
+    /// The error.
     pub error: FormulaError,
 }
 
@@ -53,7 +53,7 @@ fn parse(
             offset: 0,
             length: text.len(),
             help: Some(
-                "write one that does not divide by zero and keeps to the domains of its functions".into(),
+                "write one that does not divide by zero and stays within the domains of its functions".into(),
             ),
         }),
         _ => Ok(formula),
@@ -67,12 +67,12 @@ fn text_of(expression: &Expression) -> String {
     }
 }
 
-/// Components of a vector with their keys, and the intermediate values that they use, as formulas of the same variables
-/// and the intermediate values before.
+/// The components of a vector and the intermediate values they use, as formulas of the same variables and of the
+/// intermediate values before them.
 type Parsed = (Vec<Formula>, Vec<Formula>);
 
 /// # Errors
-/// The first fault of each text, names with a meaning already, and values that depend on themselves.
+/// The first fault of each text, names that already have a meaning, and values that depend on themselves.
 fn parse_all<'a>(
     components: &[(String, &Expression)],
     intermediate: &'a BTreeMap<String, Expression>,
@@ -99,8 +99,8 @@ fn parse_all<'a>(
     if faults.is_empty() { Ok((given, vector)) } else { Err(faults) }
 }
 
-/// The displacements that a boundary condition prescribes, along each axis, as formulas of the place of a grid node, x, y
-/// and in three dimensions z, of the original position X, Y, Z of the material there, and of factor.
+/// The displacements that a boundary condition prescribes along each axis, as formulas of the coordinates x, y, z of a
+/// grid node, the original position X, Y, Z of the material there, and `factor`; z and Z only in three dimensions.
 ///
 /// # Errors
 /// As for [`at_points`].
@@ -125,7 +125,7 @@ pub fn at_nodes(
 /// The vector formula of a body force and its intermediate values.
 ///
 /// # Errors
-/// The first fault of each text, names with a meaning already, and values that depend on themselves.
+/// The first fault of each text, names that already have a meaning, and values that depend on themselves.
 pub fn at_points<const D: usize>(
     components: &[Expression],
     intermediate: &BTreeMap<String, Expression>,
@@ -163,7 +163,7 @@ fn in_order<'a>(
         let is_name =
             (first.is_alphabetic() || first == '_') && name.chars().all(|c| c.is_alphanumeric() || c == '_');
         if !is_name {
-            let help = "begin it with a letter or `_`, and go on with letters, digits and `_`";
+            let help = "use letters, digits and `_`, with a letter or `_` first";
             faults.push(fault(name, format!("`{name}` cannot be a name in a formula"), help));
         } else if VARIABLES.contains(&name.as_str()) || mpm_core::formula::is_reserved(name) {
             faults.push(fault(
@@ -173,7 +173,7 @@ fn in_order<'a>(
             ));
         } else if parameters.contains_key(name) {
             let help = "choose another name, or use the parameter";
-            faults.push(fault(name, format!("`{name}` is a parameter already"), help));
+            faults.push(fault(name, format!("`{name}` is already a parameter"), help));
         } else {
             waiting.push(name);
         }
@@ -188,7 +188,7 @@ fn in_order<'a>(
     while !waiting.is_empty() {
         let ready = |name: &&str| !needs(name).iter().any(|used| waiting.contains(used));
         let Some(place) = waiting.iter().position(ready) else {
-            // What leads back to itself is at fault; what only needs such a value is a consequence.
+            // Values that depend on themselves are at fault; values that only need them are a consequence.
             for name in &waiting {
                 let mut reached: Vec<&str> = needs(name);
                 let mut next = 0;
@@ -201,7 +201,7 @@ fn in_order<'a>(
                     }
                 }
                 if reached.contains(name) {
-                    let help = "write it by the coordinates, by parameters and by values that do not use it";
+                    let help = "write it in terms of coordinates, parameters and values that do not use it";
                     faults.push(fault(name, format!("`{name}` depends on itself"), help));
                 }
             }
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_told_with_their_place() {
+    fn faults_are_reported_with_their_key() {
         let faults = |values: &[(&str, &str)], force: &str| -> Vec<(String, String)> {
             match at_points::<2>(&[text(force), text("0")], &formulas(values), &BTreeMap::new()) {
                 Ok(_) => vec![],

@@ -1,8 +1,8 @@
 //! The deck: serde types that mirror the YAML input one to one.
 //!
-//! A deck is declarative. Unknown keys are errors, every quantity states its unit (any consistent system; the
-//! examples use m, N, Pa, kg), and a number may be written as an expression of the deck's parameters, `${h/2}`.
-//! The doc comments of this file become the descriptions in `schema/deck.schema.json` and in `docs/deck.md`.
+//! A deck is declarative. Unknown keys are errors, every quantity documents its unit (any consistent system; the
+//! examples use m, N, Pa, kg), and a number may be written as an expression of the deck's parameters, `${h/2}`. The doc
+//! comments of this file become the descriptions in `schema/deck.schema.json` and in `docs/deck.md`.
 
 #![allow(rustdoc::broken_intra_doc_links, reason = "units stand in brackets")]
 
@@ -61,7 +61,7 @@ mod yaml;
 #[expect(dead_code, reason = "only its schema is used")]
 struct Vector(#[schemars(length(min = 2, max = 3))] Vec<f64>);
 
-/// A position in the plane.
+/// A pair of coordinates.
 type Pair = [f64; 2];
 
 /// A vector of lengths above zero, [length].
@@ -95,15 +95,16 @@ pub struct Deck {
     /// Version of the deck format. Always 1.
     #[schemars(range(min = 1, max = 1))]
     pub version: u32,
-    /// One line that says what is analysed; copied into the results.
+    /// Title of the analysis in one line; copied into the results.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["Elastic cantilever"]))]
     pub title: Option<String>,
-    /// Named numbers or words, used as `${name}` or `${h/2}` anywhere in the deck and overridden by `--set name=value`.
+    /// Named numbers or words, inserted as `${name}` or `${h/2}` anywhere in the deck; `--set name=value` overrides
+    /// them.
     #[serde(default)]
     #[schemars(extend("examples" = [{"h": 0.5, "method": "gimp"}]))]
     pub parameters: BTreeMap<String, Parameter>,
-    /// What kind of analysis this is.
+    /// Kind of analysis.
     #[serde(default)]
     pub analysis: Analysis,
     /// The background grid on which equilibrium is solved.
@@ -126,10 +127,10 @@ pub struct Deck {
     /// Control of the Newton iterations.
     #[serde(default)]
     pub solver: SolverDeck,
-    /// How often the run is secured against whatever may end it; without it, only when it ends early.
+    /// Checkpoints during the run; without this key, one is written only when the run ends early.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub checkpoint: Option<CheckpointDeck>,
-    /// What is written, and how often.
+    /// Files that the run writes, and how often.
     #[serde(default)]
     pub output: OutputDeck,
 }
@@ -157,14 +158,14 @@ impl From<Parameter> for Value {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Analysis {
-    /// How the geometry represents the three-dimensional body, and with it the number of axes: one entry of every
-    /// vector of the deck for each.
+    /// How the geometry represents the three-dimensional body; it sets the number of axes, and so of entries in every
+    /// vector of the deck.
     pub idealisation: Idealisation,
-    /// Configuration in which equilibrium is written; both give the same answers.
+    /// Configuration in which equilibrium is formulated; both give the same results.
     pub formulation: Formulation,
-    /// Where the current volume of a point comes from.
+    /// How the current volume of a point is computed.
     pub point_volume: PointVolume,
-    /// Stabilisation of cells that hold hardly any material.
+    /// Stabilisation of cells that contain little material.
     pub stabilisation: Stabilisation,
 }
 
@@ -176,9 +177,9 @@ pub enum Idealisation {
     #[default]
     PlaneStrain,
     /// Body of revolution about the axis x = 0, without twist: x is the distance from the axis, y runs along it, and z
-    /// is the direction around it. Volumes, masses and forces are those of the full circle.
+    /// is the circumferential direction. Volumes, masses and forces are those of the full circle.
     Axisymmetric,
-    /// The body as it is: three axes, and three entries in every vector of the deck.
+    /// Three-dimensional body: three axes, and three entries in every vector of the deck.
     Solid,
 }
 
@@ -210,7 +211,7 @@ impl Deck {
         self.analysis.idealisation.dimensions()
     }
 
-    /// What results it asks for.
+    /// The results that the deck requests.
     pub fn request(&self) -> Request {
         let OutputDeck { every, fields, precision, .. } = &self.output;
         Request {
@@ -299,8 +300,8 @@ pub enum MaterialDeck {
         /// Deviatoric yield stress ρ_y = √(2 J₂) at yield, [stress]; √(2/3) times the uniaxial yield stress.
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [20e3]))]
         deviatoric_yield_stress: f64,
-        /// H, the growth of ρ_y per unit of equivalent plastic strain, [stress]; √(2/3) times the slope of the uniaxial
-        /// stress over the plastic strain. Perfect plasticity where not stated.
+        /// Hardening modulus H, the increase of ρ_y per unit of equivalent plastic strain, [stress]; √(2/3) times the
+        /// slope of the uniaxial stress over the plastic strain. 0 is perfect plasticity.
         #[serde(default)]
         #[schemars(range(min = 0.0))]
         hardening_modulus: f64,
@@ -312,7 +313,7 @@ pub enum MaterialDeck {
 }
 
 impl MaterialDeck {
-    /// Its density, if it states one.
+    /// The density, if it is stated.
     pub fn density(&self) -> Option<f64> {
         match self {
             MaterialDeck::Hencky { density, .. }
@@ -328,15 +329,15 @@ impl MaterialDeck {
 pub struct BodyDeck {
     /// Name, unique among the bodies.
     pub name: String,
-    /// Name of its material.
+    /// Name of the material.
     pub material: String,
-    /// The region it fills at the start.
+    /// Region that the body fills at the start.
     pub shape: Shape,
-    /// Material point method of its points.
+    /// Material point method for the points of the body.
     #[serde(default)]
     pub method: Method,
-    /// How the domains of GIMP points follow the deformation; `corners` where not stated. Points of the standard
-    /// method have no domain.
+    /// How the domains of GIMP points follow the deformation; `corners` by default. Points of the standard method have
+    /// no domain.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain_update: Option<DomainUpdate>,
     /// Points along each axis of every filled rectangle, quadrilateral, brick or hexahedron, at the centres of an even
@@ -344,41 +345,41 @@ pub struct BodyDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<PerAxis<AlongAxis>>", extend("examples" = [4, [2, 3]]))]
     pub points_per_cell: Option<PerAxis<u32>>,
-    /// Points in every filled triangle of a gmsh grid: 1, 4, 9, 16, … at the centroids of an even subdivision, or 8, for
-    /// which the triangles of the subdivision by 4 are halved.
+    /// Points in every filled triangle of a gmsh grid: 1, 4, 9, 16, … at the centroids of an even subdivision, or 8,
+    /// which halves the triangles of the subdivision into 4.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 10_000), extend("examples" = [4]))]
     pub points_per_triangle: Option<u32>,
-    /// Points in every filled tetrahedron of a gmsh grid: 1, 8, 27, 64, … at the centroids of an even subdivision, or 4,
-    /// for which the faces are joined to the centroid.
+    /// Points in every filled tetrahedron of a gmsh grid: 1, 8, 27, 64, … at the centroids of an even subdivision, or
+    /// 4, which joins each face to the centroid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 10_000), extend("examples" = [8]))]
     pub points_per_tetrahedron: Option<u32>,
-    /// Instead of `points_per_cell`: distance between points, [length], for a body that does not line up with the
-    /// grid; one number or one per axis; the sides of the body are whole multiples of it.
+    /// Instead of `points_per_cell`: distance between points, [length], for a body that is not aligned with the grid;
+    /// one number or one per axis. The sides of the body must be whole multiples of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<PerAxis<Length>>", extend("examples" = [0.1, [0.1, 0.2]]))]
     pub point_spacing: Option<PerAxis<f64>>,
 }
 
-/// A named set of prescribed nodal displacements; its reaction is reported under its name.
-/// Conditions that hold the same node along an axis share its reaction equally; they come before conditions that move it.
+/// A named set of prescribed nodal displacements; its reaction is reported under its name. Conditions that fix the same
+/// node along an axis share its reaction equally and take precedence over conditions that move it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoundaryConditionDeck {
     /// Name, unique among the boundary conditions.
     pub name: String,
-    /// The grid nodes it acts on.
+    /// Grid nodes on which it acts.
     pub nodes: NodeSelector,
     /// Axes along which these nodes do not move.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("examples" = [["x", "y"]]))]
     pub fix: Vec<Axis>,
-    /// Displacement along x at load factor 1, [length]: a number or a formula of X, Y (in space also Z), the original
+    /// Displacement along x at load factor 1, [length]: a number, or a formula of X, Y (in space also Z), the original
     /// position of the material at the node, of the node's coordinates x, y (in space also z), of `factor` (the load
-    /// factor) and the parameters. One that depends on `factor` is the whole displacement as it stands; any other is
-    /// multiplied by the load factor. Over several steps material moves past the nodes, and each step adds the change of
-    /// the formula where the node is: write X, Y, Z for the displacement of the material.
+    /// factor) and of the parameters. A formula that contains `factor` gives the whole displacement; any other is
+    /// multiplied by the load factor. Material moves past the nodes from step to step, and each step adds the change of
+    /// the formula at the node: use X, Y, Z to prescribe the displacement of the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0.1, "gamma*Y"]))]
     pub ux: Option<Expression>,
@@ -390,10 +391,10 @@ pub struct BoundaryConditionDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
     pub uz: Option<Expression>,
-    /// Intermediate values with a name each, in any order, for use in the displacements.
+    /// Named intermediate values, in any order, for use in the displacements.
     #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
     pub intermediate: BTreeMap<String, Expression>,
-    /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+    /// Load factor over time; by default, a linear ramp from 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<LoadCurve>,
 }
@@ -417,9 +418,8 @@ pub enum Axis {
     Z,
 }
 
-/// Selects grid nodes: by coordinates (`{x: 0}` a line, in space a plane, `{x: 0, y: 9.5}` a point, in space a line), by
-/// a box, by a physical group of a gmsh grid, or the nodes of all cells touched by the outer layer of a body's points.
-/// Exactly one of these kinds.
+/// Selection of grid nodes in exactly one way: by coordinates (`{x: 0}` is a line, in space a plane; `{x: 0, y: 9.5}`
+/// is a point, in space a line), a box, a physical group of a gmsh grid, or the outer layer of a body's points.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct NodeSelector {
@@ -438,8 +438,8 @@ pub struct NodeSelector {
     /// Name of a physical group of a gmsh grid.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub group: Option<String>,
-    /// Name of a body: all nodes of the grid cells that hold (or, with a domain, overlap) the points which form the
-    /// outer layer of the body at the start; found afresh at each load step.
+    /// Name of a body: selects all nodes of the grid cells that contain (or, if they have a domain, overlap) the points
+    /// that form the outer layer of the body at the start; updated at each load step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outer_layer: Option<String>,
 }
@@ -481,19 +481,19 @@ fn one() -> u32 {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SolverDeck {
-    /// Largest relative out-of-balance force, eq. (40), of an equilibrated step, [-].
+    /// Largest relative out-of-balance force, eq. (40), of a converged step, [-].
     #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0, "examples" = [1e-9]))]
     pub tolerance: f64,
     /// Largest number of linear solves in a step.
     #[schemars(range(min = 1, max = 1000))]
     pub max_iterations: u32,
-    /// How their linear equations are solved.
+    /// Solver for the linear equations of the iterations.
     pub linear: LinearChoice,
-    /// Where the iterations of a step begin, where loads are prescribed.
+    /// Starting point of the iterations of a step under prescribed loads.
     pub predictor: Predictor,
     /// When the stiffness is factorised within a step.
     pub tangent: StiffnessUpdate,
-    /// For which equations an order of elimination and the layout of the factor serve.
+    /// When the elimination order and the layout of the factor are reused.
     pub pattern: PatternReuse,
 }
 
@@ -504,28 +504,29 @@ impl Default for SolverDeck {
     }
 }
 
-/// How often everything is written that a run needs to go on with `mpm run --resume`.
+/// Checkpoints, from which `mpm run --resume` continues a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CheckpointDeck {
-    /// Checkpoints are written every so many load steps.
+    /// Number of load steps from one checkpoint to the next.
     #[schemars(range(min = 1, max = 10_000_000), extend("examples" = [10]))]
     pub every: u32,
 }
 
-/// What is written, and how often.
+/// Files that the run writes, and how often.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OutputDeck {
-    /// VTU files are written every so many load steps, and for the last one; 0 writes no VTU files.
+    /// Number of load steps from one set of VTU files to the next; the last step is always written. 0 writes no VTU
+    /// files.
     #[schemars(range(max = 10_000_000))]
     pub every: u32,
-    /// Fields of the points in VTU files, beside their volume and the numbers of point, body and material, which every file
-    /// has. All of them unless this says less.
+    /// Fields of the points in VTU files; all fields by default. Every file also has the volume and the numbers of
+    /// point, body and material.
     pub fields: Vec<PointField>,
-    /// Size of floating-point numbers in VTU files; those of a failed step are always `double`.
+    /// Precision of floating-point numbers in VTU files; files of a failed step always have `double`.
     pub precision: Precision,
-    /// Places whose displacement is recorded in `history.csv`.
+    /// Locations whose displacement is recorded in `history.csv`.
     pub probes: Vec<ProbeDeck>,
 }
 
@@ -536,8 +537,7 @@ impl Default for OutputDeck {
     }
 }
 
-/// Records the mean displacement of the points of a body that are nearest to a place at the start, of all those that are
-/// equally near where there are more than were asked for.
+/// Records the mean displacement of the points of a body that are nearest to a location at the start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProbeDeck {
@@ -546,10 +546,10 @@ pub struct ProbeDeck {
     pub name: String,
     /// Name of the body.
     pub body: String,
-    /// The place, [length].
+    /// The location, [length].
     #[schemars(with = "Vector", extend("examples" = [[10, 9.5]]))]
     pub nearest: Vec<f64>,
-    /// How many points; those that are as near as the last of them, up to round-off relative to a cell, are taken too.
+    /// Number of points; further points that are as near as the last one, up to round-off, are included.
     #[serde(default = "one")]
     #[schemars(range(min = 1))]
     pub count: u32,

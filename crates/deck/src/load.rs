@@ -1,4 +1,4 @@
-//! From a file to a deck that can be used, or to all messages about why it cannot.
+//! From a file to a valid deck, or to all messages about its faults.
 
 use std::collections::{BTreeMap, HashSet};
 use std::fmt;
@@ -12,7 +12,7 @@ use super::source::Source;
 use super::{Deck, GridDeck, Parameter, parameters, shape, validate};
 use mpm_core::formula::closest;
 
-/// A deck that passed every check which needs no mesh.
+/// A deck that passed all checks that need no mesh.
 #[derive(Debug, Clone)]
 pub struct LoadedDeck {
     /// The deck, its parameters inserted.
@@ -21,15 +21,15 @@ pub struct LoadedDeck {
     pub parameters: BTreeMap<String, Parameter>,
     /// Directory of the deck, to which paths in it are relative.
     pub directory: PathBuf,
-    /// The text and its places, for messages of later checks.
+    /// The text with its locations, for messages of later checks.
     pub source: Source,
-    /// Warnings and notes, in the order of their places.
+    /// Warnings and notes, in the order of their locations.
     pub notes: Vec<Diagnostic>,
 }
 
 impl LoadedDeck {
-    /// A hash of the text of the deck, of the final values of its parameters and of the files it names: decks with the same
-    /// hash describe the same analysis. It does not change from one build of the program to another.
+    /// A hash of the text of the deck, of the final values of its parameters and of the files it names: decks with the
+    /// same hash describe the same analysis. It is the same for all builds of the program.
     pub fn hash(&self) -> String {
         // Writing numbers and words as JSON into a string cannot fail.
         let parameters = serde_json::to_string(&self.parameters).unwrap_or_default();
@@ -52,7 +52,7 @@ impl LoadedDeck {
         let surfaces = surfaces.map(|file| self.directory.join(file));
         for file in self.mesh_path().into_iter().chain(surfaces).filter(|path| path.is_file()) {
             bytes.push(0);
-            // A file that cannot be read has no analysis that could be mistaken for another.
+            // A file that cannot be read is skipped: without it no analysis runs that could be confused with another.
             bytes.extend(std::fs::read(file).unwrap_or_default());
         }
     }
@@ -66,20 +66,20 @@ impl LoadedDeck {
     }
 }
 
-/// The 128-bit hash FNV-1a: short, fixed for all time (the standard library promises neither), and long enough that
-/// two decks never share it by chance.
+/// The 128-bit hash FNV-1a: short and stable, which the standard library does not promise, and long enough that two
+/// decks never share it by chance.
 fn fnv1a(bytes: &[u8]) -> u128 {
     const BASIS: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
     const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;
     bytes.iter().fold(BASIS, |hash, byte| (hash ^ u128::from(*byte)).wrapping_mul(PRIME))
 }
 
-/// Why a deck cannot be used.
+/// A deck that cannot be used.
 #[derive(Debug, Clone)]
 pub struct LoadFailure {
-    /// The text and its places.
+    /// The text with its locations.
     pub source: Source,
-    /// All messages, in the order of their places; at least one is an error.
+    /// All messages, in the order of their locations; at least one is an error.
     pub diagnostics: Vec<Diagnostic>,
 }
 
@@ -101,7 +101,7 @@ impl std::error::Error for LoadFailure {}
 /// Reads a deck from a file; `overrides` are names and values of parameters that replace those in the deck.
 ///
 /// # Errors
-/// All faults that can be found, each with its place.
+/// All faults that can be found, each with its location.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedDeck, Box<LoadFailure>> {
     let name = path.display().to_string();
     load_text(&name, &read(path)?, overrides)
@@ -110,7 +110,7 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<LoadedDeck, B
 /// Reads the text of a deck from a file, for [`load_text`].
 ///
 /// # Errors
-/// When the file cannot be read.
+/// If the file cannot be read.
 pub fn read(path: &Path) -> Result<Vec<u8>, Box<LoadFailure>> {
     read_bounded(path).map_err(|error| {
         let source = Source::without_text(&path.display().to_string());
@@ -118,7 +118,7 @@ pub fn read(path: &Path) -> Result<Vec<u8>, Box<LoadFailure>> {
     })
 }
 
-/// Why a file cannot be read, in words that do not depend on the system where they are known.
+/// Message about a file that cannot be read; the same on all systems for known causes.
 fn unreadable(path: &Path, error: &std::io::Error) -> Diagnostic {
     let fault = |what: &str| Diagnostic::error("D001", format!("the deck cannot be read: {what}"));
     match error.kind() {
@@ -130,15 +130,15 @@ fn unreadable(path: &Path, error: &std::io::Error) -> Diagnostic {
         ErrorKind::PermissionDenied => {
             fault("permission is denied").help("change the permissions of the file, or copy it")
         }
-        _ => fault(&error.to_string()).help("see that the file can be read by other programs, or copy it"),
+        _ => fault(&error.to_string()).help("check that other programs can read the file, or copy it"),
     }
 }
 
-/// The deck beside a path that does not exist whose name is most like it.
+/// The deck in the same directory whose name is most similar to that of a missing file.
 fn similar_file(path: &Path) -> Option<String> {
     let wanted = path.file_name()?.to_str()?;
     let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // A directory with more entries than this is no place where one looks for a deck.
+    // A directory with more entries than this is not searched.
     let entries = std::fs::read_dir(directory).ok()?.take(10_000).flatten();
     let mut names: Vec<String> = entries
         .filter_map(|entry| entry.file_name().into_string().ok())
@@ -152,7 +152,7 @@ fn similar_file(path: &Path) -> Option<String> {
 /// Names of the parameters that the text of a deck defines; `name` stands for the file in messages.
 ///
 /// # Errors
-/// When the text is no YAML. Nothing else is checked.
+/// If the text is not YAML. Nothing else is checked.
 pub fn parameter_names(name: &str, text: &[u8]) -> Result<Vec<String>, Box<LoadFailure>> {
     let (source, value, diagnostics) = Source::read(name, text);
     let Some(deck) = value else { return Err(Box::new(LoadFailure { source, diagnostics })) };
@@ -160,7 +160,7 @@ pub fn parameter_names(name: &str, text: &[u8]) -> Result<Vec<String>, Box<LoadF
     Ok(parameters.map_or_else(Vec::new, |parameters| parameters.keys().cloned().collect()))
 }
 
-/// Reads just enough of a file to know that it is too large, should it be (a device never ends).
+/// Reads at most one byte more than the largest deck: a device never ends.
 fn read_bounded(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut text = Vec::new();
     let limit = Source::MAX_BYTES as u64 + 1;
@@ -171,7 +171,7 @@ fn read_bounded(path: &Path) -> std::io::Result<Vec<u8>> {
 /// Reads a deck from text; `name` stands for the file in messages.
 ///
 /// # Errors
-/// All faults that can be found, each with its place.
+/// All faults that can be found, each with its location.
 pub fn load_text(
     name: &str,
     text: &[u8],
@@ -199,7 +199,7 @@ pub fn load_text(
         let is_news =
             |d: &Diagnostic| d.pointer.as_ref().is_none_or(|at| !told.contains(&(at.clone(), d.code)));
         diagnostics.extend(validate::validate(deck, &source).into_iter().filter(is_news));
-        // What is suspicious in a deck with errors is mostly a consequence of them.
+        // In a deck with errors, warnings are mostly consequences of them.
         if !diagnostics.iter().any(Diagnostic::is_error) {
             diagnostics.extend(validate::suspicions(deck, &source));
         }
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn hash_knows_text_and_values() {
+    fn hash_depends_on_text_and_values() {
         let text = std::fs::read_to_string("../../inputs/beam.yaml").unwrap();
         let hash = |text: &str, name: &str, value: &str| {
             load_text("deck", text.as_bytes(), &[(name.to_owned(), value.to_owned())]).unwrap().hash()

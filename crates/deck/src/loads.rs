@@ -1,4 +1,4 @@
-//! The loads that a deck states.
+//! The loads of a deck.
 
 use std::collections::BTreeMap;
 
@@ -24,10 +24,10 @@ pub enum LoadDeck {
         /// Acceleration at load factor 1, [length/time²], one number per axis.
         #[schemars(with = "Vector", extend("examples" = [[0, -9.81]]))]
         acceleration: Vec<f64>,
-        /// Names of the bodies it acts on; all where not stated.
+        /// Names of the bodies it acts on; all bodies by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         bodies: Option<Vec<String>>,
-        /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+        /// Load factor over time; by default, a linear ramp from 0 to 1.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<LoadCurve>,
     },
@@ -35,45 +35,44 @@ pub enum LoadDeck {
     BodyForce {
         /// Name, unique among the loads.
         name: String,
-        /// Force per volume, [force/volume], or per mass, [length/time²], at load factor 1, one number or formula per axis. A
-        /// formula knows x, y (the
-        /// position at the start of the step), X, Y (the original position), in space also z and Z, `factor` (the
-        /// load factor), the parameters and the names under `where`. One that depends on `factor` is taken as it stands; any other is
-        /// multiplied by the load factor.
+        /// Force per volume, [force/volume], or per mass, [length/time²], at load factor 1, one number or formula per
+        /// axis. A formula may contain x, y (the position at the start of the step), X, Y (the original position), in
+        /// space also z and Z, `factor` (the load factor), the parameters and the names under `where`. A formula that
+        /// contains `factor` gives the whole force; any other is multiplied by the load factor.
         #[schemars(with = "Expressions", extend("examples" = [["gamma*y", 0]]))]
         force: Vec<Expression>,
-        /// What `force` is divided by.
+        /// Quantity to which `force` refers.
         #[serde(default)]
         per: Per,
-        /// Intermediate values with a name each, in any order, for use in `force`.
+        /// Named intermediate values, in any order, for use in `force`.
         #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
         intermediate: BTreeMap<String, Expression>,
-        /// Names of the bodies it acts on; all where not stated.
+        /// Names of the bodies it acts on; all bodies by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         bodies: Option<Vec<String>>,
-        /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+        /// Load factor over time; by default, a linear ramp from 0 to 1.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<LoadCurve>,
     },
-    /// A force shared equally by some points of a body and carried along with them, eq. (25).
+    /// A force distributed equally over selected points of a body, which moves with them, eq. (25).
     PointForce {
         /// Name, unique among the loads.
         name: String,
         /// Name of the body.
         body: String,
-        /// The points that carry it.
+        /// Points on which it acts.
         points: PointSelector,
-        /// Sum of the forces at load factor 1, [force] (per unit thickness in plane strain, on the full
-        /// circle in axisymmetry), one number per axis.
+        /// Total force at load factor 1, [force] (per unit thickness in plane strain, on the full circle in
+        /// axisymmetry), one number per axis.
         #[schemars(with = "Vector", extend("examples" = [[0, -100e3]]))]
         total: Vec<f64>,
-        /// Load factor over time; a linear ramp from 0 to 1 where not stated.
+        /// Load factor over time; by default, a linear ramp from 0 to 1.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<LoadCurve>,
     },
 }
 
-/// What a body force is divided by.
+/// Quantity to which a body force refers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Per {
@@ -95,14 +94,14 @@ impl LoadDeck {
     }
 }
 
-/// Selects the points of a body that are nearest to a place at the start.
+/// Selection of the points of a body that are nearest to a location at the start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PointSelector {
-    /// The place, [length].
+    /// The location, [length].
     #[schemars(with = "Vector", extend("examples" = [[10, 9.5]]))]
     pub nearest: Vec<f64>,
-    /// How many points; a choice between equally near points must not be left open.
+    /// Number of points; it must not separate points that are equally near.
     #[serde(default = "one")]
     #[schemars(range(min = 1))]
     pub count: u32,

@@ -13,21 +13,22 @@ use super::span::escape;
 use super::yaml;
 use mpm_core::formula::{self, Formula, FormulaError, closest};
 
-/// Most parameters of a deck; also bounds how deep they can depend on each other.
+/// Most parameters of a deck; this also limits the depth of dependencies between them.
 const MOST: usize = 500;
-/// Most bytes that expressions may add to one text: parameters that hold each other several times grow beyond any bound.
+/// Most bytes that expressions may add to one text: parameters that contain each other several times would grow without
+/// bound.
 const MOST_IN_TEXT: usize = 10_000;
 /// Most bytes that they may add to all texts of a deck.
 const MOST_IN_ALL: usize = 16 << 20;
 
-/// Names with a meaning of their own in formulas.
+/// Names that already have a meaning in formulas.
 use super::formulas::VARIABLES;
 
 /// A parameter with everything needed to find its value.
 #[derive(Debug)]
 struct Definition {
     written: Option<Parameter>,
-    /// The override that replaces what the deck says, as `name=value`.
+    /// The override that replaces the value in the deck, as `name=value`.
     overridden: Option<String>,
     state: State,
 }
@@ -47,16 +48,16 @@ struct Known {
     overrides: BTreeSet<String>,
 }
 
-/// Why a text with expressions cannot be evaluated. Without a message it is the consequence of a fault already told.
+/// A text with expressions that cannot be evaluated; without a message if a fault already reported is the cause.
 enum Fault {
-    Told,
+    Reported,
     Here { message: String, offset: usize, length: usize, help: Option<String> },
 }
 
 /// Finds the values of the parameters, then inserts them everywhere else in the deck.
 ///
 /// Messages about everything that fails are added to `diagnostics`; the values concerned are marked in the source, so
-/// that nothing else is said about them.
+/// that no further faults are reported for them.
 pub(super) fn apply(
     deck: &mut Value,
     source: &mut Source,
@@ -78,7 +79,7 @@ pub(super) fn apply(
 
 struct Table<'a> {
     definitions: BTreeMap<String, Definition>,
-    /// Whether every parameter of the deck was understood; otherwise unknown names are no news.
+    /// True if every parameter of the deck was understood; otherwise unknown names are not reported.
     is_complete: bool,
     source: &'a mut Source,
     diagnostics: &'a mut Vec<Diagnostic>,
@@ -102,7 +103,7 @@ impl Table<'_> {
         };
         if parameters.len() > MOST {
             let message = format!("the deck has more than {MOST} parameters");
-            let help = "compute values where they are used, `${h/2}`, rather than by parameters of their own";
+            let help = "compute values where they are used, `${h/2}`, instead of in separate parameters";
             let fault = Diagnostic::at_key(self.source, "D011", "/parameters", message).help(help);
             self.diagnostics.push(fault);
             self.source.poison("/parameters");
@@ -169,7 +170,7 @@ impl Table<'_> {
         }
     }
 
-    /// The value of a parameter, found now if it is not known yet; nothing if it has none.
+    /// The value of a parameter, computed on first use; `None` if it has none.
     fn resolve(&mut self, name: &str) -> Option<Known> {
         let definition = self.definitions.get_mut(name)?;
         match &definition.state {
@@ -179,7 +180,7 @@ impl Table<'_> {
                 definition.state = State::Failed;
                 let message = format!("the parameter {} depends on itself", quote(name));
                 let pointer = pointer_to(name);
-                let help = format!("give {} a value that is not computed from itself", quote(name));
+                let help = format!("give {} a value that does not depend on itself", quote(name));
                 let fault = Diagnostic::at(self.source, "D011", &pointer, message).help(help);
                 self.diagnostics.push(fault);
                 return None;
@@ -197,7 +198,7 @@ impl Table<'_> {
             None => None,
         };
         let definition = self.definitions.get_mut(name)?;
-        // A parameter found to depend on itself has failed in the meantime.
+        // A parameter that depends on itself has failed in the meantime.
         let value = if matches!(definition.state, State::Failed) { None } else { value };
         let known = value.map(|(value, mut overrides)| {
             overrides.extend(overridden);
@@ -241,7 +242,7 @@ impl Table<'_> {
         }
     }
 
-    /// Shows the values of the parameters in the deck, so that the later gates see them.
+    /// Writes the values of the parameters into the deck, for the later gates.
     fn write_back(&mut self, parameters: &mut Map<String, Value>) {
         for (name, value) in parameters.iter_mut() {
             let pointer = pointer_to(name);
@@ -258,14 +259,14 @@ impl Table<'_> {
                         *value = became;
                     }
                 }
-                // A value of the wrong type is left for the schema to name.
+                // A value of the wrong type is left for the schema to report.
                 _ if definition.written.is_some() => self.source.poison(&pointer),
                 _ => {}
             }
         }
     }
 
-    /// Inserts the parameters in all texts below a value, the parameters themselves left out.
+    /// Inserts the parameters into all texts below a value, except the parameters themselves.
     fn insert(&mut self, value: &mut Value, pointer: &mut String) {
         let parent = pointer.len();
         match value {
@@ -305,7 +306,7 @@ impl Table<'_> {
         }
     }
 
-    /// Evaluates the expressions in a text: a number or a word where the text is a single one, else a text.
+    /// Evaluates the expressions in a text: a number or a word if the text is a single expression, otherwise text.
     fn expand(&mut self, text: &str, in_formula: bool) -> Result<(Parameter, BTreeSet<String>), Fault> {
         let mut overrides = BTreeSet::new();
         let mut expanded = String::new();
@@ -327,7 +328,7 @@ impl Table<'_> {
             }
             expanded.push_str(&text[at..start]);
             match value {
-                // In a formula -1 inserted before `^2` must not change what is squared.
+                // In a formula, a negative number inserted before `^2` must be squared as a whole.
                 Parameter::Number(number) if in_formula && number < 0.0 => {
                     expanded.push_str(&format!("({number:?})"))
                 }
@@ -339,7 +340,8 @@ impl Table<'_> {
         Ok((Parameter::Word(expanded), overrides))
     }
 
-    /// Counts a word that is inserted behind so many bytes, for an expression at a place of a text.
+    /// Counts the bytes of an inserted value against the limits; `before` is the length of the text so far, `offset`
+    /// and `length` locate the expression.
     fn grows(&mut self, value: &Parameter, before: usize, offset: usize, length: usize) -> Result<(), Fault> {
         let Parameter::Word(word) = value else { return Ok(()) };
         let is_told = self.added > MOST_IN_ALL;
@@ -352,13 +354,13 @@ impl Table<'_> {
             return Ok(());
         };
         if is_told {
-            return Err(Fault::Told);
+            return Err(Fault::Reported);
         }
         Err(Fault::Here {
             message: format!("parameters add more than {bound} characters to {what}"),
             offset,
             length,
-            help: Some("use shorter words, or fewer parameters that are made of each other".into()),
+            help: Some("use shorter words, or fewer parameters that contain each other".into()),
         })
     }
 
@@ -374,12 +376,12 @@ impl Table<'_> {
         for (offset, name) in formula::names(inner) {
             if !self.definitions.contains_key(name) {
                 if !self.is_complete && !formula::is_reserved(name) {
-                    return Err(Fault::Told);
+                    return Err(Fault::Reported);
                 }
                 continue;
             }
             self.source.use_parameter(name);
-            let Some(known) = self.resolve(name) else { return Err(Fault::Told) };
+            let Some(known) = self.resolve(name) else { return Err(Fault::Reported) };
             overrides.extend(known.overrides);
             match known.value {
                 word @ Parameter::Word(_) if inner.trim() == name => return Ok(word),
@@ -414,7 +416,7 @@ impl Table<'_> {
         Err(Fault::Here { message, offset: start, length: inner.len(), help: Some(help) })
     }
 
-    /// A fault of a formula as a fault of the text around it; names are looked for among all parameters.
+    /// Turns a fault of a formula into a fault of the text around it; unknown names are compared with all parameters.
     fn name_fault(&self, error: FormulaError, inner: &str, start: usize) -> Fault {
         let mut help = error.help;
         let mut message = error.message;
@@ -435,7 +437,7 @@ impl Table<'_> {
     }
 }
 
-/// Whether the value at a pointer may be a formula.
+/// True if the value at a pointer may be a formula.
 fn is_formula(pointer: &str) -> bool {
     let mut parts = pointer.rsplit('/');
     let last = parts.next();
@@ -450,7 +452,7 @@ fn as_value(parameter: &Parameter) -> Value {
 }
 
 impl Parameter {
-    /// The parameter that a text on the command line stands for.
+    /// The parameter given by a text on the command line.
     pub fn from_text(text: &str) -> Parameter {
         match yaml::number(text) {
             Some(number) if number.is_finite() => Parameter::Number(number),
@@ -462,7 +464,7 @@ impl Parameter {
 impl Display for Parameter {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            // Whole numbers of everyday size without exponent and fraction, as a person would write them.
+            // Whole numbers of moderate size, without exponent and fraction.
             Parameter::Number(number) if number.abs() >= 1e-5 && number.abs() < 1e9 || *number == 0.0 => {
                 write!(f, "{number}")
             }

@@ -2,7 +2,7 @@
 
 use super::PerAxis;
 
-/// The entries of a list; those that are missing are zero.
+/// The entries of a list; missing ones are zero.
 pub(crate) fn array<const D: usize>(values: &[f64]) -> [f64; D] {
     std::array::from_fn(|d| values.get(d).copied().unwrap_or(0.0))
 }

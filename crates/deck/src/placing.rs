@@ -1,4 +1,4 @@
-//! Checks of the points of bodies against the grid, and the groups of nodes and cells.
+//! Checks the points of bodies against the grid; finds groups of nodes and cells.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use mpm_core::grid::Grid;
 use mpm_core::points::{Seed, coordinates};
 use mpm_core::region::{Region, contains_in_cell};
 
-/// Message and help for the name of a physical group that does not exist, or has no cells where it needs some.
+/// Message and help for a physical group that does not exist, or has no cells although it needs some.
 pub(super) fn unknown_group<const D: usize>(
     grid: &dyn Grid<D>,
     name: &str,
@@ -39,8 +39,8 @@ pub(super) fn unknown_group<const D: usize>(
     (message, help)
 }
 
-/// All nodes within bounds, ascending, and some that are outside: those just beside the bounds, or all of the grid
-/// where it has no lines.
+/// All nodes within bounds, ascending, and some outside: those next to the bounds, or all nodes of an unstructured
+/// grid.
 pub(super) fn nodes_near<'a, const D: usize>(
     grid: &'a dyn Grid<D>,
     bounds: &[[f64; D]; 2],
@@ -51,7 +51,7 @@ pub(super) fn nodes_near<'a, const D: usize>(
     }
 }
 
-/// All points of a body, and the corners of their domains, must lie in cells.
+/// Checks that all points of a body, and the corners of their domains, lie in cells.
 pub(super) fn inside_grid<const D: usize>(
     grid: &dyn Grid<D>,
     body: &str,
@@ -69,11 +69,11 @@ pub(super) fn inside_grid<const D: usize>(
         coordinates(&first.position)
     );
     let help =
-        "move the body, make the grid larger, or take away what is outside by a `difference`".to_owned();
+        "move the body, make the grid larger, or cut off the part outside with a `difference`".to_owned();
     Err(Fault { code: "D028", key: "/shape".to_owned(), message, help })
 }
 
-/// Bodies whose points lie in the region of an earlier body: the number of the body, and a message.
+/// Finds bodies whose points lie in the region of an earlier body: the number of the body, and a message.
 pub(super) fn overlaps<const D: usize>(
     grid: &dyn Grid<D>,
     bodies: &[BodyDeck],
@@ -112,7 +112,7 @@ pub(super) fn overlaps<const D: usize>(
     let name = |body: u16| quote(&bodies[body as usize].name);
     let message = |((later, earlier), (count, place)): ((u16, u16), (usize, [f64; D]))| {
         let text = format!(
-            "the body {} overlaps the body {}: {count} points of either lie in the region of the other, the first at {}",
+            "the body {} overlaps the body {}: {count} points of one lie in the region of the other, the first at {}",
             name(later),
             name(earlier),
             coordinates(&place)

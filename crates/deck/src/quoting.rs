@@ -1,6 +1,6 @@
-//! Text of a deck as messages show it.
+//! Text of a deck, formatted for messages.
 
-/// Text of a deck made fit for a message: in backquotes, short, without control characters.
+/// Formats text of a deck for a message: in backquotes, short, without control characters.
 pub fn quote(text: &str) -> String {
     let mut shown: String = text
         .chars()
@@ -13,7 +13,7 @@ pub fn quote(text: &str) -> String {
     format!("`{shown}`")
 }
 
-/// Names as a list for a message: `` `a`, `b` and `c` ``; long lists are cut.
+/// Formats names as a list for a message: `` `a`, `b` and `c` ``; long lists are cut.
 pub fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let mut names: Vec<String> = names.into_iter().map(quote).collect();
     if names.len() > 20 {

@@ -1,4 +1,4 @@
-//! From the bytes of a file to the text of a deck, and the value that it stands for.
+//! From the bytes of a file to the text of a deck and its value.
 
 use serde_json::Value;
 
@@ -8,20 +8,20 @@ use super::span::Span;
 use super::yaml;
 
 impl Source {
-    /// Reads the text of a deck. The value is missing where the text is no usable YAML at all; the messages may
-    /// hold errors even where it is there.
+    /// Reads the text of a deck. The value is `None` if the text is not usable YAML; the messages may contain errors
+    /// even if there is a value.
     pub fn read(name: &str, bytes: &[u8]) -> (Source, Option<Value>, Vec<Diagnostic>) {
         let mut source = Source::without_text(name);
         if bytes.len() > Self::MAX_BYTES {
             let message = format!("the deck is larger than {} MiB", Self::MAX_BYTES >> 20);
-            let fault = Diagnostic::error("D001", message).help("bulky data belongs into a mesh file");
+            let fault = Diagnostic::error("D001", message).help("put bulky data into a mesh file");
             return (source, None, vec![fault]);
         }
         if is_utf16(bytes) {
-            let fault = Diagnostic::error("D001", "the text has the encoding UTF-16");
-            return (source, None, vec![fault.help("save the file with the encoding UTF-8")]);
+            let fault = Diagnostic::error("D001", "the file is encoded in UTF-16");
+            return (source, None, vec![fault.help("save the file as UTF-8")]);
         }
-        // The mark that some editors put in front of a text is no part of it.
+        // The byte order mark that some editors write is not part of the text.
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         if let Err(error) = std::str::from_utf8(bytes) {
             source.set_text(bytes);
@@ -31,13 +31,15 @@ impl Source {
         source.set_text(bytes);
         if let Some(offset) = bytes.iter().position(|byte| *byte == 0) {
             let (line, _) = source.line_column(offset);
-            let fault =
-                Diagnostic::error("D001", format!("line {line} holds a zero byte: this is not a text file"));
+            let fault = Diagnostic::error(
+                "D001",
+                format!("line {line} contains a null byte: this is not a text file"),
+            );
             return (source, None, vec![fault.help("give the path of a YAML file")]);
         }
         let mut diagnostics = Vec::new();
         let value = yaml::read(source.text(), &mut diagnostics).map(|document| {
-            source.places = document.places;
+            source.entries = document.entries;
             source.poisoned = document.poisoned;
             document.value
         });
@@ -47,13 +49,13 @@ impl Source {
     fn invalid_text(&self, offset: usize) -> Diagnostic {
         let (line, _) = self.line_column(offset);
         let mut fault = Diagnostic::error("D001", format!("line {line} is not valid UTF-8"))
-            .help("save the file with the encoding UTF-8");
+            .help("save the file as UTF-8");
         fault.span = Some(Span { start: offset, end: offset + '\u{fffd}'.len_utf8() });
         fault
     }
 }
 
-/// Whether a text begins as UTF-16 does: with its mark, or with a letter of ASCII in two bytes.
+/// True if a text begins as UTF-16 does: with its byte order mark, or with an ASCII letter in two bytes.
 fn is_utf16(bytes: &[u8]) -> bool {
     matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..])
         || matches!(bytes, [a, 0, b, 0, ..] | [0, a, 0, b, ..] if *a > 0 && *b > 0)
@@ -71,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn every_value_and_key_has_a_place() {
+    fn every_value_and_key_has_a_location() {
         let (source, value) = read("a: 1\nb:\n  - {c/d: 'x y', é: 2}\n  - 3\n");
         assert_eq!(value, serde_json::json!({"a": 1, "b": [{"c/d": "x y", "é": 2}, 3]}));
         let show = |span: Option<Span>| span.map(|span| &source.text()[span.start..span.end]);

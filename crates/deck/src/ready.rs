@@ -1,4 +1,4 @@
-//! From a deck that was read to an analysis that is ready to run, in the plane or in space.
+//! From a deck to an analysis that is ready to run, in the plane or in space.
 
 use super::build::{Built, built};
 use super::diagnostic::Diagnostic;
@@ -33,7 +33,7 @@ pub struct Extent {
     pub steps: usize,
     /// The size of the first load step.
     pub first: FirstStep,
-    /// The memory that the analysis will need at most, estimated, [byte].
+    /// Estimated peak memory of the analysis, [byte].
     pub memory: f64,
 }
 
@@ -42,17 +42,16 @@ pub struct Extent {
 pub struct Ready {
     /// The model and its points.
     pub analysis: Analysis,
-    /// Its size.
+    /// Size of the analysis.
     pub extent: Extent,
     /// Warnings and notes about the deck.
     pub notes: Vec<Diagnostic>,
 }
 
-/// Builds what a deck describes and looks at its first load step. An analysis that does not fit into this memory is
-/// refused.
+/// Builds the model of a deck and checks its first load step. An analysis that does not fit into `memory` is refused.
 ///
 /// # Errors
-/// Everything that keeps the first load step from being solved, with warnings and notes.
+/// All faults that prevent the first load step from being solved, with warnings and notes.
 pub fn ready(loaded: &LoadedDeck, memory: Option<Memory>) -> Result<Ready, Vec<Diagnostic>> {
     Ok(if loaded.deck.dimensions() == 3 {
         let (parts, extent, notes) = prepare::<3>(loaded, memory)?;
@@ -94,7 +93,7 @@ where
 }
 
 impl Analysis {
-    /// Nothing has been reached yet.
+    /// The state before the first step.
     pub fn beginning(&self) -> Reached {
         match self {
             Analysis::Plane(parts) => Reached::nothing(&parts.1),
@@ -102,11 +101,11 @@ impl Analysis {
         }
     }
 
-    /// Runs the analysis from what has been reached, in whose state the points are.
+    /// Runs the analysis from `reached`, which must be the state of the points.
     ///
     /// # Errors
     /// As [`solver::run`].
-    pub fn go_on<O: Observer<2> + Observer<3>>(
+    pub fn run<O: Observer<2> + Observer<3>>(
         &mut self,
         reached: Reached,
         observer: &mut O,

@@ -1,4 +1,4 @@
-//! The reference of all keys, `docs/deck.md`, generated from the schema.
+//! Reference of all keys, `docs/deck.md`, generated from the schema.
 
 use std::fmt::Write;
 
@@ -14,7 +14,7 @@ Generated from the deck types; do not edit. A deck is one YAML file. Unknown key
 consistent system (the examples use m, N, Pa, kg) and are given in brackets: [length], [stress], [-] for none.
 
 Any number or word may be written as an expression of the parameters of the deck, in quotes: `\"${h/2}\"`. A formula is
-a text such as `gamma*y`. Expressions and formulas know `+ - * / ^`, the comparisons `< <= > >= == !=` (1 or 0),
+text such as `gamma*y`. Expressions and formulas may contain `+ - * / ^`, the comparisons `< <= > >= == !=` (1 or 0),
 `if(c, a, b)`, `min`, `max`, `abs`, `sqrt`, `exp`, `ln`, `log10`, `sin`, `cos`, `tan`, `asin`, `acos`, `atan`, `atan2`,
 `sinh`, `cosh`, `tanh`, `asinh`, `acosh`, `atanh`, `floor`, `ceil`, `sign`, `pow`, `hypot` and `pi`. `-x^2` is
 `-(x^2)`, and `2^3^2` is `2^(3^2)`.
@@ -69,7 +69,7 @@ fn branches(section: &Value) -> Option<&Vec<Value>> {
         .filter(|branches| branches.iter().all(|branch| branch.get("then").is_some()))
 }
 
-/// One table for each variant of something with a tag.
+/// One table for each variant of a tagged choice.
 fn variants(text: &mut String, section: &Value, branches: &[Value]) {
     let tag = section.pointer("/required/0").and_then(Value::as_str).unwrap_or_default();
     let meanings = section.pointer(&format!("/properties/{tag}/enumDescriptions"));
@@ -124,7 +124,7 @@ fn table(text: &mut String, section: &Value, tag: Option<&str>) {
     text.push_str(&words);
 }
 
-/// The words that a key may have, each with its meaning.
+/// The words allowed for a key, each with its meaning.
 fn list_words(text: &mut String, key: &str, target: &Value) {
     let Some(Value::Array(words)) = target.get("enum") else { return };
     if words.len() < 2 {
@@ -138,7 +138,7 @@ fn list_words(text: &mut String, key: &str, target: &Value) {
     }
 }
 
-/// The first example of a key, as a sentence; keys with a default need none.
+/// The first example of a key, as a sentence; keys with a default have none.
 fn example(property: &Value) -> String {
     let examples = property.get("examples").or_else(|| resolve(property).get("examples"));
     let first = examples.and_then(|examples| examples.get(0)).filter(|_| property.get("default").is_none());
@@ -191,6 +191,7 @@ fn kind(property: &Value) -> String {
             Some(Value::Object(items)) => format!("list of {}", plural(items)),
             _ => "list".into(),
         },
+        Some("boolean") => "`true` or `false`".into(),
         _ => "any".into(),
     }
 }
@@ -207,7 +208,7 @@ fn plural(items: &Map<String, Value>) -> String {
     }
 }
 
-/// A default as one would write it in a deck.
+/// A default as it is written in a deck.
 fn in_yaml(value: &Value) -> String {
     match value {
         Value::Object(entries) if !entries.is_empty() => {

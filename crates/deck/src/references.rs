@@ -1,4 +1,4 @@
-//! Names in a deck that refer to nothing, also in a deck that lacks something and has no meaning yet.
+//! Names that refer to nothing, also in a deck that is still incomplete.
 
 use serde_json::Value;
 
@@ -7,7 +7,7 @@ use super::quoting::{list, quote};
 use super::source::Source;
 use mpm_core::formula::closest;
 
-/// A name that should refer to one of several things of a deck.
+/// Message about a name that refers to none of the entries it should refer to.
 pub(super) fn unknown_reference(
     source: &Source,
     pointer: &str,
@@ -32,11 +32,11 @@ pub(super) fn unknown_reference(
     diagnostic
 }
 
-/// The names of materials and bodies that refer to nothing, in a deck that cannot be read as a whole.
+/// Finds names of materials and bodies that refer to nothing, in a deck that cannot be read as a whole.
 pub(super) fn dangling(deck: &Value, source: &Source) -> Vec<Diagnostic> {
     let materials: Option<Vec<&str>> =
         deck["materials"].as_object().map(|materials| materials.keys().map(String::as_str).collect());
-    // Where a body has no name yet, any name may be meant for it.
+    // If a body has no name yet, any name may refer to it.
     let bodies: Option<Vec<&str>> = deck["bodies"]
         .as_array()
         .and_then(|bodies| bodies.iter().map(|body| body["name"].as_str()).collect());

@@ -1,4 +1,4 @@
-//! Regions that bodies fill: as decks describe them, and what they are as regions of the plane or of space.
+//! Regions that bodies fill: the types of the deck, and their translation to regions of the plane or of space.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ pub(super) use files::{FromFiles, volume};
 pub(super) use groups::Groups;
 
 /// A region. A box whose sides lie on grid lines of a structured grid is filled exactly; any other region gets the
-/// points of the cells whose centres fall inside it, and the area (volume) gained or lost is reported.
+/// points that lie inside it, and the area (volume) gained or lost is reported.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Shape {
@@ -28,9 +28,9 @@ pub enum Shape {
         #[schemars(with = "Vector", extend("examples" = [[10, 10]]))]
         max: Vec<f64>,
     },
-    /// A polygon in the plane that does not cross itself, in either sense.
+    /// A polygon in the plane that does not cross itself, with its corners in either sense.
     Polygon {
-        /// Its corners, [length], in order.
+        /// Corners in order, [length].
         #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 0], [2, 0], [0, 1]]]))]
         vertices: Vec<Vec<f64>>,
     },
@@ -88,13 +88,13 @@ pub enum Shape {
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1.5]))]
         radius: f64,
     },
-    /// A polygon drawn out along an axis of space.
+    /// A polygon extruded along an axis, in space.
     Extrusion {
-        /// Corners of the polygon in the other two coordinates, those of the alphabetically first axis first, [length],
-        /// in order; it does not cross itself.
+        /// Corners of the polygon in order, [length], given by the other two coordinates in alphabetical order; it must
+        /// not cross itself.
         #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 0], [2, 0], [0, 1]]]))]
         polygon: Vec<Vec<f64>>,
-        /// The axis along which it is drawn out.
+        /// Axis of the extrusion.
         #[schemars(extend("examples" = ["z"]))]
         axis: Axis,
         /// Lower end along the axis, [length].
@@ -104,7 +104,7 @@ pub enum Shape {
         #[schemars(extend("examples" = [3]))]
         to: f64,
     },
-    /// What a closed surface of triangles encloses, in space.
+    /// The interior of a closed surface of triangles, in space.
     Stl {
         /// Path of an STL file, text or binary, relative to the deck. Its surface must be closed and must not cross
         /// itself.
@@ -113,51 +113,51 @@ pub enum Shape {
     },
     /// Whole cells of the grid.
     Cells {
-        /// Name of a physical group of a gmsh grid; all cells where not stated.
+        /// Name of a physical group of a gmsh grid; all cells by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         group: Option<String>,
     },
-    /// What lies in any of some regions.
+    /// Union of several regions.
     Union {
         /// The regions.
         #[schemars(length(min = 1))]
         of: Vec<Shape>,
     },
-    /// What lies in all of some regions.
+    /// Intersection of several regions.
     Intersection {
         /// The regions.
         #[schemars(length(min = 1))]
         of: Vec<Shape>,
     },
-    /// What lies in one region but in none of some others.
+    /// One region minus several others.
     Difference {
-        /// The region to start from.
+        /// Region from which the others are subtracted.
         from: Box<Shape>,
-        /// The regions taken away.
+        /// Regions to subtract.
         #[schemars(length(min = 1))]
         minus: Vec<Shape>,
     },
-    /// A region that is shifted.
+    /// A translated region.
     Translate {
-        /// The shift, [length].
+        /// Translation, [length].
         #[schemars(with = "Vector", extend("examples" = [[1, 0]]))]
         by: Vec<f64>,
-        /// The region before the shift.
+        /// Region to translate.
         shape: Box<Shape>,
     },
-    /// A region that is turned.
+    /// A rotated region.
     Rotate {
-        /// The angle, [degree]: counter-clockwise in the plane, by the right-hand rule about the axis in space.
+        /// Angle, [degree]: counter-clockwise in the plane, by the right-hand rule about the axis in space.
         #[schemars(extend("examples" = [30]))]
         angle: f64,
-        /// A place that stays where it is, [length].
+        /// Fixed point of the rotation, [length].
         #[schemars(with = "Vector", extend("examples" = [[0, 0]]))]
         center: Vec<f64>,
         /// Direction of the axis, of any length, [-], or the name of a coordinate axis; in space only.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("examples" = ["z", [1, 1, 0]]))]
         axis: Option<Direction>,
-        /// The region before the turn.
+        /// Region to rotate.
         shape: Box<Shape>,
     },
 }
@@ -166,14 +166,14 @@ pub enum Shape {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Direction {
-    /// That of a coordinate axis.
+    /// Direction of a coordinate axis.
     Along(Axis),
-    /// That of a vector.
+    /// Direction of a vector.
     Vector(#[schemars(length(min = 2, max = 3))] Vec<f64>),
 }
 
 impl Shape {
-    /// The word that stands for its type in decks.
+    /// Name of its type in decks.
     pub(super) fn word(&self) -> &'static str {
         match self {
             Shape::Box { .. } => "box",
@@ -194,7 +194,7 @@ impl Shape {
         }
     }
 
-    /// The number of dimensions it needs; `None` where there is one of it in each.
+    /// The number of dimensions it needs; `None` if it exists in both.
     pub(super) fn dimensions(&self) -> Option<usize> {
         match self {
             Shape::Polygon { .. } | Shape::Circle { .. } | Shape::Annulus { .. } => Some(2),
@@ -207,7 +207,7 @@ impl Shape {
         }
     }
 
-    /// The regions it is made from, each with its key.
+    /// The regions it is made of, each with its key.
     pub(super) fn parts(&self) -> Vec<(String, &Shape)> {
         let all = |key: &str, parts: &'_ [Shape]| -> Vec<String> {
             (0..parts.len()).map(|k| format!("{key}/{k}")).collect()
@@ -225,12 +225,12 @@ impl Shape {
         }
     }
 
-    /// Whether some region of it, or itself, is such.
+    /// True if the predicate holds for it or for any region it is made of.
     pub(super) fn any(&self, is_such: &dyn Fn(&Shape) -> bool) -> bool {
         is_such(self) || self.parts().into_iter().any(|(_, part)| part.any(is_such))
     }
 
-    /// Paths of all surfaces that it is made from.
+    /// Paths of all surfaces it is made of.
     pub(super) fn files(&self) -> Vec<&str> {
         match self {
             Shape::Stl { file } => vec![file],
@@ -239,15 +239,15 @@ impl Shape {
     }
 }
 
-/// Why a deck does not describe a region.
+/// A region of a deck that cannot be built.
 pub(super) enum Refusal {
-    /// Numbers at this place are no region.
+    /// The numbers at this JSON pointer do not enclose a region.
     Numbers(String, ShapeError),
-    /// What it is made from is not known, or a message about it has been given.
+    /// Something it is made of is unknown, or has already been reported.
     Unknown,
 }
 
-/// What regions are made from that a deck only names; `place` is where in the deck.
+/// The sources of regions that a deck only names; `place` is a JSON pointer into the deck.
 pub(super) trait Given<const D: usize> {
     /// A group of cells, or all of them.
     fn cells(&mut self, place: &str, group: Option<&str>) -> Option<Group<D>>;
@@ -255,16 +255,16 @@ pub(super) trait Given<const D: usize> {
     fn surface(&mut self, place: &str, file: &str) -> Option<Surface>;
 }
 
-/// A region of a deck as one of the plane or of space; what has a form in one of them only is told apart here.
+/// Regions that exist in the plane only, or in space only.
 pub(super) trait OfDeck<const D: usize>: Sized {
-    /// A region that only this number of dimensions has; `None` for others.
+    /// Builds a region that exists in this number of dimensions only; `None` for other shapes.
     fn own(shape: &Shape, place: &str, given: &mut dyn Given<D>) -> Result<Option<Self>, Refusal>;
 
-    /// A turn about a place.
+    /// A rotation about a location.
     fn turn(angle: f64, center: [f64; D], axis: Option<&Direction>) -> Result<Motion<D>, ShapeError>;
 }
 
-/// The region that a deck describes at a place.
+/// Builds the region of a shape; `place` is its JSON pointer in the deck.
 ///
 /// # Errors
 /// The first fault.
@@ -307,7 +307,7 @@ fn moved<const D: usize>(mut parts: Vec<Region<D>>, motion: &Motion<D>) -> Resul
     parts.pop().map(|part| part.moved(motion)).ok_or(Refusal::Unknown)
 }
 
-/// A list of the right length; one of another is told of elsewhere.
+/// A list of the right length; any other length is reported elsewhere.
 fn vector<const D: usize>(values: &[f64]) -> Result<[f64; D], Refusal> {
     values.try_into().map_err(|_| Refusal::Unknown)
 }
@@ -365,7 +365,7 @@ impl OfDeck<3> for Region<3> {
     }
 }
 
-/// What is known without any file: that a structured grid is a box.
+/// Sources known without any file: a structured grid, which is a box.
 pub(super) struct WithoutFiles<const D: usize> {
     /// Lowest and highest corner of a structured grid, [length].
     pub(super) grid: Option<[[f64; D]; 2]>,

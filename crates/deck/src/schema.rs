@@ -1,6 +1,6 @@
 //! The JSON schema of decks, generated from the deck types.
 //!
-//! Two forms: the strict one, which a deck must meet once its parameters are inserted, and the published one for
+//! It has two forms: the strict one, which a deck must meet once its parameters are inserted, and the published one for
 //! editors, in which a number or a word may also be an expression of parameters.
 
 use std::sync::OnceLock;
@@ -10,18 +10,18 @@ use serde_json::{Map, Value, json};
 
 use super::Deck;
 
-/// Text that holds an expression of parameters.
+/// Pattern of a text that contains an expression of parameters.
 const EXPRESSION: &str = r"\$\{.+\}";
 
 /// The schema for editors, draft 07: every number and word may also be an expression of parameters, `${h/2}`, and
-/// descriptions say what editors do not show, ranges and defaults.
+/// descriptions state ranges and defaults, which editors do not show.
 pub fn deck_schema() -> Value {
     let mut schema = strict_schema().clone();
     describe(&mut schema);
     for definition in
         schema.get_mut("definitions").and_then(Value::as_object_mut).into_iter().flat_map(Map::values_mut)
     {
-        // What is no mapping is described by the key that has it.
+        // A definition that is not a mapping is described by its key.
         if let Some(definition) = definition.as_object_mut()
             && definition.get("type").is_none_or(|kind| kind != "object")
         {
@@ -35,13 +35,13 @@ pub fn deck_schema() -> Value {
     schema
 }
 
-/// Adds range and default to the description of every key, and takes those away that would stand in their place: that
-/// of the deck as a whole, and those of choices between types.
+/// Adds range and default to the description of every key, and removes descriptions that editors would show instead:
+/// that of the whole deck, and those of choices between types.
 fn describe(schema: &mut Value) {
     match schema {
         Value::Array(items) => items.iter_mut().for_each(describe),
         Value::Object(object) => {
-            // A key of the same name holds a schema.
+            // A key named `title` contains a schema.
             if object.get("title").is_some_and(Value::is_string) {
                 object.shift_remove("title");
             }
@@ -75,7 +75,7 @@ fn describe_key(property: &mut Value) {
     }
 }
 
-/// What a reference in the strict schema refers to.
+/// Resolves a reference in the strict schema.
 pub(super) fn resolve(property: &Value) -> &Value {
     let reference =
         property.get("$ref").or_else(|| property.pointer("/allOf/0/$ref")).and_then(Value::as_str);
@@ -93,7 +93,7 @@ pub fn strict_schema() -> &'static Value {
     })
 }
 
-/// Rewrites what a generated schema says into what is best for messages and editors, at every depth.
+/// Rewrites a generated schema for messages and editors, at every depth.
 fn simplify(schema: &mut Value) {
     match schema {
         Value::Array(items) => items.iter_mut().for_each(simplify),
@@ -109,7 +109,7 @@ fn simplify(schema: &mut Value) {
     }
 }
 
-/// An optional key is left out rather than given without a value: nothing may be null.
+/// Forbids null: an optional key is left out rather than given without a value.
 fn forbid_null(object: &mut Map<String, Value>) {
     if let Some(Value::Array(types)) = object.get_mut("type") {
         types.retain(|kind| kind != "null");
@@ -224,7 +224,7 @@ fn admit_expressions(schema: &mut Value) {
 
 /// The range that a schema allows, in words such as "above 0 and below 1".
 pub(super) fn range_in_words(schema: &Value) -> Option<String> {
-    // The largest number that fits into memory is no range that means anything.
+    // The largest number of the type is not a meaningful bound.
     let stated = |key: &str| schema.get(key).filter(|limit| **limit != json!(u32::MAX));
     let bound = |key: &str, words: &str| stated(key).map(|limit| format!("{words} {}", shortest(limit)));
     if let (Some(low), Some(high)) = (stated("minimum"), stated("maximum"))
@@ -238,7 +238,7 @@ pub(super) fn range_in_words(schema: &Value) -> Option<String> {
     (!range.is_empty()).then(|| range.join(" and "))
 }
 
-/// A number as a person would write it: schemas say 0.0 where 0 is meant.
+/// A number in its shortest form: schemas have 0.0 for 0.
 pub(super) fn shortest(number: &Value) -> String {
     number.as_f64().map_or_else(|| number.to_string(), |value| super::Parameter::Number(value).to_string())
 }

@@ -16,19 +16,20 @@ use mpm_core::grid::{Grid, Structured};
 use mpm_core::points::Seed;
 use mpm_core::region::{Accuracy, FilledCell, Region, Volume, brick_parts, contains_in_cell, fill};
 
-/// Relative distance to a grid line within which a side of a box counts as lying on it.
+/// Relative distance to a grid line within which a side of a box counts as on the line.
 const ON_LINE: f64 = 1e-6;
 
-/// Parts along each axis of a cut cell by which its part of a region is measured, in the plane and in space.
+/// Subdivision along each axis of a cut cell, to measure the share that lies in a region: in the plane, and below in
+/// space.
 const FINE: usize = 32;
 const FINE_IN_SPACE: usize = 10;
-/// Parts along each axis by which it is found out whether a cell is cut.
+/// Subdivision along each axis to find out if a cell is cut.
 const PROBED: usize = 8;
 
 /// Most points of a body.
 const MOST_POINTS: f64 = 1e8;
 
-/// Why a body cannot be filled: a code, the key of the body that is to blame, and what to do.
+/// A body that cannot be filled: code, the key of the body that causes it, message and remedy.
 pub(super) struct Fault {
     pub(super) code: &'static str,
     pub(super) key: String,
@@ -36,17 +37,17 @@ pub(super) struct Fault {
     pub(super) help: String,
 }
 
-/// Points of a cell, made one by one.
+/// Points of a cell, created one by one.
 type Parts<'a, const D: usize> = Box<dyn Iterator<Item = Seed<D>> + 'a>;
 
 /// The points of a body.
 pub(super) struct Filled<const D: usize> {
     pub(super) seeds: Vec<Seed<D>>,
-    /// Volume (area) of the region, where it is known.
+    /// Volume (area) of the region, if it is known.
     pub(super) exact: Option<Volume>,
 }
 
-/// What all points of a body share.
+/// Data shared by all points of a body.
 pub(super) struct Filling<'a, const D: usize> {
     pub(super) grid: &'a dyn Grid<D>,
     pub(super) region: &'a Region<D>,
@@ -58,7 +59,7 @@ pub(super) struct Filling<'a, const D: usize> {
 }
 
 impl<const D: usize> Filling<'_, D> {
-    /// The points of a body, as its deck says.
+    /// Fills the body with points as its deck requests.
     pub(super) fn fill(&self, deck: &BodyDeck) -> Result<Filled<D>, Fault> {
         if matches!(deck.shape, Shape::Stl { .. }) {
             self.surface_in_grid(deck)?;
@@ -77,8 +78,8 @@ impl<const D: usize> Filling<'_, D> {
             return Err(Fault {
                 code: "D028",
                 key: String::new(),
-                message: format!("the body {} holds no material point", quote(&deck.name)),
-                help: "its region must be inside the grid and hold the centre of at least one part of a cell"
+                message: format!("the body {} contains no material point", quote(&deck.name)),
+                help: "its region must lie in the grid and contain the centre of at least one subdivision of a cell"
                     .to_owned(),
             });
         }
@@ -86,8 +87,8 @@ impl<const D: usize> Filling<'_, D> {
         Ok(Filled { seeds, exact: exact.or_else(|| is_by_cells.then(|| self.measured())) })
     }
 
-    /// Volume of a region of whole cells from which something is cut: the cells that it fills, and the fine parts of the
-    /// others whose centres lie inside.
+    /// Volume of a region of whole cells that other regions cut: the full cells, and the fine parts of the others whose
+    /// centres lie inside.
     fn measured(&self) -> Volume {
         let fine = if D > 2 { FINE_IN_SPACE } else { FINE };
         let divide = |cell: usize| -> Result<Vec<(ElementPart<D>, bool)>, std::convert::Infallible> {
@@ -143,7 +144,7 @@ impl<const D: usize> Filling<'_, D> {
         seed
     }
 
-    /// A box whose sides lie on grid lines, filled as a whole; `None` when they do not.
+    /// Fills a box whose sides lie on grid lines; `None` for any other box.
     fn box_on_lines(
         &self,
         grid: &Structured<D>,
@@ -165,7 +166,7 @@ impl<const D: usize> Filling<'_, D> {
         Some(self.rows([min, max], n, |_| true))
     }
 
-    /// A lattice of `n` points along the sides of a box, of which those inside the region stay.
+    /// The points inside the region of a lattice with `n` points along the sides of a box.
     fn rows(
         &self,
         [min, max]: [[f64; D]; 2],
@@ -174,7 +175,7 @@ impl<const D: usize> Filling<'_, D> {
     ) -> Vec<Seed<D>> {
         let spacing: [f64; D] = std::array::from_fn(|d| (max[d] - min[d]) / n[d] as f64);
         let lattice = Structured::<D>::new(min, spacing, n);
-        // From the ends of the box, not from its cells: both sides of a row get the same round-off.
+        // Measured from the ends of the box, not from its cells, so that both ends of a row get the same round-off.
         let at = |index: &[usize; D], shift: f64| -> [f64; D] {
             std::array::from_fn(|d| min[d] + (index[d] as f64 + shift) * spacing[d])
         };
@@ -183,7 +184,7 @@ impl<const D: usize> Filling<'_, D> {
             .map(|place| inside(&at(&lattice.cell_index(place), 0.5)))
             .collect();
         let is_outer = |index: &[usize; D]| {
-            // Subtraction below zero wraps round to a number that is beyond the lattice.
+            // Subtraction below zero wraps around to an index beyond the lattice.
             let neighbour = |k: usize| -> [usize; D] {
                 std::array::from_fn(|d| (index[d] + k / 3usize.pow(d as u32) % 3).wrapping_sub(1))
             };
@@ -199,13 +200,13 @@ impl<const D: usize> Filling<'_, D> {
         (0..kept.len()).into_par_iter().filter(|&place| kept[place]).map(one).collect()
     }
 
-    /// Points at a stated spacing, whatever the grid.
+    /// Points at a stated spacing, independent of the grid.
     fn lattice(&self, deck: &BodyDeck, spacing: [f64; D]) -> Result<Vec<Seed<D>>, Fault> {
         if deck.shape.any(&|part| matches!(part, Shape::Cells { .. })) {
             return Err(Fault {
                 code: "D023",
                 key: "/point_spacing".to_owned(),
-                message: "a region of whole cells cannot be filled at a spacing".to_owned(),
+                message: "a region of type `cells` cannot be filled with `point_spacing`".to_owned(),
                 help: format!("give {}", placed_in_cells(D)),
             });
         }
@@ -224,14 +225,14 @@ impl<const D: usize> Filling<'_, D> {
             });
         }
         if !(0..D).all(|d| min[d] < max[d]) {
-            return Ok(Vec::new()); // an intersection of what lies apart
+            return Ok(Vec::new()); // an intersection of disjoint regions
         }
         let n: [usize; D] = std::array::from_fn(|d| (along(d).ceil() as usize).max(1));
         let high = std::array::from_fn(|d| min[d] + n[d] as f64 * spacing[d]);
         Ok(self.rows([min, high], n, |x| self.region.contains(x)))
     }
 
-    /// A surface is known only once its file has been read.
+    /// Checks that a surface lies in the grid; this needs its file.
     fn surface_in_grid(&self, deck: &BodyDeck) -> Result<(), Fault> {
         let ([low, high], [from, to]) = (self.region.bounds(), self.grid.bounds());
         for d in 0..D {
@@ -241,7 +242,8 @@ impl<const D: usize> Filling<'_, D> {
                     code: "D028",
                     key: "/shape".to_owned(),
                     message: format!(
-                        "the surface of the body {} goes from {} to {} along {}, beyond the grid, which covers {} to {}",
+                        "the surface of the body {} extends from {} to {} along {}, beyond the grid, which \
+                         covers {} to {}",
                         quote(&deck.name),
                         low[d],
                         high[d],
@@ -249,7 +251,8 @@ impl<const D: usize> Filling<'_, D> {
                         from[d],
                         to[d]
                     ),
-                    help: "make the grid larger, or move the body; an `intersection` with a box takes a part of it".to_owned(),
+                    help: "make the grid larger, or move the body; an `intersection` with a box keeps a part of \
+                        it".to_owned(),
                 });
             }
         }
@@ -281,7 +284,7 @@ impl<const D: usize> Filling<'_, D> {
         Ok(seeds)
     }
 
-    /// The points of cells that are not full, or share a node with the border of the full ones.
+    /// Marks the points of cells that are not full, or share a node with the border of the full ones.
     fn mark_outer_layer(&self, seeds: &mut [Seed<D>], filled: &[FilledCell]) {
         let mut sides: Vec<[u32; 4]> = Vec::new();
         for filled in filled.iter().filter(|filled| filled.full) {
@@ -296,7 +299,7 @@ impl<const D: usize> Filling<'_, D> {
             }
         }
         sides.sort_unstable();
-        // A side of one full cell only is part of the border.
+        // A side that belongs to only one full cell is part of the border.
         let of_one = sides.chunk_by(|a, b| a == b).filter(|same| same.len() == 1);
         let border: HashSet<u32> = of_one.flat_map(|side| side[0]).collect();
         for FilledCell { cell, parts, full } in filled {
@@ -306,7 +309,7 @@ impl<const D: usize> Filling<'_, D> {
         }
     }
 
-    /// The points of the even subdivision of a cell, and how many there are.
+    /// The points of the even subdivision of a cell, and their number.
     fn parts(&self, cell: usize, deck: &BodyDeck) -> Result<(Parts<'_, D>, usize), Fault> {
         let corners = self.grid.corners(cell);
         let shape = ElementShape::from_nodes::<D>(corners.nodes().len()).unwrap_or(ElementShape::Box);
@@ -318,7 +321,7 @@ impl<const D: usize> Filling<'_, D> {
             code: "D023",
             key: String::new(),
             message: format!(
-                "the grid has {}, and the body does not say how many points they get",
+                "the grid has {}, but the body does not state the number of points in each",
                 shape.plural::<D>()
             ),
             help: format!("give `{key}`"),

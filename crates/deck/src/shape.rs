@@ -1,7 +1,7 @@
 //! Gate one, shape: every key is known, every value has its type and lies in its range.
 //!
-//! The schema finds all faults at once; the messages are written here, since those of a schema validator speak of
-//! schemas.
+//! The schema finds all faults at once; the messages are written here, since those of the validator are about schemas,
+//! not decks.
 
 mod remedy;
 mod words;
@@ -23,14 +23,14 @@ use super::source::Source;
 use super::span::escape;
 use mpm_core::formula::closest;
 
-/// Times that a deck is looked at when keys are misspelt.
+/// Number of passes over a deck with misspelt keys.
 const PASSES: usize = 3;
-/// Most unknown keys that are mended; in a deck with more, most of them have one cause.
-const MOST_MENDED: usize = 100;
+/// Most unknown keys that are corrected; in a deck with more, most of them have one cause.
+const MOST_CORRECTED: usize = 100;
 
-/// Checks the shape of a deck whose parameters are inserted; adds a message for every fault. The deck is returned if
-/// it can be read at all, even where a number is out of range or a key misspelt, so that more can be said about it;
-/// otherwise what there is of it.
+/// Checks the shape of a deck whose parameters are inserted; adds a message for every fault. Returns the deck if it can
+/// be read, even if a number is out of range or a key misspelt, so that later checks can run; otherwise the value as
+/// far as it was read.
 pub(super) fn check(
     mut value: Value,
     source: &mut Source,
@@ -38,18 +38,18 @@ pub(super) fn check(
 ) -> Result<Deck, Value> {
     let before = diagnostics.len();
     let (mut judged, mut meant) = (HashSet::new(), HashSet::new());
-    // What stands below a misspelt key is looked at once the key has its name.
+    // Values below a misspelt key are checked once the key is corrected.
     for _ in 0..PASSES {
         let mut gate = Gate { source, found: Vec::new(), judged, meant, unknown: Vec::new() };
         gate.validate(&value);
         let Gate { found, unknown, .. } = gate;
         (judged, meant) = (gate.judged, gate.meant);
         diagnostics.extend(found);
-        if unknown.is_empty() || unknown.len() > MOST_MENDED {
+        if unknown.is_empty() || unknown.len() > MOST_CORRECTED {
             break;
         }
         for unknown in unknown {
-            unknown.mend(&mut value, source);
+            unknown.correct(&mut value, source);
         }
     }
     let is_well_formed = diagnostics.len() == before && !source.has_poison();
@@ -57,7 +57,7 @@ pub(super) fn check(
         Ok(deck) if !source.has_poison() => Ok(deck),
         Err(error) if is_well_formed => {
             let fault = Diagnostic::error("D008", format!("the deck cannot be read: {error}"));
-            diagnostics.push(fault.help("compare it with the reference of decks"));
+            diagnostics.push(fault.help("compare it with the deck reference"));
             Err(value)
         }
         _ => Err(value),
@@ -73,7 +73,7 @@ fn validator() -> Option<&'static Validator> {
 struct Gate<'a> {
     source: &'a Source,
     found: Vec<Diagnostic>,
-    /// Values about which something was said: a value of the wrong type is not also out of range.
+    /// Values already reported: a value of the wrong type is not also reported as out of range.
     judged: HashSet<String>,
     /// Keys that a misspelt key was probably meant to be.
     meant: HashSet<String>,
@@ -81,7 +81,7 @@ struct Gate<'a> {
     unknown: Vec<UnknownKey>,
 }
 
-/// An unknown key and what it was probably meant to be.
+/// An unknown key and the key that was probably intended.
 struct UnknownKey {
     /// Pointer to the mapping that has it.
     parent: String,
@@ -90,8 +90,8 @@ struct UnknownKey {
 }
 
 impl UnknownKey {
-    /// Takes the key for what it was meant to be, or away.
-    fn mend(self, deck: &mut Value, source: &mut Source) {
+    /// Renames the key to the intended one, or removes it.
+    fn correct(self, deck: &mut Value, source: &mut Source) {
         let UnknownKey { parent, key, meant } = self;
         let Some(Value::Object(entries)) = deck.pointer_mut(&parent) else { return };
         let value = entries.shift_remove(&key);
@@ -108,7 +108,7 @@ impl Gate<'_> {
     fn validate(&mut self, value: &Value) {
         let Some(validator) = validator() else { return };
         let mut errors: Vec<_> = validator.iter_errors(value).collect();
-        // Unknown keys come first, as a misspelt key explains a missing one.
+        // Unknown keys come first, since a misspelt key explains a missing one.
         errors.sort_by_key(|error| !matches!(error.kind(), ValidationErrorKind::AdditionalProperties { .. }));
         for error in &errors {
             self.report(error);
@@ -157,8 +157,7 @@ impl Gate<'_> {
         };
         if self.judged.insert(pointer.to_owned()) {
             let mut diagnostic = Diagnostic::at(self.source, code, pointer, message);
-            let kind =
-                expected(error).unwrap_or_else(|| "a value as the reference of decks describes it".into());
+            let kind = expected(error).unwrap_or_else(|| "a value described in the deck reference".into());
             diagnostic.help = Some(remedy::remedy(error, &kind));
             diagnostic.expected = expected(error);
             self.found.push(diagnostic);
@@ -199,7 +198,7 @@ impl Gate<'_> {
         if self.meant.contains(&format!("{pointer}/{key}")) {
             return;
         }
-        // Without its tag no variant applies, and which keys are unknown is not told: only what looks like the tag is.
+        // Without its tag no variant applies, so unknown keys cannot be reported, except one that resembles the tag.
         if let Some(written) = misspelt_tag(error, key) {
             let at = format!("{pointer}/{}", escape(written));
             let message = format!("unknown key {}", quote(written));
@@ -242,7 +241,8 @@ impl Gate<'_> {
         self.found.push(fault.expected(alternatives(&words)).help(help));
     }
 
-    /// A value that is none of several things: if it is of the type of one of them, the faults of that one count.
+    /// Reports a value that fits none of several choices; if its type fits one of them, the faults of that one are
+    /// reported.
     fn no_choice(
         &mut self,
         error: &ValidationError<'_>,
@@ -270,7 +270,7 @@ impl Gate<'_> {
     }
 }
 
-/// The key that is probably meant to be the missing tag of a choice between variants, which none of them knows.
+/// The key that is probably the misspelt tag of a choice between variants: no variant has it.
 fn misspelt_tag<'e>(error: &'e ValidationError<'_>, tag: &str) -> Option<&'e str> {
     let variants = subschema(error)?.get("allOf")?.as_array()?;
     let known = |key: &str| {
@@ -289,7 +289,7 @@ fn choices_in_words(error: &ValidationError<'_>) -> String {
     let text = match error.schema_path().as_str() {
         "/definitions/Expression/anyOf" => "a formula",
         "/definitions/Parameter/anyOf" => "a word",
-        _ => "a text",
+        _ => "text",
     };
     let choices = subschema(error).and_then(|schema| schema.get("anyOf")).and_then(Value::as_array);
     let words: Vec<&str> = choices
@@ -317,7 +317,7 @@ fn kind_in_words(kind: &TypeKind) -> String {
         TypeKind::Single(kind) => match kind.as_str() {
             "number" => "a number".into(),
             "integer" => "a whole number".into(),
-            "string" => "a text".into(),
+            "string" => "text".into(),
             "array" => "a list, `[ ... ]`".into(),
             "object" => "a mapping of keys to values".into(),
             other => other.into(),
@@ -330,7 +330,7 @@ fn mismatch(what: &str, value: &Value) -> String {
     format!("expected {what}, found {}", found(value))
 }
 
-/// What a keyword of the schema demands, in words.
+/// The requirement of a keyword of the schema, in words.
 fn expected(error: &ValidationError<'_>) -> Option<String> {
     match error.kind() {
         ValidationErrorKind::Type { kind } => Some(kind_in_words(kind)),
@@ -342,7 +342,7 @@ fn expected(error: &ValidationError<'_>) -> Option<String> {
     }
 }
 
-/// Words of which one is expected: `` `a`, `b` or `c` ``.
+/// Formats words of which one is expected: `` `a`, `b` or `c` ``.
 fn alternatives<S: AsRef<str>>(words: impl IntoIterator<Item = S>) -> String {
     let mut words: Vec<String> = words.into_iter().map(|word| quote(word.as_ref())).collect();
     match words.pop() {

@@ -1,4 +1,4 @@
-//! How large an analysis will be and how much memory it will need, known before any of it is taken.
+//! Estimates the size and the memory of an analysis before any memory is allocated.
 
 use super::diagnostic::{Diagnostic, Severity};
 use super::per_axis::per_axis;
@@ -16,16 +16,17 @@ use mpm_files::fields::PointField;
 const PROGRAM: f64 = 16e6;
 /// Memory per grid node, [byte].
 const PER_NODE: f64 = 10.0;
-/// Memory of the stiffness and of the preconditioner for an iterative solution per unknown, [byte], with points that
-/// reach the nodes of their cell and with domains that reach beyond: in the plane, counted, and in space, measured.
+/// Memory of the stiffness and of the preconditioner of an iterative solution per unknown, [byte]: for points that
+/// reach the nodes of their cell, and for domains that reach beyond it; first in the plane (counted), then in space
+/// (measured).
 const ITERATIVE: [[f64; 2]; 2] = [[450.0, 850.0], [1200.0, 4500.0]];
-/// Memory per point for the order, volumes and numbers of points in files, [byte].
+/// Memory per point for order, volumes and numbers of points in files, [byte].
 const MAKING: f64 = 50.0;
-/// How well the volume of a region is to be known.
+/// Required accuracy of the volume of a region.
 const ROUGHLY: Accuracy = Accuracy { relative: 1e-2, lines: 20_000 };
-/// Part of the memory from which on there is a warning.
+/// Share of the memory above which there is a warning.
 const MUCH: f64 = 0.8;
-/// Addresses that each thread reserves for products of dense matrices, [byte]; hardly any of them become memory.
+/// Address space that each thread reserves for products of dense matrices, [byte]; hardly any of it is used.
 const PER_THREAD: f64 = 67_108_864.0;
 
 /// Memory per point without output files, and memory of the stiffness and its factor relative to N log₂ N with N unknowns in
@@ -45,8 +46,8 @@ fn costs<const D: usize>(method: Method) -> (f64, f64) {
     }
 }
 
-/// Memory that the files of a step take per point until the file system has them, [byte]: their numbers, and what it takes
-/// to make them.
+/// Memory per point for the files of a step until they are written, [byte]: their numbers, and the working memory to
+/// encode them.
 fn cost_of_files<const D: usize>(method: Method, output: &OutputDeck) -> f64 {
     if output.every == 0 {
         return 0.0;
@@ -61,7 +62,7 @@ fn cost_of_files<const D: usize>(method: Method, output: &OutputDeck) -> f64 {
     MAKING + numbers as f64 * output.precision.bytes() as f64
 }
 
-/// The size of an analysis, estimated; the memory is that of each part, [byte].
+/// Estimated size of an analysis, with the memory of each part, [byte].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Size {
     pub points: f64,
@@ -75,7 +76,7 @@ pub(super) struct Size {
 }
 
 impl Size {
-    /// Estimates the size of a deck whose regions lie on a grid; nothing is filled yet.
+    /// Estimates the size of a deck from its grid and regions, before any body is filled.
     pub(super) fn of<const D: usize>(deck: &Deck, grid: &dyn Grid<D>, regions: &[Region<D>]) -> Size {
         let nodes = grid.n_nodes() as f64;
         let whole = volume(grid);
@@ -85,7 +86,7 @@ impl Size {
         for (number, (body, region)) in deck.bodies.iter().zip(regions).enumerate() {
             let all = volume_of(region);
             let volume = all.min(whole);
-            // At a spacing of their own, points outside the grid are there until they are found.
+            // With `point_spacing`, points outside the grid exist until they are found.
             let seeded = if body.point_spacing.is_some() { all } else { volume };
             let n = seeded * density::<D>(body, deck, of_cell);
             if n > largest.0 {
@@ -129,13 +130,12 @@ impl Size {
         }
     }
 
-    /// The memory that the analysis will need at most, [byte].
+    /// Estimated peak memory of the analysis, [byte].
     pub(super) fn memory(&self) -> f64 {
         PROGRAM + self.memory_of_grid + self.memory_of_points + self.memory_of_stiffness
     }
 
-    /// What is to be said about it where this memory can be had: an error when it is not enough, a warning when it
-    /// hardly is.
+    /// Compares the estimate with the available memory: an error if it is not enough, a warning if it is barely enough.
     pub(super) fn judge(&self, deck: &Deck, source: &Source, memory: &Memory) -> Option<Diagnostic> {
         let needed = self.memory();
         let (limit, available) = (memory.limit as f64, memory.available as f64);
@@ -148,20 +148,20 @@ impl Size {
         let is_of_addresses = memory.bound == Bound::AddressSpace;
         let reserved = if is_of_addresses { PER_THREAD * rayon::current_num_threads() as f64 } else { 0.0 };
         let of_which = |word: &str| {
-            format!("{needs}, {has} {}, of which {} {word}", in_words(limit), in_words(available))
+            format!("{needs}; {has} {}, of which {} {word}", in_words(limit), in_words(available))
         };
-        // What this program has of its own address space, it does not give back.
+        // The program does not return address space that it has taken.
         let (severity, message) = if is_of_addresses && needed <= limit && needed - PROGRAM > available {
-            (Severity::Error, of_which("are left"))
+            (Severity::Error, of_which("is left"))
         } else if needed <= limit && is_of_addresses && needed - PROGRAM + reserved > available {
-            let more = format!("; its threads reserve another {} of addresses", in_words(reserved));
-            (Severity::Warning, of_which("are left") + &more)
+            let more = format!("; its threads reserve another {} of address space", in_words(reserved));
+            (Severity::Warning, of_which("is left") + &more)
         } else if needed > limit {
-            (Severity::Error, format!("{needs}, {has} {}", in_words(limit)))
+            (Severity::Error, format!("{needs}; {has} {}", in_words(limit)))
         } else if needed > available {
-            (Severity::Warning, of_which("are free now"))
+            (Severity::Warning, of_which("is free now"))
         } else if needed > MUCH * limit {
-            (Severity::Warning, format!("{needs}, {has} {}", in_words(limit)))
+            (Severity::Warning, format!("{needs}; {has} {}", in_words(limit)))
         } else {
             return None;
         };
@@ -179,7 +179,7 @@ impl Size {
         Some(found.severity(severity))
     }
 
-    /// The place in the deck that takes the most memory, and what to do about it.
+    /// The key in the deck that causes most of the memory, and the remedy.
     pub(super) fn largest_part(&self, deck: &Deck) -> (String, &'static str) {
         let grid = match deck.grid {
             GridDeck::Structured { .. } => "/grid/spacing",
@@ -205,12 +205,12 @@ impl Size {
     }
 }
 
-/// A number of things, with as many digits as an estimate has.
+/// Formats a count with as many digits as an estimate deserves.
 fn count(n: f64) -> String {
     if n < 1e4 { format!("{n:.0}") } else { format!("{n:.1e}") }
 }
 
-/// Points of a body per volume (area).
+/// Number of points of a body per volume (area).
 fn density<const D: usize>(body: &BodyDeck, deck: &Deck, of_cell: f64) -> f64 {
     if let Some(spacing) = &body.point_spacing {
         return 1.0 / per_axis::<f64, D>(spacing).iter().product::<f64>();
@@ -277,7 +277,7 @@ steps: {count: 1}
     }
 
     #[test]
-    fn more_than_there_is_is_refused_and_nearly_all_is_warned_of() {
+    fn too_much_memory_is_refused_and_nearly_all_is_warned_of() {
         let text = DECK
             .replace("SHAPE", "{type: box, min: [0, 0], max: [10, 10]}")
             .replace("METHOD", "points_per_cell: 350");
@@ -308,6 +308,6 @@ steps: {count: 1}
         assert_eq!(severity, Severity::Warning);
         assert!(message.contains("its threads reserve another"), "{message}");
         let (severity, message) = of_process(0.9 * needed).unwrap();
-        assert!(severity == Severity::Error && message.ends_with("are left"), "{message}");
+        assert!(severity == Severity::Error && message.ends_with("is left"), "{message}");
     }
 }

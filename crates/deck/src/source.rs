@@ -1,29 +1,29 @@
-//! The text of a deck with the place of every key and value in it.
+//! The text of a deck with the location of every key and value in it.
 //!
-//! The YAML events become a [`serde_json::Value`] and a map from JSON pointers to places, so that every later check
+//! The YAML events become a [`serde_json::Value`] and a map from JSON pointers to locations, so that every later check
 //! can be a function of plain values and still point at the text.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::ops::Range;
 
 use super::quoting::quote;
-use super::span::Place;
+use super::span::EntrySpan;
 
 pub use super::span::Span;
 
 /// A value that was computed from parameters.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Substitution {
-    /// What the deck says, for example `${h/2}`.
+    /// The text in the deck, for example `${h/2}`.
     pub written: String,
-    /// What it became.
+    /// The value that replaced it.
     pub became: String,
     /// The overrides it depends on, for example `h=0.25`.
     pub overrides: Vec<String>,
 }
 
 impl Substitution {
-    /// The fact in words.
+    /// Describes the substitution in words.
     pub fn describe(&self) -> String {
         let mut text = format!("{} is {} here", quote(&self.written), quote(&self.became));
         if !self.overrides.is_empty() {
@@ -35,20 +35,20 @@ impl Substitution {
     }
 }
 
-/// The text of a deck and the places of its values.
+/// The text of a deck and the locations of its values.
 #[derive(Debug, Clone, Default)]
 pub struct Source {
     name: String,
     text: String,
-    /// First byte of every line but the first.
+    /// First byte of every line except the first.
     line_starts: Vec<usize>,
-    pub(crate) places: HashMap<String, Place>,
+    pub(crate) entries: HashMap<String, EntrySpan>,
     substitutions: BTreeMap<String, Substitution>,
     used_parameters: HashSet<String>,
     pub(crate) poisoned: HashSet<String>,
 }
 
-/// A piece of the text made of whole lines, with a mark in it.
+/// A piece of the text consisting of whole lines, with a mark in it.
 pub(super) struct Excerpt<'a> {
     pub text: &'a str,
     pub line: usize,
@@ -79,22 +79,22 @@ impl Source {
         &self.text
     }
 
-    /// Place of the value at a JSON pointer.
+    /// Location of the value at a JSON pointer.
     pub fn span_of(&self, pointer: &str) -> Option<Span> {
-        self.places.get(pointer).map(|place| place.value)
+        self.entries.get(pointer).map(|place| place.value)
     }
 
-    /// Place of the key whose value is at a JSON pointer.
+    /// Location of the key whose value is at a JSON pointer.
     pub fn key_span_of(&self, pointer: &str) -> Option<Span> {
-        self.places.get(pointer).and_then(|place| place.key)
+        self.entries.get(pointer).and_then(|place| place.key)
     }
 
-    /// Place of the value at a JSON pointer, or of the nearest parent that is in the text. An empty value and a
+    /// Location of the value at a JSON pointer, or of the nearest parent that is in the text. An empty value and a
     /// value over several lines are shown by their key.
     pub fn nearest_span(&self, pointer: &str) -> Option<Span> {
         let mut pointer = pointer;
         loop {
-            if let Some(place) = self.places.get(pointer) {
+            if let Some(place) = self.entries.get(pointer) {
                 let value = place.value;
                 let broad = self.text.get(value.start..value.end).is_none_or(|text| text.trim().is_empty())
                     || self.text[value.start..value.end].trim_end().contains('\n');
@@ -104,7 +104,7 @@ impl Source {
         }
     }
 
-    /// Place of a part of a scalar, if the scalar stands in the deck letter by letter.
+    /// Location of a part of a scalar, if the deck contains the scalar verbatim.
     pub fn span_inside(&self, pointer: &str, scalar: &str, offset: usize, length: usize) -> Option<Span> {
         let place = self.span_of(pointer)?;
         let start = place.start + self.text.get(place.start..place.end)?.find(scalar)? + offset;
@@ -123,7 +123,7 @@ impl Source {
         self.substitutions.get(pointer)
     }
 
-    /// Whether the value at a JSON pointer comes from a parameter.
+    /// True if the value at a JSON pointer comes from a parameter.
     pub fn is_from_parameter(&self, pointer: &str) -> bool {
         self.substitutions.contains_key(pointer)
     }
@@ -140,7 +140,7 @@ impl Source {
         self.substitutions.insert(pointer.to_owned(), substitution);
     }
 
-    /// Notes that an expression of the deck uses a parameter.
+    /// Records that an expression of the deck uses a parameter.
     pub(super) fn use_parameter(&mut self, name: &str) {
         if !self.used_parameters.contains(name) {
             self.used_parameters.insert(name.to_owned());
@@ -151,15 +151,15 @@ impl Source {
         self.used_parameters.contains(name)
     }
 
-    /// Gives a value and all below it another place in the deck, where it keeps its place in the text.
+    /// Moves a value and everything below it to another JSON pointer; locations in the text stay the same.
     pub(super) fn rename(&mut self, from: &str, to: &str) {
         let moved = |pointer: &str| match pointer.strip_prefix(from) {
             Some(rest) if rest.is_empty() || rest.starts_with('/') => Some(format!("{to}{rest}")),
             _ => None,
         };
-        let places: Vec<_> =
-            self.places.iter().filter_map(|(at, place)| Some((moved(at)?, *place))).collect();
-        self.places.extend(places);
+        let entries: Vec<_> =
+            self.entries.iter().filter_map(|(at, place)| Some((moved(at)?, *place))).collect();
+        self.entries.extend(entries);
         let values = &self.substitutions;
         let values: Vec<_> =
             values.iter().filter_map(|(at, value)| Some((moved(at)?, value.clone()))).collect();
@@ -181,7 +181,7 @@ impl Source {
         !self.poisoned.is_empty()
     }
 
-    /// The line in which a place starts; the mark is cut at its end.
+    /// The line in which a span starts; the mark is cut at the end of the line.
     pub(super) fn excerpt(&self, span: Span) -> Excerpt<'_> {
         let start = floor_boundary(&self.text, span.start);
         let line_start = self.text[..start].rfind('\n').map_or(0, |newline| newline + 1);

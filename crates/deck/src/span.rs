@@ -1,4 +1,4 @@
-//! Places in the text of a deck.
+//! Locations in the text of a deck.
 
 /// A range of bytes in the text of a deck.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -9,9 +9,9 @@ pub struct Span {
     pub end: usize,
 }
 
-/// Where a value and, in a mapping, its key stand.
+/// Location of a value and, in a mapping, of its key.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Place {
+pub(crate) struct EntrySpan {
     pub key: Option<Span>,
     pub value: Span,
 }

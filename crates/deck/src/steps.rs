@@ -1,4 +1,4 @@
-//! The division of the loading into load steps, as a deck states it.
+//! The load steps of a deck.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,51 +12,55 @@ pub struct StepsDeck {
     /// Number of equal load steps.
     #[schemars(range(min = 1, max = 10_000_000), extend("examples" = [50]))]
     pub count: u32,
-    /// Time at the end of the analysis, [time]; it only orders the loading.
+    /// Time at the end of the analysis, [time]; time only orders the loading.
     #[serde(default = "unit_time")]
     #[schemars(range(min = 1e-100, max = 1e100))]
     pub end_time: f64,
-    /// A step without equilibrium is tried again in halves, down to this part of a step, [-]; with 1 it is not.
+    /// Smallest step, as a fraction of a requested step, [-]: a step that does not converge is halved down to this
+    /// size. 1 disables halving.
     #[serde(default = "thousandth")]
     #[schemars(range(min = 1e-6, max = 1.0), extend("examples" = [0.001]))]
     pub smallest: f64,
-    /// Whether a step that fails at its smallest is tried once more with damped iterations, and with new domains in place of
-    /// torn ones, for loads and motions that are prescribed. The run warns where that was needed (W013, W014).
+    /// Retries a step that fails at its smallest size with damped iterations, and with new domains in place of torn
+    /// ones, under prescribed loads and motions. The run warns if this was needed (W013, W014).
     #[serde(default = "yes")]
     pub damping: bool,
-    /// Steps that converge in few iterations grow up to this many times a step, [-]; with 1 they only grow back to that. Times
-    /// of output and kinks of load curves are met exactly.
+    /// Largest step, as a multiple of a requested step, [-]: steps that converge in few iterations grow up to this
+    /// size. With 1, cut steps only grow back to the requested size. Times of output and kinks of load curves are met
+    /// exactly.
     #[serde(default = "whole")]
     #[schemars(range(min = 1.0, max = 1e6), extend("examples" = [1, 8]))]
     pub largest: f64,
-    /// What is prescribed along the steps.
+    /// Quantity prescribed along the steps.
     #[serde(default)]
     pub control: ControlDeck,
 }
 
-/// What is prescribed along the steps, and what follows from equilibrium.
+/// Quantity prescribed along the steps; the others follow from equilibrium.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum ControlDeck {
-    /// Loads and prescribed displacements by their curves; the displacements follow.
+    /// Load control: loads and prescribed displacements follow their curves.
     Load {},
-    /// The displacement of a probe grows in proportion to time; one factor of all loads follows, which may fall again.
+    /// Displacement control: the displacement of a probe grows in proportion to time; the common factor of all loads
+    /// follows from equilibrium and may decrease.
     Displacement {
-        /// Name of the probe, one of `output: {probes: ...}`.
+        /// Name of the probe, one of those under `output: {probes: ...}`.
         probe: String,
-        /// The axis along which it moves.
+        /// Axis of the displacement.
         axis: Axis,
-        /// Its displacement at the end of the analysis, [length].
+        /// Displacement of the probe at the end of the analysis, [length].
         #[schemars(extend("examples" = [-0.5]))]
         to: f64,
     },
-    /// The length of the path of all displacements grows in proportion to time; one factor of all loads follows, which may
-    /// fall again. Without `length` the first step takes the part of the loads that it has of the time, and sets the pace.
+    /// Arc-length control: the length of the path of all displacements grows in proportion to time; the common factor
+    /// of all loads follows from equilibrium and may decrease. Without `length`, the load factor of the first step is
+    /// its share of the end time, and its path length sets that of the other steps.
     ArcLength {
-        /// Length of the path at the end of the analysis, [length]: the sum over the steps of √(Σ V |Δu|² / V₀) over the
-        /// nodes, V the volume that a node carries at the start of the step, Δu its displacement in the step, less what
-        /// the forces move that the reset of the grid leaves out of balance, and V₀ the original volume of all points. A
-        /// body that moves as a whole by u has come along u.
+        /// Length of the path at the end of the analysis, [length]: the sum over the steps of √(Σ V |Δu|² / V₀) over
+        /// the nodes. V is the volume assigned to a node at the start of the step, V₀ the original volume of all
+        /// points, and Δu the displacement of the node in the step, less the displacement due to the out-of-balance
+        /// forces that the reset of the grid leaves. For a rigid translation by u the length is |u|.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.5]))]
         length: Option<f64>,

@@ -1,7 +1,7 @@
-//! Gate two, meaning: what a deck says must make sense as far as that can be known without the mesh.
+//! Gate two, meaning: the deck must make sense, as far as this can be checked without the mesh.
 //!
-//! References by name, combinations of keys, geometry, formulas and curves. Ranges of single numbers are part of the
-//! schema. All faults are reported at once.
+//! It covers references by name, combinations of keys, geometry, formulas and curves. Ranges of single numbers are part
+//! of the schema. All faults are reported at once.
 
 mod extent;
 mod geometry;
@@ -23,8 +23,8 @@ use super::references::unknown_reference;
 use super::source::Source;
 use super::{BodyDeck, Deck, Method, OutputDeck};
 
-/// Checks the meaning of a deck. The source gives the places of messages and tells which values come from
-/// parameters; [`Source::without_text`] serves for a deck that was not read from a file.
+/// Checks the meaning of a deck. The source gives the locations for messages, and the values that come from parameters;
+/// use [`Source::without_text`] for a deck that was not read from a file.
 pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     let mut check = Check { deck, source, found: Vec::new() };
     let grid = check.grid();
@@ -38,7 +38,7 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.found
 }
 
-/// Warnings about what is legal in a deck without errors, but probably not meant.
+/// Warnings about a deck without errors: entries that are legal but probably not intended.
 pub(super) fn suspicions(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     let mut check = Check { deck, source, found: Vec::new() };
     check.suspicions();
@@ -53,7 +53,7 @@ struct Check<'a> {
     found: Vec<Diagnostic>,
 }
 
-/// Longest name of something that heads columns.
+/// Longest name that heads columns, [characters].
 const LONGEST_NAME: usize = 60;
 
 impl Check<'_> {
@@ -68,7 +68,7 @@ impl Check<'_> {
         self.found.push(diagnostic);
     }
 
-    /// Names must differ within their list.
+    /// Checks that names differ within their list.
     fn unique_names<'n>(&mut self, section: &str, names: impl IntoIterator<Item = &'n str>) {
         let mut first = HashMap::new();
         for (index, name) in names.into_iter().enumerate() {
@@ -97,7 +97,7 @@ impl Check<'_> {
                     .help("give one of the two another name");
                     if let Some(span) = place {
                         let (line, _) = self.source.line_column(span.start);
-                        diagnostic = diagnostic.note(format!("it is used first in line {line}"));
+                        diagnostic = diagnostic.note(format!("it is first used in line {line}"));
                     }
                     self.found.push(diagnostic);
                 }
@@ -105,7 +105,7 @@ impl Check<'_> {
         }
     }
 
-    /// A name that heads columns of `history.csv`.
+    /// Checks a name that heads columns of `history.csv`.
     fn column_name(&mut self, pointer: &str, name: &str) {
         let fits = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
         if !fits {
@@ -113,11 +113,16 @@ impl Check<'_> {
             self.error("D026", pointer, message, "use letters, digits, `_` and `-`");
         } else if name.len() > LONGEST_NAME {
             let message = format!("a name has at most {LONGEST_NAME} characters");
-            self.error("D026", pointer, message, format!("leave out {} of them", name.len() - LONGEST_NAME));
+            self.error(
+                "D026",
+                pointer,
+                message,
+                format!("shorten it by {} characters", name.len() - LONGEST_NAME),
+            );
         }
     }
 
-    /// The body of this name; a message if there is none.
+    /// The body of this name; reports an error if there is none.
     fn body(&mut self, pointer: &str, name: &str) -> Option<&BodyDeck> {
         let body = self.deck.bodies.iter().find(|body| body.name == name);
         if body.is_none() {
@@ -171,7 +176,7 @@ impl Check<'_> {
             let message = format!(
                 "the domain update {word} is ignored: points of method `{method}` have no domain to update"
             );
-            let help = "leave it, if the parameter changes the method, or remove `domain_update`";
+            let help = "keep it if a parameter selects other methods, or remove `domain_update`";
             Diagnostic::at(self.source, "D014", &at, message).severity(Severity::Note).help(help)
         } else {
             let message =
@@ -187,7 +192,7 @@ impl Check<'_> {
         let OutputDeck { fields, probes, .. } = &self.deck.output;
         for (index, field) in fields.iter().enumerate() {
             if fields[..index].contains(field) {
-                let message = format!("the field `{}` is named twice", field.name());
+                let message = format!("the field `{}` is listed twice", field.name());
                 self.error("D017", &format!("/output/fields/{index}"), message, "remove one of them");
             }
         }

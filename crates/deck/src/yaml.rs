@@ -1,4 +1,4 @@
-//! From YAML events to values with places.
+//! From YAML events to values with their locations.
 
 #![expect(clippy::result_large_err, reason = "a fault ends the reading, so its size does not matter")]
 
@@ -10,33 +10,33 @@ use serde_yaml::granit_parser::{self, Event, Marker, Parser, ScalarStyle, Tag};
 
 use super::diagnostic::Diagnostic;
 use super::quoting::quote;
-use super::span::{Place, Span, escape};
+use super::span::{EntrySpan, Span, escape};
 
-/// Nesting of a deck; the deepest valid one needs a tenth of it.
+/// Most levels of nesting; the deepest valid deck needs a tenth of it.
 const MAX_DEPTH: usize = 64;
-/// Values in a deck.
+/// Most values in a deck.
 const MAX_VALUES: usize = 2_000_000;
-/// Values that aliases may add to those written out.
+/// Most values that aliases may add to those written out.
 const MAX_COPIED: usize = 100_000;
-/// Bytes of all values of a deck, those that aliases copy included, and of the pointers to them. Far beyond any deck; a
-/// long text that is copied often, or a long key above many values, comes to it.
+/// Most bytes of all values of a deck, including copies by aliases, and of the pointers to them. Only a long text that
+/// is copied often, or a long key above many values, exceeds it.
 const MAX_BYTES: usize = 256 << 20;
 
-/// A deck read from text, before any of it is understood.
+/// A deck read from text, before its keys are interpreted.
 pub(super) struct Document {
     pub value: Value,
-    pub places: HashMap<String, Place>,
+    pub entries: HashMap<String, EntrySpan>,
     /// Values already reported as faulty.
     pub poisoned: HashSet<String>,
 }
 
-/// A value with its place; children are shared so that an alias costs nothing until the budget is checked.
+/// A value with its location; children are shared, so that an alias costs nothing until the budget is checked.
 struct Node {
     data: Data,
     span: Span,
     weight: usize,
     depth: usize,
-    /// Bytes of the values in it and of the pointers to them, from here.
+    /// Bytes of the values in it and of the pointers to them, relative to this node.
     bytes: usize,
 }
 
@@ -70,7 +70,7 @@ enum Content {
 #[derive(Default)]
 struct OpenMap {
     entries: Vec<Entry>,
-    /// Where each key stands first.
+    /// First location of each key.
     known: HashMap<String, Span>,
     /// The key whose value comes next.
     pending: Option<Pending>,
@@ -82,7 +82,7 @@ struct Pending {
     repeated: bool,
 }
 
-/// Reads one document; nothing is returned where the text has no usable structure.
+/// Reads one document; `None` if the text has no usable structure.
 pub(super) fn read(text: &str, diagnostics: &mut Vec<Diagnostic>) -> Option<Document> {
     let builder =
         Builder { text, diagnostics, stack: Vec::new(), anchors: HashMap::new(), root: None, values: 0 };
@@ -93,14 +93,14 @@ pub(super) fn read(text: &str, diagnostics: &mut Vec<Diagnostic>) -> Option<Docu
             return None;
         }
     };
-    let mut document = Document { value: Value::Null, places: HashMap::new(), poisoned: HashSet::new() };
+    let mut document = Document { value: Value::Null, entries: HashMap::new(), poisoned: HashSet::new() };
     document.value = document.unfold(&root, None, &mut String::new());
     Some(document)
 }
 
 impl Document {
     fn unfold(&mut self, node: &Node, key: Option<Span>, pointer: &mut String) -> Value {
-        self.places.insert(pointer.clone(), Place { key, value: node.span });
+        self.entries.insert(pointer.clone(), EntrySpan { key, value: node.span });
         let parent = pointer.len();
         match &node.data {
             Data::Scalar(value) => value.clone(),
@@ -152,7 +152,7 @@ impl<'a> Builder<'a> {
                 Event::DocumentStart(..) => {
                     documents += 1;
                     if documents > 1 {
-                        let message = "a second document starts here; a deck is a single one";
+                        let message = "a second document starts here; a deck is a single document";
                         return Err(fault("D004", span, message).help("remove the `---`, or split the file"));
                     }
                 }
@@ -177,14 +177,11 @@ impl<'a> Builder<'a> {
                 }
                 Ok(root)
             }
-            Some(root) if !matches!(root.data, Data::Scalar(Value::Null)) => Err(fault(
-                "D008",
-                root.span,
-                "a deck is a mapping of keys to values, `key: value`",
-            )
-            .help(
-                "begin with `version: 1`, and give `grid`, `materials`, `bodies` and `steps` as further keys",
-            )),
+            Some(root) if !matches!(root.data, Data::Scalar(Value::Null)) => {
+                Err(fault("D008", root.span, "a deck is a mapping of keys to values, `key: value`").help(
+                    "begin with `version: 1`, and add the keys `grid`, `materials`, `bodies` and `steps`",
+                ))
+            }
             _ => Err(Diagnostic::error("D001", "the deck is empty")
                 .help("write a deck, or start from one of those that `mpm new` lists")),
         }
@@ -216,10 +213,10 @@ impl<'a> Builder<'a> {
         }
         let is_about_alias = fault.message.contains("anchor");
         fault.help(if is_about_alias {
-            "an alias `*name` repeats what stands behind `&name` before it: mark that, or write the value out"
+            "an alias `*name` repeats a value marked earlier with `&name`: mark that value, or write it out"
         } else {
-            "look here and in the line before: brackets, braces and quotes that are opened have to be closed, and \
-             the keys of one mapping are indented alike"
+            "check this line and the one before: close all brackets, braces and quotes, and indent the keys of \
+             a mapping alike"
         })
     }
 
@@ -256,7 +253,7 @@ impl<'a> Builder<'a> {
         self.values += 1;
         if self.values > MAX_VALUES {
             return Err(fault("D004", span, format!("the deck has more than {MAX_VALUES} values"))
-                .help("put bulky data into a file of a mesh or of a surface, and name it in the deck"));
+                .help("put bulky data into a mesh or surface file, and name the file in the deck"));
         }
         Ok(())
     }
@@ -299,15 +296,15 @@ impl<'a> Builder<'a> {
             return Err(key_fault(span));
         }
         let Some(Frame { content: Content::Map(map), .. }) = self.stack.last_mut() else { return Ok(()) };
-        // Several merge keys say what a list in one of them would say.
+        // Several merge keys are equivalent to a list in one of them.
         let earlier = if is_plain && text == "<<" { None } else { map.known.insert(text.to_owned(), span) };
         map.pending = Some(Pending { key: text.to_owned(), span, repeated: earlier.is_some() });
-        // A text with this many faults is something else than a deck.
+        // A text with this many faults is not a deck.
         if let Some(earlier) = earlier.filter(|_| self.diagnostics.len() < 1000) {
             let line = self.text[..earlier.start].matches('\n').count() + 1;
             let diagnostic = fault("D003", span, format!("the key {} is given twice", quote(text)));
             let help = format!("keep one of them: remove this one, or the one in line {line}");
-            let diagnostic = diagnostic.note(format!("it is given before in line {line}"));
+            let diagnostic = diagnostic.note(format!("it is first given in line {line}"));
             self.diagnostics.push(diagnostic.help(help));
         }
         Ok(())
@@ -357,11 +354,9 @@ impl<'a> Builder<'a> {
         }
         let bytes = bytes(&data);
         if bytes > MAX_BYTES {
-            let message =
-                format!("the values and places of this part take more than {} MiB", MAX_BYTES >> 20);
-            return Err(fault("D004", span, message).help(
-                "use shorter texts and keys where many values stand below them or aliases repeat them",
-            ));
+            let message = format!("this part of the deck takes more than {} MiB", MAX_BYTES >> 20);
+            return Err(fault("D004", span, message)
+                .help("shorten long keys above many values, and long texts that aliases repeat"));
         }
         self.add(Rc::new(Node { data, span, weight, depth, bytes }), frame.anchor)
     }
@@ -372,8 +367,8 @@ impl<'a> Builder<'a> {
             return Err(key_fault(span));
         }
         let Some(node) = self.anchors.get(&id).map(Rc::clone) else {
-            return Err(fault("D004", span, "this alias stands inside of what it refers to")
-                .help("write the value out: an alias repeats only what ends before it"));
+            return Err(fault("D004", span, "this alias is part of the value it refers to")
+                .help("write the value out: an alias can only repeat a value that ends before it"));
         };
         self.add(node, 0)
     }
@@ -385,7 +380,7 @@ fn fault(code: &'static str, span: Span, message: impl Into<String>) -> Diagnost
     diagnostic
 }
 
-/// Bytes of the values of a list or mapping, and of the pointers to them from there.
+/// Bytes of the values of a list or mapping, and of the pointers to them relative to it.
 fn bytes(data: &Data) -> usize {
     let below = |part: usize, child: &Node| {
         child.bytes.saturating_add(child.weight.saturating_mul(part.saturating_add(1)))
@@ -429,7 +424,7 @@ fn merge(entries: Vec<Entry>) -> Result<Vec<Entry>, Diagnostic> {
         for part in parts {
             let Data::Map(additions) = &part.data else {
                 return Err(fault("D004", merge.key_span, "`<<` merges mappings only")
-                    .help("refer to a mapping, `<<: *name`, or to a list of them"));
+                    .help("refer to a mapping, `<<: *name`, or to a list of mappings"));
             };
             for addition in additions {
                 if known.insert(addition.key.clone()) {
@@ -442,7 +437,7 @@ fn merge(entries: Vec<Entry>) -> Result<Vec<Entry>, Diagnostic> {
     Ok(merged)
 }
 
-/// Meaning of a scalar without quotes in the core schema of YAML 1.2.
+/// Value of a scalar without quotes in the core schema of YAML 1.2.
 fn plain(text: &str) -> Result<Value, String> {
     match text {
         "" | "~" | "null" | "Null" | "NULL" => return Ok(Value::Null),
@@ -461,7 +456,7 @@ fn plain(text: &str) -> Result<Value, String> {
     }
 }
 
-/// The number that a text stands for in the core schema; infinite where it is too large.
+/// The number that a text denotes in the core schema; infinite if it is too large.
 pub(super) fn number(text: &str) -> Option<f64> {
     for (prefix, radix) in [("0x", 16), ("0o", 8)] {
         if let Some(digits) = text.strip_prefix(prefix) {
@@ -474,7 +469,7 @@ pub(super) fn number(text: &str) -> Option<f64> {
     if is_number { text.parse().ok() } else { None }
 }
 
-/// A number as a value; whole numbers are integers however they are written, so `1e2` may stand for a count.
+/// A number as a value; whole numbers are integers however they are written, so `1e2` may be a count.
 pub(super) fn number_value(value: f64) -> Value {
     if value.fract() == 0.0 && value.abs() < 9.0e15 {
         Value::from(value as i64)

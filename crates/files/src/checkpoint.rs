@@ -1,9 +1,9 @@
-//! Checkpoints: everything that a run needs to go on, bit for bit, from a step in equilibrium.
+//! Checkpoints: everything a run needs to resume, bit for bit, from a step in equilibrium.
 //!
-//! A file holds a line with the version of the format, blocks of compressed bytes, and a checksum of all that (`blocks`).
-//! The bytes are a JSON text with the deck and the account of the run so far, and the arrays of the points. What follows
-//! from the deck alone, such as the masses, is built again. A file is written beside its place and renamed, and the one
-//! before it stays until the next is complete, so that there is always a whole one.
+//! A file consists of a line with the version of the format, blocks of compressed bytes, and a checksum of both
+//! (`blocks`). The bytes are a JSON text with the deck and the summary of the run so far, and the arrays of the points.
+//! Data that follow from the deck alone, such as the masses, are built again. A file is written under a temporary name
+//! and renamed, and the previous one stays until the next is complete, so that there is always a complete one.
 
 mod blocks;
 
@@ -24,26 +24,26 @@ use super::invalid;
 use super::replace::replace_file;
 use super::summary::VERSION;
 
-/// What every file begins with.
+/// First bytes of every file.
 pub(super) const NAME: &str = blocks::NAME;
 
-/// How many checkpoints are kept: the last, and the one before for the case that the last is damaged.
+/// Number of checkpoints that are kept: the last one and, in case it is damaged, the one before.
 const KEPT: usize = 2;
 
-/// What a checkpoint knows beside the points.
+/// The data of a checkpoint other than the points.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Head {
     /// Version of the program that wrote it.
     pub program: String,
-    /// The deck, its parameters inserted; it is for the reader to make sense of.
+    /// The deck, its parameters inserted; interpreted by the reader.
     pub deck: Value,
     /// Hash of the meshes and surfaces that the deck names.
     pub files: String,
-    /// The last step in equilibrium, and the account of the run so far.
+    /// The last step in equilibrium, and the summary of the run so far.
     pub reached: Reached,
-    /// What the run has found so far.
+    /// Findings of the run so far.
     pub findings: Findings,
-    /// Number of axes, of points, of history variables per point, and of places for corners per point.
+    /// Number of axes, of points, of history variables per point, and of slots for corners per point.
     shape: [usize; 4],
     /// Fields of the points that only this analysis has.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -55,7 +55,7 @@ pub struct Head {
 pub struct Refused {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// The fault.
     pub reason: String,
 }
 
@@ -70,16 +70,16 @@ impl fmt::Display for Refused {
 pub struct Checkpoint {
     /// The file.
     pub path: PathBuf,
-    /// All but the points.
+    /// All data other than the points.
     pub head: Head,
-    /// The arrays of the points, not yet made sense of.
+    /// The arrays of the points, not yet decoded.
     arrays: Vec<u8>,
 }
 
 /// Writes the checkpoint of a step in equilibrium and removes those that are no longer needed.
 ///
 /// # Errors
-/// An error of the file system; the checkpoints before it are then still there.
+/// An error of the file system; earlier checkpoints are then kept.
 pub(super) fn write<const D: usize>(
     directory: &Path,
     identity: (&Value, &str),
@@ -115,35 +115,35 @@ fn file_name(step: usize) -> String {
     format!("checkpoint_{step:04}.mpm")
 }
 
-/// The step of a checkpoint by the name of its file; `None` for other files.
+/// The step of a checkpoint, from the name of its file; `None` for other files.
 pub(super) fn step_of(name: &str) -> Option<usize> {
     let number = name.strip_prefix("checkpoint_")?.strip_suffix(".mpm")?;
     (number.len() >= 4 && number.bytes().all(|b| b.is_ascii_digit())).then(|| number.parse().ok())?
 }
 
-/// The checkpoints in a directory by their names, the last one first.
+/// The checkpoints in a directory, from their names, the last one first.
 fn find(directory: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(directory)? {
         let path = entry?.path();
         let step = path.file_name().and_then(|name| name.to_str()).and_then(step_of);
-        // Whatever else has such a name, a directory for example, is not ours.
+        // Anything else with such a name, such as a directory, was not written by a run.
         found.extend(step.filter(|_| path.is_file()).map(|step| (step, path)));
     }
     found.sort();
     Ok(found.into_iter().rev().map(|(_, path)| path).collect())
 }
 
-/// The step of the last checkpoint in a directory by the name of its file, if there is one.
+/// The step of the last checkpoint in a directory, from the name of its file, if there is one.
 pub fn last_step(directory: &Path) -> Option<usize> {
     let found = find(directory).ok()?;
     found.first()?.file_name()?.to_str().and_then(step_of)
 }
 
-/// The last checkpoint in a directory that can be read, and those after it that cannot.
+/// The last readable checkpoint in a directory, and the unreadable ones after it.
 ///
 /// # Errors
-/// An error of the file system. `NotFound` where there is no checkpoint.
+/// An error of the file system; `NotFound` if there is no checkpoint.
 pub fn latest(directory: &Path) -> io::Result<(Option<Checkpoint>, Vec<Refused>)> {
     let paths = find(directory)?;
     if paths.is_empty() {
@@ -162,28 +162,28 @@ pub fn latest(directory: &Path) -> io::Result<(Option<Checkpoint>, Vec<Refused>)
 /// Reads a file.
 ///
 /// # Errors
-/// Why it cannot be used.
+/// The reason why it cannot be used.
 pub fn read(path: &Path) -> Result<Checkpoint, String> {
     let bytes = blocks::read(path)?;
-    let damaged = || "its content does not fit together".to_owned();
+    let damaged = || "its content is inconsistent".to_owned();
     let (length, rest) = bytes.split_at_checked(8).ok_or_else(damaged)?;
     let length = length.try_into().map(u64::from_le_bytes).map_err(|_| damaged())?;
     let (head, arrays) =
         usize::try_from(length).ok().and_then(|length| rest.split_at_checked(length)).ok_or_else(damaged)?;
     let head: Head =
-        serde_json::from_slice(head).map_err(|error| format!("its account cannot be read: {error}"))?;
+        serde_json::from_slice(head).map_err(|error| format!("its summary cannot be read: {error}"))?;
     Ok(Checkpoint { path: path.to_owned(), arrays: arrays.to_vec(), head })
 }
 
 impl Checkpoint {
-    /// Puts the points of a freshly built model into the state and the order that the checkpoint holds.
+    /// Restores the points of a newly built model to the state and the order of the checkpoint.
     ///
     /// # Errors
-    /// When they are not the same points, or nothing that a run of this model can have written.
+    /// If the points differ, or if no run of this model can have written the checkpoint.
     pub fn restore<const D: usize>(&self, model: &Model<D>, points: &mut Points<D>) -> Result<(), String> {
         let Head { reached, findings, .. } = &self.head;
         if !reached.fits(model) || !findings.fits(model) {
-            return Err("its account is not one of this analysis".to_owned());
+            return Err("its summary does not belong to this analysis".to_owned());
         }
         let wanted = [D, points.len(), points.history_len, points.corners_per_point];
         if self.head.shape != wanted {
@@ -200,7 +200,7 @@ impl Checkpoint {
             values.push((handle, rest.numbers(n * points.further.field(handle).components)?));
         }
         if !rest.bytes.is_empty() {
-            return Err("it is longer than its points".to_owned());
+            return Err("it is longer than its number of points requires".to_owned());
         }
         if cell.iter().any(|&cell| cell as usize >= model.grid.n_cells()) {
             return Err("a point is in a cell that does not exist".to_owned());
@@ -263,7 +263,7 @@ fn write_points<const D: usize>(out: &mut dyn Write, points: &Points<D>) -> io::
             out.write_all(&word.to_le_bytes())?;
         }
     }
-    // A file with a number that is not finite would be refused when it is needed.
+    // A file with a non-finite number would be refused when the run is resumed.
     let mut numbers =
         |name: &str, per_point: usize, values: &mut dyn Iterator<Item = f64>| -> io::Result<()> {
             for (place, value) in values.enumerate() {
@@ -283,15 +283,18 @@ fn write_points<const D: usize>(out: &mut dyn Write, points: &Points<D>) -> io::
     Ok(())
 }
 
-/// Arrays in a row of bytes.
+/// Reader of consecutive arrays.
 struct Arrays<'a> {
     bytes: &'a [u8],
 }
 
 impl Arrays<'_> {
     fn take(&mut self, n: usize) -> Result<&[u8], String> {
-        let (taken, rest) =
-            self.bytes.split_at_checked(n).ok_or_else(|| "it is shorter than its points".to_owned())?;
+        let (taken, rest) = self.bytes.split_at_checked(n).ok_or_else(|| {
+            "it is shorter than its number of points \
+             requires"
+                .to_owned()
+        })?;
         self.bytes = rest;
         Ok(taken)
     }

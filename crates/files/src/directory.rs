@@ -1,4 +1,4 @@
-//! What is whose in a directory of results: the names of its files, and which of them a run may remove.
+//! Files of a results directory: their names, and those that a run may remove.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -15,18 +15,18 @@ pub(super) fn file_name(series: &str, step: usize) -> String {
     format!("{series}_{step:04}.vtu")
 }
 
-/// The number in the name of a file that [`file_name`] has made.
+/// The step in a name made by [`file_name`].
 pub(super) fn step_of_file(name: &str) -> Option<usize> {
     name.strip_suffix(".vtu")?.rsplit_once('_')?.1.parse().ok()
 }
 
-/// Removes the series, summary, status and checkpoints that an earlier run left in the directory, so that none of its
-/// files are mistaken for ours.
+/// Removes the series, summary, status and checkpoints of an earlier run, so that its files are not mistaken for those
+/// of this run.
 pub(super) fn remove_earlier_results(directory: &Path) -> io::Result<()> {
     remove(directory, |name| !matches!(Kind::of(name), None | Some(Kind::Table(_))))
 }
 
-/// Removes what a run has written after a step, and what it wrote because it ended there.
+/// Removes the files that a run wrote after a step, and those it wrote because it ended.
 pub(super) fn remove_later_results(
     directory: &Path,
     last: usize,
@@ -39,7 +39,7 @@ pub(super) fn remove_later_results(
     })
 }
 
-/// Removes what a run that was killed has not renamed.
+/// Removes temporary files of a run that was killed.
 ///
 /// # Errors
 /// An error of the file system.
@@ -47,13 +47,13 @@ pub fn tidy(directory: &Path) -> io::Result<()> {
     remove(directory, |_| false)
 }
 
-/// Removes files by their names, and with them what a run that was killed has not renamed to such a name.
+/// Removes files by their names, and the temporary files of such names.
 fn remove(directory: &Path, is_old: impl Fn(&str) -> bool) -> io::Result<()> {
     for entry in std::fs::read_dir(directory)? {
         let path = entry?.path();
         let Some(name) = path.file_name().and_then(|name| name.to_str()) else { continue };
         let is_half = name.strip_suffix(TEMPORARY).is_some_and(|name| Kind::of(name).is_some());
-        // A directory of such a name, or a file of somebody else, is not ours.
+        // A directory of such a name, or a file that no run wrote, stays.
         if (is_old(name) || is_half) && is_ours(&path, name) {
             std::fs::remove_file(&path)?;
         }
@@ -61,14 +61,14 @@ fn remove(directory: &Path, is_old: impl Fn(&str) -> bool) -> io::Result<()> {
     Ok(())
 }
 
-/// The tables of a run, and how they begin.
+/// The tables of a run, and their first bytes.
 const TABLES: [(&str, &str); 3] = [
     ("history.csv", "step,time,iterations,residual,"),
     ("convergence.csv", "step,iteration,residual\n"),
     ("quality.csv", "step,partition_of_unity_loss,"),
 ];
 
-/// Files that tell of a run as a whole, and keys by which they are known; the first key is the first in the file.
+/// Files about a run as a whole, and keys that identify them; the first key is the first in the file.
 const OF_RUN: [(&str, [&str; 3]); 3] = [
     ("summary.json", ["outcome", "deck_hash", "version"]),
     ("run.json", ["title", "deck_hash", "version"]),
@@ -78,7 +78,7 @@ const OF_RUN: [(&str, [&str; 3]); 3] = [
 /// The page that a report is written to.
 const REPORT: &str = "report.html";
 
-/// What a file is by its name.
+/// Kind of a file, from its name.
 enum Kind {
     Mesh,
     Series(&'static str),
@@ -102,7 +102,7 @@ impl Kind {
         table.or_else(|| OF_RUN.iter().find(|(file, _)| *file == name).map(|(_, keys)| Kind::OfRun(*keys)))
     }
 
-    /// Whether a file that begins like this, `whole` or not, is one that a run has written.
+    /// True if a file that begins with this text was written by a run; `whole` if the text is the whole file.
     fn fits(&self, begin: &str, whole: bool) -> bool {
         match self {
             Kind::Mesh => begin.starts_with(vtu::HEAD),
@@ -124,15 +124,15 @@ impl Kind {
     }
 }
 
-/// Bytes of a file by which it is known; of those that tell of a run as a whole, all are read.
+/// Bytes of a file that are read to identify it; files about a run as a whole are read completely.
 const FIRST: u64 = 2048;
 
-/// Whether a file with the name of a result is one: its content says so, or it has none, or nothing but zeros, which a loss
-/// of power leaves behind.
+/// True if a file with the name of a result is one, by its content; also if it is empty or contains only zeros, as
+/// after a loss of power.
 fn is_ours(path: &Path, name: &str) -> bool {
     let half = name.strip_suffix(TEMPORARY);
     let Some(kind) = Kind::of(half.unwrap_or(name)) else { return false };
-    // What is no regular file may never end.
+    // Anything but a regular file may never end.
     let Ok(about) = std::fs::metadata(path) else { return false };
     let most = if let Kind::OfRun(_) = kind { about.len() } else { FIRST };
     let mut begin = Vec::new();
@@ -142,7 +142,7 @@ fn is_ours(path: &Path, name: &str) -> bool {
         || kind.fits(&String::from_utf8_lossy(&begin), half.is_none()))
 }
 
-/// The series that a file with this name belongs to.
+/// The series to which a file with this name belongs.
 fn series_of(name: &str) -> Option<&'static str> {
     SERIES.into_iter().find(|series| {
         let Some(rest) = name.strip_prefix(series) else { return false };
@@ -151,13 +151,13 @@ fn series_of(name: &str) -> Option<&'static str> {
     })
 }
 
-/// Whether a run or a report writes, or may write, a file of this name into its directory.
+/// True if a run or a report may write a file of this name into its directory.
 pub fn is_of_results(name: &str) -> bool {
     let name = name.strip_suffix(TEMPORARY).unwrap_or(name);
     Kind::of(name).is_some() || name == lock::NAME || name == REPORT
 }
 
-/// A file that a run might replace although no run has written it.
+/// A file that a run would replace although no run has written it.
 ///
 /// # Errors
 /// An error of the file system.
@@ -173,7 +173,7 @@ pub(super) fn foreign_file(directory: &Path) -> io::Result<Option<String>> {
     Ok(None)
 }
 
-/// A series of which there are files, but not the one that lists them with their times.
+/// A series that has data files but no `.pvd` file.
 ///
 /// # Errors
 /// An error of the file system.
@@ -194,7 +194,7 @@ pub(super) fn series_without_list(directory: &Path) -> io::Result<Option<&'stati
 mod tests {
     use super::*;
 
-    /// The first file of others in a directory with one file.
+    /// The first foreign file in a directory with one file.
     fn foreign(name: &str, content: &str) -> Option<String> {
         let directory = tempfile::tempdir().unwrap();
         std::fs::write(directory.path().join(name), content).unwrap();
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn all_that_is_written_is_known_as_a_result() {
+    fn all_files_of_a_run_are_known_as_results() {
         for name in [
             "points.pvd",
             "grid_0001.vtu",

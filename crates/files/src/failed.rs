@@ -1,4 +1,4 @@
-//! Where the iterations of a step without equilibrium have ended, for ParaView. No series names these files.
+//! The last iterate of a step without equilibrium, for ParaView. No series lists these files.
 
 use std::io;
 use std::path::Path;
@@ -14,7 +14,7 @@ use super::vtu::{self, CellKind, Field, Kinds, Mesh};
 /// The files: the points, and the grid.
 pub(super) const FILES: [&str; 2] = ["failed_points.vtu", "failed_grid.vtu"];
 
-/// Writes both files into a directory; nothing where the iterations have not begun or have left the finite numbers.
+/// Writes both files into a directory; writes nothing if the iterations have not begun or are not finite.
 ///
 /// # Errors
 /// An error of the file system.

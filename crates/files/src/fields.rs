@@ -1,4 +1,4 @@
-//! The fields of material points and grid nodes as they stand in the files.
+//! The fields of material points and grid nodes as they are written to files.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -16,39 +16,39 @@ use super::vtu::{
     CellKind, Compute, Encoded, Field, Precision, Room, SYMMETRIC_TENSOR, TENSOR, VECTOR, Values,
 };
 
-/// The history variable that every file carries, zero for laws that do not have it.
+/// The history variable that every file has, zero for laws without it.
 const EQUIVALENT_PLASTIC_STRAIN: &str = "equivalent_plastic_strain";
 
-/// A field of the points that files may have.
+/// A field of the points in files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum PointField {
-    /// From the original to the current position, [length].
+    /// Displacement from the original to the current position, [length].
     Displacement,
-    /// F.
+    /// Deformation gradient F.
     DeformationGradient,
-    /// det F.
+    /// Ratio of current to original volume, J = det F.
     #[serde(rename = "J")]
     VolumeRatio,
-    /// Force per current area, [stress].
+    /// Cauchy stress, the force per current area, [stress].
     CauchyStress,
     /// Logarithmic elastic strain.
     ElasticStrain,
     /// Logarithmic plastic strain in the original configuration.
     PlasticStrain,
-    /// √(3/2) times the norm of the deviator of the Cauchy stress, [stress].
+    /// Von Mises stress, √(3/2) times the norm of the deviator of the Cauchy stress, [stress].
     VonMisesStress,
-    /// Minus a third of the trace of the Cauchy stress, [stress].
+    /// Pressure, minus a third of the trace of the Cauchy stress, [stress].
     Pressure,
-    /// Current volume, [area] in the plane; in every file, named or not.
+    /// Current volume, [area] in the plane; in every file, requested or not.
     Volume,
-    /// The history variable of laws with plasticity, zero for others.
+    /// Equivalent plastic strain κ, zero for laws without plasticity.
     EquivalentPlasticStrain,
 }
 
 impl PointField {
-    /// All of them, in the order of the files.
+    /// All fields, in the order of the files.
     pub const ALL: [PointField; 10] = [
         PointField::Displacement,
         PointField::DeformationGradient,
@@ -62,7 +62,7 @@ impl PointField {
         PointField::EquivalentPlasticStrain,
     ];
 
-    /// Its name in files and decks.
+    /// Name in files and decks.
     pub fn name(self) -> &'static str {
         match self {
             PointField::Displacement => "displacement",
@@ -93,12 +93,12 @@ impl PointField {
         }
     }
 
-    /// Numbers per point.
+    /// Number of components.
     pub fn components(self) -> usize {
         self.component_names().len().max(1)
     }
 
-    /// Fills the field of some points of a file.
+    /// Computes the field for some points of a file.
     fn fill<const D: usize>(self, of: Of<D>, tuples: Range<usize>, out: &mut [f64]) {
         let Of { model, points, .. } = of;
         let (order, volumes) = (&of.order[tuples.clone()], &of.volumes[tuples]);
@@ -168,7 +168,7 @@ pub fn pressure(sigma: &Sym3) -> f64 {
     -sigma.trace() / 3.0
 }
 
-/// Puts J and current volume of some points in place of what is in `out`.
+/// Replaces the content of `out` by J and the current volume of some points.
 pub fn volumes<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -188,18 +188,18 @@ pub fn volumes<const D: usize>(
     }
 }
 
-/// The points of a file, whose fields are computed piece by piece, in their converged state.
+/// The points of a file in their converged state; their fields are computed piece by piece.
 #[derive(Clone, Copy)]
 pub struct Of<'a, const D: usize> {
-    /// The model that they are of.
+    /// The model of the points.
     pub model: &'a Model<D>,
     /// All points.
     pub points: &'a Points<D>,
-    /// The fields of the file, in its order.
+    /// Indices of the points of the file, in its order.
     pub order: &'a [usize],
-    /// J and current volume of each of these, [`volumes`].
+    /// J and current volume of each of these points, [`volumes`].
     pub volumes: &'a [[f64; 2]],
-    /// Size of floating-point numbers.
+    /// Precision of floating-point numbers.
     pub precision: Precision,
     /// Memory for the encoded arrays.
     pub room: &'a Room,
@@ -241,7 +241,7 @@ impl<const D: usize> Of<'_, D> {
     /// Positions.
     ///
     /// # Errors
-    /// A number that is not finite among these and all that follow, in words.
+    /// A message about a non-finite number; the same holds for the methods below.
     pub fn positions(&self) -> Result<Arc<Encoded>, String> {
         let place = |of: Of<D>, tuples: Range<usize>, out: &mut [f64]| {
             fill(out, of.order[tuples].iter().map(|&p| padded(&of.points.converged.position[p])));
@@ -251,8 +251,8 @@ impl<const D: usize> Of<'_, D> {
         Encoded::positions(self.order.len(), values, self.precision, self.room).map(Arc::new)
     }
 
-    /// The fields that are asked for, the volume, the history variables of laws that no [`PointField`] is, and the further
-    /// fields of the points.
+    /// The requested fields, the volume, the history variables that are not a [`PointField`], and the further fields of the
+    /// points.
     pub fn fields(&self, asked: &[PointField]) -> Result<Vec<Arc<Encoded>>, String> {
         let is_asked = |field: &PointField| *field == PointField::Volume || asked.contains(field);
         let known = PointField::ALL.into_iter().filter(is_asked).map(|field| {
@@ -277,7 +277,7 @@ impl<const D: usize> Of<'_, D> {
         known.chain(other).chain(further).collect()
     }
 
-    /// What never changes: body, material and number of each point.
+    /// Constant fields: body, material and number of each point.
     pub fn identity(&self) -> Result<Vec<Arc<Encoded>>, String> {
         let body = |p: &usize| self.points.body[*p];
         let material = |p: &usize| self.model.bodies[body(p) as usize].material as i32;
@@ -289,7 +289,7 @@ impl<const D: usize> Of<'_, D> {
         all.iter().map(|(name, numbers)| self.encode(&number(name, numbers))).collect()
     }
 
-    /// Shapes of the domains of the points, which must have one.
+    /// Shapes of the domains of the points; each must have one.
     pub fn domains(&self) -> Vec<CellKind> {
         self.order.iter().map(|&p| cell_kind::<D>(number_of_corners(self.model, self.points, p))).collect()
     }
@@ -328,7 +328,7 @@ fn names_of_components(components: usize) -> &'static [&'static str] {
     }
 }
 
-/// Names of the history variables of all laws, without the one that is a [`PointField`].
+/// Names of the history variables of all laws, except the one that is a [`PointField`].
 fn other_history<const D: usize>(model: &Model<D>) -> Vec<&'static str> {
     let mut names: Vec<&str> =
         model.materials.iter().flat_map(|m| m.law.state_fields()).map(|f| f.name).collect();
@@ -348,8 +348,8 @@ fn cell_kind<const D: usize>(corners: usize) -> CellKind {
     }
 }
 
-/// The cells that points or their domains meet, without those that they only touch from outside, of which not all nodes
-/// are active: as corners among the active nodes in the order of the VTK cell of their kind.
+/// The active cells, which points or their domains overlap; cells that are only touched from outside have inactive
+/// nodes and are left out. Corners are indices of active nodes in the order of VTK.
 #[derive(Debug, PartialEq)]
 pub struct GridMesh {
     /// Positions of the active nodes.
@@ -385,7 +385,7 @@ pub fn number<'a>(name: &'a str, values: &'a [i32]) -> Field<'a> {
     Field { name, components: 1, component_names: &[], values: Values::Int32(values) }
 }
 
-/// Number of corners of the domain of a point, 0 of one without.
+/// Number of corners of the domain of a point, 0 without a domain.
 pub fn number_of_corners<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize) -> usize {
     match model.bodies[points.body[p] as usize].method.domain() {
         DomainKind::None => 0,
@@ -394,7 +394,8 @@ pub fn number_of_corners<const D: usize>(model: &Model<D>, points: &Points<D>, p
     }
 }
 
-/// A corner of the domain of a point, its position where it has none; of 2^D corners, bit d of a corner's number is its side along axis d.
+/// A corner of the domain of a point, or its position if it has no domain. Of 2^D corners, bit d of the number of a
+/// corner is its side along axis d.
 pub fn corner_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, k: usize) -> [f64; D] {
     let state = &points.converged;
     match model.bodies[points.body[p] as usize].method.domain() {

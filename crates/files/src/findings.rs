@@ -1,5 +1,5 @@
-//! What a run found, in a few numbers: how its forces balance, where displacement and stress are largest, and how the
-//! iterations went.
+//! Key results of a run: the balance of forces, the largest displacement and stresses, and statistics of the
+//! iterations.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -21,19 +21,19 @@ pub struct ForceBalance {
     pub reactions: Vec<(String, Vec<f64>)>,
     /// Moment of each of these reactions; empty for bodies of revolution.
     pub moments: Vec<Moment>,
-    /// Whether each axis has a balance of forces: not the radius of a body of revolution, where hoop stresses pull
-    /// inwards all around.
+    /// For each axis, true if forces balance along it; false for the radius of a body of revolution, where hoop
+    /// stresses pull inwards.
     balanced: Vec<bool>,
-    /// Sum of the magnitudes of the forces at all nodes that are held, or of the loads, whichever is larger, [force].
+    /// Sum of the magnitudes of the forces at all constrained nodes, or of the loads, whichever is larger, [force].
     scale: f64,
 }
 
 /// The moment of a reaction, [`mpm_core::solver::ReactionMoment`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Moment {
-    /// The point it is taken about, [length]; none where the condition holds nothing.
+    /// The point about which it is taken, [length]; `None` if the condition acts on no active node.
     pub about: Option<Vec<f64>>,
-    /// The moment about each axis that it can have, [force·length].
+    /// Moment about each axis of rotation, [force·length].
     pub moment: Vec<f64>,
 }
 
@@ -67,22 +67,22 @@ impl ForceBalance {
         }
     }
 
-    /// Loads and reactions together, along each axis that has a balance, [force]: what the iterations left, and what
-    /// is lost where basis functions do not add up to 1.
+    /// Sum of loads and reactions along each axis with a balance, [force]: the residual of the iterations, and forces
+    /// lost where basis functions do not add up to 1.
     pub fn difference(&self) -> Vec<Option<f64>> {
         let reactions = |axis: usize| self.reactions.iter().map(|(_, r)| r[axis]).sum::<f64>();
         let sum = |axis: usize| self.balanced[axis].then(|| self.applied[axis] + reactions(axis));
         (0..self.applied.len()).map(sum).collect()
     }
 
-    /// Length of the difference relative to all forces, [-]; none where there are no forces.
+    /// Magnitude of the difference relative to all forces, [-]; `None` if there are no forces.
     pub fn relative_difference(&self) -> Option<f64> {
         let length = self.difference().iter().flatten().map(|f| f * f).sum::<f64>().sqrt();
         (self.scale > 0.0).then(|| length / self.scale)
     }
 }
 
-/// A value of a field, and where it is.
+/// An extreme value of a field, and its location.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Extreme {
     /// The value.
@@ -91,11 +91,11 @@ pub struct Extreme {
     pub body: String,
     /// Permanent number of the point.
     pub point: u32,
-    /// Where the point is, [length].
+    /// Position of the point, [length].
     pub position: Vec<f64>,
 }
 
-/// The largest values of the fields of the points in their converged state.
+/// Extreme values of the fields of the points in their converged state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Extremes {
     /// Largest magnitude of the displacement, [length].
@@ -109,9 +109,9 @@ pub struct Extremes {
 }
 
 impl Extremes {
-    /// Extremes of the converged state; `None` where there is no point.
+    /// Extremes of the converged state; `None` if there are no points.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Extremes> {
-        // Where several points have the same value, the one with the smallest number is named.
+        // Of several points with the same value, the one with the smallest number is reported.
         let largest = |of: &(dyn Fn(usize) -> f64 + Sync)| {
             let best = (0..points.len())
                 .into_par_iter()
@@ -135,7 +135,7 @@ impl Extremes {
     }
 }
 
-/// Largest error of each balance and its step; none where no step has shown one.
+/// Largest error of each balance and its step; `None` if no step has one.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
     /// Error of the energy, [`Summary::energy_error`], in magnitude, [-].
@@ -146,7 +146,7 @@ pub struct Errors {
     pub moment: Option<(f64, usize)>,
 }
 
-/// What a run found.
+/// Key results of a run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Findings {
     /// Fewest and most linear solves of a step.
@@ -155,14 +155,14 @@ pub struct Findings {
     pub worst_residual: Option<(f64, usize)>,
     /// Forces at the end of the last step in equilibrium.
     pub balance: Option<ForceBalance>,
-    /// What is least in balance of all steps.
+    /// Largest errors of the balances over all steps.
     pub errors: Errors,
-    /// Largest values at the end of the last step in equilibrium.
+    /// Extreme values at the end of the last step in equilibrium.
     pub extremes: Option<Extremes>,
 }
 
 impl Findings {
-    /// True if a run of this model can have found this.
+    /// True if a run of this model can have these findings.
     pub(super) fn fits<const D: usize>(&self, model: &Model<D>) -> bool {
         self.balance.as_ref().is_none_or(|balance| {
             balance.applied.len() == D
@@ -176,7 +176,7 @@ impl Findings {
         })
     }
 
-    /// Takes in a step in equilibrium.
+    /// Adds a step in equilibrium.
     pub(super) fn accept<const D: usize>(
         &mut self,
         model: &Model<D>,
@@ -201,7 +201,7 @@ impl Findings {
         }
     }
 
-    /// Error of the balance of forces at the end of the last step in equilibrium; 0 where there are none, [-].
+    /// Error of the balance of forces at the end of the last step in equilibrium; 0 if there are no forces, [-].
     pub(super) fn force_error(&self) -> f64 {
         self.balance.as_ref().and_then(ForceBalance::relative_difference).unwrap_or(0.0)
     }
@@ -268,8 +268,8 @@ steps: {{count: 4}}"
         assert!(found.worst_residual.unwrap().0 <= 1e-9);
     }
 
-    /// The body stretches beyond the top of the grid, where nothing of its domains' basis functions is: the load that
-    /// is lost there is not hidden.
+    /// The body stretches beyond the top of the grid, where its domains have no basis functions: the load lost there
+    /// shows as a difference.
     #[test]
     fn a_load_that_basis_functions_lose_is_a_difference() {
         let gimp = "method: gimp, domain_update: none";

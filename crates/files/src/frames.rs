@@ -1,4 +1,5 @@
-//! What shows a step: the points, their domains and the active part of the grid, each a file of a series, encoded.
+//! The VTU files of a step: the points, their domains and the active part of the grid, each a file of a series,
+//! encoded.
 
 use std::io;
 use std::mem::take;
@@ -17,7 +18,7 @@ use super::vtu::{CellKind, Cells, Encoded, Field, File, Kinds, Precision, Room, 
 
 /// A file of a series, independent of the run.
 pub(super) struct Frame {
-    /// Number of the series.
+    /// Index of the series.
     pub series: usize,
     /// Name of the file.
     pub name: String,
@@ -45,13 +46,13 @@ pub(super) struct Frames {
     /// Memory of order and volumes of the points.
     order: Vec<usize>,
     volumes: Vec<[f64; 2]>,
-    /// What is the same in all frames of the points, once there is one, and in those of the domains.
+    /// Parts that are the same in all frames of the points, and in all frames of the domains; set by the first frame.
     steady: [Option<Steady>; 2],
     /// The grid of the last frame.
     grid: Option<Active>,
 }
 
-/// What is the same in all frames of a series.
+/// Parts that are the same in all frames of a series.
 #[derive(Clone)]
 struct Steady {
     cells: Arc<Cells>,
@@ -59,7 +60,7 @@ struct Steady {
 }
 
 impl Steady {
-    /// What has been kept, or is now made, of cells of these kinds that share no points.
+    /// Returns the stored parts, or makes them for cells of these kinds that share no points.
     fn once<const D: usize>(
         kept: &mut Option<Steady>,
         of: Of<D>,
@@ -80,14 +81,14 @@ impl Steady {
 pub(super) type OnNodes<'a, const D: usize> = (&'a str, &'a [[f64; D]]);
 
 impl Frames {
-    /// With these fields of the points, in numbers of this size.
+    /// Creates frames with these fields of the points, in this precision.
     pub fn new(fields: &[PointField], precision: Precision) -> Frames {
         let (room, order, volumes) = (Room::default(), Vec::new(), Vec::new());
         let steady = [None, None];
         Frames { fields: fields.to_vec(), precision, room, order, volumes, steady, grid: None }
     }
 
-    /// The points of the converged state, and their domains if they have any.
+    /// Frames of the points in their converged state, and of their domains if they have any.
     ///
     /// # Errors
     /// `InvalidInput` if a number is not finite.
@@ -105,7 +106,7 @@ impl Frames {
         frames
     }
 
-    /// The same of points in this order, with these J and volumes.
+    /// As [`Frames::of_points`], for points in this order, with these J and volumes.
     fn of_ordered_points<const D: usize>(
         &mut self,
         (model, points): (&Model<D>, &Points<D>),
@@ -160,7 +161,7 @@ impl Frames {
         File::new(step.end, step.index as i64, of.corners(&domains)?, steady.cells, Vec::new(), fields)
     }
 
-    /// The active part of the grid, with these fields on its nodes.
+    /// Frame of the active part of the grid, with these fields on its nodes.
     ///
     /// # Errors
     /// As [`Frames::of_points`].
@@ -198,7 +199,7 @@ impl Frames {
     }
 }
 
-/// The active part of the grid, which often stays what it is for some steps, and what stands of it in a file.
+/// The active part of the grid, which often stays the same for several steps, and its encoded arrays.
 struct Active {
     mesh: GridMesh,
     positions: Arc<Encoded>,

@@ -1,9 +1,9 @@
-//! Files that a run leaves behind: VTK XML meshes, their time series, and comma-separated tables.
+//! Result files of a run: VTK XML meshes, their time series, and comma-separated tables.
 //!
 //! The building blocks (`vtu`, `series`, `table`) know nothing of material points: they take arrays and names;
-//! `results` puts a run into them, `findings` sums it up, `status` says how far it is. A reader of the files never
-//! meets a half-written one, because a file is written under a temporary name and then renamed, and a table is
-//! extended by whole rows; a killed run therefore stays readable up to its last step.
+//! `results` writes a run with them, `findings` summarises it, `status` records its progress. Readers never find a
+//! half-written file: a file is written under a temporary name and then renamed, and a table is extended by whole rows.
+//! The results of a killed run therefore stay readable up to its last step.
 
 pub mod checkpoint;
 pub mod directory;
@@ -25,16 +25,16 @@ mod writer;
 
 use std::io;
 
-/// Codes of what keeps a run from using its directory of results, with a title each.
+/// Codes of errors in using a results directory, with their titles.
 pub const CODES: &[(&str, &str)] =
-    &[("R001", "a directory that cannot take results"), ("R002", "a run that cannot go on")];
+    &[("R001", "a directory that cannot take results"), ("R002", "a run that cannot be resumed")];
 
-/// An error of kind `InvalidInput`, for data that the caller should not have passed.
+/// An error of kind `InvalidInput`, for invalid data of the caller.
 fn invalid(message: impl Into<String>) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, message.into())
 }
 
-/// Text made safe between the double quotes of an XML attribute.
+/// Escapes text for the value of an XML attribute in double quotes.
 pub fn escape_xml(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for c in text.chars() {
@@ -44,7 +44,7 @@ pub fn escape_xml(text: &str) -> String {
             '>' => escaped.push_str("&gt;"),
             '"' => escaped.push_str("&quot;"),
             '\'' => escaped.push_str("&apos;"),
-            // XML 1.0 cannot carry other control characters, not even escaped.
+            // XML 1.0 does not allow other control characters, not even escaped.
             c if c.is_control() => escaped.push('\u{fffd}'),
             c => escaped.push(c),
         }
@@ -52,7 +52,7 @@ pub fn escape_xml(text: &str) -> String {
     escaped
 }
 
-/// The shortest decimal text that reads back as exactly this number; an exponent only where it shortens.
+/// The shortest decimal text that reads back as exactly this number; with an exponent only if this is shorter.
 pub fn shortest(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || (1e-4..1e16).contains(&size) { format!("{value}") } else { format!("{value:e}") }

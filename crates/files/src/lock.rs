@@ -1,18 +1,18 @@
-//! One run at a time in a directory of results, and a way for others to tell whether it still goes on.
+//! Lock of a results directory: it admits one run at a time, and shows others that a run is still going.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
 use std::path::Path;
 use std::time::Duration;
 
-/// Name of the file that is locked. It is empty and stays behind: only the lock on it means anything.
+/// Name of the file that is locked. It is empty and is not removed: only the lock on it matters.
 pub(super) const NAME: &str = ".lock";
 
-/// How often, and how long apart, a lock is tried for: `mpm status` holds it for a moment.
+/// Number of attempts to take the lock, and the pause between them: `mpm status` holds it briefly.
 const TRIES: usize = 20;
 const PAUSE: Duration = Duration::from_millis(10);
 
-/// A lock on a directory of results. The system releases it when the process ends, in whichever way.
+/// A lock on a directory of results. The system releases it when the process ends, for whatever reason.
 #[derive(Debug)]
 pub struct Lock {
     _file: File,
@@ -22,11 +22,11 @@ impl Lock {
     /// Locks a directory.
     ///
     /// # Errors
-    /// `ResourceBusy` where another run has the lock; otherwise those of the file system. One that knows no locks lets
-    /// every run in.
+    /// `ResourceBusy` if another run holds the lock; otherwise those of the file system. A file system without locks
+    /// admits every run.
     pub fn take(directory: &Path) -> io::Result<Lock> {
         if !is_possible(directory) {
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, format!("`{NAME}` there is no file")));
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, format!("`{NAME}` in it is not a file")));
         }
         let file = OpenOptions::new().write(true).create(true).truncate(false).open(directory.join(NAME))?;
         for _ in 0..TRIES {
@@ -42,18 +42,18 @@ impl Lock {
         Err(io::Error::new(io::ErrorKind::ResourceBusy, "another run writes its results there"))
     }
 
-    /// Whether a run has the lock of a directory; true where the file system cannot tell.
+    /// True if a run holds the lock of a directory, or if the file system does not support locks.
     pub fn is_held(directory: &Path) -> bool {
         if !is_possible(directory) {
             return false;
         }
         let Ok(file) = File::open(directory.join(NAME)) else { return false };
-        // Dropping the file gives the lock back.
+        // Dropping the file releases the lock.
         file.try_lock_shared().is_err()
     }
 }
 
-/// Whether the lock is a file or not there; to open a pipe would take forever.
+/// True if the lock is a file or does not exist; opening a pipe would block forever.
 fn is_possible(directory: &Path) -> bool {
     std::fs::metadata(directory.join(NAME)).map_or(true, |about| about.is_file())
 }

@@ -50,16 +50,16 @@ const QUALITY: [&str; 15] = [
 /// Columns of `convergence.csv`.
 const CONVERGENCE: [&str; 3] = ["step", "iteration", "residual"];
 
-/// What of its results a run writes beside the tables, and how often.
+/// Files that a run writes in addition to the tables, and how often.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Request {
-    /// VTU files are written every so many load steps, and for the last one; 0 writes none.
+    /// Number of load steps from one set of VTU files to the next; the last step is always written. 0 writes none.
     pub every: usize,
     /// Fields of the points in them.
     pub fields: Vec<PointField>,
-    /// Size of their numbers.
+    /// Precision of their numbers.
     pub precision: Precision,
-    /// Checkpoints are written every so many load steps; otherwise only where a run ends early.
+    /// Number of load steps from one checkpoint to the next; `None` writes one only if a run ends early.
     pub checkpoints: Option<usize>,
 }
 
@@ -70,7 +70,7 @@ impl Default for Request {
     }
 }
 
-/// Writes everything that a run leaves behind into one directory.
+/// Writes all results of a run to its directory.
 pub struct Results {
     directory: PathBuf,
     every: usize,
@@ -90,11 +90,11 @@ pub struct Results {
     findings: Findings,
     all_have_domains: bool,
     last: Step,
-    /// The account of the run up to that step, once this run has made one.
+    /// Summary of the run up to that step, once this run has made one.
     accepted: Option<Summary>,
-    /// The last step of which there is a checkpoint.
-    secured: usize,
-    /// Kept until the end of the run.
+    /// The last step with a checkpoint.
+    checkpointed: usize,
+    /// Held until the end of the run.
     _lock: Lock,
 }
 
@@ -103,7 +103,7 @@ impl Results {
     /// VTU files and checkpoints are written as `asked`.
     ///
     /// # Errors
-    /// When the directory cannot be created or written; `ResourceBusy` when another run writes there.
+    /// If the directory cannot be created or written; `ResourceBusy` if another run writes there.
     pub fn create<const D: usize>(
         directory: &Path,
         asked: &Request,
@@ -136,18 +136,18 @@ impl Results {
             all_have_domains: all_have_domains(model),
             last: Step { index: 0, start: 0.0, end: 0.0 },
             accepted: None,
-            secured: 0,
+            checkpointed: 0,
             _lock: lock,
         })
     }
 
-    /// Prepares a directory for a run that goes on from a checkpoint in it: what was written after the step of the
-    /// checkpoint is removed. `reached` is that step, with its number in this run.
+    /// Prepares a directory for a run that resumes from a checkpoint in it: results after the step of the checkpoint
+    /// are removed. `reached` is that step, with its number in this run.
     ///
     /// # Errors
-    /// When the directory cannot be written, or does not hold the results up to the checkpoint; in the latter case
+    /// If the directory cannot be written, or does not contain the results up to the checkpoint; in the latter case
     /// nothing in it is changed.
-    pub fn go_on<const D: usize>(
+    pub fn resume<const D: usize>(
         (directory, lock): (&Path, Lock),
         asked: &Request,
         model: &Model<D>,
@@ -170,7 +170,7 @@ impl Results {
             return Err(io::Error::new(io::ErrorKind::InvalidData, what));
         }
         let [history, quality, convergence] = [history.reopen()?, quality.reopen()?, convergence.reopen()?];
-        // A run that is stopped writes its last step, due or not. One that is to write nothing removes nothing, either.
+        // A run that is stopped writes its last step, due or not. A run without VTU files does not remove any.
         let is_due = every == 0 || is_due(every, model, reached);
         let is_kept =
             |name: &str| step_of_file(name).is_some_and(|step| step < last || step == last && is_due);
@@ -197,24 +197,24 @@ impl Results {
             all_have_domains: all_have_domains(model),
             last: reached,
             accepted: None,
-            secured: reached.index,
+            checkpointed: reached.index,
             _lock: lock,
         })
     }
 
-    /// Writes a checkpoint of the last step in equilibrium, if there is none yet. Attempts that have failed after it are not
-    /// part of it: whoever goes on from there makes them again.
-    fn secure<const D: usize>(&mut self, points: &Points<D>) -> io::Result<()> {
-        // A run that goes on from there does not write again what came before.
+    /// Writes a checkpoint of the last step in equilibrium, if there is none yet. Later failed attempts are not part of
+    /// it: a resumed run repeats them.
+    fn write_checkpoint<const D: usize>(&mut self, points: &Points<D>) -> io::Result<()> {
+        // A resumed run does not write earlier results again.
         self.settle()?;
         if let Some(deck) = &self.account.deck
             && let Some(summary) = &self.accepted
-            && self.last.index > self.secured
+            && self.last.index > self.checkpointed
         {
             let reached = Reached { step: self.last, summary: summary.clone() };
             let identity = (deck, self.account.files_hash.as_str());
             checkpoint::write(&self.directory, identity, &reached, &self.findings, points)?;
-            self.secured = self.last.index;
+            self.checkpointed = self.last.index;
         }
         Ok(())
     }
@@ -224,12 +224,12 @@ impl Results {
         &self.directory
     }
 
-    /// What the run has found so far; the largest values of the fields are there once it has ended.
+    /// Findings of the run so far; the extreme values of the fields are set once it has ended.
     pub fn findings(&self) -> &Findings {
         &self.findings
     }
 
-    /// The last file that shows the points, by their domains if all have one; `None` where none was written.
+    /// The last file of the points, or of their domains if all points have one; `None` if none was written.
     pub fn last_picture(&self) -> Option<Picture> {
         let step = self.written?;
         let series = SERIES[usize::from(self.all_have_domains)];
@@ -239,12 +239,12 @@ impl Results {
         })
     }
 
-    /// Whether the deck asks for files that show the points.
+    /// True if the deck requests VTU files.
     pub fn asks_for_pictures(&self) -> bool {
         self.every > 0
     }
 
-    /// Begins to write what shows a step.
+    /// Begins to write the frames of a step.
     fn show(&mut self, step: Step, frames: Vec<Frame>) -> io::Result<()> {
         self.settle()?;
         self.writer.begin(frames)?;
@@ -252,7 +252,7 @@ impl Results {
         if self.writer.is_at_work() { Ok(()) } else { self.settle() }
     }
 
-    /// Waits for what is being written.
+    /// Waits for the frames being written.
     fn settle(&mut self) -> io::Result<()> {
         let shown = self.shown.take();
         self.writer.settle()?;
@@ -319,7 +319,7 @@ impl Results {
         self.quality.push(&row)
     }
 
-    /// Writes the row of an attempt that has failed: what does not exist is left empty.
+    /// Writes the row of a failed attempt; entries without a value stay empty.
     fn write_attempt<const D: usize>(&mut self, attempt: &FailedAttempt<D>) -> io::Result<()> {
         let residual = attempt.residuals.last().copied().filter(|r| r.is_finite());
         let mut row: Vec<Entry> = vec![
@@ -338,19 +338,19 @@ impl Results {
 /// The error of a file that a run would replace although no run has written it.
 fn foreign(name: &str) -> io::Error {
     let what = format!(
-        "its file `{name}` is not the result of a run; choose another directory with `--out`, or move the file away"
+        "its file `{name}` was not written by a run; choose another directory with `--out`, or move the file away"
     );
     io::Error::new(io::ErrorKind::AlreadyExists, what)
 }
 
-/// Whether VTU files of a step are to be written: after every so many requested steps, and at the end.
+/// True if VTU files of a step are due: after every `every` requested steps, and at the end.
 fn is_due<const D: usize>(every: usize, model: &Model<D>, step: Step) -> bool {
     let requested = model.stepping.requested(step.end);
     let is_due = |number: usize| number.is_multiple_of(every) || number == model.stepping.count;
     every > 0 && requested.is_some_and(is_due)
 }
 
-/// What the files of the grid show.
+/// Fields in the files of the grid.
 fn on_nodes<'a, const D: usize>(
     delta_d: &'a [[f64; D]],
     reaction: &'a [[f64; D]],
@@ -402,7 +402,7 @@ impl<const D: usize> Observer<D> for Results {
             return Ok(());
         }
         let mut frames = self.frames.of_points(model, points, self.last)?;
-        // The links of the undeformed points, only to show which cells are active.
+        // The connectivity of the undeformed points, only to show the active cells.
         let methods: Vec<_> = model.bodies.iter().map(|b| b.method).collect();
         let mut copy = points.clone();
         if let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut copy, &methods) {
@@ -444,7 +444,7 @@ impl<const D: usize> Observer<D> for Results {
         }
         self.write_history(model, points, report, summary)?;
         if self.checkpoints.is_some_and(|every| report.step.index.is_multiple_of(every)) {
-            self.secure(points)?;
+            self.write_checkpoint(points)?;
         }
         Ok(())
     }
@@ -476,7 +476,7 @@ impl<const D: usize> Observer<D> for Results {
         let lost = self.settle();
         let rows = self.failure.take().map_or(Ok(()), Err);
         let tables = [&self.history, &self.quality, &self.convergence].into_iter().try_for_each(Table::check);
-        // The last equilibrated step is never lost, whatever `every` says.
+        // The last step in equilibrium is always written, whatever `every` is.
         let is_missing = self.last.index > 0 && self.writer.reached().is_none_or(|time| time < self.last.end);
         let mesh = if self.every > 0 && is_missing {
             let frames = self.frames.of_points(model, points, self.last);
@@ -484,15 +484,15 @@ impl<const D: usize> Observer<D> for Results {
         } else {
             Ok(())
         };
-        // Whatever ended the run early, it can go on from there; but not where the files of that step are missing.
-        let secured = match error {
+        // A run that ended early can be resumed from there, unless the files of that step are missing.
+        let checkpoint = match error {
             Some(SolveError::Output(_)) => Ok(()),
             _ if lost.is_err() || error.is_none() && self.checkpoints.is_none() => Ok(()),
-            _ => self.secure(points),
+            _ => self.write_checkpoint(points),
         };
-        // What can be written is, even where something else could not.
-        let written = lost.and(rows).and(mesh).and(secured).and(tables);
-        // The summary comes last: where it says that the run is completed, nothing is missing.
+        // Each part is written even if another could not be.
+        let written = lost.and(rows).and(mesh).and(checkpoint).and(tables);
+        // The summary comes last: if it reports a completed run, nothing is missing.
         let lost = written.as_ref().err().map(SolveError::output);
         let outcome = match error.or(lost.as_ref()) {
             None => Outcome::Completed,

@@ -1,11 +1,10 @@
-//! Whether the tables of a run that is to go on have all their rows.
+//! Checks that the tables of a run to be resumed have all their rows.
 
 use std::io;
 
 use super::table::Kept;
 
-/// Sees to it that `history.csv`, `quality.csv` and `convergence.csv` have the rows of all steps in equilibrium, of which
-/// there are so many.
+/// Checks that `history.csv`, `quality.csv` and `convergence.csv` have the rows of all `steps` steps in equilibrium.
 ///
 /// # Errors
 /// `InvalidData`, with the file and the first step whose rows are missing.
@@ -16,7 +15,7 @@ pub(super) fn check([history, quality, convergence]: [&Kept; 3], steps: usize) -
         .filter_map(|[step, iterations, _]| Some(((*step)?, (*iterations)?)))
         .collect();
     if accepted.len() != steps {
-        // Numbers may leave some out where a run has gone on with another number of steps.
+        // Step numbers may have gaps if a run was resumed with another number of steps.
         let mut before = 0;
         let gap = accepted.iter().find_map(|(step, _)| {
             let expected = before + 1;
@@ -39,7 +38,7 @@ pub(super) fn check([history, quality, convergence]: [&Kept; 3], steps: usize) -
     for (step, iterations) in accepted {
         let n = rest.iter().take_while(|row| row[0] == Some(step)).count();
         let (of_step, later) = rest.split_at(n);
-        // Attempts that have failed come before the one that has not.
+        // Failed attempts precede the converged one.
         let last =
             of_step.iter().rposition(|row| row[1] == Some(0)).map_or(&[][..], |first| &of_step[first..]);
         if last.len() != iterations + 1 || last.iter().zip(0..).any(|(row, number)| row[1] != Some(number)) {

@@ -9,7 +9,7 @@ use quick_xml::events::Event;
 use super::replace::replace_file;
 use super::{escape_xml, invalid, shortest};
 
-/// What every file begins with.
+/// First bytes of every file.
 pub(super) const HEAD: &str = concat!(
     r#"<?xml version="1.0" encoding="UTF-8"?>"#,
     "\n",
@@ -30,8 +30,8 @@ impl Series {
         Series { path: path.into(), entries: Vec::new() }
     }
 
-    /// A series that goes on: the entries of the file up to a time, [time], whose data files `is_kept`. None where there
-    /// is no file.
+    /// Reopens a series with the entries of its file up to a time, [time], whose data files `is_kept` accepts; empty if
+    /// there is no file.
     ///
     /// Errors: those of [`read`] and of the file system.
     pub fn reopen(
@@ -105,7 +105,7 @@ pub struct DataSet {
 
 /// Reads a `.pvd` time series, in the order of the file.
 ///
-/// Errors: those of the file system; `InvalidData` with the name of the file if it is cut off or no series.
+/// Errors: those of the file system; `InvalidData` with the name of the file if it is cut off or not a series.
 pub fn read(path: &Path) -> io::Result<Vec<DataSet>> {
     let text = std::fs::read_to_string(path)?;
     let directory = path.parent().unwrap_or(Path::new(""));
@@ -117,7 +117,7 @@ fn parse(text: &str, directory: &Path) -> Result<Vec<DataSet>, String> {
     let mut reader = quick_xml::Reader::from_str(text);
     let mut entries = Vec::new();
     loop {
-        match reader.read_event().map_err(|error| format!("cut off or no XML: {error}"))? {
+        match reader.read_event().map_err(|error| format!("cut off or not XML: {error}"))? {
             Event::Start(tag) | Event::Empty(tag) if tag.name().as_ref() == "DataSet" => {
                 let attribute = |name: &str| {
                     let found = tag.try_get_attribute(name).ok().flatten()?;

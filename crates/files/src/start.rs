@@ -1,4 +1,4 @@
-//! `run.json`: what is run, from which deck and on which machine, written before the first load step.
+//! `run.json`: the analysis, its deck and the machine, written before the first load step.
 
 use std::fs;
 use std::io;
@@ -46,7 +46,7 @@ impl Account {
     }
 }
 
-/// The machine, as far as the system tells.
+/// Description of the machine, as far as the system provides it.
 fn machine() -> Value {
     let line = |path: &str, key: &str| {
         let text = fs::read_to_string(path).ok()?;

@@ -1,4 +1,4 @@
-//! `status.json`: how far a run is, for those who watch it from outside.
+//! `status.json`: the progress of a run, for other programs.
 
 use std::collections::VecDeque;
 use std::io;
@@ -21,30 +21,30 @@ use super::summary::{Start, VERSION};
 /// Name of the file.
 pub(super) const NAME: &str = "status.json";
 
-/// The file is replaced at most this often while a run goes on.
+/// Shortest time between two updates of the file during a run.
 const INTERVAL: Duration = Duration::from_secs(1);
 
-/// So many of the last steps tell how long the remaining ones will take.
+/// Number of recent steps from which the remaining time is estimated.
 const RECENT: usize = 10;
 
-/// What has become of a run.
+/// State of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum State {
-    /// It goes on.
+    /// It is running.
     Running,
     /// All steps are in equilibrium.
     Completed,
-    /// It could not go on.
+    /// It ended with an error.
     Failed,
     /// The user stopped it.
     Interrupted,
-    /// Its process ended without a word.
+    /// Its process ended unexpectedly.
     Died,
 }
 
 impl State {
-    /// The state in a word.
+    /// Name of the state.
     pub fn word(self) -> &'static str {
         match self {
             State::Running => "running",
@@ -56,12 +56,12 @@ impl State {
     }
 }
 
-/// How far a run is.
+/// Progress of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Status {
-    /// What has become of it; nobody writes `died`, it is found out by [`read`].
+    /// State of the run; `died` is never written, but inferred by [`read`].
     pub state: State,
-    /// Why it failed.
+    /// Reason of the failure.
     pub reason: Option<String>,
     /// Title of the deck.
     pub title: String,
@@ -69,27 +69,27 @@ pub struct Status {
     pub version: String,
     /// Number of the process.
     pub process: u32,
-    /// When it began.
+    /// Start of the run.
     pub started: Timestamp,
-    /// When this was written.
+    /// Time of this update.
     pub updated: Timestamp,
     /// Steps in equilibrium.
     pub steps: usize,
-    /// Steps of the deck.
+    /// Load steps of the deck.
     pub steps_requested: usize,
-    /// The step in hand, or the last one.
+    /// The current step, or the last one.
     pub step: usize,
     /// The last evaluation in it; 0 is the one before the first solve.
     pub iteration: usize,
-    /// Relative out-of-balance force, eq. (40), of that evaluation, [-]; none where it is not finite.
+    /// Relative out-of-balance force, eq. (40), of that evaluation, [-]; `None` if it is not finite.
     pub residual: Option<f64>,
-    /// Largest residual of a step in equilibrium, [-].
+    /// Tolerance of the residual, [-].
     pub tolerance: f64,
-    /// Time at the end of the step in hand, [time].
+    /// Time at the end of the current step, [time].
     pub time: f64,
     /// Time at the end of the analysis, [time].
     pub end_time: f64,
-    /// Load factor at the end of the step in hand, where there is one for all loads and prescribed motions, [-].
+    /// Load factor at the end of the current step, if all loads and prescribed motions share one, [-].
     pub load_factor: Option<f64>,
     /// Number of material points.
     pub points: usize,
@@ -97,15 +97,15 @@ pub struct Status {
     pub unknowns: usize,
     /// Evaluations of internal force and stiffness so far.
     pub evaluations: usize,
-    /// Points times evaluations by the time that the steps took so far, output included, [1/s].
+    /// Points times evaluations per second of the steps so far, including output, [1/s].
     pub points_per_second: Option<f64>,
-    /// Since the program began, [s].
+    /// Time since the program started, [s].
     pub elapsed_seconds: f64,
-    /// Estimate for the rest of the run from the pace of the last steps, [s].
+    /// Estimated remaining time, from the pace of the last steps, [s].
     pub seconds_left: Option<f64>,
-    /// Resident memory, [byte], where the system tells.
+    /// Resident memory, [byte], if the system provides it.
     pub memory_bytes: Option<u64>,
-    /// Largest resident memory so far, [byte], where the system tells.
+    /// Largest resident memory so far, [byte], if the system provides it.
     pub peak_memory_bytes: Option<u64>,
     /// Number of warnings so far.
     pub warnings: usize,
@@ -113,20 +113,20 @@ pub struct Status {
     pub checkpoint: Option<usize>,
 }
 
-/// Keeps account of how far a run is.
+/// Keeps track of the progress of a run.
 #[derive(Debug)]
 pub struct Progress {
     start: Start,
     status: Status,
     curve: Option<LoadCurve>,
-    /// When the first step began.
+    /// Start of the first step.
     began: Instant,
-    /// Time of the analysis and of the clock at the ends of the last steps.
+    /// Time of the analysis, and of the clock, at the ends of the last steps.
     recent: VecDeque<(f64, Instant)>,
 }
 
 impl Progress {
-    /// The status of a run that is about to begin; `start` is where its times begin.
+    /// Progress of a run about to begin; `start` is the origin of its times.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, start: Start) -> Progress {
         let now = Timestamp::now();
         let before = jiff::SignedDuration::try_from(start.elapsed().wall).unwrap_or_default();
@@ -163,8 +163,8 @@ impl Progress {
         Progress { start, status, curve, began, recent: VecDeque::from([(0.0, began)]) }
     }
 
-    /// The run goes on from a step that an earlier one has reached.
-    pub fn goes_on(&mut self, reached: &Reached) {
+    /// Records that the run resumes from a step that an earlier run reached.
+    pub fn resumed(&mut self, reached: &Reached) {
         let end = reached.step.end;
         self.status.steps = reached.summary.steps;
         self.status.step = reached.step.index;
@@ -174,7 +174,7 @@ impl Progress {
         self.recent = VecDeque::from([(end, self.began)]);
     }
 
-    /// An evaluation of the out-of-balance force.
+    /// Records an evaluation of the out-of-balance force.
     pub fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
         let status = &mut self.status;
         status.step = step.index;
@@ -188,7 +188,7 @@ impl Progress {
         status.evaluations += 1;
     }
 
-    /// A step is in equilibrium.
+    /// Records a step in equilibrium.
     pub fn converged<const D: usize>(&mut self, report: &StepReport<D>, summary: &Summary) {
         self.status.steps = summary.steps;
         self.status.unknowns = report.unknowns;
@@ -200,7 +200,7 @@ impl Progress {
         }
     }
 
-    /// The run has ended.
+    /// Records the end of the run.
     pub fn finished(&mut self, error: Option<&SolveError>) {
         let (state, reason) = match error {
             None => (State::Completed, None),
@@ -211,7 +211,7 @@ impl Progress {
         self.status.reason = reason;
     }
 
-    /// How far the run is now.
+    /// The current status.
     pub fn status(&self) -> Status {
         let now = Instant::now();
         let stepping = now.duration_since(self.began).as_secs_f64();
@@ -234,12 +234,12 @@ impl Progress {
         let ((from, began), (to, ended)) = (self.recent.front()?, self.recent.back()?);
         let covered = to - from;
         let took = ended.duration_since(*began).as_secs_f64();
-        let in_hand = now.duration_since(*ended).as_secs_f64();
-        (covered > 0.0).then(|| ((self.status.end_time - to) * took / covered - in_hand).max(0.0))
+        let elapsed = now.duration_since(*ended).as_secs_f64();
+        (covered > 0.0).then(|| ((self.status.end_time - to) * took / covered - elapsed).max(0.0))
     }
 }
 
-/// Nobody needs more, and it is easier to read.
+/// Rounds to milliseconds, for readability.
 fn to_milliseconds(time: Timestamp) -> Timestamp {
     time.round(Unit::Millisecond).unwrap_or(time)
 }
@@ -252,15 +252,15 @@ pub struct StatusFile {
 }
 
 impl StatusFile {
-    /// In a directory of results.
+    /// The status file of a results directory.
     pub fn new(directory: &Path) -> StatusFile {
         StatusFile { directory: directory.to_owned(), written: None }
     }
 
-    /// Replaces the file if the last time is long enough ago, or if the run has ended.
+    /// Replaces the file if an update is due, or if the run has ended.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     pub fn update(&mut self, progress: &Progress) -> io::Result<()> {
         let fresh = self.written.is_some_and(|written| written.elapsed() < INTERVAL);
         if fresh && progress.status.state == State::Running {
@@ -274,24 +274,24 @@ impl StatusFile {
     }
 }
 
-/// Reads how far the run in a directory is. One that neither goes on nor has ended in good order has died.
+/// Reads the status of the run in a directory. A run that is neither running nor ended properly has died.
 ///
 /// # Errors
-/// When there is no run in the directory, or its status cannot be read.
+/// If there is no run in the directory, or its status cannot be read.
 pub fn read(directory: &Path) -> io::Result<Status> {
     let status = read_as_written(directory)?;
     if status.state != State::Running || Lock::is_held(directory) {
         return Ok(status);
     }
-    // It may have ended, or another one begun, since the file was read.
+    // The run may have ended, or another begun, since the file was read.
     let again = read_as_written(directory)?;
     let same = again.state == State::Running && again.started == status.started;
-    // The summary is written before the status tells of the end.
+    // The summary is written before the status records the end.
     let state = if is_complete(directory) { State::Completed } else { State::Died };
     Ok(if same { Status { state, seconds_left: None, ..again } } else { again })
 }
 
-/// Whether the run in a directory has come to its end and written everything: the summary is the last of its results.
+/// True if the run in a directory is complete: its summary is written after all other results.
 pub fn is_complete(directory: &Path) -> bool {
     let summary = std::fs::read(directory.join("summary.json")).ok();
     let summary: Option<serde_json::Value> = summary.and_then(|text| serde_json::from_slice(&text).ok());
@@ -322,7 +322,7 @@ steps: {count: 4}";
     }
 
     #[test]
-    fn the_rest_takes_as_long_as_the_last_steps_say() {
+    fn remaining_time_follows_from_the_last_steps() {
         let mut progress = progress();
         let began = progress.began;
         let at = |seconds: f64| began + Duration::from_secs_f64(seconds);
@@ -337,7 +337,7 @@ steps: {count: 4}";
     }
 
     #[test]
-    fn a_run_without_lock_has_died_unless_it_said_goodbye() {
+    fn a_run_without_lock_has_died_unless_it_has_ended() {
         let directory = tempfile::tempdir().unwrap();
         assert_eq!(read(directory.path()).unwrap_err().kind(), io::ErrorKind::NotFound);
         let mut progress = progress();

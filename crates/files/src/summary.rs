@@ -1,4 +1,4 @@
-//! `summary.json`: what a run did, how well, and at what cost.
+//! `summary.json`: the results of a run, their quality, and the cost.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -28,38 +28,38 @@ pub enum Outcome {
     Completed,
     /// The user stopped it.
     Interrupted,
-    /// It could not go on.
+    /// It ended with an error.
     Failed {
         /// Code of the failure, [`mpm_core::solver::CODES`].
         code: Option<&'static str>,
-        /// Why.
+        /// Message of the error.
         reason: String,
     },
 }
 
-/// Where the account of a run begins.
+/// Origin of the times of a run.
 #[derive(Debug, Clone, Copy)]
 pub struct Start {
     wall: Instant,
-    /// Processor time of the program that went into other things before.
+    /// Processor time that the program had used before the run.
     cpu: Duration,
 }
 
 impl Start {
-    /// For a run that is all the program does: since the program began, and that was at `wall`.
+    /// For the only run of a program, which started at `wall`.
     pub fn of_program(wall: Instant) -> Start {
         Start { wall, cpu: Duration::ZERO }
     }
 
-    /// For one run among others: since now. Where the system allows it, the largest memory is counted afresh, too;
-    /// what the program still holds of earlier runs is part of it.
+    /// For one run of several, starting now. The peak memory is also reset, if the system allows it; it includes memory
+    /// that the program still holds from earlier runs.
     pub fn now() -> Start {
-        // Linux; elsewhere, the largest memory is that of the program so far.
+        // Linux only; elsewhere, the peak memory is that of the whole program.
         let _ = std::fs::write("/proc/self/clear_refs", "5");
         Start { wall: Instant::now(), cpu: ProcessTime::now().as_duration() }
     }
 
-    /// Time since then, the processor time being that of all threads.
+    /// Time since the start; processor time of all threads.
     pub fn elapsed(&self) -> Spent {
         let cpu = ProcessTime::now().as_duration().saturating_sub(self.cpu);
         Spent { wall: self.wall.elapsed(), cpu }
@@ -75,18 +75,18 @@ pub struct Wording {
     pub on_warning: fn(&Warning) -> String,
 }
 
-/// What is known before the run begins.
+/// Facts that are known before the run.
 #[derive(Debug, Clone)]
 pub struct Account {
-    /// Where its times begin.
+    /// Origin of its times.
     pub start: Start,
     /// Name of the deck.
     pub deck_file: String,
-    /// Its text.
+    /// Text of the deck.
     pub deck_text: String,
-    /// Hash of the deck, of its text and parameters.
+    /// Hash of the deck: of its text and parameters.
     pub deck_hash: String,
-    /// The deck, its parameters inserted, if there is one; without it there are no checkpoints.
+    /// The deck, its parameters inserted; without it, no checkpoints are written.
     pub deck: Option<Value>,
     /// Hash of the files that it names.
     pub files_hash: String,
@@ -192,10 +192,10 @@ impl Account {
     }
 }
 
-/// Whether all numbers are finite: JSON has no others, and would be silent about it.
+/// Checks that all numbers are finite: JSON would silently write others as null.
 ///
 /// # Errors
-/// `InvalidInput` with the name of the first that is not.
+/// `InvalidInput` with the name of the first non-finite number.
 fn check(path: &Path, summary: &Summary, findings: &Findings) -> io::Result<()> {
     let mut numbers = vec![
         ("external_work", summary.external_work),
@@ -299,7 +299,7 @@ fn warning(of: &Warning, help: String) -> Value {
     })
 }
 
-/// A value and the step that it is of.
+/// A value and its step.
 fn at_step((value, step): (f64, usize)) -> Value {
     json!({"value": value, "step": step})
 }
@@ -337,7 +337,7 @@ fn largest(extremes: &Extremes) -> Value {
     })
 }
 
-/// How well the run went; null for what no step has shown.
+/// Measures of quality; null if no step has one.
 fn quality<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
     let worst = |worst: Option<Worst>| {
         worst.map(|Worst { value, step, body, point }| {
@@ -376,7 +376,7 @@ fn quality<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
     })
 }
 
-/// A measure of bodies by their names, of those that have it; null where none has.
+/// A measure by the names of the bodies that have it; null if none has.
 fn by_body<const D: usize>(model: &Model<D>, of: impl Fn(usize) -> Option<f64>) -> Value {
     let entries =
         model.bodies.iter().enumerate().filter_map(|(k, body)| Some((body.name.clone(), json!(of(k)?))));
@@ -384,7 +384,7 @@ fn by_body<const D: usize>(model: &Model<D>, of: impl Fn(usize) -> Option<f64>) 
     if map.is_empty() { Value::Null } else { Value::Object(map) }
 }
 
-/// Share of the material that the nodes of each moving boundary condition still hold; null where there is none.
+/// Share of the material still held by the nodes of each moving boundary condition; null if there is none.
 fn held_by_nodes<const D: usize>(model: &Model<D>, quality: &Quality) -> Value {
     let entries = model
         .boundary_conditions

@@ -1,4 +1,4 @@
-//! Comma-separated tables that grow by whole rows, and the way back.
+//! Comma-separated tables that grow by whole rows: writing and reading.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -14,7 +14,7 @@ pub enum Entry {
     Integer(i64),
     /// A finite number, written so that it reads back exactly.
     Number(f64),
-    /// Nothing: a value that does not exist.
+    /// A missing value, written as an empty entry.
     Missing,
 }
 
@@ -46,7 +46,7 @@ pub struct Table {
     columns: Vec<String>,
 }
 
-/// What a table that is to go on begins with.
+/// The rows of an existing table that are kept when a run is resumed.
 #[derive(Debug)]
 pub struct Kept {
     path: PathBuf,
@@ -60,14 +60,14 @@ impl Kept {
         &self.path
     }
 
-    /// The entries of some columns, row by row; whole numbers, `None` where there is something else.
+    /// The entries of some columns, row by row, as whole numbers; `None` for other entries.
     pub(super) fn numbers<const N: usize>(&self, columns: [&str; N]) -> Vec<[Option<usize>; N]> {
         let places = columns.map(|name| self.columns.iter().position(|column| column == name));
         let rows = self.text.lines().skip(1).map(|row| row.split(',').collect::<Vec<_>>());
         rows.map(|row| places.map(|place| row.get(place?)?.parse().ok())).collect()
     }
 
-    /// Replaces the file by what is kept of it, to be extended.
+    /// Replaces the file by the rows that are kept, and opens it to be extended.
     ///
     /// Errors: those of the file system.
     pub(super) fn reopen(self) -> io::Result<Table> {
@@ -92,15 +92,15 @@ impl Table {
         Table::begin(path, columns, &format!("{}\n", header.join(",")))
     }
 
-    /// A file with this text, to be extended; whoever kills the run leaves none without header.
+    /// Creates a file with this text, to be extended; a killed run leaves no file without header.
     fn begin(path: PathBuf, columns: Vec<String>, text: &str) -> io::Result<Table> {
         replace_file(&path, |file| file.write_all(text.as_bytes()))?;
         let file = fs::OpenOptions::new().append(true).open(&path)?;
         Ok(Table { path, file, columns, length: text.len() as u64 })
     }
 
-    /// What is to be kept of a file with these columns: the rows whose first entry is not greater than `last`. The file
-    /// stays as it is.
+    /// Reads the rows to keep of a file with these columns: those whose first entry is at most `last`. The file is not
+    /// changed.
     ///
     /// Errors, which name the file: those of the file system; `InvalidData` if the file has other columns, is damaged,
     /// or has no row with `last` although that is not 0.
@@ -136,7 +136,7 @@ impl Table {
         Ok(Kept { path, columns, text: kept })
     }
 
-    /// Sees to it that the file is still what this table has written.
+    /// Checks that the file is still as this table has written it.
     ///
     /// Errors, which name the file: those of the file system; `Other` if it was removed, replaced or changed.
     pub fn check(&self) -> io::Result<()> {
@@ -184,9 +184,10 @@ impl Table {
             }
         }
         line.push('\n');
-        // One unbuffered write per row: whoever reads the file, or kills the run, meets whole rows.
+        // One unbuffered write per row, so that the file has whole rows at all times.
         if let Err(error) = self.file.write_all(line.as_bytes()) {
-            // A full disk takes the first bytes of a row. Where they cannot be taken back, either, the first error says it.
+            // A full disk may take the first bytes of a row. If they cannot be removed either, the first error is
+            // reported.
             let _ = self.file.set_len(self.length);
             return Err(io::Error::new(error.kind(), format!("`{}`: {error}", self.path.display())));
         }
@@ -195,20 +196,20 @@ impl Table {
     }
 }
 
-/// Whether two accounts are of the same file.
+/// True if two sets of metadata are of the same file.
 #[cfg(unix)]
 fn is_same(a: &fs::Metadata, b: &fs::Metadata) -> bool {
     use std::os::unix::fs::MetadataExt;
     (a.dev(), a.ino()) == (b.dev(), b.ino())
 }
 
-/// Whether two accounts are of the same file, as far as the system tells.
+/// True if two sets of metadata may be of the same file.
 #[cfg(not(unix))]
 fn is_same(a: &fs::Metadata, b: &fs::Metadata) -> bool {
     a.is_file() && a.created().ok() == b.created().ok()
 }
 
-/// A text as a field of a line, quoted where it would otherwise break the line.
+/// Formats a text as a field of a line, in quotes if necessary.
 pub fn quoted(name: &str) -> String {
     if name.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", name.replace('"', "\"\""))
@@ -217,19 +218,19 @@ pub fn quoted(name: &str) -> String {
     }
 }
 
-/// A table of numbers as it was read from a file.
+/// A table of numbers read from a file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Columns {
     names: Vec<String>,
-    /// The values of the first column, of the second, and so on; not a number where there is none.
+    /// The values of the first column, of the second, and so on; NaN for missing entries.
     values: Vec<Vec<f64>>,
 }
 
 impl Columns {
-    /// Reads a table that [`Table`] has written.
+    /// Reads a table written by [`Table`].
     ///
     /// Errors: those of the file system; `InvalidData` with file and line if there is no header, a row has another
-    /// number of entries, an entry is no number, or the last row is cut off.
+    /// number of entries, an entry is not a number, or the last row is cut off.
     pub fn read(path: &Path) -> io::Result<Columns> {
         let text = fs::read_to_string(path)?;
         Columns::parse(&text)
@@ -251,7 +252,7 @@ impl Columns {
                 match entry.parse::<f64>() {
                     Err(_) if entry.is_empty() => column.push(f64::NAN),
                     Ok(value) if value.is_finite() => column.push(value),
-                    _ => return Err(format!("line {number}: {entry:?} is no number")),
+                    _ => return Err(format!("line {number}: {entry:?} is not a number")),
                 }
             }
         }
@@ -261,7 +262,7 @@ impl Columns {
         Ok(Columns { names, values })
     }
 
-    /// The rows in which a column has a value; all where there is no such column.
+    /// Keeps the rows in which `has` is true for a column; all rows if there is no such column.
     pub fn where_column(mut self, name: &str, has: impl Fn(f64) -> bool) -> Columns {
         let Some(kept) = self.column(name).map(|column| column.iter().map(|v| has(*v)).collect::<Vec<_>>())
         else {
@@ -296,7 +297,7 @@ impl Columns {
     }
 }
 
-/// The fields of a line that [`quoted`] has made.
+/// The fields of a line made with [`quoted`].
 fn unquoted(line: &str) -> Vec<String> {
     let (mut fields, mut field, mut inside) = (Vec::new(), String::new(), false);
     let mut rest = line.chars().peekable();
@@ -342,7 +343,7 @@ mod tests {
             ("step,a", "header"),
             ("step,a\n1,2\n3", "line 3 has 1 entries"),
             ("step,a\n1,2\n3,4", "line 3 is cut off"),
-            ("step,a\n1,2\n3,x\n", "line 3: \"x\" is no number"),
+            ("step,a\n1,2\n3,x\n", "line 3: \"x\" is not a number"),
             ("step,a\n1,NaN\n", "line 2"),
             ("step,a\n\n1,2\n", "line 2 has 1 entries"),
         ] {

@@ -26,7 +26,7 @@ pub const SYMMETRIC_TENSOR: [&str; 6] = ["XX", "YY", "ZZ", "XY", "YZ", "XZ"];
 /// Component names of a general tensor, row by row.
 pub const TENSOR: [&str; 9] = ["XX", "XY", "XZ", "YX", "YY", "YZ", "ZX", "ZY", "ZZ"];
 
-/// What every file begins with.
+/// First bytes of every file.
 pub(super) const HEAD: &str = concat!(
     r#"<?xml version="1.0" encoding="UTF-8"?>"#,
     "\n",
@@ -35,7 +35,7 @@ pub(super) const HEAD: &str = concat!(
     "\n"
 );
 
-/// What stands before the first appended array, and after the last.
+/// Text before the first appended array, and after the last.
 const BEGIN: &str = "<AppendedData encoding=\"raw\">\n_";
 const END: &str = "\n</AppendedData>\n</VTKFile>\n";
 
@@ -87,7 +87,7 @@ pub enum Kinds<'a> {
 }
 
 impl Kinds<'_> {
-    /// Kinds of the cells of a mesh with so many corners in all; `None` when they do not fit.
+    /// Kind of each cell of a mesh with `corners` corners in total; `None` if they do not match.
     fn of(&self, corners: usize) -> Option<Vec<CellKind>> {
         match self {
             Kinds::All(kind) => {
@@ -113,9 +113,9 @@ pub struct Mesh<'a> {
 
 /// Writes a mesh with its fields at a time, [time], and the number of the load step they belong to.
 ///
-/// The file appears under its name only when it is complete.
-/// Errors: those of the file system; `InvalidInput` if lengths do not fit together, a cell names a point that does
-/// not exist, two fields share a name, or a number is not finite.
+/// The file appears under its name only when it is complete. Errors: those of the file system; `InvalidInput` if
+/// lengths do not match, a cell refers to a point that does not exist, two fields share a name, or a number is not
+/// finite.
 pub fn write(
     path: &Path,
     time: f64,
@@ -142,7 +142,7 @@ pub fn write(
     file().map_err(|problem| invalid(format!("{}: {problem}", path.display())))?.write(path)
 }
 
-/// The cells of a mesh as they stand in a file.
+/// The encoded cells of a mesh.
 pub struct Cells {
     /// Number of points of the mesh.
     points: usize,
@@ -153,17 +153,17 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Starts the points of a mesh with so many of them.
+    /// Encodes the cells of a mesh with `points` points.
     ///
     /// # Errors
-    /// What a reader could not make sense of, in words.
+    /// A message about data that no reader could interpret.
     pub fn new(points: usize, kinds: &Kinds, connectivity: &[i64], room: &Room) -> Result<Cells, String> {
         let Some(kinds) = kinds.of(connectivity.len()) else {
-            return Err(format!("{} indices do not make cells of this kind", connectivity.len()));
+            return Err(format!("{} indices do not form cells of this kind", connectivity.len()));
         };
         let is_point = |index: &i64| usize::try_from(*index).is_ok_and(|index| index < points);
         if let Some(index) = connectivity.iter().find(|index| !is_point(index)) {
-            return Err(format!("a cell names point {index} of {points}"));
+            return Err(format!("a cell refers to point {index} of {points}"));
         }
         let end = kinds.iter().scan(0, |end, kind| {
             *end += kind.points() as i64;
@@ -185,10 +185,10 @@ impl Cells {
 }
 
 impl Encoded {
-    /// Coordinates of so many points, [length].
+    /// Encodes the coordinates of `count` points, [length].
     ///
     /// # Errors
-    /// Numbers that are not finite, in words.
+    /// A message about a non-finite number.
     pub fn positions(
         count: usize,
         values: Values,
@@ -200,7 +200,7 @@ impl Encoded {
     }
 }
 
-/// A file in memory: whatever it needs has been computed.
+/// A file in memory, completely encoded.
 pub struct File {
     lines: Vec<Line>,
 }
@@ -231,7 +231,7 @@ impl File {
     /// A mesh with its fields at a time, [time], and the number of the load step they belong to.
     ///
     /// # Errors
-    /// What a reader could not make sense of, in words.
+    /// A message about data that no reader could interpret.
     pub fn new(
         time: f64,
         step: i64,
@@ -297,7 +297,7 @@ impl File {
         self.lines.iter().filter_map(Line::array)
     }
 
-    /// The XML before the appended arrays, which begin at these places among them.
+    /// The XML before the appended arrays, which begin at these offsets.
     fn xml(&self, begins: &[usize]) -> String {
         let mut begins = begins.iter();
         let mut text = String::from(HEAD);

@@ -1,4 +1,4 @@
-//! The pictures of a step, written while the next step is computed.
+//! Writes the frames of a step while the next step is computed.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,11 +9,11 @@ use std::time::Duration;
 use super::frames::Frame;
 use super::series::Series;
 
-/// How long to wait where there is nothing to help with.
+/// Pause if there is no work to help with.
 const PAUSE: Duration = Duration::from_micros(100);
 
-/// Writes frames and names them in their series: beside the run where it has more than one thread, and never those of more
-/// than one step at a time. What a file holds does not depend on that.
+/// Writes frames and adds them to their series: concurrently with the run if it has more than one thread, and one step
+/// at a time. The content of the files is the same in both cases.
 pub(super) struct Writer {
     directory: PathBuf,
     series: Arc<Mutex<[Series; 3]>>,
@@ -25,10 +25,10 @@ impl Writer {
         Writer { directory: directory.to_owned(), series: Arc::new(Mutex::new(series)), at_work: None }
     }
 
-    /// Begins to write frames, once those before them are written.
+    /// Begins to write frames once the previous ones are written.
     ///
     /// # Errors
-    /// An error of the file system, perhaps for the frames before.
+    /// An error of the file system, possibly about the previous frames.
     pub fn begin(&mut self, frames: Vec<Frame>) -> io::Result<()> {
         self.settle()?;
         if rayon::current_num_threads() < 2 {
@@ -43,7 +43,7 @@ impl Writer {
                 self.at_work = Some(thread);
                 Ok(())
             }
-            // The system allows no further thread; this one can write, too.
+            // The system allows no further thread, so this one writes.
             Err(_) => write(&self.directory, &self.series, &frames),
         }
     }
@@ -54,12 +54,12 @@ impl Writer {
         series[0].last().map(|(time, _)| time)
     }
 
-    /// Whether frames are being written.
+    /// True if frames are being written.
     pub fn is_at_work(&self) -> bool {
         self.at_work.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// Waits for the frames that are being written, and helps meanwhile.
+    /// Waits for the frames that are being written, and helps with other work of the pool meanwhile.
     ///
     /// # Errors
     /// An error of the file system.
@@ -78,9 +78,9 @@ impl Writer {
 }
 
 impl Drop for Writer {
-    /// No file is left half written by a run that ends in good order.
+    /// A run that ends properly leaves no half-written file.
     fn drop(&mut self) {
-        let _ = self.settle(); // whoever wanted to know has asked before
+        let _ = self.settle(); // errors were available from earlier calls
     }
 }
 
@@ -139,18 +139,18 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_is_told_by_the_next_call_and_its_file_is_in_no_series() {
+    fn a_failure_is_reported_by_the_next_call_and_its_file_is_in_no_series() {
         let directory = tempfile::tempdir().unwrap();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
         pool.install(|| {
             let mut writer = writer(directory.path());
             writer.begin(vec![frame(1)]).unwrap();
             writer.settle().unwrap();
-            // Where the file is to be there is a directory.
+            // A directory blocks the path of the file.
             std::fs::create_dir_all(directory.path().join("points_0002.vtu/inside")).unwrap();
             writer.begin(vec![frame(2)]).unwrap();
             assert!(writer.begin(vec![frame(3)]).is_err());
-            writer.settle().unwrap(); // told once
+            writer.settle().unwrap(); // reported once
         });
         let series = std::fs::read_to_string(directory.path().join("points.pvd")).unwrap();
         assert!(series.contains("points_0001") && !series.contains("points_0002"), "{series}");

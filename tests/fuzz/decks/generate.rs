@@ -4,7 +4,7 @@ use serde_json::{Map, Value, json};
 
 use crate::random::Random;
 
-/// Names, so few that references often meet.
+/// Names, so few that references often match.
 const NAMES: [&str; 8] = ["a", "b", "beam", "block", "root", "tip", "soil body", "left edge"];
 const FORMULAS: [&str; 13] = [
     "x",
@@ -48,14 +48,14 @@ impl Generator {
         self.value("", "", 0, random)
     }
 
-    /// The place in the schema that another refers to.
+    /// The pointer in the schema to which another refers.
     fn resolve(&self, home: &str) -> String {
         let node = self.schema.pointer(home).unwrap_or(&Value::Null);
         let reference = node.get("$ref").or_else(|| node.pointer("/allOf/0/$ref")).and_then(Value::as_str);
         reference.map_or_else(|| home.to_owned(), |path| self.resolve(path.trim_start_matches('#')))
     }
 
-    /// A value for a place in the schema; `key` is the last key above it.
+    /// A value for a pointer in the schema; `key` is the last key above it.
     pub fn value(&self, home: &str, key: &str, depth: usize, random: &mut Random) -> Value {
         let home = self.resolve(home);
         let node = self.schema.pointer(&home).unwrap_or(&Value::Null);
@@ -121,7 +121,7 @@ impl Generator {
                 let condition = branch.pointer("/if/properties").and_then(Value::as_object);
                 let holds = condition
                     .is_some_and(|tags| tags.iter().all(|(tag, word)| entries.get(tag) == word.get("const")));
-                // A region within regions must come to an end.
+                // Nesting of regions must end.
                 let nested = ["of", "from/$ref", "from/allOf", "shape"]
                     .iter()
                     .any(|key| branch.pointer(&format!("/then/properties/{key}")).is_some());
@@ -161,7 +161,7 @@ impl Generator {
         }
     }
 
-    /// The place in the schema of a place in a deck, as far as the deck has the shape for it.
+    /// The pointer in the schema for a pointer in a deck, if the deck has a matching shape.
     pub fn home_of(&self, deck: &Value, pointer: &str) -> Option<String> {
         let mut home = String::new();
         let mut value = deck;
@@ -212,7 +212,7 @@ fn text(key: &str, random: &mut Random) -> String {
     }
 }
 
-/// Something else than what is expected.
+/// A value other than the expected one.
 pub fn odd(random: &mut Random) -> Value {
     match random.below(10) {
         0 => Value::Null,

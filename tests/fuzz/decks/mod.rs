@@ -1,10 +1,10 @@
-//! Random decks, made from the schema and from the decks of the gallery, through everything that a deck goes through:
-//! reading, the three gates, and for small ones the first load step. None may cause a panic, take more than ten seconds
-//! of processor time or far more memory than was predicted, and every refusal must have an error with a place.
+//! Random decks, made from the schema and from the decks of the gallery, pass through all stages: reading, the three
+//! gates, and for small ones the first load step. None may cause a panic, take more than ten seconds of processor time
+//! or far more memory than was predicted, and every refusal must have an error with a location.
 //!
 //! The usual tests run a few hundred cases. `FUZZ_SECONDS=600 cargo test --test fuzz decks -- --ignored --nocapture`
-//! goes on for that much processor time; `FUZZ_SEED` chooses where it begins (a number; the default depends on the
-//! time). The case in hand stands in `target/tmp/fuzz/`, for one that ends the program.
+//! runs for that much processor time; `FUZZ_SEED` sets the first case (a number; the default depends on the time). The
+//! current case is kept in `target/tmp/fuzz/`, in case it ends the program.
 
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stdout, reason = "the counts belong to the test")]
@@ -32,7 +32,7 @@ use crate::harness::{Bench, fuzz, fuzz_for_long};
 use crate::random::Random;
 use generate::Generator;
 
-/// The memory that decks may ask for.
+/// The memory that decks may need.
 const MEMORY: Memory = Memory { limit: 128 << 20, available: 128 << 20, bound: Bound::Machine };
 /// Largest analysis whose first step is solved.
 const MOST_POINTS: usize = 3000;
@@ -60,7 +60,7 @@ impl<const D: usize> Observer<D> for OneStep {
     }
 }
 
-/// Everything that a case may be made from.
+/// The sources of cases.
 struct Decks {
     seeds: Vec<Value>,
     generator: Generator,
@@ -87,7 +87,7 @@ impl Decks {
         Decks { seeds, generator: Generator::new(strict_schema().clone()), published }
     }
 
-    /// What must hold for messages.
+    /// Checks the messages.
     fn examine(&self, source: &Source, found: &[Diagnostic], refused: bool) {
         assert_eq!(found.iter().any(Diagnostic::is_error), refused, "{found:?}");
         for (number, diagnostic) in found.iter().enumerate() {
@@ -117,7 +117,7 @@ impl Bench for Decks {
         let mut deck = if random.chance(0.15) {
             self.generator.deck(&mut random)
         } else {
-            // Decks that run are worth more than others.
+            // Decks that run are more useful than others.
             let range = if random.chance(0.5) { 5.min(self.seeds.len()) } else { self.seeds.len() };
             self.seeds[random.below(range)].clone()
         };
@@ -132,7 +132,7 @@ impl Bench for Decks {
     }
 
     fn run(&self, text: &[u8]) -> String {
-        // Meshes are found from there.
+        // Paths of meshes are relative to it.
         let name = "tests/decks/build/fuzz.yaml";
         let (source, value, _) = Source::read(name, text);
         let loaded = load_text(name, text, &[]);
@@ -172,7 +172,7 @@ impl Bench for Decks {
         newton.max_iterations = newton.max_iterations.min(8);
         stepping.smallest = 1.0;
         let nothing = ready.analysis.beginning();
-        match ready.analysis.go_on(nothing, &mut OneStep { done: false }) {
+        match ready.analysis.run(nothing, &mut OneStep { done: false }) {
             Ok(_) | Err(SolveError::Interrupted { .. }) => "3 accepted, first step solved".into(),
             Err(error) => {
                 assert!(!error.to_string().is_empty());

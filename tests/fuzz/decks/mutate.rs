@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::generate::{Generator, odd};
 use crate::random::Random;
 
-/// Pointers to all values, the deck itself left out.
+/// Pointers to all values except the deck itself.
 fn pointers(value: &Value, at: &str, found: &mut Vec<String>) {
     let mut visit = |part: &str, inner: &Value| {
         let pointer = format!("{at}/{}", part.replace('~', "~0").replace('/', "~1"));

@@ -1,7 +1,7 @@
-//! Damaged checkpoints, through everything that `mpm run --resume` does with one, a load step and the files included.
+//! Damaged checkpoints pass through everything that `mpm run --resume` does, including a load step and the files.
 //!
-//! Damage that the checksum finds is the smaller part: most cases have it computed again, or are damaged inside their
-//! compressed blocks, so that the damage reaches what is behind.
+//! The checksum finds the smaller part of the damage: in most cases it is computed again, or the damage is inside the
+//! compressed blocks, so that it reaches later checks.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -29,7 +29,7 @@ use super::damage::damage;
 use crate::harness::Bench;
 use crate::random::Random;
 
-fn nothing_asked() -> Request {
+fn no_output() -> Request {
     Request { every: 0, checkpoints: Some(1), ..Request::default() }
 }
 
@@ -82,7 +82,7 @@ struct Origin {
     analysis: Analysis,
     fresh: Fresh,
     directory: PathBuf,
-    /// The tables of its results: going on cuts them to the step of the checkpoint.
+    /// The tables of its results: resuming cuts them at the step of the checkpoint.
     tables: Vec<(PathBuf, Vec<u8>)>,
     bytes: Vec<u8>,
 }
@@ -125,24 +125,20 @@ impl Origin {
             Analysis::Solid(parts) => Fresh::Solid(parts.1.clone()),
         };
         let mut results = match &analysis {
-            Analysis::Plane(parts) => {
-                Results::create(&directory, &nothing_asked(), &parts.0, account(&loaded))
-            }
-            Analysis::Solid(parts) => {
-                Results::create(&directory, &nothing_asked(), &parts.0, account(&loaded))
-            }
+            Analysis::Plane(parts) => Results::create(&directory, &no_output(), &parts.0, account(&loaded)),
+            Analysis::Solid(parts) => Results::create(&directory, &no_output(), &parts.0, account(&loaded)),
         }
         .unwrap();
         let nothing = analysis.beginning();
-        analysis.go_on(nothing, &mut results).unwrap_or_else(|error| panic!("{error}"));
+        analysis.run(nothing, &mut results).unwrap_or_else(|error| panic!("{error}"));
         let bytes = std::fs::read(directory.join("checkpoint_0001.mpm")).unwrap();
         let tables = ["history.csv", "quality.csv", "convergence.csv"].map(|name| directory.join(name));
         let tables = tables.map(|path| (path.clone(), std::fs::read(path).unwrap())).to_vec();
         Origin { loaded, analysis, fresh, directory, tables, bytes }
     }
 
-    /// What the program does with a checkpoint; how far it came.
-    fn go_on(&mut self, path: &Path) -> String {
+    /// Does what the program does with a checkpoint; returns how far it came.
+    fn resume(&mut self, path: &Path) -> String {
         let checkpoint = match checkpoint::read(path) {
             Ok(checkpoint) => checkpoint,
             Err(reason) => {
@@ -182,19 +178,19 @@ impl Origin {
         reached.step.index = index;
         let (place, account) =
             ((&*self.directory, Lock::take(&self.directory).unwrap()), account(&self.loaded));
-        let asked = nothing_asked();
+        let asked = no_output();
         let results = match &self.analysis {
             Analysis::Plane(parts) => {
-                Results::go_on(place, &asked, &parts.0, account, &checkpoint, reached.step)
+                Results::resume(place, &asked, &parts.0, account, &checkpoint, reached.step)
             }
             Analysis::Solid(parts) => {
-                Results::go_on(place, &asked, &parts.0, account, &checkpoint, reached.step)
+                Results::resume(place, &asked, &parts.0, account, &checkpoint, reached.step)
             }
         };
         let Ok(mut results) = results else {
             return "5 refused as other than the tables".into();
         };
-        match self.analysis.go_on(reached, &mut results) {
+        match self.analysis.run(reached, &mut results) {
             Ok(summary) => {
                 assert!(summary.external_work.is_finite());
                 "7 went on to the end".into()
@@ -244,7 +240,7 @@ fn with_sum(mut bytes: Vec<u8>) -> Vec<u8> {
 const NUMBERS: [f64; 12] =
     [0.0, -0.0, 1.0, -1.0, 0.5, 3.0, 1e-300, 5e-324, 1e150, -1e300, f64::MAX, f64::INFINITY];
 
-/// What a number of the account may become.
+/// Replacements for a number of the summary.
 const WORDS: [&str; 16] = [
     "0",
     "-1",
@@ -274,14 +270,14 @@ fn change_number(text: &mut Vec<u8>, random: &mut Random) {
     text.splice(start..end, random.pick(&WORDS).bytes());
 }
 
-/// Damages the content of a checkpoint: its account, which is text, or its arrays.
+/// Damages the content of a checkpoint: its summary, which is text, or its arrays.
 fn damage_content(content: &mut Vec<u8>, random: &mut Random) {
     let length = u64::from_le_bytes(content[..8].try_into().unwrap());
     let head = usize::try_from(length).unwrap_or(usize::MAX).saturating_add(8);
     if head > content.len() {
         damage(content, random); // by an earlier damage
     } else if random.chance(0.4) {
-        // In the account; its length is put right, so that the arrays stay where they are.
+        // In the summary; its length is corrected, so that the arrays keep their offsets.
         let mut account = content[8..head].to_vec();
         if random.chance(0.8) {
             change_number(&mut account, random);
@@ -328,7 +324,7 @@ impl Checkpoints {
 impl Drop for Checkpoints {
     fn drop(&mut self) {
         if let Some(folder) = self.file.parent() {
-            // What is left behind by a failing test is no second failure.
+            // Remains of a failing test must not cause a second failure.
             let _ = std::fs::remove_dir_all(folder);
         }
     }
@@ -361,13 +357,13 @@ impl Bench for Checkpoints {
 
     fn run(&self, content: &[u8]) -> String {
         std::fs::write(&self.file, &content[1..]).unwrap();
-        self.origins[usize::from(content[0])].borrow_mut().go_on(&self.file)
+        self.origins[usize::from(content[0])].borrow_mut().resume(&self.file)
     }
 }
 
-/// What is not damaged goes on to the end, also if it is packed again: the cases above differ in the damage only.
+/// Undamaged checkpoints resume to the end, also if packed again: the cases above differ only in their damage.
 #[test]
-fn undamaged_checkpoints_go_on() {
+fn undamaged_checkpoints_resume() {
     let bench = Checkpoints::new();
     for (which, origin) in bench.origins.iter().enumerate() {
         let bytes = origin.borrow().bytes.clone();

@@ -1,8 +1,8 @@
-//! Damage of files that hold words and numbers, or binary numbers.
+//! Damage to files of words and numbers, or of binary numbers.
 
 use crate::random::Random;
 
-/// Numbers at the ends of what there is, and words of the formats.
+/// Numbers at the limits of their types, and words of the formats.
 const WORDS: [&str; 30] = [
     "0",
     "-1",
@@ -79,7 +79,7 @@ pub fn damage(content: &mut Vec<u8>, random: &mut Random) {
     }
 }
 
-/// The word of a text that holds or follows a place.
+/// The word of a text that contains or follows a position.
 fn word_around(content: &[u8], at: usize) -> (usize, usize) {
     let is_word = |b: &u8| !b.is_ascii_whitespace();
     let start = content[..at].iter().rposition(|b| !is_word(b)).map_or(0, |p| p + 1);

@@ -1,8 +1,9 @@
-//! Damaged mesh files of gmsh, surfaces in STL, text and binary, and checkpoints. None may cause a panic, take more than ten
-//! seconds of processor time or more memory than a file of its size is worth; what is accepted must be usable.
+//! Damaged mesh files of gmsh, surfaces in STL, text and binary, and checkpoints. None may cause a panic, take more
+//! than ten seconds of processor time or more memory than is reasonable for a file of its size; accepted files must be
+//! usable.
 //!
 //! The usual tests run some thousand cases. `FUZZ_SECONDS=1800 cargo test --test fuzz gmsh -- --ignored --nocapture`
-//! goes on for that much processor time, `stl` and `checkpoint` likewise; `FUZZ_SEED` chooses where it begins.
+//! runs for that much processor time, `stl` and `checkpoint` likewise; `FUZZ_SEED` sets the first case.
 
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stdout, reason = "the counts belong to the test")]
@@ -54,7 +55,7 @@ impl Meshes {
     }
 }
 
-/// Looks for places in a mesh, inside and around it.
+/// Locates positions in a mesh, inside and around it.
 fn use_mesh<const D: usize>(mesh: &Mesh<D>) {
     assert!(mesh.n_cells() > 0);
     for number in 0..20u32 {

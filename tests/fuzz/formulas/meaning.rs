@@ -1,5 +1,5 @@
-//! What the operators and functions of formulas mean, and a second parser: straight from the grammar, without regard to
-//! speed, with nothing in common with the program's own.
+//! The meaning of the operators and functions of formulas, and a second parser: straight from the grammar, without
+//! regard to speed, with nothing in common with the program's own.
 //!
 //! ```text
 //! comparison = sum [("<" | "<=" | ">" | ">=" | "==" | "!=") sum]
@@ -52,7 +52,7 @@ pub fn binary(operator: &str, a: f64, b: f64) -> f64 {
         "-" => return a - b,
         "*" => return a * b,
         "/" => return a / b,
-        // What is undefined stays so.
+        // NaN stays NaN.
         "^" | "<" | "<=" | ">" | ">=" | "==" | "!=" if a.is_nan() || b.is_nan() => return f64::NAN,
         "^" if b.fract() == 0.0 && (-16.0..=16.0).contains(&b) => return a.powi(b as i32),
         "^" => return a.powf(b),
@@ -114,7 +114,7 @@ pub fn call(name: &str, arguments: &[f64]) -> Option<f64> {
     })
 }
 
-/// The value of a text; `None` if it is no formula.
+/// The value of a text; `None` if it is not a formula.
 pub fn value(text: &str, variables: &[f64; 2]) -> Option<f64> {
     let tokens = tokens(text)?;
     let mut reader = Reader { tokens: &tokens, at: 0, variables };
@@ -122,7 +122,7 @@ pub fn value(text: &str, variables: &[f64; 2]) -> Option<f64> {
     (reader.at == tokens.len()).then_some(value)
 }
 
-/// Divides a text into numbers, names and symbols; `None` where a character belongs to none.
+/// Divides a text into numbers, names and symbols; `None` if a character belongs to none of them.
 fn tokens(text: &str) -> Option<Vec<String>> {
     let chars: Vec<char> = text.chars().collect();
     let mut tokens = Vec::new();

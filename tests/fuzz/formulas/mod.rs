@@ -1,4 +1,4 @@
-//! Many formulas by chance: right ones as trees, in several spellings, and texts that are spoiled in few places.
+//! Random formulas: valid ones as trees, in several spellings, and texts that are damaged in a few places.
 //!
 //! The seed is fixed. A longer run, which prints how many texts it tried:
 //!
@@ -20,7 +20,7 @@ use trees::{CONSTANT, Spelling, Tree, VARIABLES};
 
 const PLACES: [[f64; 2]; 4] = [[0.5, -2.0], [3.0, 0.0], [-1.25, 7.5], [1e-3, 1e6]];
 
-/// Nesting that the program accepts at least.
+/// Nesting that the program must accept.
 const LEVELS: usize = 7;
 
 /// Longest processor time for the parsing of a text.
@@ -37,7 +37,7 @@ fn same(a: f64, b: f64) -> bool {
     a == b || (a.is_nan() && b.is_nan())
 }
 
-/// A right formula: all spellings give the value of the tree, to the last digit.
+/// Checks a valid formula: all spellings give the value of the tree, to the last digit.
 fn check_tree(tree: &Tree, random: &mut Random) -> usize {
     let loose = tree.text(&mut Spelling::Loose(random));
     let texts = [tree.text(&mut Spelling::Shortest), tree.text(&mut Spelling::Bracketed), loose];
@@ -61,8 +61,8 @@ fn check_tree(tree: &Tree, random: &mut Random) -> usize {
     texts.len()
 }
 
-/// Any text: the program and the grammar agree on whether it is a formula, on its value, and its fault has a place.
-/// Returns whether it is a formula.
+/// Checks any text: the program and the grammar agree on whether it is a formula and on its value, and its fault has a
+/// location. Returns true if it is a formula.
 fn check_text(text: &str) -> bool {
     match parse(text) {
         Ok(formula) => {
@@ -86,7 +86,7 @@ fn check_text(text: &str) -> bool {
             let deep = error.message.contains("nested too deeply");
             let marks = text.chars().filter(|c| !c.is_alphanumeric()).count();
             assert!(!deep || marks >= 60, "{text:?} is not deep");
-            // What is too deep for the one is too deep for the other, whose stack is not bounded.
+            // A text too deep for the program is too deep for the second parser, whose stack is not limited.
             assert!(deep || meaning::value(text, &PLACES[0]).is_none(), "{text:?} is a formula: {error:?}");
             false
         }
@@ -100,7 +100,7 @@ const PARTS: [&str; 48] = [
     "max(", "sin(", "pow(", "hypot", "é", "π", "²", "٣", "\u{0}", "\u{a0}", "\u{301}", "𝛼", "\u{feff}",
 ];
 
-/// Spoils a text in one to four places.
+/// Damages a text in one to four places.
 fn spoil(text: &str, random: &mut Random) -> String {
     let mut bytes = text.as_bytes().to_vec();
     for _ in 0..1 + random.below(4) {
@@ -145,20 +145,20 @@ fn round(random: &mut Random, tried: &mut Tried) {
 }
 
 #[test]
-fn formulas_by_chance() {
+fn random_formulas() {
     let mut random = Random::new(1);
     let mut tried = Tried::default();
     for _ in 0..20_000 {
         round(&mut random, &mut tried);
     }
     println!("{} right, {} spoiled of which {} still right", tried.right, tried.spoiled, tried.still_right);
-    // The test says little unless many spoiled texts are formulas, and many are not.
+    // The test is meaningful only if many damaged texts are formulas, and many are not.
     assert!(tried.still_right > tried.spoiled / 20 && tried.still_right < tried.spoiled / 2);
 }
 
 #[test]
 #[ignore = "as long as FUZZ_SECONDS says"]
-fn formulas_by_chance_for_long() {
+fn random_formulas_for_long() {
     let setting = |name: &str| std::env::var(name).ok().map(|text| text.parse::<u64>().unwrap());
     let seed = setting("FUZZ_SEED").unwrap_or(2);
     let limit = Duration::from_secs(setting("FUZZ_SECONDS").unwrap_or(600));
@@ -179,7 +179,7 @@ fn formulas_by_chance_for_long() {
 
 /// Deep nesting and great length end in a value or a message, soon and without a stack that overflows.
 #[test]
-fn deep_and_long_texts_do_no_harm() {
+fn deep_and_long_texts_are_harmless() {
     const N: usize = 200_000;
     let repeated = |open: &str, inner: &str, close: &str, n: usize| {
         format!("{}{inner}{}", open.repeat(n), close.repeat(n))
@@ -238,7 +238,7 @@ fn deep_and_long_texts_do_no_harm() {
     }
 }
 
-/// The rules of binding that programs differ in.
+/// The rules of precedence in which programs differ.
 #[test]
 fn signs_and_powers_bind_as_in_mathematics() {
     for (text, value) in [

@@ -39,7 +39,7 @@ impl Tree {
                 Tree::Call(name, (0..count).map(|_| *next(random)).collect())
             }
             _ => {
-                // Powers and sums more often than comparisons: there the rules of binding matter.
+                // Powers and sums more often than comparisons: there the rules of precedence matter.
                 let operator = if random.chance(1.0 / 3.0) { "^" } else { *random.pick(&OPERATORS) };
                 Tree::Binary(operator, next(random), next(random))
             }
@@ -65,7 +65,7 @@ impl Tree {
         }
     }
 
-    /// The value, by going down the tree.
+    /// The value, evaluated recursively.
     pub fn value(&self, variables: &[f64; 2]) -> f64 {
         let of = |tree: &Tree| tree.value(variables);
         match self {
@@ -82,7 +82,7 @@ impl Tree {
         }
     }
 
-    /// Whether a variable occurs.
+    /// True if a variable occurs.
     pub fn contains(&self, number: usize) -> bool {
         match self {
             Tree::Variable(other) => *other == number,
@@ -93,7 +93,7 @@ impl Tree {
         }
     }
 
-    /// How tightly the outermost operator binds: comparison 1, sum 2, product 3, sign 4, power 5, anything closed 6.
+    /// Precedence of the outermost operator: comparison 1, sum 2, product 3, sign 4, power 5, anything closed 6.
     fn strength(&self) -> u8 {
         match self {
             Tree::Binary(operator, ..) => match *operator {
@@ -114,7 +114,7 @@ impl Tree {
         text
     }
 
-    /// Appends the text, in brackets if it must bind at least as tightly as `least` and does not.
+    /// Appends the text, in brackets if its precedence is below `least`.
     fn write(&self, least: u8, spelling: &mut Spelling, text: &mut String) {
         let brackets = usize::from(self.strength() < least) + spelling.redundant(self.strength() < 6);
         for _ in 0..brackets {
@@ -158,7 +158,7 @@ impl Tree {
     }
 }
 
-/// How much more than needed is written.
+/// Amount of redundant notation.
 pub enum Spelling<'a> {
     /// No bracket and no space that could be left out.
     Shortest,
@@ -169,7 +169,7 @@ pub enum Spelling<'a> {
 }
 
 impl Spelling<'_> {
-    /// Pairs of brackets beyond need.
+    /// Number of redundant pairs of brackets.
     fn redundant(&mut self, made_of_parts: bool) -> usize {
         match self {
             Spelling::Shortest => 0,

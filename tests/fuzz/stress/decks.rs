@@ -38,7 +38,7 @@ pub fn deck(seed: u64, stabilised: bool, cut: bool) -> String {
             random.pick(&["0", "0", "50e3"])
         ),
     };
-    // The weight of a block of height 4 is up to 320 kPa: well beyond what the softest can carry without flowing apart.
+    // The weight of a block of height 4 is up to 320 kPa: well beyond the capacity of the softest material.
     let weight = *random.pick(&[-10.0, -20.0, -40.0, -80.0]) * if stiff { 0.5 } else { 1.0 };
     let z = |text: &str| if solid { format!(", {text}") } else { String::new() };
     let cells = |extent: f64| (extent / h).ceil() * h;

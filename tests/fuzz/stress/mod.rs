@@ -1,8 +1,8 @@
-//! Random valid analyses with large steps: each ends in equilibrium at the whole load with its balances in order, or stops
-//! with exit code 1, a diagnosis, and all that is written in equilibrium. None ends in any other way.
+//! Random valid analyses with large steps: each ends in equilibrium at full load with its balances satisfied, or stops
+//! with exit code 1 and a diagnosis, with all written steps in equilibrium. None ends in any other way.
 //!
-//! `STRESS=200 cargo test --test fuzz stress -- --ignored --nocapture` runs so many decks four times each: with and without
-//! cutting of steps, with and without stabilisation. `STRESS_DECKS=DIRECTORY` keeps them.
+//! `STRESS=200 cargo test --test fuzz stress -- --ignored --nocapture` runs that many decks four times each: with and
+//! without cutting of steps, with and without stabilisation. `STRESS_DECKS=DIRECTORY` keeps them.
 
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stdout, reason = "the counts belong to the test")]
@@ -21,14 +21,14 @@ use decks::deck;
 /// No analysis may take longer; all are small.
 const MOST_TIME: Duration = Duration::from_secs(300);
 
-/// What became of a run.
+/// Outcome of a run.
 #[derive(Debug, Clone, PartialEq)]
 enum Outcome {
     Completed { failed_attempts: u64 },
     Stopped { kind: String },
 }
 
-/// Runs a deck by the program; a fault where it ends in another way than it may.
+/// Runs a deck with the program; an error if it ends in an invalid way.
 fn run(text: &str, folder: &Path) -> Result<Outcome, String> {
     let (deck, out) = (folder.join("deck.yaml"), folder.join("out"));
     std::fs::write(&deck, text).unwrap();
@@ -101,7 +101,7 @@ fn in_order(summary: &Value) -> Result<(), String> {
     let loss = number("/quality/partition_of_unity_loss/value").unwrap_or(0.0);
     let outside = number("/quality/domain_outside_grid/value").unwrap_or(0.0);
     let difference = number("/forces/relative_difference").unwrap_or(0.0);
-    // What reaches beyond the grid is lost to it.
+    // Forces on domains beyond the grid are lost.
     if difference > 1e-6 + 10.0 * loss + outside {
         return Err(format!(
             "loads and reactions differ by {difference:e}, the loss of unity is {loss:e}, {outside:e} of a domain is outside"
@@ -114,7 +114,7 @@ fn in_order(summary: &Value) -> Result<(), String> {
     Ok(())
 }
 
-/// Runs decks from a seed on in each of some ways, `(stabilised, cut)`; prints the shares that complete.
+/// Runs decks, beginning with a seed, in several ways, `(stabilised, cut)`; prints the shares that complete.
 fn stress(count: usize, first: u64, ways: &[(bool, bool)]) {
     let folder = tempfile::tempdir().unwrap();
     let (mut faults, mut counts, mut kinds) = (Vec::new(), BTreeMap::new(), BTreeMap::new());

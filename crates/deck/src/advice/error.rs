@@ -48,7 +48,7 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
 /// Advice against an obstacle that no step size removes.
 pub fn against(obstacle: Obstacle) -> &'static str {
     match obstacle {
-        Obstacle::Conflict => "prescribe each axis of a node by one boundary condition only",
+        Obstacle::Conflict => "prescribe each axis of a node with one boundary condition only",
         Obstacle::NotFinite => "the formula divides by zero or leaves its domain there",
         Obstacle::LooseAxis => "add `{name: axis, nodes: {x: 0}, fix: [x]}` to the boundary conditions",
         Obstacle::Memory => "use a coarser grid, or on a structured one `solver: {linear: iterative}`",

@@ -1,4 +1,4 @@
-//! Units so small or so large that forces and energies cannot be computed with.
+//! Units in which forces and energies leave the range of floating-point numbers.
 
 use super::Builder;
 use crate::MaterialDeck;
@@ -7,15 +7,15 @@ use crate::region::OfDeck;
 use mpm_core::grid::Grid;
 use mpm_core::region::Region;
 
-/// Forces and energies between these can be squared, and so can what a tolerance leaves of them.
+/// Range in which forces and energies, and their product with a tolerance, can be squared.
 const POSSIBLE: std::ops::RangeInclusive<f64> = 1e-120..=1e140;
 
 impl<const D: usize> Builder<'_, D>
 where
     Region<D>: OfDeck<D>,
 {
-    /// Refuses materials whose forces on a cell or on the whole grid are out of reach of floating point. Within it, results
-    /// do not depend on the units: they are the same to the last bit in units that differ by powers of four.
+    /// Refuses materials whose forces on a cell or on the whole grid leave that range. Within it, results do not depend
+    /// on the units: they are the same to the last bit in units that differ by powers of four.
     pub(super) fn magnitudes(&mut self, grid: &dyn Grid<D>) {
         let [low, high] = grid.bounds();
         let whole = low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -34,8 +34,8 @@ where
                     powers.map(|power| young * power).into_iter().find(|force| !POSSIBLE.contains(force));
                 let Some(force) = out else { continue };
                 let message = format!(
-                    "Young's modulus {young:e} of the material {} and lengths of {length:e}, those of {what}, make forces \
-                     or energies of {force:e}, which cannot be computed with",
+                    "Young's modulus {young:e} of the material {} and the size {length:e} of {what} give forces \
+                     or energies of {force:e}, beyond the range of floating-point arithmetic",
                     quote(name)
                 );
                 let help = format!(

@@ -1,4 +1,4 @@
-//! The points of a body nearest to a place, for point forces and probes.
+//! The points of a body nearest to a location, for point forces and probes.
 
 use super::{Builder, Ties};
 use crate::diagnostic::{Diagnostic, Severity};
@@ -9,14 +9,14 @@ use mpm_core::grid::Grid;
 use mpm_core::points::{Points, coordinates};
 use mpm_core::region::Region;
 
-/// Distances that differ by less than this part of a cell are the same.
+/// Distances that differ by less than this share of a cell count as equal.
 const SAME: f64 = 1e-9;
 
 impl<const D: usize> Builder<'_, D>
 where
     Region<D>: OfDeck<D>,
 {
-    /// Permanent numbers of the points of a body nearest to a place.
+    /// Permanent numbers of the points of a body nearest to a location.
     pub(super) fn nearest(
         &mut self,
         (grid, points): (&dyn Grid<D>, &Points<D>),
@@ -38,8 +38,8 @@ where
             let message = format!("the body {} has only {} points", quote(body), found.len());
             self.error("D030", &format!("{pointer}/count"), message, "lower `count`".to_owned());
         } else if !clear && ties == Ties::Refused {
-            let message = format!("more than {count} points are equally near to {place:?}");
-            let help = "change `count`, or move the place so that the choice is clear".to_owned();
+            let message = format!("more than {count} points are equally near {place:?}");
+            let help = "change `count`, or move the location so that the choice is unique".to_owned();
             self.error("D030", &format!("{pointer}/nearest"), message, help);
         } else if let Some(&first) = found.first() {
             self.distance(grid, body, &array(place), &points.original_position[first as usize], pointer);
@@ -47,8 +47,7 @@ where
         found
     }
 
-    /// Warns of a point that is far from the place where one was asked for. Points are in the order of their permanent
-    /// numbers.
+    /// Warns of a point that is far from the requested location. Points are in the order of their permanent numbers.
     fn distance(
         &mut self,
         grid: &dyn Grid<D>,
@@ -63,12 +62,13 @@ where
             .map_or_else(|| grid.size(grid.nearest_cell(found) as usize), |grid| length(grid.spacing()));
         if distance > cell {
             let message = format!(
-                "the point of the body {} nearest to this place is at {}, {distance:.3} away and more than a cell",
+                "the point of the body {} nearest to this location is at {}, {distance:.3} away, more than a cell",
                 quote(body),
                 coordinates(found)
             );
             let found = Diagnostic::at(&self.loaded.source, "D041", &format!("{pointer}/nearest"), message);
-            self.found.push(found.severity(Severity::Warning).help("give a place in the body at the start"));
+            self.found
+                .push(found.severity(Severity::Warning).help("give a location inside the undeformed body"));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Messages about a deck for programs: editors, continuous integration, studies.
+//! Messages about a deck as JSON, for programs such as editors and continuous integration.
 
 use serde_json::{Value, json};
 

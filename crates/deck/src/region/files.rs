@@ -1,4 +1,4 @@
-//! What regions get from files: groups of cells of a mesh, closed surfaces.
+//! Regions from files: groups of cells of a mesh, closed surfaces.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use mpm_core::grid::Grid;
 use mpm_core::region::stl::{self, StlError};
 use mpm_core::region::{Group, Surface};
 
-/// Reads what regions name; tells what cannot be read.
+/// Reads the sources that regions name; collects messages about those that cannot be read.
 pub(crate) struct FromFiles<'a, const D: usize> {
     pub(crate) grid: &'a dyn Grid<D>,
     pub(crate) directory: &'a Path,
@@ -22,7 +22,7 @@ pub(crate) struct FromFiles<'a, const D: usize> {
 }
 
 impl<const D: usize> FromFiles<'_, D> {
-    /// Lowest and highest coordinates, and volume of some cells.
+    /// Lowest and highest coordinates of some cells, and their volume.
     fn extent(&self, cells: &[u32]) -> ([[f64; D]; 2], f64) {
         let mut bounds = [[f64::INFINITY; D], [f64::NEG_INFINITY; D]];
         for &cell in cells {
@@ -99,13 +99,14 @@ impl<const D: usize> Given<D> for FromFiles<'_, D> {
                         surface.welded()
                     );
                     let note = Diagnostic::at(self.source, "D047", &place, message).severity(Severity::Note);
-                    let help = "see that no gap is wider than it should be, or close them where the surface was made";
+                    let help = "check that no gap is wider than intended, or close the gaps where the surface \
+                        was made";
                     self.found.push(note.help(help));
                 }
                 Some(surface)
             }
             Err(error) => {
-                let help = "mend the surface where it was made, or with a tool for meshes, and save it again";
+                let help = "repair the surface where it was made, or with a mesh tool, and save it again";
                 self.found.push(fault(format!("{}: {error}", quote(file)), help.to_owned()));
                 None
             }

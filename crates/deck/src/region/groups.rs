@@ -1,15 +1,15 @@
-//! Groups of cells that regions are made from.
+//! Groups of cells that regions are made of.
 
-/// The groups of cells that the regions of a deck are made from, by the numbers that stand for them in regions.
+/// The groups of cells that the regions of a deck are made of, by the numbers that regions use for them.
 #[derive(Default)]
 pub(crate) struct Groups {
     pub(super) names: Vec<Option<String>>,
-    /// For each group whether a cell belongs to it; nothing for all cells.
+    /// For each group, true for its cells; empty for the group of all cells.
     pub(super) members: Vec<Vec<bool>>,
 }
 
 impl Groups {
-    /// Whether a cell belongs to a group.
+    /// True if a cell belongs to a group.
     pub(crate) fn holds(&self, key: usize, cell: usize) -> bool {
         match self.names.get(key) {
             Some(None) => true,

@@ -1,4 +1,4 @@
-//! What to do about a value that does not meet the schema, from what the schema says of its key.
+//! Remedies for values that do not meet the schema, from the description of their keys in the schema.
 
 use jsonschema::error::{ValidationError, ValidationErrorKind};
 use serde_json::Value;
@@ -7,7 +7,7 @@ use super::words::{count_in_words, number_help, range_help, subschema};
 use crate::quoting::{list, quote};
 use crate::schema::{resolve, shortest};
 
-/// The next action for a value that does not meet a keyword of the schema.
+/// The remedy for a value that does not meet a keyword of the schema.
 pub(super) fn remedy(error: &ValidationError<'_>, kind: &str) -> String {
     let value = error.instance().as_ref();
     let pointer = error.instance_path().as_str();
@@ -23,7 +23,7 @@ pub(super) fn remedy(error: &ValidationError<'_>, kind: &str) -> String {
     }
 }
 
-/// How to write a value of another type; `schema` is what is known of the value.
+/// Help for a value of the wrong type; `schema` is that of the value, if known.
 pub(super) fn of_type(pointer: &str, value: &Value, kind: &str, schema: Option<&Value>) -> String {
     let sample = schema.and_then(|schema| sample(pointer, schema));
     let such_as = sample.map(|sample| format!(", such as {sample}")).unwrap_or_default();
@@ -33,7 +33,7 @@ pub(super) fn of_type(pointer: &str, value: &Value, kind: &str, schema: Option<&
             let below = number.as_f64().unwrap_or_default().floor();
             format!("write {kind}, such as {below} or {}", below + 1.0)
         }
-        Value::Number(_) | Value::Bool(_) if kind == "a text" => {
+        Value::Number(_) | Value::Bool(_) if kind == "text" => {
             format!("put it in quotes: `\"{value}\"`")
         }
         Value::String(_) | Value::Number(_) if kind.starts_with("a list,") => {
@@ -50,7 +50,7 @@ pub(super) fn of_type(pointer: &str, value: &Value, kind: &str, schema: Option<&
     }
 }
 
-/// How to write a list with another number of entries.
+/// Help for a list with the wrong number of entries.
 fn of_count(error: &ValidationError<'_>) -> String {
     let pointer = error.instance_path().as_str();
     let key = last_key(pointer);
@@ -59,7 +59,7 @@ fn of_count(error: &ValidationError<'_>) -> String {
         "bodies" if pointer == "/bodies" => {
             return "add a body: `- {name: ..., material: ..., shape: {...}, points_per_cell: 2}`".to_owned();
         }
-        "of" => "list the regions that are joined, `of: [{type: ...}, {type: ...}]`".to_owned(),
+        "of" => "list the regions to combine, `of: [{type: ...}, {type: ...}]`".to_owned(),
         _ => format!("write {}", count_in_words(error)),
     };
     match subschema(error).and_then(|schema| sample(pointer, schema)) {
@@ -68,7 +68,7 @@ fn of_count(error: &ValidationError<'_>) -> String {
     }
 }
 
-/// How to add a key that is missing; `schema` is that of the mapping.
+/// Help for a missing key; `schema` is that of the mapping.
 pub(super) fn of_missing_key(key: &str, schema: Option<&Value>) -> String {
     let Some(property) = schema.and_then(|schema| schema.get("properties")?.get(key)) else {
         return format!("add the key {}", quote(key));
@@ -105,7 +105,7 @@ fn sample(pointer: &str, schema: &Value) -> Option<String> {
     Some(format!("`{}: {example}`", last_key(pointer)))
 }
 
-/// The last part of a pointer that is a key, not the number of an entry.
+/// The last part of a pointer that is a key rather than an index.
 fn last_key(pointer: &str) -> &str {
     let is_number = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit());
     pointer.rsplit('/').find(|part| !is_number(part)).unwrap_or_default()

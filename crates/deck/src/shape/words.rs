@@ -1,11 +1,11 @@
-//! What the schema says of a value, in words.
+//! Descriptions of values from the schema, in words.
 
 use jsonschema::error::{ValidationError, ValidationErrorKind};
 use serde_json::Value;
 
 use crate::schema::strict_schema;
 
-/// The part of the schema that holds the keyword which a value does not meet.
+/// The part of the schema with the keyword that a value does not meet.
 pub(super) fn subschema(error: &ValidationError<'_>) -> Option<&'static Value> {
     let path = error.schema_path().as_str();
     strict_schema().pointer(&path[..path.rfind('/')?])
@@ -15,7 +15,7 @@ pub(super) fn subschema(error: &ValidationError<'_>) -> Option<&'static Value> {
 pub(super) fn count_in_words(error: &ValidationError<'_>) -> String {
     let limit = |key: &str| subschema(error).and_then(|schema| schema.get(key)).and_then(Value::as_u64);
     let entries = |n: u64| if n == 1 { "1 entry".to_owned() } else { format!("{n} entries") };
-    // Lists of a fixed length are vectors, but for the pairs of load curves.
+    // Lists of a fixed length are vectors, except the pairs of load curves.
     let each =
         if error.schema_path().as_str().contains("LoadCurve") { "[time, factor]" } else { "one per axis" };
     match (limit("minItems"), limit("maxItems"), error.kind()) {
@@ -26,7 +26,7 @@ pub(super) fn count_in_words(error: &ValidationError<'_>) -> String {
     }
 }
 
-/// The whole range, where only one end of it was missed.
+/// The whole range, if a value lies beyond one end of it.
 pub(super) fn range_help(error: &ValidationError<'_>) -> Option<String> {
     if !matches!(
         error.kind(),
@@ -40,7 +40,7 @@ pub(super) fn range_help(error: &ValidationError<'_>) -> Option<String> {
     }
     let schema = subschema(error)?;
     let range = crate::schema::range_in_words(schema)?;
-    // Only the description of a key says what the number means.
+    // Only the description of a key gives the meaning of the number.
     let path = error.schema_path().as_str();
     let of_key = path.rsplit('/').nth(2) == Some("properties");
     let Some(description) = schema.get("description").and_then(Value::as_str).filter(|_| of_key) else {
@@ -50,7 +50,7 @@ pub(super) fn range_help(error: &ValidationError<'_>) -> Option<String> {
     Some(format!("must be {range} ({meaning})"))
 }
 
-/// Advice where a text was probably meant as a number.
+/// Help for a text that was probably meant as a number.
 pub(super) fn number_help(value: &Value, code: &str) -> Option<String> {
     let text = value.as_str().filter(|_| code == "D008")?;
     let bare = text.replace(['_', ' ', '\''], "").replace(',', ".");

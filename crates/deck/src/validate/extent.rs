@@ -1,4 +1,4 @@
-//! What bodies and the grid extend over.
+//! Extents of bodies and of the grid.
 
 /// A box with extent along every axis.
 #[derive(Debug, Clone)]

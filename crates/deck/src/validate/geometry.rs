@@ -8,11 +8,11 @@ use crate::seeding::placed_in_cells;
 use crate::{AXES, BodyDeck, GridDeck, LinearChoice, Method, PerAxis};
 use mpm_core::grid::ON_LINE;
 
-/// Most cells of a grid, and most points of a body: far beyond what can be computed.
+/// Most cells of a grid, and most points of a body: far more than can be computed.
 const MOST: f64 = 1e8;
 /// Most points along an axis of a cell.
 const MOST_PER_CELL: u32 = 1000;
-/// Error up to which the ratio of two lengths is a whole number; text such as 0.1 is not exact.
+/// Error up to which the ratio of two lengths counts as a whole number; decimal fractions such as 0.1 are not exact.
 const WHOLE: f64 = 1e-6;
 
 impl Check<'_> {
@@ -21,7 +21,7 @@ impl Check<'_> {
         self.deck.dimensions()
     }
 
-    /// A list with one number per axis.
+    /// Checks a list with one number per axis.
     pub(super) fn vector(&mut self, pointer: &str, values: &[f64]) -> Option<Vec<f64>> {
         if values.len() != self.dimensions() {
             self.wrong_count(pointer, values.len());
@@ -44,14 +44,14 @@ impl Check<'_> {
         self.found.push(found.help(help));
     }
 
-    /// What needs another number of dimensions than the deck has.
+    /// Reports an entry that needs another number of dimensions than the deck has.
     pub(super) fn of_other_dimension(&mut self, pointer: &str, what: &str, needed: usize) {
         let idealisation = self.deck.analysis.idealisation.name();
         let (place, help) = match needed {
             3 => ("space", "`idealisation: solid`"),
             _ => ("the plane", "`idealisation: plane-strain` or `axisymmetric`"),
         };
-        let message = format!("{what} exists in {place} only, and the idealisation here is `{idealisation}`");
+        let message = format!("{what} exists in {place} only, but the idealisation is `{idealisation}`");
         self.error("D048", pointer, message, format!("{what} needs {help}"));
     }
 
@@ -69,7 +69,7 @@ impl Check<'_> {
         }
     }
 
-    /// A positive length per axis.
+    /// Checks a positive length per axis.
     fn lengths(&mut self, pointer: &str, values: &PerAxis<f64>) -> Option<Vec<f64>> {
         let values = self.per_axis(pointer, values)?;
         for (at, value) in &values {
@@ -97,11 +97,11 @@ impl Check<'_> {
             let farthest = origin[axis].abs().max((origin[axis] + sides[axis]).abs());
             if count < MOST && f64::EPSILON * farthest > ON_LINE * spacing[axis] {
                 let message = format!(
-                    "the grid reaches to {farthest:e} along {}, where coordinates have a round-off of more than {ON_LINE:e} of \
-                     a cell of {}",
+                    "the grid reaches to {farthest:e} along {}, where the round-off of coordinates exceeds \
+                     {ON_LINE:e} of the cell size {}",
                     AXES[axis], spacing[axis]
                 );
-                let help = "take the origin of the coordinates near the bodies";
+                let help = "move the origin of the coordinates close to the bodies";
                 self.error("D027", &format!("/grid/origin/{axis}"), message, help);
             }
             if !is_whole(count) {
@@ -125,7 +125,7 @@ impl Check<'_> {
         Some(GridBox { extent: Extent { min: origin, max }, spacing })
     }
 
-    /// A box whose smallest corner is below its largest.
+    /// Checks that the smallest corner of a box is below its largest.
     pub(super) fn extent(&mut self, pointer: &str, min: &[f64], max: &[f64]) -> Option<Extent> {
         let low = self.vector(&format!("{pointer}/min"), min);
         let high = self.vector(&format!("{pointer}/max"), max);
@@ -145,7 +145,7 @@ impl Check<'_> {
         fits.then_some(Extent { min, max })
     }
 
-    /// Points are placed in cells or at a spacing, not both.
+    /// Checks that points are placed either in cells or at a spacing.
     pub(super) fn points_given_once(&mut self, pointer: &str, body: &BodyDeck) -> bool {
         let in_cells = body.points_per_cell.is_some()
             || body.points_per_triangle.is_some()
@@ -159,7 +159,7 @@ impl Check<'_> {
             let found = Diagnostic::at_key(self.source, "D023", &at, message);
             self.found.push(found.help("remove one of them"));
         } else {
-            let message = format!("the body {} does not say how its points are placed", quote(&body.name));
+            let message = format!("the body {} does not state how its points are placed", quote(&body.name));
             let help = format!(
                 "give {}",
                 placed_in_cells(self.dimensions()).replace(" or ", ", ") + " or `point_spacing`"
@@ -169,7 +169,7 @@ impl Check<'_> {
         false
     }
 
-    /// Points of a body, whatever its region.
+    /// Checks the points of a body with any region.
     fn placing(&mut self, pointer: &str, body: &BodyDeck) -> bool {
         let of_simplices = [
             ("points_per_triangle", body.points_per_triangle, 2, "triangles"),
@@ -198,7 +198,7 @@ impl Check<'_> {
         true
     }
 
-    /// Conjugate gradients need a grid that can be made coarser.
+    /// An iterative solution needs a grid that can be coarsened.
     pub(super) fn linear_solver(&mut self) {
         let iterative = self.deck.solver.linear == LinearChoice::Iterative;
         if iterative && matches!(self.deck.grid, GridDeck::Gmsh { .. }) {
@@ -236,7 +236,7 @@ impl Check<'_> {
         }
     }
 
-    /// A number of points along each axis of a cell.
+    /// Checks a number of points along each axis of a cell.
     fn counts(&mut self, pointer: &str, per_cell: &PerAxis<u32>) -> Option<Vec<u32>> {
         let values = self.per_axis(pointer, per_cell)?;
         for (at, value) in &values {
@@ -250,7 +250,7 @@ impl Check<'_> {
         Some(values.into_iter().map(|(_, value)| value).collect())
     }
 
-    /// The points of a body that is no simple box.
+    /// Checks the points of a body that is not a simple box.
     pub(super) fn points_in_region(&mut self, pointer: &str, body: &BodyDeck) {
         if !self.placing(pointer, body) {
             return;
@@ -276,14 +276,14 @@ impl Check<'_> {
         Some((0..values.len()).map(along).collect())
     }
 
-    /// Points per cell need a body whose sides lie on grid lines.
+    /// Checks that the sides of a body with points per cell lie on grid lines.
     fn aligned(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: &GridBox) {
         for (axis, name) in AXES.iter().enumerate().take(self.dimensions()) {
             for (corner, edge) in [("min", extent.min[axis]), ("max", extent.max[axis])] {
                 let (origin, spacing) = (grid.extent.min[axis], grid.spacing[axis]);
                 let line = origin + ((edge - origin) / spacing).round() * spacing;
                 if (edge - line).abs() > WHOLE * spacing {
-                    // Six digits beyond the size of a cell are enough to read.
+                    // Six digits relative to the size of a cell are enough.
                     let digits = 10f64.powf(6.0 - spacing.log10().floor());
                     let line = (line * digits).round() / digits;
                     let message = format!(
@@ -337,18 +337,18 @@ impl Check<'_> {
                 AXES[axis]
             );
             let help = format!(
-                "let the body end at {} at {}, or make the grid larger",
+                "let the body end at {} or {}, or make the grid larger",
                 if corner == "min" { low[axis] } else { high[axis] },
-                if corner == "min" { "least" } else { "most" },
+                if corner == "min" { "above" } else { "below" },
             );
             self.error("D028", &format!("{pointer}/shape/{corner}/{axis}"), message, help);
         }
     }
 
-    /// Bodies must not share a region; boxes that touch are fine.
+    /// Checks that bodies do not overlap; boxes may touch.
     pub(super) fn overlaps(&mut self, mut boxes: Vec<(usize, Extent)>) {
-        // In the order of their lower sides a box can only overlap those that start before its upper side; along the
-        // axis on which they are spread out most these are few.
+        // In the order of their lower sides, a box can only overlap boxes that start before its upper side; these are
+        // few along the axis on which the boxes are spread out most.
         let spread = |axis: usize| {
             let low = boxes.iter().map(|(_, b)| b.min[axis]).fold(f64::INFINITY, f64::min);
             let high = boxes.iter().map(|(_, b)| b.max[axis]).fold(f64::NEG_INFINITY, f64::max);
@@ -369,9 +369,9 @@ impl Check<'_> {
                 let (earlier, later) = (first.min(second), first.max(second));
                 let name = |index: usize| quote(&self.deck.bodies[index].name);
                 let message = format!("the body {} overlaps the body {}", name(*later), name(*earlier));
-                let help = "move one of them, or take it away from the other by a `difference`";
+                let help = "move one of them, or subtract it from the other with a `difference`";
                 self.error("D025", &format!("/bodies/{later}/shape"), message, help);
-                // One message per body is enough; a deck where all overlap would have a quadratic number.
+                // One message per body; if all bodies overlap, there would be a quadratic number.
                 break;
             }
         }

@@ -39,7 +39,7 @@ impl Check<'_> {
             self.of_other_dimension(&format!("{pointer}/z"), "the coordinate z", 3);
         }
         if let Some(within) = &nodes.within {
-            // A flat box is a fine selection of nodes, one turned inside out is not.
+            // A flat box may select nodes, an inverted one may not.
             self.ordered(&format!("{pointer}/box"), &within.min, &within.max);
         }
         if let Some(name) = &nodes.outer_layer {
@@ -54,7 +54,7 @@ impl Check<'_> {
         for axis in 0..min.len() {
             if min[axis] > max[axis] {
                 let message = format!("the min {} of the box is above its max {}", min[axis], max[axis]);
-                let help = format!("exchange the two; both may be {} for nodes on a line", min[axis]);
+                let help = format!("swap the two; both may be {} for nodes on a line", min[axis]);
                 self.error("D016", &format!("{pointer}/max/{axis}"), message, help);
             }
         }
@@ -93,7 +93,7 @@ impl Check<'_> {
         self.formulas(pointer, faults.unwrap_or_default());
     }
 
-    /// The formulas of a body force and their intermediate values.
+    /// Checks the formulas of a body force and their intermediate values.
     fn body_force(
         &mut self,
         pointer: &str,
@@ -206,7 +206,7 @@ impl Check<'_> {
         }
     }
 
-    /// Gravity, and a force per mass, need the density of every body that they act on.
+    /// Checks the density of every body on which gravity or a force per mass acts.
     fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>) {
         for (index, body) in self.deck.bodies.iter().enumerate() {
             let is_target = bodies.is_none_or(|names| names.contains(&body.name));
@@ -225,7 +225,7 @@ impl Check<'_> {
                 }
                 Some(0.0) => {
                     let message =
-                        format!("the load {load} does not move the body {body}, whose density is 0");
+                        format!("the load {load} has no effect on the body {body}, whose density is 0");
                     let diagnostic = Diagnostic::at(self.source, "D024", pointer, message);
                     let help = format!("give the material {material_name} a `density` above 0");
                     self.found.push(diagnostic.severity(Severity::Warning).help(help));

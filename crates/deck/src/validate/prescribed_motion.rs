@@ -1,4 +1,4 @@
-//! Motions that a deck prescribes to a whole body, against the domain update chosen for it.
+//! Compares the motion that a deck prescribes for a whole body with the domain update chosen for it.
 
 use nalgebra::SMatrix;
 
@@ -14,14 +14,14 @@ use mpm_core::formula::Formula;
 use mpm_core::quality::Objection;
 use mpm_core::tensor::Mat3;
 
-/// Places along each axis of a side of a box where a prescribed displacement is looked at.
+/// Samples of a prescribed displacement along each axis of a side of a box.
 const SAMPLES: usize = 8;
-/// A motion in more load steps is followed in so many.
+/// Most steps in which a motion is followed.
 const MOST_STEPS: u32 = 100;
 
 impl Check<'_> {
-    /// Bodies whose whole outer layer follows a prescribed motion that their domain update does not stand. Other
-    /// motions are known only when the run shows them; its quality report then warns.
+    /// Warns of bodies whose whole outer layer follows a prescribed motion that their domain update does not support.
+    /// Other motions are known only during the run, whose quality report then warns.
     pub(super) fn prescribed_motion(&mut self) {
         match self.dimensions() {
             2 => self.motion_of_outer_layers::<2>(),
@@ -41,22 +41,22 @@ impl Check<'_> {
             let Some(measure) = self.worst_on_the_way::<D>(condition, body, &objection) else { continue };
             if measure > objection.limit {
                 let message = format!(
-                    "the domain update `{}` does not suit the motion: on the way that the boundary condition {} takes \
-                     it, the body {} has on average {}",
+                    "the domain update `{}` does not suit the motion: under the boundary condition {}, the body \
+                     {} has on average {}",
                     update.name(),
                     quote(&condition.name),
                     quote(name),
                     (objection.describe)(measure)
                 );
-                // Where it is not written down it has a default, and the body is to blame.
-                let help = "use `domain_update: corners`, which stands every motion";
+                // If it is not stated in the deck, it is a default of the body.
+                let help = "use `domain_update: corners`, which supports every motion";
                 self.warn("D044", &format!("/bodies/{index}/domain_update"), message, help);
             }
         }
     }
 
-    /// The largest measure of the mean deformation gradients at the ends of the steps; `None` where a displacement has
-    /// no value or not all are prescribed.
+    /// The largest measure of the mean deformation gradients at the ends of the steps; `None` if a displacement has no
+    /// value or not all are prescribed.
     fn worst_on_the_way<const D: usize>(
         &self,
         condition: &BoundaryConditionDeck,
@@ -86,12 +86,12 @@ impl Check<'_> {
     }
 }
 
-/// The affine motion of the box around a body, from the means of the displacement over its sides: the grid is reset
-/// after each step, so a displacement holds for the places that the sides have reached.
+/// The affine motion of the bounding box of a body, from the mean displacements of its sides: the grid is reset after
+/// each step, so the displacements are evaluated at the current positions of the sides.
 struct MeanMotion<const D: usize> {
-    /// Where it is now, [length].
+    /// Current position of the centre, [length].
     place: [f64; D],
-    /// Where it was at the start, [length].
+    /// Position of the centre at the start, [length].
     start: [f64; D],
     half: [f64; D],
     gradient: SMatrix<f64, D, D>,
@@ -104,7 +104,7 @@ impl<const D: usize> MeanMotion<D> {
         MeanMotion { place: middle, start: middle, half, gradient: SMatrix::identity() }
     }
 
-    /// Takes one load step, from one load factor to another.
+    /// Follows one load step, from one load factor to another.
     fn follow(&mut self, displacement: &[Formula], factors: [Option<f64>; 2]) {
         let mut gradient = self.gradient;
         let mut moved = [0.0; D];
@@ -127,7 +127,7 @@ impl<const D: usize> MeanMotion<D> {
         let places = SAMPLES.pow(D as u32 - 1);
         let mut sum = [0.0; D];
         for number in 0..places {
-            // Places spread evenly over the side, by the digits of a number.
+            // Sample positions spread evenly over the side, from the digits of a number.
             let mut rest = number;
             let offset: [f64; D] = std::array::from_fn(|d| {
                 if d == side {
@@ -148,7 +148,7 @@ impl<const D: usize> MeanMotion<D> {
         sum
     }
 
-    /// As a tensor in space.
+    /// The mean deformation gradient, as a tensor in space.
     fn deformation_gradient(&self) -> Mat3 {
         Mat3::from_fn(|i, j| if i < D && j < D { self.gradient[(i, j)] } else { f64::from(u8::from(i == j)) })
     }

@@ -7,12 +7,12 @@ use crate::region::{Direction, OfDeck, Refusal, WithoutFiles, region};
 use crate::{AXES, GridDeck, Shape};
 use mpm_core::region::{Polygon, Primitive, Region, ShapeError, crossing_sides};
 
-/// Area of a polygon below which it has none, relative to that of the box around it.
+/// Area of a polygon, relative to that of its bounding box, below which it counts as zero.
 const NO_AREA: f64 = 1e-12;
 
 impl Check<'_> {
-    /// Checks a region; the extent of a simple box, for the checks that only boxes allow. A grid is given where the
-    /// region must not reach beyond it.
+    /// Checks a region; returns the extent of a simple box, for the checks that only boxes allow. `grid` is given if
+    /// the region must not reach beyond it.
     pub(super) fn shape(&mut self, pointer: &str, shape: &Shape, grid: Option<&GridBox>) -> Option<Extent> {
         if let Some(needed) = shape.dimensions().filter(|needed| *needed != self.dimensions()) {
             let what = format!("a region of type `{}`", shape.word());
@@ -24,7 +24,7 @@ impl Check<'_> {
         }
         let before = self.found.len();
         self.numbers(pointer, shape);
-        // What reaches beyond the grid may be what is taken away, or moved into it.
+        // A part beyond the grid may be subtracted, or moved into it.
         let of_parts = grid.filter(|_| matches!(shape, Shape::Union { .. }));
         for (key, part) in shape.parts() {
             self.part(&format!("{pointer}/{key}"), part, of_parts);
@@ -44,14 +44,14 @@ impl Check<'_> {
         None
     }
 
-    /// A region that is part of another one.
+    /// Checks a region that is part of another one.
     fn part(&mut self, pointer: &str, shape: &Shape, grid: Option<&GridBox>) {
         if let (Some(extent), Some(grid)) = (self.shape(pointer, shape, grid), grid) {
             self.beyond(pointer, &extent, grid);
         }
     }
 
-    /// Bounds of a region of the deck, at a place of it, as far as they are known without any file.
+    /// Bounds of a region at a JSON pointer of the deck, as far as they are known without any file.
     pub(super) fn bounds(&self, pointer: &str, shape: &Shape) -> Result<Extent, Refusal> {
         match self.dimensions() {
             3 => self.bounds_in::<3>(pointer, shape),
@@ -75,14 +75,14 @@ impl Check<'_> {
     }
 
     fn no_region(&mut self, pointer: &str, error: &ShapeError) {
-        // Ranges of single numbers and empty lists are matters of the schema.
+        // The schema checks ranges of single numbers and empty lists.
         if !matches!(error, ShapeError::NotPositive { .. } | ShapeError::NoParts) {
             let help = "change the numbers so that they enclose a region";
-            self.error("D016", pointer, format!("this is no region: {error}"), help);
+            self.error("D016", pointer, format!("this is not a region: {error}"), help);
         }
     }
 
-    /// The numbers of a region, but for those of its parts.
+    /// Checks the numbers of a region, except those of its parts.
     fn numbers(&mut self, pointer: &str, shape: &Shape) {
         let at = |key: &str| format!("{pointer}/{key}");
         match shape {
@@ -136,7 +136,7 @@ impl Check<'_> {
         }
     }
 
-    /// The ends of a cylinder or cone.
+    /// Checks the ends of a cylinder or cone.
     fn ends(&mut self, pointer: &str, start: &[f64], end: &[f64]) {
         let first = self.vector(&format!("{pointer}/start"), start);
         let last = self.vector(&format!("{pointer}/end"), end);
@@ -149,7 +149,7 @@ impl Check<'_> {
         }
     }
 
-    /// The axis of a rotation.
+    /// Checks the axis of a rotation.
     fn axis(&mut self, pointer: &str, axis: Option<&Direction>) {
         let at = format!("{pointer}/axis");
         match (axis, self.dimensions()) {
@@ -176,16 +176,16 @@ impl Check<'_> {
             let (low, high) = (bounds.min[axis], bounds.max[axis]);
             if low < min[axis] - slack || high > max[axis] + slack {
                 let message = format!(
-                    "the region goes from {low} to {high} along {name}, beyond the grid, which covers {} to {}",
+                    "the region extends from {low} to {high} along {name}, beyond the grid, which covers {} to {}",
                     min[axis], max[axis]
                 );
-                let help = "make the grid larger, or take away what is outside by a `difference`";
+                let help = "make the grid larger, or cut off the part outside with a `difference`";
                 self.error("D028", pointer, message, help);
             }
         }
     }
 
-    /// A polygon under a key of a region.
+    /// Checks a polygon under a key of a region.
     fn polygon(&mut self, pointer: &str, key: &str, vertices: &[Vec<f64>]) {
         let at = |k: usize| format!("{pointer}/{key}/{k}");
         let mut x: Vec<[f64; 2]> = Vec::new();
@@ -212,7 +212,7 @@ impl Check<'_> {
         });
         let around = (bounds[1][0] - bounds[0][0]) * (bounds[1][1] - bounds[0][1]);
         let repeated = (0..n).find(|&k| x[k] == x[(k + 1) % n]);
-        let flat = "give corners that are on no single line";
+        let flat = "give corners that do not lie on one line";
         if around == 0.0 || on_a_line(&x, around) {
             self.error("D016", pointer, "the polygon has no area", flat);
         } else if let Some(k) = repeated {
@@ -226,7 +226,8 @@ impl Check<'_> {
                 a + 1,
                 b + 1
             );
-            let help = "list the corners in order around the region; use `union` and `difference` for others";
+            let help =
+                "list the corners in order around the region; use `union` and `difference` for other regions";
             self.error("D016", &at(b), message, help);
         } else if !Polygon::new(x).is_ok_and(|polygon| polygon.volume() > NO_AREA * around) {
             self.error("D016", pointer, "the polygon has no area", flat);
@@ -234,7 +235,7 @@ impl Check<'_> {
     }
 }
 
-/// Whether all corners of a polygon in a box of this area are on a line.
+/// True if all corners of a polygon lie on a line; `around` is the area of its bounding box.
 fn on_a_line(x: &[[f64; 2]], around: f64) -> bool {
     let from_first = |v: &[f64; 2]| [v[0] - x[0][0], v[1] - x[0][1]];
     let length = |v: &[f64; 2]| v[0].hypot(v[1]);
@@ -242,7 +243,7 @@ fn on_a_line(x: &[[f64; 2]], around: f64) -> bool {
     x.iter().map(from_first).all(|v| (v[0] * along[1] - v[1] * along[0]).abs() <= NO_AREA * around)
 }
 
-/// Whether the bounds of a region are as small as they can be.
+/// True if the bounds of a region are as small as possible.
 fn is_tight(shape: &Shape) -> bool {
     match shape {
         Shape::Union { .. } | Shape::Intersection { .. } | Shape::Difference { .. } => false,

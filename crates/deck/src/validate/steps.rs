@@ -1,4 +1,4 @@
-//! An unknown load factor, and what goes with it.
+//! Checks of a deck with an unknown load factor.
 
 use super::Check;
 use super::suspicions::{is_zero, load_is_zero};
@@ -6,12 +6,12 @@ use crate::quoting::{list, quote};
 use crate::{ControlDeck, Expression, GridDeck, LoadDeck};
 use mpm_core::formula::names;
 
-/// A displacement of less than this part of the grid is round-off, [-].
+/// A displacement below this share of the grid size is round-off, [-].
 const LEAST: f64 = 1e-12;
 
 impl Check<'_> {
-    /// Where the load factor follows from a displacement or from the length of the path, all loads have that one factor and
-    /// nothing else moves.
+    /// Checks displacement and arc-length control: all loads must share one factor, and boundary conditions must not
+    /// move nodes.
     pub(super) fn control(&mut self) {
         let deck = self.deck;
         match &deck.steps.control {
@@ -26,7 +26,7 @@ impl Check<'_> {
                     let help = if probes.is_empty() {
                         "add one: `output: {probes: [{name, body, nearest}]}`".to_owned()
                     } else {
-                        format!("there are {}", list(probes))
+                        format!("the probes are {}", list(probes))
                     };
                     self.error("D049", "/steps/control/probe", message, help);
                 }
@@ -35,7 +35,7 @@ impl Check<'_> {
                     _ => 0.0,
                 };
                 if to.abs() <= LEAST * extent {
-                    let message = format!("a displacement of {to} leaves the load factor open");
+                    let message = format!("a displacement of {to} does not determine the load factor");
                     let help = "give the displacement at the end, other than 0";
                     self.error("D049", "/steps/control/to", message, help);
                 }
@@ -43,9 +43,8 @@ impl Check<'_> {
             ControlDeck::ArcLength { .. } => {}
         }
         if deck.loads.iter().all(load_is_zero) {
-            let message = "there is no load but zero whose factor could follow";
-            let help =
-                "add a load under `loads`, or leave the control to the loads (`control: {type: load}`)";
+            let message = "there is no load other than zero whose factor could be found";
+            let help = "add a load under `loads`, or prescribe the load factor (`control: {type: load}`)";
             self.error("D049", "/steps/control", message, help);
         }
         for (number, load) in deck.loads.iter().enumerate() {
@@ -55,7 +54,7 @@ impl Check<'_> {
             | LoadDeck::PointForce { curve, .. }) = load;
             if curve.is_some() {
                 let message = format!(
-                    "the load {} follows a curve, but its factor follows from `steps: {{control: ...}}`",
+                    "the load {} has a curve, but `steps: {{control: ...}}` makes its factor an unknown",
                     quote(load.name())
                 );
                 self.error("D049", &format!("{pointer}/curve"), message, "remove the curve");
@@ -64,10 +63,16 @@ impl Check<'_> {
                 let factor = |e: &Expression| matches!(e, Expression::Formula(text) if names(text).iter().any(|(_, name)| *name == "factor"));
                 if force.iter().chain(intermediate.values()).any(factor) {
                     let message = format!(
-                        "the load {} depends on `factor`, but with `steps: {{control: ...}}` it has to be in proportion to it",
+                        "the load {} depends on `factor`, but with `steps: {{control: ...}}` it must be \
+                         proportional to it",
                         quote(load.name())
                     );
-                    self.error("D049", &format!("{pointer}/force"), message, "write it at load factor 1");
+                    self.error(
+                        "D049",
+                        &format!("{pointer}/force"),
+                        message,
+                        "write the force at load factor 1",
+                    );
                 }
             }
         }
@@ -75,11 +80,11 @@ impl Check<'_> {
             for (key, displacement) in condition.displacements() {
                 if displacement.as_ref().is_some_and(|e| !is_zero(e)) {
                     let message = format!(
-                        "the condition {} moves its nodes, which does not go with `steps: {{control: ...}}`",
+                        "the boundary condition {} moves its nodes, which `steps: {{control: ...}}` does not allow",
                         quote(&condition.name)
                     );
                     let help =
-                        "hold the nodes (`fix`), or leave the control to the loads (`control: {type: load}`)";
+                        "fix the nodes (`fix`), or prescribe the load factor (`control: {type: load}`)";
                     let pointer = format!("/boundary_conditions/{number}/{key}");
                     self.error("D049", &pointer, message, help);
                 }

@@ -1,4 +1,4 @@
-//! What is legal but probably not meant.
+//! Entries that are legal but probably not intended.
 
 use std::collections::BTreeSet;
 
@@ -10,15 +10,15 @@ use crate::span::escape;
 use crate::{BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, PerAxis};
 use mpm_core::formula::{Formula, names};
 
-/// Poisson's ratio from which on cells of low order lock.
+/// Poisson's ratio above which low-order cells lock.
 const NEARLY_INCOMPRESSIBLE: f64 = 0.49;
-/// Tolerance above which a step is hardly in equilibrium.
+/// Tolerance above which a step is not really in equilibrium.
 const LOOSE: f64 = 1e-4;
-/// Tolerance below which round-off keeps a step from it.
+/// Tolerance that round-off makes unreachable.
 const OUT_OF_REACH: f64 = 1e-14;
 
 impl Check<'_> {
-    /// Warnings about a deck without errors.
+    /// Collects warnings about a deck without errors.
     pub(super) fn suspicions(&mut self) {
         self.unused();
         self.loads_without_effect();
@@ -40,12 +40,12 @@ impl Check<'_> {
         self.found.push(found.help(help));
     }
 
-    /// Materials and parameters that nothing refers to.
+    /// Warns of materials and parameters that nothing refers to.
     fn unused(&mut self) {
         let deck = self.deck;
         let used: BTreeSet<&str> = deck.bodies.iter().map(|body| body.material.as_str()).collect();
         for name in deck.materials.keys().filter(|name| !used.contains(name.as_str())) {
-            let message = format!("no body is made of the material {}", quote(name));
+            let message = format!("no body uses the material {}", quote(name));
             self.warn_at_key("D037", &format!("/materials/{}", escape(name)), message, "remove it");
         }
         let mut in_formulas: BTreeSet<&str> = BTreeSet::new();
@@ -57,13 +57,13 @@ impl Check<'_> {
         for name in deck.parameters.keys() {
             if !in_formulas.contains(name.as_str()) && !self.source.uses_parameter(name) {
                 let message = format!("the parameter {} is not used", quote(name));
-                let help = "write it as `${...}` where it should stand, or remove it";
+                let help = "insert it as `${...}` where it belongs, or remove it";
                 self.warn_at_key("D037", &format!("/parameters/{}", escape(name)), message, help);
             }
         }
     }
 
-    /// Loads that are zero, curves that are, and decks in which nothing loads the bodies.
+    /// Warns of loads and curves that are zero, and of decks in which nothing loads the bodies.
     fn loads_without_effect(&mut self) {
         let deck = self.deck;
         let mut any = false;
@@ -83,7 +83,7 @@ impl Check<'_> {
                     "give it a value, or remove the load",
                 );
             } else if self.stays_zero(curve.as_ref()) {
-                let message = format!("the factor of the load {name} is zero all the time");
+                let message = format!("the factor of the load {name} is zero at all times");
                 let help = "give a factor other than 0 within the analysis, or remove the load";
                 self.warn("D037", &format!("/loads/{index}/curve"), message, help);
             } else {
@@ -95,26 +95,25 @@ impl Check<'_> {
                 condition.displacements().into_iter().filter_map(|(_, u)| u.as_ref()).any(|u| !is_zero(u));
             if moves && self.stays_zero(condition.curve.as_ref()) {
                 let name = quote(&condition.name);
-                let message = format!("the factor of the boundary condition {name} is zero all the time");
-                let help = "give a factor other than 0 within the analysis, or hold the nodes by `fix`";
+                let message = format!("the factor of the boundary condition {name} is zero at all times");
+                let help = "give a factor other than 0 within the analysis, or fix the nodes with `fix`";
                 self.warn("D037", &format!("/boundary_conditions/{index}/curve"), message, help);
             }
             any |= moves;
         }
-        // Something that is zero has been told of already.
+        // Zero loads have already been reported.
         if !any && deck.loads.is_empty() {
-            let message =
-                "nothing loads the bodies: there are no loads, and no prescribed displacement but zero";
+            let message = "nothing loads the bodies: there are no loads, and no prescribed displacement other than zero";
             let help = "add `loads`, or give `ux` or another displacement in a boundary condition";
             self.warn_at_key("D037", "/boundary_conditions", message.to_owned(), help);
         }
     }
 
-    /// Whether a load curve is zero throughout the analysis.
+    /// True if a load curve is zero throughout the analysis.
     fn stays_zero(&self, curve: Option<&LoadCurve>) -> bool {
         curve.is_some_and(|LoadCurve(pairs)| {
             let end = self.deck.steps.end_time;
-            // The pair after the end has an influence unless one lies at the end itself.
+            // The pair after the end matters unless one lies at the end itself.
             let after = pairs.iter().position(|pair| pair[0] >= end).map_or(pairs.len(), |last| last + 1);
             pairs[..after].iter().all(|pair| pair[1] == 0.0)
         })
@@ -127,17 +126,17 @@ impl Check<'_> {
             | MaterialDeck::VonMises { poisson, .. }) = material;
             if *poisson >= NEARLY_INCOMPRESSIBLE {
                 let message = format!(
-                    "with Poisson's ratio {poisson} the material {} hardly changes its volume, and cells of low order \
-                     lock: they come out too stiff, with stresses that jump from point to point",
+                    "with Poisson's ratio {poisson} the material {} is nearly incompressible, and low-order \
+                     cells lock: they are too stiff, with stresses that oscillate from point to point",
                     quote(name)
                 );
-                let help = "stay below 0.49, or compare several grids and look at mean stresses over cells";
+                let help = "stay below 0.49, or compare several grids and use stresses averaged over cells";
                 self.warn("D039", &format!("/materials/{}/poisson", escape(name)), message, help);
             }
         }
     }
 
-    /// A single point in the middle of a cell does not feel the hourglass motions of its corners.
+    /// Warns of one point per cell: at its centre, hourglass modes of the cell cause no strain.
     fn one_point_per_cell(&mut self) {
         let single_of = |counts: &PerAxis<u32>| {
             per_axis::<u32, 3>(counts).iter().take(self.deck.dimensions()).all(|n| *n == 1)
@@ -158,7 +157,7 @@ impl Check<'_> {
             };
             if single {
                 let message = format!(
-                    "the body {} has one point per cell: nothing resists the hourglass motions of the cells",
+                    "the body {} has one point per cell: nothing resists the hourglass modes of the cells",
                     quote(&body.name)
                 );
                 let help = "use at least two points along each axis of a cell";
@@ -171,10 +170,11 @@ impl Check<'_> {
         let tolerance = self.deck.solver.tolerance;
         if tolerance > LOOSE {
             let message = format!(
-                "with the tolerance {tolerance} a step counts as in equilibrium while {} % of its load is missing",
+                "with the tolerance {tolerance} a step counts as in equilibrium while {} % of its load is out \
+                 of balance",
                 100.0 * tolerance
             );
-            let help = "use 1e-6 or less: one more iteration, as they converge quadratically";
+            let help = "use 1e-6 or less: with quadratic convergence it costs one more iteration";
             self.warn("D045", "/solver/tolerance", message, help);
         } else if tolerance < OUT_OF_REACH {
             let message =
@@ -184,7 +184,7 @@ impl Check<'_> {
     }
 }
 
-/// Whether a load is zero, whatever its factor.
+/// True if a load is zero for any load factor.
 pub(super) fn load_is_zero(load: &LoadDeck) -> bool {
     match load {
         LoadDeck::Gravity { acceleration, .. } => acceleration.iter().all(|a| *a == 0.0),
@@ -193,7 +193,7 @@ pub(super) fn load_is_zero(load: &LoadDeck) -> bool {
     }
 }
 
-/// Whether an expression is zero everywhere.
+/// True if an expression is zero everywhere.
 pub(super) fn is_zero(expression: &Expression) -> bool {
     match expression {
         Expression::Number(value) => *value == 0.0,

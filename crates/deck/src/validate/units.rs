@@ -1,4 +1,4 @@
-//! Units that look mixed: stiffness, density and gravity that do not go together.
+//! Units that look mixed: stiffness, density and gravity that do not fit one system.
 
 use std::collections::BTreeSet;
 
@@ -8,24 +8,24 @@ use crate::quoting::quote;
 use crate::span::escape;
 use crate::{BodyDeck, GridDeck, LoadDeck, MaterialDeck};
 
-/// Acceleration of gravity in metres and seconds, and the same rounded.
+/// Acceleration of gravity in m/s², exact or rounded.
 const GRAVITY_IN_METRES: std::ops::RangeInclusive<f64> = 9.5..=10.5;
-/// Speed of waves in metres and seconds that no solid reaches.
+/// Wave speed that no solid reaches, in m/s.
 const FASTEST: f64 = 20e3;
-/// Densities up to this are those of solids in tonnes per cubic metre; those in kilograms are far above.
+/// Largest density of a solid in tonnes per cubic metre; values in kilograms are far larger.
 const DENSEST_IN_TONNES: f64 = 12.0;
-/// Strain by the own weight below which a stiffness with such a density looks like one in other units.
+/// Strain under its own weight below which the stiffness seems to be in other units than the density.
 const HARDLY_STRAINED: f64 = 1e-3;
-/// Strain by the own weight that no body stands.
+/// Strain under its own weight that no body can sustain.
 const CRUSHED: f64 = 100.0;
-/// Ratio of the densities of two solids that has no other reason than units.
+/// Ratio of the densities of two solids that only mixed units explain.
 const DENSITIES_APART: f64 = 200.0;
 
 impl Check<'_> {
-    /// Stiffness, density and gravity that do not go together in one system of units.
+    /// Warns of stiffness, density and gravity that do not fit one system of units.
     pub(super) fn units(&mut self) {
         let deck = self.deck;
-        let mut told: BTreeSet<&str> = BTreeSet::new();
+        let mut checked: BTreeSet<&str> = BTreeSet::new();
         for load in &deck.loads {
             let LoadDeck::Gravity { acceleration, bodies, .. } = load else { continue };
             let gravity = acceleration.iter().map(|a| a * a).sum::<f64>().sqrt();
@@ -33,7 +33,7 @@ impl Check<'_> {
                 deck.bodies.iter().filter(|b| bodies.as_ref().is_none_or(|names| names.contains(&b.name)));
             for body in loaded {
                 let Some(material) = deck.materials.get(&body.material) else { continue };
-                if !told.insert(&body.material) {
+                if !checked.insert(&body.material) {
                     continue;
                 }
                 let (MaterialDeck::Hencky { young, .. }
@@ -45,12 +45,12 @@ impl Check<'_> {
                 }
             }
         }
-        if !told.is_empty() {
+        if !checked.is_empty() {
             self.densities();
         }
     }
 
-    /// Extent of a body, at most that of the grid; [length].
+    /// Largest extent of a body, or of the grid if that is unknown, [length].
     fn height(&self, body: &BodyDeck) -> f64 {
         let extent = self.bounds("", &body.shape).ok().or(match &self.deck.grid {
             GridDeck::Structured { origin, size, .. } => {
@@ -75,27 +75,27 @@ impl Check<'_> {
         let help = "give all values in one system of units, for example m, kg, N, Pa or m, t, kN, kPa";
         if in_metres && speed > FASTEST {
             let message = format!(
-                "the units look mixed: {values} mean waves of {:.0} km/s in the material {material}, more than in any \
-                 solid",
+                "the units look mixed: {values} imply a wave speed of {:.0} km/s in the material {material}, \
+                 faster than in any solid",
                 speed / 1e3
             );
             self.warn("D040", &at, message, help);
         } else if in_metres && density <= DENSEST_IN_TONNES && strain < HARDLY_STRAINED {
             let message = format!(
-                "the units look mixed: {values}; the density of the material {material} looks like t/m³, which goes \
-                 with kPa, but its weight strains a body of this size by {strain:.0e} only"
+                "the units look mixed: {values}; the density of the material {material} looks like t/m³, which \
+                 requires kPa, but its own weight strains a body of this size by only {strain:.0e}"
             );
             self.warn("D040", &at, message, help);
         } else if strain > CRUSHED {
             let message = format!(
-                "the units look mixed: {values} mean that a body of this size is strained by {strain:.0e} by its own \
-                 weight, beyond anything that the material {material} can stand"
+                "the units look mixed: {values} imply a strain of {strain:.0e} in a body of this size under its \
+                 own weight, more than the material {material} can sustain"
             );
             self.warn("D040", &at, message, help);
         }
     }
 
-    /// Solids whose densities differ as much as kilograms and tonnes.
+    /// Warns of solids whose densities differ as much as kilograms and tonnes.
     fn densities(&mut self) {
         let used: BTreeSet<&str> = self.deck.bodies.iter().map(|body| body.material.as_str()).collect();
         let densities: Vec<(&str, f64)> = (self.deck.materials.iter())

@@ -1,4 +1,4 @@
-//! Keys that are written in a deck but have no effect beside the others.
+//! Keys of a deck that have no effect in combination with others.
 
 use super::Check;
 use super::suspicions::is_zero;
@@ -8,8 +8,8 @@ use mpm_core::basis::DomainKind;
 use mpm_core::model::StabilisationMode;
 
 impl Check<'_> {
-    /// Keys whose value changes nothing. One that comes from a parameter may have an effect in another run of a study, as
-    /// may one beside a value that does.
+    /// Warns of keys whose value changes nothing. Values from parameters, and keys whose effect depends on such values,
+    /// are exempt: they may have an effect in another run of a study.
     pub(super) fn keys_without_effect(&mut self) {
         self.stabilisation_without_effect();
         self.curves_without_effect();
@@ -18,7 +18,7 @@ impl Check<'_> {
         self.damping_without_effect();
     }
 
-    /// Whether the deck itself gives a key its value.
+    /// True if the deck itself states the value of a key.
     fn is_written(&self, pointer: &str) -> bool {
         self.source.span_of(pointer).is_some() && !self.source.is_from_parameter(pointer)
     }
@@ -40,7 +40,7 @@ impl Check<'_> {
         }
     }
 
-    /// Load curves of boundary conditions that hold their nodes.
+    /// Warns of load curves of boundary conditions that only fix their nodes.
     fn curves_without_effect(&mut self) {
         for (index, condition) in self.deck.boundary_conditions.iter().enumerate() {
             let at = format!("/boundary_conditions/{index}");
@@ -52,14 +52,14 @@ impl Check<'_> {
             if condition.curve.is_some() && !moves && self.is_written(&at) {
                 let name = quote(&condition.name);
                 let message =
-                    format!("the curve has no effect: the boundary condition {name} only holds its nodes");
-                let help = "remove `curve`, or prescribe a displacement other than 0 by `ux`, `uy` or `uz`";
+                    format!("the curve has no effect: the boundary condition {name} only fixes its nodes");
+                let help = "remove `curve`, or prescribe a displacement other than 0 with `ux`, `uy` or `uz`";
                 self.warn_at_key("D037", &at, message, help);
             }
         }
     }
 
-    /// Where the volume of points without a domain comes from is no choice.
+    /// Warns of `point_volume` if no point has a domain.
     fn volume_without_effect(&mut self) {
         let at = "/analysis/point_volume";
         let bodies = self.deck.bodies.iter().enumerate();
@@ -83,7 +83,7 @@ impl Check<'_> {
         let at = "/solver/predictor";
         if self.is_written(at) && !self.source.is_from_parameter("/steps/control/type") {
             let message = format!("`predictor` has no effect with `control: {{type: {control}}}`");
-            let help = "remove it; it is for prescribed loads, `control: {type: load}`";
+            let help = "remove it; it applies to prescribed loads, `control: {type: load}`";
             self.warn_at_key("D037", at, message, help);
         }
     }
@@ -99,7 +99,7 @@ impl Check<'_> {
         };
         let at = "/steps/damping";
         if self.is_written(at) && !self.source.is_from_parameter(other) {
-            let help = "remove it; it is for steps under prescribed loads that may be cut";
+            let help = "remove it; it applies to steps under prescribed loads that may be cut";
             self.warn_at_key("D037", at, format!("`damping` has no effect {because}"), help);
         }
     }

@@ -1,7 +1,7 @@
 //! Bytes in compressed blocks, between a line with the version of the format and a checksum.
 //!
-//! A block is its length, the length of its compressed form, both of four bytes, lowest first, and that form, a zlib
-//! stream. An empty block is the last one. After it stands the CRC-32 of all bytes before.
+//! A block consists of its length and the length of its compressed form, each as four bytes, little-endian, and that
+//! form, a zlib stream. An empty block ends the list. It is followed by the CRC-32 of all bytes before.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
@@ -16,11 +16,11 @@ use rayon::prelude::*;
 pub(super) const NAME: &str = "mpm checkpoint";
 const VERSION: u32 = 3;
 
-/// Length of a block, [byte], and how many are compressed at a time.
+/// Length of a block, [byte], and number of blocks compressed at a time.
 const BLOCK: usize = 1 << 20;
 const BATCH: usize = 8;
 
-/// Writes what `fill` writes.
+/// Writes the output of `fill`.
 pub(super) fn write(
     file: &mut dyn Write,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -56,7 +56,7 @@ impl Write for Compressor<'_> {
         Ok(bytes.len())
     }
 
-    /// Writes all that waits, in blocks that do not depend on the number of threads.
+    /// Writes all pending bytes, in blocks that do not depend on the number of threads.
     fn flush(&mut self) -> io::Result<()> {
         let waiting = std::mem::take(&mut self.waiting);
         let blocks: Vec<io::Result<Vec<u8>>> = waiting.par_chunks(BLOCK).map(compressed).collect();
@@ -78,10 +78,10 @@ fn compressed(bytes: &[u8]) -> io::Result<Vec<u8>> {
     encoder.finish()
 }
 
-/// Reads what [`write`] has written.
+/// Reads a file written by [`write`].
 ///
 /// # Errors
-/// What is wrong with the file.
+/// The fault of the file.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, String> {
     check_sum(path)?;
     let mut file = open(path)?;
@@ -120,7 +120,7 @@ fn length(file: &mut impl Read) -> Result<usize, String> {
     Ok(u32::from_le_bytes(bytes) as usize)
 }
 
-/// Whether a file is of this version, and as it was written.
+/// Checks the version and the checksum of a file.
 fn check_sum(path: &Path) -> Result<(), String> {
     let mut file = open(path)?;
     let (mut sum, mut tail) = (crc32fast::Hasher::new(), Vec::new());
@@ -152,8 +152,8 @@ fn check_version(start: &[u8]) -> Result<(), String> {
     match line.and_then(|line| line.strip_prefix(NAME)).map(str::trim) {
         Some(version) if version == VERSION.to_string() => Ok(()),
         Some(version) => {
-            Err(format!("it has version {version} of the format, and this program reads {VERSION}"))
+            Err(format!("it has version {version} of the format, but this program reads {VERSION}"))
         }
-        None => Err("it is no checkpoint".to_owned()),
+        None => Err("it is not a checkpoint".to_owned()),
     }
 }

@@ -39,7 +39,7 @@ fn the_last_two_are_kept_and_read_back_exactly() {
     let found = found.unwrap();
     assert!(refused.is_empty());
     assert_eq!((found.head.reached.clone(), &found.head.deck), (reached(10000), &deck));
-    // Into points in another order.
+    // Restored into points in another order.
     let mut others = analysis().2;
     let mut order: Vec<u32> = (0..others.len() as u32).rev().collect();
     order.swap(1, 5);
@@ -79,15 +79,15 @@ fn damaged_files_are_refused_by_name_and_the_one_before_is_used() {
         refused(&bytes);
     }
     assert!(refused(b"").contains("checksum"));
-    assert!(refused(b"PNG").contains("no checkpoint") || refused(b"PNG").contains("checksum"));
+    assert!(refused(b"PNG").contains("not a checkpoint") || refused(b"PNG").contains("checksum"));
     let mut other = good.clone();
     other[NAME_LENGTH] = b'7';
-    assert_eq!(refused(&other), "it has version 7 of the format, and this program reads 3");
+    assert_eq!(refused(&other), "it has version 7 of the format, but this program reads 3");
     fs::write(&path, &good).unwrap();
     assert_eq!(latest(directory.path()).unwrap().0.unwrap().step().index, 2);
 }
 
-/// Where the version stands.
+/// Offset of the version.
 const NAME_LENGTH: usize = "mpm checkpoint ".len();
 
 #[test]
@@ -101,7 +101,7 @@ fn points_of_another_kind_are_refused() {
     assert_eq!(latest(tempfile::tempdir().unwrap().path()).unwrap_err().kind(), io::ErrorKind::NotFound);
 }
 
-/// What fits together as a file, but was not written by a run of the deck.
+/// A consistent file that no run of the deck has written.
 #[test]
 fn a_state_that_no_run_has_reached_is_refused() {
     let directory = tempfile::tempdir().unwrap();
@@ -123,11 +123,11 @@ fn a_state_that_no_run_has_reached_is_refused() {
     assert!(refused(&points, &reached(3), &nothing).contains("numbers of its points"));
     let mut account = reached(4);
     account.step.end = 2.0;
-    assert!(refused(&good, &account, &nothing).contains("account"));
+    assert!(refused(&good, &account, &nothing).contains("summary"));
     let mut account = reached(5);
     account.summary.quality.shear =
         Some(mpm_core::quality::Worst { value: 1.0, step: 1, body: 1, point: None });
-    assert!(refused(&good, &account, &nothing).contains("account"));
+    assert!(refused(&good, &account, &nothing).contains("summary"));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Arrays as VTK stores them when they are compressed: the lengths of blocks, then the blocks, each a zlib stream.
+//! Compressed arrays of VTK: the lengths of blocks, then the blocks, each a zlib stream.
 
 use std::io::{self, Read};
 use std::mem::take;
@@ -9,21 +9,21 @@ use flate2::read::ZlibDecoder;
 use flate2::{Compress, CompressError, Compression, FlushCompress, Status};
 use rayon::prelude::*;
 
-/// Most bytes of a block before it is compressed, as many as a zlib stream stores in one piece; a multiple of every size of
-/// number times 1, 3, 6 and 9 components.
+/// Bytes of a full block before compression: at most what a zlib stream stores in one piece, and a multiple of every
+/// size of number times 1, 3, 6 and 9 components.
 pub(super) const BLOCK: usize = 65_520;
 
-/// Numbers of a block that are looked at for a pattern; a power of two.
+/// Numbers of a block that are examined for a pattern; a power of two.
 const SAMPLE: usize = 1024;
 
-/// 2⁶⁴ divided by the golden ratio, which spreads the bits of numbers.
+/// 2⁶⁴ divided by the golden ratio, a hash multiplier.
 const SPREAD: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Most bytes of a block that is read.
+/// Largest block that is read, [byte].
 const LARGEST: usize = 1 << 20;
 
-/// What stands before and after the bytes of a block that is stored: that it is a zlib stream, of one piece, with its length
-/// twice (RFC 1950 and 1951); then the check sum.
+/// Bytes before and after the content of an uncompressed block: the header of a zlib stream with one stored block, its
+/// length twice (RFC 1950 and 1951); then the checksum.
 const BEFORE: usize = 2 + 1 + 2 + 2;
 const AFTER: usize = 4;
 
@@ -31,11 +31,11 @@ const AFTER: usize = 4;
 pub(super) trait Number: Copy + Sync {
     /// VTK's name of the type.
     const NAME: &'static str;
-    /// Whether its last digits are as good as random unless it repeats others.
+    /// True if the last digits of such numbers are practically random.
     const IS_ROUGH: bool;
-    /// Fills as many bytes as the number has, little-endian.
+    /// Writes the bytes of the number, little-endian.
     fn put(self, bytes: &mut [u8]);
-    /// Its bytes as a whole number.
+    /// The bytes of the number as a whole number.
     #[inline(always)]
     fn bits(self) -> u64 {
         let mut bytes = [0; 8];
@@ -64,12 +64,12 @@ number!(
     u8 => "UInt8", false
 );
 
-/// Memory of blocks that have been written, for those of the next file.
+/// Memory of written blocks, reused for the next file.
 #[derive(Debug, Clone, Default)]
 pub struct Room(Arc<Mutex<Vec<Vec<u8>>>>);
 
 impl Room {
-    /// A block with any content.
+    /// A block with arbitrary content.
     fn take(&self) -> Vec<u8> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }
@@ -81,7 +81,7 @@ impl Room {
 
 /// The blocks of an array.
 pub(super) struct Blocks {
-    /// Bytes of all numbers, and of those of a block.
+    /// Bytes of all numbers, and of a block.
     bytes: usize,
     of_block: usize,
     streams: Vec<Vec<u8>>,
@@ -90,18 +90,18 @@ pub(super) struct Blocks {
 
 impl Drop for Blocks {
     fn drop(&mut self) {
-        // Blocks that were compressed have memory that just fits.
+        // Compressed blocks have memory of just their size.
         let large = take(&mut self.streams).into_iter().filter(|stream| stream.capacity() >= BLOCK);
         self.room.give(large);
     }
 }
 
 impl Blocks {
-    /// An array of so many tuples of so many components each; `numbers` puts a range of them into a vector in place of what is in
-    /// it. The same for any number of threads.
+    /// Encodes an array of tuples with `components` numbers each; `numbers` replaces the content of a vector by a range
+    /// of them. The result is the same for any number of threads.
     ///
     /// # Errors
-    /// The first of those of `numbers`, or of the compression.
+    /// The first error of `numbers` or of the compression.
     pub(super) fn new<T: Number>(
         tuples: usize,
         components: usize,
@@ -122,22 +122,22 @@ impl Blocks {
         Ok(Blocks { bytes: tuples * size, of_block: in_block * size, streams, room: room.clone() })
     }
 
-    /// Length where it begins at a place among the arrays of a file, [byte].
+    /// Length of the array if it begins at an offset among the arrays of a file, [byte].
     pub(super) fn length_at(&self, place: usize) -> usize {
         let length = 8 * (3 + self.streams.len()) + self.streams.iter().map(Vec::len).sum::<usize>();
         length + self.zeros(place + length)
     }
 
-    /// How many zeros follow the last stream, as part of its block, where it ends at a place.
+    /// Number of zeros after the last stream, as part of its block, if it ends at an offset.
     ///
-    /// Where an array ends, the next begins, and meshio 5.3 confuses places that are multiples of four: it gives every array
-    /// that it has read another place, always a multiple of four, and looks for the next one among all. Readers leave alone
-    /// what follows a stream.
+    /// The next array begins where this one ends, and meshio 5.3 confuses offsets that are multiples of four: it
+    /// assigns a new offset, always a multiple of four, to every array it has read, and searches for the next one among
+    /// all. Readers ignore bytes after a stream.
     fn zeros(&self, end: usize) -> usize {
         if self.streams.is_empty() { 0 } else { (4 + 1 - end % 4) % 4 }
     }
 
-    /// Writes the table of lengths and the blocks, to begin at a place among the arrays of a file.
+    /// Writes the table of lengths and the blocks, beginning at an offset among the arrays of a file.
     pub(super) fn write(&self, place: usize, out: &mut dyn io::Write) -> io::Result<()> {
         let lengths = self.streams.iter().map(Vec::len);
         let zeros = self.zeros(place + 8 * (3 + self.streams.len()) + lengths.clone().sum::<usize>());
@@ -154,21 +154,21 @@ impl Blocks {
     }
 }
 
-/// What one thread needs to compress.
+/// Working memory of one thread for compression.
 #[derive(Default)]
 struct Compressor {
     /// Made for the first block that is compressed.
     compress: Option<Compress>,
-    /// The block that was compressed last, and as what.
+    /// The block that was compressed last, and its compressed form.
     bytes: Vec<u8>,
     stream: Vec<u8>,
-    /// The block in hand.
+    /// The current block.
     next: Vec<u8>,
 }
 
 impl Compressor {
-    /// Numbers as a zlib stream: compressed where one in four repeats another one, or all have few digits, otherwise
-    /// stored. To look for other patterns in digits that are as good as random takes longer than to compute them.
+    /// Encodes numbers as a zlib stream: compressed if one in four repeats another or all have few digits, otherwise
+    /// stored. Searching practically random digits for other patterns takes longer than computing them.
     fn stream<T: Number>(&mut self, values: &[T], room: &Room) -> Result<Vec<u8>, String> {
         let length = size_of_val(values);
         if T::IS_ROUGH && length <= BLOCK && !is_regular(values) {
@@ -179,7 +179,7 @@ impl Compressor {
         }
         self.next.resize(length, 0);
         put(values, &mut self.next);
-        // What is the same at all points is the same in all blocks.
+        // A constant field has equal blocks.
         if self.stream.is_empty() || self.next != self.bytes {
             std::mem::swap(&mut self.bytes, &mut self.next);
             let compress = self.compress.get_or_insert_with(|| Compress::new(Compression::new(1), true));
@@ -189,10 +189,10 @@ impl Compressor {
     }
 }
 
-/// Whether one in four numbers out of the middle is one of those before it.
+/// True if one in four numbers of a sample from the middle repeats an earlier one.
 fn is_regular<T: Number>(values: &[T]) -> bool {
     let middle = values.len().saturating_sub(SAMPLE) / 2..values.len().min((values.len() + SAMPLE) / 2);
-    // The last of several numbers that fall into one place is remembered, which is enough for patterns.
+    // Of several numbers with the same hash only the last is remembered, which is enough for patterns.
     let mut seen = [0; 2 * SAMPLE];
     let mut repeats = 0;
     for number in &values[middle.clone()] {
@@ -212,7 +212,7 @@ fn put<T: Number>(values: &[T], bytes: &mut [u8]) {
 /// Numbers of at most [`BLOCK`] bytes as a zlib stream that stores them.
 fn store<T: Number>(values: &[T], stream: &mut Vec<u8>) {
     let length = size_of_val(values);
-    // Most blocks are as long as the one that was here before.
+    // Most blocks are as long as the one whose memory this was.
     stream.resize(BEFORE + length + AFTER, 0);
     let (before, rest) = stream.split_at_mut(BEFORE);
     let (bytes, after) = rest.split_at_mut(length);
@@ -236,7 +236,7 @@ fn deflate(how: &mut Compress, bytes: &[u8], stream: &mut Vec<u8>) -> Result<(),
     }
 }
 
-/// The bytes of an array that is stored in exactly these; `None` if they are damaged.
+/// Decodes an array stored in exactly these bytes; `None` if they are damaged.
 pub(super) fn decode(stored: &[u8]) -> Option<Vec<u8>> {
     let word = |index: usize| -> Option<usize> {
         let begin = index.checked_mul(8)?;
@@ -261,7 +261,7 @@ pub(super) fn decode(stored: &[u8]) -> Option<Vec<u8>> {
     parts.filter(|_| whole).map(|parts| parts.concat())
 }
 
-/// A block, if it has the length that it should have.
+/// Decompresses a block; `None` if it does not have the expected length.
 fn inflate(block: &[u8], length: usize) -> Option<Vec<u8>> {
     let mut bytes = Vec::with_capacity(length);
     ZlibDecoder::new(block).take(length as u64 + 1).read_to_end(&mut bytes).ok()?;
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_pattern_is_stored_and_what_has_one_is_compressed() {
+    fn numbers_without_pattern_are_stored_and_others_compressed() {
         let mut state = 1u64;
         let noise: Vec<f64> = (0..3 * BLOCK / 8 + 5)
             .map(|_| {
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_of_stored_blocks_serves_again() {
+    fn memory_of_stored_blocks_is_reused() {
         let room = Room::default();
         let numbers: Vec<f64> = (0..BLOCK / 2).map(|k| (k as f64).sin()).collect();
         for _ in 0..3 {

@@ -1,4 +1,4 @@
-//! Fields, and how their numbers come into a file.
+//! Fields and their encoding.
 
 use std::ops::Range;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::blocks::{Blocks, Number, Room};
 use crate::escape_xml;
 
-/// Number of tuples that are computed in double precision before they lose it.
+/// Number of tuples that are computed at a time before they are rounded to single precision.
 const PIECE: usize = 256;
 
 /// The numbers of a field.
@@ -21,28 +21,28 @@ pub enum Values<'a> {
     Int32(&'a [i32]),
     /// Small whole numbers.
     UInt8(&'a [u8]),
-    /// Floating-point numbers, all finite, which are computed when they are wanted, each once.
+    /// Floating-point numbers, all finite, computed on demand, each once.
     Computed(&'a dyn Compute),
 }
 
 /// Numbers that are computed piece by piece, by several threads at once.
 pub trait Compute: Sync {
-    /// For how many points or cells.
+    /// Number of points or cells.
     fn tuples(&self) -> usize;
 
-    /// Fills all components of some points or cells.
+    /// Computes all components of some points or cells.
     fn fill(&self, tuples: Range<usize>, out: &mut [f64]);
 }
 
-/// Size of floating-point numbers in files.
+/// Precision of floating-point numbers in files.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Precision {
-    /// 64 bits, 16 digits: as they are computed.
+    /// 64 bits, 16 digits: the precision of the computation.
     #[default]
     Double,
-    /// 32 bits, 7 digits: half the size. Numbers beyond ±3.4e38 become these.
+    /// 32 bits, 7 digits: half the size. Numbers beyond ±3.4e38 are cut to ±3.4e38.
     Single,
 }
 
@@ -63,7 +63,7 @@ pub struct Field<'a> {
     pub name: &'a str,
     /// Numbers per point or cell.
     pub components: usize,
-    /// Names of the components, or none, which leaves them to be numbered.
+    /// Names of the components; if empty, readers number them.
     pub component_names: &'a [&'a str],
     /// All components of the first point or cell, then of the second, and so on.
     pub values: Values<'a>,
@@ -82,7 +82,7 @@ impl Field<'_> {
 
     fn attributes(&self) -> String {
         let mut attributes = format!(r#"Name="{}""#, escape_xml(self.name));
-        // One component is the default; meshio returns a flat array only where it is not stated.
+        // One component is the default; meshio returns a flat array only if it is not stated.
         if self.components > 1 {
             attributes.push_str(&format!(r#" NumberOfComponents="{}""#, self.components));
         }
@@ -93,24 +93,24 @@ impl Field<'_> {
     }
 }
 
-/// An array as it stands in a file, wherever in it.
+/// An encoded array, independent of its position in a file.
 pub struct Encoded {
     /// Name of the field.
     pub(super) name: String,
-    /// For how many points or cells.
+    /// Number of points or cells.
     pub(super) tuples: usize,
     /// VTK's name of the type of the numbers.
     pub(super) kind: &'static str,
-    /// Attributes of its tag beside the type and the place.
+    /// Attributes of its tag other than type and offset.
     pub(super) attributes: String,
     pub(super) blocks: Blocks,
 }
 
 impl Encoded {
-    /// A field of `count` points or cells, what they are in words, with floating-point numbers of a size.
+    /// Encodes a field of `count` points or cells, named `owner` in messages, in a precision.
     ///
     /// # Errors
-    /// What a reader could not make sense of, in words: lengths that do not fit together, numbers that are not finite.
+    /// A message about lengths that do not match, or numbers that are not finite.
     pub fn new(
         field: &Field,
         (owner, count): (&str, usize),
@@ -201,10 +201,10 @@ fn nearest_single(x: f64) -> f32 {
     x.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
 }
 
-/// The place of the first number that is infinite or none.
+/// Index of the first number that is infinite or NaN.
 fn first_not_finite(values: &[f64]) -> Option<usize> {
     const EXPONENT: u64 = 0x7ff << 52;
-    // Without a way out of the loop, so that several are looked at together.
+    // The loop has no early exit, so that it can be vectorised.
     let is_bad = values.iter().fold(false, |bad, x| bad | (x.to_bits() & EXPONENT == EXPONENT));
     if is_bad { values.iter().position(|x| !x.is_finite()) } else { None }
 }

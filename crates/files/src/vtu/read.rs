@@ -1,5 +1,4 @@
-//! Reads the meshes that this program has written. Meshes of other programs, which may store their arrays in other
-//! ways, are refused.
+//! Reads meshes written by this program. Meshes of other programs, which may store arrays differently, are refused.
 
 use std::borrow::Cow;
 use std::io;
@@ -12,7 +11,7 @@ use rayon::prelude::*;
 
 use super::{BEGIN, END, blocks};
 
-/// Where in a file an array stands.
+/// Section of a file that contains an array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Section {
     /// Time and step.
@@ -70,7 +69,7 @@ impl Kind {
         }
     }
 
-    /// The number in as many bytes as [`Kind::size`] says; 0 for any other number of bytes.
+    /// Decodes a number from [`Kind::size`] bytes; 0 for any other number of bytes.
     fn number(self, bytes: &[u8]) -> f64 {
         match self {
             Kind::Float64 => bytes.try_into().map_or(0.0, f64::from_le_bytes),
@@ -85,7 +84,7 @@ impl Kind {
 /// An array of a file, not yet decoded.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Array {
-    /// Where it stands.
+    /// Section that contains it.
     pub section: Section,
     /// Its name.
     pub name: String,
@@ -96,16 +95,16 @@ pub struct Array {
     kind: Kind,
     /// Number of tuples, if the file states it.
     tuples: Option<usize>,
-    /// Its place among the appended bytes.
+    /// Its range among the appended bytes.
     data: Range<usize>,
 }
 
-/// The bytes of a file and what stands where in it; arrays are decoded when they are asked for.
+/// The bytes of a file and an index of its arrays, which are decoded on demand.
 #[derive(Debug, Clone)]
 pub struct MeshFile {
     path: PathBuf,
     bytes: Vec<u8>,
-    /// Where the appended arrays are.
+    /// Range of the appended arrays.
     appended: Range<usize>,
     points: usize,
     cells: usize,
@@ -116,8 +115,8 @@ impl MeshFile {
     /// Reads a file.
     ///
     /// # Errors
-    /// An error of the file system; `InvalidData` with the name of the file if it is cut off, or not as this program
-    /// writes meshes.
+    /// An error of the file system; `InvalidData` with the name of the file if it is cut off, or not written by this
+    /// program.
     pub fn read(path: &Path) -> io::Result<MeshFile> {
         MeshFile::from_bytes(path, std::fs::read(path)?)
     }
@@ -145,12 +144,12 @@ impl MeshFile {
     fn index(&mut self, bytes: &[u8]) -> Result<(), String> {
         let begin = bytes.windows(BEGIN.len()).position(|window| window == BEGIN.as_bytes());
         let text = std::str::from_utf8(&bytes[..begin.unwrap_or(bytes.len())])
-            .map_err(|error| format!("cut off or no XML: {error}"))?;
+            .map_err(|error| format!("cut off or not XML: {error}"))?;
         let mut reader = quick_xml::Reader::from_str(text);
         let (mut section, mut seen_root, mut is_inline) = (None, false, false);
-        // The reader sees the beginning only, in which the root stays open.
+        // The reader gets only the beginning, in which the root element is not closed.
         loop {
-            match reader.read_event().map_err(|error| format!("cut off or no XML: {error}"))? {
+            match reader.read_event().map_err(|error| format!("cut off or not XML: {error}"))? {
                 Event::Start(tag) => match tag.name().as_ref() {
                     "VTKFile" => {
                         check_root(&tag)?;
@@ -176,7 +175,7 @@ impl MeshFile {
             }
         }
         if !seen_root {
-            return Err("no VTK file".to_owned());
+            return Err("not a VTK file".to_owned());
         }
         if is_inline {
             return Err(
@@ -254,13 +253,13 @@ impl MeshFile {
     pub fn positions(&self) -> io::Result<Vec<[f64; 3]>> {
         let values = self.values(Section::Points, "Points")?;
         let (triples, rest) = values.as_chunks::<3>();
-        if rest.is_empty() { Ok(triples.to_vec()) } else { Err(self.invalid("coordinates are no triples")) }
+        if rest.is_empty() { Ok(triples.to_vec()) } else { Err(self.invalid("coordinates are not triples")) }
     }
 
     /// Numbers of the points of every cell.
     ///
     /// # Errors
-    /// `InvalidData` if they are damaged, or name points that do not exist.
+    /// `InvalidData` if they are damaged, or refer to points that do not exist.
     pub fn corners(&self) -> io::Result<Vec<Vec<usize>>> {
         let connectivity = self.values(Section::Cells, "connectivity")?;
         let ends = self.values(Section::Cells, "offsets")?;
@@ -271,7 +270,7 @@ impl MeshFile {
             let corners =
                 connectivity.get(begin..end).ok_or_else(|| self.invalid("cells without corners"))?;
             if corners.iter().any(|corner| *corner < 0.0 || *corner as usize >= self.points) {
-                return Err(self.invalid("a cell names a point that does not exist"));
+                return Err(self.invalid("a cell refers to a point that does not exist"));
             }
             cells.push(corners.iter().map(|corner| *corner as usize).collect());
             begin = end;
@@ -297,7 +296,7 @@ fn count(tag: &BytesStart, name: &str) -> Result<usize, String> {
     value.and_then(|value| value.parse().ok()).ok_or_else(|| format!("there is no number under `{name}`"))
 }
 
-/// That arrays are stored as [`blocks::decode`] expects them.
+/// Checks that arrays are stored as [`blocks::decode`] expects them.
 fn check_root(tag: &BytesStart) -> Result<(), String> {
     for (name, expected) in [
         ("type", "UnstructuredGrid"),
@@ -313,7 +312,7 @@ fn check_root(tag: &BytesStart) -> Result<(), String> {
     Ok(())
 }
 
-/// An array; where it ends is not yet known.
+/// Reads the tag of an array; its end is not yet known.
 fn array(tag: &BytesStart, section: Option<Section>) -> Result<Array, String> {
     let name = attribute(tag, "Name")?.ok_or("an array has no name")?.into_owned();
     let complaint = |what: &str| format!("array `{name}` has an unknown {what}");
@@ -387,7 +386,7 @@ mod tests {
         }
     }
 
-    /// All that can be read of a file.
+    /// All readable arrays of a file.
     fn all(path: &Path, bytes: &[u8]) -> io::Result<Vec<Vec<u64>>> {
         let read = MeshFile::from_bytes(path, bytes.to_vec())?;
         read.positions()?;
@@ -435,7 +434,7 @@ mod tests {
                 }
             }
         }
-        // Some of the bytes mean nothing, and some are what they were.
+        // Some bytes have no meaning, and some changes restore the same byte.
         assert!(refused > 4 * good.len(), "{refused} of {}", 6 * good.len());
     }
 }
