@@ -171,7 +171,7 @@ async function hovers(server) {
     ["spacing", "Side of a cell", "above 0"],
     ["acceleration", "Acceleration at load factor 1", "length/time"],
     ["steps", "Division of the loading into load steps"],
-    ["gimp", "Material point method of its points"],
+    ["gimp", "Material point method for the points"],
   ]) {
     const text = await hover(piece);
     const holds = expected.every((part) => new RegExp(part.replace(/[()²]/g, ".")).test(text.replaceAll("\\", "")));

@@ -104,7 +104,7 @@ fn a_deck_too_large_for_memory_is_refused_before_any_of_it_is_taken() {
     assert_eq!(found.len(), 1);
     let text = found[0].render(&loaded.source, false);
     assert!(
-        text.starts_with("error[D036]: the analysis needs about 75 GiB of memory, this machine has 23 GiB"),
+        text.starts_with("error[D036]: the analysis needs about 75 GiB of memory; this machine has 23 GiB"),
         "{text}"
     );
     assert!(text.contains("large.yaml:5:"), "{text}");

@@ -281,7 +281,7 @@ def test_bodies_in_space_are_seen_from_above(page_of, analyse):
     assert span[0] / span[1] == pytest.approx(columns / rows, rel=0.01)
     area = (picture[:, :, 3] > 200).sum() * span[0] / columns * span[1] / rows
     assert area == pytest.approx(16 * np.abs(towards).sum(), rel=0.01)
-    assert "between (0, 0, 0) and (4, 4, 4) m." in text_of(page.read_text())
+    assert "the box from (0, 0, 0) to (4, 4, 4) m." in text_of(page.read_text())
 
 
 def test_points_in_space_without_domain_are_cubes(page_of, analyse):
@@ -371,7 +371,7 @@ def cut(path):
         (lambda d: cut(d / "domains_0010.vtu"), "domains_0010.vtu"),
         (lambda d: (d / "points_0010.vtu").unlink(), "points_0010.vtu"),
         (lambda d: (d / "points_0010.vtu").write_text("not at all"), "points_0010.vtu"),
-        (lambda d: (d / "history.csv").unlink(), "holds no results"),
+        (lambda d: (d / "history.csv").unlink(), "contains no results"),
         (lambda d: (d / "convergence.csv").unlink(), "convergence.csv"),
         (lambda d: (d / "summary.json").write_text("[]"), "summary.json"),
         (lambda d: (d / "summary.json").write_text("{}"), "outcome"),
@@ -393,7 +393,7 @@ def test_damaged_results_are_refused_by_name(mpm, beam, tmp_path, damage, compla
     "arguments, complaint",
     [
         (["--field", "von_mises"], "did you mean `von_mises_stress`?"),
-        (["--field", "colour"], "there are `displacement`"),
+        (["--field", "colour"], "the fields are `displacement`"),
         (["--field", "cauchy_stress"], "choose one of `cauchy_stress:XX`"),
         (["--field", "cauchy_stress:RR"], "no component `RR`"),
         (["--field", "pressure:XX"], "`pressure` has no components"),

@@ -313,7 +313,7 @@ def test_the_status_of_a_killed_run_says_from_where_it_goes_on(mpm, program, who
     last = last_checkpoint(directory)
     told = mpm("status", directory)
     assert told.returncode == 1
-    assert f"checkpoint    of step {last}, from where `mpm run` goes on with `--resume`" in told.stdout
+    assert f"checkpoint    of step {last}; `mpm run --resume` continues from there" in told.stdout
     assert json.loads(mpm("status", directory, "--format", "json").stdout)["checkpoint"] == last
     for path in directory.glob("checkpoint_*"):
         path.unlink()

@@ -104,7 +104,7 @@ def test_reports_and_tables_of_studies_replace_only_their_like(mpm, tmp_path):
 def test_no_deck_is_written_to_a_device(mpm, device):
     for words in ([], ["--force"]):
         process = mpm("new", "beam", "--out", device, *words)
-        assert process.returncode == 2 and f"`{device}` is no file" in process.stderr, process.stderr
+        assert process.returncode == 2 and f"`{device}` is not a regular file" in process.stderr, process.stderr
 
 
 @pytest.mark.parametrize("log", ["out/history.csv", "out/points_0001.vtu", "out/status.json", "out/.lock", "out/report.html",
