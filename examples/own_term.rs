@@ -11,13 +11,11 @@
 
 use mpm::assembly::{System, Wanted};
 use mpm::basis::Method;
-use mpm::domain::DomainUpdate;
-use mpm::formula::Formula;
-use mpm::grid::{Grid, Structured};
+use mpm::grid::Structured;
 use mpm::material::Hencky;
-use mpm::model::{Action, Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, NodeSet, Stepping};
-use mpm::points::{Points, Seed};
-use mpm::solver::{Silent, SolveError, Stepper, Summary};
+use mpm::model::{BuildError, Builder, Fill, Model};
+use mpm::points::Points;
+use mpm::solver::{Silent, Stepper, Summary};
 use mpm::step::{At, StepContext};
 use mpm::terms::{Ledger, LoadNotFinite, PointFailure, Term};
 
@@ -139,59 +137,22 @@ const DENSITY: f64 = 1000.0;
 const WEIGHT: f64 = DENSITY * 9.81 * SIDE * SIDE;
 
 /// A block on the wall, its left side held along x.
-fn block() -> (Model<2>, Points<2>) {
-    let grid = Structured::<2>::new([0.0; 2], [SPACING; 2], [8; 2]);
-    let on_left = |n: &u32| grid.node_position(*n as usize)[0] == 0.0;
-    let left = (0..grid.n_nodes() as u32).filter(on_left).collect();
-    let held = BoundaryCondition {
-        name: "left".to_owned(),
-        nodes: NodeSet::Fixed(left),
-        displacement: [Some(Formula::constant(0.0)), None],
-        axes: None,
-        curve: LoadCurve::ramp(1.0),
-    };
-    let weight = Load {
-        name: "weight".to_owned(),
-        action: Action::Gravity([0.0, -9.81]),
-        acts_on: vec![true],
-        curve: LoadCurve::ramp(1.0),
-    };
-    let per_axis = 4 * (SIDE / SPACING) as usize;
-    let place = |k: usize| (k as f64 + 0.5) * SIDE / per_axis as f64;
-    let volume = (SIDE / per_axis as f64).powi(2);
-    let seed = |(i, j): (usize, usize)| Seed {
-        body: 0,
-        position: [place(i), 1.0 + place(j)],
-        half_lengths: [0.0; 2],
-        corners: Vec::new(),
-        volume,
-        mass: DENSITY * volume,
-        outer_layer: false,
-        history: Vec::new(),
-    };
-    let seeds: Vec<_> = (0..per_axis).flat_map(|i| (0..per_axis).map(move |j| (i, j))).map(seed).collect();
-    let body = Body {
-        name: "block".to_owned(),
-        material: 0,
-        method: Method::Mpm,
-        domain_update: DomainUpdate::None,
-    };
-    let model = Model {
-        materials: vec![NamedMaterial { name: "clay".to_owned(), law: Box::new(Hencky::new(1e6, 0.3)) }],
-        bodies: vec![body],
-        boundary_conditions: vec![held],
-        loads: vec![weight],
-        stepping: Stepping::fixed(4, 1.0),
-        ..Model::new(Box::new(grid))
-    };
-    (model, Points::new(&seeds))
+fn block() -> Result<(Model<2>, Points<2>), BuildError> {
+    let fill = Fill { method: Method::Mpm, points_per_cell: 4, density: DENSITY, ..Fill::default() };
+    Builder::new(Structured::new([0.0; 2], [SPACING; 2], [8; 2]))
+        .material("clay", Hencky::new(1e6, 0.3))
+        .body("block", "clay", fill, |x| x[0] < SIDE && x[1] > 1.0 && x[1] < 1.0 + SIDE)
+        .fix("left", [true, false], |x| x[0] == 0.0)
+        .gravity("weight", [0.0, -9.81])
+        .steps(4)
+        .build()
 }
 
-fn run(angle: f64) -> Result<Summary, SolveError> {
-    let (model, mut points) = block();
+fn run(angle: f64) -> Result<Summary, Box<dyn std::error::Error>> {
+    let (model, mut points) = block()?;
     // The wall touches the lowest points at the start.
     let wall = Wall::inclined(angle, [SIDE, 1.1], 1e7);
-    Stepper::new(&model, &mut points).with_terms(vec![Box::new(wall)])?.run(&mut Silent)
+    Ok(Stepper::new(&model, &mut points).with_terms(vec![Box::new(wall)])?.run(&mut Silent)?)
 }
 
 /// Force of the wall at the end of the analysis, [force].

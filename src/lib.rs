@@ -19,3 +19,8 @@ pub use mpm_files as output;
 pub use mpm_report::{appendix, study};
 
 pub mod codes;
+
+/// The program on the page about the library is run as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/how-to/library.md")]
+struct LibraryPage;

@@ -242,8 +242,8 @@ fn refuses_inconsistent_data() {
     };
     refused(f64::NAN, good, &[], &[], "time NaN");
     refused(0.0, Mesh { points: &[[f64::INFINITY, 0.0, 0.0], [0.0; 3]], ..good }, &[], &[], "point 0");
-    refused(0.0, Mesh { connectivity: &[0, 2], ..good }, &[], &[], "names point 2 of 2");
-    refused(0.0, Mesh { connectivity: &[-1], ..good }, &[], &[], "names point -1 of 2");
+    refused(0.0, Mesh { connectivity: &[0, 2], ..good }, &[], &[], "refers to point 2 of 2");
+    refused(0.0, Mesh { connectivity: &[-1], ..good }, &[], &[], "refers to point -1 of 2");
     refused(0.0, Mesh { kinds: Kinds::All(CellKind::Triangle), ..good }, &[], &[], "2 indices");
     let field = scalar("a", Values::Float64(&ones));
     refused(0.0, good, &[field, field], &[], "two point fields are named `a`");

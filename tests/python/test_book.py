@@ -84,6 +84,8 @@ class Reader:
             self.run([sys.executable, "-c", text])
             if kind == "picture":
                 assert (self.folder / value).stat().st_size > 1000 and f"images/{value})" in self.page.read_text()
+        elif language == "rust":
+            assert "fn main()" in text, "the doc tests of the library run what is a program"
         elif language == "json":
             json.loads(text)
         else:

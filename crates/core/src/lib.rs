@@ -16,8 +16,9 @@
 //!
 //! # Modules
 //!
-//! Start reading with [`solver`]: it follows the algorithm of the paper from top to bottom and calls most of the other
-//! modules.
+//! Read `examples/load_step.rs` first: it solves one load step in plain loops, equation by equation. Then start with
+//! [`solver`], which follows the algorithm of the paper from top to bottom. `docs/theory.md` ends with the place of every
+//! equation, and the steps to add a law, a term, a method or a grid.
 //!
 //! | Task | Modules |
 //! |---|---|
@@ -26,8 +27,8 @@
 //! | Background grid | [`grid`]: the trait [`grid::Grid`] locates cells and provides their linear basis; [`grid::Structured`] is a regular grid, [`grid::Mesh`] an unstructured mesh, read by [`grid::gmsh`] |
 //! | Basis functions | [`basis`]: one file per material point method (MPM, GIMP, CPDI); [`domain`]: update of GIMP domains. The corners of CPDI domains, [`points::State::corners`], are moved by [`solver`] at the end of a step |
 //! | Kernel of a point | [`kinematics`]: deformation increment; [`material`]: constitutive laws; [`stress`]: stress P̃ and tangent Ã in three dimensions ([`stress::Solid`]), plane strain ([`stress::PlaneStrain`]) and axisymmetry ([`stress::Axisymmetric`]); [`tensor`]: tensors and their spectral functions |
-//! | Equilibrium equations | [`terms`]: material points, external forces and ghost stabilisation, each of which adds force and stiffness to the [`assembly::System`]; [`dofs`]: prescribed and free degrees of freedom, unconstrained rigid motions |
-//! | Linear solvers | [`linear`]: sparse direct and iterative solvers |
+//! | Equilibrium equations | [`terms`]: the material points (f^int and K, eqs. (19)-(23), gradients mapped by eq. (8)), external forces and ghost stabilisation, each of which adds force and stiffness to the [`assembly::System`]; [`dofs`]: displacements prescribed along axes or inclined directions, ties, free degrees of freedom |
+//! | Linear solvers | [`linear`]: the trait [`linear::Backend`], the direct and the multigrid backend |
 //! | Quality of results | [`quality`]: measures of numerical quality, and the warnings derived from them |
 //! | Geometry | [`region`]: primitives, closed surfaces from STL files, booleans and motions, with their volumes; [`formula`]: formulas of position and time |
 //! | Resources | [`memory`]: memory limits; [`timing`]: time per phase of a run |
@@ -50,22 +51,24 @@
 //! | b^e_n | [`b_n`](stress::StartOfStep::b_n) | elastic left Cauchy-Green strain at the start of the step |
 //! | ε^e | [`elastic_strain`](points::State::elastic_strain) | elastic logarithmic strain, ½ ln b^e (or ½ (b^e − I), see [`StrainMeasure`](material::StrainMeasure)) |
 //! | τ | [`kirchhoff_stress`](points::State::kirchhoff_stress), `tau` | Kirchhoff stress |
-//! | P̃, Ã | [`stress`](stress::Contribution::stress), [`tangent`](stress::Contribution::tangent) | stress of eq. (18) and its derivative (A.3); `P` inside the kernels; [`Spatial`](stress::Spatial) holds factors of both |
+//! | P̃, Ã | [`stress`](stress::Contribution::stress), [`tangent`](stress::Contribution::tangent) | stress of eq. (18) and its derivative (A.3): formed by `plane_strain::previous` and [`Spatial`](stress::Spatial); `P` inside the kernels |
 //! | D^alg | [`tangent`](material::Response::tangent) | algorithmic (consistent) tangent of the law |
 //! | L | [`log_derivative`](tensor::log_derivative), `L` | derivative of the logarithm, eq. (A.2) |
-//! | V_p^0, V_p^n | [`original_volume`](points::Points::original_volume), [`volume_n`](stress::StartOfStep::volume_n) | volume of a point, original and at the start of the step, eq. (22) |
+//! | V_p^0, V_p^n | [`original_volume`](points::Points::original_volume), [`volume_n`](stress::StartOfStep::volume_n), by [`Model::volume`](model::Model::volume) | volume of a point, original and at the start of the step, eq. (22) |
 //! | m_p | [`mass`](points::Points::mass) | constant mass |
 //! | – | [`corners`](points::State::corners), [`original_corners`](points::Points::original_corners) | corners of a CPDI domain, current and original |
 //! | w_c, g_c | `CornerWeights` in `basis/cpdi.rs` | means over a CPDI domain of the shape functions of its corners and of their gradients |
 //! | l_p, l_p0 | [`half_lengths`](points::State::half_lengths), [`original_half_lengths`](points::Points::original_half_lengths) | half lengths of a GIMP domain, current and original |
 //! | S_vp | [`value`](basis::Links::value) | basis functions |
 //! | ∇S_vp | [`gradient`](basis::Links::gradient) | gradients of the basis functions with respect to X̃ |
-//! | Δd | `delta_d` | displacement increment of the active nodes, eq. (30) |
-//! | δd | `iterative`, `delta` | change of Δd in one iteration, eq. (26) |
+//! | Δd | `delta_d` in `solver/unknowns.rs` | displacement increment of the active nodes, eq. (30) |
+//! | δd | `iterative` in `solver/unknowns.rs` | change of Δd in one iteration, eq. (26) |
 //! | f^int, f^ext | [`internal_force`](assembly::System::internal_force), `f_ext` | internal and external force, eqs. (23) and (29) |
-//! | f^react | `reaction` | reactions: forces at prescribed degrees of freedom |
+//! | f^react | `reaction` in `solver/unknowns.rs` | reactions: forces at prescribed degrees of freedom |
 //! | f^R | `out_of_balance` | out-of-balance force f^ext − f^int + f^react, eq. (28) with the sign of eq. (26) |
 //! | K | [`System`](assembly::System) | stiffness matrix of the active nodes, eq. (27) |
+//! | λ | `factor` | load factor, where it is unknown |
+//! | – | `globals` | unknowns that belong to no node |
 //! | ρ_y | `yield_radius` | deviatoric yield stress, eq. (43) |
 //!
 //! Symmetric tensors are stored in the Mandel layout of [`tensor::Sym3`], so that material laws need no factors of two

@@ -9,6 +9,7 @@ use crate::stress::Formulation;
 
 mod arrays;
 mod boundary_condition;
+mod builder;
 mod load;
 mod newton;
 mod stabilisation;
@@ -16,6 +17,7 @@ mod stepping;
 
 pub use arrays::HistoryVariable;
 pub use boundary_condition::{BoundaryCondition, NodeSet};
+pub use builder::{BuildError, Builder, Fill};
 pub use load::{Action, Load, LoadCurve, VectorFormula};
 pub use newton::{Newton, PatternReuse, Predictor, StiffnessUpdate};
 pub use stabilisation::{Stabilisation, StabilisationMode};

@@ -1,5 +1,18 @@
 //! The analysis: load steps and, within each, Newton iterations to equilibrium (sections 5 and 6.3).
 //!
+//! | File | Content |
+//! |---|---|
+//! | `stepper`, `pace` | from step to step: size of steps, failed attempts, commit |
+//! | `load_step`, `step_system`, `fields` | one attempt at a step: what is set up once |
+//! | `newton` | the iterations, eqs. (26), (30) |
+//! | `evaluation`, `unknowns` | forces and K of an iterate; Δd, δd and reactions, eq. (28) |
+//! | `residual` | eq. (40), by connected parts, and round-off |
+//! | `update` | motion of points and domains, section 6.4 |
+//! | `equations` | choice of the linear solver, border of global unknowns |
+//! | `conclusion`, `summary`, `observer` | account of a step and of the run |
+//! | `course`, `forcing`, `damping`, `damped_step`, `control`, `motion` | beyond the paper: forecasts, inexact solves, damping, unknown load factor, predictor |
+//! | `attempt`, `error`, `diagnosis`, `evidence` | how attempts end, and why they fail |
+//!
 //! A step that fails leaves no trace in the converged state. It is tried again in two halves, down to the smallest step
 //! that the deck allows; only equilibrium is committed.
 

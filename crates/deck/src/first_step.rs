@@ -137,9 +137,9 @@ impl Check<'_> {
                 let pointer = format!("/boundary_conditions/{}/u{axis}", number(name));
                 self.at("D043", &pointer, error.to_string())
             }
-            // No deck has ties.
-            ConstraintError::Tie { .. } => self.at("D042", "/boundary_conditions", error.to_string()),
             ConstraintError::LooseAxis { .. } => self.at("D046", "/boundary_conditions", error.to_string()),
+            // No deck has ties.
+            _ => self.at("D042", "/boundary_conditions", error.to_string()),
         };
         self.found.push(found.help(against(Obstacle::from(error))));
     }

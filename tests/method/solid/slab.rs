@@ -85,7 +85,7 @@ fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
                 force: [part(x), part(y), 0.0],
             }
         }
-        Action::BodyForce(_) | Action::MassForce(_) => panic!("no formulas"),
+        other => panic!("{other:?}"),
     };
     let load = |load: &Load<2>| Load {
         name: load.name.clone(),

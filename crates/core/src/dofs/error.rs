@@ -3,6 +3,7 @@
 use crate::points::coordinates;
 
 /// A boundary condition cannot be applied.
+#[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ConstraintError {
     /// Two boundary conditions want different displacements of one node.

@@ -9,6 +9,7 @@ use super::balance::{Energy, ReactionMoment};
 use crate::step::{Nodal, Step};
 
 /// Grid fields of a load step.
+#[non_exhaustive]
 #[derive(Debug, Clone)]
 pub struct GridFields<const D: usize> {
     /// Links of the step, which list the active nodes.
@@ -22,6 +23,7 @@ pub struct GridFields<const D: usize> {
 }
 
 /// Report of a load step in equilibrium.
+#[non_exhaustive]
 #[derive(Debug, Clone)]
 pub struct StepReport<const D: usize> {
     /// The step.

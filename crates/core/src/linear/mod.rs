@@ -39,6 +39,7 @@ pub struct Pattern {
 }
 
 /// Which factorisation solved a system.
+#[non_exhaustive]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Factorisation {
     /// LLᵀ: the matrix is positive definite.
@@ -75,6 +76,7 @@ pub struct FactorSize {
 }
 
 /// A linear system could not be solved.
+#[non_exhaustive]
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum LinearError {
     /// The matrix is singular to working precision.

@@ -117,6 +117,7 @@ pub trait VectorisedLaw {
 }
 
 /// Failure of a law.
+#[non_exhaustive]
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum MaterialError {
     /// The trial strain is not finite.

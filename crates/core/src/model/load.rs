@@ -36,6 +36,7 @@ impl LoadCurve {
 }
 
 /// Kind of a load.
+#[non_exhaustive]
 #[derive(Debug, Clone)]
 pub enum Action<const D: usize> {
     /// Acceleration that acts on the constant mass of each point, [length/time²].

@@ -78,6 +78,7 @@ pub struct Iterate<const D: usize> {
 }
 
 /// A step that did not reach equilibrium.
+#[non_exhaustive]
 #[derive(Debug)]
 pub struct FailedAttempt<const D: usize> {
     /// The step, as far as it should have led.

@@ -20,14 +20,14 @@ use super::step_system::StepSystem;
 use super::summary::Summary;
 use super::unknowns::Unknowns;
 
-/// Where the iterations of an attempt have ended.
-pub(super) struct Solution<const D: usize, const N: usize> {
+/// The iterate at which an attempt has ended, in equilibrium or not.
+pub(super) struct LastIterate<const D: usize, const N: usize> {
     pub(super) system: StepSystem<D, N>,
     pub(super) unknowns: Unknowns<N>,
     pub(super) course: Course<N>,
 }
 
-impl<const D: usize, const N: usize> Solution<D, N> {
+impl<const D: usize, const N: usize> LastIterate<D, N> {
     /// The report of a step in equilibrium, whose links the caller has, and the path after it.
     pub(super) fn report(
         &mut self,
@@ -39,7 +39,7 @@ impl<const D: usize, const N: usize> Solution<D, N> {
         let StepContext { model, links, step, .. } = *context;
         let load_factor = self.load_factor(context);
         let (energy, reaction) = self.energy(context, points, slump);
-        let Solution { system: StepSystem { dofs, sum, condition, parts }, unknowns, course } = self;
+        let LastIterate { system: StepSystem { dofs, sum, condition, parts }, unknowns, course } = self;
         let f_ext = sum.system().external_force();
         let delta_d = displacement(&unknowns.delta_d).into_owned();
         let path = match (condition, model.newton.predictor) {
@@ -124,7 +124,7 @@ impl<const D: usize, const N: usize> Solution<D, N> {
 
     /// Work and energy, and the reactions on the active nodes, [force].
     fn energy(&self, context: &StepContext<D>, points: &Points<D>, slump: Slump) -> (Energy, Nodal<N>) {
-        let Solution { system: StepSystem { dofs, sum, .. }, unknowns, course } = self;
+        let LastIterate { system: StepSystem { dofs, sum, .. }, unknowns, course } = self;
         let f_ext = sum.system().external_force();
         // Where bodies slump, the loads have grown before.
         let f_ext_start = if slump.has_begun() { f_ext.clone() } else { sum.external_force_at_start(dofs) };

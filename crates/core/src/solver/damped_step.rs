@@ -22,7 +22,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             damping.adapt(course.shortened);
         }
         let damping = damping.get_or_insert_with(|| Damping::new(system));
-        unknowns.right_hand_side(system, dofs, &course.out_of_balance);
+        unknowns.begin_iteration(system, dofs, &course.out_of_balance);
         damping.add_to(system);
         let prescribed = unknowns.iterative.clone();
         let mut tries = 0;
@@ -55,7 +55,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;
         let LoadStep { equations, summary, .. } = self;
         let system = sum.system_mut();
-        unknowns.right_hand_side(system, dofs, &course.out_of_balance);
+        unknowns.begin_iteration(system, dofs, &course.out_of_balance);
         let Unknowns { rhs, iterative, .. } = unknowns;
         let rhs = RightHandSide { forces: rhs, is_residual: true };
         let (place, tolerance) = (context.place(dofs), context.model.newton.tolerance);

@@ -214,14 +214,14 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let factorise =
             |layout: &Layout<D, N>| self.backend().factorise(layout, &system.reduced(place.dofs).matrix);
         timings.measure(Phase::Factorise, || place.with_layout(factorise))?;
-        self.solve_again(place, system, rhs, delta, tolerance, timings)
+        self.solve_with_last_factor(place, system, rhs, delta, tolerance, timings)
     }
 
     /// As [`Equations::solve`] with the factor at hand; iteratively with the preconditioner at hand.
     ///
     /// # Errors
     /// [`LinearError`].
-    pub(super) fn solve_again(
+    pub(super) fn solve_with_last_factor(
         &mut self,
         place: Place<D, N>,
         system: &mut System<N>,

@@ -38,6 +38,7 @@ impl std::fmt::Display for PointPlace {
 }
 
 /// The reason why a run ends early. The converged state of the points is that of the last step in equilibrium.
+#[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
 pub enum SolveError {
     /// The residual has not reached the tolerance.

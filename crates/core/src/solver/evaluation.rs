@@ -1,5 +1,5 @@
-//! The evaluation of an iterate: eqs. (19)-(25), (27)-(29) and the residual of eq. (40). An increment that cannot be evaluated is
-//! halved; one that overshoots is shortened by a line search.
+//! Evaluation of an iterate: eqs. (19)-(25), (27)-(29) and the residual of eq. (40). δd is halved if a point cannot follow it, and
+//! shortened by a line search if it overshoots.
 
 use crate::assembly::Wanted;
 use crate::model::StiffnessUpdate;
@@ -12,23 +12,23 @@ use super::error::{SolveError, locate_failure};
 use super::load_step::LoadStep;
 use super::residual::{self, Measured, RoundOff};
 
-/// A step on which a point turns inside out is halved up to so many times.
+/// Largest number of halvings of δd when a point cannot follow it.
 const MOST_HALVINGS: usize = 5;
-/// Most evaluations of a line search.
+/// Largest number of evaluations of a line search.
 const MOST_SEARCHES: usize = 3;
-/// No line search before so many iterations …
+/// First iteration with a line search after a failed attempt.
 const FIRST_SEARCH: usize = 3;
-/// … where an attempt has failed before, otherwise before this part of those that are allowed: iterations that go well are
-/// left alone.
+/// First iteration with a line search otherwise, as a fraction of those allowed: iterations that converge are left alone.
 const LATE: f64 = 0.75;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// The residual of an iteration, eq. (40), which goes into the course of the step.
-    pub(super) fn residual(&mut self, iteration: usize) -> Result<f64, SolveError> {
-        let mut measured = match self.evaluate_last() {
+    /// Evaluates the iterate, and records its residual, eq. (40).
+    pub(super) fn evaluate_iterate(&mut self, iteration: usize) -> Result<f64, SolveError> {
+        let mut measured = match self.try_forces_only() {
             Some(residual) => Ok(Measured { residual, round_off: RoundOff::NoMatter }),
             None => self.evaluate(iteration),
         };
+        // Better than Δd = 0, where the iterations have begun.
         let is_better = |found: &Measured| found.residual < self.course.residuals[0];
         if self.is_predicted && !measured.as_ref().is_ok_and(is_better) {
             self.unknowns.start_again();
@@ -42,14 +42,15 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         self.course.round_off = round_off;
         self.observer.iteration(step, iteration, residual);
         if iteration == 0 {
+            // Δd = 0: the stresses are those of the start of the step.
             self.course.f_int_start = self.system.sum.system().internal_force().to_vec();
         }
         Ok(residual)
     }
 
-    /// The residual where the course of the iterations says that this evaluation is the last one, and it is: no tangent is
-    /// formed. An old tangent makes no forecast.
-    fn evaluate_last(&mut self) -> Option<f64> {
+    /// Evaluates the forces without K if quadratic convergence predicts that this iterate meets the tolerance. `None` if no such
+    /// prediction is made, or if it is wrong. Kept tangents allow no prediction.
+    fn try_forces_only(&mut self) -> Option<f64> {
         let tolerance = self.context.model.newton.tolerance;
         let is_last = self.context.model.newton.tangent == StiffnessUpdate::Fresh
             && !self.is_damped()
@@ -66,14 +67,14 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Some(residual.max(of_globals))
     }
 
-    /// The residual of eq. (40). A point that turns inside out halves the last iterative displacement; a line search shortens
-    /// one that climbs the potential on its far side.
+    /// Evaluates forces, K and the residual of eq. (40). δd is halved if a point cannot follow it; a line search shortens it if
+    /// the potential rises again at its end.
     fn evaluate(&mut self, iteration: usize) -> Result<Measured, PointFailure> {
         let [most_halvings, most_searches] =
             if self.is_damped() { [MOST_TRIALS; 2] } else { [MOST_HALVINGS, MOST_SEARCHES] };
         let (mut halvings, mut searches) = (0, 0);
         loop {
-            self.course.shortened = halvings + searches > 0;
+            self.course.shortened = halvings + searches > 0; // adapts the damping
             let may_shorten = iteration > 0 && !self.unknowns.prescribes;
             match self.evaluate_terms(Wanted::Stiffness) {
                 Err(_) if may_shorten && halvings < most_halvings => {
@@ -83,20 +84,21 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
                 }
                 outcome => outcome?,
             }
-            let measured = self.measure();
+            let found = self.residual_by_parts();
             if searches < most_searches
-                && self.may_search(iteration, measured.residual)
-                && let Some(shorter) = self.unknowns.flatter(self.unknowns.slope(&self.course.out_of_balance))
+                && self.may_search(iteration, found.residual)
+                && let Some(shorter) = self.unknowns.secant_fraction(&self.course.out_of_balance)
             {
                 searches += 1;
                 self.unknowns.shorten(shorter);
                 continue;
             }
-            return Ok(measured);
+            return Ok(found);
         }
     }
 
-    /// Evaluates all terms, and the out-of-balance force.
+    /// Evaluates all terms at Δd (trial stresses and strains, f_int, f_ext and, if wanted, K), moves forces on ties, and forms
+    /// the out-of-balance force of eq. (28).
     fn evaluate_terms(&mut self, wanted: Wanted) -> Result<(), PointFailure> {
         let LoadStep { context, points, system, unknowns, course, summary, .. } = self;
         summary.evaluations += 1;
@@ -107,10 +109,12 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Ok(())
     }
 
-    fn measure(&self) -> Measured {
+    /// The residual of eq. (40), by connected parts.
+    fn residual_by_parts(&self) -> Measured {
         let StepContext { model, links, .. } = self.context;
         let (system, unknowns) = (self.system.sum.system(), &self.unknowns);
-        let at = residual::Iterate { model, points: self.points, links, system, delta_d: &unknowns.delta_d };
+        let at =
+            residual::EvaluatedAt { model, points: self.points, links, system, delta_d: &unknowns.delta_d };
         let forces = unknowns.forces(&self.course.out_of_balance, system.external_force());
         let tolerance = model.newton.tolerance;
         let measured = forces.measure(&self.system.parts, tolerance, &at);

@@ -8,7 +8,7 @@ use crate::stress::Mechanics;
 use crate::timing::Phase;
 
 use super::attempt::{Attempt, Ended, FailedAttempt, Iterate, OnTheWay, Slump};
-use super::conclusion::Solution;
+use super::conclusion::LastIterate;
 use super::course::Course;
 use super::damping::{Damping, STRIDE};
 use super::equations::Equations;
@@ -29,7 +29,8 @@ pub(super) struct LoadStep<'a, const D: usize, const N: usize> {
     pub(super) course: Course<N>,
     pub(super) forcing: Forcing,
     pub(super) damping: Option<Damping<N>>,
-    /// Damped iterations that move a node farther than this go on upon a fresh grid, [length].
+    /// Largest nodal displacement of damped iterations before the step continues on a fresh grid, [length]; infinite if it may
+    /// not.
     pub(super) stride: f64,
     /// True if the last iterative increment was a prediction.
     pub(super) is_predicted: bool,
@@ -39,9 +40,8 @@ pub(super) struct LoadStep<'a, const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> Stepper<'_, D, N> {
-    /// Solves a step, without committing it.
-    ///
-    /// Damped iterations that have moved the points by more than [`STRIDE`] end there, where a slump may begin or go on.
+    /// Attempts one load step (section 6.3). Writes trial state only. Damped iterations stop when a node has moved more than
+    /// [`STRIDE`] cells; a slump then continues on a fresh grid.
     pub(super) fn attempt<M: Mechanics<D>>(
         &mut self,
         step: Step,
@@ -54,6 +54,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let summary = &mut self.reached.summary;
         let context = StepContext { model, links: &links, step, factor: summary.path.factor };
         let Summary { timings, path, carried, .. } = summary;
+        // The attempt owns the terms until it ends.
         let (fields, terms) = (&self.fields, &mut self.terms);
         let begin = || StepSystem::new::<M>(&context, points, path, carried, fields, terms);
         let system =
@@ -61,30 +62,31 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let mut load_step =
             LoadStep::new(context, points, system, slump, &mut self.equations, summary, observer);
         let ended = load_step.iterate::<M>();
-        let mut solution = load_step.into_solution();
+        let mut last = load_step.into_last_iterate();
         let outcome = match ended {
             Ok(Ended::Balanced { replaced_domains }) => {
-                let (mut report, path) = solution.report(&context, points, summary, slump);
+                let (mut report, path) = last.report(&context, points, summary, slump);
                 report.replaced_domains = replaced_domains;
                 report.grid.links = links;
                 Ok(Attempt::Equilibrium(Box::new(report), path))
             }
             Ok(Ended::Strayed { replaced_domains, is_at_rest }) => {
-                let energy = solution.energy_on_the_way(&context, points, slump);
+                let energy = last.energy_on_the_way(&context, points, slump);
                 self.links = links;
                 Ok(Attempt::OnTheWay(OnTheWay { energy, replaced_domains, is_at_rest }))
             }
             Err(error) => {
-                let mut failed = solution.failed(&context, error);
+                let mut failed = last.failed(&context, error);
                 failed.iterate = failed.iterate.map(|iterate| Iterate { links, ..iterate });
                 Err(failed)
             }
         };
-        self.terms = solution.into_terms();
+        self.terms = last.into_terms();
         outcome
     }
 
-    /// Links the points with the grid.
+    /// Sorts the points by cell and evaluates S_vp and ∇S_vp (section 6.1). The last report gives its links, to reuse their
+    /// memory.
     fn link(&mut self, step: Step) -> Result<Connectivity<D>, SolveError> {
         let (model, points) = (self.model, &mut *self.points);
         let methods: Vec<_> = model.bodies.iter().map(|body| body.method).collect();
@@ -110,10 +112,10 @@ impl<'a, const D: usize, const N: usize> LoadStep<'a, D, N> {
         let StepContext { model, links, step, factor } = context;
         let mut unknowns = Unknowns::new(model, factor, links.n_active(), system.sum.system().border.len());
         let damped = summary.pace.is_damped();
-        let continues =
+        let uses_predictor =
             model.newton.predictor == Predictor::LastStep && model.stepping.control == Control::Load;
-        if continues && !damped {
-            unknowns.predicted = summary.path.motion.go_on(links, step);
+        if uses_predictor && !damped {
+            unknowns.predicted = summary.path.motion.extrapolate(links, step);
         }
         let stride =
             if damped && slump.may_go_on() { STRIDE * smallest_cell(model, links) } else { f64::INFINITY };
@@ -133,8 +135,8 @@ impl<'a, const D: usize, const N: usize> LoadStep<'a, D, N> {
         }
     }
 
-    fn into_solution(self) -> Solution<D, N> {
-        Solution { system: self.system, unknowns: self.unknowns, course: self.course }
+    fn into_last_iterate(self) -> LastIterate<D, N> {
+        LastIterate { system: self.system, unknowns: self.unknowns, course: self.course }
     }
 }
 

@@ -54,7 +54,7 @@ impl Motion {
 
     /// The increment on the nodes of the step that follows, as if the motion went on; nodes that were not active move as
     /// those around them do on average. `None` where there was no step.
-    pub(super) fn go_on<const D: usize, const N: usize>(
+    pub(super) fn extrapolate<const D: usize, const N: usize>(
         &self,
         links: &Connectivity<D>,
         step: Step,

@@ -18,17 +18,18 @@ use super::unknowns::Unknowns;
 use super::update;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// Newton iterations until the out-of-balance force of eq. (40) meets the tolerance, and the motion of the points with the
-    /// grid. Writes trial state only.
+    /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance; then the points move with the grid
+    /// (section 6.4). Writes trial state only.
     pub(super) fn iterate<M: Mechanics<D>>(&mut self) -> Result<Ended, SolveError> {
         self.prepare_equations()?;
         for iteration in 0..=self.most_iterations() {
-            let residual = self.residual(iteration)?; // (19)-(25), (27)-(29), (40)
+            let residual = self.evaluate_iterate(iteration)?; // (19)-(25), (27)-(29), (40); may shorten the last δd
             let is_balanced = self.is_balanced();
             if is_balanced || self.has_strayed(residual) {
                 return self.conclude::<M>(is_balanced);
             }
-            if self.course.is_hopeless() || iteration == self.most_iterations() || !residual.is_finite() {
+            let is_last = iteration == self.most_iterations();
+            if is_last || !residual.is_finite() || self.course.is_hopeless() {
                 break;
             }
             self.increment()?; // (26), (30)
@@ -53,8 +54,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         self.summary.pace.is_damped()
     }
 
-    /// True if the last evaluation is one of equilibrium: the prescribed motion has been reached, the load factor meets its
-    /// condition, and the residual the tolerance.
+    /// True if the iterate is in equilibrium: it has the prescribed motion, the load factor meets its condition, and the
+    /// residual meets the tolerance. False in iteration 0, so that every step makes at least one solve.
     fn is_balanced(&self) -> bool {
         self.has_reached_constraints() && self.course.is_equilibrium(self.context.model.newton.tolerance)
     }
@@ -64,13 +65,12 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && self.system.condition.as_ref().is_none_or(|condition| condition.is_met())
     }
 
-    /// True if damped iterations have moved a node farther than a stride.
+    /// True if a node has moved farther than a stride, which is infinite except in damped iterations.
     fn has_strayed(&self, residual: f64) -> bool {
         residual.is_finite() && damping::farthest(&displacement::<D, N>(&self.unknowns.delta_d)) > self.stride
     }
 
-    /// Eq. (26): K δd = f_ext − f_int on the unknowns, with the whole prescribed increment in the first iteration; eq. (30) for
-    /// the sum.
+    /// Adds an increment δd to Δd: that of Newton's method, or a damped one.
     fn increment(&mut self) -> Result<(), SolveError> {
         self.is_predicted = self.unknowns.predicted.is_some();
         let solved = if self.is_damped() { self.damped_step() } else { self.newton_step() };
@@ -88,39 +88,41 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Ok(())
     }
 
-    /// A Newton step, with the linearised change of the reactions; or the predicted increment, which takes no solution.
+    /// Solves eq. (26), K δd = f_ext − f_int on the free degrees of freedom, adds δd to Δd by eq. (30), and updates the
+    /// reactions. The first δd contains the whole prescribed increment. With a predictor, the first δd is the predicted one and
+    /// nothing is solved.
     ///
-    /// Where δd is not exact, what it leaves of the equations of the unknowns stays in their out-of-balance force: only
-    /// prescribed components have a reaction, the one that K and this δd give.
+    /// The error of an inexact solution stays in the out-of-balance force of the free degrees of freedom. It never enters the
+    /// reactions.
     fn newton_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
         let LoadStep { context, system: StepSystem { dofs, sum, condition, .. }, unknowns, course, .. } =
             self;
         let LoadStep { equations, summary, forcing, .. } = self;
         let (place, newton) = (context.place(dofs), &context.model.newton);
         let (system, timings) = (sum.system_mut(), &mut summary.timings);
+        // The right-hand side; δd becomes what is left of the prescribed motion.
+        timings.measure(Phase::Solve, || unknowns.begin_iteration(system, dofs, &course.out_of_balance));
         let residual = course.residuals.last().copied().unwrap_or(1.0);
-        let tolerance = timings.measure(Phase::Solve, || {
-            unknowns.right_hand_side(system, dofs, &course.out_of_balance);
-            let rhs = norm(unknowns.rhs.iter().flatten().copied());
-            forcing.next(rhs, residual, newton.tolerance)
-        });
+        let eta = forcing.next(norm(unknowns.rhs.iter().flatten().copied()), residual, newton.tolerance);
         if let Some(mut predicted) = unknowns.predicted.take() {
             dofs.on_unknowns(&mut predicted);
             dofs.add_unknowns(&predicted, &mut unknowns.iterative);
             timings.measure(Phase::Solve, || unknowns.advance(system, dofs, &course.out_of_balance))?;
             return Ok(None);
         }
-        // A preconditioner may be that of an earlier iteration, without harm to the solution.
-        let keeps = (newton.tangent == StiffnessUpdate::Kept || equations.is_iterative())
+        // The preconditioner of an earlier iteration does no harm to the solution.
+        let may_reuse_factor = (newton.tangent == StiffnessUpdate::Kept || equations.is_iterative())
             && course.falls_fast()
-            && !(unknowns.prescribes || course.solved.is_empty());
+            && !unknowns.prescribes
+            && !course.solved.is_empty();
         let Unknowns { rhs, iterative, .. } = &mut *unknowns;
         let rhs = RightHandSide { forces: rhs, is_residual: true };
-        let kept = keeps.then(|| equations.solve_again(place, system, rhs, iterative, tolerance, timings));
-        // Where the factor at hand does not do, everything is set up afresh.
-        let (mut solved, globals) = match kept {
+        let reused = may_reuse_factor
+            .then(|| equations.solve_with_last_factor(place, system, rhs, iterative, eta, timings));
+        // If the last factor fails, a fresh one is formed.
+        let (mut solved, globals) = match reused {
             Some(Ok(solved)) => solved,
-            _ => equations.solve(place, system, rhs, iterative, tolerance, timings)?,
+            _ => equations.solve(place, system, rhs, iterative, eta, timings)?,
         };
         (unknowns.iterative_globals, unknowns.iterative_factor) = (globals, 0.0);
         if let (Some(unit), Some(condition)) = (system.per_factor().cloned(), condition) {
@@ -128,25 +130,26 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             dofs.on_unknowns(&mut rhs);
             let rhs = RightHandSide { forces: &rhs, is_residual: false };
             let (again, globals) =
-                equations.solve_again(place, system, rhs, &mut of_load, tolerance, timings)?;
+                equations.solve_with_last_factor(place, system, rhs, &mut of_load, eta, timings)?;
             solved.iterations += again.iterations;
             let change = condition
                 .change(&unknowns.delta_d, &unknowns.iterative, &of_load)
                 .map_err(NoIncrement::Path)?;
             unknowns.add_response(change, &of_load, &globals);
         }
-        timings.measure(Phase::Solve, || unknowns.advance(system, dofs, &course.out_of_balance))?;
+        timings.measure(Phase::Solve, || unknowns.advance(system, dofs, &course.out_of_balance))?; // (30)
         Ok(Some(solved))
     }
 
-    /// Moves the points with the grid: section 6.4, in the trial state.
+    /// Ends the iterations: checks the path and the stability, frees the matrices, and moves the points with the grid
+    /// (section 6.4, trial state).
     fn conclude<M: Mechanics<D>>(&mut self, is_balanced: bool) -> Result<Ended, SolveError> {
         let StepContext { model, links, step, .. } = self.context;
-        let goes_on = |condition: &Condition<D, N>| condition.goes_on(&self.unknowns.delta_d);
-        if !self.system.condition.as_ref().is_none_or(goes_on) {
+        let reverses = |condition: &Condition<D, N>| !condition.goes_on(&self.unknowns.delta_d);
+        if self.system.condition.as_ref().is_some_and(reverses) {
             return Err(SolveError::NoPath { step: step.index, reason: NoPath::Reversed });
         }
-        let mut stands = is_balanced;
+        let mut is_final = is_balanced;
         if is_balanced
             && self.is_damped()
             && let Err(error) = self.check_stability()
@@ -154,15 +157,16 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             if self.stride.is_infinite() {
                 return Err(SolveError::linear(error, self.context.place(&self.system.dofs), step));
             }
-            // A fresh grid may lead away from it.
-            stands = false;
+            // An unstable equilibrium: a fresh grid may lead away from it.
+            is_final = false;
         }
-        self.system.sum.conclude();
-        let replaces = self.summary.pace.is_last_resort();
+        self.system.sum.free_matrices();
+        let replaces_torn_domains = self.summary.pace.is_last_resort();
         let delta_d = displacement(&self.unknowns.delta_d);
-        let move_points = || update::move_points::<D, M>(model, self.points, links, &delta_d, step, replaces);
+        let move_points =
+            || update::move_points::<D, M>(model, self.points, links, &delta_d, step, replaces_torn_domains);
         let replaced_domains = self.summary.timings.measure(Phase::Update, move_points)?;
-        if stands {
+        if is_final {
             return Ok(Ended::Balanced { replaced_domains });
         }
         let is_at_rest = damping::farthest(&displacement::<D, N>(&self.unknowns.delta_d)) <= self.stride;

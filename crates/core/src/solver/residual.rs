@@ -217,7 +217,7 @@ impl<const N: usize> Forces<'_, N> {
         &self,
         parts: &Parts,
         tolerance: f64,
-        at: &Iterate<'_, D, N>,
+        at: &EvaluatedAt<'_, D, N>,
     ) -> Measured {
         let further = self.of_further_fields(parts).fold(0.0, largest);
         let measured = self.measure_displacement(parts, tolerance, at);
@@ -228,7 +228,7 @@ impl<const N: usize> Forces<'_, N> {
         &self,
         parts: &Parts,
         tolerance: f64,
-        at: &Iterate<'_, D, N>,
+        at: &EvaluatedAt<'_, D, N>,
     ) -> Measured {
         let of_parts = self.of_parts(parts, parts.displacement());
         let mut residuals: Vec<f64> = of_parts.iter().map(|&[out, force]| ratio(out, force)).collect();
@@ -377,7 +377,7 @@ pub(super) fn of_bodies<const D: usize, const N: usize>(
 }
 
 /// Where an evaluation was made.
-pub(super) struct Iterate<'a, const D: usize, const N: usize> {
+pub(super) struct EvaluatedAt<'a, const D: usize, const N: usize> {
     pub(super) model: &'a Model<D>,
     pub(super) points: &'a Points<D>,
     pub(super) links: &'a Connectivity<D>,
@@ -385,10 +385,10 @@ pub(super) struct Iterate<'a, const D: usize, const N: usize> {
     pub(super) delta_d: &'a Nodal<N>,
 }
 
-impl<const D: usize, const N: usize> Iterate<'_, D, N> {
-    /// No node has more [`Iterate::round_off`] than this, which costs little, [force].
+impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
+    /// No node has more [`EvaluatedAt::round_off`] than this, which costs little, [force].
     fn round_off_at_most(&self) -> f64 {
-        let Iterate { model, links, system, delta_d, .. } = self;
+        let EvaluatedAt { model, links, system, delta_d, .. } = self;
         let motion = delta_d.iter().flatten().fold(0.0, |largest, x| f64::max(largest, x.abs()));
         let size = links
             .active_cells()

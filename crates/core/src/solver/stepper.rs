@@ -46,7 +46,7 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
     pub(super) equations: Equations<D, N>,
     /// Links of the step before, for their memory.
     pub(super) links: Connectivity<D>,
-    /// The last step in equilibrium.
+    /// The last step in equilibrium; none while a step is attempted.
     pub(super) report: Option<StepReport<D>>,
     /// Why the present step fails, once last resorts are tried.
     cause: Option<(FailedAttempt<D>, Diagnosis)>,
@@ -63,12 +63,12 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
 pub struct Kernels<const D: usize, const N: usize = D> {
     bodies: fn() -> Terms<D, N>,
     step: StepFunction<D, N>,
-    pub(super) finish: FinishFunction<D, N>,
+    pub(super) run: RunFunction<D, N>,
 }
 
 type StepFunction<const D: usize, const N: usize> =
     fn(&mut Stepper<'_, D, N>, &mut dyn Observer<D>) -> Result<bool, SolveError>;
-type FinishFunction<const D: usize, const N: usize> =
+type RunFunction<const D: usize, const N: usize> =
     fn(Stepper<'_, D, N>, &mut dyn Observer<D>) -> Result<Summary, SolveError>;
 
 impl<const D: usize, const N: usize> Kernels<D, N> {
@@ -76,8 +76,8 @@ impl<const D: usize, const N: usize> Kernels<D, N> {
     pub fn of<M: Mechanics<D>>() -> Self {
         Kernels {
             bodies: of_bodies::<D, N, M>,
-            step: |stepper, observer| stepper.next::<M>(observer),
-            finish: |stepper, observer| stepper.steps_to_end::<M>(observer),
+            step: |stepper, observer| stepper.solve_next_step::<M>(observer),
+            run: |stepper, observer| stepper.run_to_end::<M>(observer),
         }
     }
 }
@@ -171,7 +171,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// # Errors
     /// As [`Stepper::step`].
     pub fn run(self, observer: &mut dyn Observer<D>) -> Result<Summary, SolveError> {
-        (self.kernels.finish)(self, observer)
+        (self.kernels.run)(self, observer)
     }
 
     /// The points; their converged state is that of the last step in equilibrium.
@@ -185,19 +185,19 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     }
 
     /// Solves the next step; false at the end of the analysis.
-    fn next<M: Mechanics<D>>(&mut self, observer: &mut dyn Observer<D>) -> Result<bool, SolveError> {
+    fn solve_next_step<M: Mechanics<D>>(
+        &mut self,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<bool, SolveError> {
         let before = self.reached.step.index;
         while self.reached.step.index == before {
-            let Some(step) = self.next_step() else { return Ok(false) };
+            let Some(step) = self.next_interval() else { return Ok(false) };
             self.try_step::<M>(step, observer)?;
         }
         Ok(true)
     }
 
-    fn steps_to_end<M: Mechanics<D>>(
-        mut self,
-        observer: &mut dyn Observer<D>,
-    ) -> Result<Summary, SolveError> {
+    fn run_to_end<M: Mechanics<D>>(mut self, observer: &mut dyn Observer<D>) -> Result<Summary, SolveError> {
         let mut outcome = {
             let (model, points) = (self.model, &*self.points);
             let timings = &mut self.reached.summary.timings;
@@ -207,7 +207,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
                 .map(|()| true)
         };
         while let Ok(true) = outcome {
-            outcome = self.next::<M>(observer);
+            outcome = self.solve_next_step::<M>(observer);
         }
         let Stepper { model, points, mut reached, .. } = self;
         let Summary { timings, quality, .. } = &mut reached.summary;
@@ -218,7 +218,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     }
 
     /// The step that follows the last one in equilibrium; `None` at the end of the analysis.
-    fn next_step(&self) -> Option<Step> {
+    fn next_interval(&self) -> Option<Step> {
         let Reached { step: Step { index, end: start, .. }, summary } = &self.reached;
         let end = summary.pace.end_of_step(&self.model.stepping, *start)?;
         Some(Step { index: index + 1, start: *start, end })

@@ -76,9 +76,9 @@ impl<const N: usize> Unknowns<N> {
         }
     }
 
-    /// The right-hand side of eq. (26), with what is left of the prescribed motion in the iterative increment: that motion
-    /// loads the unknowns through K.
-    pub(super) fn right_hand_side(
+    /// Forms the right-hand side of eq. (26). The iterative increment becomes what is left of the prescribed motion, which loads
+    /// the free degrees of freedom through K.
+    pub(super) fn begin_iteration(
         &mut self,
         system: &mut System<N>,
         dofs: &DofMap<N>,
@@ -150,7 +150,7 @@ impl<const N: usize> Unknowns<N> {
         self.iterative_factor = change;
     }
 
-    /// Forgets all iterations.
+    /// Resets Δd and the reactions; the load factor stays.
     pub(super) fn start_again(&mut self) {
         self.delta_d.fill([0.0; N]);
         self.globals.fill(0.0);
@@ -182,9 +182,10 @@ impl<const N: usize> Unknowns<N> {
         work.sum::<f64>() / self.taken
     }
 
-    /// The part of what is taken at which the potential is flatter, given its slope here; `None` where it is flat enough or
-    /// falls on.
-    pub(super) fn flatter(&self, slope: f64) -> Option<f64> {
+    /// The fraction of the last increment at which a secant of the slope of the potential vanishes; `None` if the slope at its end
+    /// is small enough or still falling.
+    pub(super) fn secant_fraction(&self, out_of_balance: &[[f64; N]]) -> Option<f64> {
+        let slope = self.slope(out_of_balance);
         let climbs = self.slope > 0.0 && slope < -FLAT * self.slope;
         climbs.then(|| (self.slope / (self.slope - slope)).clamp(0.1, 0.9))
     }

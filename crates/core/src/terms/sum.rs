@@ -123,7 +123,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     }
 
     /// Frees what only further evaluations would need.
-    pub fn conclude(&mut self) {
+    pub fn free_matrices(&mut self) {
         self.system.conclude();
         self.terms.iter_mut().for_each(|term| term.conclude());
     }

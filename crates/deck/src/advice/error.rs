@@ -41,7 +41,8 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
         SolveError::Constraint { .. } | SolveError::Load { .. } | SolveError::OutOfMemory { .. } => {
             error.obstacle().map(against)
         }
-        SolveError::Interrupted { .. } | SolveError::Output(_) | SolveError::Term { .. } => None,
+        // Interruptions, output errors and the terms of a program.
+        _ => None,
     }
 }
 
