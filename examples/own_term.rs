@@ -17,7 +17,7 @@ use mpm::model::{BuildError, Builder, Fill, Model};
 use mpm::points::Points;
 use mpm::solver::{Silent, Stepper, Summary};
 use mpm::step::{At, StepContext};
-use mpm::terms::{Ledger, LoadNotFinite, PointFailure, Term};
+use mpm::terms::{Ledger, LoadNotFinite, NamedForce, PointFailure, Term};
 
 /// A wall. Points x with normal·x < offset are behind it; it pushes them back with a force per volume of `stiffness`
 /// times their distance from the wall.
@@ -25,12 +25,11 @@ struct Wall {
     normal: [f64; 2],
     offset: f64,
     stiffness: f64,
-    /// Force on the bodies in the current iteration, and at the last converged step (`converged`), [force].
-    trial: [f64; 2],
+    /// Force on the bodies in the current iteration, [force].
+    force: [f64; 2],
     /// Energy of the penalty, now and at the start of the analysis (`at_start`), [energy].
     stored: f64,
     at_start: f64,
-    converged: [f64; 2],
 }
 
 impl Wall {
@@ -38,7 +37,7 @@ impl Wall {
     fn inclined(angle: f64, origin: [f64; 2], stiffness: f64) -> Wall {
         let normal = [-angle.sin(), angle.cos()];
         let offset = normal[0] * origin[0] + normal[1] * origin[1];
-        Wall { normal, offset, stiffness, trial: [0.0; 2], stored: 0.0, at_start: 0.0, converged: [0.0; 2] }
+        Wall { normal, offset, stiffness, force: [0.0; 2], stored: 0.0, at_start: 0.0 }
     }
 }
 
@@ -68,7 +67,7 @@ impl Term<2> for Wall {
         wanted: Wanted,
         sum: &mut System<2>,
     ) -> Result<(), PointFailure> {
-        (self.trial, self.stored) = ([0.0; 2], 0.0);
+        (self.force, self.stored) = ([0.0; 2], 0.0);
         for group in 0..step.links.n_groups() {
             let nodes = step.links.nodes_of(group);
             for p in step.links.points_of(group) {
@@ -89,7 +88,7 @@ impl Term<2> for Wall {
                     let force = &mut sum.internal_force_mut()[node];
                     (0..2).for_each(|d| force[d] += value * internal[d]);
                 }
-                (0..2).for_each(|d| self.trial[d] -= internal[d]);
+                (0..2).for_each(|d| self.force[d] -= internal[d]);
                 self.stored += 0.5 * k * distance * distance;
                 if wanted == Wanted::Force {
                     continue;
@@ -116,16 +115,17 @@ impl Term<2> for Wall {
         Ledger { stored: self.stored - self.at_start, ..Ledger::default() }
     }
 
-    fn commit(&mut self) {
-        self.converged = self.trial;
+    fn named_forces(&self) -> Vec<NamedForce<2>> {
+        vec![NamedForce { name: "wall".to_owned(), force: self.force }]
     }
 
+    // A checkpoint has to know the energy from which the account begins.
     fn save(&self) -> Option<serde_json::Value> {
-        Some(serde_json::json!(self.converged))
+        Some(serde_json::json!(self.at_start))
     }
 
     fn restore(&mut self, saved: &serde_json::Value) -> Result<(), String> {
-        self.converged = serde_json::from_value(saved.clone()).map_err(|error| error.to_string())?;
+        self.at_start = serde_json::from_value(saved.clone()).map_err(|error| error.to_string())?;
         Ok(())
     }
 }
@@ -148,21 +148,22 @@ fn block() -> Result<(Model<2>, Points<2>), BuildError> {
         .build()
 }
 
-fn run(angle: f64) -> Result<Summary, Box<dyn std::error::Error>> {
+/// The account of the run, and the force of the wall at its end, [force].
+fn run(angle: f64) -> Result<(Summary, [f64; 2]), Box<dyn std::error::Error>> {
     let (model, mut points) = block()?;
     // The wall touches the lowest points at the start.
     let wall = Wall::inclined(angle, [SIDE, 1.1], 1e7);
-    Ok(Stepper::new(&model, &mut points).with_terms(vec![Box::new(wall)])?.run(&mut Silent)?)
-}
-
-/// Force of the wall at the end of the analysis, [force].
-fn force_of(summary: &Summary) -> Option<[f64; 2]> {
-    serde_json::from_value(summary.terms.get("wall")?.clone()).ok()
+    let mut stepper = Stepper::new(&model, &mut points).with_terms(vec![Box::new(wall)])?;
+    let mut force = [0.0; 2];
+    while let Some(report) = stepper.step(&mut Silent)? {
+        force = report.forces[0].force;
+    }
+    Ok((stepper.reached().summary.clone(), force))
 }
 
 fn main() {
     match run(0.2) {
-        Ok(summary) => println!("weight {WEIGHT:.1} N, force of the wall {:.1?} N", force_of(&summary)),
+        Ok((_, force)) => println!("weight {WEIGHT:.1} N, force of the wall {force:.1?} N"),
         Err(error) => println!("{error}"),
     }
 }
@@ -175,8 +176,7 @@ mod tests {
     #[test]
     fn the_wall_carries_the_weight() {
         for angle in [0.0, 0.1, 0.2] {
-            let summary = run(angle).unwrap();
-            let [x, y] = force_of(&summary).unwrap();
+            let (summary, [x, y]) = run(angle).unwrap();
             assert!((y / WEIGHT - 1.0).abs() < 1e-8, "{angle}: {y}");
             // The wall is smooth: its force is normal to it.
             assert!((x + y * f64::tan(angle)).abs() < 1e-8 * WEIGHT, "{angle}: {x}");

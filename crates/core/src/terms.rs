@@ -13,4 +13,4 @@ mod term;
 
 pub use failure::{LoadNotFinite, PointFailure};
 pub use sum::{Sum, Terms, of_bodies};
-pub use term::{FURTHER, Ledger, Term};
+pub use term::{FURTHER, Ledger, NamedForce, Term};

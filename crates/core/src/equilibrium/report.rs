@@ -4,6 +4,7 @@ use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::linear::Factorisation;
 use crate::model::Model;
+use crate::terms::NamedForce;
 
 use super::balance::{Energy, ReactionMoment};
 use crate::step::{Nodal, Step};
@@ -53,6 +54,8 @@ pub struct StepReport<const D: usize> {
     pub moments: Option<Vec<ReactionMoment<D>>>,
     /// Resultant of each load on the points, [force].
     pub loads: Vec<[f64; D]>,
+    /// Forces of terms beside the loads of the model, such as those of walls.
+    pub forces: Vec<NamedForce<D>>,
     /// Work and energy.
     pub energy: Energy,
     /// Relative imbalance of moments, see [`moment_error`](super::moment_error), [-]; `None` for bodies of revolution.

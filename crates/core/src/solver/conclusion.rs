@@ -57,6 +57,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             reactions: named_reactions(model, &reaction, dofs),
             moments: reaction_moments(model, points, links, &delta_d, (&reaction, dofs)),
             loads: sum.resultants(model.loads.len()),
+            forces: sum.named_forces(),
             energy,
             moment_error: moment_error(model, links, &delta_d, (f_ext, &reaction)),
             load_factor,

@@ -10,7 +10,7 @@ use super::external_force::ExternalForces;
 use super::failure::{LoadNotFinite, PointFailure};
 use super::ghost::Ghost;
 use super::material_points::MaterialPoints;
-use super::term::{Ledger, Term};
+use super::term::{Ledger, NamedForce, Term};
 
 /// The terms of a model, in the order in which they are added up.
 pub type Terms<const D: usize, const N: usize = D> = Vec<Box<dyn Term<D, N>>>;
@@ -115,6 +115,11 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     /// The resultants of the `n` loads of the model, [force].
     pub fn resultants(&self, n: usize) -> Vec<[f64; D]> {
         self.terms.iter().flat_map(|term| term.resultants()).take(n).copied().collect()
+    }
+
+    /// The further forces that terms report by name, [force].
+    pub fn named_forces(&self) -> Vec<NamedForce<D>> {
+        self.terms.iter().flat_map(|term| term.named_forces()).collect()
     }
 
     /// Number of faces between cells that are stabilised.

@@ -7,6 +7,15 @@ use crate::step::{At, Nodal, StepContext};
 use super::failure::{LoadNotFinite, PointFailure};
 use crate::dofs::{ConstraintError, Constraints};
 
+/// A force on the bodies with the name under which it is reported.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedForce<const D: usize> {
+    /// Name.
+    pub name: String,
+    /// Force, [force].
+    pub force: [f64; D],
+}
+
 /// The first number of a condition that is not one of the model.
 pub const FURTHER: usize = 1 << 15;
 
@@ -80,9 +89,14 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     }
 
     /// The resultants of the loads of the model on the bodies, in their order, by the term that applies them, [force]. Reports
-    /// give them by name; forces of other terms are in no report.
+    /// give them by name.
     fn resultants(&self) -> &[[f64; D]] {
         &[]
+    }
+
+    /// Further forces on the bodies that reports give by name, [force], such as that of a wall; at the last evaluation.
+    fn named_forces(&self) -> Vec<NamedForce<D>> {
+        Vec::new()
     }
 
     /// Number of faces between cells that it stabilises.
