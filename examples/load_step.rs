@@ -1,6 +1,7 @@
-//! One load step of the implicit material point method as sections 5 and 6 of Coombs et al. (2020) state it: a slow, readable
-//! twin of the solver in plane strain, for laws of the logarithmic strain. It shares the points, basis functions, tensors and
-//! laws of the library, but no assembly, kernel or linear solver. Here it solves each step of a run of the program again.
+//! One load step of the implicit material point method as sections 5 and 6 of Coombs et al. (2020) state it: a slow,
+//! readable twin of the solver in plane strain, for laws of the logarithmic strain. It shares the points, basis
+//! functions, tensors and laws of the library, but no assembly, kernel or linear solver. This example solves each step
+//! of a run of the program again and compares the results.
 //!
 //! ```sh
 //! cargo run --example load_step

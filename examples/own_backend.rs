@@ -1,10 +1,11 @@
-//! A linear solver of one's own: conjugate gradients with the inverse of the diagonal blocks as preconditioner.
+//! A user-defined linear solver: conjugate gradients with the inverse of the diagonal blocks as preconditioner.
 //!
 //! ```sh
 //! cargo run --example own_backend
 //! ```
 //!
-//! It is no match for the built-in ones, but shows all that a backend has to do. A run with it takes the same steps.
+//! It cannot compete with the built-in ones, but shows everything a backend must do. A run with it takes the same
+//! steps.
 #![allow(clippy::print_stdout, reason = "a program")]
 
 use mpm::deck::{build::build, load::load_text};

@@ -1,11 +1,11 @@
-//! A constitutive law of one's own: elasticity whose bulk modulus grows as the material is compressed.
+//! A user-defined constitutive law: elasticity whose bulk modulus grows as the material is compressed.
 //!
 //! ```sh
 //! cargo run --example own_law
 //! ```
 //!
-//! A column of it settles under its own weight between smooth walls. The balance of forces gives the stress at each depth, and
-//! the law then the strain, so that the settlement is known.
+//! A column of this material settles under its own weight between smooth walls. The balance of forces gives the stress
+//! at each depth, and the law gives the strain, so the exact settlement is known.
 #![allow(clippy::print_stdout, reason = "a program")]
 
 use mpm::deck::{build::build, load::load_text};
@@ -64,7 +64,7 @@ const LAW: Stiffening = Stiffening { bulk: 1e6, shear: 0.4e6, growth: 8.0 };
 const HEIGHT: f64 = 20.0;
 const WEIGHT: f64 = 2000.0 * 9.81;
 
-/// The law of the deck only holds its place.
+/// The law in the deck is a placeholder.
 const DECK: &str = r#"
 version: 1
 title: column

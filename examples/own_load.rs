@@ -1,10 +1,10 @@
-//! A load of one's own: the weight of a trolley that travels along a beam, from step to step.
+//! A user-defined load: the weight of a trolley that travels along a beam from step to step.
 //!
 //! ```sh
 //! cargo run --example own_load
 //! ```
 //!
-//! The beam rests on a support at each end. While it bends little, the law of the lever gives the reactions.
+//! The beam rests on a support at each end. As long as it bends little, the law of the lever gives the reactions.
 #![allow(clippy::print_stdout, reason = "a program")]
 
 use mpm::assembly::{System, Wanted};
@@ -19,7 +19,7 @@ use mpm::terms::{LoadNotFinite, PointFailure, Term};
 struct Trolley {
     /// Force, [N].
     force: [f64; 2],
-    /// Where it begins, and how far it moves in a unit of time, [m].
+    /// Initial position, [m], and distance travelled per unit of time, [m].
     start: [f64; 2],
     velocity: [f64; 2],
     /// The force on the active nodes at the end of the step, and at its start, [N].
@@ -32,12 +32,12 @@ impl Trolley {
         Trolley { force, start, velocity, at_end: Vec::new(), at_start: Vec::new() }
     }
 
-    /// Where the trolley is, [m].
+    /// Position of the trolley, [m].
     fn place(&self, time: f64) -> [f64; 2] {
         std::array::from_fn(|d| self.start[d] + time * self.velocity[d])
     }
 
-    /// The force on the active nodes at a time, by the basis functions of the grid where the trolley is.
+    /// The force on the active nodes at a time, by the basis functions of the grid at the trolley.
     fn on_nodes(&self, step: &StepContext<2>, time: f64) -> Nodal<2> {
         let mut nodal = vec![[0.0; 2]; step.links.n_active()];
         let (_, basis) = step.model.grid.basis_near(&self.place(time), None);
@@ -82,7 +82,7 @@ impl Term<2> for Trolley {
         Ok(())
     }
 
-    // The account of work needs it.
+    // The energy balance needs it.
     fn force_at_start(&self, force: &mut Nodal<2>) {
         add(force, &self.at_start);
     }
@@ -112,7 +112,7 @@ fn beam() -> Option<(Model<2>, Points<2>)> {
     build(&load_text("beam.yaml", DECK.as_bytes(), &[]).ok()?).ok()
 }
 
-/// Where the trolley is at the end of each step, [m], and the vertical reactions of both supports, [N].
+/// Position of the trolley at the end of each step, [m], and the vertical reactions of both supports, [N].
 fn run(force: f64) -> Result<Vec<(f64, [f64; 2])>, SolveError> {
     let Some((model, mut points)) = beam() else { return Ok(Vec::new()) };
     let trolley = || Trolley::new([0.0, -force], [0.0, 1.5], [SPAN, 0.0]);

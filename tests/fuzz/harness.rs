@@ -19,7 +19,7 @@ const MOST_MEMORY: usize = 768 << 20;
 /// Time that a case may take.
 const MOST_TIME: Duration = Duration::from_secs(10);
 
-/// What is tried.
+/// The inputs under test.
 pub trait Bench: Send + 'static {
     /// Ending of the names of its files.
     const ENDING: &'static str;

@@ -1,4 +1,4 @@
-//! The doors of the unknowns: turned nodes, ties, global unknowns, and a further field beside the displacement.
+//! Extensions of the unknowns: turned nodes, ties, global unknowns, and a field in addition to the displacement.
 
 use mpm::assembly::{System, Wanted};
 use mpm::deck::build::build;
@@ -73,8 +73,8 @@ fn farthest(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
     a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// A floor that is fixed in both directions holds the same, whatever directions they are; in some of the nodes they meet the
-/// axis of another condition.
+/// A floor fixed along two directions gives the same result for any choice of these; at some nodes, they meet the axis
+/// of another condition.
 #[test]
 fn a_fixed_floor_may_be_fixed_in_any_two_directions() {
     let fixed = [("{name: floor, nodes: {y: 0}, fix: [y]}", "{name: floor, nodes: {y: 0}, fix: [x, y]}")];
@@ -90,8 +90,8 @@ fn a_fixed_floor_may_be_fixed_in_any_two_directions() {
     assert_eq!(plain.unknowns, report.unknowns);
 }
 
-/// On an inclined roller a block slides until the side holds it: the roller bears a force along its normal only, and the
-/// equations stay symmetric and converge quadratically.
+/// On an inclined roller, a block slides until the side holds it: the roller carries a force only along its normal, the
+/// equations stay symmetric, and the iterations converge quadratically.
 #[test]
 fn an_inclined_roller_bears_along_its_normal() {
     for angle in [0.1, 0.5, -0.7f64] {
@@ -119,11 +119,11 @@ fn nodes_at(step: &StepContext<2>, height: f64) -> Vec<usize> {
     (0..step.links.n_active()).filter(|active| (y(active) - height).abs() < 1e-9).collect()
 }
 
-/// A force on a lid at the top, [N]: the nodes there move alike along y, by ties or by springs to a rigid plate that is a global
-/// unknown.
+/// A force on a lid at the top, [N]: the nodes there have the same displacement along y, by ties or by springs to a
+/// rigid plate whose motion is a global unknown.
 struct Lid {
     force: f64,
-    /// Stiffness of each spring, [N/m]; ties where there is none.
+    /// Stiffness of each spring, [N/m]; `None` for ties.
     spring: Option<f64>,
     nodes: Vec<usize>,
     share: f64,
@@ -235,7 +235,7 @@ fn a_lid_of_ties_and_one_of_springs_on_a_plate_press_alike() {
     };
     let of_tied = tops(&tied);
     assert!(of_tied.len() == 5 && of_tied.iter().all(|u| (u - of_tied[0]).abs() < 1e-14), "{of_tied:?}");
-    // Load and weight go into the floor.
+    // The floor carries load and weight.
     assert!((tied.reactions[1][1] / (WEIGHT - force) - 1.0).abs() < 1e-9, "{:?}", tied.reactions);
 
     let spring = 1e10;
@@ -248,13 +248,14 @@ fn a_lid_of_ties_and_one_of_springs_on_a_plate_press_alike() {
     assert!((spring * elongation / force + 1.0).abs() < 1e-9, "{elongation:e}");
     let sprung = last.0.unwrap();
     assert!((sprung.reactions[1][1] / (WEIGHT - force) - 1.0).abs() < 1e-9);
-    // Stiff springs are as good as ties, up to their elongation.
+    // Stiff springs are equivalent to ties, up to their elongation.
     let gap = tops(&sprung).iter().zip(&of_tied).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(gap < 10.0 * force.abs() / spring, "{gap:e}");
     assert!(moved[1] < -0.01 && sprung.residuals.len() < 10, "{moved:?} {:?}", sprung.residuals);
 }
 
-/// A temperature beside the displacement: conduction between a floor at 1 and a top at 3 (times `unit`), which strains nothing.
+/// A temperature field in addition to the displacement: conduction between a floor at 1 and a top at 3 (times `unit`),
+/// without thermal strain.
 struct Conduction {
     unit: f64,
     at_end: Vec<(f64, f64)>,
@@ -331,8 +332,8 @@ impl Term<2, 3> for Conduction {
     }
 }
 
-/// A field beside the displacement has its own norm: whatever its unit, it is solved as well as the displacement is, and does
-/// not change it.
+/// A further field has its own norm: in any unit, it is solved as accurately as the displacement, and does not change
+/// the displacement.
 #[test]
 fn a_further_field_is_solved_beside_the_displacement() {
     let one_step = [("count: 2", "count: 1")];
@@ -358,7 +359,7 @@ fn a_further_field_is_solved_beside_the_displacement() {
     }
 }
 
-/// Displacements that contradict each other along directions are refused by name.
+/// Contradictory displacements along directions are refused, and the message names the conditions.
 #[test]
 fn contradictions_along_directions_are_refused() {
     let (mut model, mut points) =

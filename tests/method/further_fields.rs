@@ -1,4 +1,4 @@
-//! Fields of the points that only one analysis has, through steps, files, checkpoints and resumption.
+//! Point fields that only one analysis has, in steps, files, checkpoints and resumed runs.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -24,7 +24,7 @@ use crate::inline_vtu::read;
 
 const STEPS: usize = 20;
 
-/// A term without force that adds up the way of each point, and counts its steps.
+/// A term without force that sums the path of each point and counts its steps.
 struct Way;
 
 impl Term<2> for Way {
@@ -101,7 +101,7 @@ fn account() -> Account {
     }
 }
 
-/// The numbers of an array of the points in a file, and how many each has.
+/// The values of a point array in a file, and the number per point.
 fn array(path: &Path, name: &str) -> (u32, Vec<f64>) {
     let piece = read(path);
     let found = piece.data.point.iter().find(|array| array.name() == name).unwrap();
@@ -126,7 +126,7 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
     stepper.run(&mut files).unwrap();
     assert_ne!(points.id, started, "the points have changed their order");
 
-    // They follow the points, and steps that were committed.
+    // They follow the points and committed steps.
     let n = points.len();
     let field = |points: &Points<2>, name: &str| points.field(name).unwrap().values;
     assert_eq!(field(&points, "initial_stress"), (0..6 * n).map(|k| k as f64 + 0.5).collect::<Vec<_>>());
@@ -140,7 +140,7 @@ fn further_fields_survive_grouping_commit_checkpoint_and_resumption_and_are_in_f
     assert!(displacement.iter().zip(&way).any(|(u, way)| u.abs() > 0.999 * way && *way > 1e-3));
     assert_eq!(model.array(&points, "way").unwrap().values, way);
 
-    // They are in the files by their names, at the start and at the end.
+    // They are in the files under their names, at the start and at the end.
     for (file, steps) in [("points_0000.vtu", 0.0), (&format!("points_{:04}.vtu", steps as usize), steps)] {
         let file = directory.join(file);
         assert_eq!(array(&file, "initial_stress"), (6, field(&points, "initial_stress")));

@@ -15,7 +15,7 @@ pub enum Shell {
     Sphere,
 }
 
-/// Where the inner radius goes: to a place, or wherever equilibrium lets it.
+/// The motion of the inner radius: prescribed, or free to follow from equilibrium.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Inner {
     Moved(f64),

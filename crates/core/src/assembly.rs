@@ -19,7 +19,7 @@ pub use pattern::Couples;
 pub(crate) use pattern::{NodePairs, UNCOUPLED};
 pub(crate) use reduced::with_ties;
 
-/// What an evaluation is to form.
+/// The requested output of an evaluation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wanted {
     /// Forces and stiffness.
@@ -46,7 +46,7 @@ pub struct System<const N: usize> {
 }
 
 impl<const N: usize> System<N> {
-    /// Lays out the system of a load step. `couples` gives the nodes that are coupled beside those of groups of
+    /// Lays out the system of a load step. `couples` gives the nodes that are coupled in addition to those of groups of
     /// points; `globals` is the number of global unknowns.
     pub(crate) fn new<const D: usize>(
         links: &Connectivity<D>,
@@ -68,7 +68,7 @@ impl<const N: usize> System<N> {
         }
     }
 
-    /// Whether the stiffness is symmetric, so that only blocks with row ≥ column are kept.
+    /// True if the stiffness is symmetric, so that only blocks with row ≥ column are stored.
     pub fn is_symmetric(&self) -> bool {
         self.pairs.symmetric()
     }

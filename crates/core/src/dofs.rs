@@ -1,8 +1,8 @@
 //! Degrees of freedom of a load step: u = C q + g, with the unknowns q.
 //!
-//! Most components of the nodal increments u are unknowns themselves or prescribed. A prescribed direction that is not an axis
-//! turns the frame of its node: the unknowns are then components along other directions. A tie makes a component a combination
-//! of others. All of it is linear, so that the equations of the unknowns are Cᵀ K C δq = Cᵀ r.
+//! Most components of the nodal increments u are unknowns themselves or prescribed. A prescribed direction that is not
+//! an axis turns the frame of its node: the unknowns are then components along other directions. A tie makes a
+//! component a combination of others. All of this is linear, so the equations of the unknowns are Cᵀ K C δq = Cᵀ r.
 
 mod constraints;
 mod covered;
@@ -30,12 +30,12 @@ const REACHED: f64 = 1e-12;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// A component that is no unknown.
+/// A component that is not an unknown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Bound {
     /// Prescribed by a boundary condition.
     Held { condition: u16, increment: f64 },
-    /// Follows from others, by the tie of this number.
+    /// Follows from others by the tie with this number.
     Tied(u32),
 }
 
@@ -52,9 +52,10 @@ struct Tie {
 #[derive(Debug, Clone)]
 pub struct DofMap<const N: usize> {
     numbering: Numbering<N>,
-    /// The components that are no unknowns, in their order.
+    /// The components that are not unknowns, in order.
     bound: Vec<Bound>,
-    /// Components that further conditions prescribe with the same motion: active node, component and condition, ascending.
+    /// Further conditions that prescribe the same motion of a component: active node, component and condition,
+    /// ascending.
     shared: Vec<(u32, u8, u16)>,
     /// The nodes whose unknowns are not along the axes, ascending.
     turned: Vec<Turned<N>>,
@@ -77,7 +78,7 @@ impl<const N: usize> DofMap<N> {
         Constraints::of_model(model, points, links, [start, end])?.into_map()
     }
 
-    /// No constraints on so many nodes.
+    /// The map without constraints on `n_nodes` nodes.
     pub fn unconstrained(n_nodes: usize) -> Self {
         let numbering = Numbering::new(n_nodes, |_, _| true);
         DofMap { numbering, bound: Vec::new(), shared: Vec::new(), turned: Vec::new(), ties: Vec::new() }
@@ -93,7 +94,7 @@ impl<const N: usize> DofMap<N> {
         self.numbering.n_nodes()
     }
 
-    /// The numbers of the unknowns; those of a turned node belong to its directions.
+    /// The numbering of the unknowns; at a turned node, unknowns belong to its directions.
     pub fn numbering(&self) -> &Numbering<N> {
         &self.numbering
     }
@@ -129,7 +130,7 @@ impl<const N: usize> DofMap<N> {
         self.numbering.for_each(visit);
     }
 
-    /// The turned node of an active node.
+    /// The directions of an active node if it is turned.
     pub fn turned(&self, node: usize) -> Option<&Turned<N>> {
         let place = self.turned.binary_search_by_key(&(node as u32), |turned| turned.node).ok()?;
         Some(&self.turned[place])
@@ -145,7 +146,7 @@ impl<const N: usize> DofMap<N> {
         }
     }
 
-    /// True if something keeps the node from moving freely along an axis.
+    /// True if the node cannot move freely along an axis.
     pub fn is_held_along(&self, node: usize, axis: usize) -> bool {
         match self.turned(node) {
             Some(turned) => turned.holds_along(axis),
@@ -167,8 +168,8 @@ impl<const N: usize> DofMap<N> {
         })
     }
 
-    /// The combination C of unknowns and prescribed components that a component is, without its constant: nodes, components and
-    /// weights. At a turned node, component k stands for its direction k.
+    /// A component as a combination C of unknowns and prescribed components, without its constant: nodes, components
+    /// and weights. At a turned node, component k stands for its direction k.
     pub fn expression(&self, node: usize, component: usize) -> Vec<(usize, usize, f64)> {
         let tie = self.numbering.other(node, component).and_then(|other| match self.bound[other] {
             Bound::Tied(tie) => Some(&self.ties[tie as usize]),
@@ -208,8 +209,8 @@ impl<const N: usize> DofMap<N> {
         }
     }
 
-    /// Writes what an increment lacks of its prescribed and tied components into `motion`, zero elsewhere; returns whether it
-    /// lacks anything.
+    /// Writes the remaining increment of the prescribed and tied components into `motion`, zero elsewhere; returns true
+    /// if any of it is not zero.
     pub fn remaining(&self, increment: &[[f64; N]], motion: &mut [[f64; N]]) -> bool {
         motion.fill([0.0; N]);
         let mut lacks = false;
@@ -235,7 +236,8 @@ impl<const N: usize> DofMap<N> {
         motion.as_flattened().iter().any(|u| *u != 0.0)
     }
 
-    /// True if the prescribed and tied components of an increment have reached what is prescribed, but for round-off.
+    /// True if the prescribed and tied components of an increment have reached their prescribed values, up to
+    /// round-off.
     pub fn is_reached(&self, increment: &[[f64; N]]) -> bool {
         let mut is_reached = true;
         self.for_each(|node, component, _| {
@@ -255,7 +257,7 @@ impl<const N: usize> DofMap<N> {
         turned && self.ties.iter().all(|tie| motion[tie.node as usize][tie.component as usize] == 0.0)
     }
 
-    /// The forces on the unknowns, Cᵀ f, of condensed forces; zero where there is no unknown.
+    /// The forces on the unknowns, Cᵀ f, given condensed forces; zero for other components.
     pub fn on_unknowns(&self, force: &mut [[f64; N]]) {
         for turned in &self.turned {
             let force = &mut force[turned.node as usize];
@@ -268,7 +270,8 @@ impl<const N: usize> DofMap<N> {
         });
     }
 
-    /// Adds C δq to a motion of the prescribed components, [length]: the increments of the unknowns and of what is tied to them.
+    /// Adds C δq to a motion of the prescribed components, [length]: the increments of the unknowns and of the
+    /// components tied to them.
     pub fn add_unknowns(&self, delta_q: &[[f64; N]], motion: &mut [[f64; N]]) {
         self.for_each(|node, component, unknown| {
             if unknown.is_some() && self.turned(node).is_none() {
@@ -297,7 +300,7 @@ impl<const N: usize> DofMap<N> {
         }
     }
 
-    /// The part of a condensed force on a node that the constraints take, [force].
+    /// The part of a condensed force on a node that the constraints carry, [force].
     #[inline]
     pub fn held_part(&self, node: usize, force: &[f64; N]) -> [f64; N] {
         if !self.turned.is_empty()
@@ -308,7 +311,7 @@ impl<const N: usize> DofMap<N> {
         std::array::from_fn(|c| if self.free(node, c).is_none() { force[c] } else { 0.0 })
     }
 
-    /// The numbers of the boundary conditions that prescribe a component, the first one of the model first; none where it is
+    /// The numbers of the boundary conditions that prescribe a component, in the order of the model; empty if it is
     /// free. All of them prescribe the same motion.
     pub fn conditions(&self, node: usize, component: usize) -> Vec<usize> {
         let place = (node as u32, component as u8);
@@ -321,10 +324,12 @@ impl<const N: usize> DofMap<N> {
         all
     }
 
-    /// Shares the reaction of a node out among the boundary conditions that bear it: `visit(condition, component, force)`.
+    /// Distributes the reaction of a node among the boundary conditions that carry it: `visit(condition, component,
+    /// force)`.
     ///
-    /// Conditions that hold a component bear it in equal parts or, where none holds it, those that move it. At a turned node
-    /// each condition bears a force along the direction that it prescribes. Conditions that are not of the model get no share.
+    /// The conditions that fix a component carry equal shares; if none fixes it, those that move it do. At a turned
+    /// node, each condition carries a force along its prescribed direction. Conditions that do not belong to the model
+    /// get no share.
     pub fn for_each_share<const D: usize>(
         &self,
         model: &Model<D>,
@@ -354,7 +359,7 @@ impl<const N: usize> DofMap<N> {
     }
 }
 
-/// A rest of a sum of numbers of this size, or nothing where it is round-off.
+/// The remainder of a sum of numbers of this size, or 0 if it is round-off.
 fn unless_round_off(rest: f64, size: f64) -> f64 {
     if rest.abs() > REACHED * size { rest } else { 0.0 }
 }

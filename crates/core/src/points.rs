@@ -1,7 +1,7 @@
 //! The material points: their fixed fields, their converged state, and the trial state of the present load step.
 //!
-//! Fields are declared in `points/fields.rs`, each once; commit, order, checkpoints and arrays follow from there. Those that
-//! only some analyses need are declared at run time, [`Points::declare`].
+//! Each field is declared once, in `points/fields.rs`; commit, reordering, checkpoints and arrays follow from the
+//! declaration. Fields that only some analyses need are declared at run time, [`Points::declare`].
 
 mod arrays;
 mod declare;
@@ -22,10 +22,10 @@ pub use value::PointValues;
 #[cfg(test)]
 mod tests;
 
-/// Points that one thread works on at least.
+/// Smallest number of points that one thread works on.
 pub const PIECE: usize = 1 << 10;
 
-/// A position as messages show it.
+/// A position as text for messages.
 pub fn coordinates(position: &[f64]) -> String {
     let without_sign = |text: String| match text.strip_prefix('-') {
         Some(rest) if rest.bytes().all(|b| b == b'0' || b == b'.') => rest.to_owned(),
@@ -35,7 +35,7 @@ pub fn coordinates(position: &[f64]) -> String {
     format!("({})", numbers.join(", "))
 }
 
-/// Where the current volume of a point comes from.
+/// The source of the current volume of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -43,8 +43,8 @@ pub enum PointVolume {
     /// det(F) times the original volume, eq. (22).
     #[default]
     Deformation,
-    /// The volume of the domain; the same as above unless a domain update does not keep it. Needed only to reproduce
-    /// some results of the paper. Points without domain keep eq. (22).
+    /// The volume of the domain; the same as above unless the domain update changes it. Needed only to reproduce some
+    /// results of the paper. Points without domain use eq. (22).
     Domain,
 }
 
@@ -54,7 +54,7 @@ impl<const D: usize> Points<D> {
         self.id.len()
     }
 
-    /// Whether there are no points.
+    /// True if there are no points.
     pub fn is_empty(&self) -> bool {
         self.id.is_empty()
     }
@@ -65,10 +65,10 @@ impl<const D: usize> Points<D> {
         self.further.commit();
     }
 
-    /// Adds a field that only this analysis has. It follows the points into other orders and steps, checkpoints and files.
+    /// Adds a field that only this analysis has. Reordering, commits, checkpoints and result files include it.
     ///
     /// # Errors
-    /// [`FieldError`] where name, shape or start values do not fit.
+    /// [`FieldError`] if the name, shape or start values are invalid.
     pub fn declare(&mut self, spec: PointFieldSpec) -> Result<FieldHandle, FieldError> {
         let is_taken = |name: &str| Self::STORED.contains(&name) || PointArray::named(name).is_some();
         self.further.declare(spec, &self.id, is_taken)
@@ -85,14 +85,14 @@ impl<const D: usize> Points<D> {
         self.converged.deformation_gradient[p].determinant() * self.original_volume[p]
     }
 
-    /// Where the corners of the domain of a point stand in the arrays of corners; empty when its domain is not given
-    /// by corners.
+    /// The range of the corners of a point's domain in the arrays of corners; empty if its domain is not given by
+    /// corners.
     pub fn corner_range(&self, p: usize) -> std::ops::Range<usize> {
         let start = p * self.corners_per_point;
         start..start + self.corner_count.get(p).map_or(0, |n| usize::from(*n))
     }
 
-    /// Corners of the domain of a point in the converged state; none when it is not given by corners.
+    /// Corners of the domain of a point in the converged state; empty if it is not given by corners.
     pub fn corners(&self, p: usize) -> &[[f64; D]] {
         &self.converged.corners[self.corner_range(p)]
     }

@@ -1,5 +1,5 @@
-//! The quality of a run, in numbers that cost next to nothing: the partition of unity, the fit of the domains to the bodies
-//! and the grid, the filling of the cells, and the convergence of the iterations.
+//! The quality of a run, in measures that cost hardly any time: the partition of unity, the fit of the domains to the
+//! bodies and the grid, the filling of the cells, and the convergence of the iterations.
 //!
 //! [`Measures`] are taken once per step in equilibrium; [`Quality`] keeps the worst of all steps and warns when a measure is
 //! out of bounds for the first time. The overlap of domains costs more, and is computed once, at the end of the run.
@@ -189,7 +189,7 @@ impl Quality {
         }
     }
 
-    /// True if this can be the quality of a run with so many bodies.
+    /// True if this can be the quality of a run with this number of bodies.
     pub fn fits(&self, bodies: usize) -> bool {
         let worst = [
             self.partition_of_unity_loss,
@@ -288,14 +288,14 @@ impl fmt::Display for Quality {
         }
         if let Some(turned) = self.box_rotation {
             parts.push(format!(
-                "boxes turned by {:.0}° in the mean (warning above {MOST_BOX_ROTATION}°)",
+                "boxes turned by {:.0}° on average (warning above {MOST_BOX_ROTATION}°)",
                 turned.value
             ));
         }
         let crossings = (0..self.crossed.len()).filter_map(|body| self.mean_crossings(body)).reduce(f64::max);
         if let Some(crossings) = crossings {
             parts.push(format!(
-                "borders of cells crossed {crossings:.2} times (warning above {MOST_CROSSINGS} with regridding work above {} %)",
+                "cell borders crossed {crossings:.2} times (warning above {MOST_CROSSINGS} with regridding work above {} %)",
                 100.0 * HARMFUL_REGRIDDING
             ));
         }

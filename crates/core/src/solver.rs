@@ -13,7 +13,7 @@
 //! | `course`, `forcing`, `damping`, `damped_step`, `control`, `motion` | beyond the paper: forecasts, inexact solves, damping, unknown load factor, predictor |
 //! | `attempt`, `error`, `diagnosis`, `evidence` | how attempts end, and why they fail |
 //!
-//! A step that fails leaves no trace in the converged state. It is tried again in two halves, down to the smallest step
+//! A step that fails leaves no trace in the converged state. It is retried in two halves, down to the smallest step
 //! that the deck allows; only equilibrium is committed.
 
 mod attempt;
@@ -60,7 +60,7 @@ pub use summary::{Reached, Summary};
 
 /// A model with as many axes as there are mechanics for.
 pub trait Solvable<const D: usize> {
-    /// The code for its mechanics.
+    /// The solver code compiled for the mechanics of this model.
     fn kernels(&self) -> Kernels<D>;
 }
 
@@ -76,7 +76,7 @@ impl Solvable<3> for Model<3> {
     }
 }
 
-/// Runs an analysis from the converged state of `points` to the end, telling `observer` of everything.
+/// Runs an analysis from the converged state of `points` to the end and reports every event to `observer`.
 ///
 /// # Errors
 /// [`SolveError`] when a step has no equilibrium, however small; `points.converged` then is the last equilibrated state.
@@ -91,7 +91,7 @@ where
     Stepper::new(model, points).run(observer)
 }
 
-/// Runs an analysis from the step that has been reached, in whose state `points` are, to the end.
+/// Continues an analysis to the end from a step that has been reached; `points` must be in the state of that step.
 ///
 /// # Errors
 /// As [`run`].

@@ -1,4 +1,4 @@
-//! A load step: when it begins and ends, what it begins with, and the unknowns that it looks for.
+//! A load step: its times, its initial data and its unknowns.
 
 use std::borrow::Cow;
 
@@ -21,16 +21,16 @@ pub struct Step {
 /// A vector on the active nodes, one entry per component.
 pub type Nodal<const N: usize> = Vec<[f64; N]>;
 
-/// What a load step begins with: it does not change during the step.
+/// The initial data of a load step, constant during the step.
 #[derive(Debug, Clone, Copy)]
 pub struct StepContext<'a, const D: usize> {
     /// The model.
     pub model: &'a Model<D>,
-    /// Links of the converged points with the grid; tells which nodes are active.
+    /// Links of the converged points with the grid, which determine the active nodes.
     pub links: &'a Connectivity<D>,
     /// The step.
     pub step: Step,
-    /// Load factor of the state that the step starts from, where it follows from equilibrium, [-].
+    /// Load factor at the start of the step if it follows from equilibrium, [-].
     pub factor: f64,
 }
 
@@ -41,15 +41,15 @@ impl<'a, const D: usize> StepContext<'a, D> {
     }
 }
 
-/// The unknowns at which the terms of equilibrium are evaluated, with `N` components at each node: first the displacement along
-/// each axis, then what further fields have.
+/// The unknowns at which the terms of equilibrium are evaluated, with `N` components at each node: first the
+/// displacement along each axis, then the components of further fields.
 #[derive(Debug, Clone, Copy)]
 pub struct At<'a, const N: usize> {
     /// Increments of the active nodes in the step; those of the displacement are Δd, [length].
     pub delta_d: &'a [[f64; N]],
-    /// Load factor, where it follows from equilibrium, [-].
+    /// Load factor if it follows from equilibrium, [-].
     pub factor: f64,
-    /// Increments of global unknowns in the step: all of them, or for a term its own.
+    /// Increments of global unknowns in the step: of all, or only of one term.
     pub globals: &'a [f64],
 }
 

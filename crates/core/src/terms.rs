@@ -1,7 +1,7 @@
-//! The parts of equilibrium. Each adds force and stiffness to the grid; Newton's method knows their sum only.
+//! The parts of equilibrium. Each adds force and stiffness to the grid; Newton's method uses only their sum.
 //!
-//! The material points, the ghost stabilisation and the external forces are the first three. A new one is a file here, or a
-//! type of another crate, that implements [`Term`].
+//! Three terms are built in: the material points, the ghost stabilisation and the external forces. A new term
+//! implements [`Term`], in a file here or in another crate.
 
 pub mod external_force;
 mod failure;

@@ -159,8 +159,8 @@ impl Check<'_> {
             let name = |number: usize| model.boundary_conditions[number].name.as_str();
             let others = list(by.iter().map(|&number| name(number)));
             let message = format!(
-                "the boundary condition {} has no effect along {}: all of its nodes are already fixed by \
-                 {others}, which gets the reaction",
+                "the boundary condition {} has no effect along {}: all of its nodes are already fixed by {others}, which \
+                 receives the reaction",
                 quote(name(condition)),
                 AXES[axis]
             );

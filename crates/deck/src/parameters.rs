@@ -18,10 +18,10 @@ const MOST: usize = 500;
 /// Most bytes that expressions may add to one text: parameters that contain each other several times would grow without
 /// bound.
 const MOST_IN_TEXT: usize = 10_000;
-/// Most bytes that they may add to all texts of a deck.
+/// Most bytes that expressions may add to all texts of a deck.
 const MOST_IN_ALL: usize = 16 << 20;
 
-/// Names that already have a meaning in formulas.
+// Names that already have a meaning in formulas.
 use super::formulas::VARIABLES;
 
 /// A parameter with everything needed to find its value.

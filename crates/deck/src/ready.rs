@@ -101,7 +101,7 @@ impl Analysis {
         }
     }
 
-    /// Runs the analysis from `reached`, which must be the state of the points.
+    /// Runs the analysis from `reached`; the points must be in the state of that step.
     ///
     /// # Errors
     /// As [`solver::run`].

@@ -226,25 +226,22 @@ impl Checkpoint {
             let name = &field.name;
             let Some(handle) = declared.handle(name) else {
                 return Err(format!(
-                    "it has a field `{name}` of the points, which this analysis does not declare"
+                    "it contains the point field `{name}`, which this analysis does not declare"
                 ));
             };
             let wanted = declared.field(handle);
             if wanted != field {
                 return Err(format!(
-                    "its field `{name}` of the points is {field}, that of this analysis {wanted}"
+                    "its point field `{name}` is {field}, but that of this analysis is {wanted}"
                 ));
             }
             if found.contains(&handle) {
-                return Err(format!("it names the field `{name}` of the points twice"));
+                return Err(format!("it contains the point field `{name}` twice"));
             }
             found.push(handle);
         }
         if let Some((_, field)) = declared.iter().find(|(handle, _)| !found.contains(handle)) {
-            return Err(format!(
-                "it lacks the field `{}` of the points, which this analysis declares",
-                field.name
-            ));
+            return Err(format!("it lacks the point field `{}`, which this analysis declares", field.name));
         }
         found.retain(|handle| declared.field(*handle).kind != FieldKind::Fixed);
         Ok(found)

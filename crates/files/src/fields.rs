@@ -318,7 +318,7 @@ impl<const D: usize> Of<'_, D> {
     }
 }
 
-/// Names of the components of a further field with so many.
+/// Names of the components of a further field with this number of components.
 fn names_of_components(components: usize) -> &'static [&'static str] {
     match components {
         3 => &VECTOR,

@@ -1,8 +1,8 @@
-//! Equations of a few global unknowns beside those of the nodes, such as the motions of a rigid body.
+//! Equations of a few global unknowns in addition to those of the nodes, such as the motions of a rigid body.
 
 use crate::step::Nodal;
 
-/// The global equations r(d, w) = 0 and what the global unknowns w do to the nodes:
+/// The global equations r(d, w) = 0 and the effect of the global unknowns w on the nodes:
 ///
 /// K δd + B δw = f_ext − f_int, A δd + C δw = −r.
 #[derive(Debug, Clone, Default)]

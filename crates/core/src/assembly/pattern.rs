@@ -1,4 +1,4 @@
-//! Which pairs of nodes are coupled by a point, and where the blocks of a group go.
+//! The pairs of nodes coupled by a point, and the places of the blocks of a group.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ pub(crate) struct NodePairs {
     symmetric: bool,
     column_start: Vec<usize>,
     row: Vec<u32>,
-    /// Where the dense pairs of each group start in `position`.
+    /// Start of the dense pairs of each group in `position`.
     group_start: Vec<usize>,
     /// For each dense pair of each group, its place among the pairs, or [`UNCOUPLED`].
     position: Vec<u32>,
@@ -181,7 +181,7 @@ impl NodePairs {
         self.row.len()
     }
 
-    /// Where the dense pairs of some groups stand among those of all groups.
+    /// Range of the dense pairs of some groups among those of all groups.
     pub(crate) fn dense_range(&self, groups: Range<usize>) -> Range<usize> {
         self.group_start[groups.start]..self.group_start[groups.end]
     }
@@ -196,7 +196,7 @@ impl NodePairs {
         BlockMatrix { symmetric: self.symmetric, column_start: &self.column_start, row: &self.row, blocks }
     }
 
-    /// How its columns are shared out in a product with a vector.
+    /// The division of its columns between threads in a product with a vector.
     pub(crate) fn division<const D: usize>(&self) -> Division<D> {
         Division::new(&self.column_start, &self.row)
     }

@@ -1,4 +1,4 @@
-//! The equations of the unknowns, Cᵀ K C, where nodes are turned or tied.
+//! The equations of the unknowns, Cᵀ K C, if nodes are turned or tied.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,8 @@ use super::System;
 use super::pattern::Couples;
 
 impl<const N: usize> System<N> {
-    /// Forms the matrix of the equations of the unknowns from the stiffness; does nothing where it is the stiffness itself.
+    /// Forms the matrix of the equations of the unknowns from the stiffness; does nothing if that is the stiffness
+    /// itself.
     pub fn reduce(&mut self, dofs: &DofMap<N>) {
         if dofs.is_plain() {
             return;
@@ -52,7 +53,7 @@ impl<const N: usize> System<N> {
     }
 }
 
-/// The nodes that terms and ties couple: those that a tied node is coupled with are coupled with those it is tied to.
+/// The nodes that terms and ties couple: nodes coupled to a tied node are also coupled to the nodes it is tied to.
 pub(crate) fn with_ties<const D: usize, const N: usize>(
     dofs: &DofMap<N>,
     links: &Connectivity<D>,

@@ -1,4 +1,4 @@
-//! The constraints of a load step as they are stated, one after the other.
+//! Collection of the constraints of a load step, one after the other.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use super::{AXES, Bound, ConstraintError, DofMap, ON_AXIS, Tie};
 /// Two prescribed increments that differ by less than this, relative to their size, agree.
 const SAME: f64 = 1e-12;
 
-/// What a component is.
+/// The role of a component.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Dof {
     Free,
@@ -22,7 +22,7 @@ enum Dof {
 
 /// The constraints on the increments of `N` components at each active node in one load step.
 ///
-/// Conditions have numbers: those of the model come first, and a reaction is reported of these only.
+/// Conditions have numbers: those of the model come first, and only these have reported reactions.
 pub struct Constraints<'a, const N: usize> {
     dofs: Vec<[Dof; N]>,
     shared: Vec<(u32, u8, u16)>,
@@ -30,14 +30,14 @@ pub struct Constraints<'a, const N: usize> {
     ties: Vec<Tie>,
     /// Position of an active node, [length].
     position: Box<dyn Fn(usize) -> Vec<f64> + 'a>,
-    /// Name of a condition; empty for those that are not of the model.
+    /// Name of a condition; empty for those that do not belong to the model.
     name: Box<dyn Fn(usize) -> String + 'a>,
     /// Active nodes on the axis of revolution.
     on_axis: Vec<usize>,
 }
 
 impl<'a, const N: usize> Constraints<'a, N> {
-    /// The constraints that a model states for a step between two times.
+    /// The constraints of a model in a step between two times.
     ///
     /// # Errors
     /// [`ConstraintError`] when two conditions contradict each other or a formula is not finite.
@@ -90,7 +90,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
     /// Prescribes the increment of a component at an active node.
     ///
     /// # Errors
-    /// [`ConstraintError::Conflict`] where another condition prescribes another increment.
+    /// [`ConstraintError::Conflict`] if another condition prescribes a different increment.
     pub fn hold(
         &mut self,
         node: usize,
@@ -123,7 +123,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
     /// Makes the increment of a component the sum of others, given as node, component and weight, and a constant.
     ///
     /// # Errors
-    /// [`ConstraintError::Tie`] where the component is prescribed or tied already.
+    /// [`ConstraintError::Tie`] if the component is already prescribed or tied.
     pub fn tie(
         &mut self,
         node: usize,
@@ -133,7 +133,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
     ) -> Result<(), ConstraintError> {
         match self.dofs[node][component] {
             Dof::Free => self.dofs[node][component] = Dof::Bound(Bound::Tied(self.ties.len() as u32)),
-            Dof::Bound(_) => return Err(self.tied(node, component, "it is prescribed or tied already")),
+            Dof::Bound(_) => return Err(self.tied(node, component, "it is already prescribed or tied")),
         }
         let terms = to.iter().map(|&(node, component, weight)| (node as u32, component as u8, weight));
         self.ties.push(Tie {
@@ -148,7 +148,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
     /// The map of the unknowns.
     ///
     /// # Errors
-    /// [`ConstraintError`] where constraints contradict each other, or nodes can leave the axis of revolution.
+    /// [`ConstraintError`] if constraints contradict each other, or nodes can leave the axis of revolution.
     pub fn into_map(mut self) -> Result<DofMap<N>, ConstraintError> {
         self.resolve_ties()?;
         let turned = self.turn()?;
@@ -163,7 +163,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
         Ok(DofMap { numbering, bound: bound.collect(), shared, turned, ties })
     }
 
-    /// Turns the nodes with prescribed directions. The unknowns of a turned node stand in the places of its components.
+    /// Turns the nodes with prescribed directions. The unknowns of a turned node are stored in place of its components.
     fn turn(&mut self) -> Result<Vec<Turned<N>>, ConstraintError> {
         let mut turned = Vec::new();
         for (node, along) in std::mem::take(&mut self.along) {
@@ -192,7 +192,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
         Ok(turned)
     }
 
-    /// Replaces tied components in ties by what they are tied to.
+    /// Replaces tied components in ties by the components they are tied to.
     fn resolve_ties(&mut self) -> Result<(), ConstraintError> {
         for k in 0..self.ties.len() {
             let mut left = self.ties.len();
@@ -202,7 +202,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
                 let Some(other) = self.tie_of(node, component) else { continue };
                 if other == k || left == 0 {
                     let Tie { node, component, .. } = self.ties[k];
-                    return Err(self.tied(node as usize, component as usize, "it would follow itself"));
+                    return Err(self.tied(node as usize, component as usize, "it would depend on itself"));
                 }
                 left -= 1;
                 let Tie { terms, constant, .. } = self.ties[other].clone();
@@ -220,7 +220,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
         }
     }
 
-    /// The ring through a node on the axis has no radius; nothing else may move the node off it.
+    /// The ring through a node on the axis has no radius, so no other constraint may move the node off the axis.
     fn keep_axis(&self, turned: &[Turned<N>]) -> Result<(), ConstraintError> {
         let is_kept = |node: usize| match turned.iter().find(|turned| turned.node as usize == node) {
             Some(turned) => turned.n_held() == N && turned.whole_increment()[0] == 0.0,

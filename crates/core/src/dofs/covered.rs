@@ -1,8 +1,8 @@
-//! Boundary conditions without effect beside those before them.
+//! Boundary conditions without effect because earlier ones already hold their nodes.
 
 use crate::model::{BoundaryCondition, NodeSet};
 
-/// A boundary condition that holds along an axis no node which is not held by others before it.
+/// A boundary condition all of whose nodes are already held along an axis by earlier ones.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Covered {
     /// Number of the condition.
@@ -13,7 +13,7 @@ pub struct Covered {
     pub by: Vec<usize>,
 }
 
-/// The conditions that add nothing to those before them, axis by axis: a node belongs to the first that holds it.
+/// The conditions that add nothing to earlier ones, for each axis: a node belongs to the first condition that holds it.
 pub fn covered<const D: usize>(conditions: &[BoundaryCondition<D>]) -> Vec<Covered> {
     (0..D).flat_map(|axis| along(conditions, axis)).collect()
 }
@@ -28,7 +28,7 @@ fn along<const D: usize>(conditions: &[BoundaryCondition<D>], axis: usize) -> Ve
     for (number, condition) in holding() {
         match &condition.nodes {
             NodeSet::Fixed(list) => nodes.extend(list.iter().map(|&node| (node, number as u32))),
-            // Which nodes these are changes from step to step: only the same selection covers them.
+            // These nodes change from step to step, so only the same selection covers them.
             NodeSet::OuterLayer(_) => {
                 let earlier = holding().take_while(|(other, _)| *other < number);
                 let same =

@@ -6,22 +6,22 @@ use crate::points::coordinates;
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ConstraintError {
-    /// Two boundary conditions want different displacements of one node.
+    /// Two boundary conditions prescribe different displacements of one node.
     #[error(
         "boundary conditions `{first}` and `{second}` prescribe the increments {a:e} and {b:e} along {axis} at node {node:?}"
     )]
     Conflict {
-        /// The one that comes first.
+        /// The first condition.
         first: String,
-        /// The other.
+        /// The second condition.
         second: String,
         /// Position of the grid node, [length].
         node: Vec<f64>,
         /// Name of the axis.
         axis: &'static str,
-        /// Increment wanted by the first.
+        /// Increment prescribed by the first.
         a: f64,
-        /// Increment wanted by the second.
+        /// Increment prescribed by the second.
         b: f64,
     },
     /// A formula has no finite value at a node.
@@ -43,7 +43,7 @@ pub enum ConstraintError {
         /// The increment that follows from it.
         value: f64,
     },
-    /// Nodes on the axis of a body of revolution are free to leave it, or made to.
+    /// Nodes on the axis of a body of revolution are free to leave it, or are moved off it.
     #[error("{loose} of the {all} grid nodes of the body on the axis x = 0 can move off it")]
     LooseAxis {
         /// Number of these nodes.
@@ -51,14 +51,14 @@ pub enum ConstraintError {
         /// Number of nodes on the axis that points touch.
         all: usize,
     },
-    /// A component is tied although it is prescribed or tied already, or to itself through other ties.
+    /// A component is tied that is already prescribed or tied, or that is tied to itself through other ties.
     #[error("the motion along {axis} at node {node:?} cannot be tied to that of other nodes: {reason}")]
     Tie {
         /// Position of the grid node, [length].
         node: Vec<f64>,
         /// Name of the axis.
         axis: &'static str,
-        /// Why.
+        /// The reason.
         reason: &'static str,
     },
 }

@@ -18,7 +18,7 @@ impl<const N: usize> Constraints<'_, N> {
         [start, end]: [f64; 2],
     ) -> Result<(), ConstraintError> {
         for (number, condition) in model.boundary_conditions.iter().enumerate() {
-            // At time 0 nothing has moved yet, whatever the curve says.
+            // Nothing has moved yet at time 0, whatever the value of the curve.
             let reached = (start > 0.0).then(|| condition.curve.factor(start));
             let factors = [reached, Some(condition.curve.factor(end))];
             let originals = condition.follows_material().then(|| original_places(model, points, links));
@@ -75,12 +75,13 @@ pub fn displacement_increment<const D: usize>(
     at(factors[1]) - at(factors[0])
 }
 
-/// Weight of a point whose basis function vanishes at a node: any weights do where the deformation is uniform.
+/// Weight of a point whose basis function vanishes at a node: any weight gives the same result if the deformation is
+/// uniform.
 const LEAST_WEIGHT: f64 = 1e-9;
 
-/// Original position of the material at each active node at the start of a step: the mean, weighted by the basis functions,
-/// of what each point around takes it for by its own deformation, X_p + F_p⁻¹ (x − x_p). Exact where the deformation is
-/// uniform, of second order in the size of a cell elsewhere.
+/// Original position of the material at each active node at the start of a step: the mean, weighted by the basis
+/// functions, of the estimates X_p + F_p⁻¹ (x − x_p) of the points around it. Exact if the deformation is uniform,
+/// otherwise of second order in the cell size.
 fn original_places<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,

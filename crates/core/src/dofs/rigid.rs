@@ -1,4 +1,4 @@
-//! Rigid-body motions that boundary conditions leave free, found by counting what they hold.
+//! Rigid-body motions that boundary conditions leave free, found from the degrees of freedom that they hold.
 //!
 //! The grid carries every translation and every small rotation exactly, so a part of the bodies whose held degrees of
 //! freedom do not stop such a motion has a singular stiffness as long as it is free of stress.
@@ -17,24 +17,24 @@ use super::DofMap;
 /// million cells still give more.
 const FREE: f64 = 1e-13;
 
-/// A part of the bodies that hangs together through the grid and is free to move as a rigid body.
+/// A part of the bodies, connected through the grid, that is free to move as a rigid body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FreePart<const D: usize> {
     /// The bodies that have points in it, ascending.
     pub bodies: Vec<u16>,
-    /// Whether these bodies have no points in other parts.
+    /// True if these bodies have no points in other parts.
     pub whole: bool,
     /// One of its nodes, [length].
     pub node: [f64; D],
     /// Axes along which nothing holds it.
     pub axes: Vec<usize>,
-    /// Number of independent rotations that it can make beyond that.
+    /// Number of further independent rotations that are free.
     pub rotations: usize,
     /// The place about which it can turn, [length], where it can make one rotation in the plane and nothing else.
     pub centre: Option<[f64; D]>,
 }
 
-/// What is summed over the nodes of a part.
+/// Sums over the nodes of a part.
 struct Part<const D: usize> {
     /// Sum of the node positions, and their number.
     sum: [f64; D],

@@ -41,7 +41,7 @@ fn increments_meet_all_constraints() {
     let map = map();
     assert_eq!(map.n_free(), 2 * NODES - 1 - 1 - 2 - 1);
     assert!(!map.is_plain() && map.conditions(0, 0) == [0]);
-    // Some increment, completed by what it lacks and any motion of the unknowns.
+    // Some increment, completed by its remainder and any motion of the unknowns.
     let mut u: Vec<[f64; 2]> = (0..NODES).map(|n| [0.3 * n as f64, 0.1 - n as f64]).collect();
     for round in 0..2 {
         let mut motion = vec![[0.0; 2]; NODES];
@@ -76,7 +76,7 @@ fn forces_on_unknowns_are_those_of_the_transpose() {
     });
     for (column, found) in columns(&map).iter().zip(&found) {
         assert!((dot(column, &force) - found).abs() < 1e-13, "{found}");
-        // What the constraints take does no work on the motions that they leave.
+        // Constraint forces do no work on the motions that the constraints leave free.
         let held: Vec<[f64; 2]> = (0..NODES).map(|n| map.held_part(n, &condensed[n])).collect();
         assert!(dot(column, &held).abs() < 1e-13);
     }

@@ -2,7 +2,7 @@
 
 use super::unless_round_off;
 
-/// A direction that adds less than this to those before it adds nothing, [-].
+/// A direction with a smaller component than this orthogonal to those before it counts as dependent on them, [-].
 const INDEPENDENT: f64 = 1e-8;
 
 /// A prescribed motion of a node along a direction.
@@ -14,7 +14,7 @@ pub(super) struct Along<const N: usize> {
     pub condition: u16,
 }
 
-/// A node whose unknowns are components along directions of its own: first those that are prescribed, then the free ones.
+/// A node whose unknowns are components along its own directions: first the prescribed ones, then the free ones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Turned<const N: usize> {
     /// The active node.
@@ -31,7 +31,7 @@ fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     (0..N).map(|c| a[c] * b[c]).sum()
 }
 
-/// What is left of a vector beside orthonormal directions.
+/// The part of a vector orthogonal to orthonormal directions.
 fn beside<const N: usize>(vector: &[f64; N], directions: &[[f64; N]]) -> [f64; N] {
     let mut rest = *vector;
     // Twice is enough (Giraud et al. 2005, doi 10.1007/s00211-005-0615-4).
@@ -56,7 +56,7 @@ impl<const N: usize> Turned<N> {
         let (mut directions, mut prescribed, mut increment) =
             (Vec::new(), Vec::<Along<N>>::new(), Vec::new());
         for motion in motions {
-            // The increment along what the direction adds to those before it.
+            // The increment along the part of the direction that is orthogonal to those before it.
             let known: f64 =
                 directions.iter().zip(&increment).map(|(e, g)| dot(&motion.direction, e) * g).sum();
             match unit(&beside(&motion.direction, &directions)) {
@@ -74,7 +74,7 @@ impl<const N: usize> Turned<N> {
                 }
             }
         }
-        // The free directions, beginning with what is left of the first axes.
+        // The free directions, starting with the orthogonal parts of the first axes.
         for axis in 0..N {
             let mut along = [0.0; N];
             along[axis] = 1.0;
@@ -105,7 +105,7 @@ impl<const N: usize> Turned<N> {
         std::array::from_fn(sum)
     }
 
-    /// True if a prescribed direction keeps the node from moving freely along an axis.
+    /// True if a prescribed direction prevents the node from moving freely along an axis.
     pub(super) fn holds_along(&self, axis: usize) -> bool {
         self.directions[..self.n_held()].iter().any(|direction| direction[axis].abs() > INDEPENDENT)
     }
@@ -115,17 +115,17 @@ impl<const N: usize> Turned<N> {
         std::array::from_fn(|k| dot(&self.directions[k], vector))
     }
 
-    /// The part along an axis of a motion that is given by the unknown directions.
+    /// The component along an axis of a motion given by the unknowns.
     pub(super) fn along(&self, delta_q: &[f64; N], axis: usize) -> f64 {
         (self.n_held()..N).map(|k| delta_q[k] * self.directions[k][axis]).sum()
     }
 
-    /// Adds a motion that is given by the unknown directions.
+    /// Adds a motion given by the unknowns.
     pub(super) fn add(&self, delta_q: &[f64; N], motion: &mut [f64; N]) {
         (0..N).for_each(|axis| motion[axis] += self.along(delta_q, axis));
     }
 
-    /// What an increment lacks of the prescribed motion.
+    /// The part of the prescribed motion that an increment has not reached.
     pub(super) fn remaining(&self, increment: &[f64; N]) -> [f64; N] {
         let size = dot(increment, increment).sqrt();
         let mut motion = [0.0; N];
@@ -147,7 +147,7 @@ impl<const N: usize> Turned<N> {
         part
     }
 
-    /// Shares a reaction out among the conditions: each bears a force along its own direction.
+    /// Distributes a reaction among the conditions: each carries a force along its own direction.
     pub(super) fn for_each_share(&self, reaction: &[f64; N], mut visit: impl FnMut(usize, usize, f64)) {
         let mut rest = *reaction;
         for k in (0..self.n_held()).rev() {

@@ -1,22 +1,22 @@
-//! What a solver for the equations of a load step has to offer, and what it is given.
+//! The interface of a solver for the equations of a load step, and its input.
 
 use super::blocks::{BlockMatrix, Division};
 use super::{Factorisation, LinearError, Numbering};
 
 /// A solver for the linear equations of a load step, K x = b on the unknowns of the active nodes.
 ///
-/// A step calls [`prepare`](Backend::prepare) once, each iteration [`factorise`](Backend::factorise), and each right-hand side
-/// [`solve`](Backend::solve). There are `D` axes and `N` components at each node.
+/// Each step calls [`prepare`](Backend::prepare) once, each iteration [`factorise`](Backend::factorise), and each
+/// right-hand side [`solve`](Backend::solve). There are `D` axes and `N` components at each node.
 ///
-/// The result must not depend on the number of threads: a backend adds up in a fixed order.
+/// The result must not depend on the number of threads, so a backend must compute every sum in a fixed order.
 pub trait Backend<const D: usize, const N: usize = D>: Send {
     /// Prepares for matrices of this sparsity pattern.
     ///
     /// # Errors
-    /// [`LinearError`] where it cannot solve such equations.
+    /// [`LinearError`] if it cannot solve such equations.
     fn prepare(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError>;
 
-    /// Takes the values of a matrix: factorises it, or sets up a preconditioner.
+    /// Factorises a matrix, or sets up a preconditioner for it.
     ///
     /// # Errors
     /// [`LinearError`].
@@ -37,12 +37,11 @@ pub trait Backend<const D: usize, const N: usize = D>: Send {
         tolerance: f64,
     ) -> Result<Solved, LinearError>;
 
-    /// True if [`solve`](Backend::solve) iterates on the matrix that it is given, so that a factor of an earlier one is good
-    /// enough.
+    /// True if [`solve`](Backend::solve) iterates with the current matrix, so a factor of an earlier one is sufficient.
     fn is_iterative(&self) -> bool;
 }
 
-/// How a system was solved.
+/// The method by which a system was solved.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solved {
     /// The kind of factorisation.
@@ -56,16 +55,17 @@ pub struct Solved {
 pub struct Layout<'a, const D: usize, const N: usize = D> {
     /// The unknowns.
     pub numbering: &'a Numbering<N>,
-    /// Grid node of each active node, ascending. Unlike active nodes and unknowns it keeps its number from step to step.
+    /// Grid node of each active node, ascending. Unlike active nodes and unknowns, grid nodes keep their numbers from
+    /// step to step.
     pub nodes: &'a [u32],
     /// Integer coordinates of an active node: its place in a structured grid, or a binning of its position in a mesh.
     pub lattice: &'a (dyn Fn(usize) -> [u32; D] + 'a),
-    /// True if an analysed pattern may serve for patterns that it contains.
+    /// True if an analysed pattern may be reused for patterns that it contains.
     pub keeps_pattern: bool,
 }
 
 impl<const D: usize, const N: usize> Layout<'_, D, N> {
-    /// Names of the unknowns that outlast the step: grid node times `N`, plus the component; ascending.
+    /// Names of the unknowns that stay valid from step to step: grid node times `N`, plus the component; ascending.
     pub fn names(&self) -> Vec<u64> {
         let mut names = Vec::with_capacity(self.numbering.count());
         self.numbering.for_each(|node, component, unknown| {

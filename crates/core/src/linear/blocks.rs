@@ -13,12 +13,12 @@ const COLUMNS: usize = 2048;
 /// Rows of a sum that one thread adds up.
 const ROWS: usize = 1024;
 
-/// A square matrix of N×N blocks by columns, as assembly leaves it; of a symmetric one the blocks with row ≥ column.
+/// A square matrix of N×N blocks by columns, as assembled; for a symmetric matrix only the blocks with row ≥ column.
 #[derive(Debug, Clone, Copy)]
 pub struct BlockMatrix<'a, const N: usize> {
-    /// Whether only the lower triangle is given.
+    /// True if only the lower triangle is given.
     pub symmetric: bool,
-    /// Where each column starts in `row` and `blocks`; one entry more than there are columns.
+    /// Start of each column in `row` and `blocks`; one entry more than there are columns.
     pub column_start: &'a [usize],
     /// Row of each block, ascending within a column.
     pub row: &'a [u32],
@@ -26,8 +26,8 @@ pub struct BlockMatrix<'a, const N: usize> {
     pub blocks: &'a [Block<N>],
 }
 
-/// How the columns of a matrix are shared out: a fixed division, whose tasks add into rooms of their own, so that a
-/// product has the same bits for any number of threads.
+/// A fixed division of the columns of a matrix into tasks, each with its own working space, so that a product has the
+/// same bits for any number of threads.
 #[derive(Debug, Clone, Default)]
 pub struct Division<const N: usize> {
     tasks: Vec<Task>,
@@ -39,7 +39,7 @@ pub struct Division<const N: usize> {
 struct Task {
     columns: Range<usize>,
     rows: Range<usize>,
-    /// Where its rows stand in the room of all.
+    /// Start of its rows in the working space of all tasks.
     place: usize,
 }
 
@@ -49,7 +49,7 @@ impl<const N: usize> Division<N> {
         let n = column_start.len().saturating_sub(1);
         let rows_of = |c: usize| &row[column_start[c]..column_start[c + 1]];
         let reach = |c: usize| rows_of(c).last().map_or(0, |&r| (r as usize).saturating_sub(c));
-        // Rooms that overlap little cost little.
+        // Working spaces that overlap little cost little.
         let size = COLUMNS.max(2 * (0..n).map(reach).max().unwrap_or(0));
         let mut tasks = Vec::new();
         let mut place = 0;

@@ -2,19 +2,19 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How linear equations are to be solved.
+/// The solution method for linear equations.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Choice {
-    /// Directly, or iteratively where that is faster or the factor does not fit into memory: many unknowns in space, on
-    /// a structured grid.
+    /// Direct, or iterative if that is faster or the factor does not fit into memory: for many unknowns in three
+    /// dimensions on a structured grid.
     #[default]
     Auto,
-    /// By a factorisation.
+    /// Factorisation.
     Direct,
-    /// By conjugate gradients, or GMRES where the stiffness is not positive definite, with a multigrid preconditioner; on a
-    /// structured grid only.
+    /// Conjugate gradients, or GMRES if the stiffness is not positive definite, with a multigrid preconditioner; only
+    /// on a structured grid.
     Iterative,
 }
 
@@ -40,8 +40,8 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Whether conjugate gradients solve a positive definite system of this size in `D` dimensions much faster than a
-    /// factorisation. The work of that is the one of its last separator, which is as thick as nodes are coupled.
+    /// True if conjugate gradients solve a positive definite system of this size in `D` dimensions much faster than a
+    /// factorisation. The work of the latter is that of its last separator, whose thickness is the reach of couplings.
     pub fn is_large<const D: usize>(&self) -> bool {
         if D < 3 {
             return D as f64 * self.nodes > MOST_IN_PLANE;

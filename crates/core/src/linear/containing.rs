@@ -1,26 +1,27 @@
-//! A pattern that has been analysed serves for those that it contains.
+//! Reuse of an analysed pattern for patterns that it contains.
 
 use serde::{Deserialize, Serialize};
 
 use super::Pattern;
 
-/// A pattern of more than this many times the unknowns of another does not serve for it.
+/// A pattern is not reused for one with fewer unknowns by more than this factor, [-].
 const MOST: f64 = 1.25;
 
-/// The analysed pattern of a symmetric matrix whose unknowns have names that outlast a load step: node of the grid times the number
-/// of axes, plus the axis; ascending.
+/// The analysed pattern of a symmetric matrix whose unknowns have names that stay valid from step to step: node of the
+/// grid times the number of axes, plus the axis; ascending.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Named {
     /// Name of each unknown.
     pub names: Vec<u64>,
-    /// Which of them are coupled.
+    /// The couplings of the unknowns.
     pub pattern: Pattern,
     /// The unknowns in the order of elimination.
     pub order: Vec<usize>,
 }
 
 impl Named {
-    /// Whether it is a pattern of unknowns of a grid with so many nodes in `D` dimensions; what a file says may not be.
+    /// True if it can be a pattern of unknowns of a grid with this number of nodes in `D` dimensions; a pattern from a
+    /// file may not be.
     pub fn can_be_of<const D: usize>(&self, nodes: usize) -> bool {
         let Pattern { n, column_start, row, symmetric } = &self.pattern;
         let of_column = |j: usize| {
@@ -42,7 +43,7 @@ impl Named {
             && self.is_order()
     }
 
-    /// Whether each unknown stands once in the order of elimination.
+    /// True if each unknown occurs once in the order of elimination.
     fn is_order(&self) -> bool {
         let mut is_met = vec![false; self.pattern.n];
         let mut once =
@@ -51,7 +52,7 @@ impl Named {
     }
 }
 
-/// Where the unknowns and entries of a pattern are in one that contains it.
+/// The places of the unknowns and entries of a pattern in one that contains it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Embedding {
     unknown: Vec<usize>,
@@ -63,7 +64,7 @@ pub struct Embedding {
 }
 
 impl Embedding {
-    /// `None` where the larger pattern does not contain the other, or is too large for it to be worth while.
+    /// `None` if the larger pattern does not contain the other, or is too large for reuse to pay off.
     pub fn new(names: &[u64], of: &Pattern, outer: &Named) -> Option<Embedding> {
         let within = &outer.pattern;
         if within.n as f64 > MOST * of.n as f64 {
@@ -83,7 +84,7 @@ impl Embedding {
         Some(Embedding { absent: absent.collect(), unknown, entry, n: within.n, n_entries: within.row.len() })
     }
 
-    /// Values of the larger pattern: those of the other, and a diagonal entry of no consequence for each unknown that the
+    /// Values of the larger pattern: those of the other, and an arbitrary diagonal entry for each unknown that the
     /// other does not have.
     pub fn values(&self, inner: &[f64]) -> Vec<f64> {
         let mut values = vec![0.0; self.n_entries];

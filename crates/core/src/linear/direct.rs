@@ -1,4 +1,4 @@
-//! Sparse direct solver: LLᵀ by fronts, and LDLᵀ and LU of the faer library, behind one face.
+//! Sparse direct solver: LLᵀ by fronts, and LDLᵀ and LU of the faer library, behind one interface.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltError;
@@ -19,36 +19,36 @@ use super::{FactorSize, Factorisation, LinearError, LinearSolver, Pattern};
 /// Largest relative residual of a solution that is accepted from a factorisation without pivoting.
 const UNPIVOTED_RESIDUAL: f64 = 1e-8;
 
-/// A factor of fewer bytes is taken without asking whether there are as many.
+/// A factor of fewer bytes is allocated without checking the available memory.
 const LITTLE: u64 = 64 << 20;
 
 /// Unknowns whose diagonal entry is below this multiple of the largest are weak: they belong to nodes that points hardly
 /// touch.
 const WEAK: f64 = 1e-2;
 
-/// Weak unknowns that move so many times as far as the others are lost.
+/// Weak unknowns are lost if they move farther than the others by this factor.
 const LOST: f64 = 1e5;
 
-/// What is added to the diagonal entries of weak unknowns, relative to them, where they leave the matrix singular.
+/// Relative shift of the diagonal entries of weak unknowns that leave the matrix singular.
 const SHIFT: f64 = 1e-9;
 
-/// Relative residual that shows that the shift has only made up for round-off. Where it is not reached the shift is as
-/// large as a curvature that the matrix has, which may be negative.
+/// Relative residual below which the shift has only compensated for round-off. Above it, the shift is as large as a
+/// curvature of the matrix, which may be negative.
 const SINGULAR_RESIDUAL: f64 = 1e-10;
 
-/// Steps of iterative refinement that mend a shift, and the relative residual that they must reach.
+/// Most steps of iterative refinement that correct for a shift, and the relative residual that they must reach.
 const REFINEMENTS: usize = 4;
 const REFINED_RESIDUAL: f64 = 1e-12;
 
 /// A direct solver. Symmetric matrices get LLᵀ, LDLᵀ when they are not positive definite, LU when that is not
 /// accurate; others LU.
 ///
-/// Where weak unknowns leave the matrix singular to working precision, their diagonal entries are shifted and solutions
-/// refined until they solve the equations as they are given. That happens where a corner of a domain is all that touches
-/// two nodes: their basis functions are the same to every point, so that one combination of them strains nothing, moves
-/// nothing and carries no load.
+/// If weak unknowns leave the matrix singular to working precision, their diagonal entries are shifted and solutions
+/// refined until they solve the original equations. This happens if only a corner of a domain touches two nodes: every
+/// point sees the same basis function for both, so one combination of them causes no strain and no motion, and carries
+/// no load.
 ///
-/// Threads share the fronts of LLᵀ in a way that does not change its bits; everything else runs on one.
+/// Threads share the fronts of LLᵀ in a way that does not change its bits; everything else runs on one thread.
 #[derive(Default)]
 pub struct Direct {
     pattern: Pattern,
@@ -61,7 +61,7 @@ pub struct Direct {
     factor: Vec<f64>,
     work: Vec<f64>,
     kind: Option<Factorisation>,
-    /// Whether the factor is that of a shifted matrix.
+    /// True if the factor is that of a shifted matrix.
     shifted: bool,
     /// Norm of the largest right-hand side of such a matrix since the last call for analysis.
     largest: f64,
@@ -89,7 +89,7 @@ fn out_of_memory<E>(_: E) -> LinearError {
     LinearError::OutOfMemory { needed: None }
 }
 
-/// An error if so many bytes are not available.
+/// Returns an error if this number of bytes is not available.
 fn ask_for(needed: u64) -> Result<(), LinearError> {
     if needed > LITTLE && Memory::of_this_machine().is_some_and(|memory| needed > memory.available) {
         return Err(LinearError::OutOfMemory { needed: Some(needed) });
@@ -108,7 +108,7 @@ fn symbolic_view(pattern: &Pattern) -> SymbolicSparseColMatRef<'_, usize> {
 impl LinearSolver for Direct {
     fn analyse(&mut self, pattern: Pattern, order: &dyn Fn() -> Vec<usize>) -> Result<bool, LinearError> {
         if self.pattern == pattern && (self.llt.is_some() || !pattern.symmetric) {
-            self.largest = 0.0; // a run that goes on from a checkpoint knows nothing of earlier steps
+            self.largest = 0.0; // a resumed run knows nothing of earlier steps
             return Ok(false);
         }
         *self = Direct { pattern, ..Direct::default() };
@@ -172,7 +172,7 @@ impl LinearSolver for Direct {
 }
 
 impl Direct {
-    /// How large the factor LLᵀ of the pattern is that has been analysed.
+    /// The size of the factor LLᵀ of the analysed pattern.
     pub fn factor_size(&self) -> FactorSize {
         self.llt.as_ref().map(Multifrontal::size).unwrap_or_default()
     }
@@ -187,12 +187,12 @@ impl Direct {
     fn solve_unshifted(&mut self, rhs: &mut [f64]) -> Result<(), LinearError> {
         let given = rhs.to_vec();
         if self.shifted {
-            // Something loads what nothing resists, or it does resist a little, or the reverse.
+            // A load acts on a motion with no, little or negative resistance.
             self.shifted = false;
             self.kind = Some(self.factorise_ldlt()?);
         }
         self.back_substitute(rhs);
-        // No pivoting took place: believe the solution only if it solves the system.
+        // Without pivoting, the solution is accepted only if it solves the system.
         if self.kind == Some(Factorisation::Ldlt) && self.residual(&given, rhs) > UNPIVOTED_RESIDUAL {
             self.factorise_lu()?;
             self.kind = Some(Factorisation::Lu);
@@ -211,7 +211,7 @@ impl Direct {
         WEAK * (0..self.pattern.n).map(diagonal).fold(0.0, f64::max)
     }
 
-    /// Whether a solution carries weak unknowns so far beyond the others that only a singular matrix can have done it.
+    /// True if a solution moves weak unknowns so much farther than the others that the matrix must be singular.
     fn is_lost(&self, x: &[f64]) -> bool {
         let limit = self.limit_of_weakness();
         let (mut weak, mut strong) = (0.0f64, 0.0f64);
@@ -259,8 +259,8 @@ impl Direct {
         self.refine(rhs)
     }
 
-    /// LLᵀ with the diagonal entries of weak unknowns shifted; false where there are none, or where that does not solve
-    /// the equations for a right-hand side that has a solution.
+    /// LLᵀ with the diagonal entries of weak unknowns shifted; false if there are none, or if this does not solve the
+    /// equations for a right-hand side that has a solution.
     fn factorise_shifted(&mut self) -> Result<bool, LinearError> {
         let n = self.pattern.n;
         let diagonal = |j: usize| self.pattern.column_start[j];
@@ -310,7 +310,7 @@ impl Direct {
         residual
     }
 
-    /// Lays LDLᵀ out, once for a pattern.
+    /// Sets up the layout of LDLᵀ once for each pattern.
     fn analyse_ldlt(&mut self) -> Result<(), LinearError> {
         if self.ldlt.is_some() {
             return Ok(());
@@ -371,7 +371,7 @@ impl Direct {
         }
     }
 
-    /// The first unknown whose row and column hold nothing but zeros.
+    /// The first unknown whose row and column contain only zeros.
     fn empty_column(&self) -> Option<usize> {
         let mut empty = vec![true; self.pattern.n];
         for j in 0..self.pattern.n {

@@ -56,15 +56,15 @@ pub struct DirectBackend {
     entries: FreeEntries,
     /// Values of the entries, or the right-hand side.
     values: Vec<f64>,
-    /// The analysed pattern, where it may serve for patterns that it contains, …
+    /// The analysed pattern, if it may be reused for patterns that it contains.
     kept: Option<Arc<Named>>,
-    /// … and the place in it of the present pattern, unless they are the same.
+    /// The embedding of the present pattern in the kept one, unless they are the same.
     embedding: Option<Embedding>,
     factorised: Option<Factorisation>,
 }
 
 impl DirectBackend {
-    /// A backend that begins with an analysed pattern.
+    /// A backend that starts with an analysed pattern.
     pub fn with(kept: Option<Arc<Named>>) -> Self {
         DirectBackend { kept, ..DirectBackend::default() }
     }

@@ -12,8 +12,8 @@ use super::{Factorisation, LinearError};
 use conjugate::ConjugateGradients;
 use gmres::Gmres;
 
-/// The iterative backend for symmetric matrices on structured grids. It applies the matrix block by block where it stands; only
-/// the preconditioner keeps a copy, in single precision.
+/// The iterative backend for symmetric matrices on structured grids. It applies the assembled matrix block by block;
+/// only the preconditioner keeps a copy, in single precision.
 #[derive(Default)]
 pub struct Krylov<const D: usize, const N: usize = D> {
     multigrid: Multigrid<D, N>,
@@ -50,7 +50,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     /// Sets up the preconditioner.
     ///
     /// # Errors
-    /// [`LinearError::Singular`] where an unknown has no stiffness of its own, or the coarsest level none at all.
+    /// [`LinearError::Singular`] if an unknown has no diagonal stiffness, or the coarsest level has none at all.
     fn factorise(&mut self, _: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
         self.definite = self.multigrid.factorise(matrix)?;
         Ok(())

@@ -1,9 +1,9 @@
-//! Nodes on a lattice and the coarser lattice above them: which nodes there are, and how a field is handed on.
+//! Nodes on a lattice and the coarser lattice above them: the nodes of both, and the transfer of fields between them.
 
 /// Marks a place of the lattice without a node.
 const NOTHING: u32 = u32::MAX;
 
-/// Nodes at places of a lattice, and how far along each axis nodes are coupled.
+/// Nodes at places of a lattice, and the reach of couplings along each axis.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Lattice<const D: usize> {
     /// Place of each node; the lowest along each axis is 0.
@@ -127,7 +127,7 @@ fn for_each_parent<const D: usize>(place: &[u32; D], mut visit: impl FnMut([u32;
 }
 
 /// Bilinear or trilinear interpolation between a lattice and the coarser one. The weights of every node sum to one,
-/// at the border of the body too: linear fields are handed on unchanged.
+/// also at the border of the body, so linear fields are transferred exactly.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Transfer {
     parent_start: Vec<u32>,

@@ -30,15 +30,15 @@ pub use numbering::Numbering;
 pub struct Pattern {
     /// Number of unknowns.
     pub n: usize,
-    /// Where each column starts in `row`; `n + 1` entries.
+    /// Start of each column in `row`; `n + 1` entries.
     pub column_start: Vec<usize>,
     /// Row of each entry, ascending within a column.
     pub row: Vec<usize>,
-    /// Whether only the lower triangle is given.
+    /// True if only the lower triangle is given.
     pub symmetric: bool,
 }
 
-/// Which factorisation solved a system.
+/// The kind of factorisation that solved a system.
 #[non_exhaustive]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Factorisation {
@@ -48,30 +48,31 @@ pub enum Factorisation {
     Ldlt,
     /// LU with partial pivoting.
     Lu,
-    /// None: conjugate gradients with a multigrid preconditioner, which have found the matrix positive definite.
+    /// No factorisation: conjugate gradients with a multigrid preconditioner, which found the matrix positive definite.
     Multigrid,
-    /// None: generalised minimal residuals with a multigrid preconditioner; the matrix is not positive definite.
+    /// No factorisation: generalised minimal residuals with a multigrid preconditioner; the matrix is not positive
+    /// definite.
     MultigridIndefinite,
 }
 
 impl Factorisation {
-    /// Whether the matrix was positive definite.
+    /// True if the matrix was positive definite.
     pub fn is_definite(self) -> bool {
         matches!(self, Factorisation::Cholesky | Factorisation::Multigrid)
     }
 
-    /// Whether nothing was factorised.
+    /// True if nothing was factorised.
     pub fn is_iterative(self) -> bool {
         matches!(self, Factorisation::Multigrid | Factorisation::MultigridIndefinite)
     }
 }
 
-/// How large a factor is.
+/// The size of a factor.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct FactorSize {
     /// Entries of L.
     pub entries: usize,
-    /// Sums and products that it takes, to the leading order.
+    /// Number of sums and products of the factorisation, to leading order.
     pub operations: f64,
 }
 
@@ -82,16 +83,16 @@ pub enum LinearError {
     /// The matrix is singular to working precision.
     #[error("the matrix is singular")]
     Singular {
-        /// An unknown that the singular motion involves, where it is known.
+        /// An unknown involved in the singular motion, if known.
         unknown: Option<usize>,
     },
     /// The factor does not fit into memory.
     #[error("out of memory")]
     OutOfMemory {
-        /// What the factor takes, [byte], where it is known.
+        /// Size of the factor, [byte], if known.
         needed: Option<u64>,
     },
-    /// The iterative solver, which needs a symmetric matrix, has met another.
+    /// The iterative solver was given a matrix that is not symmetric.
     #[error("the matrix is not symmetric")]
     Unsymmetric,
     /// An iterative solver has not reached its tolerance.
@@ -99,15 +100,15 @@ pub enum LinearError {
     NotConverged {
         /// Iterations.
         iterations: usize,
-        /// Norm of what is left relative to the right-hand side.
+        /// Norm of the residual relative to the right-hand side.
         residual: f64,
     },
 }
 
 /// A solver for sparse linear systems.
 pub trait LinearSolver {
-    /// Prepares for matrices of this pattern; `order` lists the unknowns in the order of elimination. Does nothing
-    /// when the pattern is the one analysed last; returns whether it did something.
+    /// Prepares for matrices of this pattern; `order` lists the unknowns in the order of elimination. Does nothing if
+    /// the pattern is the one analysed last; returns true if it did anything.
     ///
     /// # Errors
     /// [`LinearError::OutOfMemory`].

@@ -1,11 +1,11 @@
 //! Sparse Cholesky factorisation LLᵀ by fronts (Duff and Reid, 1983).
 //!
 //! Unknowns with the same neighbours are eliminated together, as the pivots of a front: a small dense matrix on their
-//! rows and those of later unknowns that this involves, its border. What a front takes from its border is added to the
-//! front of the first of these, its parent. Fronts without a common descendant are independent of each other.
+//! rows and on the rows of the later unknowns involved, its border. The update of the border is added to the front of
+//! the first unknown of the border, its parent. Fronts without a common descendant are independent of each other.
 //!
-//! Everything that costs time is a product of small dense matrices. Where threads share work, who gets what depends on
-//! sizes only and every sum has a fixed order, so that the factor has the same bits for any number of threads.
+//! Everything that costs time is a product of small dense matrices. The division of work between threads depends only
+//! on sizes, and every sum has a fixed order, so the factor has the same bits for any number of threads.
 
 mod dense;
 mod elimination;
@@ -23,19 +23,19 @@ use fronts::Fronts;
 use nodes::NONE;
 use tasks::Task;
 
-/// What is fixed for a pattern, and working space. The factor is kept by the caller.
+/// The layout of the factor for a pattern, and working space. The caller stores the factor.
 pub(super) struct Multifrontal {
     fronts: Fronts,
     task: Task,
-    /// What fronts pass to their parents.
+    /// The updates that fronts pass to their parents.
     passed: Vec<f64>,
     /// A solution, and the rows of one front.
     solution: Vec<f64>,
 }
 
 impl Multifrontal {
-    /// Lays out the factor of a symmetric pattern. Unknowns are eliminated in this order, except that those which are
-    /// independent of each other may change places. `None` where an index takes more than 32 bits.
+    /// Lays out the factor of a symmetric pattern. Unknowns are eliminated in this order, except that independent ones
+    /// may be exchanged. `None` if an index needs more than 32 bits.
     pub fn new(pattern: &Pattern, order: &[usize]) -> Option<Multifrontal> {
         if pattern.n.max(pattern.row.len()) >= NONE as usize {
             return None;
@@ -50,7 +50,7 @@ impl Multifrontal {
         self.fronts.front.last().map_or(0, |last| last.panel + last.panel_len())
     }
 
-    /// Entries and operations of the factor, without what fronts are rounded up by.
+    /// Entries and operations of the factor, without the padding of fronts.
     pub fn size(&self) -> FactorSize {
         let mut size = FactorSize::default();
         for front in &self.fronts.front {

@@ -14,10 +14,10 @@ use super::{Direct, LinearError, LinearSolver, Pattern, ordering};
 
 use level::Level;
 
-/// A level of so many nodes is solved directly.
+/// A level of at most this number of nodes is solved directly.
 const COARSEST: usize = 300;
 
-/// A coarser level with more than this part of the nodes is not worth it.
+/// A coarser level with more than this fraction of the nodes does not pay off, [-].
 const WORTH: f64 = 0.7;
 
 /// The hierarchy for one pattern, with the values of one matrix.
@@ -44,7 +44,7 @@ impl<const D: usize, const N: usize> Multigrid<D, N> {
         if self.levels.first().is_some_and(|finest| finest.is_of(&lattice, matrix, &held)) {
             return Ok(false);
         }
-        *self = Multigrid::default(); // gives the memory back before more is taken
+        *self = Multigrid::default(); // frees the memory before more is allocated
         let mut level = Level::finest(lattice, matrix, held);
         while level.lattice.len() > COARSEST {
             let (coarser, transfer) = level.coarser();

@@ -1,9 +1,9 @@
 //! The numbers of the unknowns among the components at the active nodes.
 
-/// Which components at the active nodes are unknowns, numbered node by node and component by component.
+/// The unknowns among the components at the active nodes, numbered node by node and component by component.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Numbering<const N: usize> {
-    /// The number of the unknown, or one from `count` on where there is none.
+    /// The number of the unknown, or a number from `count` on if the component is not an unknown.
     number: Vec<[u32; N]>,
     count: usize,
 }
@@ -31,14 +31,14 @@ impl<const N: usize> Numbering<N> {
         self.number.len()
     }
 
-    /// The number of an unknown; `None` where the component is none.
+    /// The number of an unknown; `None` if the component is not an unknown.
     #[inline]
     pub fn unknown(&self, node: usize, component: usize) -> Option<usize> {
         let number = self.number[node][component] as usize;
         (number < self.count).then_some(number)
     }
 
-    /// The rank of a component among those that are no unknowns; `None` where it is one.
+    /// The rank of a component among those that are not unknowns; `None` if it is an unknown.
     #[inline]
     pub fn other(&self, node: usize, component: usize) -> Option<usize> {
         (self.number[node][component] as usize).checked_sub(self.count)

@@ -52,7 +52,7 @@ impl<const D: usize> Dissection<'_, D> {
         self.order.extend_from_slice(separator);
     }
 
-    /// The axis that holds the most separators' thicknesses side by side.
+    /// The axis along which the nodes extend farthest, in units of the separator thickness.
     fn longest(&self, nodes: &[usize]) -> usize {
         let (mut low, mut high) = ([u32::MAX; D], [0; D]);
         for &node in nodes {

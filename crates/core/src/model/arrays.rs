@@ -3,15 +3,15 @@
 use super::Model;
 use crate::points::{PointArray, PointValues, Points};
 
-/// The place of a history variable among those of each law.
+/// The index of a history variable among those of each law.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HistoryVariable {
-    /// By number of the body, if its law has it.
+    /// Index for each body; `None` if its law does not have the variable.
     place: Vec<Option<usize>>,
 }
 
 impl HistoryVariable {
-    /// The history variable of a name.
+    /// The history variable with a name.
     pub fn new<const D: usize>(model: &Model<D>, name: &str) -> HistoryVariable {
         let law = |material: usize| &model.materials[material].law;
         let place = |material| law(material).state_fields().iter().position(|field| field.name == name);
@@ -34,11 +34,12 @@ impl HistoryVariable {
 
 impl<const D: usize> Model<D> {
     /// An array of the points in their converged state by its name, with the meaning of the name in VTU files: those of
-    /// [`PointArray`], but with the logarithmic elastic strain and the volume of [`Model::volume`]; history variables of laws,
-    /// zero for points of other laws; declared fields ([`Points::STORED`]); and further ones ([`Points::declare`]). `None` where
-    /// nothing has the name.
+    /// [`PointArray`], but with the logarithmic elastic strain and the volume of [`Model::volume`]; history variables
+    /// of laws, zero for points of other laws; declared fields ([`Points::STORED`]); and further ones
+    /// ([`Points::declare`]). `None` if nothing has this name.
     ///
-    /// One row per point in the order of the permanent numbers; order of components and units as [`PointArray`] has them.
+    /// One row per point in the order of the permanent numbers; [`PointArray`] defines the order of components and the
+    /// units.
     pub fn array(&self, points: &Points<D>, name: &str) -> Option<PointValues> {
         let order = points.by_id();
         let logarithmic =

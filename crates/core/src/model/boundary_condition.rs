@@ -25,7 +25,7 @@ pub struct BoundaryCondition<const D: usize> {
     /// the node (`D` values), the original position of the material there (`D` values) and the load factor. A formula
     /// without the load factor is multiplied by it.
     pub displacement: [Option<Formula>; D],
-    /// Directions to which `displacement` refers, where they are not the axes: orthonormal vectors, `[direction][axis]`.
+    /// Directions to which `displacement` refers if they are not the axes: orthonormal vectors, `[direction][axis]`.
     pub axes: Option<[[f64; D]; D]>,
     /// Load factor over time.
     pub curve: LoadCurve,

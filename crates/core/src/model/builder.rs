@@ -1,4 +1,4 @@
-//! A model and its points built in code, with defaults for all that is not stated.
+//! A model and its points built in code, with defaults for everything that is not set.
 
 use crate::basis::{DomainKind, Method};
 use crate::domain::DomainUpdate;
@@ -29,15 +29,15 @@ pub enum BuildError {
         /// The material.
         material: String,
     },
-    /// A body contains no point.
+    /// A body contains no points.
     #[error(
-        "no point lies in body `{body}`: its region is outside the grid or smaller than the distance of points"
+        "no point lies in body `{body}`: its region is outside the grid or smaller than the spacing of points"
     )]
     Empty {
         /// The body.
         body: String,
     },
-    /// A boundary condition contains no node.
+    /// A boundary condition contains no nodes.
     #[error("no node of the grid belongs to the boundary condition `{name}`")]
     NoNode {
         /// The condition.
@@ -86,8 +86,8 @@ impl Default for Fill {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
-/// All loads and prescribed motions grow linearly to their values at the end, at time 1. Everything else can be changed in the
-/// model that it returns. Faults are kept and returned by [`Builder::build`].
+/// All loads and prescribed motions grow linearly to their values at the end, at time 1. Everything else can be changed
+/// in the resulting model. Errors are deferred to [`Builder::build`].
 pub struct Builder<const D: usize> {
     grid: Structured<D>,
     model: Model<D>,
@@ -96,7 +96,7 @@ pub struct Builder<const D: usize> {
 }
 
 impl<const D: usize> Builder<D> {
-    /// A model with a grid and nothing else.
+    /// Starts with a grid only.
     pub fn new(grid: Structured<D>) -> Self {
         Builder { model: Model::new(Box::new(grid.clone())), grid, seeds: Vec::new(), fault: None }
     }
@@ -108,8 +108,8 @@ impl<const D: usize> Builder<D> {
         self
     }
 
-    /// Adds a body of a material added before: equal boxes that divide the cells are its points where their centres are in a
-    /// region.
+    /// Adds a body of a material that has already been added. Cells are divided into equal boxes; those with their
+    /// centre in the region become points.
     pub fn body(
         mut self,
         name: &str,
@@ -177,8 +177,8 @@ impl<const D: usize> Builder<D> {
         }
     }
 
-    /// Makes the bodies ones of revolution about the axis where the first coordinate is zero. To be called before bodies are
-    /// added.
+    /// Makes all bodies bodies of revolution about the axis where the first coordinate is zero. Call this before adding
+    /// bodies.
     pub fn revolved(mut self) -> Self {
         self.model.revolved = true;
         self
@@ -189,7 +189,8 @@ impl<const D: usize> Builder<D> {
         self.prescribe(name, axes.map(|axis| axis.then_some(0.0)), on)
     }
 
-    /// Prescribes the displacement at the end, [length], of the nodes for which `on` holds, along the axes that have one.
+    /// Prescribes the final displacement, [length], of the nodes for which `on` holds, along the axes for which it is
+    /// given.
     pub fn prescribe(
         mut self,
         name: &str,
@@ -223,7 +224,7 @@ impl<const D: usize> Builder<D> {
         self
     }
 
-    /// Divides the loading into so many steps.
+    /// Divides the loading into `count` equal steps.
     pub fn steps(mut self, count: usize) -> Self {
         self.model.stepping = Stepping::fixed(count.max(1), 1.0);
         self
@@ -232,7 +233,7 @@ impl<const D: usize> Builder<D> {
     /// The model and its points, whose permanent numbers follow the order of bodies and cells.
     ///
     /// # Errors
-    /// The first fault.
+    /// The first error.
     pub fn build(mut self) -> Result<(Model<D>, Points<D>), BuildError> {
         let bodies = self.model.bodies.len();
         self.model.loads.iter_mut().for_each(|load| load.acts_on = vec![true; bodies]);

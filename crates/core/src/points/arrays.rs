@@ -5,9 +5,9 @@ use crate::tensor::Sym3;
 
 /// A quantity of the points in their converged state.
 ///
-/// Arrays have one row per point in the order of the permanent numbers, whatever the present order of the points is.
-/// Vectors have `D` components. Matrices stand row by row: xx, xy, xz, yx, yy, yz, zx, zy, zz. Symmetric tensors stand as
-/// xx, yy, zz, xy, yz, xz, as in VTU files: tensor components without the factors √2 of the Mandel layout.
+/// Arrays have one row per point in the order of the permanent numbers, independent of their present order. Vectors
+/// have `D` components. Matrices are stored by rows: xx, xy, xz, yx, yy, yz, zx, zy, zz. Symmetric tensors are stored
+/// as xx, yy, zz, xy, yz, xz, as in VTU files: tensor components without the factors √2 of the Mandel layout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PointArray {
     /// Position, `D` components, [length].
@@ -20,11 +20,11 @@ pub enum PointArray {
     KirchhoffStress,
     /// Cauchy stress σ = τ/J, 6 components, tension positive, [stress].
     CauchyStress,
-    /// Elastic strain in the measure of the law, 6 components, shear components being those of the tensor, [-].
-    /// [`Model::array`](crate::model::Model::array) has the logarithmic one.
+    /// Elastic strain in the measure of the law, 6 components with the shear components of the tensor, [-].
+    /// [`Model::array`](crate::model::Model::array) returns the logarithmic strain.
     ElasticStrain,
-    /// Volume J V_p0 of eq. (22), [volume]. [`Model::array`](crate::model::Model::array) has that of the domain where the
-    /// model asks for it.
+    /// Volume J V_p0 of eq. (22), [volume]. [`Model::array`](crate::model::Model::array) returns the volume of the
+    /// domain if the model uses it.
     Volume,
     /// Mass, [mass].
     Mass,
@@ -33,7 +33,7 @@ pub enum PointArray {
 }
 
 impl PointArray {
-    /// All of them.
+    /// All quantities.
     pub const ALL: [PointArray; 9] = [
         PointArray::Position,
         PointArray::Displacement,
@@ -46,7 +46,7 @@ impl PointArray {
         PointArray::Body,
     ];
 
-    /// Its name.
+    /// The name of the array.
     pub fn name(self) -> &'static str {
         match self {
             PointArray::Position => "position",
@@ -61,7 +61,7 @@ impl PointArray {
         }
     }
 
-    /// The array of a name.
+    /// The array with a name.
     pub fn named(name: &str) -> Option<PointArray> {
         PointArray::ALL.into_iter().find(|array| array.name() == name)
     }
@@ -78,7 +78,7 @@ impl<const D: usize> Points<D> {
         self.converged.kirchhoff_stress[p] * (1.0 / self.converged.deformation_gradient[p].determinant())
     }
 
-    /// A quantity of all points; shape, order and units as [`PointArray`] has them.
+    /// A quantity of all points; [`PointArray`] defines shape, order and units.
     pub fn array(&self, array: PointArray) -> PointValues {
         let order = self.by_id();
         match array {
@@ -97,7 +97,7 @@ impl<const D: usize> Points<D> {
     }
 
     /// A declared or further field by its name, in its converged state: `original_position`, `history`, … Fields with
-    /// several values per point have all of them, one after the other.
+    /// several values per point contain all of them, one after the other.
     pub fn field(&self, name: &str) -> Option<PointValues> {
         let order = self.by_id();
         self.stored(name, &order).or_else(|| {

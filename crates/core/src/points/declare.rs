@@ -1,5 +1,5 @@
-//! Declaration of the fields of the points: [`point_fields`] turns a list of fields into their arrays and into
-//! everything that handles each of them.
+//! Declaration of the fields of the points: [`point_fields`] generates the arrays from a list of fields, and all code
+//! that handles each of them.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -16,7 +16,7 @@ pub enum FieldKind {
     Fixed,
     /// At the end of a step, with the motion of the points. Trial values exist from then until the step is committed.
     Motion,
-    /// In each evaluation of equilibrium, as the answer of a law. Trial values always exist.
+    /// In each evaluation of equilibrium, as the response of a law. Trial values always exist.
     Answer,
 }
 
@@ -35,17 +35,17 @@ pub struct StoredField {
     pub components: usize,
 }
 
-/// Declares the fields of the points. Each is one entry
+/// Declares the fields of the points. Each field has one entry:
 ///
 /// ```text
 /// /// What it is.
 /// name: Type = shape(|seed| start value), in "unit", called "name in messages";
 /// ```
 ///
-/// whose shape is `one` value for each point, `one_or_none`, which takes no memory where the start value of every point
-/// vanishes, or `up_to[count]` values for each point, as many as the point that has most. Generates both structures,
-/// `Points::new`, reordering, the passage from trial to converged, the check of lengths, and the visits of all fields
-/// from which checkpoints and arrays are made.
+/// The shape is `one`: a value per point; `one_or_none`: the same, but no memory if all start values are zero; or
+/// `up_to[count]`: several values per point, as many as the point with the most values needs. The macro generates both
+/// structures, `Points::new`, reordering, the step from trial to converged values, the check of lengths, and the
+/// visitors of all fields for checkpoints and arrays.
 macro_rules! point_fields {
     (@per $self:ident) => { 1 };
     (@per $self:ident $per:ident) => { $self.$per };
@@ -96,12 +96,12 @@ macro_rules! point_fields {
                 $State { $($answer: self.$answer.clone(),)* ..$State::default() }
             }
 
-            /// Exchanges the answers of laws.
+            /// Exchanges the responses of laws.
             pub(super) fn swap_answers(&mut self, other: &mut Self) {
                 $(std::mem::swap(&mut self.$answer, &mut other.$answer);)*
             }
 
-            /// Takes over a trial state, and the motion of the points where there is one.
+            /// Takes over a trial state, including the motion of the points if it is present.
             pub(super) fn take(&mut self, trial: &mut Self) {
                 self.swap_answers(trial);
                 let has_moved = [$(trial.$motion.len() == self.$motion.len()),*];
@@ -110,12 +110,12 @@ macro_rules! point_fields {
                 }
             }
 
-            /// Makes room for the motion of points whose converged state is this; it is to be written as a whole.
+            /// Makes room for the motion of points with this converged state; the caller must write all of it.
             pub(crate) fn make_room_for_motion(&mut self, converged: &Self) {
                 $(self.$motion.resize(converged.$motion.len(), $crate::points::value::Value::ZERO);)*
             }
 
-            /// Gives up the motion of the points, and its memory.
+            /// Discards the motion of the points and frees its memory.
             pub(crate) fn forget_motion(&mut self) {
                 $(self.$motion = Vec::new();)*
             }
@@ -136,8 +136,8 @@ macro_rules! point_fields {
             $($(#[$fixed_doc])* #[doc = concat!("\n\nUnit: [", $fixed_unit, "].")] pub $fixed: Vec<$fixed_type>,)*
             /// State at the end of the last equilibrated step.
             pub converged: $State<D>,
-            /// State of the present step. Fields of the motion are there from the motion of the points at the end of the
-            /// step until it is committed, and take no memory before.
+            /// State of the present step. Fields of the motion exist from the motion of the points at the end of the
+            /// step until the commit, and take no memory before.
             pub trial: $State<D>,
             $($(#[$count_doc])* pub $count: usize,)*
             /// Fields that only this analysis has.
@@ -178,15 +178,15 @@ macro_rules! point_fields {
                     let per_point = point_fields!(@per self $($motion_per)?);
                     self.converged.$motion = gather(&self.converged.$motion, order, per_point);
                 )*
-                // Into the trial state, which the present step has yet to write.
+                // Reuse the trial state, which the present step has not written yet.
                 let (old, new) = (&self.converged, &mut self.trial);
                 $(gather_into(&old.$answer, order, point_fields!(@per self $($answer_per)?), &mut new.$answer);)*
                 self.converged.swap_answers(&mut self.trial);
                 self.further.reorder(order);
             }
 
-            /// Visits the fields of the converged state as checkpoints hold them: in the order of their declaration, with
-            /// all numbers in the present order of the points; zeros where a field has no entries.
+            /// Visits the fields of the converged state as checkpoints store them: in the order of declaration, with
+            /// the numbers in the present order of the points; zeros if a field has no entries.
             ///
             /// # Errors
             /// The first error of a visit.
@@ -213,8 +213,8 @@ macro_rules! point_fields {
                 Ok(())
             }
 
-            /// The state made of what [`Self::for_each_field`] has visited; `read` gives as many numbers of a field as it is
-            /// asked for.
+            /// Builds a state from the fields that [`Self::for_each_field`] visits; `read` must return the requested
+            /// number of values of a field.
             ///
             /// # Errors
             /// The first error of `read`.
@@ -267,7 +267,7 @@ pub(super) use point_fields;
 pub(super) mod start {
     use super::{IndexedParallelIterator, IntoParallelRefIterator, PIECE, ParallelIterator, Seed, Value};
 
-    /// The largest number that a seed has of something.
+    /// The largest count of something in any seed.
     pub fn most<const D: usize>(seeds: &[Seed<D>], count: impl Fn(&Seed<D>) -> usize) -> usize {
         seeds.iter().map(count).max().unwrap_or(0)
     }
@@ -280,7 +280,7 @@ pub(super) mod start {
         seeds.par_iter().with_min_len(PIECE).map(value).collect()
     }
 
-    /// One value for each point; none at all where all vanish.
+    /// One value for each point; empty if all are zero.
     pub fn one_or_none<const D: usize, T: Value>(
         seeds: &[Seed<D>],
         value: impl Fn(&Seed<D>) -> T + Send + Sync,
@@ -303,7 +303,7 @@ pub(super) mod start {
     }
 }
 
-/// The values of the points in another order, `n` for each point; none of none.
+/// The values of the points in another order, `n` for each point; empty if there are none.
 pub(super) fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32], n: usize) -> Vec<T> {
     if values.is_empty() {
         Vec::new()
@@ -314,7 +314,7 @@ pub(super) fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32], n: usiz
     }
 }
 
-/// As [`gather`], into given room.
+/// As [`gather`], but into an existing array.
 pub(super) fn gather_into<T: Copy + Send + Sync>(values: &[T], order: &[u32], n: usize, room: &mut [T]) {
     let places = room.par_chunks_exact_mut(n.max(1)).with_min_len(PIECE);
     places.zip(order).for_each(|(place, &p)| place.copy_from_slice(&values[p as usize * n..][..n]));

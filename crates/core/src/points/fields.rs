@@ -6,14 +6,14 @@ use crate::tensor::{Mat3, Sym3};
 point_fields! {
     /// All material points of an analysis, as structure of arrays.
     ///
-    /// Newton iterations write `trial` only; [`Points::commit`] is the sole path from trial to converged, so that
-    /// abandoning a load step needs no undo. Points are kept grouped by the grid cell that holds them; `id` is the
-    /// permanent number of a point.
+    /// Newton iterations write `trial` only; only [`Points::commit`] turns it into the converged state, so abandoning a
+    /// load step needs no undo. Points are kept grouped by the grid cell that holds them; `id` is the permanent number
+    /// of a point.
     struct Points {
         counts {
-            /// Number of history variables kept per point: the most that any law needs.
+            /// Number of history variables kept per point: the largest number that any law needs.
             history_len = |seed| seed.history.len();
-            /// Number of places for domain corners kept per point: the most that any of them has.
+            /// Number of domain corners stored per point: the largest number that any point has.
             corners_per_point = |seed| seed.corners.len();
         }
         fixed {
@@ -21,7 +21,7 @@ point_fields! {
             body: u16 = one(|seed| seed.body), in "-";
             /// Original position X.
             original_position: [f64; D] = one(|seed| seed.position), in "length";
-            /// Original half lengths l_p0 of the domain; none where no point has such a domain.
+            /// Original half lengths l_p0 of the domain; empty if no point has such a domain.
             original_half_lengths: [f64; D] = one_or_none(|seed| seed.half_lengths), in "length";
             /// Original corners of the domains given by corners; those of a point are at [`Points::corner_range`].
             original_corners: [f64; D] = up_to[corners_per_point](|seed| &seed.corners), in "length";
@@ -32,8 +32,7 @@ point_fields! {
             /// True if the point belongs to the outer layer of its body at the start.
             outer_layer: bool = one(|seed| seed.outer_layer), in "-";
             /// Number of corners of the domain of the point: 2^D for quadrilaterals and hexahedra, D + 1 for triangles
-            /// and tetrahedra, none for points whose domain is not given by corners; no entries where there are no
-            /// corners.
+            /// and tetrahedra, 0 for points whose domain is not given by corners; empty if there are no corners.
             corner_count: u8 = one_or_none(|seed| seed.corners.len() as u8), in "-";
         }
     }
@@ -43,8 +42,8 @@ point_fields! {
         motion {
             /// Position x_p.
             position: [f64; D] = one(|seed| seed.position), in "length", called "position";
-            /// Half lengths l_p of the domain along the axes; zero for points without domain, and none at all where no
-            /// point has such a domain.
+            /// Half lengths l_p of the domain along the axes; zero for points without domain, and empty if no point has
+            /// such a domain.
             half_lengths: [f64; D] = one_or_none(|seed| seed.half_lengths), in "length", called "half length";
             /// Corners of the domains given by corners; those of a point are at [`Points::corner_range`].
             corners: [f64; D] = up_to[corners_per_point](|seed| &seed.corners), in "length", called "domain";

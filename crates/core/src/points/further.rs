@@ -12,12 +12,12 @@ const MOST_COMPONENTS: usize = 1 << 10;
 /// A further field with its start values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointFieldSpec {
-    /// Name in files, checkpoints and arrays: letters, digits and underscores, a letter first.
+    /// Name in files, checkpoints and arrays: letters, digits and underscores, starting with a letter.
     pub name: String,
     /// Unit, `-` for plain numbers.
     pub unit: String,
-    /// Numbers per point. In files 3 are named as a vector, 6 as a symmetric tensor in the order xx, yy, zz, xy, yz, xz
-    /// without factors, 9 as a tensor row by row.
+    /// Numbers per point. Files name 3 components as a vector, 6 as a symmetric tensor in the order xx, yy, zz, xy, yz,
+    /// xz without factors, and 9 as a tensor by rows.
     pub components: usize,
     /// The time at which it changes.
     pub kind: FieldKind,
@@ -25,7 +25,7 @@ pub struct PointFieldSpec {
     pub start: Vec<f64>,
 }
 
-/// Name, shape and kind of a further field, as checkpoints have them.
+/// Name, shape and kind of a further field, as stored in checkpoints.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FurtherField {
     /// Name.
@@ -42,22 +42,24 @@ impl fmt::Display for FurtherField {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let FurtherField { unit, components, .. } = self;
         let kind = match self.kind {
-            FieldKind::Fixed => "fixed",
-            FieldKind::Motion => "of the motion",
-            FieldKind::Answer => "an answer",
+            FieldKind::Fixed => "fixed data",
+            FieldKind::Motion => "a motion",
+            FieldKind::Answer => "a response",
         };
-        write!(f, "{kind}, with {components} per point, in [{unit}]")
+        write!(f, "{kind} ({components} per point, in [{unit}])")
     }
 }
 
 /// A further field that cannot be declared.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FieldError {
-    /// The name has other characters than letters, digits and underscores, or begins with a digit.
-    #[error("`{0}` cannot name a field of the points: use letters, digits and underscores, a letter first")]
+    /// The name contains characters other than letters, digits and underscores, or does not start with a letter.
+    #[error(
+        "`{0}` cannot be the name of a point field: use letters, digits and underscores, starting with a letter"
+    )]
     Name(String),
     /// Another field has the name.
-    #[error("there is a field `{0}` of the points already")]
+    #[error("there is already a point field `{0}`")]
     Taken(String),
     /// There are no components, or too many.
     #[error("the field `{name}` has {components} components; 1 to {MOST_COMPONENTS} are possible")]
@@ -77,8 +79,8 @@ pub enum FieldError {
         /// Number of points times number of components.
         wanted: usize,
     },
-    /// A start value is infinite or no number.
-    #[error("the field `{name}` starts at point {point} with {value}")]
+    /// A start value is infinite or NaN.
+    #[error("the start value of the field `{name}` at point {point} is {value}")]
     NotFinite {
         /// Name of the field.
         name: String,
@@ -89,12 +91,12 @@ pub enum FieldError {
     },
 }
 
-/// A further field among those of its points; other points may not have it.
+/// A handle to a further field, valid only for the points it was declared for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FieldHandle(usize);
 
-/// All further fields of some points. Values are in the present order of the points, as those of the declared fields; all
-/// components of a point follow each other.
+/// All further fields of some points. Values are in the present order of the points, as in the declared fields; the
+/// components of a point are consecutive.
 #[derive(Debug, Clone, Default)]
 pub struct Further {
     fields: Vec<Kept>,
@@ -105,12 +107,14 @@ pub struct Further {
 struct Kept {
     field: FurtherField,
     converged: Vec<f64>,
-    /// As long as the converged values for answers, for fields of the motion once they are written; else none.
+    /// As many as the converged values for responses of laws, and for fields of the motion once they are written;
+    /// otherwise empty.
     trial: Vec<f64>,
 }
 
 impl Further {
-    /// Adds a field to points with these permanent numbers, in their present order; names of other fields are taken.
+    /// Adds a field to points with these permanent numbers, in their present order; its name must differ from those of
+    /// all other fields.
     ///
     /// # Errors
     /// [`FieldError`].
@@ -150,7 +154,7 @@ impl Further {
         self.fields.iter().enumerate().map(|(k, kept)| (FieldHandle(k), &kept.field))
     }
 
-    /// The field of a name.
+    /// The handle of the field with a name.
     pub fn handle(&self, name: &str) -> Option<FieldHandle> {
         self.fields.iter().position(|kept| kept.field.name == name).map(FieldHandle)
     }
@@ -165,14 +169,14 @@ impl Further {
         &self.fields[handle.0].converged
     }
 
-    /// Values of the present step: those at its end where they are there, else those at its start.
+    /// Values of the present step: those at its end if they exist, otherwise those at its start.
     pub fn trial(&self, handle: FieldHandle) -> &[f64] {
         let kept = &self.fields[handle.0];
         if kept.trial.is_empty() { &kept.converged } else { &kept.trial }
     }
 
-    /// Values of the present step, to be written; none of a fixed field. Those of the motion are there from the first
-    /// call in a step, and begin as the converged ones.
+    /// Mutable values of the present step; empty for a fixed field. Values of the motion exist from the first call in a
+    /// step, initially equal to the converged ones.
     pub fn trial_mut(&mut self, handle: FieldHandle) -> &mut [f64] {
         let Kept { field, converged, trial } = &mut self.fields[handle.0];
         if field.kind == FieldKind::Motion && trial.is_empty() {
@@ -181,7 +185,7 @@ impl Further {
         trial
     }
 
-    /// The trial values become the converged ones. Answers are copied: values that are not written stay.
+    /// The trial values become the converged ones. Responses are copied, so values that are not written persist.
     pub(super) fn commit(&mut self) {
         for Kept { field, converged, trial } in &mut self.fields {
             match field.kind {
@@ -193,7 +197,7 @@ impl Further {
         }
     }
 
-    /// Follows the points into another order, and gives up trial values.
+    /// Puts the values into another order of the points and discards trial values.
     pub(super) fn reorder(&mut self, order: &[u32]) {
         for Kept { field, converged, .. } in &mut self.fields {
             *converged = gather(converged, order, field.components);
@@ -211,10 +215,10 @@ impl Further {
         }
     }
 
-    /// Puts other values into the place of the converged ones.
+    /// Replaces the converged values.
     ///
     /// # Panics
-    /// If they are not as many.
+    /// If their number differs.
     pub fn restore(&mut self, handle: FieldHandle, values: &[f64]) {
         let kept = &mut self.fields[handle.0];
         kept.converged.copy_from_slice(values);

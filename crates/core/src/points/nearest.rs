@@ -18,7 +18,7 @@ impl<const D: usize> Points<D> {
         }
         found.sort_unstable_by(order);
         let clear = match (found.get(count.wrapping_sub(1)), found.get(count)) {
-            // Distances from far places are round-off of their coordinates.
+            // The round-off of distances from distant places is that of their coordinates.
             (Some(last), Some(next)) => {
                 let far = place.iter().fold(0.0, |far: f64, x| far.max(x.abs()));
                 next.0 - last.0 > 1e-9 * next.0 + 1e-12 * far
@@ -28,8 +28,9 @@ impl<const D: usize> Points<D> {
         (found.iter().take(count).map(|f| f.1).collect(), clear)
     }
 
-    /// Permanent numbers of the points of a body nearest to a place in the original configuration, by distance, and all
-    /// that are farther than the last of `count` by `slack` [length] or by the round-off of coordinates at most.
+    /// Permanent numbers of the points of a body nearest to a place in the original configuration, by distance: the
+    /// first `count`, and all that are farther than the last of these by at most `slack` [length] or the round-off of
+    /// coordinates.
     pub fn nearest_with_ties(&self, body: u16, place: &[f64; D], count: usize, slack: f64) -> Vec<u32> {
         let distance = |p: usize| -> f64 {
             (0..D).map(|d| (self.original_position[p][d] - place[d]).powi(2)).sum::<f64>().sqrt()

@@ -1,4 +1,4 @@
-//! The order of the points: grouped by the cells of the grid, by permanent number, or as a checkpoint has it.
+//! The order of the points: grouped by the cells of the grid, by permanent number, or as in a checkpoint.
 
 use rayon::prelude::*;
 
@@ -7,7 +7,7 @@ use crate::grid::Grid;
 
 impl<const D: usize> Points<D> {
     /// Sorts the points by the grid cell that holds them, then by body, keeping the order of equals, and returns the
-    /// first point of every occupied cell and, last, the number of points. Trial values of further fields begin anew.
+    /// first point of every occupied cell and, last, the number of points. Trial values of further fields are reset.
     ///
     /// # Errors
     /// The index of the first point that lies outside the grid.
@@ -34,7 +34,7 @@ impl<const D: usize> Points<D> {
         Ok(starts)
     }
 
-    /// Finds the cells of all points; the first point that lies outside the grid.
+    /// Finds the cells of all points; returns the first point that lies outside the grid.
     fn locate<G: Grid<D> + ?Sized>(&mut self, grid: &G) -> Option<usize> {
         let places = self.converged.position.par_iter();
         (self.cell.par_iter_mut().zip(places).enumerate().with_min_len(PIECE))
@@ -48,21 +48,21 @@ impl<const D: usize> Points<D> {
             .min()
     }
 
-    /// Puts the points into another order, `id` being their permanent numbers in it, and into a converged state with the
+    /// Restores an order of the points, given by their permanent numbers `id`, and their converged state, with the
     /// cells that held them.
     ///
     /// # Errors
-    /// When the numbers are not those of all points, or the arrays have not one entry for each.
+    /// If `id` is not a permutation of the point numbers, or an array does not have one entry per point.
     pub fn restore(&mut self, id: &[u32], cell: Vec<u32>, state: State<D>) -> Result<(), String> {
         let mut seen = vec![false; self.len()];
         for &number in id {
             match seen.get_mut(number as usize) {
                 Some(seen) if !*seen => *seen = true,
-                _ => return Err("the numbers of its points are not those of all points".to_owned()),
+                _ => return Err("its point numbers are not those of all points".to_owned()),
             }
         }
         if [id.len(), cell.len()] != [self.len(); 2] || state.lengths() != self.converged.lengths() {
-            return Err("its arrays have not one entry for each point".to_owned());
+            return Err("its arrays do not have one entry per point".to_owned());
         }
         let place = self.by_id();
         let order: Vec<u32> = id.iter().map(|&number| place[number as usize] as u32).collect();
@@ -80,7 +80,7 @@ impl<const D: usize> Points<D> {
         order
     }
 
-    /// The same in place of what is in `order`.
+    /// The same, written to `order`.
     pub fn order_by_id(&self, order: &mut Vec<usize>) {
         order.resize(self.len(), 0);
         for (p, &id) in self.id.iter().enumerate() {
@@ -89,7 +89,7 @@ impl<const D: usize> Points<D> {
     }
 }
 
-/// The points in the order of a key, those of the same key in the order that they had: by counting.
+/// The points in the order of a key, by a stable counting sort.
 fn sorted(points: &[u32], key: impl Fn(u32) -> usize) -> Vec<u32> {
     let mut next = Vec::new();
     for &p in points {

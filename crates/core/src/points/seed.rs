@@ -1,6 +1,6 @@
-//! The start of a point.
+//! The initial data of a point.
 
-/// What seeding knows of one point.
+/// The initial data of one point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Seed<const D: usize> {
     /// Number of the body.
@@ -9,9 +9,9 @@ pub struct Seed<const D: usize> {
     pub position: [f64; D],
     /// Half lengths of the domain, [length]; zero for points without domain.
     pub half_lengths: [f64; D],
-    /// Corners of a domain given by corners, [length]; none for other points. 2^D corners are those of a
-    /// quadrilateral or hexahedron, bit d of a corner's number being its side along parametric axis d; D + 1 are
-    /// those of a triangle or tetrahedron of positive volume.
+    /// Corners of a domain given by corners, [length]; none for other points. 2^D corners are those of a quadrilateral
+    /// or hexahedron, where bit d of a corner's number is its side along parametric axis d; D + 1 are those of a
+    /// triangle or tetrahedron of positive volume.
     pub corners: Vec<[f64; D]>,
     /// Volume, [volume].
     pub volume: f64,

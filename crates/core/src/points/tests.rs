@@ -86,10 +86,10 @@ fn further_fields_follow_the_points() {
     points.commit();
     assert_eq!(points.further.converged(motion), [30.0, 2.0, 1.0, 0.0]);
     assert_eq!(points.further.converged(answer), [3.0, 2.0, 1.0, 5.0]);
-    points.commit(); // what nothing has written stays
+    points.commit(); // values that nothing has written persist
     assert_eq!(points.further.converged(answer), [3.0, 2.0, 1.0, 5.0]);
 
-    // A step that is given up leaves nothing behind, and the points change their order.
+    // An abandoned step leaves no trace; then the points change their order.
     points.further.trial_mut(motion).fill(-1.0);
     points.further.trial_mut(answer).fill(-1.0);
     points.converged.position.reverse();
@@ -117,7 +117,7 @@ fn fields_that_do_not_fit_are_refused() {
     assert_eq!(refused(spec("a", FieldKind::Fixed, 2, 1)), "the field `a` has 2 start values, not 4");
     let start = vec![0.0, 0.0, f64::NAN, 0.0];
     let infinite = PointFieldSpec { start, ..spec("a", FieldKind::Fixed, 2, 2) };
-    assert_eq!(refused(infinite), "the field `a` starts at point 1 with NaN");
+    assert_eq!(refused(infinite), "the start value of the field `a` at point 1 is NaN");
 }
 
 /// Each number of the state is visited once, and read back into its place.
@@ -160,7 +160,7 @@ fn every_field_of_the_state_is_visited_and_read_back() {
     assert_eq!(numbers, (0..numbers.len()).map(counted).collect::<Vec<_>>());
 }
 
-/// A declaration with a field more of each kind and shape: the entry is all that they need.
+/// A declaration with one more field of each kind and shape, which needs only the entry.
 mod one_more {
     use super::super::Seed;
     use super::super::declare::point_fields;

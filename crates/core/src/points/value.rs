@@ -6,22 +6,22 @@ use crate::tensor::{Mat3, Sym3};
 pub trait Value: Copy + PartialEq + Send + Sync {
     /// Numbers in a value.
     const COMPONENTS: usize;
-    /// The value all of whose numbers vanish.
+    /// The value whose numbers are all zero.
     const ZERO: Self;
 
     /// A number of the value as it is stored.
     fn number(&self, c: usize) -> f64;
 
-    /// A component of the value as users see it: matrices row by row, symmetric tensors in the order
-    /// xx, yy, zz, xy, yz, xz without the factors √2 of the Mandel layout.
+    /// A component of the value as reported to users: matrices row by row, symmetric tensors in the order xx, yy, zz,
+    /// xy, yz, xz without the factors √2 of the Mandel layout.
     fn component(&self, c: usize) -> f64 {
         self.number(c)
     }
 }
 
-/// A value that checkpoints hold.
+/// A value that checkpoints store.
 pub trait Restored: Value {
-    /// The value made of [`Value::COMPONENTS`] numbers as they are stored.
+    /// Builds a value from [`Value::COMPONENTS`] stored numbers.
     fn from_numbers(numbers: &[f64]) -> Self;
 }
 
@@ -128,7 +128,7 @@ pub(super) fn numbers<T: Value>(values: &[T], count: usize) -> impl Iterator<Ite
     (0..count * n).map(move |k| values.get(k / n).map_or(0.0, |value| value.number(k % n)))
 }
 
-/// The values made of these numbers; none where `present`, the values that they replace, is empty.
+/// Builds values from these numbers; empty if `present`, the values that they replace, is empty.
 pub(super) fn restored<T: Restored>(numbers: &[f64], present: &[T]) -> Vec<T> {
     if present.is_empty() {
         return Vec::new();

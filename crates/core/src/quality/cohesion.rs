@@ -115,7 +115,7 @@ impl Parts {
 }
 
 impl Cohesion {
-    /// True if the parts are those of so many bodies.
+    /// True if the parts are those of this number of bodies.
     pub fn fits(&self, bodies: usize) -> bool {
         self.parts.len() == bodies
             && self.together.len() == bodies
@@ -148,7 +148,7 @@ impl Cohesion {
                 let message = |sides: &str| {
                     let name = &model.bodies[body].name;
                     format!(
-                        "body `{name}` has come apart: {is} parts have no contact on the grid, {was} at the start{sides}"
+                        "body `{name}` has come apart: the grid no longer connects its {is} parts ({was} at the start){sides}"
                     )
                 };
                 let sides = now.largest_two(body);
@@ -160,7 +160,7 @@ impl Cohesion {
                 let other = was;
                 let message = |sides: &str| {
                     let [a, b] = [body, other].map(|body| &model.bodies[body].name);
-                    format!("bodies `{a}` and `{b}` hung together at the start and have come apart{sides}")
+                    format!("bodies `{a}` and `{b}` were connected at the start and have come apart{sides}")
                 };
                 let of =
                     |body: usize| (0..points.len()).filter(|&p| points.body[p] as usize == body).collect();

@@ -156,9 +156,9 @@ fn warn<const D: usize>(
         code: Code::Stiffened,
         step,
         message: format!(
-            "body `{stiff}` reaches into cells of body `{soft}`, which is much softer, and takes all their nodes along: {:.0} % \
-             of the stress of `{soft}`, in energy, is at points that cannot strain any more, such as that at {}; `{soft}` is \
-             too stiff by about as much",
+            "body `{stiff}` reaches into cells of body `{soft}`, which is much softer, and drags all their nodes along: \
+             {:.0} % of the stress of `{soft}`, in energy, is at points that can no longer strain, such as the one at {}; \
+             `{soft}` is too stiff by about as much",
             100.0 * share,
             coordinates(&position)
         ),

@@ -110,8 +110,8 @@ fn warn<const D: usize>(
         code: Code::AcrossGap,
         step,
         message: format!(
-            "bodies `{a}` and `{b}` act on each other through node {}, although {width:.4} lies between them \
-             ({threshold:.4} counts as touching)",
+            "bodies `{a}` and `{b}` act on each other through node {}, although a gap of {width:.4} separates them (up to \
+             {threshold:.4} counts as touching)",
             coordinates(&node)
         ),
         location: Location { bodies: names.to_vec(), position: Some(node.to_vec()), ..Location::default() },

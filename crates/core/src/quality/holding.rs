@@ -20,7 +20,7 @@ pub struct Held {
     most: f64,
     /// Present value of this sum, [volume].
     now: f64,
-    /// Length of the prescribed motion, the mean over the material at the nodes, [length].
+    /// Length of the prescribed motion, averaged over the material at the nodes, [length].
     prescribed: f64,
     /// Motion of that material along it, [length].
     followed: f64,
@@ -90,8 +90,8 @@ fn warn<const D: usize>(
         value: Some(share),
         threshold: Some(LEAST_HELD),
         message: format!(
-            "the nodes of `{condition}` hold {whole:.0} % of the material that they have held{place_text}; it has followed \
-             {followed:.4} of the {prescribed:.4} prescribed, and the reaction comes out too small"
+            "the nodes of `{condition}` now hold {whole:.0} % of the most material that they have held{place_text}; it has \
+             followed {followed:.4} of the {prescribed:.4} prescribed, and the reaction is too small"
         ),
         detail: None,
     }

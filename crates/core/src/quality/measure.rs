@@ -42,7 +42,7 @@ pub struct BodyMeasures {
     pub mass: f64,
     /// Volume of the points, Σ J V_p0, [volume].
     pub volume: f64,
-    /// Volume of their domains, [volume].
+    /// Volume of the domains of the points, [volume].
     pub domain_volume: f64,
 }
 

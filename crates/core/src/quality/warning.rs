@@ -1,6 +1,7 @@
 //! Warnings: signs that a result may be poor, by codes that never change their meaning.
 //!
-//! A warning states facts. What to do about them is advice in the words of the input, and is written where those are known.
+//! A warning states facts. Advice refers to the keys of the input and is therefore written in the crate that knows
+//! them.
 
 use std::fmt;
 
@@ -51,7 +52,7 @@ pub enum Code {
     /// Torn domains were replaced.
     #[serde(rename = "W014")]
     ReplacedDomains,
-    /// A body is out of balance beside others.
+    /// The imbalance of a body is hidden by larger forces on others.
     #[serde(rename = "W015")]
     HiddenResidual,
     /// A much stiffer body moves the nodes of a soft one.
@@ -69,16 +70,16 @@ pub const CODES: &[(&str, &str)] = &[
     ("W003", "basis functions that do not add up to 1"),
     ("W004", "equations that iterations do not solve"),
     ("W005", "a body that comes apart"),
-    ("W006", "prescribed nodes that the material leaves"),
+    ("W006", "prescribed nodes that lose their material"),
     ("W007", "bodies that act on each other across a gap"),
-    ("W008", "much work of the fresh grids"),
+    ("W008", "much work done by fresh grids"),
     ("W009", "work and energy that do not balance"),
     ("W010", "standard points that cross cells"),
     ("W011", "domains that turn but stay boxes"),
     ("W012", "pressures that alternate within cells"),
     ("W013", "a step that only damped iterations solve"),
-    ("W014", "torn domains that were replaced"),
-    ("W015", "a body that is out of balance beside others"),
+    ("W014", "torn domains replaced"),
+    ("W015", "a body whose imbalance is hidden by others"),
     ("W016", "a soft body that a stiff one stiffens"),
     ("W017", "an equilibrium that is not stable"),
 ];
@@ -129,7 +130,7 @@ pub enum Detail {
     ReachingBox,
     /// A tolerance at which the forces on the body would be in balance, [-].
     Tolerance(f64),
-    /// Round-off of the forces beside the body is larger than the forces on it.
+    /// Round-off of the forces on other bodies is larger than the forces on this one.
     RoundOff,
 }
 

@@ -1,5 +1,5 @@
-//! The checks of a step beside the measures of its points: parts that come apart, nodes that the material leaves, gaps that
-//! forces cross, instability, and balances of work and energy.
+//! The checks of a step other than the measures of its points: parts that come apart, nodes that the material leaves,
+//! gaps that forces cross, instability, and balances of work and energy.
 
 use super::cohesion::Cohesion;
 use super::thresholds::{
@@ -16,7 +16,7 @@ use crate::tensor::Sym3;
 
 /// The balances are judged from this step on: in fewer steps their error is large anyway.
 const FIRST_BALANCE: usize = 5;
-/// Work is round-off if it is less than this strain does, [-].
+/// Work is round-off if it is less than that of this strain, [-].
 const STRAIN_OF_ROUND_OFF: f64 = 1e-6;
 /// Root mean square error of the stresses of points without domain, relative to the square root of the regridding share, as
 /// measured, [-].
@@ -131,8 +131,8 @@ impl Quality {
                     value: Some(value),
                     threshold: Some(MOST_CROSSINGS),
                     message: format!(
-                        "body `{name}`: its standard points have crossed borders of cells {value:.2} times each; stresses \
-                         are probably wrong by some {error:.0} % (root mean square)"
+                        "body `{name}`: its standard points have crossed cell borders {value:.2} times each; stresses are \
+                         probably wrong by about {error:.0} % (root mean square)"
                     ),
                     detail: None,
                 },
@@ -155,9 +155,9 @@ impl Quality {
             value: Some(value),
             threshold: Some(MOST_BOX_ROTATION),
             message: format!(
-                "body `{name}` has turned by {value:.0}° in the mean, but the domains of its points remain boxes along the \
-                 axes and overlap; stresses that are there before a body turns by 45° are wrong by 3 % after it (root mean \
-                 square), by 90° by 9 %"
+                "body `{name}` has turned by {value:.0}° on average, but the domains of its points remain boxes along the \
+                 axes and overlap; stresses from before the rotation are wrong by 3 % (root mean square) after 45°, by 9 % \
+                 after 90°"
             ),
             detail: None,
         };
@@ -183,8 +183,8 @@ fn hidden_residuals<const D: usize>(model: &Model<D>, report: &StepReport<D>) ->
             value: Some(*value),
             threshold: Some(MOST_OF_BODY),
             message: format!(
-                "body `{name}`: {:.2} % of the forces on it are out of balance, which does not show beside the forces on the \
-                 bodies that it hangs together with",
+                "body `{name}`: {:.2} % of the forces on it are out of balance, hidden by the larger forces on the bodies \
+                 connected to it",
                 100.0 * value
             ),
             detail: Some(if is_possible { Detail::Tolerance(tolerance) } else { Detail::RoundOff }),
@@ -202,8 +202,8 @@ fn unstable(step: usize) -> Warning {
         location: Location::default(),
         value: None,
         threshold: None,
-        message: "the stiffness of this equilibrium is not positive definite: it is not stable, and the least disturbance takes \
-                  the bodies elsewhere"
+        message: "the stiffness is not positive definite: this equilibrium is not stable, and the slightest disturbance \
+                  moves the bodies away from it"
             .to_owned(),
         detail: None,
     }
@@ -211,10 +211,10 @@ fn unstable(step: usize) -> Warning {
 
 fn damped(step: usize, slumped: bool) -> Warning {
     let way = if slumped {
-        "they have let the bodies slump, through states out of equilibrium, to where they stand: the load before this step is \
-         about the most that they carried without"
+        "the bodies have slumped, through states out of equilibrium, until they came to rest: the load before this step is \
+         about the largest that they carried without slumping"
     } else {
-        "it may lie beyond an instability: what comes before it in time is then not known, and dynamics could lead elsewhere"
+        "it may lie beyond an instability: the states before it are then unknown, and dynamics could lead elsewhere"
     };
     Warning {
         code: Code::Damped,
@@ -223,7 +223,7 @@ fn damped(step: usize, slumped: bool) -> Warning {
         value: None,
         threshold: None,
         message: format!(
-            "no smaller step and no undamped iteration has found an equilibrium; damped ones have; {way}"
+            "only damped iterations found an equilibrium, not smaller steps or undamped ones; {way}"
         ),
         detail: None,
     }
@@ -248,8 +248,8 @@ fn replaced_domains<const D: usize>(
         value: Some(count as f64),
         threshold: Some(0.0),
         message: format!(
-            "the motion has torn the domains of {count} points or carried them off the grid, the first of point {first} at {}; \
-             parallelograms that follow the deformation gradient stand in for them",
+            "the motion has torn the domains of {count} points or carried them off the grid, first that of point {first} at \
+             {}; parallelograms that follow the deformation gradient replace them",
             coordinates(&position)
         ),
         detail: None,
@@ -264,8 +264,8 @@ fn locking(value: f64, step: usize) -> Warning {
         value: Some(value),
         threshold: Some(MOST_OSCILLATION),
         message: format!(
-            "where bodies flow, the pressures of the points of a cell differ by {value:.2} of the deviatoric stress (root mean \
-             square): the grid locks in plastic flow that keeps the volume; limit loads come out too large by a third or more"
+            "where bodies yield, the pressures of the points of a cell differ by {value:.2} of the deviatoric stress (root \
+             mean square): the grid locks in volume-preserving plastic flow; limit loads are too large by a third or more"
         ),
         detail: None,
     }
@@ -303,7 +303,7 @@ impl BalanceSoFar {
             value: Some(value),
             threshold: Some(MOST_REGRIDDING),
             message: format!(
-                "forces that fresh grids leave out of balance have done {:.0} % of the external work: displacements and \
+                "the out-of-balance forces of fresh grids have done {:.0} % of the external work: displacements and \
                  stresses depend on the grid and on the number of steps",
                 100.0 * value
             ),

@@ -1,4 +1,4 @@
-//! How an attempt at a step ends: in equilibrium, on the way to it, or without.
+//! The outcome of an attempt at a step: equilibrium, progress towards it, or failure.
 
 use crate::basis::Connectivity;
 
@@ -9,24 +9,24 @@ use crate::equilibrium::StepReport;
 use crate::linear::LinearError;
 use crate::step::{Nodal, Step};
 
-/// How an attempt at a step has ended that has not failed.
+/// The outcome of an attempt that has not failed.
 pub(super) enum Attempt<const D: usize> {
-    /// In equilibrium.
+    /// The step is in equilibrium.
     Equilibrium(Box<StepReport<D>>, Path),
-    /// Before it, where damped iterations have led the points so far that they need a fresh grid.
+    /// Damped iterations have moved the points so far that they need a fresh grid before they reach equilibrium.
     OnTheWay(OnTheWay),
 }
 
-/// Whether bodies slump in an attempt.
+/// The role of slumping in an attempt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Slump {
-    /// They may not.
+    /// Bodies may not slump.
     Forbidden,
-    /// They may begin to.
+    /// Bodies may begin to slump.
     MayBegin,
-    /// They do, and may go on.
+    /// Bodies are slumping and may continue.
     GoesOn,
-    /// They do, and have to come to rest.
+    /// Bodies are slumping and must come to rest.
     Ends,
 }
 
@@ -40,24 +40,24 @@ impl Slump {
     }
 }
 
-/// What has happened on the way to an equilibrium.
+/// The account of a slump before it reaches equilibrium.
 pub(super) struct OnTheWay {
     /// Work so far, and the energy of the last state.
     pub(super) energy: Energy,
     /// Permanent numbers of the points whose torn domains were replaced.
     pub(super) replaced_domains: Vec<u32>,
-    /// Whether the points have come to rest in an equilibrium that is not stable.
+    /// True if the points have come to rest in an equilibrium that is not stable.
     pub(super) is_at_rest: bool,
 }
 
 impl OnTheWay {
-    /// All the way, of which this is the last part.
+    /// Prepends the account of the slump so far to this one.
     pub(super) fn after(mut self, before: OnTheWay) -> OnTheWay {
         self.replaced_domains.extend(before.replaced_domains);
         OnTheWay { energy: self.energy.after(before.energy), ..self }
     }
 
-    /// Adds the way to the account of the equilibrium that it has led to.
+    /// Adds this account to the report of the equilibrium that the slump has reached.
     pub(super) fn lead_to<const D: usize>(self, report: &mut StepReport<D>) {
         report.energy = report.energy.after(self.energy);
         report.replaced_domains.extend(self.replaced_domains);
@@ -69,11 +69,12 @@ impl OnTheWay {
 /// The fields of the grid where the iterations of a failed step ended. They are not in equilibrium.
 #[derive(Debug, Clone)]
 pub struct Iterate<const D: usize> {
-    /// The links of the step; tells which nodes are active.
+    /// The links of the step, which determine the active nodes.
     pub links: Connectivity<D>,
     /// Displacement increment of the active nodes, [length].
     pub delta_d: Nodal<D>,
-    /// Out-of-balance force on the active nodes, [force]; that before the last iteration where it cannot be evaluated.
+    /// Out-of-balance force on the active nodes, [force]; if it cannot be evaluated, the force before the last
+    /// iteration.
     pub out_of_balance: Nodal<D>,
 }
 
@@ -81,26 +82,26 @@ pub struct Iterate<const D: usize> {
 #[non_exhaustive]
 #[derive(Debug)]
 pub struct FailedAttempt<const D: usize> {
-    /// The step, as far as it should have led.
+    /// The step that was attempted.
     pub step: Step,
-    /// Why.
+    /// The reason.
     pub error: SolveError,
-    /// Whether a smaller step may have an equilibrium.
+    /// True if a smaller step may have an equilibrium.
     pub may_succeed_if_smaller: bool,
     /// Residual of every evaluation.
     pub residuals: Vec<f64>,
-    /// Iterations of the linear solver in all of them, none where it is direct.
+    /// Number of iterations of the linear solver in the whole attempt; 0 for a direct solver.
     pub linear_iterations: usize,
-    /// Load factor of the attempt, where there is one for all loads and prescribed motions, [-].
+    /// Load factor of the attempt, [-]; `None` without a common factor of all loads and prescribed motions.
     pub load_factor: Option<f64>,
-    /// Whether an iteration has met a stiffness that is not positive definite.
+    /// True if the stiffness of an iteration was not positive definite.
     pub indefinite: bool,
-    /// Where the iterations ended, if they began.
+    /// The fields where the iterations ended, if they began.
     pub iterate: Option<Iterate<D>>,
 }
 
 impl<const D: usize> FailedAttempt<D> {
-    /// An attempt that failed before its iterations: that has nothing to do with the size of the step.
+    /// An attempt that failed before its first iteration, for a reason that does not depend on the step size.
     pub(super) fn at_once(step: Step, error: SolveError) -> Box<Self> {
         Box::new(FailedAttempt {
             step,
@@ -114,12 +115,12 @@ impl<const D: usize> FailedAttempt<D> {
         })
     }
 
-    /// Whether its residual meets the tolerance, so that what comes after it has failed.
+    /// True if its residual meets the tolerance, and only a later stage has failed.
     pub(super) fn is_balanced(&self, tolerance: f64) -> bool {
         self.residuals.last().is_some_and(|residual| *residual <= tolerance)
     }
 
-    /// Whether it met the tolerance, but points or their domains could not follow the grid.
+    /// True if it met the tolerance, but points or their domains could not follow the grid.
     pub(super) fn has_lost_points(&self, tolerance: f64) -> bool {
         let of_points = matches!(
             self.error,
@@ -129,14 +130,14 @@ impl<const D: usize> FailedAttempt<D> {
     }
 }
 
-/// How the iterations of a step have ended that have not failed. The points have moved with the grid, in the trial state.
+/// The outcome of iterations that have not failed. The points have moved with the grid, in the trial state.
 pub(super) enum Ended {
-    /// In equilibrium, which is stable if damped iterations have found it.
+    /// The iterations reached equilibrium, which is stable if damped iterations found it.
     Balanced {
         /// Permanent numbers of the points whose torn domains were replaced.
         replaced_domains: Vec<u32>,
     },
-    /// Before equilibrium, or in one that is not stable: damped iterations need a fresh grid.
+    /// Damped iterations need a fresh grid: they have not reached equilibrium, or only one that is not stable.
     Strayed {
         /// As above.
         replaced_domains: Vec<u32>,

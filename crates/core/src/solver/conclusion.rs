@@ -1,4 +1,4 @@
-//! The account of an attempt at a load step: its report where it has reached equilibrium, or how far it came.
+//! The conclusion of an attempt at a load step: its report if it reached equilibrium, otherwise its progress.
 
 use crate::basis::Connectivity;
 use crate::equilibrium::{
@@ -28,7 +28,7 @@ pub(super) struct LastIterate<const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> LastIterate<D, N> {
-    /// The report of a step in equilibrium, whose links the caller has, and the path after it.
+    /// The report of a step in equilibrium, except its links, which the caller holds, and the path after it.
     pub(super) fn report(
         &mut self,
         context: &StepContext<D>,
@@ -79,7 +79,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         (report, path)
     }
 
-    /// The energy where damped iterations have strayed from the grid, before equilibrium.
+    /// The energy when damped iterations leave the grid before equilibrium.
     pub(super) fn energy_on_the_way(
         &self,
         context: &StepContext<D>,
@@ -91,7 +91,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         Energy { damping_work: energy.damping_work + at_end, ..energy }
     }
 
-    /// The failed attempt, with the fields of the grid where its iterations ended; the caller has their links.
+    /// The failed attempt, with the grid fields where its iterations ended, except the links, which the caller holds.
     pub(super) fn failed(&mut self, context: &StepContext<D>, error: SolveError) -> Box<FailedAttempt<D>> {
         let course = &mut self.course;
         Box::new(FailedAttempt {
@@ -115,7 +115,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         self.system.sum.into_terms()
     }
 
-    /// Load factor of the end of the step, where there is one for all loads and prescribed motions, [-].
+    /// Load factor at the end of the step, [-]; `None` without a common factor of all loads and prescribed motions.
     fn load_factor(&self, context: &StepContext<D>) -> Option<f64> {
         match context.model.stepping.control {
             Control::Load => context.model.common_curve().map(|curve| curve.factor(context.step.end)),
@@ -127,7 +127,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
     fn energy(&self, context: &StepContext<D>, points: &Points<D>, slump: Slump) -> (Energy, Nodal<N>) {
         let LastIterate { system: StepSystem { dofs, sum, .. }, unknowns, course } = self;
         let f_ext = sum.system().external_force();
-        // Where bodies slump, the loads have grown before.
+        // When bodies slump, the loads have already grown.
         let f_ext_start = if slump.has_begun() { f_ext.clone() } else { sum.external_force_at_start(dofs) };
         let reaction = reactions_of(f_ext, sum.system().internal_force(), dofs);
         let reaction_start = reactions_of(&f_ext_start, &course.f_int_start, dofs);

@@ -1,8 +1,8 @@
 //! An unknown load factor, and the condition that determines it: a prescribed displacement, or the length of the path
 //! (Riks 1979, doi 10.1016/0020-7683(79)90081-7; Crisfield 1981, doi 10.1016/0045-7949(81)90108-5).
 //!
-//! All loads grow together, f_ext = λ f̂. An iteration solves K δd_r = r and K δd_f = f̂ with one factorisation, and
-//! δd = δd_r + δλ δd_f with δλ such that the condition is met by the sum.
+//! All loads grow together, f_ext = λ f̂. An iteration solves K δd_r = r and K δd_f = f̂ with one factorisation, and δd
+//! = δd_r + δλ δd_f, with δλ such that the sum meets the condition.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,19 +14,19 @@ use super::motion::Motion;
 use super::residual::norm;
 use crate::step::Step;
 
-/// Where a run is, as far as its next step builds on it.
+/// The data of the path so far that the next step needs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Path {
-    /// Load factor at the end of the last step in equilibrium, where it is unknown, [-].
+    /// Load factor at the end of the last step in equilibrium, if it is an unknown, [-].
     pub factor: f64,
     /// Length of the path per time, [length·volume^½/time]; known from the first step on.
     pub rate: Option<f64>,
-    /// The motion in that step, where the next one builds on it.
+    /// The motion in that step, if the next one uses it.
     pub(super) motion: Motion,
 }
 
 impl Path {
-    /// Whether a run in so many dimensions can have come to this.
+    /// True if a run in `D` dimensions can have this path.
     pub(super) fn can_be_of<const D: usize>(&self) -> bool {
         self.motion.can_be_of::<D>()
     }
@@ -36,46 +36,47 @@ impl Path {
 pub(super) enum Condition<const D: usize, const N: usize> {
     /// Σ c·Δd over the nodes is the increment `by`.
     Displacement { weight: Vec<[f64; N]>, by: f64 },
-    /// (Δd − c, Δd − c) is the square of `length`, in the product weighted by the volume that each node carries. The centre
-    /// c is what the forces that a fresh grid leaves out of balance move, as far as the loads would not; it would hide the
-    /// path where steps are small.
+    /// (Δd − c, Δd − c) is the square of `length`, in the product weighted by the volume that each node carries. The
+    /// centre c is the motion due to the out-of-balance forces of a fresh grid, without the part that the loads would
+    /// cause; it would hide the path when steps are small.
     ArcLength {
         volume: Vec<f64>,
         length: Option<f64>,
         ahead: Vec<[f64; N]>,
         share: f64,
         centre: Option<Vec<[f64; N]>>,
-        /// Whether the last change of the load factor has met the condition, rather than come as near as it could.
+        /// True if the last change of the load factor met the condition, false if it only came as close as it could.
         met: bool,
     },
 }
 
-/// Part of the largest displacement that it could have below which a load has no influence on a probe, [-].
+/// A load has no influence on a probe if it moves the probe by less than this, relative to the largest possible
+/// displacement, [-].
 const NO_INFLUENCE: f64 = 1e-10;
 
-/// Why no load factor meets the condition that determines it.
+/// The reason why no load factor meets the condition that determines it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoPath {
-    /// The loads do not move what is prescribed.
+    /// The loads do not change the prescribed displacement.
     #[error("the loads do not move the probe along its axis")]
     NoInfluence,
-    /// There is none at the length of the step.
-    #[error("no load factor gives the displacement or the length of the path that the step asks for")]
+    /// No load factor gives the length of the step.
+    #[error("no load factor gives the displacement or path length that the step prescribes")]
     NoIntersection,
-    /// The equilibrium that was found lies on the way back.
-    #[error("the step has turned back on the path that it came along")]
+    /// The equilibrium that was found lies back along the path.
+    #[error("the step turned back along the path of the previous step")]
     Reversed,
 }
 
-/// What turns the length of a path, [length], into that of its displacements weighted by volume, [length·volume^½]: the
-/// square root of the original volume of all points.
+/// Factor from the length of a path, [length], to the length weighted by volume, [length·volume^½]: the square root of
+/// the original volume of all points.
 fn weight_of_length<const D: usize>(points: &Points<D>) -> f64 {
     points.original_volume.iter().sum::<f64>().sqrt()
 }
 
 /// Length of the path of an analysis whose load factor follows from it, at a time, [length]: the sum over its steps of
 /// √(Σ V |Δu|² / V₀) over the nodes, with V the volume that a node carries and V₀ the original volume of all points;
-/// `None` where nothing has set its pace yet.
+/// `None` before the first step has set the rate.
 pub fn path_length<const D: usize>(points: &Points<D>, path: &Path, time: f64) -> Option<f64> {
     path.rate.map(|rate| rate * time / weight_of_length(points))
 }
@@ -102,7 +103,7 @@ impl<const D: usize, const N: usize> Condition<D, N> {
         match model.stepping.control {
             Control::Load => None,
             Control::Displacement { probe, axis, to } => {
-                let axis = axis.min(D - 1); // decks with another one are refused
+                let axis = axis.min(D - 1); // decks with any other axis are refused
                 let mut weight = vec![[0.0; N]; links.n_active()];
                 let chosen = model.probes.get(probe).map_or(&[][..], |probe| &probe.points);
                 let mut is_chosen = vec![false; points.len()];
@@ -181,13 +182,13 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                     .collect();
                 let (a, b, c) = (product(of_load, of_load), product(&base, of_load), product(&base, &base));
                 let Some(length) = *length else {
-                    // The first step of all takes its share of the load, by the linear response.
+                    // The first step of the run takes its share of the load, by the linear response.
                     let change = *share;
                     *length = Some((c + 2.0 * change * b + change * change * a).sqrt());
                     return finite(change);
                 };
-                // a δλ² + 2 b δλ + c = length²; of the two roots the one that leads on. Where there is none, the nearest
-                // point, from which the next iteration goes on.
+                // a δλ² + 2 b δλ + c = length²; of the two roots, the one that continues along the path. Without real
+                // roots, the nearest point, from which the next iteration continues.
                 let root = (b * b - a * (c - length * length)).sqrt();
                 *met = !root.is_nan();
                 if !*met {
@@ -209,13 +210,13 @@ impl<const D: usize, const N: usize> Condition<D, N> {
         }
     }
 
-    /// Whether it is met; otherwise another iteration is needed, whatever the balance of forces.
+    /// True if the condition is met; otherwise another iteration is needed, whatever the residual.
     pub(super) fn is_met(&self) -> bool {
         !matches!(self, Condition::ArcLength { met: false, .. })
     }
 
-    /// Whether a step with this displacement increment has gone on along the path, not back to where the one before it came
-    /// from.
+    /// True if a step with this displacement increment continues along the path instead of turning back towards the
+    /// previous step.
     pub(super) fn goes_on(&self, delta_d: &[[f64; N]]) -> bool {
         match self {
             Condition::ArcLength { volume, ahead, centre: Some(centre), .. } => {

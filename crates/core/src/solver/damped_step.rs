@@ -1,4 +1,4 @@
-//! Damped iterations: the increment of one, and the check of what they have found.
+//! Damped iterations: the increment of one, and the stability check of the equilibrium that they find.
 
 use crate::linear::{LinearError, Solved};
 use crate::step::displacement;
@@ -12,7 +12,7 @@ use super::step_system::StepSystem;
 use super::unknowns::Unknowns;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// As a Newton step, with a stiffness that is damped until it is positive definite.
+    /// A Newton step with a stiffness that is damped until it is positive definite.
     pub(super) fn damped_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
         let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;
         let LoadStep { equations, summary, damping, stride, .. } = self;
@@ -49,8 +49,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Ok(Some(solved))
     }
 
-    /// Checks that the stiffness of an equilibrium that damped iterations have found resists every motion: without damping,
-    /// the points stay there.
+    /// Checks that the undamped stiffness of an equilibrium found by damped iterations resists every motion, so that
+    /// the points stay there without damping.
     pub(super) fn check_stability(&mut self) -> Result<(), LinearError> {
         let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, course, .. } = self;
         let LoadStep { equations, summary, .. } = self;

@@ -1,6 +1,6 @@
 //! The probable cause of a failed run: its kind, its place, and the facts that decide what may help.
 //!
-//! What to try is advice in the words of the input, and is written where those are known.
+//! Advice refers to the keys of the input and is therefore written in the crate that knows them.
 
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +30,7 @@ const HOURGLASS: f64 = 10.0;
 const RUNS_AWAY: f64 = 100.0;
 /// Mean number of points per cell below which bodies may yield before their load.
 const FEW: f64 = 1.5;
-/// Ratio of the stiffest to the softest material above which sums of both keep hardly a digit of the softer, [-].
+/// Ratio of the stiffest to the softest material above which sums of both retain hardly a digit of the softer, [-].
 const TOO_FAR_APART: f64 = 1e12;
 
 /// The kind of a failure.
@@ -86,15 +86,17 @@ impl Kind {
             }
             Kind::Instability => "instability: the stiffness is not positive definite, though nothing yields",
             Kind::Locking => "volumetric locking: pressures alternate while volumes hardly change",
-            Kind::Hourglass => "hourglass mode: nodes move to and fro in a way that too few points resist",
-            Kind::Creeping => "the residual falls steadily, and the iterations end too soon",
-            Kind::LargeSteps => "the steps are too large; whether smaller ones would do has not been tried",
+            Kind::Hourglass => {
+                "hourglass mode: neighbouring nodes move in opposite directions, which too few points resist"
+            }
+            Kind::Creeping => "the residual falls steadily, but the iterations end too soon",
+            Kind::LargeSteps => "the steps are too large; smaller ones have not been tried",
             Kind::ElementInversion => "a point turns inside out",
             Kind::LostDomain => "a point or its domain leaves the grid or loses its shape",
             Kind::LostPath => "the path cannot be followed",
             Kind::BadScaling => "a badly scaled stiffness: its round-off is larger than the forces",
-            Kind::Setting => "what is asked for cannot be done",
-            Kind::Unknown => "none of the known causes is in sight",
+            Kind::Setting => "an obstacle that no step size removes",
+            Kind::Unknown => "none of the known causes was found",
         }
     }
 }
@@ -107,7 +109,7 @@ pub enum Loss {
     OffGrid,
     /// The motion tore the domain.
     Torn {
-        /// True if torn domains would be replaced if damping was not switched off.
+        /// True if torn domains would be replaced with damping switched on.
         is_replaceable: bool,
     },
     /// The update of the domain gave no valid one.
@@ -127,7 +129,7 @@ pub struct Circumstances {
     pub has_few_points: bool,
     /// True if most of the points have yielded.
     pub is_in_collapse: bool,
-    /// Number of iterations in which steps would converge at the present rate, rounded up to tens; `None` if residuals do not
+    /// Number of iterations that steps would need at the present rate, rounded up to tens; `None` if residuals do not
     /// fall steadily.
     pub enough_iterations: Option<usize>,
     /// The way in which a point or its domain was lost.
@@ -207,7 +209,7 @@ impl Diagnosis {
         let flowing = links.map_or(0.0, |_| share_that_flows(model, points));
         let found = Found::new(model, points, failed, at.as_deref(), (around, flowing));
         let kind = kind_of(failed, &found);
-        // An attempt has converged, so that a lack of convergence is not the cause.
+        // An attempt has converged, so lack of convergence is not the cause.
         let (kind, error) = match lost_points {
             Some(error) if kind.is_about_iterations() => (Kind::LostDomain, error),
             _ => (kind, &failed.error),

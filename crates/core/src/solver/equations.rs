@@ -14,17 +14,17 @@ use crate::timing::{Phase, Timings};
 pub(super) struct Equations<const D: usize, const N: usize = D> {
     direct: DirectBackend,
     iterative: Krylov<D, N>,
-    /// A backend that takes the place of both.
+    /// A user's backend, which replaces the built-in ones.
     own: Option<Box<dyn Backend<D, N>>>,
     method: Method,
-    /// Increments of the unknowns, in the places of the components.
+    /// Increments of the unknowns, stored by node and component.
     solution: Nodal<N>,
-    /// Why equations that were to be solved iteratively were factorised, the first time.
+    /// The first failure that caused equations to be factorised instead of solved iteratively.
     turned: Option<LinearError>,
     is_reported: bool,
 }
 
-/// How the equations of a step are solved.
+/// The solution method for the equations of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Method {
     Direct,
@@ -32,7 +32,7 @@ enum Method {
     Own,
 }
 
-/// What the equations of a step belong to.
+/// The context of the equations of a step.
 #[derive(Clone, Copy)]
 pub(super) struct Place<'a, const D: usize, const N: usize = D> {
     pub model: &'a Model<D>,
@@ -50,7 +50,7 @@ pub(super) struct RightHandSide<'a, const N: usize> {
 }
 
 impl<const D: usize> StepContext<'_, D> {
-    /// What the linear equations of the step belong to.
+    /// The context of the linear equations of the step.
     pub(super) fn place<'b, const N: usize>(&'b self, dofs: &'b DofMap<N>) -> Place<'b, D, N> {
         Place { model: self.model, links: self.links, dofs }
     }
@@ -82,7 +82,7 @@ impl<const D: usize, const N: usize> Place<'_, D, N> {
 }
 
 impl<const D: usize, const N: usize> Equations<D, N> {
-    /// Equations that the built-in backends solve, or another in their place.
+    /// Equations solved by the built-in backends, or by the given one instead.
     pub(super) fn new(own: Option<Box<dyn Backend<D, N>>>) -> Self {
         Equations {
             direct: DirectBackend::default(),
@@ -95,7 +95,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         }
     }
 
-    /// Begins with an analysed pattern.
+    /// Starts with a pattern that has already been analysed.
     pub(super) fn resume(&mut self, kept: Option<Arc<Named>>) {
         self.direct = DirectBackend::with(kept);
     }
@@ -123,7 +123,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             return self.prepare_with(Method::Own, place, system);
         }
         let choice = place.model.newton.linear;
-        // Coarser grids do not know turned and tied nodes.
+        // Coarser grids do not support turned and tied nodes.
         let is_regular = place.model.grid.structured().is_some() && place.dofs.is_plain();
         let possible = is_regular && system.matrix().symmetric;
         let iterative = match choice {
@@ -145,7 +145,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         }
     }
 
-    /// Prepares a backend, and gives back the memory of the others.
+    /// Prepares a backend and frees the memory of the others.
     fn prepare_with(
         &mut self,
         method: Method,
@@ -165,19 +165,20 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         self.backend().is_iterative()
     }
 
-    /// Why equations that were to be solved iteratively were factorised; reported once.
+    /// The failure that caused equations to be factorised instead of solved iteratively; returned once.
     pub(super) fn unreported_turn(&mut self) -> Option<LinearError> {
         let error = self.turned.filter(|_| !self.is_reported);
         self.is_reported |= error.is_some();
         error
     }
 
-    /// Solves K δd + B δw = b, A δd + C δw = −r with a fresh factor: adds the increments of the unknowns to the prescribed ones in
-    /// `delta`, and returns those of the global unknowns. The residual is at most `tolerance` relative to it. Where the
-    /// iterative backend fails, the direct one takes over for the rest of the step.
+    /// Solves K δd + B δw = b, A δd + C δw = −r with a fresh factor: adds the increments of the unknowns to the
+    /// prescribed ones in `delta`, and returns those of the global unknowns. The residual is at most `tolerance`,
+    /// relative to the right-hand side. If the iterative backend fails, the direct one takes over for the rest of the
+    /// step.
     ///
     /// # Errors
-    /// [`LinearError`]; that of the iterative backend where the factor does not fit into memory.
+    /// [`LinearError`]; if the factor does not fit into memory, the error of the iterative backend.
     pub(super) fn solve(
         &mut self,
         place: Place<D, N>,
@@ -217,7 +218,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         self.solve_with_last_factor(place, system, rhs, delta, tolerance, timings)
     }
 
-    /// As [`Equations::solve`] with the factor at hand; iteratively with the preconditioner at hand.
+    /// As [`Equations::solve`], but with the existing factor or preconditioner.
     ///
     /// # Errors
     /// [`LinearError`].
@@ -266,8 +267,8 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         Ok(solved)
     }
 
-    /// Block elimination of the border: (C − A Z) δw = −r − A δd with K Z = B; then δd − Z δw takes the place of δd. Returns the
-    /// iterations and δw.
+    /// Block elimination of the border: (C − A Z) δw = −r − A δd with K Z = B; then δd is replaced by δd − Z δw.
+    /// Returns the iterations and δw.
     fn solve_border(
         &mut self,
         place: Place<D, N>,

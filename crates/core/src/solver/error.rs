@@ -1,6 +1,6 @@
 //! Errors that end a run.
 //!
-//! They state facts. What to do about them is advice in the words of the input, and is written where those are known.
+//! They state facts. Advice refers to the keys of the input and is therefore written in the crate that knows them.
 
 use serde::{Deserialize, Serialize};
 
@@ -70,8 +70,8 @@ pub enum SolveError {
         /// The materials whose stiffnesses are far apart, or far above the loads, as text.
         materials: String,
     },
-    /// A term of equilibrium cannot restart from its saved state.
-    #[error("the term `{term}` cannot go on: {reason}")]
+    /// A term of equilibrium cannot be used, or cannot resume from its saved state.
+    #[error("the term `{term}` cannot be used: {reason}")]
     Term {
         /// Name of the term.
         term: String,
@@ -110,7 +110,7 @@ pub enum SolveError {
         /// The reason.
         error: SupportError,
     },
-    /// A domain update has given no valid domain.
+    /// A domain update has produced an invalid domain.
     #[error("step {step}: {place}: {error}")]
     Collapsed {
         /// Number of the step.
@@ -173,7 +173,7 @@ pub enum SolveError {
         /// The reason.
         error: ConstraintError,
     },
-    /// A load has no value.
+    /// A load has no finite value.
     #[error("step {step}: {error}")]
     Load {
         /// Number of the step.
@@ -232,7 +232,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("S012", "equations that iterations cannot solve"),
     ("S013", "a path that cannot be followed"),
     ("S014", "a stiffness that drowns the loads in round-off"),
-    ("S015", "a part of equilibrium that cannot go on"),
+    ("S015", "a term of equilibrium that cannot be used"),
 ];
 
 fn worst_node(worst: &Option<(Vec<f64>, Vec<f64>)>) -> String {
@@ -287,7 +287,7 @@ impl SolveError {
         })
     }
 
-    /// The error of results that cannot be written, for a failure that is also reported elsewhere.
+    /// The error for results that cannot be written; the failure is also reported elsewhere.
     pub fn output(failure: &std::io::Error) -> SolveError {
         SolveError::Output(std::io::Error::new(failure.kind(), failure.to_string()))
     }

@@ -18,7 +18,8 @@ const MOST_HALVINGS: usize = 5;
 const MOST_SEARCHES: usize = 3;
 /// First iteration with a line search after a failed attempt.
 const FIRST_SEARCH: usize = 3;
-/// First iteration with a line search otherwise, as a fraction of those allowed: iterations that converge are left alone.
+/// First iteration with a line search otherwise, as a fraction of those allowed, so that iterations that converge are
+/// left alone.
 const LATE: f64 = 0.75;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {

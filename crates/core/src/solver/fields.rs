@@ -1,26 +1,26 @@
-//! The fields that the components at the nodes belong to.
+//! The fields to which the components at the nodes belong.
 
 use std::ops::Range;
 
-/// The fields of the nodal unknowns. Each has a residual of its own, so that units do not mix.
+/// The fields of the nodal unknowns. Each has its own residual, so units do not mix.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fields {
     fields: Vec<(String, usize)>,
 }
 
 impl Fields {
-    /// The displacement along so many axes, and nothing else.
+    /// The displacement along `axes` axes, and no further field.
     pub fn displacement(axes: usize) -> Fields {
         Fields { fields: vec![("displacement".to_owned(), axes)] }
     }
 
-    /// With a further field of so many components, after those before it.
+    /// Appends a further field with this number of components.
     pub fn and(mut self, name: impl Into<String>, components: usize) -> Fields {
         self.fields.push((name.into(), components));
         self
     }
 
-    /// Names of the fields with their components.
+    /// The name of each field, with its range of components.
     pub fn iter(&self) -> impl Iterator<Item = (&str, Range<usize>)> {
         let ends = self.fields.iter().scan(0, |end, (_, n)| {
             *end += n;

@@ -1,21 +1,21 @@
-//! How well linear equations need to be solved within Newton iterations: choice 2 of Eisenstat and Walker (1996).
+//! The tolerance of linear solves within Newton iterations: choice 2 of Eisenstat and Walker (1996).
 
-/// Tolerance of the first solve in a step, of which nothing is known yet, [-].
+/// Tolerance of the first solve in a step, [-].
 const FIRST: f64 = 1e-3;
 /// Largest tolerance, [-].
 const LARGEST: f64 = 1e-2;
 /// γ and α of choice 2.
 const GAMMA: f64 = 0.9;
 const ALPHA: i32 = 2;
-/// The tolerance does not fall at once where that of the solve before says that this is more than `SAFE`.
+/// Safeguard: the tolerance falls gradually while the value that the previous one predicts is above this, [-].
 const SAFE: f64 = 0.1;
-/// No solve needs to leave less than this part of what the Newton iterations tolerate.
+/// A solve need not leave less than this fraction of the tolerance of the Newton iterations, [-].
 const ENOUGH: f64 = 0.01;
 
 /// The tolerances of the linear solves of a step.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Forcing {
-    /// Norm of the right-hand side and tolerance of the solve before.
+    /// Norm of the right-hand side and tolerance of the previous solve.
     last: Option<[f64; 2]>,
 }
 
@@ -25,8 +25,8 @@ impl Forcing {
         self.last.map_or(0.0, |[_, eta]| eta)
     }
 
-    /// Relative tolerance of the next linear solve, given the norm of its right-hand side, [force], the residual of
-    /// eq. (40) there and the largest that is equilibrium, [-].
+    /// Relative tolerance of the next linear solve, given the norm of its right-hand side, [force], the residual of eq.
+    /// (40) there, and the largest residual that counts as equilibrium, [-].
     pub(super) fn next(&mut self, norm: f64, residual: f64, tolerance: f64) -> f64 {
         let mut eta = match self.last {
             None => FIRST,
@@ -51,8 +51,8 @@ impl Forcing {
 mod tests {
     use super::*;
 
-    /// Where each step leaves what the linear solve does and half the square of the residual, the tolerance is
-    /// reached in few iterations and not by far.
+    /// If each iteration leaves the residual of the linear solve plus half the square of the previous residual, few
+    /// iterations meet the tolerance, and none overshoots it by much.
     #[test]
     fn newton_iterations_stay_nearly_quadratic() {
         let (mut forcing, mut residual, mut history) = (Forcing::default(), 0.3f64, Vec::new());

@@ -1,5 +1,4 @@
-//! The motion of the grid in the last step, from which the next one may start: as the direction of a path, or as a
-//! prediction.
+//! The motion of the grid in the last step, which the next one may use as the direction of a path or as a prediction.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +13,7 @@ pub struct Motion {
     nodes: Vec<u32>,
     /// Their displacement increment, one number per axis and node, [length].
     increment: Vec<f64>,
-    /// Time that the step took.
+    /// Duration of the step, [time].
     duration: f64,
 }
 
@@ -32,12 +31,12 @@ impl Motion {
         }
     }
 
-    /// Whether a run in so many dimensions can have come to this.
+    /// True if a run in `D` dimensions can have this motion.
     pub(super) fn can_be_of<const D: usize>(&self) -> bool {
         self.increment.len() == D * self.nodes.len() && self.nodes.is_sorted()
     }
 
-    /// The increment at each node of another step, where it was active.
+    /// The increment at each node of another step; `None` if the node was not active.
     fn known<const D: usize, const N: usize>(&self, links: &Connectivity<D>) -> Vec<Option<[f64; N]>> {
         let (increments, _) = self.increment.as_chunks::<N>();
         let at = |node: &u32| {
@@ -52,8 +51,8 @@ impl Motion {
         self.known(links).into_iter().map(|known| known.unwrap_or([0.0; N])).collect()
     }
 
-    /// The increment on the nodes of the step that follows, as if the motion went on; nodes that were not active move as
-    /// those around them do on average. `None` where there was no step.
+    /// The increment on the nodes of the next step, as if the motion continued; nodes that were not active move by the
+    /// average of the nodes around them. `None` before the first step.
     pub(super) fn extrapolate<const D: usize, const N: usize>(
         &self,
         links: &Connectivity<D>,

@@ -18,8 +18,8 @@ use super::unknowns::Unknowns;
 use super::update;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance; then the points move with the grid
-    /// (section 6.4). Writes trial state only.
+    /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance; then the points move with the
+    /// grid (section 6.4). Writes only the trial state.
     pub(super) fn iterate<M: Mechanics<D>>(&mut self) -> Result<Ended, SolveError> {
         self.prepare_equations()?;
         for iteration in 0..=self.most_iterations() {
@@ -100,7 +100,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let LoadStep { equations, summary, forcing, .. } = self;
         let (place, newton) = (context.place(dofs), &context.model.newton);
         let (system, timings) = (sum.system_mut(), &mut summary.timings);
-        // The right-hand side; δd becomes what is left of the prescribed motion.
+        // The right-hand side; δd becomes the remainder of the prescribed motion.
         timings.measure(Phase::Solve, || unknowns.begin_iteration(system, dofs, &course.out_of_balance));
         let residual = course.residuals.last().copied().unwrap_or(1.0);
         let eta = forcing.next(norm(unknowns.rhs.iter().flatten().copied()), residual, newton.tolerance);
@@ -110,7 +110,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             timings.measure(Phase::Solve, || unknowns.advance(system, dofs, &course.out_of_balance))?;
             return Ok(None);
         }
-        // The preconditioner of an earlier iteration does no harm to the solution.
+        // A preconditioner from an earlier iteration does not affect the solution.
         let may_reuse_factor = (newton.tangent == StiffnessUpdate::Kept || equations.is_iterative())
             && course.falls_fast()
             && !unknowns.prescribes

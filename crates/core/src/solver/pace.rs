@@ -4,12 +4,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::{SAME_TIME, Stepping};
 
-/// Most iterations of a step that may be followed by one of twice the size.
+/// A step may be followed by one of twice its size if it took at most this number of iterations.
 const FEW: usize = 8;
 /// Number of steps that must succeed after a failure before steps may grow.
 const PATIENCE: u32 = 2;
-/// Smallest rest before a stop that is a step of its own, relative to the step before it, [-]; for a smaller one, the last two
-/// steps are of equal size.
+/// Smallest remainder before a stop that becomes a separate step, relative to the step before it, [-]; if it is
+/// smaller, the last two steps are made equal.
 const REST: f64 = 0.5;
 
 /// The present size of steps.
@@ -80,7 +80,7 @@ impl Pace {
         self.resort == Some(LastResort::Damping)
     }
 
-    /// Records a step that has converged in so many iterations.
+    /// Records a step that has converged in this number of iterations.
     pub fn succeeded(&mut self, stepping: &Stepping, iterations: usize) {
         self.patience = self.patience.saturating_sub(1);
         self.resort = None;
@@ -112,7 +112,7 @@ mod tests {
     use super::*;
     use crate::model::Control;
 
-    /// The ends of all steps, of which those fail for which `fails` is true.
+    /// The ends of all steps if those for which `fails` is true fail.
     fn ends(stepping: &Stepping, iterations: usize, mut fails: impl FnMut(f64, f64) -> bool) -> Vec<f64> {
         let (mut pace, mut time, mut ends) = (Pace::default(), 0.0, Vec::new());
         while let Some(end) = pace.end_of_step(stepping, time) {
@@ -169,7 +169,7 @@ mod tests {
     fn the_smallest_step_is_tried_once_more_with_damped_iterations() {
         let damped = Stepping { smallest: 0.25, damping: true, ..Stepping::fixed(2, 2.0) };
         let found = ends(&damped, 5, |start, end| start < 1.5 && end > 1.3);
-        assert_eq!(found, [1.0, 1.25, 1.5, 2.0], "not damped where it need not be");
+        assert_eq!(found, [1.0, 1.25, 1.5, 2.0], "damped only where necessary");
         for stepping in [
             Stepping { damping: false, ..damped.clone() },
             Stepping { smallest: 1.0, ..damped.clone() },
@@ -195,7 +195,7 @@ mod tests {
         assert!(found.len() < 45, "{} steps", found.len());
         let sizes = std::iter::once(0.0).chain(found.iter().copied()).zip(&found).map(|(a, b)| b - a);
         assert!(sizes.fold(0.0, f64::max) <= 0.08 + 1e-12);
-        // Steps that do not grow end at all requested times as well.
+        // Steps that do not grow also end at all requested times.
         let fixed = Stepping { largest: 1.0, ..stepping };
         assert_eq!(ends(&fixed, 3, |_, _| false).len(), 101, "a knot between two of them splits a step");
     }

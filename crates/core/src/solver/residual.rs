@@ -1,8 +1,9 @@
-//! The measure of equilibrium: eq. (40) for each connected part of the bodies, and what round-off allows to be said of it.
+//! The measure of equilibrium: eq. (40) for each connected part of the bodies, and its limit by round-off.
 //!
-//! A part is in equilibrium by its own forces: a stiff or heavily loaded body elsewhere says nothing about it. Where
-//! round-off keeps a part from the tolerance, the step may still be accepted, marked, if what is out of balance is round-off
-//! of each node's own equations and small beside the forces on the part. Nothing of this changes the residual that is told.
+//! A part is in equilibrium by its own forces: a stiff or heavily loaded body elsewhere says nothing about it. If
+//! round-off prevents a part from meeting the tolerance, the step may still be accepted, and is marked, provided that
+//! the out-of-balance force is round-off of each node's own equations and small relative to the forces on the part.
+//! None of this changes the reported residual.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -15,8 +16,8 @@ use crate::points::Points;
 
 use crate::step::Nodal;
 
-/// Largest residual of a part, and largest resultant of its out-of-balance force relative to the sum of its forces, that is
-/// accepted where round-off forbids a smaller one, [-].
+/// Largest residual of a part, and largest resultant of its out-of-balance force relative to the sum of its forces,
+/// that is accepted if round-off prevents a smaller one, [-].
 pub(super) const MOST_OF_ROUND_OFF: f64 = 1e-6;
 
 /// Round-off of a nodal force relative to the terms Σ |K_vw| |Δd_w| of a displacement increment, in units of the machine
@@ -25,18 +26,18 @@ const IN_MOTION: f64 = 16.0;
 /// Round-off of a nodal force relative to Σ |∇S_vp| V_p M_p, the force of a strain of one at all points with the axial
 /// modulus M, in units of the machine precision: deformation gradients are about one.
 const IN_STRAIN: f64 = 8.0;
-/// More than this times the largest entry of K and the size of a cell is no force of a strain of one.
+/// Upper bound of the force of a strain of one, relative to the largest entry of K times the size of a cell, [-].
 const NO_SUCH_FORCE: f64 = 1e3;
 
-/// Reactions of a part that carries nothing are round-off that has accumulated in the stresses over the steps, up to this
-/// multiple of that of one step.
+/// Reactions of a part that carries nothing are round-off accumulated in the stresses over the steps, up to this
+/// multiple of the round-off of one step.
 const ACCUMULATED: f64 = 100.0;
 
-/// A part without loads is unloaded where its reactions are less than this part of what its bodies have carried: fresh grids
-/// leave as much of a stress that has gone, [-].
+/// A part without loads counts as unloaded if its reactions are less than this fraction of the largest force that its
+/// bodies have carried: fresh grids leave residual stresses of this order, [-].
 const UNLOADED: f64 = 1e-4;
 
-/// The connected parts of the active nodes, each with the fields whose equations are measured by norms of their own.
+/// The connected parts of the active nodes, and the fields, whose equations are measured by separate norms.
 #[derive(Debug, Clone)]
 pub(super) struct Parts {
     /// Number of the part of each node.
@@ -45,14 +46,14 @@ pub(super) struct Parts {
     n: usize,
     /// Components of each field; the displacement comes first.
     fields: Vec<Range<usize>>,
-    /// Numbers of the bodies that each part is of, ascending.
+    /// Numbers of the bodies that each part belongs to, ascending.
     bodies: Vec<Vec<usize>>,
-    /// For each part the largest force that its bodies have carried before, [force].
+    /// For each part, the largest force that its bodies have carried in earlier steps, [force].
     carried: Vec<f64>,
 }
 
 impl Parts {
-    /// From the lowest node of the part of each node, [`Connectivity::parts`], and the components of each field.
+    /// Parts from the lowest node of the part of each node, [`Connectivity::parts`], and the components of each field.
     pub(super) fn new(lowest: &[usize], fields: Vec<Range<usize>>) -> Parts {
         let mut of_node = vec![0; lowest.len()];
         let mut n = 0;
@@ -64,7 +65,7 @@ impl Parts {
         Parts { of_node, n, fields, bodies: vec![vec![0]; n], carried: vec![0.0; n] }
     }
 
-    /// With the bodies of each part, and the largest forces that each body has carried before.
+    /// Adds the bodies of each part, and the largest force that each body has carried in earlier steps.
     pub(super) fn of_bodies<const D: usize>(
         mut self,
         points: &Points<D>,
@@ -118,33 +119,33 @@ impl Parts {
     }
 }
 
-/// What an evaluation says about equilibrium.
+/// The measured equilibrium of an evaluation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Measured {
     /// Eq. (40) for the part that is farthest from equilibrium, [-]; parts that carry nothing but round-off do not count.
     pub(super) residual: f64,
-    /// What round-off has to do with it.
+    /// The role of round-off in the residual.
     pub(super) round_off: RoundOff,
 }
 
 impl Measured {
-    /// The larger of this and a residual that is no round-off.
+    /// The larger of this residual and another that is not due to round-off.
     pub(super) fn or_larger(self, residual: f64, tolerance: f64) -> Measured {
         let round_off = if residual > tolerance { RoundOff::NoMatter } else { self.round_off };
         Measured { residual: largest(self.residual, residual), round_off }
     }
 }
 
-/// What round-off has to do with a residual.
+/// The role of round-off in a residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum RoundOff {
-    /// Nothing, or it is not the reason why a residual is above the tolerance.
+    /// Round-off is not the reason why the residual exceeds the tolerance, if it does.
     NoMatter,
-    /// All that is above the tolerance are parts that carry nothing: their forces are round-off.
+    /// Only parts that carry nothing exceed the tolerance: their forces are round-off.
     OfNothing,
-    /// It keeps parts from the tolerance, but not from [`MOST_OF_ROUND_OFF`].
+    /// Round-off prevents parts from meeting the tolerance, but not [`MOST_OF_ROUND_OFF`].
     Limits,
-    /// It keeps parts from [`MOST_OF_ROUND_OFF`].
+    /// Round-off prevents parts from meeting even [`MOST_OF_ROUND_OFF`].
     Forbids,
 }
 
@@ -163,8 +164,8 @@ impl<const N: usize> Forces<'_, N> {
         std::array::from_fn(|d| self.f_ext[node][d] + self.reaction[node][d])
     }
 
-    /// Whether a load on a node is below `nothing` where it is free, and loads and reactions together are round-off where it is
-    /// held: a load may go right into a support.
+    /// True if the load on the free components of a node is below `nothing`, and the sum of load and reaction on its
+    /// held components is round-off: a load may act directly on a support.
     fn carries_nothing(&self, node: usize, nothing: f64, noise: f64) -> bool {
         let (load, reaction) = (&self.f_ext[node], &self.reaction[node]);
         (0..N).all(|d| match reaction[d] {
@@ -173,14 +174,15 @@ impl<const N: usize> Forces<'_, N> {
         })
     }
 
-    /// Eq. (40) for some components of each part: the out-of-balance force and external forces and reactions together.
+    /// The norms in eq. (40) for some components of each part: of the out-of-balance force, and of the sum of external
+    /// forces and reactions.
     fn of_parts(&self, parts: &Parts, components: Range<usize>) -> Vec<[f64; 2]> {
         let out = parts.norms(components.clone(), self.out_of_balance.iter().copied());
         let force = parts.norms(components, (0..self.f_ext.len()).map(|node| self.total(node)));
         out.into_iter().zip(force).map(|(out, force)| [out, force]).collect()
     }
 
-    /// The largest residual of each field beside the displacement, [-].
+    /// The largest residual of each field other than the displacement, [-].
     fn of_further_fields(&self, parts: &Parts) -> impl Iterator<Item = f64> {
         let of_field = |components: &Range<usize>| {
             let of_parts = self.of_parts(parts, components.clone());
@@ -202,7 +204,7 @@ impl<const N: usize> Forces<'_, N> {
         carried
     }
 
-    /// Eq. (40) where it meets the tolerance in every part.
+    /// The residual of eq. (40) if every part meets the tolerance.
     pub(super) fn balanced(&self, parts: &Parts, tolerance: f64) -> Option<f64> {
         let of_parts = self.of_parts(parts, parts.displacement());
         let largest = of_parts.iter().map(|&[out, force]| ratio(out, force)).fold(0.0, largest);
@@ -210,9 +212,9 @@ impl<const N: usize> Forces<'_, N> {
         (largest <= tolerance).then_some(largest)
     }
 
-    /// Eq. (40), and what round-off has to do with it where it is above the tolerance.
+    /// The residual of eq. (40), and the role of round-off if it exceeds the tolerance.
     ///
-    /// Fields beside the displacement count as they are.
+    /// Round-off is not considered for fields other than the displacement.
     pub(super) fn measure<const D: usize>(
         &self,
         parts: &Parts,
@@ -241,7 +243,7 @@ impl<const N: usize> Forces<'_, N> {
             return told(&residuals, RoundOff::NoMatter);
         }
         let (mut carries_nothing, mut is_round_off) = (open.clone(), open.clone());
-        // Equilibrium leaves as much of what a body has carried before as the tolerance allows.
+        // Equilibrium may leave a fraction, up to the tolerance, of the force that a body has carried before.
         let left: Vec<f64> = parts.carried.iter().map(|f| tolerance.min(MOST_OF_ROUND_OFF) * f).collect();
         self.exclude_beyond(at.round_off_at_most(), &left, parts, &mut is_round_off);
         if is_round_off.contains(&true) {
@@ -276,7 +278,7 @@ impl<const N: usize> Forces<'_, N> {
             }
         }
         if round_off == RoundOff::NoMatter {
-            // A part without forces is measured against its internal force.
+            // A part without forces is measured relative to its internal force.
             let internal = parts.norms(parts.displacement(), at.system.internal_force().iter().copied());
             for (part, &[out, force]) in of_parts.iter().enumerate() {
                 if force == 0.0 && out > 0.0 && !carries_nothing[part] {
@@ -287,7 +289,7 @@ impl<const N: usize> Forces<'_, N> {
         told(&residuals, round_off)
     }
 
-    /// Takes the parts away of which a node has an out-of-balance force beyond a bound, and beyond one of the part.
+    /// Excludes parts with a node whose out-of-balance force exceeds both `bound` and the bound of the part.
     fn exclude_beyond(&self, bound: f64, of_part: &[f64], parts: &Parts, is_round_off: &mut [bool]) {
         for (force, part) in self.out_of_balance.iter().zip(&parts.of_node) {
             let part = *part as usize;
@@ -296,8 +298,8 @@ impl<const N: usize> Forces<'_, N> {
         }
     }
 
-    /// Magnitude of the sum of the out-of-balance force over each part, relative to the magnitudes of all its forces; along
-    /// the axes that have a balance of forces.
+    /// Magnitude of the sum of the out-of-balance force over each part, relative to the magnitudes of all its forces;
+    /// only along axes with a balance of forces.
     fn resultants(&self, parts: &Parts, revolved: bool) -> Vec<f64> {
         let mut sums = vec![([0.0; N], 0.0); parts.n];
         for (node, part) in parts.of_node.iter().enumerate() {
@@ -312,12 +314,12 @@ impl<const N: usize> Forces<'_, N> {
     }
 }
 
-/// What is out of balance at the nodes of each body alone, beyond round-off, relative to the forces on them or, where they
-/// are larger, to the forces that its points pass on to nodes that it shares; empty for one body, 0 for a body without
-/// forces, [-].
+/// The out-of-balance force beyond round-off at the nodes of each body alone, relative to the forces on these nodes or,
+/// if they are larger, to the forces of its points on shared nodes, [-]; empty for a single body, 0 for a body without
+/// forces.
 ///
-/// A part of several bodies is in equilibrium by all its forces. Those on a body that carries little beside others may be
-/// out of balance then, and nobody would know.
+/// The residual of a part of several bodies is relative to all its forces. A body that carries little compared with the
+/// others may then be out of balance unnoticed.
 pub(super) fn of_bodies<const D: usize, const N: usize>(
     forces: &Forces<'_, N>,
     model: &Model<D>,
@@ -360,11 +362,11 @@ pub(super) fn of_bodies<const D: usize, const N: usize>(
             }
         });
     });
-    let mut sums = vec![[0.0; 3]; bodies]; // squares: out of balance, on the body, passed on
+    let mut sums = vec![[0.0; 3]; bodies]; // squares: out of balance, on the body, on shared nodes
     for ((body, _), force) in &passed_on {
         sums[*body as usize][2] += force.iter().map(|f| f * f).sum::<f64>();
     }
-    // The motion is taken as one of a cell and the strains as one, because the stiffness is gone.
+    // A motion of one cell and strains of one are assumed, because the stiffness is no longer available.
     let round_off = f64::EPSILON * ACCUMULATED * (IN_MOTION + IN_STRAIN);
     let unit = forces_of_unit_strain(model, points, links);
     for (node, &owner) in owner.iter().enumerate().filter(|(_, owner)| (**owner as usize) < bodies) {
@@ -376,7 +378,7 @@ pub(super) fn of_bodies<const D: usize, const N: usize>(
     sums.into_iter().map(|[out, on, passed_on]| ratio(out.sqrt(), on.max(passed_on).sqrt())).collect()
 }
 
-/// Where an evaluation was made.
+/// The state in which an evaluation was made.
 pub(super) struct EvaluatedAt<'a, const D: usize, const N: usize> {
     pub(super) model: &'a Model<D>,
     pub(super) points: &'a Points<D>,
@@ -386,7 +388,7 @@ pub(super) struct EvaluatedAt<'a, const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
-    /// No node has more [`EvaluatedAt::round_off`] than this, which costs little, [force].
+    /// An inexpensive upper bound of [`EvaluatedAt::round_off`] over all nodes, [force].
     fn round_off_at_most(&self) -> f64 {
         let EvaluatedAt { model, links, system, delta_d, .. } = self;
         let motion = delta_d.iter().flatten().fold(0.0, |largest, x| f64::max(largest, x.abs()));
@@ -399,9 +401,9 @@ impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
         f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + strain)
     }
 
-    /// Round-off of the force at each node, [force]: that of the products of its row of K with the displacement increment,
-    /// and that of strains at its points. A node that is touched by little has little stiffness, K_vv ~ |∇S|², but stresses of
-    /// points that others hold, whose round-off goes with |∇S|.
+    /// Round-off of the force at each node, [force]: that of the products of its row of K with the displacement
+    /// increment, and that of strains at its points. A node that carries little material has little stiffness, K_vv ~
+    /// |∇S|², but its force contains stresses of points that other nodes hold, whose round-off is proportional to |∇S|.
     fn round_off(&self) -> Vec<f64> {
         let largest_of = |x: &[f64; N]| x.iter().fold(0.0f64, |a, b| a.max(b.abs()));
         let motion = self.system.magnitudes(self.delta_d);
@@ -432,12 +434,12 @@ fn forces_of_unit_strain<const D: usize>(
     forces
 }
 
-/// The larger of two residuals; not a number if one is not.
+/// The larger of two residuals; NaN if either is.
 fn largest(a: f64, b: f64) -> f64 {
     if a >= b || a.is_nan() { a } else { b }
 }
 
-/// `out` relative to `force`; nothing is nothing, whatever it is relative to.
+/// `out` relative to `force`; 0 if `out` is 0, even if `force` is 0, too.
 fn ratio(out: f64, force: f64) -> f64 {
     if out == 0.0 { 0.0 } else { out / force }
 }

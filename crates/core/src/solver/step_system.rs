@@ -15,14 +15,14 @@ use super::residual::Parts;
 pub(super) struct StepSystem<const D: usize, const N: usize = D> {
     pub(super) dofs: DofMap<N>,
     pub(super) sum: Sum<D, N>,
-    /// The equation of the load factor, where that is unknown.
+    /// The equation of the load factor, if that is unknown.
     pub(super) condition: Option<Condition<D, N>>,
     /// The connected parts of the bodies.
     pub(super) parts: Parts,
 }
 
 impl<const D: usize, const N: usize> StepSystem<D, N> {
-    /// Takes the terms of the run and has them begin the step. Where it fails, the terms stay.
+    /// Takes the terms of the run and begins the step with them. If this fails, the terms stay in the run.
     pub(super) fn new<M: Mechanics<D>>(
         context: &StepContext<D>,
         points: &Points<D>,

@@ -1,4 +1,4 @@
-//! From load step to load step: which is tried, what becomes of one that fails, and what is committed.
+//! Stepping: the choice of each load step, the response to a failed one, and the commit of a converged one.
 
 use std::collections::BTreeSet;
 
@@ -44,17 +44,17 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
     kernels: Kernels<D, N>,
     pub(super) fields: Fields,
     pub(super) equations: Equations<D, N>,
-    /// Links of the step before, for their memory.
+    /// Links of the previous step, whose memory is reused.
     pub(super) links: Connectivity<D>,
     /// The last step in equilibrium; none while a step is attempted.
     pub(super) report: Option<StepReport<D>>,
-    /// Why the present step fails, once last resorts are tried.
+    /// The cause of the failure of the present step, kept while last resorts are tried.
     cause: Option<(FailedAttempt<D>, Diagnosis)>,
-    /// Why the last attempt at the present step that met the tolerance has failed all the same.
+    /// The error of the last attempt at the present step that failed although it met the tolerance.
     lost_points: Option<SolveError>,
     /// The parts of equilibrium.
     pub(super) terms: Terms<D, N>,
-    /// True if there are others than those that every analysis has.
+    /// True if terms have been added to those that every analysis has.
     is_extended: bool,
     pub(super) reached: Reached,
 }
@@ -93,8 +93,8 @@ impl<'a, const D: usize> Stepper<'a, D> {
 }
 
 impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
-    /// An analysis with further fields at the nodes, which the terms added later know about. The fields must have `N` components
-    /// together, of which those of the displacement come first.
+    /// An analysis with further fields at the nodes, which terms added later use. The fields must have `N` components
+    /// in total, those of the displacement first.
     pub fn with_fields(
         model: &'a Model<D>,
         points: &'a mut Points<D>,
@@ -121,13 +121,13 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// Adds terms of equilibrium to those that every analysis has.
     ///
     /// # Errors
-    /// [`SolveError::Term`] where two terms have the same name.
+    /// [`SolveError::Term`] if two terms have the same name.
     pub fn with_terms(mut self, further: Terms<D, N>) -> Result<Self, SolveError> {
         self.is_extended |= !further.is_empty();
         self.terms.extend(further);
         let mut names = BTreeSet::new();
         match self.terms.iter().find(|term| !names.insert(term.name())) {
-            Some(term) => Err(refused(term.name(), "another term has its name")),
+            Some(term) => Err(refused(term.name(), "another term has the same name")),
             None => Ok(self),
         }
     }
@@ -138,14 +138,14 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         self
     }
 
-    /// Goes on from what has been reached, in whose state the points are. All terms must have been added.
+    /// Resumes from a step that has been reached; the points must be in its state. All terms must have been added.
     ///
     /// # Errors
-    /// [`SolveError::Term`] where a term cannot go on from it.
+    /// [`SolveError::Term`] if a term cannot resume from its saved state.
     pub fn resume(mut self, reached: Reached) -> Result<Self, SolveError> {
         let is_known = |name: &String| self.terms.iter().any(|term| term.name() == name.as_str());
         if let Some(name) = reached.summary.terms.keys().find(|name| !is_known(name)) {
-            return Err(refused(name, "what has been reached holds a state of it, but it is not given"));
+            return Err(refused(name, "it has a saved state, but has not been added to the analysis"));
         }
         for term in &mut self.terms {
             if let Some(saved) = reached.summary.terms.get(term.name()) {
@@ -157,8 +157,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         Ok(self)
     }
 
-    /// Solves the next step and commits it: the step that follows the last one in equilibrium or, where that has none, smaller
-    /// ones as far as the model allows them. `None` at the end of the analysis.
+    /// Solves the next step and commits it: the step that follows the last one in equilibrium or, if it has no
+    /// equilibrium, smaller ones as far as the model allows. `None` at the end of the analysis.
     ///
     /// # Errors
     /// [`SolveError`] when there is no equilibrium; the converged state of the points is then the last one in equilibrium.
@@ -166,7 +166,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         Ok((self.kernels.step)(self, observer)?.then_some(self.report.as_ref()).flatten())
     }
 
-    /// Runs to the end of the analysis, reporting all to `observer`.
+    /// Runs to the end of the analysis and reports every event to `observer`.
     ///
     /// # Errors
     /// As [`Stepper::step`].
@@ -237,7 +237,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         if observer.interrupted() {
             return Err(SolveError::Interrupted { step: step.index });
         }
-        // Whether other terms only weigh on the bodies is not known, and a slump that fails does not take back what they keep.
+        // It is unknown whether other terms only load the bodies, and a failed slump does not restore their state.
         let may_slump = self.reached.summary.pace.is_damped()
             && damping::may_slump(self.model, self.points)
             && !self.is_extended;
@@ -249,8 +249,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         }
     }
 
-    /// Goes on to the equilibrium of a step from where damped iterations have led the points, on one fresh grid after another;
-    /// without success the points are as they were.
+    /// Continues from the positions to which damped iterations have moved the points, on one fresh grid after another,
+    /// until the step is in equilibrium. If this fails, the points are restored.
     fn slump<M: Mechanics<D>>(
         &mut self,
         step: Step,
@@ -278,7 +278,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
                 Ok(Attempt::OnTheWay(more)) => way = more.after(way),
                 Err(mut failed) => {
                     *self.points = before;
-                    // It has the points of a state that is gone.
+                    // It contains points of a state that no longer exists.
                     failed.iterate = None;
                     return self.refuse(*failed, observer);
                 }
@@ -317,7 +317,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         observed.map_err(SolveError::Output)
     }
 
-    /// Makes the next step smaller, or says why the run ends.
+    /// Makes the next step smaller, or returns the error that ends the run.
     fn refuse(&mut self, failed: FailedAttempt<D>, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
         let (model, points) = (self.model, &*self.points);
         let Reached { summary, .. } = &mut self.reached;
@@ -327,7 +327,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         let was_last_resort = summary.pace.is_last_resort();
         let goes_on =
             failed.may_succeed_if_smaller && summary.pace.failed(&model.stepping, start, end, is_torn);
-        // Why a step fails shows in the last attempt before the last resorts.
+        // The last attempt before the last resorts shows why a step fails.
         let diagnosis = (!was_last_resort && (!goes_on || summary.pace.is_last_resort())).then(|| {
             Diagnosis::new(model, points, &failed, self.lost_points.as_ref(), summary.largest_load_factor)
         });
@@ -356,7 +356,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         Err(cause.map_or(failed.error, |(cause, _)| cause.error))
     }
 
-    /// Takes the measures of a step in equilibrium, before it is committed.
+    /// Measures a step in equilibrium before it is committed.
     fn judge(&mut self, report: &StepReport<D>) {
         let (model, points) = (self.model, &*self.points);
         let Summary { timings, quality, warnings, .. } = &mut self.reached.summary;

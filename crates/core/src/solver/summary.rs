@@ -25,7 +25,7 @@ pub struct Summary {
     /// Number of steps among them that were accepted at the limit of round-off rather than at the tolerance.
     #[serde(default)]
     pub rounding_limited: usize,
-    /// Number of steps among them whose equilibrium only damped iterations have found.
+    /// Number of steps among them whose equilibrium only damped iterations found.
     #[serde(default)]
     pub damped: usize,
     /// Number of torn domains that were replaced.

@@ -12,28 +12,28 @@ use super::residual::{Forces, norm};
 pub(super) struct Unknowns<const N: usize> {
     /// Increments of the active nodes; those of the displacement are Δd, [length].
     pub(super) delta_d: Nodal<N>,
-    /// Load factor, where that is unknown, [-].
+    /// Load factor, if that is unknown, [-].
     pub(super) factor: f64,
     /// Increments of the global unknowns.
     pub(super) globals: Vec<f64>,
     /// Reactions, from the linearised equations of the iterations so far, [force].
     pub(super) reaction: Nodal<N>,
-    /// The last iterative increment δd, …
+    /// The last iterative increment δd.
     pub(super) iterative: Nodal<N>,
-    /// … the changes of the load factor and of the global unknowns that belong to it, …
+    /// The changes of the load factor and of the global unknowns that belong to δd.
     pub(super) iterative_factor: f64,
     pub(super) iterative_globals: Vec<f64>,
-    /// … and K δd, [force].
+    /// K δd, [force].
     pub(super) k_delta: Nodal<N>,
-    /// True if δd contains a prescribed motion, of which a part would be no step towards equilibrium.
+    /// True if δd contains a prescribed motion, so that a fraction of it would not lead towards equilibrium.
     pub(super) prescribes: bool,
     /// Right-hand side of the equations of the unknowns, [force].
     pub(super) rhs: Nodal<N>,
-    /// Prediction of the first iterative displacement, in place of a solution, [length].
+    /// Prediction of the first iterative displacement, used instead of a linear solve, [length].
     pub(super) predicted: Option<Nodal<N>>,
     /// (δd, f_ext − f_int + f_react) where δd was found: the slope of the potential there, [energy].
     slope: f64,
-    /// The part of δd that has been taken, [-].
+    /// The fraction of δd that has been taken, [-].
     taken: f64,
     /// Number of axes: the components of the displacement.
     axes: usize,
@@ -41,10 +41,10 @@ pub(super) struct Unknowns<const N: usize> {
     far: f64,
 }
 
-/// An iterative displacement of so many diameters of the grid is the work of a singular stiffness.
+/// An iterative displacement of this many diameters of the grid indicates a singular stiffness.
 const FAR: f64 = 1e6;
 
-/// A line search is content with this part of the slope of the potential.
+/// A line search ends when the slope of the potential has fallen to this fraction, [-].
 const FLAT: f64 = 0.5;
 
 impl<const N: usize> Unknowns<N> {
@@ -76,8 +76,8 @@ impl<const N: usize> Unknowns<N> {
         }
     }
 
-    /// Forms the right-hand side of eq. (26). The iterative increment becomes what is left of the prescribed motion, which loads
-    /// the free degrees of freedom through K.
+    /// Forms the right-hand side of eq. (26). The iterative increment becomes the remainder of the prescribed motion,
+    /// which loads the free degrees of freedom through K.
     pub(super) fn begin_iteration(
         &mut self,
         system: &mut System<N>,
@@ -104,7 +104,7 @@ impl<const N: usize> Unknowns<N> {
         dofs: &DofMap<N>,
         out_of_balance: &[[f64; N]],
     ) -> Result<(), LinearError> {
-        // Only a motion that nothing resists carries a node that far.
+        // Only a motion without resistance carries a node that far.
         let far = |u: &f64| u.abs() > self.far;
         let delta = &self.iterative;
         let carried = (0..delta.len()).find_map(|node| {
@@ -134,12 +134,12 @@ impl<const N: usize> Unknowns<N> {
             *global += change;
         }
         self.taken = 1.0;
-        // Without prescribed motion, which no line search shortens, this is the work on the unknowns.
+        // Without prescribed motion, which a line search never shortens, this is the work on the unknowns.
         self.slope = self.slope(out_of_balance);
         Ok(())
     }
 
-    /// Adds the response to a change of the load factor, of which the responses to a unit are given.
+    /// Adds the response to a change of the load factor, given the responses to a unit change.
     pub(super) fn add_response(&mut self, change: f64, of_load: &[[f64; N]], globals: &[f64]) {
         for (delta, of_load) in self.iterative.iter_mut().flatten().zip(of_load.iter().flatten()) {
             *delta += change * of_load;
@@ -158,7 +158,7 @@ impl<const N: usize> Unknowns<N> {
         self.iterative.fill([0.0; N]);
     }
 
-    /// Takes only a part of what is taken of the last iterative increment.
+    /// Reduces the last iterative increment to this fraction of what was taken of it.
     pub(super) fn shorten(&mut self, part: f64) {
         let back = 1.0 - part;
         let retreat = |value: &mut f64, change: &mut f64| {
@@ -169,7 +169,7 @@ impl<const N: usize> Unknowns<N> {
             values.iter_mut().zip(changes).for_each(|(value, change)| retreat(value, change));
         };
         both(self.delta_d.as_flattened_mut(), self.iterative.as_flattened_mut());
-        // Zero where there is no constraint.
+        // Zero for components without a constraint.
         both(self.reaction.as_flattened_mut(), self.k_delta.as_flattened_mut());
         both(&mut self.globals, &mut self.iterative_globals);
         retreat(&mut self.factor, &mut self.iterative_factor);

@@ -1,4 +1,4 @@
-//! What happens to the points once a step is in equilibrium: section 6.4.
+//! The update of the points once a step is in equilibrium: section 6.4.
 #![allow(non_snake_case)]
 
 use std::ops::Range;
@@ -21,20 +21,20 @@ struct Moved<const D: usize> {
     deformation_gradient: Mat3,
     half_lengths: [f64; D],
     corners: [[f64; D]; 8],
-    /// Whether the domain was torn and is another one now.
+    /// True if the domain was torn and has been replaced.
     is_replaced: bool,
 }
 
-/// A domain in place of a torn one is made smaller by halves, until it fits into the grid, up to so many times.
+/// Most halvings of a domain that replaces a torn one, until it fits into the grid.
 const MOST_HALVINGS: usize = 10;
 
-/// A task of this many groups or fewer is not split between threads.
+/// A task of at most this many groups is not divided between threads.
 const GRAIN: usize = 16;
 
 /// Moves the points with the grid, eqs. (9), (31), updates F by eq. (16) and the domains by eqs. (32)-(39); all into
 /// the trial state, whose stress and strain the last assembly has written.
 ///
-/// Where `replaces`, a domain that is torn or leaves the grid by its corners is replaced; returns the permanent numbers of
+/// If `replaces`, a domain that is torn, or has corners outside the grid, is replaced; returns the permanent numbers of
 /// these points, ascending.
 ///
 /// # Errors
@@ -49,7 +49,7 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
 ) -> Result<Vec<u32>, SolveError> {
     let at_rest = [0.0; D];
     let nodal = |node: usize| links.moves_with(node).map_or(at_rest, |active| delta_d[active]);
-    let regular = model.grid.structured(); // a grid whose type is known has its arithmetic in line
+    let regular = model.grid.structured(); // calls to a known type are inlined
     let displacement = |place: &[f64; D]| match regular {
         Some(grid) => interpolate(grid, place, &nodal),
         None => interpolate(model.grid.as_ref(), place, &nodal),
@@ -93,7 +93,7 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
     outcome.map(|()| replaced)
 }
 
-/// The part of the trial state that is written here, of consecutive points.
+/// The part of the trial state of consecutive points that is written here.
 struct Room<'a, const D: usize> {
     first: usize,
     position: &'a mut [[f64; D]],
@@ -168,7 +168,7 @@ impl<const D: usize> Room<'_, D> {
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "one point with all that moves it")]
+#[expect(clippy::too_many_arguments, reason = "one point with everything that moves it")]
 fn move_point<const D: usize, M: Mechanics<D>>(
     model: &Model<D>,
     points: &Points<D>,
@@ -228,7 +228,7 @@ fn move_point<const D: usize, M: Mechanics<D>>(
                 Method::Cpdi2 => carry_corners(points, p, displacement, &mut moved),
                 _ => deform_corners(points, p, 1.0, &mut moved),
             }
-            // Otherwise the next step, if there is one, would be the first to notice.
+            // Otherwise only the next step, if there is one, would notice.
             let n = points.corner_range(p).len();
             let check = |moved: &Moved<D>| match model.grid.structured() {
                 Some(grid) => check_domain(grid, &moved.corners[..n], points.cell[p]),
@@ -251,8 +251,8 @@ fn move_point<const D: usize, M: Mechanics<D>>(
     Ok(moved)
 }
 
-/// A deformation gradient without what happens beyond the `D` axes, which is no matter of the domain: the stretch
-/// around the axis of a body of revolution.
+/// A deformation gradient restricted to the `D` axes: the domain does not depend on the rest, the stretch around the
+/// axis of a body of revolution.
 fn along_axes<const D: usize>(mut F: Mat3) -> Mat3 {
     for d in D..3 {
         F[(d, d)] = 1.0;
@@ -273,7 +273,7 @@ fn carry_corners<const D: usize>(
     }
 }
 
-/// CPDI1: a parallelogram (parallelepiped) that follows F of the point, here of `size` times the lengths.
+/// CPDI1: a parallelogram (parallelepiped) that follows F of the point, here with its lengths scaled by `size`.
 fn deform_corners<const D: usize>(points: &Points<D>, p: usize, size: f64, moved: &mut Moved<D>) {
     let (F, x) = (&moved.deformation_gradient, &moved.position);
     let original = &points.original_corners[points.corner_range(p)];

@@ -14,8 +14,8 @@ use super::term::Term;
 pub struct ExternalForce<const D: usize> {
     /// On each active node, eq. (29), [force].
     pub nodal: Vec<[f64; D]>,
-    /// Resultant of each load over the material points, as the deck states it: what the nodes get from it, and what basis
-    /// functions lose that do not add up to 1, [force].
+    /// Resultant of each load over the material points, as the deck states it, [force]. It includes the part that does
+    /// not reach the nodes if basis functions do not add up to 1.
     pub resultants: Vec<[f64; D]>,
 }
 
@@ -35,7 +35,7 @@ pub fn external_force<const D: usize>(
         .map(|(forces, resultants)| on_nodes(links, (&forces, resultants)))
 }
 
-/// The external force where all loads have the same factor, whatever their curves say.
+/// The external force if all loads have the same factor, regardless of their curves.
 ///
 /// # Errors
 /// As [`external_force`].
@@ -59,7 +59,7 @@ fn on_nodes<const D: usize>(
         let nodes = links.nodes_of(group);
         for p in links.points_of(group) {
             if at_points[p] == [0.0; D] {
-                continue; // most points, where forces act on some
+                continue; // most points, if forces act on few
             }
             links.for_each_value(p, |local, value| {
                 let node = &mut force[nodes[local] as usize];
@@ -131,7 +131,7 @@ fn forces_on_points<const D: usize>(
     Ok((forces, resultants))
 }
 
-/// The external forces of all loads, dead ones: their direction does not follow the displacement.
+/// The external forces of all loads. They are dead loads: their direction does not follow the displacement.
 #[derive(Debug, Default)]
 pub struct ExternalForces<const D: usize> {
     /// At the end of the step, [force].
@@ -139,12 +139,12 @@ pub struct ExternalForces<const D: usize> {
     /// In the state that the step starts from, on the nodes of this step, [force].
     start: Nodal<D>,
     resultants: Vec<[f64; D]>,
-    /// At load factor 1 where that factor follows from equilibrium, and the resultants that belong to it.
+    /// The force at load factor 1 if the factor follows from equilibrium, and its resultants.
     unit: Option<(Nodal<D>, Vec<[f64; D]>)>,
 }
 
 impl<const D: usize> ExternalForces<D> {
-    /// The force at a load factor, where that follows from equilibrium.
+    /// Sets the force for a load factor that follows from equilibrium.
     fn set_factor(&mut self, factor: f64) {
         let Some((unit, resultants)) = &self.unit else { return };
         for (force, unit) in self.end.iter_mut().flatten().zip(unit.iter().flatten()) {
@@ -176,7 +176,7 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
         }
         let load = |time| external_force(model, points, links, time); // (24), (25), (29)
         let ExternalForce { nodal, resultants } = load(step.end)?;
-        // At time 0 nothing is loaded yet, whatever the curves say.
+        // Nothing is loaded yet at time 0, whatever the values of the curves.
         self.start = if step.start > 0.0 { load(step.start)?.nodal } else { vec![[0.0; D]; nodal.len()] };
         (self.end, self.resultants, self.unit) = (nodal, resultants, None);
         Ok(())

@@ -1,4 +1,4 @@
-//! Why a term cannot be formed.
+//! Reasons why a term cannot be evaluated.
 
 use crate::points::coordinates;
 use crate::stress::PointError;
@@ -17,7 +17,7 @@ pub struct LoadNotFinite {
     pub body: String,
     /// Permanent number of the point.
     pub point: u32,
-    /// Where the point is, [length].
+    /// Position of the point, [length].
     pub position: Vec<f64>,
     /// The load factor.
     pub factor: f64,
@@ -32,6 +32,6 @@ pub struct LoadNotFinite {
 pub struct PointFailure {
     /// Index of the point.
     pub point: usize,
-    /// What failed.
+    /// The failure.
     pub error: PointError,
 }

@@ -1,16 +1,17 @@
 //! Ghost stabilisation: a penalty on jumps of the displacement gradient over the faces of cells that hold hardly any
 //! material, after Coombs (2023), doi 10.1002/nme.7332, and Burman (2010), doi 10.1016/j.crma.2010.10.006.
 //!
-//! The stiffness of a cut cell goes to zero with the material in it, and so does that of nodes which nothing else holds:
-//! equations become ill-conditioned, round-off moves such nodes, and iterations stumble. The penalty extends the
-//! displacement field of the neighbours smoothly into such a cell,
+//! The stiffness of a cut cell goes to zero with the material in it, and so does that of its nodes if no other cell
+//! holds them: the equations become ill-conditioned, round-off moves such nodes, and iterations fail to converge. The
+//! penalty extends the displacement field of the neighbours smoothly into such a cell,
 //!
 //! f_G = Σ_faces ∫ γ G h ⟦∂N/∂n⟧ᵀ ⟦∂Δd/∂n⟧ dA,
 //!
-//! with the shear modulus G at rest of the material around, the thickness h of the cells across the face and a number γ.
-//! It acts on the displacement increment of the step, in the configuration where the step starts, as equilibrium does.
-//! A linear increment (uniform strain, any translation, any rotation by the linearised measure) has no jump: patch tests
-//! hold, the forces have no resultant and no moment. f_G is linear in Δd, so Newton iterations stay quadratic.
+//! with the shear modulus G at rest of the material around, the thickness h of the cells across the face and a number
+//! γ. It acts on the displacement increment of the step, in the configuration where the step starts, as equilibrium
+//! does. A linear increment (uniform strain, any translation, any rotation by the linearised measure) has no jump:
+//! patch tests hold, and the forces have no resultant and no moment. f_G is linear in Δd, so Newton iterations stay
+//! quadratic.
 #![allow(non_snake_case)]
 
 use std::collections::HashSet;
@@ -34,16 +35,16 @@ const OF_FEW_POINTS: f64 = 0.01;
 /// The stiffness of the penalty, by faces. It couples axes with themselves only, all in the same way.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Ghost {
-    /// Where the nodes of each face start in `nodes`.
+    /// Start of the nodes of each face in `nodes`.
     node_start: Vec<usize>,
     /// Active nodes of both cells, ascending.
     nodes: Vec<u32>,
     /// Lower triangle by rows for each face, [force/length].
     stiffness: Vec<f64>,
-    /// Where it starts.
+    /// Start of the stiffness of each face in `stiffness`.
     stiffness_start: Vec<usize>,
-    /// For each entry of the stiffness of each face the places of its block and, where both triangles are kept, of the mirror
-    /// image.
+    /// For each entry of the stiffness of each face, the places of its block and, if both triangles are stored, of its
+    /// transpose.
     places: Vec<[Option<usize>; 2]>,
 }
 
@@ -168,7 +169,8 @@ impl Ghost {
         places
     }
 
-    /// Adds f_G of the displacement increment of the active nodes along so many axes, [length], to a force on them, [force].
+    /// Adds f_G of the displacement increment of the active nodes along `axes` axes, [length], to the force on them,
+    /// [force].
     pub fn add_force<const N: usize>(&self, axes: usize, delta_d: &[[f64; N]], force: &mut [[f64; N]]) {
         for face in 0..self.n_faces() {
             let (nodes, stiffness) = (self.nodes_of(face), self.stiffness_of(face));
@@ -230,7 +232,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         Ok(())
     }
 
-    /// Its work from 0: ½ f_G·Δd. The next step forgets it.
+    /// Its work from zero increment, ½ f_G·Δd, which is lost in the next step.
     fn ledger(&self, _: &StepContext<D>, _: &Points<D>, at: At<N>) -> Ledger {
         if self.n_faces() == 0 {
             return Ledger::default();
@@ -246,8 +248,9 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
     }
 }
 
-/// The cells that hold points, but fewer than resist all motions of their nodes: the strain of a quadrilateral at one point
-/// does not see its hourglass motions, nor that of a hexahedron at three. Simplices have none.
+/// The cells that hold points, but too few to resist all motions of their nodes: the strain at one point of a
+/// quadrilateral does not resist its hourglass motions, nor do the strains at three points of a hexahedron. Simplices
+/// have no hourglass motions.
 fn cells_of_few_points<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
@@ -291,12 +294,12 @@ fn faces_of<const D: usize>(grid: &dyn Grid<D>, cells: &[u32]) -> (Vec<Face>, Ve
             _ => {}
         }
     }
-    // In the order of the cells, whatever the numbers of the nodes are.
+    // The order of the cells, independent of the numbers of the nodes.
     faces.sort_unstable_by_key(|face| face.cells);
     (faces, at_boundary)
 }
 
-/// Whether all nodes lie on the same side of a structured grid.
+/// True if all nodes lie on the same side of a structured grid.
 fn is_at_edge<const D: usize>(grid: &dyn Grid<D>, nodes: &[u32]) -> bool {
     let Some(structured) = grid.structured() else { return false };
     let indices = || nodes.iter().map(|n| structured.node_index(*n as usize));

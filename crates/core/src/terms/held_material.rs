@@ -1,4 +1,4 @@
-//! How much material the nodes of the grid carry, and how full cells are.
+//! The material that grid nodes carry, and the filling of cells.
 
 use crate::basis::Connectivity;
 use crate::grid::Grid;

@@ -2,8 +2,8 @@
 //! Lagrangian formulation.
 //!
 //! Each group of points accumulates one dense block on the few nodes it touches; the blocks are then merged in the
-//! order of the groups. Points write only their own trial state and blocks, so threads never meet, and the order of
-//! every sum is fixed: the result has the same bits for any number of threads.
+//! order of the groups. Points write only their own trial state and blocks, so threads never write to the same memory,
+//! and the order of every sum is fixed: the result has the same bits for any number of threads.
 #![allow(non_snake_case)]
 
 mod evaluation;
@@ -30,15 +30,15 @@ const BATCH: usize = 1 << 14;
 
 /// The material points, with the mechanics of an idealisation.
 pub struct MaterialPoints<const D: usize, M> {
-    /// What is fixed for each point at the start of the step.
+    /// Data of each point that are constant during the step.
     start: Vec<StartOfStep>,
     batches: Vec<Range<usize>>,
-    /// The dense blocks of the batch in hand, and of the one before, which is merged meanwhile.
+    /// The dense blocks of the current batch, and of the previous one, which is being merged.
     dense: [DenseBatch<D>; 2],
-    /// Room for the basis functions of one point of each group.
+    /// Working space for the basis functions of one point of each group.
     value: Vec<f64>,
     gradient: Vec<[f64; D]>,
-    /// Room for the gradients of one point of each group in the current configuration, eq. (8).
+    /// Working space for the gradients of one point of each group in the current configuration, eq. (8).
     mapped: Vec<[f64; D]>,
     mechanics: PhantomData<M>,
 }
@@ -216,7 +216,7 @@ fn merge<const D: usize, const N: usize>(
     }
 }
 
-/// Adds to the first components.
+/// Adds `x` to the first components of `sum`.
 fn add<const D: usize, const N: usize>(sum: &mut [f64; N], x: &[f64; D]) {
     for d in 0..D {
         sum[d] += x[d];

@@ -31,7 +31,7 @@ pub struct Sum<const D: usize, const N: usize = D> {
 }
 
 impl<const D: usize, const N: usize> Sum<D, N> {
-    /// Lays out the system of a step that these terms have begun.
+    /// Sets up the system of a step; the terms must have begun it.
     pub fn new(terms: Terms<D, N>, step: &StepContext<D>, dofs: &DofMap<N>) -> Self {
         let symmetric = terms.iter().all(|term| term.is_symmetric(step));
         let of_terms = |couple: &mut dyn FnMut(&[u32])| terms.iter().for_each(|term| term.couples(couple));
@@ -79,17 +79,18 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         Ok(())
     }
 
-    /// What the terms have added in the last evaluation.
+    /// The sum of all terms in the last evaluation.
     pub fn system(&self) -> &System<N> {
         &self.system
     }
 
-    /// The same, to solve with.
+    /// The same, for the solver.
     pub fn system_mut(&mut self) -> &mut System<N> {
         &mut self.system
     }
 
-    /// The external force of the state that the step starts from, condensed as those at its end, [force].
+    /// The external force of the state that the step starts from, condensed like the forces at the end of the step,
+    /// [force].
     pub fn external_force_at_start(&self, dofs: &DofMap<N>) -> Nodal<N> {
         let mut force = vec![[0.0; N]; self.system.internal_force().len()];
         self.terms.iter().for_each(|term| term.force_at_start(&mut force));
@@ -127,7 +128,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         self.terms.iter().map(|term| term.stabilised_faces()).sum()
     }
 
-    /// Frees what only further evaluations would need.
+    /// Frees memory that only further evaluations would need.
     pub fn free_matrices(&mut self) {
         self.system.conclude();
         self.terms.iter_mut().for_each(|term| term.conclude());
@@ -139,7 +140,8 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     }
 }
 
-/// What a term is evaluated at, with its own global unknowns, the first of which is given; and the first of the next term.
+/// The unknowns at which a term is evaluated, given the index of its first global unknown; and that index for the next
+/// term.
 fn of_term<'a, const D: usize, const N: usize>(
     term: &dyn Term<D, N>,
     at: At<'a, N>,

@@ -1,4 +1,4 @@
-//! What Newton's method knows of a part of equilibrium.
+//! The interface between Newton's method and a term of equilibrium.
 
 use crate::assembly::{System, Wanted};
 use crate::points::Points;
@@ -19,21 +19,21 @@ pub struct NamedForce<const D: usize> {
 /// The first number of a condition that is not one of the model.
 pub const FURTHER: usize = 1 << 15;
 
-/// A part of equilibrium.
+/// A term of equilibrium.
 ///
-/// A step calls [`begin`](Term::begin) once, then [`couples`](Term::couples), then [`evaluate`](Term::evaluate) as often as it
-/// needs, and [`commit`](Term::commit) where it has reached equilibrium. A step that is given up ends without a call: nothing
-/// but what a term keeps until [`commit`](Term::commit) may outlast it.
+/// A step calls [`begin`](Term::begin) once, then [`couples`](Term::couples), then [`evaluate`](Term::evaluate) as
+/// often as needed, and [`commit`](Term::commit) once it is in equilibrium. An abandoned step ends without a call: a
+/// term must not change the state that it keeps between steps before [`commit`](Term::commit).
 ///
 /// There are `D` axes and `N` components at each node, of which the first `D` are the displacement.
 pub trait Term<const D: usize, const N: usize = D>: Send {
-    /// Name, as errors and checkpoints have it.
+    /// Name in errors and checkpoints.
     fn name(&self) -> &'static str;
 
-    /// Whether its stiffness is symmetric.
+    /// True if its stiffness is symmetric.
     fn is_symmetric(&self, step: &StepContext<D>) -> bool;
 
-    /// Whether it may hold parts of the bodies that no boundary condition holds. Whether it does shows in the stiffness only.
+    /// True if it may hold parts of the bodies that no boundary condition holds. Only the stiffness shows if it does.
     fn may_hold(&self) -> bool {
         false
     }
@@ -41,18 +41,18 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Begins a step, from the converged state of the points.
     ///
     /// # Errors
-    /// [`LoadNotFinite`] of a force that has no finite value.
+    /// [`LoadNotFinite`] if a force has no finite value.
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), Box<LoadNotFinite>>;
 
-    /// Calls `couple` with lists of active nodes, ascending, all of which it couples with each other in this step, beside the
-    /// nodes that share a group of points.
+    /// Calls `couple` with each list of active nodes, ascending, that it couples with each other in this step, in
+    /// addition to nodes that share a group of points.
     fn couples(&self, _couple: &mut dyn FnMut(&[u32])) {}
 
-    /// Adds constraints on the active nodes of a step: prescribed values of a further field, or ties. The numbers of its
-    /// conditions begin with [`FURTHER`]; no reactions are reported of them.
+    /// Adds constraints on the active nodes of a step: prescribed values of a further field, or ties. The numbers of
+    /// its conditions start at [`FURTHER`]; their reactions are not reported.
     ///
     /// # Errors
-    /// [`ConstraintError`] where they contradict others.
+    /// [`ConstraintError`] if they contradict others.
     fn constrain(
         &self,
         _step: &StepContext<D>,
@@ -67,7 +67,7 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         0
     }
 
-    /// Adds its force, and if wanted its stiffness, at these unknowns. Of the points it writes the trial state only.
+    /// Adds its force, and if wanted its stiffness, at these unknowns. It may write only the trial state of the points.
     ///
     /// # Errors
     /// The first point that could not follow the increment.
@@ -88,8 +88,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Ledger::default()
     }
 
-    /// The resultants of the loads of the model on the bodies, in their order, by the term that applies them, [force]. Reports
-    /// give them by name.
+    /// The resultants of the loads of the model on the bodies, in the order of the loads, [force]. Only the term that
+    /// applies them returns any. Reports list them by name.
     fn resultants(&self) -> &[[f64; D]] {
         &[]
     }
@@ -104,33 +104,33 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         0
     }
 
-    /// Frees what only further evaluations of the step would need.
+    /// Frees memory that only further evaluations of the step would need.
     fn conclude(&mut self) {}
 
     /// The step is in equilibrium: its end is where the next one starts.
     fn commit(&mut self) {}
 
-    /// What a checkpoint has to hold of it beside the points; none where the converged state says all.
+    /// The state that a checkpoint must store in addition to the points; `None` if there is none.
     fn save(&self) -> Option<serde_json::Value> {
         None
     }
 
-    /// Goes on from what [`save`](Term::save) has given.
+    /// Restores the state that [`save`](Term::save) returned.
     ///
     /// # Errors
-    /// Why that cannot be.
+    /// The reason why it cannot be restored.
     fn restore(&mut self, _saved: &serde_json::Value) -> Result<(), String> {
-        Err("it keeps nothing".to_owned())
+        Err("it has no state to restore".to_owned())
     }
 }
 
-/// The parts of the balance of energy that a term knows.
+/// The contributions of a term to the energy balance.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Ledger {
     /// Stored energy, [energy].
     pub stored: f64,
-    /// Work that has gone into plastic flow since the start of the analysis, [energy].
+    /// Plastic work since the start of the analysis, [energy].
     pub plastic: f64,
-    /// Work over the step that the next one forgets, [energy].
+    /// Work during the step that is lost in the next one, [energy].
     pub lost: f64,
 }

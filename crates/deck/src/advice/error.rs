@@ -11,8 +11,8 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
             Some("use smaller steps (`steps: {count, smallest}`), or check loads and boundary conditions")
         }
         SolveError::RoundOff { .. } => Some(
-            "give the stiffest material a modulus that is at most about 1e6 times that of the softest; a part that is to be \
-             rigid can be moved by a boundary condition instead",
+            "give the stiffest material a modulus that is at most about 1e6 times that of the softest; to model a rigid \
+             part, prescribe its motion with a boundary condition instead",
         ),
         SolveError::Point { .. } => Some(SMALLER_STEPS),
         SolveError::OffGrid { .. } => {
@@ -25,8 +25,8 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
             Some("use `domain_update: corners`, or more load steps with `diagonal-incremental`")
         }
         SolveError::Singular { .. } => Some(
-            "see that boundary conditions hold every body; where a cell hardly holds any material, move or refine the grid, \
-             use more points per cell, or another method",
+            "check that boundary conditions hold every body; if a cell holds hardly any material, move or refine the grid, \
+             or use more points per cell or another method",
         ),
         SolveError::Iterative { .. } => {
             Some("use more load steps (`steps: count`), a coarser grid, or a computer with more memory")
@@ -36,7 +36,7 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
         }
         SolveError::NoPath { .. } => Some(SMALLER_STEPS),
         SolveError::Unheld { .. } => Some(
-            "fix or prescribe the displacement along that axis at one node of each separate part at least",
+            "fix or prescribe the displacement along that axis at one or more nodes of each separate part",
         ),
         SolveError::Constraint { .. } | SolveError::Load { .. } | SolveError::OutOfMemory { .. } => {
             error.obstacle().map(against)

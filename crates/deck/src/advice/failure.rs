@@ -19,7 +19,7 @@ pub fn on_failure(diagnosis: &Diagnosis) -> String {
             "use more points per cell (4 in the plane, 8 in space), since with one a body may collapse early; {advice}"
         ),
         Kind::Hourglass | Kind::Locking if of.is_in_collapse => format!(
-            "{advice}; most points have yielded, so that the load may also be beyond what the bodies can carry"
+            "{advice}; since most points have yielded, the load may also exceed what the bodies can carry"
         ),
         _ => advice.to_owned(),
     }
@@ -27,7 +27,7 @@ pub fn on_failure(diagnosis: &Diagnosis) -> String {
 
 fn advice(kind: Kind, of: &Circumstances) -> &'static str {
     match kind {
-        Kind::RigidBodyMode => "hold every part of the bodies along every axis and against turning",
+        Kind::RigidBodyMode => "hold every part of the bodies along every axis and against rotation",
         Kind::SmallCutCell if of.is_stabilised => {
             "use a larger `stabilisation: {parameter}`, more points per cell, or another grid"
         }
@@ -35,12 +35,13 @@ fn advice(kind: Kind, of: &Circumstances) -> &'static str {
             "stabilise such cells, `analysis: {stabilisation: {mode: auto}}`; or use more points per cell, or another grid"
         }
         Kind::PlasticCollapse | Kind::Instability if of.is_driven => {
-            "use smaller steps (`steps: {count, smallest}`) or a coarser grid; nothing but what is prescribed keeps the bodies \
-             from flowing"
+            "use smaller steps (`steps: {count, smallest}`) or a coarser grid; only the prescribed motion limits the \
+             plastic flow of the bodies"
         }
         Kind::PlasticCollapse => {
-            "the bodies yield at about the largest load factor in equilibrium; see how it changes with more points per cell and \
-             a finer grid. To go on beyond it, prescribe displacements or use `steps: {control: {type: arc-length}}`"
+            "the bodies yield at about the largest load factor in equilibrium; check how it changes with more points per \
+             cell and a finer grid. To continue beyond it, prescribe displacements or use `steps: {control: {type: \
+             arc-length}}`"
         }
         Kind::Instability => {
             "follow the path with `steps: {control: {type: arc-length}}`, or prescribe displacements"
@@ -64,18 +65,19 @@ fn advice(kind: Kind, of: &Circumstances) -> &'static str {
             Some(Loss::OffGrid) | None => "make the grid larger, or use another method or domain update",
         },
         Kind::LostPath => {
-            "use another number of steps, or prescribe what follows (`type: displacement` with another probe, or `arc-length`)"
+            "use a different number of steps, or another control (`type: displacement` with another probe, or `arc-length`)"
         }
         Kind::BadScaling if of.has_one_material => {
-            "see that units, loads and the size of cells fit together, and that Poisson's ratio is not next to 0.5 or -1"
+            "check that units, loads and cell size fit together, and that Poisson's ratio is not close to 0.5 or -1"
         }
         Kind::BadScaling => {
-            "give the stiffest material a modulus that is at most about 1e6 times that of the softest, or move a part that is to \
-             be rigid by a boundary condition"
+            "give the stiffest material a modulus that is at most about 1e6 times that of the softest, or, to model a rigid \
+             part, prescribe its motion with a boundary condition"
         }
         Kind::Setting => of.obstacle.map_or("see the message", against),
         Kind::Unknown => {
-            "use smaller steps (`steps: {count, smallest}`), and see that the loads and conditions fit together"
+            "use smaller steps (`steps: {count, smallest}`), and check that loads and boundary conditions do not contradict \
+             each other"
         }
     }
 }

@@ -139,13 +139,16 @@ fn advice_on_failures_depends_on_the_circumstances() {
     let few = Circumstances { has_few_points: true, is_driven: true, ..of };
     let collapse = against_kind(Kind::PlasticCollapse, few);
     assert!(collapse.starts_with("use more points per cell (4 in the plane"), "{collapse}");
-    assert!(collapse.ends_with("nothing but what is prescribed keeps the bodies from flowing"), "{collapse}");
+    assert!(
+        collapse.ends_with("only the prescribed motion limits the plastic flow of the bodies"),
+        "{collapse}"
+    );
     let lost = |loss| against_kind(Kind::LostDomain, Circumstances { loss: Some(loss), ..of });
     assert!(lost(Loss::OffGrid).starts_with("make the grid larger"));
     assert!(lost(Loss::Torn { is_replaceable: true }).starts_with("leave `steps: {damping}` out"));
     assert_eq!(lost(Loss::Torn { is_replaceable: false }), lost(Loss::Collapsed));
     let flows = Circumstances { is_in_collapse: true, ..of };
-    assert!(against_kind(Kind::Locking, flows).contains("; most points have yielded"));
+    assert!(against_kind(Kind::Locking, flows).contains("; since most points have yielded"));
     let memory = Circumstances { obstacle: Some(Obstacle::Memory), ..of };
     assert!(against_kind(Kind::Setting, memory).ends_with("`solver: {linear: iterative}`"));
     assert_eq!(against_kind(Kind::Setting, of), "see the message");

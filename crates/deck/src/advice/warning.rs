@@ -9,7 +9,7 @@ pub fn on_warning(warning: &Warning) -> String {
             return format!("use a smaller tolerance, `solver: {{tolerance: {tolerance:.0e}}}`");
         }
         (Code::HiddenResidual, Some(Detail::RoundOff)) => {
-            "give the body an analysis of its own: the forces beside it are so much larger that round-off hides it"
+            "analyse this body separately: the forces on the others are so much larger that round-off hides its residual"
         }
         (Code::HiddenResidual, _) => "use a smaller tolerance, `solver: {tolerance}`",
         (Code::DomainUpdate, _) => "use `domain_update: corners`",
@@ -18,20 +18,20 @@ pub fn on_warning(warning: &Warning) -> String {
         }
         (Code::DomainOutside | Code::PartitionOfUnity, _) => "use a larger grid",
         (Code::Factorised, _) => {
-            "the results are not affected; for less memory and time see what makes the equations ill-conditioned (`mpm explain \
-             W004`)"
+            "the results are not affected; to save memory and time, find out what makes the equations ill-conditioned (`mpm \
+             explain W004`)"
         }
         (Code::Apart, _) => {
-            "the results from this step on are those of separate parts: stop the analysis before, or use a coarser grid, more \
-             points per cell, or `method: cpdi2`, whose domains stretch with the material"
+            "from this step on, the results are those of separate parts: end the analysis before it, or use a coarser grid, \
+             more points per cell, or `method: cpdi2`, whose domains stretch with the material"
         }
         (Code::LeftNodes, _) => {
-            "move a body instead of grid nodes: model what pushes as a stiff body of its own and prescribe the motion of its \
-             `outer_layer`"
+            "move a body instead of grid nodes: model the pushing part as a separate, stiff body and prescribe the motion \
+             of its `outer_layer`"
         }
         (Code::AcrossGap, _) => {
-            "use a finer grid: bodies are joined wherever they share a node, up to two cells apart; forces between these bodies \
-             are none of contact"
+            "use a finer grid: bodies are joined wherever they share a node, up to two cells apart; the forces between \
+             these bodies are not contact forces"
         }
         (Code::Regridding, _) => {
             "use `method: gimp` or `method: cpdi2`, more points per cell, or a finer grid"
@@ -48,19 +48,19 @@ pub fn on_warning(warning: &Warning) -> String {
              not read pressures of single points"
         }
         (Code::Damped, _) => {
-            "look at the largest load before this step, and follow the path by `steps: {control: {type: arc-length}}`; with \
+            "note the largest load before this step, and follow the path with `steps: {control: {type: arc-length}}`; with \
              `steps: {damping: false}` the run stops instead"
         }
         (Code::ReplacedDomains, _) => {
-            "see what happens there in the VTU files; use more load steps, a finer grid, or a larger one"
+            "inspect this place in the VTU files; use more load steps, a finer grid, or a larger one"
         }
         (Code::Stiffened, _) => {
-            "use a finer grid: what moves with the stiff body is up to one row of cells; or hold the nodes by a boundary \
-             condition in place of the stiff body"
+            "use a finer grid, because up to one row of cells moves with the stiff body; or replace the stiff body by a \
+             boundary condition on these nodes"
         }
         (Code::Unstable, _) => {
-            "disturb the bodies by a small load or an imperfection and compare; more load steps show where the path branches; \
-             where cells hold one point each, use more (an hourglass)"
+            "disturb the bodies with a small load or an imperfection and compare; more load steps show where the path \
+             branches; if cells hold one point each, use more (this may be an hourglass mode)"
         }
     };
     advice.to_owned()

@@ -63,8 +63,8 @@ impl Check<'_> {
                 let factor = |e: &Expression| matches!(e, Expression::Formula(text) if names(text).iter().any(|(_, name)| *name == "factor"));
                 if force.iter().chain(intermediate.values()).any(factor) {
                     let message = format!(
-                        "the load {} depends on `factor`, but with `steps: {{control: ...}}` it must be \
-                         proportional to it",
+                        "the load {} depends on `factor`, but with `steps: {{control: ...}}` every load must be \
+                         proportional to the factor",
                         quote(load.name())
                     );
                     self.error(

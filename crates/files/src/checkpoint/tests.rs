@@ -120,7 +120,7 @@ fn a_state_that_no_run_has_reached_is_refused() {
     assert!(refused(&points, &reached(2), &nothing).contains("inside out"));
     let mut points = good.clone();
     points.id[1] = points.id[0];
-    assert!(refused(&points, &reached(3), &nothing).contains("numbers of its points"));
+    assert!(refused(&points, &reached(3), &nothing).contains("its point numbers"));
     let mut account = reached(4);
     account.step.end = 2.0;
     assert!(refused(&good, &account, &nothing).contains("summary"));
@@ -197,17 +197,17 @@ fn further_fields_are_kept_and_others_are_refused() {
     let refused = |declared: &[PointFieldSpec]| restored(declared).unwrap_err();
     assert_eq!(
         refused(&[]),
-        "it has a field `initial_stress` of the points, which this analysis does not declare"
+        "it contains the point field `initial_stress`, which this analysis does not declare"
     );
     let more = spec("temperature", FieldKind::Answer, 1, n);
     assert_eq!(
         refused(&[a.clone(), b.clone(), c.clone(), more]),
-        "it lacks the field `temperature` of the points, which this analysis declares"
+        "it lacks the point field `temperature`, which this analysis declares"
     );
     assert_eq!(
         refused(&[a.clone(), spec("pore_pressure", FieldKind::Motion, 2, n), c.clone()]),
-        "its field `pore_pressure` of the points is an answer, with 1 per point, in [-], that of this analysis of the motion, \
-         with 2 per point, in [-]"
+        "its point field `pore_pressure` is a response (1 per point, in [-]), but that of this analysis is a motion (2 per \
+         point, in [-])"
     );
 
     // A number that is not finite is named, and reaches no file.
@@ -219,7 +219,7 @@ fn further_fields_are_kept_and_others_are_refused() {
     assert!(error.to_string().contains(&format!("field `pore_pressure` of point {} is NaN", points.id[4])));
 }
 
-/// Accounts that name fields that no run has written, beside arrays of any length.
+/// Accounts that name fields that no run has written, with arrays of any length.
 #[test]
 fn damaged_lists_of_further_fields_are_refused() {
     let directory = tempfile::tempdir().unwrap();
@@ -236,7 +236,7 @@ fn damaged_lists_of_further_fields_are_refused() {
     };
     let age = good.head.further[0].clone();
     assert!(refused(&|c| c.head.further.push(age.clone())).contains("twice"));
-    assert!(refused(&|c| c.head.further.clear()).contains("lacks the field `age`"));
+    assert!(refused(&|c| c.head.further.clear()).contains("lacks the point field `age`"));
     assert!(refused(&|c| c.head.further[0].components = usize::MAX).contains("that of this analysis"));
     assert!(refused(&|c| c.head.further[0].components = 0).contains("that of this analysis"));
     assert!(refused(&|c| c.head.further[0].kind = FieldKind::Fixed).contains("that of this analysis"));

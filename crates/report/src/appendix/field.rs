@@ -110,7 +110,7 @@ pub enum StepChoice {
     Middle,
     /// The last one.
     Last,
-    /// By its number.
+    /// A step by its number.
     Number(usize),
 }
 

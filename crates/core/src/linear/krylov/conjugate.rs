@@ -3,17 +3,17 @@
 use crate::linear::LinearError;
 use crate::linear::reduction::{add, dot};
 
-/// Iterations of either method after which a system is given up.
+/// Most iterations of either method.
 pub(super) const MOST: usize = 300;
 
-/// Conjugate gradients have ended without a solution.
+/// Reasons why conjugate gradients end without a solution.
 pub(super) enum Failure {
     /// A direction, or the preconditioner, has shown that the matrix is not positive definite.
     NotPositiveDefinite {
         /// Iterations so far.
         iterations: usize,
     },
-    /// They do not converge, or cannot be preconditioned.
+    /// The iterations do not converge, or the preconditioner fails.
     Linear(LinearError),
 }
 

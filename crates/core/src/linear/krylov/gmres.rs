@@ -5,13 +5,13 @@ use crate::linear::reduction::{add, dot};
 
 use super::conjugate::MOST;
 
-/// Directions after which the iterations start again from their solution, which bounds the memory.
+/// Number of directions after which the iterations restart, which bounds the memory.
 const RESTART: usize = 40;
 
 /// The vectors of the iterations.
 #[derive(Default)]
 pub(super) struct Gmres<const N: usize> {
-    /// Orthonormal basis of the Krylov space, as long as any has been.
+    /// Orthonormal basis of the Krylov space; keeps the vectors of the longest basis so far.
     basis: Vec<Vec<[f64; N]>>,
     work: Vec<[f64; N]>,
     preconditioned: Vec<[f64; N]>,
@@ -22,7 +22,7 @@ impl<const N: usize> Gmres<N> {
     /// the right, so that the residual is that of the equations.
     ///
     /// # Errors
-    /// [`LinearError::NotConverged`]; what the preconditioner says.
+    /// [`LinearError::NotConverged`]; errors of the preconditioner.
     pub(super) fn solve(
         &mut self,
         multiply: &mut impl FnMut(&[[f64; N]], &mut [[f64; N]]),
@@ -85,7 +85,7 @@ impl<const N: usize> Gmres<N> {
     }
 }
 
-/// Puts a vector, divided by its norm, at this place of the basis.
+/// Stores a vector, divided by its norm, at this place of the basis.
 fn put<const N: usize>(basis: &mut Vec<Vec<[f64; N]>>, place: usize, vector: &[[f64; N]], norm: f64) {
     let unit = vector.iter().map(|v| v.map(|v| v / norm));
     match basis.get_mut(place) {
@@ -111,7 +111,7 @@ impl Projection {
         self.triangle.len()
     }
 
-    /// Norm of what the best solution in the space leaves.
+    /// Norm of the residual of the best solution in the space.
     fn residual(&self) -> f64 {
         self.rhs.last().map_or(0.0, |last| last.abs())
     }
@@ -140,7 +140,7 @@ impl Projection {
         let n = self.columns();
         let mut y = self.rhs[..n].to_vec();
         for k in (0..n).rev() {
-            // A direction that the matrix does not see adds nothing.
+            // A direction in the null space of the matrix adds nothing.
             y[k] = if self.triangle[k][k] > 0.0 { y[k] / self.triangle[k][k] } else { 0.0 };
             for i in 0..k {
                 y[i] -= self.triangle[k][i] * y[k];

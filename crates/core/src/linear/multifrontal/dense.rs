@@ -1,8 +1,8 @@
-//! Dense work on one front: Cholesky of its pivot columns, and what they take from the rest of the matrix.
+//! Dense operations on one front: the Cholesky factor of its pivot columns, and their update of the rest of the matrix.
 //!
-//! Columns are stored one after the other with a stride that is a multiple of [`PAD`], so that whole vectors of rows can
-//! be read and written; what lies above the diagonal is never used and holds anything. Every entry is one sum, over the
-//! columns to the left in their order, whatever the width of a vector.
+//! Columns are stored one after the other with a stride that is a multiple of [`PAD`], so that whole vectors of rows
+//! can be read and written; values above the diagonal are arbitrary and never used. Every entry is one sum over the
+//! columns to the left, in order, whatever the width of a vector.
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
@@ -10,19 +10,20 @@ use faer::{Accum, MatMut, MatRef, Par};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Strides are multiples of this, and as many numbers follow the last column.
+/// Strides are multiples of this, and this number of values follows the last column.
 pub(super) const PAD: usize = 8;
 
-/// With so many registers, three vectors of rows are worked on at once, otherwise two.
+/// With at least this many registers, three vectors of rows are processed at once, otherwise two.
 const MANY_REGISTERS: usize = 32;
 
 /// Columns that are eliminated together in registers.
 const WIDTH: usize = 4;
 
-/// Columns that are eliminated together before the others of a large front learn of it.
+/// Columns of a large front that are eliminated together before the others are updated.
 const BLOCK: usize = 96;
 
-/// A front with more pivots than this, or more numbers in its columns than that, is left to kernels for large matrices.
+/// A front with more pivots than this, or more numbers in its columns than that, is processed by kernels for large
+/// matrices.
 const MANY: usize = 128;
 const MOST: usize = 1 << 15;
 
@@ -35,12 +36,12 @@ const HIGH: usize = 384;
 /// A product of fewer operations is computed by one thread.
 const SHARED: usize = 4 << 20;
 
-/// The stride of columns of so many rows.
+/// The stride of columns with this number of rows.
 pub(super) fn stride(rows: usize) -> usize {
     rows.next_multiple_of(PAD)
 }
 
-/// Numbers that `columns` columns of so many rows take.
+/// Number of values in `columns` columns with this number of rows.
 pub(super) fn room(rows: usize, columns: usize) -> usize {
     if columns == 0 { 0 } else { stride(rows) * columns + PAD }
 }
@@ -50,8 +51,8 @@ fn is_large(rows: usize, pivots: usize) -> bool {
 }
 
 /// Replaces the `pivots` columns of `rows` rows by those of the factor, with the reciprocals of the pivots on the
-/// diagonal; and writes what they take from the rest of the matrix, L Lᵀ with its sign changed, to the lower triangle of
-/// `update`. False if a pivot is not positive.
+/// diagonal; and writes their update of the rest of the matrix, −L Lᵀ, to the lower triangle of `update`. False if a
+/// pivot is not positive.
 pub(super) fn eliminate(panel: &mut [f64], rows: usize, pivots: usize, update: &mut [f64]) -> bool {
     if !is_large(rows, pivots) {
         return Arch::new().dispatch(Small { panel, rows, pivots, update });
@@ -132,7 +133,7 @@ fn take(update: &mut [f64], left: MatRef<'_, f64>) {
     }
 }
 
-/// A front that is worked on in registers only.
+/// A front that is processed in registers only.
 struct Small<'a> {
     panel: &'a mut [f64],
     rows: usize,
@@ -259,7 +260,7 @@ impl Product<'_> {
     }
 }
 
-/// Columns of a front of which the square of as many rows at the top is its diagonal block.
+/// Columns of a front whose topmost square is its diagonal block.
 struct Columns<'a> {
     panel: &'a mut [f64],
     stride: usize,
@@ -292,7 +293,7 @@ impl WithSimd for Columns<'_> {
 }
 
 impl Columns<'_> {
-    /// Finishes `N` columns, given those before them.
+    /// Completes `N` columns, given those before them.
     #[inline(always)]
     fn eliminate<S: Simd, const N: usize>(&mut self, simd: S, first: usize) -> bool {
         let lanes = S::F64_LANES;
@@ -340,7 +341,7 @@ impl Columns<'_> {
         true
     }
 
-    #[expect(clippy::manual_memcpy, reason = "a copy goes through memory and takes a tenth of the whole")]
+    #[expect(clippy::manual_memcpy, reason = "a copy through memory takes a tenth of the total time")]
     #[inline(always)]
     fn load<S: Simd, const M: usize, const N: usize>(
         &self,
@@ -359,7 +360,7 @@ impl Columns<'_> {
         values
     }
 
-    #[expect(clippy::manual_memcpy, reason = "a copy goes through memory and takes a tenth of the whole")]
+    #[expect(clippy::manual_memcpy, reason = "a copy through memory takes a tenth of the total time")]
     #[inline(always)]
     fn store<S: Simd, const M: usize, const N: usize>(
         &mut self,
@@ -376,7 +377,7 @@ impl Columns<'_> {
         }
     }
 
-    /// Entries less what the columns before them take.
+    /// Entries minus the updates by the columns before them.
     #[inline(always)]
     fn reduced<S: Simd, const M: usize, const N: usize>(
         &self,
@@ -412,7 +413,7 @@ impl Columns<'_> {
             }
         }
         for c in 0..N {
-            // Not a number is not positive either.
+            // NaN does not count as positive.
             if l[c][c] > 0.0 {
                 l[c][c] = 1.0 / l[c][c].sqrt();
             } else {

@@ -1,5 +1,5 @@
-//! The numbers of a factorisation: tasks, and in them fronts, which take entries of the matrix and what their children
-//! pass to them, eliminate their unknowns and pass the rest on.
+//! Numerical factorisation: the fronts of each task assemble entries of the matrix and the updates of their children,
+//! eliminate their unknowns, and pass their own update on.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use super::dense;
 use super::fronts::{Front, Fronts};
 use super::tasks::Task;
 
-/// Columns that one thread fills at a time, of fronts with more numbers than this.
+/// Number of columns that one thread fills at a time, in fronts with more values than the second constant.
 const COLUMNS: usize = 32;
 const SHARED: usize = 1 << 17;
 
@@ -21,7 +21,7 @@ pub(super) struct Elimination<'a> {
 }
 
 impl Elimination<'_> {
-    /// Computes the columns of the fronts of a task, given their place; what the last of them passes on is then at the
+    /// Computes the columns of the fronts of a task, given their place; the update of the last front is then at the
     /// start of the working space. False if a pivot is not positive.
     pub fn run(self, task: &Task, factor: &mut [f64], room: &mut [f64]) -> bool {
         let front = &self.fronts.front;
@@ -89,7 +89,7 @@ impl Elimination<'_> {
     }
 }
 
-/// Cuts these pieces out of a slice, whose first number has place `origin`.
+/// Cuts these pieces out of a slice whose first value has index `origin`.
 fn cut(slice: &mut [f64], origin: usize, pieces: impl Iterator<Item = Range<usize>>) -> Vec<&mut [f64]> {
     let (mut rest, mut at) = (slice, origin);
     let piece = |piece: Range<usize>| {
@@ -101,7 +101,7 @@ fn cut(slice: &mut [f64], origin: usize, pieces: impl Iterator<Item = Range<usiz
     pieces.map(piece).collect()
 }
 
-/// Calls `work` with the numbers of all columns, or with pieces of them, and the number of the first column.
+/// Calls `work` with the values of all columns, or with pieces of them, and the index of the first column.
 fn for_each_column(
     numbers: &mut [f64],
     stride: usize,
@@ -120,7 +120,7 @@ fn for_each_column(
     }
 }
 
-/// What the children of a front pass to it, in the working space before and after what it passes on itself.
+/// The updates of the children of a front, in the working space before and after its own update.
 #[derive(Clone, Copy)]
 struct Passed<'a> {
     fronts: &'a Fronts,
@@ -130,7 +130,7 @@ struct Passed<'a> {
 }
 
 impl Passed<'_> {
-    /// What a child passes.
+    /// The update of a child.
     fn of(&self, child: &Front) -> &[f64] {
         let len = child.update_len();
         if child.passed < self.front.update {
@@ -141,7 +141,7 @@ impl Passed<'_> {
         }
     }
 
-    /// Adds it to columns from `first` on, the first number in which is that of row `offset` of the front.
+    /// Adds the updates to columns from `first` on, whose first value is in row `offset` of the front.
     fn add(&self, first: usize, offset: usize, columns: &mut [f64]) {
         let stride = dense::stride(self.front.rows - offset);
         let end = first + columns.len() / stride;
@@ -163,7 +163,7 @@ impl Passed<'_> {
     }
 }
 
-/// Adds numbers to those in these rows, of which there is at least one; the first number of the target is row `offset`.
+/// Adds values to these rows, at least one; the first value of the target is in row `offset`.
 fn add_rows(source: &[f64], rows: &[u32], offset: usize, target: &mut [f64]) {
     let (first, last) = (rows[0] as usize, rows[rows.len() - 1] as usize);
     if last - first + 1 == rows.len() {

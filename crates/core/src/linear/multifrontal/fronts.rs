@@ -1,5 +1,5 @@
-//! Where everything is: the rows of each front, which entries of the matrix it takes, where it adds what its children
-//! pass to it, and its place in memory.
+//! The layout of the factorisation: the rows of each front, its entries of the matrix, the rows to which it adds the
+//! updates of its children, and its place in memory.
 
 use std::ops::Range;
 
@@ -8,7 +8,7 @@ use super::nodes::{NONE, Nodes};
 use super::tree::{self, Tree};
 use crate::linear::Pattern;
 
-/// A front: some unknowns that are eliminated together, and the border of later ones that this involves.
+/// A front: unknowns that are eliminated together, and its border, the later unknowns involved.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Front {
     /// Place of its first unknown.
@@ -17,26 +17,26 @@ pub(super) struct Front {
     pub pivots: usize,
     /// Number of rows: pivots and border.
     pub rows: usize,
-    /// Where its border starts in the lists of borders.
+    /// Start of its border in the lists of borders.
     pub border: usize,
-    /// Where its columns start in the factor.
+    /// Start of its columns in the factor.
     pub panel: usize,
-    /// Where what it passes to its parent starts in the working space of its task.
+    /// Start of its update in the working space of its task.
     pub update: usize,
-    /// Where that is in the working space of the task of its parent.
+    /// Start of its update in the working space of the task of its parent.
     pub passed: usize,
     /// Its parent, or [`NONE`].
     pub parent: u32,
-    /// Where the list of its children is.
+    /// Range of its children in the list of all children.
     pub children: Range<usize>,
-    /// About the time that it takes with all its descendants, [ns].
+    /// Estimated time for it and all its descendants, [ns].
     pub cost: f64,
-    /// First of its descendants; all of them lie between.
+    /// First of its descendants; all others lie between it and this front.
     pub descendants: usize,
 }
 
 impl Front {
-    /// Numbers that its columns take.
+    /// Number of values in its columns.
     pub fn panel_len(&self) -> usize {
         dense::room(self.rows, self.pivots)
     }
@@ -46,7 +46,7 @@ impl Front {
         self.rows - self.pivots
     }
 
-    /// Numbers that what it passes to its parent takes.
+    /// Number of values in its update.
     pub fn update_len(&self) -> usize {
         dense::room(self.border_len(), self.border_len())
     }
@@ -68,13 +68,13 @@ pub(super) struct Fronts {
     pub children: Vec<u32>,
     /// Unknowns in the order of elimination.
     pub unknown: Vec<u32>,
-    /// The borders of all fronts: places of the unknowns, ascending,
+    /// The borders of all fronts: places of the unknowns, ascending.
     pub border: Vec<u32>,
-    /// and rows in the parent.
+    /// The borders of all fronts: rows in the parent.
     pub relative: Vec<u32>,
-    /// Where the entries of each column start.
+    /// Start of the entries of each column.
     pub column_start: Vec<usize>,
-    /// The entries of the matrix by the columns that they are in.
+    /// The entries of the matrix by columns.
     pub entry: Vec<Entry>,
 }
 
@@ -148,7 +148,7 @@ impl Fronts {
         }
     }
 
-    /// Lists rows, entries and where children add.
+    /// Lists rows, entries and the rows of updates.
     fn fill(&mut self, pattern: &Pattern, nodes: &Nodes, tree: &Tree, borders: &Borders) {
         // Row of each node in the front.
         let mut row_of = vec![0u32; nodes.len()];
@@ -221,7 +221,7 @@ impl Fronts {
     }
 }
 
-/// The borders of all fronts by nodes, which go by their places in the order of elimination.
+/// The borders of all fronts by nodes, given by their places in the order of elimination.
 struct Borders {
     start: Vec<usize>,
     number: Vec<u32>,
@@ -235,7 +235,7 @@ impl Borders {
         }
         let n = tree.pivots.len();
         let mut borders = Borders { start: vec![0], number: Vec::new() };
-        // The last front that has met a node.
+        // The last front that contains a node.
         let mut met = vec![NONE; nodes.len()];
         let (mut child, mut sibling) = (vec![NONE; n], vec![NONE; n]);
         for f in 0..n {

@@ -1,23 +1,23 @@
 //! The pattern of a matrix by nodes: neighbouring unknowns that are coupled to the same others, such as the degrees of
-//! freedom of a node of the grid, count as one.
+//! freedom of a grid node, are merged.
 
 use crate::linear::Pattern;
 
-/// No node, no front.
+/// Marks the absence of a node or front.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Which nodes are coupled; nodes are numbered in the order of elimination.
+/// The couplings of nodes, which are numbered in the order of elimination.
 pub(super) struct Nodes {
     /// First unknown of each node.
     pub first: Vec<u32>,
     /// Number of unknowns of each node.
     pub width: Vec<u32>,
-    /// Where the couplings of each node with later ones start.
+    /// Start of the couplings of each node with later ones.
     start: Vec<usize>,
     coupled: Vec<Coupling>,
 }
 
-/// A node is coupled with a later one.
+/// The coupling of a node with a later one.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Coupling {
     /// The later node.
@@ -61,13 +61,13 @@ impl Nodes {
         self.first.len()
     }
 
-    /// The later nodes with which one is coupled.
+    /// The couplings of a node with later ones.
     pub fn coupled(&self, node: usize) -> &[Coupling] {
         &self.coupled[self.start[node]..self.start[node + 1]]
     }
 
-    /// For each node the least later one with which the elimination of nodes up to it couples it, or [`NONE`]: the
-    /// elimination tree (Liu, 1990).
+    /// The elimination tree (Liu, 1990): for each node its parent, the lowest later node coupled to it once all nodes
+    /// before it have been eliminated, or [`NONE`].
     pub fn parents(&self) -> Vec<u32> {
         let n = self.len();
         let mut start = vec![0; n + 1];
@@ -183,7 +183,8 @@ fn for_each_coupling(pattern: &Pattern, number: &[u32], mut visit: impl FnMut(u3
     }
 }
 
-/// Whether an unknown is of the same node as the one before it: eliminated right after it, and coupled to the same.
+/// True if an unknown belongs to the same node as the one before it: eliminated right after it, and coupled to the same
+/// unknowns.
 fn followers(pattern: &Pattern, order: &[usize]) -> Vec<bool> {
     let column = |j: usize| &pattern.row[pattern.column_start[j]..pattern.column_start[j + 1]];
     let mut follows = vec![false; pattern.n + 1];

@@ -1,21 +1,21 @@
-//! Who computes what, and where: the tree of the fronts is cut into tasks that threads can share, and every front gets
-//! a place in the working space of its task.
+//! The division of the work between threads, and its working space: the tree of the fronts is cut into tasks that
+//! threads can share, and every front gets a place in the working space of its task.
 
 use std::ops::Range;
 
 use super::fronts::{Front, Fronts};
 use super::nodes::NONE;
 
-/// A part of the tree is a task of its own if it takes longer, [ns]: much longer than waking a thread.
+/// A part of the tree is a separate task if it takes longer than this, [ns]: much longer than waking a thread.
 const LEAST: f64 = 60e3;
 
-/// Working space that tasks may have because they run at the same time: so many numbers, or
+/// Working space allowed for tasks that run at the same time: this number of values, or …
 const LITTLE: usize = 1 << 19;
 
-/// this part of their factor.
+/// … this fraction of their factor.
 const SPARE: f64 = 0.2;
 
-/// Tasks within tasks, at most.
+/// Deepest nesting of tasks.
 const DEEPEST: usize = 12;
 
 /// Part of the tree: some tasks that are independent of each other, then some fronts one after the other.
@@ -27,9 +27,9 @@ pub(super) struct Task {
     pub within: Vec<Task>,
     /// The fronts that are in none of them.
     pub own: Vec<Range<usize>>,
-    /// Whether the tasks within may run at the same time: each then has working space of its own.
+    /// True if the tasks within may run at the same time; each then has its own working space.
     pub apart: bool,
-    /// Where its working space starts in that of the task around it.
+    /// Start of its working space in that of the enclosing task.
     pub base: usize,
     /// Numbers of working space, those of the tasks within included.
     pub room: usize,
@@ -71,7 +71,8 @@ fn divide(fronts: &Fronts, range: Range<usize>, mut tops: Vec<usize>, depth: usi
     Task { fronts: range, within, own, ..Task::default() }
 }
 
-/// Gives the fronts of a task places in its working space. Every task leaves what it passes on at the start of its own.
+/// Gives the fronts of a task places in its working space. Every task leaves the data that it passes on at the start of
+/// its own space.
 fn plan(task: &mut Task, fronts: &mut Fronts) {
     for within in &mut task.within {
         plan(within, fronts);
@@ -79,7 +80,7 @@ fn plan(task: &mut Task, fronts: &mut Fronts) {
     let apart: usize = task.within.iter().map(|within| within.room).sum();
     let panels: usize = fronts.front[task.fronts.clone()].iter().map(Front::panel_len).sum();
     task.apart = apart <= LITTLE.max((panels as f64 * SPARE) as usize);
-    // What is in use: place and length, by place.
+    // Ranges in use: place and length, sorted by place.
     let mut used = Vec::new();
     let mut base = 0;
     for within in &mut task.within {

@@ -182,7 +182,7 @@ fn product(pattern: &Pattern, values: &[f64], x: &[f64]) -> Vec<f64> {
     product
 }
 
-/// Whether some of the tasks within run at the same time.
+/// True if some of the tasks within run at the same time.
 fn is_shared(task: &Task) -> bool {
     task.apart && task.within.len() > 1 || task.within.iter().any(is_shared)
 }
@@ -196,7 +196,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
     for threads in [1, 2, 3] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let mut llt = Multifrontal::new(&pattern, &order).unwrap();
-        // What the test is about: tasks at the same time and one after the other, and shared fronts.
+        // The cases under test: tasks at the same time and one after the other, and shared fronts.
         assert!(!llt.task.apart && llt.task.within.len() > 1);
         assert!(is_shared(&llt.task));
         assert!(llt.fronts.front.iter().any(|front| front.pivots > 400));

@@ -1,9 +1,10 @@
-//! Which columns are eliminated together: the fronts and their tree, from the elimination tree of the nodes.
+//! The fronts, whose columns are eliminated together, and their tree, from the elimination tree of the nodes.
 
 use super::nodes::{NONE, Nodes, postorder};
 
-/// What a front costs beside its operations, [ns]: that of any front, of each entry of its columns, of each entry that it
-/// passes to its parent; and the operations, sums and products, of a nanosecond. Measured; little depends on them.
+/// Time of a front in addition to its operations, [ns]: constant, per entry of its columns, and per entry of its
+/// update; and the number of operations (sums and products) per nanosecond. Measured; the results depend little on
+/// them.
 const FRONT: f64 = 200.0;
 const ENTRY: f64 = 0.1;
 const PASSED: f64 = 0.5;
@@ -11,7 +12,7 @@ const RATE: f64 = 60.0;
 
 /// The fronts of a factorisation, children before their parents.
 pub(super) struct Tree {
-    /// Where the nodes of each front start in `node`.
+    /// Start of the nodes of each front in `node`.
     pub start: Vec<usize>,
     /// Nodes in the order of elimination.
     pub node: Vec<u32>,
@@ -23,7 +24,7 @@ pub(super) struct Tree {
     pub parent: Vec<u32>,
 }
 
-/// About the time that a front takes, [ns].
+/// Estimated time of a front, [ns].
 pub(super) fn cost(rows: u32, pivots: u32) -> f64 {
     let (m, k) = (f64::from(rows), f64::from(pivots));
     let operations = k * m * m - k * k * m + k * k * k / 3.0;
@@ -31,7 +32,7 @@ pub(super) fn cost(rows: u32, pivots: u32) -> f64 {
 }
 
 impl Tree {
-    /// Joins nodes whose columns have the same rows, and fronts with a child where that takes less time together.
+    /// Merges nodes whose columns have the same rows, and fronts with a child if this saves time.
     pub fn new(nodes: &Nodes) -> Tree {
         let parent = nodes.parents();
         let count = nodes.counts(&parent);
@@ -41,16 +42,16 @@ impl Tree {
     }
 }
 
-/// Nodes that are eliminated together. A group goes by the number of its last node.
+/// Groups of nodes that are eliminated together, each identified by its last node.
 struct Groups {
-    /// The group that a node belongs to, perhaps by way of others.
+    /// The group that a node belongs to, directly or through others.
     into: Vec<u32>,
     pivots: Vec<u32>,
     rows: Vec<u32>,
 }
 
 impl Groups {
-    /// Each node with that child, if any, whose rows are those of the node and itself.
+    /// Groups each node with the child, if any, whose rows are those of the node plus the child itself.
     fn chains(nodes: &Nodes, parent: &[u32], count: &[u32]) -> Groups {
         let n = nodes.len();
         let mut into: Vec<u32> = (0..n as u32).collect();
@@ -101,7 +102,7 @@ impl Groups {
         }
     }
 
-    /// Joins a group with those of its children with which it takes less time, whose list starts with `child`.
+    /// Merges a group with those children, in the list from `child` on, for which this saves time.
     fn join_children(&mut self, group: usize, child: u32, sibling: &[u32]) {
         let mut next = child;
         while next != NONE {

@@ -7,15 +7,15 @@ use super::super::blocks::{Block, BlockMatrix};
 use super::super::lattice::{Lattice, Transfer};
 use super::rows::{Rows, in_parts};
 
-/// Pivots of a scaled diagonal block below this are taken as this: what so weak a motion does is left to the
-/// iterations around the cycle.
+/// Smallest pivot of a scaled diagonal block; smaller ones are replaced by it. The iterations around the cycle resolve
+/// such weak motions.
 const WEAKEST: f64 = 1e-4;
 
-/// Entries of a row that fit into the room that needs no allocation.
+/// Entries of a row that fit into working space without allocation.
 const NEAR: usize = 3 * 343 + 4;
 
-/// A level: Â = S A S with the matrix A of the level and a diagonal S that makes the entries about one, however small
-/// the part of a cell is that a body fills. Held degrees of freedom have no entry but a one on the diagonal.
+/// A level: Â = S A S with the matrix A of the level and a diagonal S that makes the entries about one, however little
+/// of a cell a body fills. Held degrees of freedom have only a one on the diagonal.
 #[derive(Debug, Clone)]
 pub(super) struct Level<const D: usize, const N: usize> {
     pub lattice: Lattice<D>,
@@ -87,7 +87,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         let mut held = vec![[false; N]; lattice.len()];
         let (mut start, mut column) = (vec![0], Vec::new());
         for (n, place) in lattice.place.iter().enumerate() {
-            // A node where a fine one is held is held as that is.
+            // A node at the place of a held fine node is held in the same way.
             for &(child, weight) in transfer.children(n) {
                 if weight == 1.0 {
                     held[n] = self.held[child as usize];
@@ -99,7 +99,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         (Level::new(lattice, Rows::new(start, column), held), transfer)
     }
 
-    /// Whether this is the finest level of such a system.
+    /// True if this is the finest level of such a system.
     pub(super) fn is_of(&self, lattice: &Lattice<D>, matrix: &BlockMatrix<N>, held: &[[bool; N]]) -> bool {
         let same_columns = || {
             (0..self.rows.len()).all(|c| {
@@ -111,10 +111,10 @@ impl<const D: usize, const N: usize> Level<D, N> {
         self.held == held && self.lattice == *lattice && same_columns()
     }
 
-    /// Takes the values of the matrix; returns whether all of its diagonal is positive.
+    /// Takes the values of the matrix; returns true if its whole diagonal is positive.
     ///
     /// # Errors
-    /// [`LinearError::Singular`] where a free degree of freedom has no stiffness of its own.
+    /// [`LinearError::Singular`] if a free degree of freedom has no stiffness.
     pub(super) fn take(&mut self, matrix: &BlockMatrix<N>) -> Result<bool, LinearError> {
         let mut positive = true;
         for n in 0..self.lattice.len() {
@@ -245,7 +245,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
         }
     }
 
-    /// Hands the residual b − Â x on to the coarser level as its right-hand side.
+    /// Passes the residual b − Â x to the coarser level as its right-hand side.
     pub(super) fn restrict(&mut self, transfer: &Transfer, coarse: &mut Level<D, N>) {
         let (rows, b, x) = (&self.rows, &self.b, &self.x);
         in_parts(0, &mut self.work, &|first, part: &mut [[f64; N]]| {
@@ -294,7 +294,7 @@ impl<const D: usize, const N: usize> Level<D, N> {
     }
 }
 
-/// Runs `work` with room for the vector entries of any row.
+/// Runs `work` with working space for the vector entries of any row.
 fn with_room<const N: usize>(rows: &Rows<N>, work: impl FnOnce(&mut [f64])) {
     let width = rows.width();
     let mut near = [0.0; NEAR];
@@ -311,7 +311,7 @@ fn with_room<const N: usize>(rows: &Rows<N>, work: impl FnOnce(&mut [f64])) {
     );
 }
 
-/// Puts a one on the diagonal where a degree of freedom is held.
+/// Sets the diagonal to one if a degree of freedom is held.
 fn own_entries<const N: usize>(row: usize, columns: &[u32], scale: &[f64; N], values: &mut [f32]) {
     let width = values.len() / N;
     if let Ok(place) = columns.binary_search(&(row as u32)) {
@@ -323,7 +323,7 @@ fn own_entries<const N: usize>(row: usize, columns: &[u32], scale: &[f64; N], va
 
 /// Numbers the places around a node of a level.
 struct Stencil {
-    /// A number of each node; differences tell where one is seen from another.
+    /// A key of each node; the difference of two keys gives their relative position.
     key: Vec<usize>,
     centre: usize,
     len: usize,
@@ -379,7 +379,7 @@ impl Stencil {
     }
 }
 
-/// The inverse of a symmetric block whose pivots are held away from zero, on the side of its diagonal.
+/// The inverse of a symmetric block whose pivots are kept away from zero, with the sign of the diagonal.
 fn inverse_of<const N: usize>(block: &Block<N>) -> Block<N> {
     let mut factor = *block; // L below the diagonal, pivots on it
     for k in 0..N {

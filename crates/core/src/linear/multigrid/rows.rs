@@ -1,6 +1,6 @@
 //! The matrix of a level by rows, in single precision: every cycle reads it several times.
 
-/// Entries that are worked on at once.
+/// Entries that are processed at once.
 const LANES: usize = 4;
 
 /// Rows of a task that is not divided further.
@@ -54,7 +54,7 @@ impl<const N: usize> Rows<N> {
         std::array::from_fn(|i| std::array::from_fn(|k| f64::from(self.component(row, i)[place * N + k])))
     }
 
-    /// Has `work` write the rows, one after the other in each piece; a piece is `(first row, its values)`.
+    /// Calls `work` to write the rows, one after the other in each piece; a piece is `(first row, its values)`.
     pub(super) fn fill(&mut self, work: &(impl Fn(Piece<N>) + Sync)) {
         let n = self.len();
         let piece = Piece {
@@ -67,7 +67,7 @@ impl<const N: usize> Rows<N> {
         piece.divide(work);
     }
 
-    /// A row times a vector; `entries` is room for [`Rows::width`] numbers.
+    /// A row times a vector; `entries` is working space for [`Rows::width`] numbers.
     #[inline(always)]
     pub(super) fn times(&self, row: usize, x: &[[f64; N]], entries: &mut [f64]) -> [f64; N] {
         let columns = self.columns(row);
@@ -78,7 +78,7 @@ impl<const N: usize> Rows<N> {
         entries[columns.len() * N..width].fill(0.0);
         let entries = &entries[..width];
         let mut product = [0.0; N];
-        // Plain loops, which are compiled for the same vector instructions as what they stand in.
+        // Plain loops are compiled for the same vector instructions as the enclosing function.
         for i in 0..N {
             let mut lanes = [0.0; LANES];
             for (a, x) in self.component(row, i).chunks_exact(LANES).zip(entries.chunks_exact(LANES)) {
@@ -134,7 +134,7 @@ impl<'a, const N: usize> Piece<'a, N> {
     }
 }
 
-/// Has `work(first, part)` write all parts of a vector; the division into parts has no influence on the result.
+/// Calls `work(first, part)` to write all parts of a vector; the division into parts has no influence on the result.
 pub(super) fn in_parts<T: Send>(first: usize, out: &mut [T], work: &(impl Fn(usize, &mut [T]) + Sync)) {
     if out.len() <= GRAIN {
         return work(first, out);

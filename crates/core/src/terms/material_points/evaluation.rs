@@ -16,13 +16,13 @@ use crate::stress::{Formulation, Mechanics, PointResponse, StartOfStep, WeakForm
 use crate::tensor::{Lanes, Sym3};
 use crate::terms::failure::PointFailure;
 
-/// A task of this many groups or fewer is not split between threads.
+/// A task of at most this many groups is not divided between threads.
 const GRAIN: usize = 4;
 
 /// Most history variables of points that are evaluated side by side.
 const MOST_HISTORY: usize = 4;
 
-/// What all points of an evaluation share.
+/// The data shared by all points of an evaluation.
 pub(super) struct Task<'a, const D: usize, M> {
     pub(super) model: &'a Model<D>,
     pub(super) body: &'a [u16],
@@ -37,7 +37,7 @@ pub(super) struct Task<'a, const D: usize, M> {
     pub(super) mechanics: std::marker::PhantomData<M>,
 }
 
-/// What the points of some consecutive groups write of their own.
+/// The output of the points of consecutive groups.
 pub(super) struct Trial<'a, const D: usize> {
     /// The first of the points.
     pub(super) first: usize,
@@ -73,7 +73,7 @@ impl<'a, const D: usize> Trial<'a, D> {
     }
 }
 
-/// What the points of some consecutive groups write.
+/// The output of consecutive groups, with their working space.
 pub(super) struct Work<'a, const D: usize> {
     pub(super) trial: Trial<'a, D>,
     pub(super) dense: &'a mut [Block<D>],
@@ -162,7 +162,7 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         Ok(())
     }
 
-    /// Evaluates the points of a group with the vector instructions that the machine has.
+    /// Evaluates the points of a group with the vector instructions of the machine.
     fn run_group<const UPDATED: bool>(
         &self,
         group: usize,
@@ -225,7 +225,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         Increment::new(M::REVOLVED, nodes, &task.links.links(p, self.room), task.delta_d, &task.position[p])
     }
 
-    /// Adds the first points of a range side by side, where they have one law that can be evaluated so; returns how many.
+    /// Adds the first points of a range side by side, if they share a law that supports this; returns their number.
     #[inline(always)]
     fn add_side_by_side(&mut self, points: Range<usize>) -> Result<Option<usize>, PointFailure> {
         let task = self.task;
@@ -237,12 +237,12 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         }
         let alike = task.body[points].iter().take_while(|&&body| body == task.body[p]);
         let count = alike.take(Lanes::WIDTH).count();
-        // Lanes that are left over repeat the last point.
+        // Unused lanes repeat the last point.
         let last = p + count - 1;
         let of_lane = [p, last.min(p + 1), last.min(p + 2), last.min(p + 3)];
         let [a, b, c, d] = of_lane;
         let starts = [&task.start[a], &task.start[b], &task.start[c], &task.start[d]];
-        // Not by a closure, which might not be inlined and compiled for vector instructions.
+        // No closure: it might not be inlined and compiled for vector instructions.
         let increments = [self.increment(a), self.increment(b), self.increment(c), self.increment(d)];
         let n = task.history_len;
         let mut history = [Lanes::ZERO; MOST_HISTORY];
