@@ -15,13 +15,12 @@ use super::seeding::{Filled, Filling};
 use super::size::Size;
 use super::{
     AXES, BoundaryConditionDeck, ControlDeck, Deck, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
-    MaterialDeck, NodeSelector, Per, StepsDeck,
+    NodeSelector, Per, StepsDeck,
 };
 use super::{axisymmetry, placing};
 use mpm_core::formula::Formula;
 use mpm_core::grid::gmsh::{self, GmshError};
 use mpm_core::grid::{Grid, Mesh, Structured};
-use mpm_core::material::{Hencky, Material, NeoHookean, VonMises};
 use mpm_core::memory::Memory;
 use mpm_core::model::{
     Action, Body, BoundaryCondition, Control, Load, LoadCurve, Model, NamedMaterial, Newton, NodeSet, Probe,
@@ -89,17 +88,6 @@ pub(super) fn load_curve(curve: Option<&CurveDeck>, end_time: f64) -> LoadCurve 
     }
 }
 
-/// The constitutive law of a material.
-fn law(material: &MaterialDeck) -> Box<dyn Material> {
-    match *material {
-        MaterialDeck::Hencky { young, poisson, .. } => Box::new(Hencky::new(young, poisson)),
-        MaterialDeck::NeoHookean { young, poisson, .. } => Box::new(NeoHookean::new(young, poisson)),
-        MaterialDeck::VonMises { young, poisson, deviatoric_yield_stress, hardening_modulus, .. } => {
-            Box::new(VonMises::new(young, poisson, deviatoric_yield_stress).hardening(hardening_modulus))
-        }
-    }
-}
-
 /// Treatment of points that are equally near when fewer were requested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Ties {
@@ -157,7 +145,7 @@ where
         let materials: Vec<NamedMaterial> = deck
             .materials
             .iter()
-            .map(|(name, m)| NamedMaterial { name: name.clone(), law: law(m) })
+            .map(|(name, m)| NamedMaterial { name: name.clone(), law: m.law() })
             .collect();
         let bodies = self.bodies();
         let revolved = deck.analysis.idealisation == Idealisation::Axisymmetric;

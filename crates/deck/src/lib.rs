@@ -16,6 +16,7 @@ pub use loads::{LoadCurve, LoadDeck, Per, PointSelector};
 pub use mpm_core::basis::Method;
 pub use mpm_core::domain::DomainUpdate;
 pub use mpm_core::linear::Choice as LinearChoice;
+use mpm_core::material::{Hencky, Material, NeoHookean, VonMises};
 use mpm_core::model::Newton;
 pub use mpm_core::model::Stabilisation;
 pub use mpm_core::model::{PatternReuse, Predictor, StiffnessUpdate};
@@ -313,12 +314,38 @@ pub enum MaterialDeck {
 }
 
 impl MaterialDeck {
+    /// Young's modulus, [stress], Poisson's ratio, [-], and the density, if it is stated.
+    fn common(&self) -> (f64, f64, Option<f64>) {
+        match *self {
+            MaterialDeck::Hencky { young, poisson, density }
+            | MaterialDeck::NeoHookean { young, poisson, density }
+            | MaterialDeck::VonMises { young, poisson, density, .. } => (young, poisson, density),
+        }
+    }
+
+    /// Young's modulus E, [stress].
+    pub fn young(&self) -> f64 {
+        self.common().0
+    }
+
+    /// Poisson's ratio ν, [-].
+    pub fn poisson(&self) -> f64 {
+        self.common().1
+    }
+
     /// The density, if it is stated.
     pub fn density(&self) -> Option<f64> {
-        match self {
-            MaterialDeck::Hencky { density, .. }
-            | MaterialDeck::NeoHookean { density, .. }
-            | MaterialDeck::VonMises { density, .. } => *density,
+        self.common().2
+    }
+
+    /// The constitutive law.
+    pub fn law(&self) -> Box<dyn Material> {
+        match *self {
+            MaterialDeck::Hencky { young, poisson, .. } => Box::new(Hencky::new(young, poisson)),
+            MaterialDeck::NeoHookean { young, poisson, .. } => Box::new(NeoHookean::new(young, poisson)),
+            MaterialDeck::VonMises { young, poisson, deviatoric_yield_stress, hardening_modulus, .. } => {
+                Box::new(VonMises::new(young, poisson, deviatoric_yield_stress).hardening(hardening_modulus))
+            }
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Units in which forces and energies leave the range of floating-point numbers.
 
 use super::Builder;
-use crate::MaterialDeck;
 use crate::quoting::quote;
 use crate::region::OfDeck;
 use mpm_core::grid::Grid;
@@ -25,9 +24,7 @@ where
         };
         let deck = self.deck;
         for (name, material) in &deck.materials {
-            let (MaterialDeck::Hencky { young, .. }
-            | MaterialDeck::NeoHookean { young, .. }
-            | MaterialDeck::VonMises { young, .. }) = *material;
+            let young = material.young();
             for (length, what) in [(cell, "a cell"), (whole, "the grid")] {
                 let powers = [length.powi(D as i32 - 1), length.powi(D as i32)];
                 let out =

@@ -7,7 +7,7 @@ use crate::diagnostic::{Diagnostic, Severity};
 use crate::per_axis::per_axis;
 use crate::quoting::quote;
 use crate::span::escape;
-use crate::{BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, PerAxis};
+use crate::{BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, PerAxis};
 use mpm_core::formula::{Formula, names};
 
 /// Poisson's ratio above which low-order cells lock.
@@ -121,10 +121,8 @@ impl Check<'_> {
 
     fn incompressible(&mut self) {
         for (name, material) in &self.deck.materials {
-            let (MaterialDeck::Hencky { poisson, .. }
-            | MaterialDeck::NeoHookean { poisson, .. }
-            | MaterialDeck::VonMises { poisson, .. }) = material;
-            if *poisson >= NEARLY_INCOMPRESSIBLE {
+            let poisson = material.poisson();
+            if poisson >= NEARLY_INCOMPRESSIBLE {
                 let message = format!(
                     "with Poisson's ratio {poisson} the material {} is nearly incompressible, and low-order \
                      cells lock: they are too stiff, with stresses that oscillate from point to point",

@@ -6,7 +6,7 @@ use super::Check;
 use super::extent::Extent;
 use crate::quoting::quote;
 use crate::span::escape;
-use crate::{BodyDeck, GridDeck, LoadDeck, MaterialDeck};
+use crate::{BodyDeck, GridDeck, LoadDeck};
 
 /// Acceleration of gravity in m/s², exact or rounded.
 const GRAVITY_IN_METRES: std::ops::RangeInclusive<f64> = 9.5..=10.5;
@@ -36,9 +36,7 @@ impl Check<'_> {
                 if !checked.insert(&body.material) {
                     continue;
                 }
-                let (MaterialDeck::Hencky { young, .. }
-                | MaterialDeck::NeoHookean { young, .. }
-                | MaterialDeck::VonMises { young, .. }) = *material;
+                let young = material.young();
                 let density = material.density().unwrap_or(0.0);
                 if density > 0.0 && gravity > 0.0 {
                     self.units_of(&body.material, young, density, gravity, self.height(body));
