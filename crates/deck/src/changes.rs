@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 
 use super::build::load_curve;
 use super::quoting::quote;
-use super::{Deck, Expression, LoadCurve, LoadDeck};
+use super::{Deck, Expression, LoadCurve};
 use mpm_core::formula::names;
 
 /// Times that differ by less than this, relative to the end of the analysis, count as equal.
@@ -95,11 +95,7 @@ fn curves(deck: &Deck) -> Vec<(&str, Option<&LoadCurve>)> {
     let moving =
         deck.boundary_conditions.iter().filter(|c| c.displacements().iter().any(|(_, u)| u.is_some()));
     let conditions = moving.map(|c| (c.name.as_str(), c.curve.as_ref()));
-    let loads = deck.loads.iter().map(|load| match load {
-        LoadDeck::Gravity { curve, .. }
-        | LoadDeck::BodyForce { curve, .. }
-        | LoadDeck::PointForce { curve, .. } => (load.name(), curve.as_ref()),
-    });
+    let loads = deck.loads.iter().map(|load| (load.name(), load.curve()));
     conditions.chain(loads).collect()
 }
 

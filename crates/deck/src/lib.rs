@@ -15,6 +15,7 @@ use serde_json::Value;
 pub use loads::{LoadCurve, LoadDeck, Per, PointSelector};
 pub use mpm_core::basis::Method;
 pub use mpm_core::domain::DomainUpdate;
+use mpm_core::formula::Formula;
 pub use mpm_core::linear::Choice as LinearChoice;
 use mpm_core::material::{Hencky, Material, NeoHookean, VonMises};
 use mpm_core::model::Newton;
@@ -498,6 +499,18 @@ pub enum Expression {
     Number(f64),
     /// A formula, for example `gamma*y`.
     Formula(String),
+}
+
+impl Expression {
+    /// True if it is zero everywhere.
+    pub fn is_zero(&self) -> bool {
+        match self {
+            Expression::Number(value) => *value == 0.0,
+            Expression::Formula(text) => {
+                Formula::parse(text, &[]).ok().and_then(|f| f.as_constant()) == Some(0.0)
+            }
+        }
+    }
 }
 
 fn one() -> u32 {

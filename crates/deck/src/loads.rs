@@ -92,6 +92,26 @@ impl LoadDeck {
             | LoadDeck::PointForce { name, .. } => name,
         }
     }
+
+    /// Load factor over time, if it is stated.
+    pub fn curve(&self) -> Option<&LoadCurve> {
+        match self {
+            LoadDeck::Gravity { curve, .. }
+            | LoadDeck::BodyForce { curve, .. }
+            | LoadDeck::PointForce { curve, .. } => curve.as_ref(),
+        }
+    }
+
+    /// Key of the magnitude, and true if it is zero for any load factor.
+    pub(crate) fn magnitude(&self) -> (&'static str, bool) {
+        match self {
+            LoadDeck::Gravity { acceleration, .. } => {
+                ("acceleration", acceleration.iter().all(|a| *a == 0.0))
+            }
+            LoadDeck::BodyForce { force, .. } => ("force", force.iter().all(Expression::is_zero)),
+            LoadDeck::PointForce { total, .. } => ("total", total.iter().all(|f| *f == 0.0)),
+        }
+    }
 }
 
 /// Selection of the points of a body that are nearest to a location at the start.

@@ -1,7 +1,6 @@
 //! Checks of a deck with an unknown load factor.
 
 use super::Check;
-use super::suspicions::{is_zero, load_is_zero};
 use crate::quoting::{list, quote};
 use crate::{ControlDeck, Expression, GridDeck, LoadDeck};
 use mpm_core::formula::names;
@@ -42,17 +41,14 @@ impl Check<'_> {
             }
             ControlDeck::ArcLength { .. } => {}
         }
-        if deck.loads.iter().all(load_is_zero) {
+        if deck.loads.iter().all(|load| load.magnitude().1) {
             let message = "there is no load other than zero whose factor could be found";
             let help = "add a load under `loads`, or prescribe the load factor (`control: {type: load}`)";
             self.error("D049", "/steps/control", message, help);
         }
         for (number, load) in deck.loads.iter().enumerate() {
             let pointer = format!("/loads/{number}");
-            let (LoadDeck::Gravity { curve, .. }
-            | LoadDeck::BodyForce { curve, .. }
-            | LoadDeck::PointForce { curve, .. }) = load;
-            if curve.is_some() {
+            if load.curve().is_some() {
                 let message = format!(
                     "the load {} has a curve, but `steps: {{control: ...}}` makes its factor an unknown",
                     quote(load.name())
@@ -78,7 +74,7 @@ impl Check<'_> {
         }
         for (number, condition) in deck.boundary_conditions.iter().enumerate() {
             for (key, displacement) in condition.displacements() {
-                if displacement.as_ref().is_some_and(|e| !is_zero(e)) {
+                if displacement.as_ref().is_some_and(|e| !e.is_zero()) {
                     let message = format!(
                         "the boundary condition {} moves its nodes, which `steps: {{control: ...}}` does not allow",
                         quote(&condition.name)

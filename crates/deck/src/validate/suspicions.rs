@@ -8,7 +8,7 @@ use crate::per_axis::per_axis;
 use crate::quoting::quote;
 use crate::span::escape;
 use crate::{BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, PerAxis};
-use mpm_core::formula::{Formula, names};
+use mpm_core::formula::names;
 
 /// Poisson's ratio above which low-order cells lock.
 const NEARLY_INCOMPRESSIBLE: f64 = 0.49;
@@ -68,13 +68,9 @@ impl Check<'_> {
         let deck = self.deck;
         let mut any = false;
         for (index, load) in deck.loads.iter().enumerate() {
-            let (key, curve) = match load {
-                LoadDeck::Gravity { curve, .. } => ("acceleration", curve),
-                LoadDeck::BodyForce { curve, .. } => ("force", curve),
-                LoadDeck::PointForce { curve, .. } => ("total", curve),
-            };
+            let (key, zero) = load.magnitude();
             let name = quote(load.name());
-            if load_is_zero(load) {
+            if zero {
                 let at = format!("/loads/{index}/{key}");
                 self.warn(
                     "D037",
@@ -82,7 +78,7 @@ impl Check<'_> {
                     format!("the load {name} is zero"),
                     "give it a value, or remove the load",
                 );
-            } else if self.stays_zero(curve.as_ref()) {
+            } else if self.stays_zero(load.curve()) {
                 let message = format!("the factor of the load {name} is zero at all times");
                 let help = "give a factor other than 0 within the analysis, or remove the load";
                 self.warn("D037", &format!("/loads/{index}/curve"), message, help);
@@ -92,7 +88,7 @@ impl Check<'_> {
         }
         for (index, condition) in deck.boundary_conditions.iter().enumerate() {
             let moves =
-                condition.displacements().into_iter().filter_map(|(_, u)| u.as_ref()).any(|u| !is_zero(u));
+                condition.displacements().into_iter().filter_map(|(_, u)| u.as_ref()).any(|u| !u.is_zero());
             if moves && self.stays_zero(condition.curve.as_ref()) {
                 let name = quote(&condition.name);
                 let message = format!("the factor of the boundary condition {name} is zero at all times");
@@ -178,25 +174,6 @@ impl Check<'_> {
             let message =
                 format!("the tolerance {tolerance:e} is below round-off: hardly any step can meet it");
             self.warn("D045", "/solver/tolerance", message, "use 1e-12 or more");
-        }
-    }
-}
-
-/// True if a load is zero for any load factor.
-pub(super) fn load_is_zero(load: &LoadDeck) -> bool {
-    match load {
-        LoadDeck::Gravity { acceleration, .. } => acceleration.iter().all(|a| *a == 0.0),
-        LoadDeck::BodyForce { force, .. } => force.iter().all(is_zero),
-        LoadDeck::PointForce { total, .. } => total.iter().all(|f| *f == 0.0),
-    }
-}
-
-/// True if an expression is zero everywhere.
-pub(super) fn is_zero(expression: &Expression) -> bool {
-    match expression {
-        Expression::Number(value) => *value == 0.0,
-        Expression::Formula(text) => {
-            Formula::parse(text, &[]).ok().and_then(|f| f.as_constant()) == Some(0.0)
         }
     }
 }

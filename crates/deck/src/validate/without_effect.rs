@@ -1,7 +1,6 @@
 //! Keys of a deck that have no effect in combination with others.
 
 use super::Check;
-use super::suspicions::is_zero;
 use crate::ControlDeck;
 use crate::quoting::quote;
 use mpm_core::basis::DomainKind;
@@ -45,7 +44,7 @@ impl Check<'_> {
         for (index, condition) in self.deck.boundary_conditions.iter().enumerate() {
             let at = format!("/boundary_conditions/{index}");
             let moves = condition.displacements().into_iter().any(|(key, given)| {
-                given.as_ref().is_some_and(|u| !is_zero(u))
+                given.as_ref().is_some_and(|u| !u.is_zero())
                     || self.source.is_from_parameter(&format!("{at}/{key}"))
             });
             let at = format!("{at}/curve");

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use mpm_deck::load::load_text;
-use mpm_deck::{ControlDeck, Deck, LoadDeck, Parameter};
+use mpm_deck::{ControlDeck, Deck, Parameter};
 use mpm_files::series::{self, DataSet};
 use mpm_files::status;
 use mpm_files::table::Columns;
@@ -191,12 +191,8 @@ impl Run {
         if !matches!(deck.steps.control, ControlDeck::Load {}) {
             return false;
         }
-        let of_load = |load: &LoadDeck| match load {
-            LoadDeck::Gravity { curve, .. }
-            | LoadDeck::BodyForce { curve, .. }
-            | LoadDeck::PointForce { curve, .. } => curve.is_none(),
-        };
-        deck.loads.iter().all(of_load) && deck.boundary_conditions.iter().all(|c| c.curve.is_none())
+        deck.loads.iter().all(|load| load.curve().is_none())
+            && deck.boundary_conditions.iter().all(|c| c.curve.is_none())
     }
 
     /// True if the boundary condition of this name moves its nodes.
