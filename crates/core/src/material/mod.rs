@@ -220,12 +220,13 @@ impl Elasticity {
 
 /// Conformance test of all properties that the solver relies on. A new law adds one line to the list.
 #[cfg(test)]
-mod conformance {
+pub(crate) mod conformance {
     use super::*;
     use crate::tensor::{Mat3, exp_derivative};
     use proptest::prelude::*;
 
-    fn laws() -> Vec<Box<dyn Material>> {
+    /// The laws that this test and the test of the weak forms cover.
+    pub(crate) fn laws() -> Vec<Box<dyn Material>> {
         vec![
             Box::new(Hencky::new(12e6, 0.2)),
             Box::new(NeoHookean::new(12e6, 0.2)),
@@ -265,7 +266,9 @@ mod conformance {
             m.0[c] -= h;
             (tau(&p).0[r] - tau(&m).0[r]) / (2.0 * h)
         });
-        let scale = response.tangent.norm();
+        // A law may have no stiffness in some states, such as at the apex of a cone.
+        let at_rest = law.update(&Sym3::ZERO, &old, &mut old.clone()).unwrap().tangent.norm();
+        let scale = Some(response.tangent.norm()).filter(|norm| *norm > 0.0).unwrap_or(at_rest);
         assert!((numeric - response.tangent).norm() < 1e-6 * scale, "{numeric}{}", response.tangent);
         if law.tangent_is_symmetric() {
             let (tangent, tolerance) = match law.strain_measure() {
@@ -274,7 +277,7 @@ mod conformance {
                     (response.tangent * exp_derivative(&(logarithmic * 2.0)), 1e-14)
                 }
             };
-            assert!((tangent - tangent.transpose()).norm() < tolerance * tangent.norm());
+            assert!((tangent - tangent.transpose()).norm() <= tolerance * tangent.norm());
         }
         if let Some(moduli) = law.isotropic_moduli() {
             let b = law.strain_measure().left_cauchy_green(&trial);

@@ -1,16 +1,8 @@
 use super::*;
-use crate::material::{Hencky, NeoHookean, VonMises};
+use crate::material::Hencky;
+use crate::material::conformance::laws;
 use crate::tensor::{Tensor4, log_derivative, mandel_entry};
 use proptest::prelude::*;
-
-fn laws() -> [Box<dyn Material>; 4] {
-    [
-        Box::new(Hencky::new(12e6, 0.2)),
-        Box::new(NeoHookean::new(12e6, 0.2)),
-        Box::new(VonMises::new(1e6, 0.3, 20e3)),
-        Box::new(VonMises::new(1e6, 0.3, 20e3).hardening(0.3e6)),
-    ]
-}
 
 /// Approximate magnitude of the largest tangent entry of these laws over all tested states.
 const STIFF: f64 = 1e8;
@@ -191,7 +183,8 @@ proptest! {
                         for j in 0..3 {
                             let numeric = (plus[i][j] - minus[i][j]) / (2.0 * h);
                             prop_assert!((numeric - tangent[i][j][k][l]).abs() < 1e-6 * scale, "{law:?}");
-                            prop_assert!((tangent[i][j][k][l] - tangent[k][l][i][j]).abs() < 1e-13 * scale);
+                            let skew = tangent[i][j][k][l] - tangent[k][l][i][j];
+                            prop_assert!(skew.abs() < 1e-13 * scale || !law.tangent_is_symmetric());
                         }
                     }
                 }
