@@ -340,7 +340,7 @@ impl<const N: usize> DofMap<N> {
         let is_of_model = |condition: &usize| *condition < model.boundary_conditions.len();
         if let Some(turned) = self.turned(node) {
             turned.for_each_share(reaction, |condition, component, force| {
-                if is_of_model(&condition) {
+                if is_of_model(&condition) && component < D {
                     visit(condition, component, force);
                 }
             });

@@ -5,6 +5,8 @@ use crate::step::Nodal;
 /// The global equations r(d, w) = 0 and the effect of the global unknowns w on the nodes:
 ///
 /// K δd + B δw = f_ext − f_int, A δd + C δw = −r.
+///
+/// K alone must be regular: the border cannot hold a body that nothing else holds.
 #[derive(Debug, Clone, Default)]
 pub struct Border<const N: usize> {
     /// B by columns: change of the internal minus the external force on the nodes with each global unknown.
@@ -82,6 +84,10 @@ impl<const N: usize> Border<N> {
     /// The largest residual relative to its magnitude, [-].
     pub(crate) fn relative_residual(&self) -> f64 {
         let relative = |(r, scale): (&f64, &f64)| if *r == 0.0 { 0.0 } else { r.abs() / scale };
-        self.residual.iter().zip(&self.scale).map(relative).fold(0.0, |a, b| if a >= b { a } else { b })
+        self.residual
+            .iter()
+            .zip(&self.scale)
+            .map(relative)
+            .fold(0.0, |a, b| if a >= b || f64::is_nan(a) { a } else { b })
     }
 }

@@ -14,6 +14,17 @@ use super::{AXES, Bound, ConstraintError, DofMap, ON_AXIS, Tie};
 const SAME: f64 = 1e-12;
 
 /// The role of a component.
+/// Why a tie is refused that leads back to itself.
+const CIRCLE: &str = "it would depend on itself";
+
+/// How far a tie has been resolved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Resolution {
+    Open,
+    Begun,
+    Done,
+}
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Dof {
     Free,
@@ -98,7 +109,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
         increment: f64,
         condition: usize,
     ) -> Result<(), ConstraintError> {
-        let condition = condition as u16;
+        let condition = condition.min(u16::MAX.into()) as u16;
         match self.dofs[node][component] {
             Dof::Free => self.dofs[node][component] = Dof::Bound(Bound::Held { condition, increment }),
             Dof::Bound(Bound::Held { increment: held, .. })
@@ -116,7 +127,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
 
     /// Prescribes the increment of an active node along a direction of unit length.
     pub fn hold_along(&mut self, node: usize, direction: [f64; N], increment: f64, condition: usize) {
-        let along = Along { direction, increment, condition: condition as u16 };
+        let along = Along { direction, increment, condition: condition.min(u16::MAX.into()) as u16 };
         self.along.entry(node as u32).or_default().push(along);
     }
 
@@ -194,23 +205,48 @@ impl<'a, const N: usize> Constraints<'a, N> {
 
     /// Replaces tied components in ties by the components they are tied to.
     fn resolve_ties(&mut self) -> Result<(), ConstraintError> {
-        for k in 0..self.ties.len() {
-            let mut left = self.ties.len();
-            while let Some(at) = self.ties[k].terms.iter().position(|&(n, c, _)| self.tie_of(n, c).is_some())
-            {
-                let (node, component, weight) = self.ties[k].terms.swap_remove(at);
-                let Some(other) = self.tie_of(node, component) else { continue };
-                if other == k || left == 0 {
-                    let Tie { node, component, .. } = self.ties[k];
-                    return Err(self.tied(node as usize, component as usize, "it would depend on itself"));
+        let mut state = vec![Resolution::Open; self.ties.len()];
+        for first in 0..self.ties.len() {
+            let mut stack = vec![first];
+            while let Some(&k) = stack.last() {
+                state[k] = if state[k] == Resolution::Done { Resolution::Done } else { Resolution::Begun };
+                let tied = |&(node, component, _): &(u32, u8, f64)| self.tie_of(node, component);
+                let open = self.ties[k].terms.iter().filter_map(tied).find(|&m| state[m] != Resolution::Done);
+                match open {
+                    Some(other) if state[other] == Resolution::Begun => {
+                        let Tie { node, component, .. } = self.ties[k];
+                        return Err(self.tied(node as usize, component as usize, CIRCLE));
+                    }
+                    Some(other) => stack.push(other),
+                    None => {
+                        self.substitute(k);
+                        state[k] = Resolution::Done;
+                        stack.pop();
+                    }
                 }
-                left -= 1;
-                let Tie { terms, constant, .. } = self.ties[other].clone();
-                self.ties[k].constant += weight * constant;
-                self.ties[k].terms.extend(terms.into_iter().map(|(n, c, w)| (n, c, weight * w)));
             }
         }
         Ok(())
+    }
+
+    /// Replaces the tied components in a tie by what they are tied to, and merges equal components.
+    fn substitute(&mut self, k: usize) {
+        let mut terms: BTreeMap<(u32, u8), f64> = BTreeMap::new();
+        let mut constant = self.ties[k].constant;
+        for (node, component, weight) in std::mem::take(&mut self.ties[k].terms) {
+            match self.tie_of(node, component) {
+                None => *terms.entry((node, component)).or_default() += weight,
+                Some(other) => {
+                    let other = &self.ties[other];
+                    constant += weight * other.constant;
+                    for &(node, component, w) in &other.terms {
+                        *terms.entry((node, component)).or_default() += weight * w;
+                    }
+                }
+            }
+        }
+        self.ties[k].constant = constant;
+        self.ties[k].terms = terms.into_iter().map(|((node, component), w)| (node, component, w)).collect();
     }
 
     fn tie_of(&self, node: u32, component: u8) -> Option<usize> {
@@ -223,7 +259,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
     /// The ring through a node on the axis has no radius, so no other constraint may move the node off the axis.
     fn keep_axis(&self, turned: &[Turned<N>]) -> Result<(), ConstraintError> {
         let is_kept = |node: usize| match turned.iter().find(|turned| turned.node as usize == node) {
-            Some(turned) => turned.n_held() == N && turned.whole_increment()[0] == 0.0,
+            Some(turned) => turned.fixes_axis(0),
             None => matches!(self.dofs[node][0], Dof::Bound(Bound::Held { increment: 0.0, .. })),
         };
         let loose = self.on_axis.iter().filter(|&&node| !is_kept(node)).count();

@@ -100,6 +100,20 @@ fn expressions_are_the_rows_of_the_map() {
 }
 
 #[test]
+fn ties_through_several_others_are_resolved_and_merged() {
+    let mut constraints = Constraints::<1>::on_nodes(6);
+    // 0 = 1 + 2, 1 = 3 + 4 = 2, 3 = 4 = 5: altogether four times node 5.
+    constraints.tie(0, 0, &[(1, 0, 1.0), (2, 0, 1.0)], 0.5).unwrap();
+    constraints.tie(1, 0, &[(3, 0, 1.0), (4, 0, 1.0)], 0.0).unwrap();
+    constraints.tie(2, 0, &[(3, 0, 1.0), (4, 0, 1.0)], 0.0).unwrap();
+    constraints.tie(3, 0, &[(5, 0, 1.0)], 0.0).unwrap();
+    constraints.tie(4, 0, &[(5, 0, 1.0)], 0.0).unwrap();
+    let map = constraints.into_map().unwrap();
+    assert_eq!(map.expression(0, 0), [(5, 0, 4.0)]);
+    assert_eq!(map.n_free(), 1);
+}
+
+#[test]
 fn ties_in_a_circle_are_refused() {
     let mut constraints = Constraints::<1>::on_nodes(3);
     constraints.tie(0, 0, &[(1, 0, 1.0)], 0.0).unwrap();

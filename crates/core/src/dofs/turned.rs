@@ -99,10 +99,13 @@ impl<const N: usize> Turned<N> {
         Some((*self.increment.get(k)?, self.prescribed[k].condition))
     }
 
-    /// The displacement increment of a node that is prescribed along all directions, [length].
-    pub(super) fn whole_increment(&self) -> [f64; N] {
-        let sum = |c: usize| (0..self.n_held()).map(|k| self.increment[k] * self.directions[k][c]).sum();
-        std::array::from_fn(sum)
+    /// True if the prescribed motions leave the node no motion along an axis.
+    pub(super) fn fixes_axis(&self, axis: usize) -> bool {
+        let held = || self.directions.iter().zip(&self.increment);
+        let part: f64 = held().map(|(direction, _)| direction[axis] * direction[axis]).sum();
+        let moved: f64 = held().map(|(direction, increment)| direction[axis] * increment).sum();
+        let size = self.increment.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+        1.0 - part < INDEPENDENT && unless_round_off(moved, size) == 0.0
     }
 
     /// True if a prescribed direction prevents the node from moving freely along an axis.

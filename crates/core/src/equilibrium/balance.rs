@@ -129,7 +129,7 @@ pub fn reaction_moments<const D: usize, const N: usize>(
             }
             dofs.for_each_share(model, node, &reaction[node], |condition, axis, share| {
                 if condition == number {
-                    force[axis] = share;
+                    force[axis] += share;
                 }
             });
             for (axis, m) in moment.iter_mut().enumerate() {

@@ -64,7 +64,9 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let (system, unknowns) = (self.system.sum.system(), &self.unknowns);
         let forces = unknowns.forces(&self.course.out_of_balance, system.external_force());
         let of_globals = system.border.relative_residual();
-        let residual = forces.balanced(&self.system.parts, tolerance).filter(|_| of_globals <= tolerance)?;
+        let residual = forces
+            .balanced(&self.system.parts, system.internal_force(), tolerance)
+            .filter(|_| of_globals <= tolerance)?;
         Some(residual.max(of_globals))
     }
 

@@ -33,7 +33,9 @@ impl Motion {
 
     /// True if a run in `D` dimensions can have this motion.
     pub(super) fn can_be_of<const D: usize>(&self) -> bool {
-        self.increment.len() == D * self.nodes.len() && self.nodes.is_sorted()
+        self.increment.len() >= D * self.nodes.len()
+            && self.increment.len().is_multiple_of(self.nodes.len().max(1))
+            && self.nodes.is_sorted()
     }
 
     /// The increment at each node of another step; `None` if the node was not active.

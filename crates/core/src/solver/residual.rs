@@ -166,9 +166,9 @@ impl<const N: usize> Forces<'_, N> {
 
     /// True if the load on the free components of a node is below `nothing`, and the sum of load and reaction on its
     /// held components is round-off: a load may act directly on a support.
-    fn carries_nothing(&self, node: usize, nothing: f64, noise: f64) -> bool {
+    fn carries_nothing(&self, node: usize, mut axes: Range<usize>, nothing: f64, noise: f64) -> bool {
         let (load, reaction) = (&self.f_ext[node], &self.reaction[node]);
-        (0..N).all(|d| match reaction[d] {
+        axes.all(|d| match reaction[d] {
             0.0 => load[d].abs() <= nothing,
             held => (load[d] + held).abs() <= noise,
         })
@@ -182,11 +182,14 @@ impl<const N: usize> Forces<'_, N> {
         out.into_iter().zip(force).map(|(out, force)| [out, force]).collect()
     }
 
-    /// The largest residual of each field other than the displacement, [-].
-    fn of_further_fields(&self, parts: &Parts) -> impl Iterator<Item = f64> {
-        let of_field = |components: &Range<usize>| {
+    /// The largest residual of each field other than the displacement, [-]: relative to its external forces and reactions or,
+    /// where they are larger, its internal forces.
+    fn of_further_fields(&self, parts: &Parts, internal: &[[f64; N]]) -> impl Iterator<Item = f64> {
+        let of_field = move |components: &Range<usize>| {
             let of_parts = self.of_parts(parts, components.clone());
-            of_parts.iter().map(|&[out, force]| ratio(out, force)).fold(0.0, largest)
+            let internal = parts.norms(components.clone(), internal.iter().copied());
+            let ratios = of_parts.iter().zip(internal).map(|(&[out, force], own)| ratio(out, force.max(own)));
+            ratios.fold(0.0, largest)
         };
         parts.fields.iter().skip(1).map(of_field)
     }
@@ -205,10 +208,10 @@ impl<const N: usize> Forces<'_, N> {
     }
 
     /// The residual of eq. (40) if every part meets the tolerance.
-    pub(super) fn balanced(&self, parts: &Parts, tolerance: f64) -> Option<f64> {
+    pub(super) fn balanced(&self, parts: &Parts, internal: &[[f64; N]], tolerance: f64) -> Option<f64> {
         let of_parts = self.of_parts(parts, parts.displacement());
         let largest = of_parts.iter().map(|&[out, force]| ratio(out, force)).fold(0.0, largest);
-        let largest = self.of_further_fields(parts).fold(largest, self::largest);
+        let largest = self.of_further_fields(parts, internal).fold(largest, self::largest);
         (largest <= tolerance).then_some(largest)
     }
 
@@ -221,7 +224,7 @@ impl<const N: usize> Forces<'_, N> {
         tolerance: f64,
         at: &EvaluatedAt<'_, D, N>,
     ) -> Measured {
-        let further = self.of_further_fields(parts).fold(0.0, largest);
+        let further = self.of_further_fields(parts, at.system.internal_force()).fold(0.0, largest);
         let measured = self.measure_displacement(parts, tolerance, at);
         measured.or_larger(further, tolerance)
     }
@@ -255,7 +258,12 @@ impl<const N: usize> Forces<'_, N> {
                 let nothing = f64::EPSILON * parts.carried[part];
                 let still = UNLOADED * parts.carried[part];
                 carries_nothing[part] &= is_within(noise.max(left[part]))
-                    && self.carries_nothing(node, nothing, still.max(ACCUMULATED * noise));
+                    && self.carries_nothing(
+                        node,
+                        parts.displacement(),
+                        nothing,
+                        still.max(ACCUMULATED * noise),
+                    );
             }
         } else {
             carries_nothing.fill(false);
@@ -405,10 +413,10 @@ impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
     /// increment, and that of strains at its points. A node that carries little material has little stiffness, K_vv ~
     /// |∇S|², but its force contains stresses of points that other nodes hold, whose round-off is proportional to |∇S|.
     fn round_off(&self) -> Vec<f64> {
-        let largest_of = |x: &[f64; N]| x.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+        let largest_of = |x: &[f64]| x.iter().fold(0.0f64, |a, b| a.max(b.abs()));
         let motion = self.system.magnitudes(self.delta_d);
         let of_node = |(motion, strain): (&[f64; N], f64)| {
-            f64::EPSILON * (IN_MOTION * largest_of(motion) + IN_STRAIN * strain)
+            f64::EPSILON * (IN_MOTION * largest_of(&motion[..D]) + IN_STRAIN * strain)
         };
         motion.iter().zip(forces_of_unit_strain(self.model, self.points, self.links)).map(of_node).collect()
     }
@@ -463,7 +471,11 @@ mod tests {
     fn residual(out: [f64; 4], tolerance: f64) -> Option<f64> {
         let [out_of_balance, f_ext, reaction] = forces(out);
         let forces = Forces { out_of_balance: &out_of_balance, f_ext: &f_ext, reaction: &reaction };
-        forces.balanced(&Parts::new(&[0, 0, 2, 2], Fields::displacement(1).components()), tolerance)
+        forces.balanced(
+            &Parts::new(&[0, 0, 2, 2], Fields::displacement(1).components()),
+            &out_of_balance,
+            tolerance,
+        )
     }
 
     #[test]

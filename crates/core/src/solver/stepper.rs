@@ -88,14 +88,33 @@ impl<'a, const D: usize> Stepper<'a, D> {
     where
         Model<D>: Solvable<D>,
     {
-        Stepper::with_fields(model, points, model.kernels(), Fields::displacement(D))
+        Stepper::of_fields(model, points, model.kernels(), Fields::displacement(D))
     }
 }
 
 impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// An analysis with further fields at the nodes, which terms added later use. The fields must have `N` components
     /// in total, those of the displacement first.
+    ///
+    /// # Errors
+    /// [`SolveError::Term`] where the fields are others.
     pub fn with_fields(
+        model: &'a Model<D>,
+        points: &'a mut Points<D>,
+        kernels: Kernels<D, N>,
+        fields: Fields,
+    ) -> Result<Self, SolveError> {
+        let first = fields.iter().next().map(|(_, components)| components.len());
+        if first != Some(D) || fields.n_components() != N {
+            return Err(refused(
+                "fields",
+                "the fields must have one component for each unknown at a node, those of the displacement first",
+            ));
+        }
+        Ok(Stepper::of_fields(model, points, kernels, fields))
+    }
+
+    fn of_fields(
         model: &'a Model<D>,
         points: &'a mut Points<D>,
         kernels: Kernels<D, N>,

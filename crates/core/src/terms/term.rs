@@ -21,7 +21,7 @@ pub const FURTHER: usize = 1 << 15;
 
 /// A term of equilibrium.
 ///
-/// A step calls [`begin`](Term::begin) once, then [`couples`](Term::couples), then [`evaluate`](Term::evaluate) as
+/// A step calls [`constrain`](Term::constrain), then [`begin`](Term::begin) once, then [`couples`](Term::couples), then [`evaluate`](Term::evaluate) as
 /// often as needed, and [`commit`](Term::commit) once it is in equilibrium. An abandoned step ends without a call: a
 /// term must not change the state that it keeps between steps before [`commit`](Term::commit).
 ///
