@@ -168,5 +168,7 @@ def test_threads_that_cannot_be_started_are_named(program, tmp_path):
     for words in (["run", tmp_path / "deck.yaml", "--threads", 1000], ["sweep", tmp_path / "deck.yaml", "--over", "n=2,3",
                   "--threads", 1000]):
         process = run_with(program, limit, *words, "--out", tmp_path / "out")
-        assert process.returncode == 2 and "the threads cannot be started" in process.stderr, process.stderr
+        # The threads that have been started need memory, too: theirs may be the request that is refused.
+        named = {2: "the threads cannot be started", 1: "error[S008]: not enough memory"}
+        assert named.get(process.returncode, "no such code") in process.stderr, process.stderr
         assert "panicked" not in process.stderr
