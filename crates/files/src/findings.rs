@@ -111,7 +111,7 @@ pub struct Extremes {
 impl Extremes {
     /// Extremes of the converged state; `None` if there are no points.
     pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>) -> Option<Extremes> {
-        // Of several points with the same value, the one with the smallest number is reported.
+        // Among points with the same value, the one with the smallest number is reported.
         let largest = |of: &(dyn Fn(usize) -> f64 + Sync)| {
             let best = (0..points.len())
                 .into_par_iter()

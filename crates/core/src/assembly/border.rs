@@ -26,10 +26,10 @@ pub struct Border<const N: usize> {
 impl<const N: usize> Border<N> {
     /// No entries, for `n` global unknowns.
     pub(crate) fn new(n: usize, n_nodes: usize) -> Self {
-        let zero = vec![vec![[0.0; N]; n_nodes]; n];
+        let zeros = || (0..n).map(|_| vec![[0.0; N]; n_nodes]).collect();
         Border {
-            columns: zero.clone(),
-            rows: zero,
+            columns: zeros(),
+            rows: zeros(),
             corner: vec![vec![0.0; n]; n],
             residual: vec![0.0; n],
             scale: vec![0.0; n],

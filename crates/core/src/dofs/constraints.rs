@@ -13,11 +13,10 @@ use super::{AXES, Bound, ConstraintError, DofMap, ON_AXIS, Tie};
 /// Two prescribed increments that differ by less than this, relative to their size, agree.
 const SAME: f64 = 1e-12;
 
-/// The role of a component.
-/// Why a tie is refused that leads back to itself.
+/// The reason to refuse a tie that leads back to itself.
 const CIRCLE: &str = "it would depend on itself";
 
-/// How far a tie has been resolved.
+/// Progress in the resolution of a tie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Resolution {
     Open,
@@ -25,6 +24,7 @@ enum Resolution {
     Done,
 }
 
+/// The role of a component.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Dof {
     Free,
@@ -209,7 +209,11 @@ impl<'a, const N: usize> Constraints<'a, N> {
         for first in 0..self.ties.len() {
             let mut stack = vec![first];
             while let Some(&k) = stack.last() {
-                state[k] = if state[k] == Resolution::Done { Resolution::Done } else { Resolution::Begun };
+                if state[k] == Resolution::Done {
+                    stack.pop();
+                    continue;
+                }
+                state[k] = Resolution::Begun;
                 let tied = |&(node, component, _): &(u32, u8, f64)| self.tie_of(node, component);
                 let open = self.ties[k].terms.iter().filter_map(tied).find(|&m| state[m] != Resolution::Done);
                 match open {
@@ -229,7 +233,7 @@ impl<'a, const N: usize> Constraints<'a, N> {
         Ok(())
     }
 
-    /// Replaces the tied components in a tie by what they are tied to, and merges equal components.
+    /// Substitutes the resolved ties into a tie, and merges equal components.
     fn substitute(&mut self, k: usize) {
         let mut terms: BTreeMap<(u32, u8), f64> = BTreeMap::new();
         let mut constant = self.ties[k].constant;

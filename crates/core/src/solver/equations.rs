@@ -218,7 +218,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let factorise =
             |layout: &Layout<D, N>| self.backend().factorise(layout, &system.reduced(place.dofs).matrix);
         timings.measure(Phase::Factorise, || place.with_layout(factorise))?;
-        self.solve_with_last_factor(place, system, rhs, delta, tolerance, timings)
+        timings.measure(Phase::Solve, || self.solve_bordered(place, system, rhs, delta, tolerance))
     }
 
     /// As [`Equations::solve`], but with the existing factor or preconditioner.
@@ -237,20 +237,30 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         if self.is_iterative() {
             timings.measure(Phase::Factorise, || system.reduce(place.dofs));
         }
-        timings.measure(Phase::Solve, || {
-            if system.border.is_empty() {
-                return Ok((self.solve_nodes(place, system, rhs.forces, delta, tolerance)?, Vec::new()));
-            }
-            let mut motion = delta.to_vec();
-            let mut solved = self.solve_nodes(place, system, rhs.forces, &mut motion, tolerance)?;
-            let border = std::mem::take(&mut system.border);
-            let globals = self.solve_border(place, system, &border, (&mut motion, rhs.is_residual));
-            system.border = border;
-            let (iterations, globals) = globals?;
-            solved.iterations += iterations;
-            delta.copy_from_slice(&motion);
-            Ok((solved, globals))
-        })
+        timings.measure(Phase::Solve, || self.solve_bordered(place, system, rhs, delta, tolerance))
+    }
+
+    /// Solves for the unknowns of the nodes and the global ones; `delta` is unchanged if it fails.
+    fn solve_bordered(
+        &mut self,
+        place: Place<D, N>,
+        system: &mut System<N>,
+        rhs: RightHandSide<N>,
+        delta: &mut [[f64; N]],
+        tolerance: f64,
+    ) -> Result<(Solved, Vec<f64>), LinearError> {
+        if system.border.is_empty() {
+            return Ok((self.solve_nodes(place, system, rhs.forces, delta, tolerance)?, Vec::new()));
+        }
+        let mut motion = delta.to_vec();
+        let mut solved = self.solve_nodes(place, system, rhs.forces, &mut motion, tolerance)?;
+        let border = std::mem::take(&mut system.border);
+        let globals = self.solve_border(place, system, &border, (&mut motion, rhs.is_residual));
+        system.border = border;
+        let (iterations, globals) = globals?;
+        solved.iterations += iterations;
+        delta.copy_from_slice(&motion);
+        Ok((solved, globals))
     }
 
     /// Solves K δd = b on the unknowns.

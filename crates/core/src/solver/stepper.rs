@@ -97,7 +97,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// in total, those of the displacement first.
     ///
     /// # Errors
-    /// [`SolveError::Term`] where the fields are others.
+    /// [`SolveError::Term`] if the fields do not have `D` and `N` components.
     pub fn with_fields(
         model: &'a Model<D>,
         points: &'a mut Points<D>,
