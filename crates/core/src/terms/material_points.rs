@@ -28,6 +28,10 @@ use evaluation::{Task, Trial, Work};
 /// Groups are evaluated in batches of about this many node-pair blocks, so that the dense blocks stay in cache.
 const BATCH: usize = 1 << 14;
 
+/// Data of the points that take less than this are kept from step to step, [bytes]. To allocate them anew costs small analyses
+/// more than it saves.
+const KEPT: usize = 1 << 22;
+
 /// The material points, with the mechanics of an idealisation.
 pub struct MaterialPoints<const D: usize, M> {
     /// Data of each point that are constant during the step.
@@ -78,11 +82,13 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
         let largest = |len: &dyn Fn(&Range<usize>) -> usize| self.batches.iter().map(len).max().unwrap_or(0);
         let n_dense = largest(&|b| pairs.dense_range(b.clone()).len());
         let n_force = largest(&|b| b.clone().map(|g| links.nodes_of(g).len()).sum());
-        let dense = || DenseBatch { blocks: vec![[[0.0; D]; D]; n_dense], force: vec![[0.0; D]; n_force] };
-        self.dense = [dense(), dense()];
-        self.value = vec![0.0; n_force];
-        self.gradient = vec![[0.0; D]; n_force];
-        self.mapped = vec![[0.0; D]; n_force];
+        for dense in &mut self.dense {
+            dense.blocks.resize(n_dense, [[0.0; D]; D]);
+            dense.force.resize(n_force, [0.0; D]);
+        }
+        self.value.resize(n_force, 0.0);
+        self.gradient.resize(n_force, [0.0; D]);
+        self.mapped.resize(n_force, [0.0; D]);
     }
 }
 
@@ -97,20 +103,17 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
 
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), Box<LoadNotFinite>> {
         let model = step.model;
-        *self = MaterialPoints::default();
-        self.start = (0..points.len())
-            .into_par_iter()
-            .with_min_len(PIECE)
-            .map(|p| {
-                let J_n = points.converged.deformation_gradient[p].determinant();
-                let measure = model.law(points, p).strain_measure();
-                StartOfStep {
-                    b_n: M::elastic_left_cauchy_green(measure, &points.converged.elastic_strain[p]),
-                    J_n,
-                    volume_n: model.volume(points, p),
-                }
-            })
-            .collect();
+        self.batches.clear();
+        let start = (0..points.len()).into_par_iter().with_min_len(PIECE).map(|p| {
+            let J_n = points.converged.deformation_gradient[p].determinant();
+            let measure = model.law(points, p).strain_measure();
+            StartOfStep {
+                b_n: M::elastic_left_cauchy_green(measure, &points.converged.elastic_strain[p]),
+                J_n,
+                volume_n: model.volume(points, p),
+            }
+        });
+        start.collect_into_vec(&mut self.start);
         Ok(())
     }
 
@@ -181,7 +184,9 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
     }
 
     fn conclude(&mut self) {
-        *self = MaterialPoints::default();
+        if size_of_val(self.start.as_slice()) > KEPT {
+            self.start = Vec::new();
+        }
     }
 }
 
