@@ -6,7 +6,7 @@ mod nearest;
 use std::collections::HashMap;
 
 use super::diagnostic::{Diagnostic, Gate, Severity, assign};
-use super::formulas::{self, at_nodes, at_points};
+use super::formulas::{self, at_nodes};
 use super::load::LoadedDeck;
 use super::per_axis::{array, per_axis};
 use super::quoting::{list, quote};
@@ -14,8 +14,8 @@ use super::region::{FromFiles, Groups, OfDeck, Refusal, region};
 use super::seeding::{Filled, Filling};
 use super::size::Size;
 use super::{
-    AXES, BoundaryConditionDeck, ControlDeck, Deck, GridDeck, Idealisation, LoadCurve as CurveDeck, LoadDeck,
-    NodeSelector, Per, StepsDeck,
+    AXES, BoundaryConditionDeck, ControlDeck, Deck, GridDeck, Idealisation, LoadCurve as CurveDeck,
+    NodeSelector, StepsDeck,
 };
 use super::{axisymmetry, placing};
 use mpm_core::formula::Formula;
@@ -23,8 +23,7 @@ use mpm_core::grid::gmsh::{self, GmshError};
 use mpm_core::grid::{Grid, Mesh, Structured};
 use mpm_core::memory::Memory;
 use mpm_core::model::{
-    Action, Body, BoundaryCondition, Control, Load, LoadCurve, Model, NamedMaterial, Newton, NodeSet, Probe,
-    Stepping,
+    Body, BoundaryCondition, Control, Load, LoadCurve, Model, NamedMaterial, Newton, NodeSet, Probe, Stepping,
 };
 use mpm_core::points::{Points, Seed};
 use mpm_core::region::Region;
@@ -90,15 +89,16 @@ pub(super) fn load_curve(curve: Option<&CurveDeck>, end_time: f64) -> LoadCurve 
 
 /// Treatment of points that are equally near when fewer were requested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Ties {
+pub(super) enum Ties {
     /// An error, since round-off would choose between them.
     Refused,
     /// All of them are taken.
     All,
 }
 
-struct Builder<'a, const D: usize> {
-    loaded: &'a LoadedDeck,
+/// A model that is being built from a deck.
+pub(super) struct Builder<'a, const D: usize> {
+    pub(super) loaded: &'a LoadedDeck,
     deck: &'a Deck,
     found: Vec<Diagnostic>,
     body_numbers: HashMap<&'a str, usize>,
@@ -381,7 +381,7 @@ where
         }
     }
 
-    fn faulty_formulas(&mut self, pointer: &str, faults: Vec<formulas::Fault>) {
+    pub(super) fn faulty_formulas(&mut self, pointer: &str, faults: Vec<formulas::Fault>) {
         for fault in faults {
             let help = "see the reference for formulas".to_owned();
             self.error("D021", &format!("{pointer}/{}", fault.key), fault.error.message, help);
@@ -510,49 +510,12 @@ where
         let mut loads = Vec::new();
         for (number, load) in deck.loads.iter().enumerate() {
             let pointer = format!("/loads/{number}");
-            loads.push(match load {
-                LoadDeck::Gravity { name, acceleration, bodies, curve } => Load {
-                    name: name.clone(),
-                    action: Action::Gravity(array(acceleration)),
-                    acts_on: self.acts_on(bodies.as_deref()),
-                    curve: load_curve(curve.as_ref(), self.deck.steps.end_time),
-                },
-                LoadDeck::BodyForce { name, force, per, intermediate, bodies, curve } => {
-                    match at_points::<D>(force, intermediate, &self.loaded.parameters) {
-                        Ok(formula) => Load {
-                            name: name.clone(),
-                            action: match per {
-                                Per::Volume => Action::BodyForce(formula),
-                                Per::Mass => Action::MassForce(formula),
-                            },
-                            acts_on: self.acts_on(bodies.as_deref()),
-                            curve: load_curve(curve.as_ref(), self.deck.steps.end_time),
-                        },
-                        Err(faults) => {
-                            self.faulty_formulas(&pointer, faults);
-                            continue;
-                        }
-                    }
-                }
-                LoadDeck::PointForce { name, body, points: selector, total, curve } => {
-                    let place = format!("{pointer}/points");
-                    let chosen = self.nearest(
-                        (grid, points),
-                        body,
-                        (&selector.nearest, selector.count, Ties::Refused),
-                        &place,
-                    );
-                    let share = 1.0 / chosen.len().max(1) as f64;
-                    Load {
-                        name: name.clone(),
-                        action: Action::PointForce {
-                            points: chosen,
-                            force: array::<D>(total).map(|f| f * share),
-                        },
-                        acts_on: self.acts_on(Some(std::slice::from_ref(body))),
-                        curve: load_curve(curve.as_ref(), self.deck.steps.end_time),
-                    }
-                }
+            let Some(action) = load.action(self, (grid, points), &pointer) else { continue };
+            loads.push(Load {
+                name: load.name().to_owned(),
+                action,
+                acts_on: self.acts_on(load.bodies()),
+                curve: load_curve(load.curve(), deck.steps.end_time),
             });
         }
         loads

@@ -7,7 +7,6 @@ use super::advice::against;
 use super::diagnostic::{Diagnostic, Gate, Severity, assign, sort};
 use super::load::LoadedDeck;
 use super::quoting::{list, quote};
-use super::span::escape;
 use super::{AXES, Expression, LoadDeck, Parameter};
 use mpm_core::basis::{Connectivity, Method, SupportFailure};
 use mpm_core::dofs::rigid::{FreePart, free_parts};
@@ -211,11 +210,7 @@ impl Check<'_> {
 
 /// The key, relative to a body force, of the formula with this text.
 fn key_of(load: &LoadDeck, formula: &str) -> Option<String> {
-    let LoadDeck::BodyForce { force, intermediate, .. } = load else { return None };
     let is_it = |expression: &Expression| matches!(expression, Expression::Formula(text) if text == formula);
-    let name = intermediate.iter().find(|(_, expression)| is_it(expression)).map(|(name, _)| name);
-    match name {
-        Some(name) => Some(format!("/where/{}", escape(name))),
-        None => force.iter().position(is_it).map(|axis| format!("/force/{axis}")),
-    }
+    let found = load.expressions().into_iter().find(|(_, expression)| is_it(expression));
+    found.map(|(key, _)| format!("/{key}"))
 }

@@ -5,6 +5,17 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use mpm_core::grid::Grid;
+use mpm_core::model::Action;
+use mpm_core::points::Points;
+use mpm_core::region::Region;
+
+use super::build::{Builder, Ties};
+use super::formulas::at_points;
+use super::per_axis::array;
+use super::region::OfDeck;
+use super::span::escape;
+use super::validate::Check;
 use super::{Expression, Expressions, Vector, one};
 
 /// Load factor over time as a table of [time, factor] pairs, linear in between; times increase and cover the analysis.
@@ -99,6 +110,82 @@ impl LoadDeck {
             LoadDeck::Gravity { curve, .. }
             | LoadDeck::BodyForce { curve, .. }
             | LoadDeck::PointForce { curve, .. } => curve.as_ref(),
+        }
+    }
+
+    /// Names of the bodies it acts on; `None` for all of them.
+    pub(crate) fn bodies(&self) -> Option<&[String]> {
+        match self {
+            LoadDeck::Gravity { bodies, .. } | LoadDeck::BodyForce { bodies, .. } => bodies.as_deref(),
+            LoadDeck::PointForce { body, .. } => Some(std::slice::from_ref(body)),
+        }
+    }
+
+    /// The expressions that may be formulas, with their keys relative to the load.
+    pub(crate) fn expressions(&self) -> Vec<(String, &Expression)> {
+        match self {
+            LoadDeck::BodyForce { force, intermediate, .. } => {
+                let components = force.iter().enumerate().map(|(axis, text)| (format!("force/{axis}"), text));
+                let given = intermediate.iter().map(|(name, text)| (format!("where/{}", escape(name)), text));
+                components.chain(given).collect()
+            }
+            LoadDeck::Gravity { .. } | LoadDeck::PointForce { .. } => Vec::new(),
+        }
+    }
+
+    /// Checks what belongs to this kind of load.
+    pub(crate) fn check(&self, check: &mut Check, pointer: &str) {
+        let at = |key: &str| format!("{pointer}/{key}");
+        match self {
+            LoadDeck::Gravity { name, acceleration, bodies, .. } => {
+                check.vector(&at("acceleration"), acceleration);
+                check.targets(&at("bodies"), bodies.as_deref());
+                check.weight(pointer, name, bodies.as_deref());
+            }
+            LoadDeck::BodyForce { name, force, per, intermediate, bodies, .. } => {
+                if force.len() != check.dimensions() {
+                    check.wrong_count(&at("force"), force.len());
+                }
+                check.formulas_at_points(pointer, force, intermediate);
+                if *per == Per::Mass {
+                    check.weight(pointer, name, bodies.as_deref());
+                }
+                check.targets(&at("bodies"), bodies.as_deref());
+            }
+            LoadDeck::PointForce { body, points: PointSelector { nearest, .. }, total, .. } => {
+                check.body(&at("body"), body);
+                check.vector(&at("points/nearest"), nearest);
+                check.vector(&at("total"), total);
+            }
+        }
+    }
+
+    /// The action of the load in a model; `None` if it has faults, which the builder then knows.
+    pub(crate) fn action<const D: usize>(
+        &self,
+        builder: &mut Builder<'_, D>,
+        (grid, points): (&dyn Grid<D>, &Points<D>),
+        pointer: &str,
+    ) -> Option<Action<D>>
+    where
+        Region<D>: OfDeck<D>,
+    {
+        match self {
+            LoadDeck::Gravity { acceleration, .. } => Some(Action::Gravity(array(acceleration))),
+            LoadDeck::BodyForce { force, per, intermediate, .. } => {
+                let formula = at_points::<D>(force, intermediate, &builder.loaded.parameters);
+                let formula = formula.map_err(|faults| builder.faulty_formulas(pointer, faults)).ok()?;
+                Some(match per {
+                    Per::Volume => Action::BodyForce(formula),
+                    Per::Mass => Action::MassForce(formula),
+                })
+            }
+            LoadDeck::PointForce { body, points: PointSelector { nearest, count }, total, .. } => {
+                let wanted = (nearest.as_slice(), *count, Ties::Refused);
+                let chosen = builder.nearest((grid, points), body, wanted, &format!("{pointer}/points"));
+                let share = 1.0 / chosen.len().max(1) as f64;
+                Some(Action::PointForce { points: chosen, force: array::<D>(total).map(|f| f * share) })
+            }
         }
     }
 

@@ -202,7 +202,7 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
         add(force, &self.start);
     }
 
-    fn resultants(&self) -> &[[f64; D]] {
-        &self.resultants
+    fn add_resultants(&self, sum: &mut [[f64; D]]) {
+        add(sum, &self.resultants);
     }
 }

@@ -115,7 +115,9 @@ impl<const D: usize, const N: usize> Sum<D, N> {
 
     /// The resultants of the `n` loads of the model, [force].
     pub fn resultants(&self, n: usize) -> Vec<[f64; D]> {
-        self.terms.iter().flat_map(|term| term.resultants()).take(n).copied().collect()
+        let mut resultants = vec![[0.0; D]; n];
+        self.terms.iter().for_each(|term| term.add_resultants(&mut resultants));
+        resultants
     }
 
     /// The further forces that terms report by name, [force].

@@ -88,11 +88,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Ledger::default()
     }
 
-    /// The resultants of the loads of the model on the bodies, in the order of the loads, [force]. Only the term that
-    /// applies them returns any. Reports list them by name.
-    fn resultants(&self) -> &[[f64; D]] {
-        &[]
-    }
+    /// Adds the resultants of the loads of the model that this term applies, in the order of the loads, [force].
+    fn add_resultants(&self, _sum: &mut [[f64; D]]) {}
 
     /// Further forces on the bodies that reports give by name, [force], such as that of a wall; at the last evaluation.
     fn named_forces(&self) -> Vec<NamedForce<D>> {

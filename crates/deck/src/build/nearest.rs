@@ -17,7 +17,7 @@ where
     Region<D>: OfDeck<D>,
 {
     /// Permanent numbers of the points of a body nearest to a location.
-    pub(super) fn nearest(
+    pub(crate) fn nearest(
         &mut self,
         (grid, points): (&dyn Grid<D>, &Points<D>),
         body: &str,

@@ -6,7 +6,7 @@ use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::{Fault, at_nodes, at_points};
 use crate::quoting::quote;
-use crate::{AXES, BoundaryConditionDeck, Expression, LoadCurve, LoadDeck, NodeSelector, Per, PointSelector};
+use crate::{AXES, BoundaryConditionDeck, Expression, LoadCurve, LoadDeck, NodeSelector};
 
 impl Check<'_> {
     pub(super) fn boundary_conditions(&mut self) {
@@ -93,8 +93,8 @@ impl Check<'_> {
         self.formulas(pointer, faults.unwrap_or_default());
     }
 
-    /// Checks the formulas of a body force and their intermediate values.
-    fn body_force(
+    /// Checks the formulas of a force per volume or mass, and their intermediate values.
+    pub(crate) fn formulas_at_points(
         &mut self,
         pointer: &str,
         force: &[Expression],
@@ -150,43 +150,14 @@ impl Check<'_> {
         let loads = &self.deck.loads;
         self.unique_names("/loads", loads.iter().map(LoadDeck::name));
         for (index, load) in loads.iter().enumerate() {
-            self.load(&format!("/loads/{index}"), load);
+            let pointer = format!("/loads/{index}");
+            self.column_name(&format!("{pointer}/name"), load.name());
+            load.check(self, &pointer);
+            self.curve(&format!("{pointer}/curve"), load.curve());
         }
     }
 
-    fn load(&mut self, pointer: &str, load: &LoadDeck) {
-        let at = |key: &str| format!("{pointer}/{key}");
-        match load {
-            LoadDeck::Gravity { name, acceleration, bodies, curve } => {
-                self.column_name(&at("name"), name);
-                self.vector(&at("acceleration"), acceleration);
-                self.targets(&at("bodies"), bodies.as_deref());
-                self.weight(pointer, name, bodies.as_deref());
-                self.curve(&at("curve"), curve.as_ref());
-            }
-            LoadDeck::BodyForce { name, force, per, intermediate, bodies, curve } => {
-                self.column_name(&at("name"), name);
-                if force.len() != self.dimensions() {
-                    self.wrong_count(&at("force"), force.len());
-                }
-                self.body_force(pointer, force, intermediate);
-                if *per == Per::Mass {
-                    self.weight(pointer, name, bodies.as_deref());
-                }
-                self.targets(&at("bodies"), bodies.as_deref());
-                self.curve(&at("curve"), curve.as_ref());
-            }
-            LoadDeck::PointForce { name, body, points: PointSelector { nearest, .. }, total, curve } => {
-                self.column_name(&at("name"), name);
-                self.body(&at("body"), body);
-                self.vector(&at("points/nearest"), nearest);
-                self.vector(&at("total"), total);
-                self.curve(&at("curve"), curve.as_ref());
-            }
-        }
-    }
-
-    fn targets(&mut self, pointer: &str, bodies: Option<&[String]>) {
+    pub(crate) fn targets(&mut self, pointer: &str, bodies: Option<&[String]>) {
         let Some(bodies) = bodies else { return };
         if bodies.is_empty() {
             let help = "remove `bodies` to let the load act on all of them";
@@ -207,7 +178,7 @@ impl Check<'_> {
     }
 
     /// Checks the density of every body on which gravity or a force per mass acts.
-    fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>) {
+    pub(crate) fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>) {
         for (index, body) in self.deck.bodies.iter().enumerate() {
             let is_target = bodies.is_none_or(|names| names.contains(&body.name));
             let Some(material) = self.deck.materials.get(&body.material).filter(|_| is_target) else {

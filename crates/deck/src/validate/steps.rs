@@ -2,7 +2,7 @@
 
 use super::Check;
 use crate::quoting::{list, quote};
-use crate::{ControlDeck, Expression, GridDeck, LoadDeck};
+use crate::{ControlDeck, Expression, GridDeck};
 use mpm_core::formula::names;
 
 /// A displacement below this share of the grid size is round-off, [-].
@@ -55,21 +55,15 @@ impl Check<'_> {
                 );
                 self.error("D049", &format!("{pointer}/curve"), message, "remove the curve");
             }
-            if let LoadDeck::BodyForce { force, intermediate, .. } = load {
-                let factor = |e: &Expression| matches!(e, Expression::Formula(text) if names(text).iter().any(|(_, name)| *name == "factor"));
-                if force.iter().chain(intermediate.values()).any(factor) {
-                    let message = format!(
-                        "the load {} depends on `factor`, but with `steps: {{control: ...}}` every load must be \
-                         proportional to the factor",
-                        quote(load.name())
-                    );
-                    self.error(
-                        "D049",
-                        &format!("{pointer}/force"),
-                        message,
-                        "write the force at load factor 1",
-                    );
-                }
+            let factor = |e: &Expression| matches!(e, Expression::Formula(text) if names(text).iter().any(|(_, name)| *name == "factor"));
+            if load.expressions().iter().any(|(_, expression)| factor(expression)) {
+                let message = format!(
+                    "the load {} depends on `factor`, but with `steps: {{control: ...}}` every load must be \
+                     proportional to the factor",
+                    quote(load.name())
+                );
+                let key = format!("{pointer}/{}", load.magnitude().0);
+                self.error("D049", &key, message, "write it at load factor 1");
             }
         }
         for (number, condition) in deck.boundary_conditions.iter().enumerate() {

@@ -183,11 +183,6 @@ pub(crate) fn expressions(deck: &Deck) -> impl Iterator<Item = &Expression> {
     let displacements = deck.boundary_conditions.iter().flat_map(BoundaryConditionDeck::displacements);
     let displacements = displacements.filter_map(|(_, u)| u.as_ref());
     let given = deck.boundary_conditions.iter().flat_map(|condition| condition.intermediate.values());
-    let forces = deck.loads.iter().flat_map(|load| match load {
-        LoadDeck::BodyForce { force, intermediate, .. } => {
-            force.iter().chain(intermediate.values()).collect::<Vec<_>>()
-        }
-        _ => Vec::new(),
-    });
+    let forces = deck.loads.iter().flat_map(LoadDeck::expressions).map(|(_, expression)| expression);
     displacements.chain(given).chain(forces)
 }
