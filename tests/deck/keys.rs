@@ -51,7 +51,9 @@ fn walk(home: &str, value: &Value, at: &str, found: &mut BTreeMap<String, String
     let home = resolve(home);
     let node = strict_schema().pointer(&home).unwrap();
     if let Some(choices) = node.get("anyOf").and_then(Value::as_array) {
-        let chosen = choices.iter().position(|choice| of_type(choice, value)).unwrap();
+        let schema_of =
+            |choice: usize| strict_schema().pointer(&resolve(&format!("{home}/anyOf/{choice}"))).unwrap();
+        let chosen = (0..choices.len()).find(|choice| of_type(schema_of(*choice), value)).unwrap();
         return walk(&format!("{home}/anyOf/{chosen}"), value, at, found);
     }
     if let Some(items) = value.as_array() {

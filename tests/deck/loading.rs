@@ -66,7 +66,8 @@ fn formulas_may_contain_parameters() {
     let loaded = good(RICH, &[]);
     let side = &loaded.deck.boundary_conditions[1];
     assert_eq!(side.ux, Some(Expression::Formula("(-0.5)*y^2 + if(x < h, 1, 0)".into())));
-    let [formula, ..] = at_nodes(side, &loaded.parameters, 2).ok().unwrap();
+    let [formula, ..] =
+        at_nodes(side.displacements(), &side.intermediate, &loaded.parameters, 2).ok().unwrap();
     let formula = formula.unwrap();
     assert_eq!(formula.evaluate(&[0.0, 2.0, 0.0, 0.0, 1.0]), -1.0);
     assert_eq!(formula.evaluate(&[0.2, 2.0, 0.0, 0.0, 1.0]), -2.0);

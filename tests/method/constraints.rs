@@ -38,10 +38,26 @@ fn block(changes: &[(&str, &str)]) -> (Model<2>, Points<2>) {
 }
 
 /// Keeps the last report.
-#[derive(Default)]
-struct Last(Option<StepReport<2>>);
+struct Last<const D: usize = 2>(Option<StepReport<D>>);
 
-impl Observer<2> for Last {
+impl<const D: usize> Observer<D> for Last<D> {
+    fn converged(
+        &mut self,
+        _: &Model<D>,
+        _: &Points<D>,
+        report: &StepReport<D>,
+        _: &Summary,
+    ) -> std::io::Result<()> {
+        self.0 = Some(report.clone());
+        Ok(())
+    }
+}
+
+/// Keeps all reports.
+#[derive(Default)]
+struct Every(Vec<StepReport<2>>);
+
+impl Observer<2> for Every {
     fn converged(
         &mut self,
         _: &Model<2>,
@@ -49,7 +65,7 @@ impl Observer<2> for Last {
         report: &StepReport<2>,
         _: &Summary,
     ) -> std::io::Result<()> {
-        self.0 = Some(report.clone());
+        self.0.push(report.clone());
         Ok(())
     }
 }
@@ -59,7 +75,7 @@ fn solve(
     points: &mut Points<2>,
     terms: Vec<Box<dyn Term<2>>>,
 ) -> Result<StepReport<2>, SolveError> {
-    let mut last = Last::default();
+    let mut last = Last(None);
     Stepper::new(model, points).with_terms(terms)?.run(&mut last)?;
     Ok(last.0.unwrap())
 }
@@ -113,6 +129,73 @@ fn an_inclined_roller_bears_along_its_normal() {
         }
         let tail: Vec<f64> = report.residuals.iter().copied().filter(|r| *r < 0.1).collect();
         assert!(tail.windows(2).all(|pair| pair[1] < 30.0 * pair[0] * pair[0] + 1e-11), "{tail:?}");
+    }
+}
+
+/// A deck puts a block on an inclined roller and moves it along, up and down the slope: whatever the path, the roller carries
+/// W cos θ along its normal, and the mover W sin θ along the slope.
+#[test]
+fn a_deck_moves_a_block_along_an_inclined_roller() {
+    let angle = 30f64.to_radians();
+    let (sin, cos) = angle.sin_cos();
+    let left = "  - {name: left, nodes: {x: 0}, fix: [x]}\n";
+    let floor = "{name: floor, nodes: {y: 0}, fix: [y]}";
+    let slope = format!(
+        "{{name: slope, nodes: {{y: 0}}, fix: {{normal: [{}, {}]}}}}\n  - {{name: pull, nodes: {{y: 0}}, move: {{along: \
+         [{}, {}], by: 0.2}}, curve: [[0, 0], [0.5, 1], [1, 0.3]]}}",
+        -2.0 * sin,
+        2.0 * cos,
+        cos,
+        sin
+    );
+    let origin = "steps: {count: 2}";
+    let (model, mut points) =
+        block(&[(left, ""), (floor, &slope), (origin, "steps: {count: 6}\nsolver: {tolerance: 1e-12}")]);
+    let mut every = Every::default();
+    Stepper::new(&model, &mut points).run(&mut every).unwrap();
+    assert_eq!(every.0.len(), 6);
+    for (step, report) in every.0.iter().enumerate() {
+        let weight = WEIGHT * (step + 1) as f64 / 6.0;
+        let [roller, pull] = [report.reactions[0], report.reactions[1]];
+        let errors = [
+            roller[0] + weight * cos * sin,
+            roller[1] - weight * cos * cos,
+            pull[0] - weight * sin * cos,
+            pull[1] - weight * sin * sin,
+        ];
+        assert!(errors.iter().all(|error| error.abs() < 1e-9 * WEIGHT), "{step}: {errors:?}");
+    }
+}
+
+/// In space, a normal completes itself to a frame.
+#[test]
+fn an_inclined_roller_in_space_bears_along_its_normal() {
+    let normal = [0.3, -0.2, 1.1f64];
+    let text = "
+version: 1
+analysis: {idealisation: solid, stabilisation: {mode: off}}
+grid: {type: structured, origin: [0, 0, 0], size: [2, 2, 3], spacing: 1}
+materials: {clay: {model: hencky, young: 1e6, poisson: 0.3, density: 2000}}
+bodies:
+  - {name: block, material: clay, method: mpm, points_per_cell: 2, shape: {type: box, min: [0, 0, 0], max: [2, 2, 2]}}
+boundary_conditions:
+  - {name: sides, nodes: {box: {min: [0, 0, 0], max: [2, 0, 3]}}, fix: [y]}
+  - {name: end, nodes: {x: 0}, fix: [x]}
+  - {name: floor, nodes: {z: 0}, fix: {normal: [0.3, -0.2, 1.1]}}
+loads:
+  - {name: weight, type: gravity, acceleration: [0, 0, -9.81]}
+steps: {count: 2}
+";
+    let (model, mut points) = build::<3>(&load_text("block.yaml", text.as_bytes(), &[]).unwrap()).unwrap();
+    let mut last = Last::<3>(None);
+    Stepper::new(&model, &mut points).run(&mut last).unwrap();
+    let reactions = last.0.unwrap().reactions;
+    let floor = reactions[2];
+    let weight = 2000.0 * 9.81 * 8.0;
+    assert!((floor[2] / weight - 1.0).abs() < 1e-8, "{floor:?}");
+    for axis in 0..2 {
+        assert!((floor[axis] - floor[2] * normal[axis] / normal[2]).abs() < 1e-8 * weight, "{floor:?}");
+        assert!((reactions[1 - axis][axis] + floor[axis]).abs() < 1e-8 * weight, "{reactions:?}");
     }
 }
 
@@ -243,7 +326,7 @@ fn a_lid_of_ties_and_one_of_springs_on_a_plate_press_alike() {
 
     let spring = 1e10;
     let (model, mut points) = block(&[]);
-    let mut last = Last::default();
+    let mut last = Last(None);
     let terms: Vec<Box<dyn Term<2>>> = vec![Lid::new(force, Some(spring))];
     let summary = Stepper::new(&model, &mut points).with_terms(terms).unwrap().run(&mut last).unwrap();
     let (moved, elongation): ([f64; 2], f64) = serde_json::from_value(summary.terms["lid"].clone()).unwrap();
@@ -348,7 +431,7 @@ fn a_further_field_is_solved_beside_the_displacement() {
         let kernels = Kernels::of::<PlaneStrain>();
         let stepper = Stepper::<2, 3>::with_fields(&model, &mut points, kernels, fields).unwrap();
         let conduction = Conduction { unit, at_end: Vec::new(), start: Vec::new() };
-        let mut last = Last::default();
+        let mut last = Last(None);
         let summary = stepper.with_terms(vec![Box::new(conduction)]).unwrap().run(&mut last).unwrap();
         let report = last.0.unwrap();
         assert!(report.unknowns > alone.unknowns && report.residuals.last().unwrap() <= &1e-9);

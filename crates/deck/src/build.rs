@@ -7,6 +7,7 @@ use std::collections::HashMap;
 
 use super::diagnostic::{Diagnostic, Gate, Severity, assign};
 use super::formulas::{self, at_nodes};
+use super::gates::Ties;
 use super::load::LoadedDeck;
 use super::per_axis::{array, per_axis};
 use super::quoting::{list, quote};
@@ -87,22 +88,19 @@ pub(super) fn load_curve(curve: Option<&CurveDeck>, end_time: f64) -> LoadCurve 
     }
 }
 
-/// Treatment of points that are equally near when fewer were requested.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Ties {
-    /// An error, since round-off would choose between them.
-    Refused,
-    /// All of them are taken.
-    All,
-}
-
-/// A model that is being built from a deck.
-pub(super) struct Builder<'a, const D: usize> {
-    pub(super) loaded: &'a LoadedDeck,
+struct Builder<'a, const D: usize> {
+    loaded: &'a LoadedDeck,
     deck: &'a Deck,
     found: Vec<Diagnostic>,
     body_numbers: HashMap<&'a str, usize>,
     memory_needed: f64,
+}
+
+/// The builder while it places loads on the points.
+struct Placing<'a, 'b, const D: usize> {
+    builder: &'a mut Builder<'b, D>,
+    grid: &'a dyn Grid<D>,
+    points: &'a Points<D>,
 }
 
 impl<'a, const D: usize> Builder<'a, D>
@@ -381,7 +379,7 @@ where
         }
     }
 
-    pub(super) fn faulty_formulas(&mut self, pointer: &str, faults: Vec<formulas::Fault>) {
+    fn faulty_formulas(&mut self, pointer: &str, faults: Vec<formulas::Fault>) {
         for fault in faults {
             let help = "see the reference for formulas".to_owned();
             self.error("D021", &format!("{pointer}/{}", fault.key), fault.error.message, help);
@@ -394,7 +392,12 @@ where
         for (number, condition) in deck.boundary_conditions.iter().enumerate() {
             let pointer = format!("/boundary_conditions/{number}");
             let nodes = self.nodes(grid, condition, &pointer);
-            let mut prescribed = match at_nodes(condition, &self.loaded.parameters, D) {
+            let mut prescribed = match at_nodes(
+                condition.displacements(),
+                &condition.intermediate,
+                &self.loaded.parameters,
+                D,
+            ) {
                 Ok(formulas) => formulas,
                 Err(faults) => {
                     self.faulty_formulas(&pointer, faults);
@@ -402,14 +405,14 @@ where
                 }
             };
             let mut displacement: [Option<Formula>; D] = std::array::from_fn(|axis| prescribed[axis].take());
-            for axis in condition.fix.iter().map(|axis| *axis as usize).filter(|axis| *axis < D) {
-                displacement[axis] = Some(Formula::constant(0.0));
+            for direction in condition.held().into_iter().filter(|direction| *direction < D) {
+                displacement[direction] = Some(Formula::constant(0.0));
             }
             conditions.push(BoundaryCondition {
                 name: condition.name.clone(),
                 nodes,
                 displacement,
-                axes: None,
+                axes: condition.frame(),
                 curve: load_curve(condition.curve.as_ref(), self.deck.steps.end_time),
             });
         }
@@ -510,7 +513,9 @@ where
         let mut loads = Vec::new();
         for (number, load) in deck.loads.iter().enumerate() {
             let pointer = format!("/loads/{number}");
-            let Some(action) = load.action(self, (grid, points), &pointer) else { continue };
+            let Some(action) = load.action(&mut Placing { builder: self, grid, points }, &pointer) else {
+                continue;
+            };
             loads.push(Load {
                 name: load.name().to_owned(),
                 action,

@@ -92,8 +92,7 @@ fn formulas(deck: &Deck) -> Vec<&str> {
 
 /// Names and curves of all loads, and of the conditions that move nodes.
 fn curves(deck: &Deck) -> Vec<(&str, Option<&LoadCurve>)> {
-    let moving =
-        deck.boundary_conditions.iter().filter(|c| c.displacements().iter().any(|(_, u)| u.is_some()));
+    let moving = deck.boundary_conditions.iter().filter(|condition| !condition.displacements().is_empty());
     let conditions = moving.map(|c| (c.name.as_str(), c.curve.as_ref()));
     let loads = deck.loads.iter().map(|load| (load.name(), load.curve()));
     conditions.chain(loads).collect()

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{AXES, BoundaryConditionDeck, Expression, Parameter};
+use super::{AXES, Expression, Parameter};
 use mpm_core::formula::{Formula, FormulaError, MOST_INTERMEDIATE, names};
 use mpm_core::model::VectorFormula;
 
@@ -99,25 +99,35 @@ fn parse_all<'a>(
     if faults.is_empty() { Ok((given, vector)) } else { Err(faults) }
 }
 
-/// The displacements that a boundary condition prescribes along each axis, as formulas of the coordinates x, y, z of a
-/// grid node, the original position X, Y, Z of the material there, and `factor`; z and Z only in three dimensions.
+/// A prescribed displacement of grid nodes other than by `fix`.
+pub struct Displacement<'a> {
+    /// Its key, relative to the boundary condition.
+    pub key: &'static str,
+    /// Number of the direction, an axis where the condition has no direction of its own.
+    pub direction: usize,
+    /// Number or formula.
+    pub value: &'a Expression,
+}
+
+/// The displacements that a boundary condition prescribes along each axis or direction of its own, as formulas of the
+/// coordinates x, y, z of a grid node, the original position X, Y, Z of the material there, and `factor`; z and Z only in
+/// three dimensions.
 ///
 /// # Errors
 /// As for [`at_points`].
 pub fn at_nodes(
-    condition: &BoundaryConditionDeck,
+    mut displacements: Vec<Displacement>,
+    intermediate: &BTreeMap<String, Expression>,
     parameters: &BTreeMap<String, Parameter>,
     dimensions: usize,
 ) -> Result<[Option<Formula>; AXES.len()], Vec<Fault>> {
-    let displacements = condition.displacements().into_iter().enumerate().take(dimensions);
-    let (axes, components): (Vec<usize>, Vec<(String, &Expression)>) = displacements
-        .filter_map(|(axis, (key, given))| Some((axis, (key.to_owned(), given.as_ref()?))))
-        .unzip();
-    let parsed = parse_all(&components, &condition.intermediate, variables(dimensions), parameters);
-    let (given, vector) = parsed?;
+    displacements.retain(|given| given.direction < dimensions);
+    let components: Vec<(String, &Expression)> =
+        displacements.iter().map(|given| (given.key.to_owned(), given.value)).collect();
+    let (given, vector) = parse_all(&components, intermediate, variables(dimensions), parameters)?;
     let mut all = [const { None }; AXES.len()];
-    for (axis, formula) in axes.into_iter().zip(vector) {
-        all[axis] = Some(formula.with_intermediate(&given));
+    for (displacement, formula) in displacements.iter().zip(vector) {
+        all[displacement.direction] = Some(formula.with_intermediate(&given));
     }
     Ok(all)
 }
@@ -215,6 +225,7 @@ fn in_order<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::BoundaryConditionDeck;
 
     fn formulas(pairs: &[(&str, &str)]) -> BTreeMap<String, Expression> {
         pairs.iter().map(|(n, t)| (n.to_string(), Expression::Formula(t.to_string()))).collect()
@@ -266,7 +277,8 @@ mod tests {
                 {"name": "a", "nodes": {"x": 0.0}, "where": {"b": "c + y", "c": "2*x"}, "ux": ux}
             );
             let condition: BoundaryConditionDeck = serde_json::from_value(condition).unwrap();
-            at_nodes(&condition, &BTreeMap::new(), dimensions)
+            let BoundaryConditionDeck { intermediate, .. } = &condition;
+            at_nodes(condition.displacements(), intermediate, &BTreeMap::new(), dimensions)
         };
         let [ux, uy, uz] = moved("z*factor + b", 3).ok().unwrap();
         assert_eq!(ux.unwrap().evaluate(&[1.0, 2.0, 3.0, 7.0, 8.0, 9.0, 0.5]), 1.5 + 4.0);

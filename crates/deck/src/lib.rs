@@ -12,6 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+pub use boundary_conditions::{Axis, BoundaryConditionDeck, FixDeck, MoveDeck, NodeSelector, NormalDeck};
 pub use loads::{LoadCurve, LoadDeck, Per, PointSelector};
 pub use mpm_core::basis::Method;
 pub use mpm_core::domain::DomainUpdate;
@@ -31,11 +32,13 @@ pub use steps::{ControlDeck, StepsDeck};
 
 pub mod advice;
 mod axisymmetry;
+mod boundary_conditions;
 pub mod build;
 pub mod changes;
 pub mod diagnostic;
 pub mod first_step;
 pub mod formulas;
+mod gates;
 pub mod load;
 mod loads;
 mod parameters;
@@ -388,95 +391,6 @@ pub struct BodyDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<PerAxis<Length>>", extend("examples" = [0.1, [0.1, 0.2]]))]
     pub point_spacing: Option<PerAxis<f64>>,
-}
-
-/// A named set of prescribed nodal displacements; its reaction is reported under its name. Conditions that fix the same
-/// node along an axis share its reaction equally and take precedence over conditions that move it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct BoundaryConditionDeck {
-    /// Name, unique among the boundary conditions.
-    pub name: String,
-    /// Grid nodes on which it acts.
-    pub nodes: NodeSelector,
-    /// Axes along which these nodes do not move.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    #[schemars(extend("examples" = [["x", "y"]]))]
-    pub fix: Vec<Axis>,
-    /// Displacement along x at load factor 1, [length]: a number, or a formula of X, Y (in space also Z), the original
-    /// position of the material at the node, of the node's coordinates x, y (in space also z), of `factor` (the load
-    /// factor) and of the parameters. A formula that contains `factor` gives the whole displacement; any other is
-    /// multiplied by the load factor. Material moves past the nodes from step to step, and each step adds the change of
-    /// the formula at the node: use X, Y, Z to prescribe the displacement of the material.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("examples" = [0.1, "gamma*Y"]))]
-    pub ux: Option<Expression>,
-    /// Displacement along y at load factor 1, [length]: a number or a formula, as `ux`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
-    pub uy: Option<Expression>,
-    /// Displacement along z at load factor 1, [length]: a number or a formula, as `ux`; in space only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
-    pub uz: Option<Expression>,
-    /// Named intermediate values, in any order, for use in the displacements.
-    #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub intermediate: BTreeMap<String, Expression>,
-    /// Load factor over time; by default, a linear ramp from 0 to 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub curve: Option<LoadCurve>,
-}
-
-impl BoundaryConditionDeck {
-    /// The prescribed displacements: key and expression along each axis.
-    pub fn displacements(&self) -> [(&'static str, &Option<Expression>); 3] {
-        [("ux", &self.ux), ("uy", &self.uy), ("uz", &self.uz)]
-    }
-}
-
-/// A coordinate axis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Axis {
-    /// The first axis.
-    X,
-    /// The second axis.
-    Y,
-    /// The third axis, in space.
-    Z,
-}
-
-/// Selection of grid nodes in exactly one way: by coordinates (`{x: 0}` is a line, in space a plane; `{x: 0, y: 9.5}`
-/// is a point, in space a line), a box, a physical group of a gmsh grid, or the outer layer of a body's points.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct NodeSelector {
-    /// Nodes with this x coordinate, [length].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub x: Option<f64>,
-    /// Nodes with this y coordinate, [length].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub y: Option<f64>,
-    /// Nodes with this z coordinate, [length]; in space only.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub z: Option<f64>,
-    /// Nodes inside this box, its boundary included.
-    #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
-    pub within: Option<BoxDeck>,
-    /// Name of a physical group of a gmsh grid.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub group: Option<String>,
-    /// Name of a body: selects all nodes of the grid cells that contain (or, if they have a domain, overlap) the points
-    /// that form the outer layer of the body at the start; updated at each load step.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub outer_layer: Option<String>,
-}
-
-impl NodeSelector {
-    /// The stated coordinates.
-    pub fn coordinates(&self) -> [Option<f64>; 3] {
-        [self.x, self.y, self.z]
-    }
 }
 
 /// A box aligned with the axes.

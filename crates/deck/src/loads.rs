@@ -5,17 +5,12 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use mpm_core::grid::Grid;
 use mpm_core::model::Action;
-use mpm_core::points::Points;
-use mpm_core::region::Region;
 
-use super::build::{Builder, Ties};
 use super::formulas::at_points;
+use super::gates::{Builds, Checks, Ties};
 use super::per_axis::array;
-use super::region::OfDeck;
 use super::span::escape;
-use super::validate::Check;
 use super::{Expression, Expressions, Vector, one};
 
 /// Load factor over time as a table of [time, factor] pairs, linear in between; times increase and cover the analysis.
@@ -134,7 +129,7 @@ impl LoadDeck {
     }
 
     /// Checks what belongs to this kind of load.
-    pub(crate) fn check(&self, check: &mut Check, pointer: &str) {
+    pub(crate) fn check(&self, check: &mut dyn Checks, pointer: &str) {
         let at = |key: &str| format!("{pointer}/{key}");
         match self {
             LoadDeck::Gravity { name, acceleration, bodies, .. } => {
@@ -163,17 +158,13 @@ impl LoadDeck {
     /// The action of the load in a model; `None` if it has faults, which the builder then knows.
     pub(crate) fn action<const D: usize>(
         &self,
-        builder: &mut Builder<'_, D>,
-        (grid, points): (&dyn Grid<D>, &Points<D>),
+        builder: &mut dyn Builds,
         pointer: &str,
-    ) -> Option<Action<D>>
-    where
-        Region<D>: OfDeck<D>,
-    {
+    ) -> Option<Action<D>> {
         match self {
             LoadDeck::Gravity { acceleration, .. } => Some(Action::Gravity(array(acceleration))),
             LoadDeck::BodyForce { force, per, intermediate, .. } => {
-                let formula = at_points::<D>(force, intermediate, &builder.loaded.parameters);
+                let formula = at_points::<D>(force, intermediate, builder.parameters());
                 let formula = formula.map_err(|faults| builder.faulty_formulas(pointer, faults)).ok()?;
                 Some(match per {
                     Per::Volume => Action::BodyForce(formula),
@@ -182,7 +173,7 @@ impl LoadDeck {
             }
             LoadDeck::PointForce { body, points: PointSelector { nearest, count }, total, .. } => {
                 let wanted = (nearest.as_slice(), *count, Ties::Refused);
-                let chosen = builder.nearest((grid, points), body, wanted, &format!("{pointer}/points"));
+                let chosen = builder.nearest(body, wanted, &format!("{pointer}/points"));
                 let share = 1.0 / chosen.len().max(1) as f64;
                 Some(Action::PointForce { points: chosen, force: array::<D>(total).map(|f| f * share) })
             }

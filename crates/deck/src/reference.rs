@@ -30,6 +30,8 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`shape` of a body", "Shape"),
     ("`boundary_conditions`, each", "BoundaryConditionDeck"),
     ("`nodes` of a boundary condition", "NodeSelector"),
+    ("`fix` of a boundary condition", "NormalDeck"),
+    ("`move` of a boundary condition", "MoveDeck"),
     ("`box` of a selection of nodes", "BoxDeck"),
     ("`loads`, each", "LoadDeck"),
     ("`points` of a load", "PointSelector"),

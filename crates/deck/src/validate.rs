@@ -47,7 +47,7 @@ pub(super) fn suspicions(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
 }
 
 /// A check in progress.
-pub(super) struct Check<'a> {
+struct Check<'a> {
     deck: &'a Deck,
     source: &'a Source,
     found: Vec<Diagnostic>,
@@ -123,7 +123,7 @@ impl Check<'_> {
     }
 
     /// The body of this name; reports an error if there is none.
-    pub(crate) fn body(&mut self, pointer: &str, name: &str) -> Option<&BodyDeck> {
+    fn body(&mut self, pointer: &str, name: &str) -> Option<&BodyDeck> {
         let body = self.deck.bodies.iter().find(|body| body.name == name);
         if body.is_none() {
             let names = self.deck.bodies.iter().map(|body| body.name.as_str()).collect();

@@ -92,6 +92,9 @@ pub enum LinearError {
         /// Size of the factor, [byte], if known.
         needed: Option<u64>,
     },
+    /// The iterative solver was asked for, but nodes are held along directions other than the axes, or tied.
+    #[error("some nodes are held along directions other than the axes, or tied to others")]
+    Turned,
     /// The iterative solver was given a matrix that is not symmetric.
     #[error("the matrix is not symmetric")]
     Unsymmetric,

@@ -21,9 +21,9 @@ pub struct BoundaryCondition<const D: usize> {
     pub name: String,
     /// Nodes with prescribed displacement.
     pub nodes: NodeSet,
-    /// Prescribed displacement along each axis, or direction of `axes`, [length]; `None` if the axis is free. A formula of the coordinates of
-    /// the node (`D` values), the original position of the material there (`D` values) and the load factor. A formula
-    /// without the load factor is multiplied by it.
+    /// Prescribed displacement along each axis, or direction of `axes`, [length]; `None` if the axis is free. A formula of
+    /// the coordinates of the node (`D` values), the original position of the material there (`D` values) and the load
+    /// factor. A formula without the load factor is multiplied by it.
     pub displacement: [Option<Formula>; D],
     /// Directions to which `displacement` refers if they are not the axes: orthonormal vectors, `[direction][axis]`.
     pub axes: Option<[[f64; D]; D]>,
@@ -50,6 +50,13 @@ impl<const D: usize> BoundaryCondition<D> {
     /// True if the condition moves its nodes instead of fixing them.
     pub fn moves(&self) -> bool {
         self.displacement.iter().flatten().any(|formula| formula.as_constant() != Some(0.0))
+    }
+
+    /// The directions along which it prescribes the displacement: unit vectors.
+    pub fn directions(&self) -> Vec<[f64; D]> {
+        let prescribed = (0..D).filter(|&k| self.displacement[k].is_some());
+        let axis = |k: usize| std::array::from_fn(|d| f64::from(u8::from(d == k)));
+        prescribed.map(|k| self.axes.map_or_else(|| axis(k), |axes| axes[k])).collect()
     }
 
     /// True if the condition fixes its nodes along an axis.

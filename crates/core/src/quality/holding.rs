@@ -50,8 +50,7 @@ pub fn watch<const D: usize>(
         if !condition.moves() {
             continue;
         }
-        let axes: [bool; D] = std::array::from_fn(|d| condition.displacement[d].is_some());
-        let at_nodes = AtNodes::new(points, links, nodes, axes, delta_d);
+        let at_nodes = AtNodes::new(points, links, nodes, &condition.directions(), delta_d);
         let held = &mut held[number];
         held.now = at_nodes.volume;
         held.most = held.most.max(held.now);
@@ -114,7 +113,7 @@ impl AtNodes {
         points: &Points<D>,
         links: &Connectivity<D>,
         nodes: &[u32],
-        axes: [bool; D],
+        directions: &[[f64; D]],
         delta_d: &[[f64; D]],
     ) -> AtNodes {
         let mut is_among = vec![false; links.n_active()];
@@ -138,9 +137,11 @@ impl AtNodes {
                     }
                     let weight = value * volume;
                     let (mut length, mut along) = (0.0, 0.0);
-                    for d in (0..D).filter(|&d| axes[d]) {
-                        length += delta_d[node][d].powi(2);
-                        along += delta_d[node][d] * (to[d] - from[d]);
+                    for direction in directions {
+                        let part = |vector: [f64; D]| (0..D).map(|d| vector[d] * direction[d]).sum::<f64>();
+                        let prescribed = part(delta_d[node]);
+                        length += prescribed.powi(2);
+                        along += prescribed * part(std::array::from_fn(|d| to[d] - from[d]));
                     }
                     let length = length.sqrt();
                     found.volume_of[node] += weight;

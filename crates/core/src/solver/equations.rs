@@ -135,7 +135,8 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             Choice::Auto => possible && place.extent(system).is_large::<D>(),
         };
         if choice == Choice::Iterative && !possible {
-            self.turned.get_or_insert(LinearError::Unsymmetric);
+            let is_plain = place.dofs.is_plain();
+            self.turned.get_or_insert(if is_plain { LinearError::Unsymmetric } else { LinearError::Turned });
         }
         if iterative {
             return self.prepare_with(Method::Iterative, place, system);

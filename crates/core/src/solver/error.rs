@@ -401,8 +401,9 @@ impl SolveError {
         let step = step.index;
         match error {
             LinearError::OutOfMemory { needed } => SolveError::OutOfMemory { step, needed },
-            LinearError::Unsymmetric => SolveError::Iterative { step, error },
-            LinearError::NotConverged { .. } => SolveError::Iterative { step, error },
+            LinearError::Turned | LinearError::Unsymmetric | LinearError::NotConverged { .. } => {
+                SolveError::Iterative { step, error }
+            }
             LinearError::Singular { unknown } => {
                 let node = unknown.and_then(|u| at.dofs.place_of(u)).map(|(node, axis)| {
                     (at.model.grid.node_position(at.links.active_nodes()[node] as usize).to_vec(), axis)

@@ -1,7 +1,12 @@
 //! The points of a body nearest to a location, for point forces and probes.
 
-use super::{Builder, Ties};
+use std::collections::BTreeMap;
+
+use super::{Builder, Placing};
+use crate::Parameter;
 use crate::diagnostic::{Diagnostic, Severity};
+use crate::formulas::Fault;
+use crate::gates::{Builds, Ties};
 use crate::per_axis::array;
 use crate::quoting::quote;
 use crate::region::OfDeck;
@@ -12,12 +17,29 @@ use mpm_core::region::Region;
 /// Distances that differ by less than this share of a cell count as equal.
 const SAME: f64 = 1e-9;
 
+impl<const D: usize> Builds for Placing<'_, '_, D>
+where
+    Region<D>: OfDeck<D>,
+{
+    fn parameters(&self) -> &BTreeMap<String, Parameter> {
+        &self.builder.loaded.parameters
+    }
+
+    fn faulty_formulas(&mut self, pointer: &str, faults: Vec<Fault>) {
+        self.builder.faulty_formulas(pointer, faults);
+    }
+
+    fn nearest(&mut self, body: &str, wanted: (&[f64], u32, Ties), pointer: &str) -> Vec<u32> {
+        self.builder.nearest((self.grid, self.points), body, wanted, pointer)
+    }
+}
+
 impl<const D: usize> Builder<'_, D>
 where
     Region<D>: OfDeck<D>,
 {
     /// Permanent numbers of the points of a body nearest to a location.
-    pub(crate) fn nearest(
+    pub(super) fn nearest(
         &mut self,
         (grid, points): (&dyn Grid<D>, &Points<D>),
         body: &str,

@@ -17,12 +17,12 @@ const WHOLE: f64 = 1e-6;
 
 impl Check<'_> {
     /// Number of axes.
-    pub(crate) fn dimensions(&self) -> usize {
+    pub(super) fn dimensions(&self) -> usize {
         self.deck.dimensions()
     }
 
     /// Checks a list with one number per axis.
-    pub(crate) fn vector(&mut self, pointer: &str, values: &[f64]) -> Option<Vec<f64>> {
+    pub(super) fn vector(&mut self, pointer: &str, values: &[f64]) -> Option<Vec<f64>> {
         if values.len() != self.dimensions() {
             self.wrong_count(pointer, values.len());
             return None;
@@ -30,7 +30,7 @@ impl Check<'_> {
         Some(values.to_vec())
     }
 
-    pub(crate) fn wrong_count(&mut self, pointer: &str, count: usize) {
+    pub(super) fn wrong_count(&mut self, pointer: &str, count: usize) {
         let axes = self.dimensions();
         let expected = format!("{axes} entries, one per axis");
         let message = format!("expected {expected}, found {count}");

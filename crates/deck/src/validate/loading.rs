@@ -4,9 +4,72 @@ use std::collections::BTreeMap;
 
 use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
-use crate::formulas::{Fault, at_nodes, at_points};
+use crate::formulas::{Displacement, Fault, at_nodes, at_points};
+use crate::gates::Checks;
 use crate::quoting::quote;
-use crate::{AXES, BoundaryConditionDeck, Expression, LoadCurve, LoadDeck, NodeSelector};
+use crate::{Expression, LoadCurve, LoadDeck, NodeSelector};
+
+impl Checks for Check<'_> {
+    fn dimensions(&self) -> usize {
+        self.dimensions()
+    }
+
+    fn error(&mut self, code: &'static str, pointer: &str, message: String, help: &str) {
+        self.error(code, pointer, message, help);
+    }
+
+    fn error_at_key(&mut self, code: &'static str, pointer: &str, message: String, help: &str) {
+        self.found.push(Diagnostic::at_key(self.source, code, pointer, message).help(help));
+    }
+
+    fn of_other_dimension(&mut self, pointer: &str, what: &str, dimensions: usize) {
+        self.of_other_dimension(pointer, what, dimensions);
+    }
+
+    fn vector(&mut self, pointer: &str, components: &[f64]) -> Option<Vec<f64>> {
+        self.vector(pointer, components)
+    }
+
+    fn wrong_count(&mut self, pointer: &str, found: usize) {
+        self.wrong_count(pointer, found);
+    }
+
+    fn body(&mut self, pointer: &str, name: &str) {
+        self.body(pointer, name);
+    }
+
+    fn targets(&mut self, pointer: &str, bodies: Option<&[String]>) {
+        self.targets(pointer, bodies);
+    }
+
+    fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>) {
+        self.weight(pointer, load, bodies);
+    }
+
+    fn formulas_at_points(
+        &mut self,
+        pointer: &str,
+        force: &[Expression],
+        intermediate: &BTreeMap<String, Expression>,
+    ) {
+        let parameters = &self.deck.parameters;
+        let faults = match self.dimensions() {
+            3 => at_points::<3>(force, intermediate, parameters).err(),
+            _ => at_points::<2>(force, intermediate, parameters).err(),
+        };
+        self.formulas(pointer, faults.unwrap_or_default());
+    }
+
+    fn formulas_at_nodes(
+        &mut self,
+        pointer: &str,
+        displacements: Vec<Displacement>,
+        intermediate: &BTreeMap<String, Expression>,
+    ) {
+        let faults = at_nodes(displacements, intermediate, &self.deck.parameters, self.dimensions()).err();
+        self.formulas(pointer, faults.unwrap_or_default());
+    }
+}
 
 impl Check<'_> {
     pub(super) fn boundary_conditions(&mut self) {
@@ -16,7 +79,7 @@ impl Check<'_> {
             let pointer = format!("/boundary_conditions/{index}");
             self.column_name(&format!("{pointer}/name"), &condition.name);
             self.nodes(&format!("{pointer}/nodes"), &condition.nodes);
-            self.prescribed(&pointer, condition);
+            condition.check(self, &pointer);
             self.curve(&format!("{pointer}/curve"), condition.curve.as_ref());
         }
     }
@@ -58,54 +121,6 @@ impl Check<'_> {
                 self.error("D016", &format!("{pointer}/max/{axis}"), message, help);
             }
         }
-    }
-
-    fn prescribed(&mut self, pointer: &str, condition: &BoundaryConditionDeck) {
-        let displacements = condition.displacements();
-        if condition.fix.is_empty() && displacements.iter().all(|(_, given)| given.is_none()) {
-            let message = format!("the boundary condition {} prescribes nothing", quote(&condition.name));
-            let keys = displacements.map(|(key, _)| quote(key));
-            let keys = keys[..self.dimensions() - 1].join(", ") + " and " + &keys[self.dimensions() - 1];
-            let help = format!("give at least one of `fix`, {keys}");
-            self.found.push(Diagnostic::at_key(self.source, "D020", pointer, message).help(help));
-        }
-        for (index, axis) in condition.fix.iter().enumerate() {
-            let at = format!("{pointer}/fix/{index}");
-            let name = AXES[*axis as usize];
-            let (key, given) = displacements[*axis as usize];
-            if *axis as usize >= self.dimensions() {
-                self.of_other_dimension(&at, &format!("the axis `{name}`"), 3);
-            } else if condition.fix[..index].contains(axis) {
-                self.error("D020", &at, format!("the axis `{name}` is fixed twice"), "remove one of the two");
-            } else if given.is_some() {
-                let message = format!("the axis `{name}` is fixed and also moved by `{key}`");
-                let help = format!("remove it from `fix`, or remove `{key}`");
-                self.error("D020", &at, message, help);
-            }
-        }
-        for (axis, (key, expression)) in displacements.into_iter().enumerate() {
-            if expression.is_some() && axis >= self.dimensions() {
-                let at = format!("{pointer}/{key}");
-                self.of_other_dimension(&at, &format!("the displacement `{key}`"), 3);
-            }
-        }
-        let faults = at_nodes(condition, &self.deck.parameters, self.dimensions()).err();
-        self.formulas(pointer, faults.unwrap_or_default());
-    }
-
-    /// Checks the formulas of a force per volume or mass, and their intermediate values.
-    pub(crate) fn formulas_at_points(
-        &mut self,
-        pointer: &str,
-        force: &[Expression],
-        intermediate: &BTreeMap<String, Expression>,
-    ) {
-        let parameters = &self.deck.parameters;
-        let faults = match self.dimensions() {
-            3 => at_points::<3>(force, intermediate, parameters).err(),
-            _ => at_points::<2>(force, intermediate, parameters).err(),
-        };
-        self.formulas(pointer, faults.unwrap_or_default());
     }
 
     fn formulas(&mut self, pointer: &str, faults: Vec<Fault>) {
@@ -157,7 +172,7 @@ impl Check<'_> {
         }
     }
 
-    pub(crate) fn targets(&mut self, pointer: &str, bodies: Option<&[String]>) {
+    fn targets(&mut self, pointer: &str, bodies: Option<&[String]>) {
         let Some(bodies) = bodies else { return };
         if bodies.is_empty() {
             let help = "remove `bodies` to let the load act on all of them";
@@ -178,7 +193,7 @@ impl Check<'_> {
     }
 
     /// Checks the density of every body on which gravity or a force per mass acts.
-    pub(crate) fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>) {
+    fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>) {
         for (index, body) in self.deck.bodies.iter().enumerate() {
             let is_target = bodies.is_none_or(|names| names.contains(&body.name));
             let Some(material) = self.deck.materials.get(&body.material).filter(|_| is_target) else {

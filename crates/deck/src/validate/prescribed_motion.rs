@@ -64,7 +64,8 @@ impl Check<'_> {
         objection: &Objection,
     ) -> Option<f64> {
         let extent = self.bounds("", &body.shape).ok()?;
-        let formulas = at_nodes(condition, &self.deck.parameters, D).ok()?;
+        let formulas =
+            at_nodes(condition.displacements(), &condition.intermediate, &self.deck.parameters, D).ok()?;
         let displacement: Vec<Formula> = formulas.into_iter().take(D).collect::<Option<_>>()?;
         let end = self.deck.steps.end_time;
         let curve = load_curve(condition.curve.as_ref(), end);

@@ -1,6 +1,7 @@
 //! Checks of a deck with an unknown load factor.
 
 use super::Check;
+use crate::formulas::Displacement;
 use crate::quoting::{list, quote};
 use crate::{ControlDeck, Expression, GridDeck};
 use mpm_core::formula::names;
@@ -67,8 +68,8 @@ impl Check<'_> {
             }
         }
         for (number, condition) in deck.boundary_conditions.iter().enumerate() {
-            for (key, displacement) in condition.displacements() {
-                if displacement.as_ref().is_some_and(|e| !e.is_zero()) {
+            for Displacement { key, value, .. } in condition.displacements() {
+                if !value.is_zero() {
                     let message = format!(
                         "the boundary condition {} moves its nodes, which `steps: {{control: ...}}` does not allow",
                         quote(&condition.name)

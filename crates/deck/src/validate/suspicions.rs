@@ -87,8 +87,7 @@ impl Check<'_> {
             }
         }
         for (index, condition) in deck.boundary_conditions.iter().enumerate() {
-            let moves =
-                condition.displacements().into_iter().filter_map(|(_, u)| u.as_ref()).any(|u| !u.is_zero());
+            let moves = condition.moves();
             if moves && self.stays_zero(condition.curve.as_ref()) {
                 let name = quote(&condition.name);
                 let message = format!("the factor of the boundary condition {name} is zero at all times");
@@ -181,7 +180,7 @@ impl Check<'_> {
 /// All expressions of a deck that may be formulas.
 pub(crate) fn expressions(deck: &Deck) -> impl Iterator<Item = &Expression> {
     let displacements = deck.boundary_conditions.iter().flat_map(BoundaryConditionDeck::displacements);
-    let displacements = displacements.filter_map(|(_, u)| u.as_ref());
+    let displacements = displacements.map(|displacement| displacement.value);
     let given = deck.boundary_conditions.iter().flat_map(|condition| condition.intermediate.values());
     let forces = deck.loads.iter().flat_map(LoadDeck::expressions).map(|(_, expression)| expression);
     displacements.chain(given).chain(forces)

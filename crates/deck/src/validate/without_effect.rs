@@ -43,10 +43,8 @@ impl Check<'_> {
     fn curves_without_effect(&mut self) {
         for (index, condition) in self.deck.boundary_conditions.iter().enumerate() {
             let at = format!("/boundary_conditions/{index}");
-            let moves = condition.displacements().into_iter().any(|(key, given)| {
-                given.as_ref().is_some_and(|u| !u.is_zero())
-                    || self.source.is_from_parameter(&format!("{at}/{key}"))
-            });
+            let from_parameter = |key: &str| self.source.is_from_parameter(&format!("{at}/{key}"));
+            let moves = condition.moves() || condition.displacements().iter().any(|u| from_parameter(u.key));
             let at = format!("{at}/curve");
             if condition.curve.is_some() && !moves && self.is_written(&at) {
                 let name = quote(&condition.name);

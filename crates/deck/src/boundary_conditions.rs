@@ -1,0 +1,274 @@
+//! The boundary conditions of a deck.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::formulas::Displacement;
+use super::gates::Checks;
+use super::per_axis::array;
+use super::quoting::quote;
+use super::{AXES, BoxDeck, Expression, LoadCurve, Vector};
+
+/// A named set of prescribed nodal displacements; its reaction is reported under its name. Conditions that fix the same
+/// node along an axis share its reaction equally and take precedence over conditions that move it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BoundaryConditionDeck {
+    /// Name, unique among the boundary conditions.
+    pub name: String,
+    /// Grid nodes on which it acts.
+    pub nodes: NodeSelector,
+    /// Axes along which these nodes do not move, or the normal of a wall that they do not leave: `{normal: [-0.5, 0.866]}` is
+    /// a roller on a slope of 30 degrees.
+    #[serde(default, skip_serializing_if = "FixDeck::is_empty")]
+    #[schemars(extend("examples" = [["x", "y"], {"normal": [-0.5, 0.866]}]))]
+    pub fix: FixDeck,
+    /// Displacement along x at load factor 1, [length]: a number, or a formula of X, Y (in space also Z), the original
+    /// position of the material at the node, of the node's coordinates x, y (in space also z), of `factor` (the load
+    /// factor) and of the parameters. A formula that contains `factor` gives the whole displacement; any other is
+    /// multiplied by the load factor. Material moves past the nodes from step to step, and each step adds the change of
+    /// the formula at the node: use X, Y, Z to prescribe the displacement of the material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [0.1, "gamma*Y"]))]
+    pub ux: Option<Expression>,
+    /// Displacement along y at load factor 1, [length]: a number or a formula, as `ux`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
+    pub uy: Option<Expression>,
+    /// Displacement along z at load factor 1, [length]: a number or a formula, as `ux`; in space only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [0, "-0.1*x*factor^2"]))]
+    pub uz: Option<Expression>,
+    /// Displacement along a given direction, in place of `ux`, `uy` and `uz`; the nodes stay free across it.
+    #[serde(rename = "move", default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [{"along": [0.866, 0.5], "by": 0.2}]))]
+    pub along: Option<MoveDeck>,
+    /// Named intermediate values, in any order, for use in the displacements.
+    #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub intermediate: BTreeMap<String, Expression>,
+    /// Load factor over time; by default, a linear ramp from 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve: Option<LoadCurve>,
+}
+
+/// The directions in which a boundary condition holds its nodes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum FixDeck {
+    /// Axes.
+    Axes(Vec<Axis>),
+    /// The normal of a wall.
+    Normal(NormalDeck),
+}
+
+/// The normal of a wall along which nodes slide.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NormalDeck {
+    /// A vector of any length and either sign.
+    #[schemars(with = "Vector", extend("examples" = [[-0.5, 0.866]]))]
+    pub normal: Vec<f64>,
+}
+
+/// A prescribed displacement along a direction.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MoveDeck {
+    /// The direction, a vector of any length.
+    #[schemars(with = "Vector", extend("examples" = [[0.866, 0.5]]))]
+    pub along: Vec<f64>,
+    /// Displacement along it at load factor 1, [length]: a number or a formula, as `ux`.
+    #[schemars(extend("examples" = [0.2]))]
+    pub by: Expression,
+}
+
+impl Default for FixDeck {
+    fn default() -> Self {
+        FixDeck::Axes(Vec::new())
+    }
+}
+
+impl FixDeck {
+    fn is_empty(&self) -> bool {
+        self.axes().is_empty() && matches!(self, FixDeck::Axes(_))
+    }
+
+    /// The axes it names.
+    fn axes(&self) -> &[Axis] {
+        match self {
+            FixDeck::Axes(axes) => axes,
+            FixDeck::Normal(_) => &[],
+        }
+    }
+}
+
+impl BoundaryConditionDeck {
+    /// The prescribed displacements other than by `fix`.
+    pub fn displacements(&self) -> Vec<Displacement<'_>> {
+        let along_axes = [("ux", &self.ux), ("uy", &self.uy), ("uz", &self.uz)].into_iter().enumerate();
+        let along_axes = along_axes.filter_map(|(direction, (key, value))| {
+            value.as_ref().map(|value| Displacement { key, direction, value })
+        });
+        let along = self.along.as_ref();
+        let along = along.map(|along| Displacement { key: "move/by", direction: 0, value: &along.by });
+        along_axes.chain(along).collect()
+    }
+
+    /// True if it prescribes a displacement other than zero.
+    pub(crate) fn moves(&self) -> bool {
+        self.displacements().iter().any(|displacement| !displacement.value.is_zero())
+    }
+
+    /// Its own direction, if it has one, and the key of that.
+    fn direction(&self) -> Option<(&'static str, &[f64])> {
+        match (&self.fix, &self.along) {
+            (FixDeck::Normal(NormalDeck { normal }), _) => Some(("fix/normal", normal)),
+            (_, Some(MoveDeck { along, .. })) => Some(("move/along", along)),
+            _ => None,
+        }
+    }
+
+    /// Its own directions, orthonormal, of which it prescribes the first, `[direction][axis]`; `None` if it prescribes
+    /// displacements along the axes.
+    pub(crate) fn frame<const D: usize>(&self) -> Option<[[f64; D]; D]> {
+        let (_, direction) = self.direction()?;
+        Some(frame(array(direction)))
+    }
+
+    /// The directions that `fix` holds: axes, or 0 for the normal of a wall.
+    pub(crate) fn held(&self) -> Vec<usize> {
+        match &self.fix {
+            FixDeck::Axes(axes) => axes.iter().map(|axis| *axis as usize).collect(),
+            FixDeck::Normal(_) => vec![0],
+        }
+    }
+
+    /// Checks what it prescribes.
+    pub(crate) fn check(&self, check: &mut dyn Checks, pointer: &str) {
+        let dimensions = check.dimensions();
+        let keys = &["`ux`", "`uy`", "`uz`"][..dimensions];
+        let displacements = self.displacements();
+        if self.fix.is_empty() && displacements.is_empty() {
+            let message = format!("the boundary condition {} prescribes nothing", quote(&self.name));
+            let help = format!("give at least one of `fix`, {} and `move`", keys.join(", "));
+            check.error_at_key("D020", pointer, message, &help);
+        }
+        if let Some((key, direction)) = self.direction() {
+            self.check_direction(check, &format!("{pointer}/{key}"), key, direction);
+        }
+        for (index, &axis) in self.fix.axes().iter().enumerate() {
+            let at = format!("{pointer}/fix/{index}");
+            let name = AXES[axis as usize];
+            let moved = displacements.iter().find(|given| given.key == ["ux", "uy", "uz"][axis as usize]);
+            if axis as usize >= dimensions {
+                check.of_other_dimension(&at, &format!("the axis `{name}`"), 3);
+            } else if self.fix.axes()[..index].contains(&axis) {
+                check.error(
+                    "D020",
+                    &at,
+                    format!("the axis `{name}` is fixed twice"),
+                    "remove one of the two",
+                );
+            } else if let Some(Displacement { key, .. }) = moved {
+                let message = format!("the axis `{name}` is fixed and also moved by `{key}`");
+                let help = format!("remove it from `fix`, or remove `{key}`");
+                check.error("D020", &at, message, &help);
+            }
+        }
+        if self.uz.is_some() && dimensions < 3 {
+            check.of_other_dimension(&format!("{pointer}/uz"), "the displacement `uz`", 3);
+        }
+        check.formulas_at_nodes(pointer, displacements, &self.intermediate);
+    }
+
+    /// Checks the direction of a wall or of a motion.
+    fn check_direction(&self, check: &mut dyn Checks, pointer: &str, key: &str, direction: &[f64]) {
+        if let Some(direction) = check.vector(pointer, direction)
+            && (length(&direction) == 0.0 || !length(&direction).is_finite())
+        {
+            let message =
+                format!("the length of this vector is {}, so it has no direction", length(&direction));
+            check.error("D020", pointer, message, "give a vector of finite length");
+        }
+        let along_axes =
+            !self.fix.axes().is_empty() || self.displacements().iter().any(|d| d.key != "move/by");
+        if along_axes || (key == "fix/normal" && self.along.is_some()) {
+            let message = format!(
+                "the boundary condition {} has a direction of its own, and prescribes a displacement along another",
+                quote(&self.name)
+            );
+            let help = "divide it into two boundary conditions on the same nodes, each with its name";
+            check.error("D020", pointer, message, help);
+        }
+    }
+}
+
+fn length(vector: &[f64]) -> f64 {
+    vector.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Orthonormal vectors, the first along a vector that is not zero.
+fn frame<const D: usize>(first: [f64; D]) -> [[f64; D]; D] {
+    let mut found = [[0.0; D]; D];
+    let unit = |vector: [f64; D]| vector.map(|x| x / length(&vector));
+    found[0] = unit(unit(first)); // twice, for the last bit
+    // The axes that are most nearly orthogonal to it span the rest.
+    let mut axes: Vec<usize> = (0..D).collect();
+    axes.sort_by(|&a, &b| found[0][a].abs().total_cmp(&found[0][b].abs()));
+    for k in 1..D {
+        let mut next = std::array::from_fn(|d| f64::from(u8::from(d == axes[k - 1])));
+        for before in &found[..k] {
+            let along: f64 = (0..D).map(|d| before[d] * next[d]).sum();
+            next = std::array::from_fn(|d| next[d] - along * before[d]);
+        }
+        found[k] = unit(next);
+    }
+    found
+}
+
+/// A coordinate axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    /// The first axis.
+    X,
+    /// The second axis.
+    Y,
+    /// The third axis, in space.
+    Z,
+}
+
+/// Selection of grid nodes in exactly one way: by coordinates (`{x: 0}` is a line, in space a plane; `{x: 0, y: 9.5}`
+/// is a point, in space a line), a box, a physical group of a gmsh grid, or the outer layer of a body's points.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct NodeSelector {
+    /// Nodes with this x coordinate, [length].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub x: Option<f64>,
+    /// Nodes with this y coordinate, [length].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub y: Option<f64>,
+    /// Nodes with this z coordinate, [length]; in space only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub z: Option<f64>,
+    /// Nodes inside this box, its boundary included.
+    #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
+    pub within: Option<BoxDeck>,
+    /// Name of a physical group of a gmsh grid.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub group: Option<String>,
+    /// Name of a body: selects all nodes of the grid cells that contain (or, if they have a domain, overlap) the points
+    /// that form the outer layer of the body at the start; updated at each load step.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub outer_layer: Option<String>,
+}
+
+impl NodeSelector {
+    /// The stated coordinates.
+    pub fn coordinates(&self) -> [Option<f64>; 3] {
+        [self.x, self.y, self.z]
+    }
+}

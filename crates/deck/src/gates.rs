@@ -1,0 +1,62 @@
+//! The services that the checks of the meaning and the builder of the model offer to the kinds of loads and boundary
+//! conditions, so that each kind can check and build itself.
+
+use std::collections::BTreeMap;
+
+use super::formulas::{Displacement, Fault};
+use super::{Expression, Parameter};
+
+/// The checks of the meaning of a deck. Each reports what it finds at the place in the deck that `pointer` names.
+pub(crate) trait Checks {
+    /// Number of axes.
+    fn dimensions(&self) -> usize;
+    /// Reports an error.
+    fn error(&mut self, code: &'static str, pointer: &str, message: String, help: &str);
+    /// Reports an error at the key rather than at its value.
+    fn error_at_key(&mut self, code: &'static str, pointer: &str, message: String, help: &str);
+    /// Reports something that exists only with this number of dimensions.
+    fn of_other_dimension(&mut self, pointer: &str, what: &str, dimensions: usize);
+    /// The components of a vector, if there is one for each axis.
+    fn vector(&mut self, pointer: &str, components: &[f64]) -> Option<Vec<f64>>;
+    /// Reports a vector with too few or too many components.
+    fn wrong_count(&mut self, pointer: &str, found: usize);
+    /// The name of a body must exist.
+    fn body(&mut self, pointer: &str, name: &str);
+    /// The bodies on which a load acts must exist and differ.
+    fn targets(&mut self, pointer: &str, bodies: Option<&[String]>);
+    /// The bodies on which a load per mass acts must have a density.
+    fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>);
+    /// Formulas of a load at points.
+    fn formulas_at_points(
+        &mut self,
+        pointer: &str,
+        force: &[Expression],
+        intermediate: &BTreeMap<String, Expression>,
+    );
+    /// Formulas of a boundary condition at nodes.
+    fn formulas_at_nodes(
+        &mut self,
+        pointer: &str,
+        displacements: Vec<Displacement>,
+        intermediate: &BTreeMap<String, Expression>,
+    );
+}
+
+/// Treatment of points that are equally near when fewer were requested.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Ties {
+    /// An error, since round-off would choose between them.
+    Refused,
+    /// All of them are taken.
+    All,
+}
+
+/// The builder of a model. What it finds is reported at the place in the deck that `pointer` names.
+pub(crate) trait Builds {
+    /// The parameters of the deck.
+    fn parameters(&self) -> &BTreeMap<String, Parameter>;
+    /// Reports faults of formulas.
+    fn faulty_formulas(&mut self, pointer: &str, faults: Vec<Fault>);
+    /// Permanent numbers of the `count` points of a body nearest to a location.
+    fn nearest(&mut self, body: &str, wanted: (&[f64], u32, Ties), pointer: &str) -> Vec<u32>;
+}
