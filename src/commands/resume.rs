@@ -10,7 +10,7 @@ use mpm::deck::load::LoadedDeck;
 use mpm::deck::ready::Analysis;
 use mpm::output::checkpoint::{Checkpoint, latest};
 use mpm::output::{directory, status};
-use mpm::solver::{Pace, Reached, Step};
+use mpm::solver::{Pace, Reached, Step, resume_stage};
 use serde::Deserialize;
 
 /// Remedy if a run cannot be resumed.
@@ -62,13 +62,20 @@ pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> a
         bail!(
             "`{name}` was written at time {end}, after the end of the analysis at {}\n  help: increase `steps: \
              {{end_time}}`",
-            loaded.deck.steps.end_time
+            loaded.deck.end_time()
         );
     };
     if is_end(&loaded.deck, end) && status::is_complete(directory) {
         // Removes the remains of a run that was killed after it had written its summary.
         directory::tidy(directory).with_context(|| format!("`{}` cannot be written", directory.display()))?;
         return Ok(Found::End(checkpoint.head.reached.summary.steps));
+    }
+    let staged = match analysis {
+        Analysis::Plane(parts) => resume_stage(&mut parts.0, &mut parts.1, &checkpoint.head.reached),
+        Analysis::Solid(parts) => resume_stage(&mut parts.0, &mut parts.1, &checkpoint.head.reached),
+    };
+    if let Err(reason) = staged {
+        bail!("the checkpoint `{name}` cannot be used: {reason}\n  help: {AGAIN}");
     }
     let restored = match analysis {
         Analysis::Plane(parts) => checkpoint.restore(&parts.0, &mut parts.1),
@@ -80,7 +87,7 @@ pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> a
     let mut reached = checkpoint.head.reached.clone();
     reached.step.index = step;
     reached.summary.diagnosis = None;
-    if of_checkpoint.steps != loaded.deck.steps {
+    if of_checkpoint.courses() != loaded.deck.courses() {
         reached.summary.pace = Pace::default();
     }
     Ok(Found::Step(Box::new(checkpoint), Box::new(reached)))

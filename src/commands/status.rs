@@ -56,9 +56,10 @@ fn in_words(directory: &Path, status: &Status) -> String {
     if !status.title.is_empty() {
         rows.push(("title", status.title.clone()));
     }
+    let stage = status.stage.as_ref().map(|name| format!(", stage `{name}`")).unwrap_or_default();
     let steps = match status.steps <= status.steps_requested {
-        true => format!("{} of {} steps", status.steps, status.steps_requested),
-        false => format!("{} steps, up to time {}", status.steps, significant(status.time, 4)),
+        true => format!("{} of {} steps{stage}", status.steps, status.steps_requested),
+        false => format!("{} steps{stage}, up to time {}", status.steps, significant(status.time, 4)),
     };
     rows.push(("equilibrium", steps));
     if status.state != State::Completed && status.evaluations > 0 {

@@ -56,7 +56,7 @@ impl Closing {
         results: &Results,
         error: Option<&SolveError>,
     ) -> Option<Closing> {
-        let (steps, asked) = (summary.steps, model.stepping.count);
+        let (steps, asked) = (summary.steps, model.steps_requested());
         let outcome = match error {
             None if summary.failed_attempts > 0 => format!(
                 "completed: {steps} steps in equilibrium after {}",
@@ -70,7 +70,7 @@ impl Closing {
                 Some(diagnosis) if summary.failed_attempts > 1 => format!(
                     "failed: {steps} steps in equilibrium, up to time {} of {}",
                     significant(diagnosis.time, 4),
-                    significant(model.stepping.end_time, 4)
+                    significant(model.end_time(), 4)
                 ),
                 _ => format!("failed: {steps} of {asked} steps in equilibrium"),
             },
@@ -256,6 +256,9 @@ impl Table {
             self.line(&format!("{label}{}{after}", columns(force.iter().map(number))));
         };
         row("  loads", &all(&balance.applied), "");
+        for (name, force) in &balance.further {
+            row(&format!("  {name}"), &all(force), "");
+        }
         // All of them, or all but those that share the last line.
         let shown =
             if balance.reactions.len() > MOST_CONDITIONS { MOST_CONDITIONS - 1 } else { MOST_CONDITIONS };

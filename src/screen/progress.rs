@@ -113,7 +113,7 @@ impl Watch {
                 "{} points, {} cells, {} load steps",
                 points.len(),
                 model.grid.n_cells(),
-                model.stepping.count
+                model.steps_requested()
             ));
         }
         watch
@@ -231,7 +231,7 @@ impl<const D: usize> Observer<D> for Watch {
         let written = self.results.converged(model, points, report, summary);
         self.progress.converged(report, summary);
         if let Display::Bar { bar, .. } = &self.display {
-            bar.set_position(part_of(report.step.end, model.stepping.end_time));
+            bar.set_position(part_of(report.step.end, model.end_time()));
         }
         self.show_line(report);
         if let View::Run { log: Some(_) } = self.view {
@@ -265,7 +265,7 @@ impl<const D: usize> Observer<D> for Watch {
         ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
     ) -> io::Result<()> {
         let Step { start, end, .. } = attempt.step;
-        let part = (end - start) / model.stepping.end_time * model.stepping.count as f64;
+        let part = (end - start) / model.stepping.size();
         let code = attempt.error.code().unwrap_or_default();
         self.log(&format!("attempt failed [{code}]: {}", attempt.error));
         match ended {

@@ -46,7 +46,8 @@ fn complete(common: &str, page: &str) -> String {
     if given.is_empty() {
         return page.to_owned();
     }
-    let taken = |key: &str| given.iter().any(|(name, _)| *name == key);
+    let is_given = |key: &str| given.iter().any(|(name, _)| *name == key);
+    let taken = |key: &str| is_given(key) || (key == "steps" && is_given("stages"));
     let rest: String =
         sections(common).into_iter().filter(|(key, _)| !taken(key)).map(|(_, text)| text).collect();
     rest + page

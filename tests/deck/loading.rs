@@ -31,7 +31,7 @@ fn parameters_are_inserted() {
     assert_eq!(body.method, Method::Gimp);
     assert_eq!(body.domain_update, Some(DomainUpdate::Corners));
     assert_eq!(body.points_per_cell, Some(PerAxis::Same(6)));
-    assert_eq!(loaded.deck.steps.count, 50);
+    assert_eq!(loaded.deck.step_count(), 50);
     assert_eq!(loaded.parameters["h"], Parameter::Number(0.5));
     assert!(loaded.notes.is_empty());
     assert!(loaded.source.is_from_parameter("/grid/spacing"));

@@ -14,6 +14,7 @@ mod linear;
 mod scaling;
 mod solid;
 mod stabilisation;
+mod stages;
 mod stepping;
 mod threads;
 mod vtu;

@@ -13,6 +13,7 @@ mod builder;
 mod load;
 mod newton;
 mod stabilisation;
+mod stage;
 mod stepping;
 
 pub use arrays::HistoryVariable;
@@ -21,6 +22,7 @@ pub use builder::{BuildError, Builder, Fill};
 pub use load::{Action, Load, LoadCurve, VectorFormula};
 pub use newton::{Newton, PatternReuse, Predictor, StiffnessUpdate};
 pub use stabilisation::{Stabilisation, StabilisationMode};
+pub use stage::{Course, Factors, Present, Stage};
 pub use stepping::{Control, SAME_TIME, Stepping};
 
 /// A named material.
@@ -84,6 +86,10 @@ pub struct Model<const D: usize> {
     pub newton: Newton,
     /// Probes.
     pub probes: Vec<Probe>,
+    /// The stages, if there are several; `stepping` and `newton` are those of the present one.
+    pub stages: Vec<Stage<D>>,
+    /// The state of the present stage.
+    pub present: Present<D>,
 }
 
 impl<const D: usize> Model<D> {
@@ -103,6 +109,8 @@ impl<const D: usize> Model<D> {
             stepping: Stepping::fixed(1, 1.0),
             newton: Newton::default(),
             probes: Vec::new(),
+            stages: Vec::new(),
+            present: Present::default(),
         }
     }
 
@@ -117,7 +125,17 @@ impl<const D: usize> Model<D> {
 
     /// True if one load factor governs all loads and prescribed motions.
     pub fn has_one_load_factor(&self) -> bool {
-        self.stepping.control != Control::Load || self.common_curve().is_some()
+        self.stages.is_empty() && (self.stepping.control != Control::Load || self.common_curve().is_some())
+    }
+
+    /// True if a boundary condition acts in the present stage.
+    pub fn is_set(&self, condition: usize) -> bool {
+        !self.present.is_released.get(condition).is_some_and(|released| *released)
+    }
+
+    /// Share of the released forces that still acts at a time, [-].
+    pub fn share_not_released(&self, time: f64) -> f64 {
+        ((self.stepping.end_time - time) / self.stepping.duration()).clamp(0.0, 1.0)
     }
 
     /// Material law of a point.

@@ -251,6 +251,15 @@ impl Quality {
         warnings
     }
 
+    /// Records that bodies of this mass and volume were added, or removed if they are negative, [mass, volume].
+    pub fn exchange(&mut self, mass: f64, volume: f64) {
+        for (balance, change) in [(&mut self.mass, mass), (&mut self.volume, volume)] {
+            balance.start += change;
+            balance.now += change;
+        }
+        self.cohesion = None;
+    }
+
     /// Records the state at the end of the run, if it has made a step.
     pub fn conclude<const D: usize>(&mut self, model: &Model<D>, points: &Points<D>) {
         self.domain_overlap = self.det_f.and_then(|_| domain_overlap(model, points));

@@ -35,6 +35,7 @@ mod newton;
 mod observer;
 mod pace;
 mod residual;
+mod stages;
 mod step_system;
 mod stepper;
 mod summary;
@@ -55,6 +56,7 @@ pub use fields::Fields;
 pub use motion::Motion;
 pub use observer::{Observer, Silent};
 pub use pace::Pace;
+pub use stages::{StageReached, resume_stage, run_stages};
 pub use stepper::{Kernels, Stepper};
 pub use summary::{Reached, Summary};
 

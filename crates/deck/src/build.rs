@@ -2,6 +2,7 @@
 
 mod magnitudes;
 mod nearest;
+mod stages;
 
 use std::collections::HashMap;
 
@@ -15,8 +16,7 @@ use super::region::{FromFiles, Groups, OfDeck, Refusal, region};
 use super::seeding::{Filled, Filling};
 use super::size::Size;
 use super::{
-    AXES, BoundaryConditionDeck, ControlDeck, Deck, GridDeck, Idealisation, LoadCurve as CurveDeck,
-    NodeSelector, StepsDeck,
+    AXES, BoundaryConditionDeck, Deck, GridDeck, Idealisation, LoadCurve as CurveDeck, NodeSelector,
 };
 use super::{axisymmetry, placing};
 use mpm_core::formula::Formula;
@@ -24,7 +24,7 @@ use mpm_core::grid::gmsh::{self, GmshError};
 use mpm_core::grid::{Grid, Mesh, Structured};
 use mpm_core::memory::Memory;
 use mpm_core::model::{
-    Body, BoundaryCondition, Control, Load, LoadCurve, Model, NamedMaterial, Newton, NodeSet, Probe, Stepping,
+    Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, NodeSet, Present, Probe, Stepping,
 };
 use mpm_core::points::{Points, Seed};
 use mpm_core::region::Region;
@@ -159,8 +159,14 @@ where
             self.found.extend(axisymmetry::faults(self.loaded, grid.as_ref()));
         }
         let probes = self.probes(grid.as_ref(), &points);
-        let stepping = self.stepping(&boundary_conditions, &loads);
-        let model = Model {
+        let curves: Vec<&LoadCurve> =
+            loads.iter().map(|l| &l.curve).chain(boundary_conditions.iter().map(|c| &c.curve)).collect();
+        let stepping = match &deck.steps {
+            Some(steps) => self.stepping(steps, 0.0, deck.output.every, &curves),
+            None => Stepping::fixed(1, deck.end_time()),
+        };
+        let mut points = points;
+        let mut model = Model {
             title: deck.title.clone().unwrap_or_default(),
             grid,
             revolved,
@@ -172,49 +178,13 @@ where
             boundary_conditions,
             loads,
             stepping,
-            newton: Newton {
-                tolerance: deck.solver.tolerance,
-                max_iterations: deck.solver.max_iterations as usize,
-                linear: deck.solver.linear,
-                predictor: deck.solver.predictor,
-                tangent: deck.solver.tangent,
-                pattern: deck.solver.pattern,
-            },
+            newton: stages::newton(&deck.solver),
             probes,
+            stages: Vec::new(),
+            present: Present::default(),
         };
+        self.divide(&mut model, &mut points);
         Some((model, points))
-    }
-
-    fn stepping(&self, conditions: &[BoundaryCondition<D>], loads: &[Load<D>]) -> Stepping {
-        let StepsDeck { count, end_time, smallest, damping, largest, ref control } = self.deck.steps;
-        let mut stepping = Stepping {
-            smallest,
-            damping,
-            largest,
-            stops: self.deck.output.every.max(1) as usize,
-            control: match control {
-                ControlDeck::Load {} => Control::Load,
-                ControlDeck::ArcLength { length } => Control::ArcLength { length: *length },
-                ControlDeck::Displacement { probe, axis, to } => Control::Displacement {
-                    probe: self.deck.output.probes.iter().position(|p| p.name == *probe).unwrap_or(0),
-                    axis: *axis as usize,
-                    to: *to,
-                },
-            },
-            ..Stepping::fixed(count as usize, end_time)
-        };
-        // Without intermediate output, steps may grow freely.
-        if self.deck.output.every == 0 {
-            stepping.stops = stepping.count;
-        }
-        let curves = loads.iter().map(|load| &load.curve).chain(conditions.iter().map(|c| &c.curve));
-        let between = |t: &f64| *t > 0.0 && *t < end_time;
-        // Times at the end of a requested step equal it to the last bit.
-        let of_step = |t: f64| stepping.requested(t).map_or(t, |step| stepping.time(step));
-        let mut knots: Vec<f64> = curves.flat_map(|c| c.knots()).filter(between).map(of_step).collect();
-        knots.sort_by(f64::total_cmp);
-        knots.dedup();
-        Stepping { knots, ..stepping }
     }
 
     fn error(&mut self, code: &'static str, pointer: &str, message: String, help: String) {
@@ -413,7 +383,7 @@ where
                 nodes,
                 displacement,
                 axes: condition.frame(),
-                curve: load_curve(condition.curve.as_ref(), self.deck.steps.end_time),
+                curve: load_curve(condition.curve.as_ref(), self.deck.end_time()),
             });
         }
         conditions
@@ -520,7 +490,7 @@ where
                 name: load.name().to_owned(),
                 action,
                 acts_on: self.acts_on(load.bodies()),
-                curve: load_curve(load.curve(), deck.steps.end_time),
+                curve: load_curve(load.curve(), deck.end_time()),
             });
         }
         loads

@@ -23,7 +23,7 @@ pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
         // Conditions and loads of both decks now correspond to each other.
         let curves = curves(old).into_iter().zip(curves(new));
         for ((name, before), (_, after)) in curves {
-            if differ(before, old.steps.end_time, after, new.steps.end_time, time) {
+            if differ(before, old.end_time(), after, new.end_time(), time) {
                 found.push(format!(
                     "the load curve of {} has changed before time {time}, which the run has reached",
                     quote(name)
@@ -37,18 +37,27 @@ pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
 /// The number in this deck of the step that ends at a time: its own number or, if larger, that of the requested step
 /// that ends there, so that no file of an earlier step is overwritten. `None` after the end of the analysis.
 pub fn step_at(deck: &Deck, time: f64, own: usize) -> Option<usize> {
-    let (count, end) = (f64::from(deck.steps.count), deck.steps.end_time);
+    let end = deck.end_time();
     if time > end * (1.0 + SAME) {
         return None;
     }
-    let requested = (time / end * count).round();
-    let matches = (end * (requested / count) - time).abs() <= SAME * end;
-    Some(if matches { own.max(requested as usize) } else { own })
+    let (mut start, mut before) = (0.0, 0);
+    for (_, steps) in deck.courses() {
+        let (count, duration) = (f64::from(steps.count), steps.end_time);
+        if time <= (start + duration) * (1.0 + SAME) {
+            let requested = ((time - start) / duration * count).round();
+            let matches = (start + duration * (requested / count) - time).abs() <= SAME * end;
+            return Some(if matches { own.max(before + requested as usize) } else { own });
+        }
+        start += duration;
+        before += steps.count as usize;
+    }
+    Some(own)
 }
 
 /// True if a time is the end of the analysis.
 pub fn is_end(deck: &Deck, time: f64) -> bool {
-    (time - deck.steps.end_time).abs() <= SAME * deck.steps.end_time
+    (time - deck.end_time()).abs() <= SAME * deck.end_time()
 }
 
 /// A deck without the parts that may change.
@@ -63,6 +72,14 @@ fn essential(deck: &Deck) -> Value {
         // Step sizes may change, the control may not.
         if let Some(steps) = map.get_mut("steps").and_then(Value::as_object_mut) {
             steps.retain(|key, _| key == "control");
+        }
+        for stage in map.get_mut("stages").and_then(Value::as_array_mut).into_iter().flatten() {
+            let Some(stage) = stage.as_object_mut() else { continue };
+            stage.retain(|key, _| !["name", "solver", "every"].contains(&key.as_str()));
+            // The duration of a stage sets the times of the curves.
+            if let Some(steps) = stage.get_mut("steps").and_then(Value::as_object_mut) {
+                steps.retain(|key, _| ["control", "end_time"].contains(&key.as_str()));
+            }
         }
         if let Some(output) = map.get_mut("output").and_then(Value::as_object_mut) {
             output.retain(|key, _| key == "probes");
@@ -196,14 +213,14 @@ mod tests {
         assert_eq!(changes(&old, &curve("[[0, 0], [0.25, 0.3], [0.5, 0.5], [1, 1]]"), 0.5).len(), 1);
         let mut other = old.clone();
         other.title = None;
-        other.steps.count = 200;
+        other.steps.as_mut().unwrap().count = 200;
         other.solver.max_iterations = 7;
         other.output.every = 3;
         assert!(changes(&old, &other, 0.5).is_empty());
-        other.steps.end_time = 2.0;
+        other.steps.as_mut().unwrap().end_time = 2.0;
         assert!(changes(&old, &other, 0.5).is_empty(), "the curve is given and stays");
         let mut ramp = deck(&[]);
-        ramp.steps.end_time = 2.0;
+        ramp.steps.as_mut().unwrap().end_time = 2.0;
         assert_eq!(changes(&deck(&[]), &ramp, 0.5).len(), 1, "the ramp is less steep");
     }
 
@@ -218,14 +235,14 @@ mod tests {
             (75, 25, 25),
             (50, 31, 31), // some of its steps were cut
         ] {
-            deck.steps.count = count;
+            deck.steps.as_mut().unwrap().count = count;
             assert_eq!(step_at(&deck, 0.5, own), Some(step), "{count}");
         }
-        deck.steps.count = 3;
+        deck.steps.as_mut().unwrap().count = 3;
         assert_eq!(step_at(&deck, 2.0 / 3.0, 0), Some(2));
         assert_eq!(step_at(&deck, 1.0, 50), Some(50));
         assert!(is_end(&deck, 1.0) && !is_end(&deck, 0.999));
-        deck.steps.end_time = 0.4;
+        deck.steps.as_mut().unwrap().end_time = 0.4;
         assert_eq!(step_at(&deck, 0.5, 25), None);
     }
 }

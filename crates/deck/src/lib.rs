@@ -28,6 +28,7 @@ use mpm_files::fields::PointField;
 use mpm_files::results::Request;
 use mpm_files::vtu::Precision;
 pub use region::{Direction, Shape};
+pub use stages::{Reset, StageDeck, ThenDeck};
 pub use steps::{ControlDeck, StepsDeck};
 
 pub mod advice;
@@ -56,6 +57,7 @@ mod shape;
 pub mod size;
 pub mod source;
 mod span;
+mod stages;
 mod steps;
 pub mod validate;
 mod yaml;
@@ -127,8 +129,13 @@ pub struct Deck {
     /// External forces.
     #[serde(default)]
     pub loads: Vec<LoadDeck>,
-    /// Division of the loading into load steps.
-    pub steps: StepsDeck,
+    /// Division of the loading into load steps; `stages` in its place divide the analysis into several stages.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steps: Option<StepsDeck>,
+    /// Stages of the analysis, one after the other, in place of `steps`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 1000))]
+    pub stages: Vec<StageDeck>,
     /// Control of the Newton iterations.
     #[serde(default)]
     pub solver: SolverDeck,

@@ -79,7 +79,7 @@ where
                 bodies: model.bodies.len(),
                 points: points.len(),
                 cells: model.grid.n_cells(),
-                steps: model.stepping.count,
+                steps: model.steps_requested(),
                 first,
                 memory,
             };
@@ -111,8 +111,8 @@ impl Analysis {
         observer: &mut O,
     ) -> Result<Summary, SolveError> {
         match self {
-            Analysis::Plane(parts) => solver::go_on(&parts.0, &mut parts.1, reached, observer),
-            Analysis::Solid(parts) => solver::go_on(&parts.0, &mut parts.1, reached, observer),
+            Analysis::Plane(parts) => solver::run_stages(&mut parts.0, &mut parts.1, reached, observer),
+            Analysis::Solid(parts) => solver::run_stages(&mut parts.0, &mut parts.1, reached, observer),
         }
     }
 }

@@ -37,6 +37,8 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`points` of a load", "PointSelector"),
     ("`steps`", "StepsDeck"),
     ("`control` of the steps", "ControlDeck"),
+    ("`stages`, each", "StageDeck"),
+    ("`then` of a stage", "ThenDeck"),
     ("`solver`", "SolverDeck"),
     ("`checkpoint`", "CheckpointDeck"),
     ("`output`", "OutputDeck"),

@@ -8,6 +8,7 @@ mod geometry;
 mod loading;
 mod prescribed_motion;
 mod shape;
+mod stages;
 mod steps;
 mod suspicions;
 mod units;
@@ -33,6 +34,7 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.loads();
     check.output();
     check.linear_solver();
+    check.stages();
     check.control();
     assign(Gate::Meaning, &mut check.found);
     check.found

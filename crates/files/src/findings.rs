@@ -17,6 +17,9 @@ pub struct ForceBalance {
     pub applied: Vec<f64>,
     /// Name and resultant of each load, [force].
     pub loads: Vec<(String, Vec<f64>)>,
+    /// Name and sum of each further force, such as that which a stage releases, [force].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub further: Vec<(String, Vec<f64>)>,
     /// Name and reaction of each boundary condition, [force].
     pub reactions: Vec<(String, Vec<f64>)>,
     /// Moment of each of these reactions; empty for bodies of revolution.
@@ -60,6 +63,7 @@ impl ForceBalance {
         ForceBalance {
             applied: applied.to_vec(),
             loads: loads.map(|(load, force)| (load.name.clone(), force.to_vec())).collect(),
+            further: report.forces.iter().map(|of| (of.name.clone(), of.force.to_vec())).collect(),
             reactions,
             moments: moments.collect(),
             balanced: (0..D).map(|axis| !(model.revolved && axis == 0)).collect(),
@@ -71,7 +75,9 @@ impl ForceBalance {
     /// lost where basis functions do not add up to 1.
     pub fn difference(&self) -> Vec<Option<f64>> {
         let reactions = |axis: usize| self.reactions.iter().map(|(_, r)| r[axis]).sum::<f64>();
-        let sum = |axis: usize| self.balanced[axis].then(|| self.applied[axis] + reactions(axis));
+        let further = |axis: usize| self.further.iter().map(|(_, f)| f[axis]).sum::<f64>();
+        let sum =
+            |axis: usize| self.balanced[axis].then(|| self.applied[axis] + reactions(axis) + further(axis));
         (0..self.applied.len()).map(sum).collect()
     }
 
@@ -169,6 +175,7 @@ impl Findings {
                 && balance.balanced.len() == D
                 && balance.loads.len() == model.loads.len()
                 && balance.loads.iter().all(|(_, force)| force.len() == D)
+                && balance.further.iter().all(|(_, force)| force.len() == D)
                 && balance.moments.len() == if model.revolved { 0 } else { model.boundary_conditions.len() }
                 && balance.moments.iter().all(Moment::fits::<D>)
                 && balance.reactions.len() == model.boundary_conditions.len()

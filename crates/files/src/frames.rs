@@ -48,6 +48,8 @@ pub(super) struct Frames {
     volumes: Vec<[f64; 2]>,
     /// Parts that are the same in all frames of the points, and in all frames of the domains; set by the first frame.
     steady: [Option<Steady>; 2],
+    /// The stage of the last frame.
+    stage: usize,
     /// The grid of the last frame.
     grid: Option<Active>,
 }
@@ -85,7 +87,7 @@ impl Frames {
     pub fn new(fields: &[PointField], precision: Precision) -> Frames {
         let (room, order, volumes) = (Room::default(), Vec::new(), Vec::new());
         let steady = [None, None];
-        Frames { fields: fields.to_vec(), precision, room, order, volumes, steady, grid: None }
+        Frames { fields: fields.to_vec(), precision, room, order, volumes, steady, stage: 0, grid: None }
     }
 
     /// Frames of the points in their converged state, and of their domains if they have any.
@@ -98,6 +100,10 @@ impl Frames {
         points: &Points<D>,
         step: Step,
     ) -> io::Result<Vec<Frame>> {
+        if model.present.stage != self.stage {
+            // The bodies may be others.
+            (self.stage, self.steady) = (model.present.stage, [None, None]);
+        }
         let (mut order, mut all) = (take(&mut self.order), take(&mut self.volumes));
         points.order_by_id(&mut order);
         volumes(model, points, &order, &mut all);

@@ -277,6 +277,9 @@ impl Results {
             1.into(),
             i64::from(report.rounding_limited).into(),
         ];
+        if !model.stages.is_empty() {
+            row.push((model.present.stage as i64 + 1).into());
+        }
         row.extend(report.load_factor.map(Entry::from));
         for (number, reaction) in report.reactions.iter().enumerate() {
             row.extend(reaction.map(Entry::from));
@@ -284,15 +287,15 @@ impl Results {
             row.extend(moment.iter().flat_map(|of| of.components()).map(|m| Entry::from(*m)));
         }
         row.extend(report.loads.iter().flatten().map(|f| Entry::from(*f)));
-        let place = points.by_id();
+        let places = points.places();
         for probe in &model.probes {
+            let present = |id: &u32| places.get(*id as usize).copied().flatten();
+            let moved: Vec<[f64; D]> =
+                probe.points.iter().filter_map(present).map(|p| points.displacement(p)).collect();
             for d in 0..D {
-                let moved = |id: &u32| {
-                    let p = place[*id as usize];
-                    points.converged.position[p][d] - points.original_position[p][d]
-                };
-                let sum: f64 = probe.points.iter().map(moved).sum();
-                row.push((sum / probe.points.len().max(1) as f64).into());
+                let sum: f64 = moved.iter().map(|moved| moved[d]).sum();
+                // A probe in a body that is not there has no displacement.
+                row.push(if moved.is_empty() { Entry::Missing } else { (sum / moved.len() as f64).into() });
             }
         }
         row.extend([Entry::from(summary.external_work), Entry::from(summary.strain_energy)]);
@@ -345,6 +348,7 @@ fn foreign(name: &str) -> io::Error {
 
 /// True if VTU files of a step are due: after every `every` requested steps, and at the end.
 fn is_due<const D: usize>(every: usize, model: &Model<D>, step: Step) -> bool {
+    let every = model.stages.get(model.present.stage).and_then(|stage| stage.every).unwrap_or(every);
     let requested = model.stepping.requested(step.end);
     let is_due = |number: usize| number.is_multiple_of(every) || number == model.stepping.count;
     every > 0 && requested.is_some_and(is_due)
@@ -373,6 +377,9 @@ fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
         ["step", "time", "iterations", "residual", "linear_iterations", "converged", "rounding_limited"]
             .map(String::from)
             .to_vec();
+    if !model.stages.is_empty() {
+        columns.push("stage".to_owned());
+    }
     if model.has_one_load_factor() {
         columns.push("load_factor".to_owned());
     }

@@ -36,7 +36,7 @@ impl Account {
             },
             "points": points.len(),
             "cells": model.grid.n_cells(),
-            "steps_requested": model.stepping.count,
+            "steps_requested": model.steps_requested(),
             "threads": self.threads,
             "machine": machine(),
         });

@@ -91,6 +91,9 @@ pub struct Status {
     pub end_time: f64,
     /// Load factor at the end of the current step, if all loads and prescribed motions share one, [-].
     pub load_factor: Option<f64>,
+    /// Name of the present stage; none in an analysis without stages.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stage: Option<String>,
     /// Number of material points.
     pub points: usize,
     /// Free degrees of freedom of the last step in equilibrium.
@@ -119,6 +122,8 @@ pub struct Progress {
     start: Start,
     status: Status,
     curve: Option<LoadCurve>,
+    /// Names of the stages.
+    stages: Vec<String>,
     /// Start of the first step.
     began: Instant,
     /// Time of the analysis, and of the clock, at the ends of the last steps.
@@ -139,14 +144,15 @@ impl Progress {
             started: to_milliseconds(now.checked_sub(before).unwrap_or(now)),
             updated: to_milliseconds(now),
             steps: 0,
-            steps_requested: model.stepping.count,
+            steps_requested: model.steps_requested(),
             step: 0,
             iteration: 0,
             residual: None,
             tolerance: model.newton.tolerance,
             time: 0.0,
-            end_time: model.stepping.end_time,
+            end_time: model.end_time(),
             load_factor: model.has_one_load_factor().then_some(0.0),
+            stage: model.stages.first().map(|stage| stage.name.clone()),
             points: points.len(),
             unknowns: 0,
             evaluations: 0,
@@ -159,8 +165,14 @@ impl Progress {
             checkpoint: None,
         };
         let began = Instant::now();
+        let stages = model.stages.iter().map(|stage| stage.name.clone()).collect();
         let curve = model.common_curve().filter(|_| model.stepping.control == Control::Load).cloned();
-        Progress { start, status, curve, began, recent: VecDeque::from([(0.0, began)]) }
+        Progress { start, status, curve, stages, began, recent: VecDeque::from([(0.0, began)]) }
+    }
+
+    fn set_stage(&mut self, summary: &Summary) {
+        let number = summary.stage.as_ref().map_or(0, |stage| stage.number);
+        self.status.stage = self.stages.get(number).cloned();
     }
 
     /// Records that the run resumes from a step that an earlier run reached.
@@ -170,6 +182,7 @@ impl Progress {
         self.status.step = reached.step.index;
         self.status.time = end;
         self.status.load_factor = reached.summary.load_factor;
+        self.set_stage(&reached.summary);
         self.status.warnings = reached.summary.warnings.len();
         self.recent = VecDeque::from([(end, self.began)]);
     }
@@ -193,6 +206,7 @@ impl Progress {
         self.status.steps = summary.steps;
         self.status.unknowns = report.unknowns;
         self.status.load_factor = report.load_factor;
+        self.set_stage(summary);
         self.status.warnings = summary.warnings.len();
         self.recent.push_back((report.step.end, Instant::now()));
         if self.recent.len() > RECENT + 1 {

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use cpu_time::ProcessTime;
 use serde_json::{Map, Value, json};
 
-use mpm_core::model::Model;
+use mpm_core::model::{Model, Stepping};
 use mpm_core::points::Points;
 use mpm_core::quality::{Balance, Quality, Warning, Worst};
 use mpm_core::solver::{Diagnosis, Summary};
@@ -146,7 +146,7 @@ impl Account {
             "cells": model.grid.n_cells(),
             "unknowns": summary.unknowns,
             "steps": summary.steps,
-            "steps_requested": model.stepping.count,
+            "steps_requested": model.steps_requested(),
             "rounding_limited": summary.rounding_limited,
             "failed_attempts": summary.failed_attempts,
             "load_factor": load_factor,
@@ -183,6 +183,9 @@ impl Account {
             "warnings": warnings,
             "bodies": bodies(model, points),
         });
+        if !model.stages.is_empty() {
+            document["stages"] = stages(model, summary);
+        }
         document["damped_steps"] = summary.damped.into();
         document["damping_work"] = summary.damping_work.into();
         document["replaced_domains"] = summary.replaced_domains.into();
@@ -210,7 +213,12 @@ fn check(path: &Path, summary: &Summary, findings: &Findings) -> io::Result<()> 
     numbers.extend(errors.iter().flatten().map(|(error, _)| ("balance_errors", *error)));
     numbers.extend(findings.worst_residual.map(|(residual, _)| ("worst_residual", residual)));
     if let Some(balance) = &findings.balance {
-        let named = balance.loads.iter().chain(&balance.reactions).flat_map(|(_, force)| force);
+        let named = balance
+            .loads
+            .iter()
+            .chain(&balance.further)
+            .chain(&balance.reactions)
+            .flat_map(|(_, force)| force);
         let moments = balance.moments.iter().flat_map(|of| of.about.iter().flatten().chain(&of.moment));
         let all = balance.applied.iter().chain(named).chain(moments);
         numbers.extend(all.map(|value| ("forces", *value)));
@@ -304,6 +312,19 @@ fn at_step((value, step): (f64, usize)) -> Value {
     json!({"value": value, "step": step})
 }
 
+/// The stages with their times, and the one that the run has reached.
+fn stages<const D: usize>(model: &Model<D>, summary: &Summary) -> Value {
+    let of = model.stages.iter().map(|stage| {
+        let Stepping { start_time, end_time, count, .. } = stage.stepping;
+        json!({"name": stage.name, "start": start_time, "end": end_time, "steps_requested": count})
+    });
+    json!({
+        "all": of.collect::<Vec<_>>(),
+        "reached": summary.stage.as_ref().map_or(0, |stage| stage.number) + 1,
+        "exchanged_energy": summary.exchanged_energy,
+    })
+}
+
 /// Loads and reactions at the end.
 fn forces(balance: &ForceBalance) -> Value {
     let by_name = |forces: &[(String, Vec<f64>)]| -> Map<String, Value> {
@@ -312,14 +333,18 @@ fn forces(balance: &ForceBalance) -> Value {
     let moments: Map<String, Value> = (balance.reactions.iter().zip(&balance.moments))
         .map(|((name, _), of)| (name.clone(), json!({"about": of.about, "moment": of.moment})))
         .collect();
-    json!({
+    let mut forces = json!({
         "applied": balance.applied,
         "loads": by_name(&balance.loads),
         "reactions": by_name(&balance.reactions),
         "moments": moments,
         "difference": balance.difference(),
         "relative_difference": balance.relative_difference(),
-    })
+    });
+    if !balance.further.is_empty() {
+        forces["further"] = by_name(&balance.further).into();
+    }
+    forces
 }
 
 /// The largest values of the fields at the end.

@@ -216,6 +216,8 @@ fn state_on<const D: usize, M: Mechanics<D>>(
         stepping: Stepping::fixed(1, 1.0),
         newton: Newton::default(),
         probes: Vec::new(),
+        stages: Vec::new(),
+        present: Default::default(),
     };
     let mut points = Points::new(&seeds);
     for p in 0..points.len() {

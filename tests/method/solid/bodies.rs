@@ -114,6 +114,8 @@ pub fn model(
         stepping: Stepping::fixed(n_steps, 1.0),
         newton: Newton::default(),
         probes: Vec::new(),
+        stages: Vec::new(),
+        present: Default::default(),
     }
 }
 

@@ -107,6 +107,8 @@ fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
         stepping: plane.stepping.clone(),
         newton: plane.newton,
         probes: Vec::new(),
+        stages: Vec::new(),
+        present: Default::default(),
     }
 }
 

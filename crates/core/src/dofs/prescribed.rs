@@ -17,7 +17,8 @@ impl<const N: usize> Constraints<'_, N> {
         links: &Connectivity<D>,
         [start, end]: [f64; 2],
     ) -> Result<(), ConstraintError> {
-        for (number, condition) in model.boundary_conditions.iter().enumerate() {
+        let set = model.boundary_conditions.iter().enumerate().filter(|(number, _)| model.is_set(*number));
+        for (number, condition) in set {
             // Nothing has moved yet at time 0, whatever the value of the curve.
             let reached = (start > 0.0).then(|| condition.curve.factor(start));
             let factors = [reached, Some(condition.curve.factor(end))];

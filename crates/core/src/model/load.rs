@@ -17,6 +17,11 @@ impl LoadCurve {
         LoadCurve(pairs)
     }
 
+    /// A line from one factor to another between two times; constant before and after.
+    pub fn line(times: [f64; 2], factors: [f64; 2]) -> Self {
+        LoadCurve(vec![[times[0], factors[0]], [times[1], factors[1]]])
+    }
+
     /// Times at which the slope changes, ascending, [time].
     pub fn knots(&self) -> impl Iterator<Item = f64> + '_ {
         let slope = |a: &[f64; 2], b: &[f64; 2]| (b[1] - a[1]) / (b[0] - a[0]);

@@ -8,7 +8,9 @@ pub const SAME_TIME: f64 = 1e-9;
 pub struct Stepping {
     /// Number of requested steps, all of equal size.
     pub count: usize,
-    /// Time at the end of the analysis, [time].
+    /// Time at the start, [time]: 0, or the end of the stage before.
+    pub start_time: f64,
+    /// Time at the end of the analysis or stage, [time].
     pub end_time: f64,
     /// Smallest size to which a failed step is cut, relative to a requested step, [-].
     pub smallest: f64,
@@ -53,6 +55,7 @@ impl Stepping {
     pub fn fixed(count: usize, end_time: f64) -> Self {
         Stepping {
             count,
+            start_time: 0.0,
             end_time,
             smallest: 1.0,
             damping: false,
@@ -65,13 +68,14 @@ impl Stepping {
 
     /// Time at the end of a requested step, [time].
     pub fn time(&self, requested: usize) -> f64 {
-        self.end_time * (requested as f64 / self.count as f64)
+        self.start_time + self.duration() * (requested as f64 / self.count as f64)
     }
 
     /// The requested step that ends at this time; `None` if none does.
     pub fn requested(&self, time: f64) -> Option<usize> {
-        let number = (time / self.size()).round();
-        ((time / self.size() - number).abs() <= SAME_TIME && number >= 0.0).then_some(number as usize)
+        let passed = (time - self.start_time) / self.size();
+        let number = passed.round();
+        ((passed - number).abs() <= SAME_TIME && number >= 0.0).then_some(number as usize)
     }
 
     /// True if damped iterations may be used as a last resort: steps may be cut and all loads are prescribed.
@@ -79,17 +83,24 @@ impl Stepping {
         self.damping && self.smallest < 1.0 && self.control == Control::Load
     }
 
+    /// Duration of all steps, [time].
+    pub fn duration(&self) -> f64 {
+        self.end_time - self.start_time
+    }
+
     /// Duration of a requested step, [time].
     pub fn size(&self) -> f64 {
-        self.end_time / self.count as f64
+        self.duration() / self.count as f64
     }
 
     /// The first time after `time` at which a step must end, [time].
     pub fn next_stop(&self, time: f64) -> f64 {
         let slack = SAME_TIME * self.size();
         let every = if self.largest > 1.0 { self.stops.max(1) } else { 1 };
-        let passed = (time / self.size() + SAME_TIME) as usize;
-        let stop = self.time(((passed / every + 1) * every).min(self.count));
+        let passed = ((time - self.start_time) / self.size() + SAME_TIME) as usize;
+        let last = ((passed / every + 1) * every).min(self.count);
+        // The end is met to the last bit, so that the next stage begins there.
+        let stop = if last == self.count { self.end_time } else { self.time(last) };
         let after = self.knots.partition_point(|knot| *knot <= time + slack);
         self.knots.get(after).copied().filter(|knot| *knot < stop - slack).unwrap_or(stop)
     }

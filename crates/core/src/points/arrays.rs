@@ -1,7 +1,10 @@
 //! Arrays of the points for users of the library, in the order of the permanent numbers.
 
-use super::{PointValues, Points};
+use super::{FieldError, FieldKind, PointFieldSpec, PointValues, Points};
 use crate::tensor::Sym3;
+
+/// Name of the further field with the displacements at the last reset.
+const DATUM: &str = "displacement_datum";
 
 /// A quantity of the points in their converged state.
 ///
@@ -68,9 +71,46 @@ impl PointArray {
 }
 
 impl<const D: usize> Points<D> {
-    /// Displacement of a point in its converged state, [length].
+    /// Displacement of a point in its converged state since the start or the last reset, [length].
     pub fn displacement(&self, p: usize) -> [f64; D] {
-        std::array::from_fn(|d| self.converged.position[p][d] - self.original_position[p][d])
+        let datum = self.datum();
+        std::array::from_fn(|d| {
+            let whole = self.converged.position[p][d] - self.original_position[p][d];
+            datum.map_or(whole, |datum| whole - datum[p * D + d])
+        })
+    }
+
+    /// The displacements at the last reset, `D` numbers for each point, [length]; none if there is no reset.
+    fn datum(&self) -> Option<&[f64]> {
+        if self.further.is_empty() {
+            return None;
+        }
+        self.further.handle(DATUM).map(|datum| self.further.converged(datum))
+    }
+
+    /// Prepares the points for resets of their displacement.
+    ///
+    /// # Errors
+    /// [`FieldError`] if the points have another field of that name.
+    pub fn prepare_resets(&mut self) -> Result<(), FieldError> {
+        self.declare(PointFieldSpec {
+            name: DATUM.to_owned(),
+            unit: "length".to_owned(),
+            components: D,
+            kind: FieldKind::Fixed,
+            start: vec![0.0; D * self.len()],
+        })
+        .map(|_| ())
+    }
+
+    /// Sets the displacements to zero; the points must have been prepared for that.
+    pub(crate) fn reset_displacement(&mut self) {
+        let Some(datum) = self.further.handle(DATUM) else { return };
+        let whole =
+            |(x, original): (&[f64; D], &[f64; D])| std::array::from_fn::<f64, D, _>(|d| x[d] - original[d]);
+        let moved: Vec<f64> =
+            self.converged.position.iter().zip(&self.original_position).flat_map(whole).collect();
+        self.further.converged_mut(datum).copy_from_slice(&moved);
     }
 
     /// Cauchy stress σ = τ/J of a point in its converged state, [stress].

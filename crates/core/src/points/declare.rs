@@ -185,6 +185,50 @@ macro_rules! point_fields {
                 self.further.reorder(order);
             }
 
+            /// Keeps the points at these places, in this order.
+            #[allow(dead_code, reason = "tests declare points whose number never changes")]
+            pub(super) fn select(&mut self, order: &[u32]) {
+                use $crate::points::declare::gather;
+                self.id = gather(&self.id, order, 1);
+                self.cell = gather(&self.cell, order, 1);
+                $(self.$fixed = gather(&self.$fixed, order, point_fields!(@per self $($fixed_per)?));)*
+                $(
+                    let per_point = point_fields!(@per self $($motion_per)?);
+                    self.converged.$motion = gather(&self.converged.$motion, order, per_point);
+                )*
+                $(
+                    let per_point = point_fields!(@per self $($answer_per)?);
+                    self.converged.$answer = gather(&self.converged.$answer, order, per_point);
+                )*
+                self.trial = self.converged.trial();
+                self.further.reorder(order);
+            }
+
+            /// Appends other points, in their converged state. Both must keep the same numbers of values per point.
+            #[allow(dead_code, reason = "tests declare points whose number never changes")]
+            pub(super) fn append_fields(&mut self, other: &Self) {
+                let n = self.id.len();
+                self.id.extend(&other.id);
+                self.cell.extend(&other.cell);
+                use $crate::points::declare::append;
+                $(
+                    let per_point = point_fields!(@per self $($fixed_per)?);
+                    append(&mut self.$fixed, &other.$fixed, [n, other.id.len()].map(|n| n * per_point));
+                )*
+                $(
+                    let per_point = point_fields!(@per self $($motion_per)?);
+                    let counts = [n, other.id.len()].map(|n| n * per_point);
+                    append(&mut self.converged.$motion, &other.converged.$motion, counts);
+                )*
+                $(
+                    let per_point = point_fields!(@per self $($answer_per)?);
+                    let counts = [n, other.id.len()].map(|n| n * per_point);
+                    append(&mut self.converged.$answer, &other.converged.$answer, counts);
+                )*
+                self.trial = self.converged.trial();
+                self.further.append(&other.further, [n, other.id.len()]);
+            }
+
             /// Visits the fields of the converged state as checkpoints store them: in the order of declaration, with
             /// the numbers in the present order of the points; zeros if a field has no entries.
             ///
@@ -312,6 +356,16 @@ pub(super) fn gather<T: Copy + Send + Sync>(values: &[T], order: &[u32], n: usiz
     } else {
         order.iter().flat_map(|&p| &values[p as usize * n..][..n]).copied().collect()
     }
+}
+
+/// Appends values to others, `counts` of both; an array without entries stands for zeros.
+pub(super) fn append<T: Value>(values: &mut Vec<T>, others: &[T], counts: [usize; 2]) {
+    if values.is_empty() && others.is_empty() {
+        return;
+    }
+    values.resize(counts[0], T::ZERO);
+    values.extend(others);
+    values.resize(counts[0] + counts[1], T::ZERO);
 }
 
 /// As [`gather`], but into an existing array.

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::declare::{FieldKind, gather};
+use super::declare::{FieldKind, append, gather};
 
 /// Most numbers per point of a further field.
 const MOST_COMPONENTS: usize = 1 << 10;
@@ -149,6 +149,11 @@ impl Further {
         Ok(FieldHandle(self.fields.len() - 1))
     }
 
+    /// True if there are no further fields.
+    pub fn is_empty(&self) -> bool {
+        self.fields.is_empty()
+    }
+
     /// The fields in the order of their declaration.
     pub fn iter(&self) -> impl Iterator<Item = (FieldHandle, &FurtherField)> {
         self.fields.iter().enumerate().map(|(k, kept)| (FieldHandle(k), &kept.field))
@@ -205,6 +210,15 @@ impl Further {
         self.begin();
     }
 
+    /// Appends the values of other points, zeros for fields that those do not have.
+    pub(super) fn append(&mut self, other: &Further, counts: [usize; 2]) {
+        for Kept { field, converged, .. } in &mut self.fields {
+            let others = other.handle(&field.name).map_or(&[][..], |handle| other.converged(handle));
+            append(converged, others, counts.map(|n| n * field.components));
+        }
+        self.begin();
+    }
+
     /// Trial values of a step that begins in the converged state.
     pub(super) fn begin(&mut self) {
         for Kept { field, converged, trial } in &mut self.fields {
@@ -213,6 +227,11 @@ impl Further {
                 FieldKind::Fixed | FieldKind::Motion => *trial = Vec::new(),
             }
         }
+    }
+
+    /// The converged values, to change between two steps.
+    pub(crate) fn converged_mut(&mut self, handle: FieldHandle) -> &mut [f64] {
+        &mut self.fields[handle.0].converged
     }
 
     /// Replaces the converged values.

@@ -54,9 +54,11 @@ impl<const D: usize> Points<D> {
     /// # Errors
     /// If `id` is not a permutation of the point numbers, or an array does not have one entry per point.
     pub fn restore(&mut self, id: &[u32], cell: Vec<u32>, state: State<D>) -> Result<(), String> {
+        let places = self.places();
         let mut seen = vec![false; self.len()];
         for &number in id {
-            match seen.get_mut(number as usize) {
+            let place = places.get(number as usize).copied().flatten();
+            match place.and_then(|place| seen.get_mut(place)) {
                 Some(seen) if !*seen => *seen = true,
                 _ => return Err("its point numbers are not those of all points".to_owned()),
             }
@@ -64,8 +66,8 @@ impl<const D: usize> Points<D> {
         if [id.len(), cell.len()] != [self.len(); 2] || state.lengths() != self.converged.lengths() {
             return Err("its arrays do not have one entry per point".to_owned());
         }
-        let place = self.by_id();
-        let order: Vec<u32> = id.iter().map(|&number| place[number as usize] as u32).collect();
+        let order: Vec<u32> =
+            id.iter().filter_map(|&number| places[number as usize]).map(|place| place as u32).collect();
         self.reorder(&order);
         self.cell = cell;
         self.trial = state.trial();
@@ -73,7 +75,32 @@ impl<const D: usize> Points<D> {
         Ok(())
     }
 
-    /// The order of the points by permanent number: `order[id]` is the place of point `id`.
+    /// Keeps only the points of bodies for which `keep` holds.
+    pub fn retain_bodies(&mut self, keep: impl Fn(usize) -> bool) {
+        let order: Vec<u32> =
+            (0..self.len() as u32).filter(|&p| keep(self.body[p as usize] as usize)).collect();
+        if order.len() < self.len() {
+            self.select(&order);
+        }
+    }
+
+    /// Adds other points, undeformed or in their converged state.
+    pub fn append(&mut self, other: &Self) {
+        if !other.is_empty() {
+            self.append_fields(other);
+        }
+    }
+
+    /// The places of the points by permanent number: `place[id]`, `None` for a point that is not present.
+    pub fn places(&self) -> Vec<Option<usize>> {
+        let mut places = vec![None; self.id.iter().max().map_or(0, |&id| id as usize + 1)];
+        for (p, &id) in self.id.iter().enumerate() {
+            places[id as usize] = Some(p);
+        }
+        places
+    }
+
+    /// The places of the points in the order of their permanent numbers.
     pub fn by_id(&self) -> Vec<usize> {
         let mut order = Vec::new();
         self.order_by_id(&mut order);
@@ -82,9 +109,14 @@ impl<const D: usize> Points<D> {
 
     /// The same, written to `order`.
     pub fn order_by_id(&self, order: &mut Vec<usize>) {
-        order.resize(self.len(), 0);
+        let most = self.id.iter().max().map_or(0, |&id| id as usize + 1);
+        order.clear();
+        order.resize(most, usize::MAX);
         for (p, &id) in self.id.iter().enumerate() {
             order[id as usize] = p;
+        }
+        if most > self.len() {
+            order.retain(|&p| p != usize::MAX);
         }
     }
 }

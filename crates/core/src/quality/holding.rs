@@ -47,7 +47,7 @@ pub fn watch<const D: usize>(
     let mut found = Vec::new();
     for (number, condition) in model.boundary_conditions.iter().enumerate() {
         let NodeSet::Fixed(nodes) = &condition.nodes else { continue };
-        if !condition.moves() {
+        if !condition.moves() || !model.is_set(number) {
             continue;
         }
         let at_nodes = AtNodes::new(points, links, nodes, &condition.directions(), delta_d);

@@ -117,6 +117,9 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
 
     /// Load factor at the end of the step, [-]; `None` without a common factor of all loads and prescribed motions.
     fn load_factor(&self, context: &StepContext<D>) -> Option<f64> {
+        if !context.model.stages.is_empty() {
+            return None;
+        }
         match context.model.stepping.control {
             Control::Load => context.model.common_curve().map(|curve| curve.factor(context.step.end)),
             Control::Displacement { .. } | Control::ArcLength { .. } => Some(self.unknowns.factor),

@@ -99,7 +99,7 @@ impl<const D: usize, const N: usize> Condition<D, N> {
         step: Step,
         path: &Path,
     ) -> Option<Self> {
-        let share = (step.end - step.start) / model.stepping.end_time;
+        let share = (step.end - step.start) / model.stepping.duration();
         match model.stepping.control {
             Control::Load => None,
             Control::Displacement { probe, axis, to } => {
@@ -107,10 +107,12 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                 let mut weight = vec![[0.0; N]; links.n_active()];
                 let chosen = model.probes.get(probe).map_or(&[][..], |probe| &probe.points);
                 let mut is_chosen = vec![false; points.len()];
-                chosen.iter().for_each(|id| is_chosen[*id as usize] = true);
+                let places = points.places();
+                let present = chosen.iter().filter_map(|id| places.get(*id as usize).copied().flatten());
+                present.for_each(|p| is_chosen[p] = true);
                 for group in 0..links.n_groups() {
                     let nodes = links.nodes_of(group);
-                    for p in links.points_of(group).filter(|&p| is_chosen[points.id[p] as usize]) {
+                    for p in links.points_of(group).filter(|&p| is_chosen[p]) {
                         links.for_each_value(p, |local, value| {
                             weight[nodes[local] as usize][axis] += value / chosen.len() as f64;
                         });
@@ -129,7 +131,7 @@ impl<const D: usize, const N: usize> Condition<D, N> {
                         });
                     }
                 }
-                let given = total.map(|total| total * weight_of_length(points) / model.stepping.end_time);
+                let given = total.map(|total| total * weight_of_length(points) / model.stepping.duration());
                 let length = given.or(path.rate).map(|rate| rate * (step.end - step.start));
                 Some(Condition::ArcLength {
                     volume,

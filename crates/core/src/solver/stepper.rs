@@ -22,6 +22,7 @@ use super::equations::Equations;
 use super::error::SolveError;
 use super::fields::Fields;
 use super::observer::Observer;
+use super::stages::balancing_forces;
 use super::summary::{Reached, Summary};
 
 /// An analysis, load step by load step.
@@ -64,12 +65,16 @@ pub struct Kernels<const D: usize, const N: usize = D> {
     bodies: fn() -> Terms<D, N>,
     step: StepFunction<D, N>,
     pub(super) run: RunFunction<D, N>,
+    pub(super) balancing_forces: BalancingFunction<D>,
 }
 
 type StepFunction<const D: usize, const N: usize> =
     fn(&mut Stepper<'_, D, N>, &mut dyn Observer<D>) -> Result<bool, SolveError>;
 type RunFunction<const D: usize, const N: usize> =
     fn(Stepper<'_, D, N>, &mut dyn Observer<D>) -> Result<Summary, SolveError>;
+
+type BalancingFunction<const D: usize> =
+    fn(&Model<D>, &mut Points<D>, Step) -> Result<Vec<(u32, [f64; D])>, SolveError>;
 
 impl<const D: usize, const N: usize> Kernels<D, N> {
     /// The code for a kind of mechanics.
@@ -78,6 +83,7 @@ impl<const D: usize, const N: usize> Kernels<D, N> {
             bodies: of_bodies::<D, N, M>,
             step: |stepper, observer| stepper.solve_next_step::<M>(observer),
             run: |stepper, observer| stepper.run_to_end::<M>(observer),
+            balancing_forces: balancing_forces::<D, M>,
         }
     }
 }
@@ -217,23 +223,34 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     }
 
     fn run_to_end<M: Mechanics<D>>(mut self, observer: &mut dyn Observer<D>) -> Result<Summary, SolveError> {
-        let mut outcome = {
-            let (model, points) = (self.model, &*self.points);
-            let timings = &mut self.reached.summary.timings;
-            timings
-                .measure(Phase::Output, || observer.started(model, points))
-                .map_err(SolveError::Output)
-                .map(|()| true)
+        let (model, points) = (self.model, &*self.points);
+        let timings = &mut self.reached.summary.timings;
+        let started = timings.measure(Phase::Output, || observer.started(model, points));
+        let outcome = match started {
+            Ok(()) => self.steps_to_end::<M>(observer),
+            Err(error) => Err(SolveError::Output(error)),
         };
-        while let Ok(true) = outcome {
-            outcome = self.solve_next_step::<M>(observer);
-        }
-        let Stepper { model, points, mut reached, .. } = self;
-        let Summary { timings, quality, .. } = &mut reached.summary;
-        timings.measure(Phase::Update, || quality.conclude(model, points));
-        let finished = reached.summary;
-        let reported = observer.finished(model, points, &finished, outcome.as_ref().err());
-        outcome.and(reported.map_err(SolveError::Output)).map(|_| finished)
+        let Stepper { model, points, reached, .. } = self;
+        finish(model, points, reached, outcome, observer)
+    }
+
+    fn steps_to_end<M: Mechanics<D>>(&mut self, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
+        while self.solve_next_step::<M>(observer)? {}
+        Ok(())
+    }
+
+    /// Solves all steps up to the end of the analysis or stage.
+    ///
+    /// # Errors
+    /// As [`Stepper::step`].
+    pub(super) fn steps(&mut self, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
+        while (self.kernels.step)(self, observer)? {}
+        Ok(())
+    }
+
+    /// The last step in equilibrium, and the account of the run so far.
+    pub(super) fn into_reached(self) -> Reached {
+        self.reached
     }
 
     /// The step that follows the last one in equilibrium; `None` at the end of the analysis.
@@ -403,6 +420,21 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             });
         }
     }
+}
+
+/// Concludes the account of a run that has ended, and reports it.
+pub(super) fn finish<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    mut reached: Reached,
+    outcome: Result<(), SolveError>,
+    observer: &mut dyn Observer<D>,
+) -> Result<Summary, SolveError> {
+    let Summary { timings, quality, .. } = &mut reached.summary;
+    timings.measure(Phase::Update, || quality.conclude(model, points));
+    let finished = reached.summary;
+    let reported = observer.finished(model, points, &finished, outcome.as_ref().err());
+    outcome.and(reported.map_err(SolveError::Output)).map(|()| finished)
 }
 
 fn refused(term: &str, reason: &str) -> SolveError {

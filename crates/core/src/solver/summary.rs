@@ -16,6 +16,7 @@ use crate::timing::Timings;
 use super::control::Path;
 use super::diagnosis::Diagnosis;
 use super::pace::Pace;
+use super::stages::StageReached;
 
 /// The summary of a run up to its last step in equilibrium.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -40,6 +41,9 @@ pub struct Summary {
     pub pace: Pace,
     /// The position on the path, if the load factor is unknown.
     pub path: Path,
+    /// The present stage; `None` in the first one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stage: Option<StageReached>,
     /// The sparsity pattern that later steps may reuse.
     #[serde(default, serialize_with = "save_kept", deserialize_with = "load_kept")]
     pub kept: Option<Arc<Named>>,
@@ -75,6 +79,9 @@ pub struct Summary {
     pub regridding_work: f64,
     /// Work absorbed so far by the stabilisation of faces, and lost at the end of each step, [energy].
     pub stabilisation_work: f64,
+    /// Stored energy and plastic work of bodies that were added, less those of bodies that were removed, [energy].
+    #[serde(default)]
+    pub exchanged_energy: f64,
     /// Work absorbed so far by damped iterations between grids, [energy].
     #[serde(default)]
     pub damping_work: f64,
@@ -137,7 +144,7 @@ impl Reached {
         counts.iter().all(|count| *count < MOST_COUNTED)
             && 0.0 <= self.step.start
             && self.step.start < self.step.end
-            && self.step.end <= model.stepping.end_time
+            && self.step.end <= model.end_time()
             && self.summary.pace.is_valid()
             && self.summary.path.can_be_of::<D>()
             && self.summary.kept.as_ref().is_none_or(|kept| kept.can_be_of::<D>(model.grid.n_nodes()))
@@ -161,7 +168,7 @@ impl Summary {
     /// [-]: the error of the trapezoidal rule, which falls with the square of the step size.
     pub fn energy_error(&self) -> f64 {
         let work = self.external_work + self.regridding_work - self.stabilisation_work - self.damping_work;
-        let missing = work - self.strain_energy - self.plastic_work;
+        let missing = work + self.exchanged_energy - self.strain_energy - self.plastic_work;
         if self.gross_work > 0.0 { missing / self.gross_work } else { 0.0 }
     }
 

@@ -7,7 +7,10 @@ use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 
 use super::failure::{LoadNotFinite, PointFailure};
-use super::term::Term;
+use super::term::{NamedForce, Term};
+
+/// Name of the force that a stage releases.
+const RELEASED: &str = "released";
 
 /// The external force at a time.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,18 +38,39 @@ pub fn external_force<const D: usize>(
         .map(|(forces, resultants)| on_nodes(links, (&forces, resultants)))
 }
 
-/// The external force if all loads have the same factor, regardless of their curves.
+/// The external force of given factors of the loads.
 ///
 /// # Errors
 /// As [`external_force`].
-pub fn external_force_of_factor<const D: usize>(
+pub fn external_force_of_factors<const D: usize>(
     model: &Model<D>,
     points: &Points<D>,
     links: &Connectivity<D>,
-    factor: f64,
+    factor: impl Fn(&Load<D>) -> f64,
 ) -> Result<ExternalForce<D>, LoadNotFinite> {
-    forces_on_points(model, points, |_| factor)
-        .map(|(forces, resultants)| on_nodes(links, (&forces, resultants)))
+    forces_on_points(model, points, factor).map(|(forces, resultants)| on_nodes(links, (&forces, resultants)))
+}
+
+/// The forces released over the present stage that still act on the active nodes at a time, [force]; none if nothing is
+/// released.
+fn not_yet_released<const D: usize>(
+    model: &Model<D>,
+    links: &Connectivity<D>,
+    time: f64,
+) -> Option<Vec<[f64; D]>> {
+    let released = &model.present.released_forces;
+    if released.is_empty() {
+        return None;
+    }
+    let share = model.share_not_released(time);
+    let mut forces = vec![[0.0; D]; links.n_active()];
+    for (node, force) in released {
+        // A node without material carries nothing.
+        if let Some(active) = links.active_number(*node as usize) {
+            forces[active] = force.map(|f| share * f);
+        }
+    }
+    Some(forces)
 }
 
 /// Eq. (29) for the forces on the points, [force], that have these resultants.
@@ -121,9 +145,9 @@ fn forces_on_points<const D: usize>(
                 }
             }
             Action::PointForce { points: chosen, force } => {
-                let place = points.by_id();
-                for &id in chosen {
-                    add(place[id as usize], force.map(|f| factor * f));
+                let places = points.places();
+                for place in chosen.iter().filter_map(|&id| places.get(id as usize).copied().flatten()) {
+                    add(place, force.map(|f| factor * f));
                 }
             }
         }
@@ -139,18 +163,71 @@ pub struct ExternalForces<const D: usize> {
     /// In the state that the step starts from, on the nodes of this step, [force].
     start: Nodal<D>,
     resultants: Vec<[f64; D]>,
-    /// The force at load factor 1 if the factor follows from equilibrium, and its resultants.
-    unit: Option<(Nodal<D>, Vec<[f64; D]>)>,
+    /// The forces whose factor follows from equilibrium.
+    unknown: Option<Unknown<D>>,
+    /// Sum at the end of the step of the forces that the stage releases, [force]; none if it releases nothing.
+    released: Option<[f64; D]>,
+}
+
+/// Forces fixed + λ unit on the active nodes, and their resultants, [force].
+#[derive(Debug)]
+struct Unknown<const D: usize> {
+    /// The force at load factor 0: that of the state in which the stage begins. None if it is zero.
+    fixed: Option<ExternalForce<D>>,
+    unit: ExternalForce<D>,
 }
 
 impl<const D: usize> ExternalForces<D> {
     /// Sets the force for a load factor that follows from equilibrium.
     fn set_factor(&mut self, factor: f64) {
-        let Some((unit, resultants)) = &self.unit else { return };
-        for (force, unit) in self.end.iter_mut().flatten().zip(unit.iter().flatten()) {
+        let Some(Unknown { fixed, unit }) = &self.unknown else { return };
+        for (force, unit) in self.end.iter_mut().flatten().zip(unit.nodal.iter().flatten()) {
             *force = factor * unit;
         }
-        self.resultants = resultants.iter().map(|force| force.map(|f| factor * f)).collect();
+        self.resultants = unit.resultants.iter().map(|force| force.map(|f| factor * f)).collect();
+        if let Some(fixed) = fixed {
+            add(&mut self.end, &fixed.nodal);
+            add(&mut self.resultants, &fixed.resultants);
+        }
+    }
+
+    /// Sets up forces whose common factor follows from equilibrium: those of the loads that change in the stage.
+    fn begin_unknown(
+        &mut self,
+        context: &StepContext<D>,
+        points: &Points<D>,
+    ) -> Result<(), Box<LoadNotFinite>> {
+        let StepContext { model, links, factor, step } = *context;
+        let (from, to) = (model.stepping.start_time, model.stepping.end_time);
+        let of = |factor: &dyn Fn(&Load<D>) -> f64| external_force_of_factors(model, points, links, factor);
+        let stands = |load: &Load<D>| if from > 0.0 { load.curve.factor(from) } else { 0.0 };
+        let unit = of(&|load| load.curve.factor(to) - stands(load))?;
+        let mut fixed = None;
+        if model.loads.iter().any(|load| stands(load) != 0.0) {
+            fixed = Some(of(&stands)?);
+        }
+        if let Some(forces) = not_yet_released(model, links, step.end) {
+            let none =
+                || ExternalForce { nodal: vec![[0.0; D]; forces.len()], resultants: unit.resultants.clone() };
+            let fixed = fixed.get_or_insert_with(|| {
+                let mut none = none();
+                none.resultants.fill([0.0; D]);
+                none
+            });
+            add(&mut fixed.nodal, &forces);
+        }
+        self.end = vec![[0.0; D]; unit.nodal.len()];
+        self.unknown = Some(Unknown { fixed, unit });
+        self.set_factor(factor);
+        self.start = self.end.clone();
+        if let (Some(before), Some(now)) =
+            (not_yet_released(model, links, step.start), not_yet_released(model, links, step.end))
+        {
+            for (start, (before, now)) in self.start.iter_mut().zip(before.iter().zip(&now)) {
+                (0..D).for_each(|d| start[d] += before[d] - now[d]);
+            }
+        }
+        Ok(())
     }
 }
 
@@ -164,21 +241,23 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
     }
 
     fn begin(&mut self, context: &StepContext<D>, points: &Points<D>) -> Result<(), Box<LoadNotFinite>> {
-        let StepContext { model, links, step, factor } = *context;
+        let StepContext { model, links, step, .. } = *context;
+        self.released = not_yet_released(model, links, step.end).map(|forces| {
+            forces.iter().fold([0.0; D], |sum, force| std::array::from_fn(|d| sum[d] + force[d]))
+        });
         if model.stepping.control != Control::Load {
-            let ExternalForce { nodal: unit, resultants } =
-                external_force_of_factor(model, points, links, 1.0)?;
-            self.end = vec![[0.0; D]; unit.len()];
-            self.unit = Some((unit, resultants));
-            self.set_factor(factor);
-            self.start = self.end.clone();
-            return Ok(());
+            return self.begin_unknown(context, points);
         }
         let load = |time| external_force(model, points, links, time); // (24), (25), (29)
         let ExternalForce { nodal, resultants } = load(step.end)?;
         // Nothing is loaded yet at time 0, whatever the values of the curves.
         self.start = if step.start > 0.0 { load(step.start)?.nodal } else { vec![[0.0; D]; nodal.len()] };
-        (self.end, self.resultants, self.unit) = (nodal, resultants, None);
+        (self.end, self.resultants, self.unknown) = (nodal, resultants, None);
+        for (forces, time) in [(&mut self.start, step.start), (&mut self.end, step.end)] {
+            if let Some(released) = not_yet_released(model, links, time) {
+                add(forces, &released);
+            }
+        }
         Ok(())
     }
 
@@ -192,14 +271,18 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
     ) -> Result<(), PointFailure> {
         self.set_factor(at.factor);
         add(&mut sum.external, &self.end);
-        if let Some((unit, _)) = &self.unit {
-            sum.add_per_factor(unit);
+        if let Some(Unknown { unit, .. }) = &self.unknown {
+            sum.add_per_factor(&unit.nodal);
         }
         Ok(())
     }
 
     fn force_at_start(&self, force: &mut Nodal<N>) {
         add(force, &self.start);
+    }
+
+    fn named_forces(&self) -> Vec<NamedForce<D>> {
+        self.released.map(|force| NamedForce { name: RELEASED.to_owned(), force }).into_iter().collect()
     }
 
     fn add_resultants(&self, sum: &mut [[f64; D]]) {

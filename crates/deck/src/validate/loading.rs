@@ -143,7 +143,7 @@ impl Check<'_> {
                 self.error("D022", &format!("{pointer}/{}/0", index + 1), message, help);
             }
         }
-        let end_time = self.deck.steps.end_time;
+        let end_time = self.deck.end_time();
         if let Some([first, _]) = pairs.first()
             && *first > 0.0
         {

@@ -67,9 +67,10 @@ impl Check<'_> {
         let formulas =
             at_nodes(condition.displacements(), &condition.intermediate, &self.deck.parameters, D).ok()?;
         let displacement: Vec<Formula> = formulas.into_iter().take(D).collect::<Option<_>>()?;
-        let end = self.deck.steps.end_time;
+        let Some(steps) = &self.deck.steps else { return None };
+        let end = steps.end_time;
         let curve = load_curve(condition.curve.as_ref(), end);
-        let steps = self.deck.steps.count.min(MOST_STEPS);
+        let steps = steps.count.min(MOST_STEPS);
         let mut motion = MeanMotion::<D>::new(&extent);
         let mut largest = f64::NEG_INFINITY;
         let mut reached = None;

@@ -3,7 +3,7 @@
 use super::Check;
 use crate::formulas::Displacement;
 use crate::quoting::{list, quote};
-use crate::{ControlDeck, Expression, GridDeck};
+use crate::{ControlDeck, Expression, GridDeck, StageDeck};
 use mpm_core::formula::names;
 
 /// A displacement below this share of the grid size is round-off, [-].
@@ -13,12 +13,22 @@ impl Check<'_> {
     /// Checks displacement and arc-length control: all loads must share one factor, and boundary conditions must not
     /// move nodes.
     pub(super) fn control(&mut self) {
+        for (number, (pointer, steps)) in self.deck.courses().into_iter().enumerate() {
+            if !matches!(steps.control, ControlDeck::Load {}) {
+                self.quantity(&format!("{pointer}/control"), &steps.control);
+                self.common_factor(&format!("{pointer}/control"), self.deck.stages.get(number));
+            }
+        }
+    }
+
+    /// Checks the quantity that a control prescribes.
+    fn quantity(&mut self, pointer: &str, control: &ControlDeck) {
         let deck = self.deck;
-        match &deck.steps.control {
-            ControlDeck::Load {} => return,
+        match control {
+            ControlDeck::Load {} => {}
             ControlDeck::Displacement { probe, axis, to } => {
                 if *axis as usize >= deck.dimensions() {
-                    self.of_other_dimension("/steps/control/axis", "the axis `z`", 3);
+                    self.of_other_dimension(&format!("{pointer}/axis"), "the axis `z`", 3);
                 }
                 let probes: Vec<&str> = deck.output.probes.iter().map(|probe| probe.name.as_str()).collect();
                 if !probes.contains(&probe.as_str()) {
@@ -28,7 +38,7 @@ impl Check<'_> {
                     } else {
                         format!("the probes are {}", list(probes))
                     };
-                    self.error("D049", "/steps/control/probe", message, help);
+                    self.error("D049", &format!("{pointer}/probe"), message, help);
                 }
                 let extent = match &deck.grid {
                     GridDeck::Structured { size, .. } => size.iter().fold(0.0f64, |most, l| most.max(*l)),
@@ -37,15 +47,26 @@ impl Check<'_> {
                 if to.abs() <= LEAST * extent {
                     let message = format!("a displacement of {to} does not determine the load factor");
                     let help = "give the displacement at the end, other than 0";
-                    self.error("D049", "/steps/control/to", message, help);
+                    self.error("D049", &format!("{pointer}/to"), message, help);
                 }
             }
             ControlDeck::ArcLength { .. } => {}
         }
-        if deck.loads.iter().all(|load| load.magnitude().1) {
+    }
+
+    /// Checks that the loads of an analysis, or of a stage, can share an unknown factor.
+    fn common_factor(&mut self, control: &str, stage: Option<&StageDeck>) {
+        let deck = self.deck;
+        let changes = |name: &str| stage.is_none_or(|stage| stage.factors.contains_key(name));
+        if deck.loads.iter().filter(|load| changes(load.name())).all(|load| load.magnitude().1) {
             let message = "there is no load other than zero whose factor could be found";
-            let help = "add a load under `loads`, or prescribe the load factor (`control: {type: load}`)";
-            self.error("D049", "/steps/control", message, help);
+            let help = match stage {
+                None => "add a load under `loads`, or prescribe the load factor (`control: {type: load}`)",
+                Some(_) => {
+                    "name a load under `factors`, or prescribe the load factor (`control: {type: load}`)"
+                }
+            };
+            self.error("D049", control, message, help);
         }
         for (number, load) in deck.loads.iter().enumerate() {
             let pointer = format!("/loads/{number}");
@@ -67,7 +88,8 @@ impl Check<'_> {
                 self.error("D049", &key, message, "write it at load factor 1");
             }
         }
-        for (number, condition) in deck.boundary_conditions.iter().enumerate() {
+        let moving = deck.boundary_conditions.iter().enumerate();
+        for (number, condition) in moving.filter(|(_, c)| changes(&c.name) || c.curve.is_some()) {
             for Displacement { key, value, .. } in condition.displacements() {
                 if !value.is_zero() {
                     let message = format!(

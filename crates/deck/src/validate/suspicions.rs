@@ -43,7 +43,9 @@ impl Check<'_> {
     /// Warns of materials and parameters that nothing refers to.
     fn unused(&mut self) {
         let deck = self.deck;
-        let used: BTreeSet<&str> = deck.bodies.iter().map(|body| body.material.as_str()).collect();
+        let in_stages = deck.stages.iter().flat_map(|stage| stage.material.values().map(String::as_str));
+        let used: BTreeSet<&str> =
+            deck.bodies.iter().map(|body| body.material.as_str()).chain(in_stages).collect();
         for name in deck.materials.keys().filter(|name| !used.contains(name.as_str())) {
             let message = format!("no body uses the material {}", quote(name));
             self.warn_at_key("D037", &format!("/materials/{}", escape(name)), message, "remove it");
@@ -107,7 +109,7 @@ impl Check<'_> {
     /// True if a load curve is zero throughout the analysis.
     fn stays_zero(&self, curve: Option<&LoadCurve>) -> bool {
         curve.is_some_and(|LoadCurve(pairs)| {
-            let end = self.deck.steps.end_time;
+            let end = self.deck.end_time();
             // The pair after the end matters unless one lies at the end itself.
             let after = pairs.iter().position(|pair| pair[0] >= end).map_or(pairs.len(), |last| last + 1);
             pairs[..after].iter().all(|pair| pair[1] == 0.0)

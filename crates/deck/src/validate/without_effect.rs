@@ -72,7 +72,8 @@ impl Check<'_> {
     }
 
     fn predictor_without_effect(&mut self) {
-        let control = match &self.deck.steps.control {
+        let Some(steps) = &self.deck.steps else { return };
+        let control = match &steps.control {
             ControlDeck::Load {} => return,
             ControlDeck::Displacement { .. } => "displacement",
             ControlDeck::ArcLength { .. } => "arc-length",
@@ -86,7 +87,7 @@ impl Check<'_> {
     }
 
     fn damping_without_effect(&mut self) {
-        let steps = &self.deck.steps;
+        let Some(steps) = &self.deck.steps else { return };
         let (because, other) = match steps.control {
             ControlDeck::Load {} if steps.smallest < 1.0 => return,
             ControlDeck::Load {} => {

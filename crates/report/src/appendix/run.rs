@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use mpm_deck::load::load_text;
-use mpm_deck::{ControlDeck, Deck, Parameter};
+use mpm_deck::{ControlDeck, Deck, Parameter, StepsDeck};
 use mpm_files::series::{self, DataSet};
 use mpm_files::status;
 use mpm_files::table::Columns;
@@ -188,7 +188,8 @@ impl Run {
     /// True if all loads grow in proportion to time, so that time divided by end time is the load factor.
     pub fn is_ramp(&self) -> bool {
         let Some(deck) = &self.deck else { return false };
-        if !matches!(deck.steps.control, ControlDeck::Load {}) {
+        let is_load_control = |steps: &StepsDeck| matches!(steps.control, ControlDeck::Load {});
+        if !deck.steps.as_ref().is_some_and(is_load_control) {
             return false;
         }
         deck.loads.iter().all(|load| load.curve().is_none())
@@ -207,7 +208,7 @@ impl Run {
 
     /// Time at the end of the analysis, [time].
     pub fn end_time(&self) -> Option<f64> {
-        self.deck.as_ref().map(|deck| deck.steps.end_time)
+        self.deck.as_ref().map(Deck::end_time)
     }
 
     /// The residuals of the last attempt at every step that was begun, the first being that before the first solve.

@@ -30,7 +30,7 @@ pub(super) fn state_in_words(state: &State) -> &'static str {
 
 /// The number of load steps in equilibrium, and the number requested.
 pub(super) fn steps_in_words(run: &Run) -> String {
-    let wanted = run.number("/steps_requested").or_else(|| Some(f64::from(run.deck.as_ref()?.steps.count)));
+    let wanted = run.number("/steps_requested").or_else(|| Some(run.deck.as_ref()?.step_count() as f64));
     match wanted {
         Some(wanted) => format!("{} of {}", run.steps(), html(wanted, 9)),
         None => run.steps().to_string(),

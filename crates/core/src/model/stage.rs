@@ -1,0 +1,135 @@
+//! Stages: an analysis whose bodies, materials, boundary conditions and loads change on the way.
+
+use serde::{Deserialize, Serialize};
+
+use crate::points::Points;
+
+use super::{Control, Load, LoadCurve, Model, Newton, Stepping};
+
+/// A stage of an analysis: the changes at its beginning, and its load steps.
+#[derive(Debug, Clone)]
+pub struct Stage<const D: usize> {
+    /// Name.
+    pub name: String,
+    /// Its load steps; it starts where the stage before ends.
+    pub stepping: Stepping,
+    /// Control of its Newton iterations.
+    pub newton: Newton,
+    /// Number of requested steps from one set of files to the next, if it differs from that of the run.
+    pub every: Option<usize>,
+    /// The course of the factor of each load of the model.
+    pub loads: Vec<Course>,
+    /// The course of the factor of each boundary condition.
+    pub boundary_conditions: Vec<Course>,
+    /// Boundary conditions that no longer act. What they carried is released over the stage.
+    pub released: Vec<usize>,
+    /// Boundary conditions that act again, or for the first time.
+    pub set: Vec<usize>,
+    /// The points of bodies that are added: undeformed, at their original place.
+    pub added: Points<D>,
+    /// Bodies whose points are removed. What they carried is released over the stage.
+    pub removed: Vec<usize>,
+    /// Bodies that get another material, and its number. Their stress stays.
+    pub materials: Vec<(usize, usize)>,
+    /// True if the displacements are set to zero at the end.
+    pub resets_displacement: bool,
+}
+
+/// The course of a factor over a stage.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Course {
+    /// It stays where it stands.
+    Stays,
+    /// It reaches this value at the end, linearly from where it stands.
+    Reaches(f64),
+    /// It follows a curve over the time of the whole analysis.
+    Own,
+}
+
+impl Course {
+    /// Replaces the curve of a factor that stands at a value as the stage begins.
+    fn draw(self, curve: &mut LoadCurve, stepping: &Stepping, stands: f64) {
+        let times = [stepping.start_time, stepping.end_time];
+        match self {
+            Course::Own => (),
+            Course::Stays => *curve = LoadCurve::line(times, [stands; 2]),
+            Course::Reaches(to) => *curve = LoadCurve::line(times, [stands, to]),
+        }
+    }
+}
+
+/// The factors of the loads and of the boundary conditions at a time, [-].
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Factors {
+    /// Those of the loads.
+    pub loads: Vec<f64>,
+    /// Those of the boundary conditions.
+    pub boundary_conditions: Vec<f64>,
+}
+
+impl<const D: usize> Model<D> {
+    /// The factors at the end of the present stage, if `unknown` is the load factor found in it, where that follows from
+    /// equilibrium.
+    pub fn factors_at_end(&self, unknown: f64) -> Factors {
+        let Stepping { start_time, end_time, .. } = self.stepping;
+        let reached = |load: &Load<D>| match self.stepping.control {
+            Control::Load => load.curve.factor(end_time),
+            _ => {
+                let stood = load.curve.factor(start_time);
+                stood + unknown * (load.curve.factor(end_time) - stood)
+            }
+        };
+        Factors {
+            loads: self.loads.iter().map(reached).collect(),
+            boundary_conditions: self.boundary_conditions.iter().map(|c| c.curve.factor(end_time)).collect(),
+        }
+    }
+
+    /// Makes the load steps, the courses of the factors, the conditions and the materials those of a stage that begins with
+    /// these factors.
+    pub fn begin_stage(&mut self, number: usize, stands: &Factors) {
+        let Some(stage) = self.stages.get(number) else { return };
+        let Stage { stepping, newton, loads, boundary_conditions, .. } = stage;
+        (self.stepping, self.newton) = (stepping.clone(), *newton);
+        for ((load, course), stands) in self.loads.iter_mut().zip(loads).zip(&stands.loads) {
+            course.draw(&mut load.curve, stepping, *stands);
+        }
+        let conditions = self.boundary_conditions.iter_mut().zip(boundary_conditions);
+        for ((condition, course), stands) in conditions.zip(&stands.boundary_conditions) {
+            course.draw(&mut condition.curve, stepping, *stands);
+        }
+        self.present.is_released.resize(self.boundary_conditions.len(), false);
+        stage.released.iter().for_each(|&released| self.present.is_released[released] = true);
+        stage.set.iter().for_each(|&set| self.present.is_released[set] = false);
+        for &(body, material) in &stage.materials {
+            self.bodies[body].material = material;
+        }
+        self.present.stage = number;
+        self.present.released_forces.clear();
+    }
+
+    /// Time at the end of the analysis, [time].
+    pub fn end_time(&self) -> f64 {
+        self.stages.last().map_or(self.stepping.end_time, |stage| stage.stepping.end_time)
+    }
+
+    /// Number of requested steps of the analysis.
+    pub fn steps_requested(&self) -> usize {
+        if self.stages.is_empty() {
+            return self.stepping.count;
+        }
+        self.stages.iter().map(|stage| stage.stepping.count).sum()
+    }
+}
+
+/// The state of a model in its present stage.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Present<const D: usize> {
+    /// Number of the stage, from 0.
+    pub stage: usize,
+    /// For each boundary condition, true if it does not act; empty if all of them act.
+    pub is_released: Vec<bool>,
+    /// Grid nodes and the forces on them that keep the equilibrium as the stage begins, [force]. They decrease to zero,
+    /// linearly over the stage.
+    pub released_forces: Vec<(u32, [f64; D])>,
+}

@@ -1,0 +1,146 @@
+//! The load steps of an analysis or of its stages, and the points of bodies that stages add.
+
+use super::Builder;
+use crate::region::OfDeck;
+use crate::{ControlDeck, LoadDeck, Reset, SolverDeck, StageDeck, StepsDeck};
+use mpm_core::model::{Control, Course, Factors, LoadCurve, Model, Newton, Stage, Stepping};
+use mpm_core::points::Points;
+use mpm_core::region::Region;
+
+/// The control of the iterations of a deck.
+pub(super) fn newton(solver: &SolverDeck) -> Newton {
+    Newton {
+        tolerance: solver.tolerance,
+        max_iterations: solver.max_iterations as usize,
+        linear: solver.linear,
+        predictor: solver.predictor,
+        tangent: solver.tangent,
+        pattern: solver.pattern,
+    }
+}
+
+impl<const D: usize> Builder<'_, D>
+where
+    Region<D>: OfDeck<D>,
+{
+    /// Load steps that begin at a time, with files after every `every` steps.
+    pub(super) fn stepping(
+        &self,
+        steps: &StepsDeck,
+        start_time: f64,
+        every: u32,
+        curves: &[&LoadCurve],
+    ) -> Stepping {
+        let StepsDeck { count, end_time: duration, smallest, damping, largest, ref control } = *steps;
+        let end_time = start_time + duration;
+        let mut stepping = Stepping {
+            start_time,
+            smallest,
+            damping,
+            largest,
+            stops: every.max(1) as usize,
+            control: match control {
+                ControlDeck::Load {} => Control::Load,
+                ControlDeck::ArcLength { length } => Control::ArcLength { length: *length },
+                ControlDeck::Displacement { probe, axis, to } => Control::Displacement {
+                    probe: self.deck.output.probes.iter().position(|p| p.name == *probe).unwrap_or(0),
+                    axis: *axis as usize,
+                    to: *to,
+                },
+            },
+            ..Stepping::fixed(count as usize, end_time)
+        };
+        // Without intermediate output, steps may grow freely.
+        if every == 0 {
+            stepping.stops = stepping.count;
+        }
+        let between = |t: &f64| *t > start_time && *t < end_time;
+        // Times at the end of a requested step equal it to the last bit.
+        let of_step = |t: f64| stepping.requested(t).map_or(t, |step| stepping.time(step));
+        let mut knots: Vec<f64> =
+            curves.iter().flat_map(|c| c.knots()).filter(between).map(of_step).collect();
+        knots.sort_by(f64::total_cmp);
+        knots.dedup();
+        Stepping { knots, ..stepping }
+    }
+
+    /// Adds the stages of the deck to a model, and takes the points of bodies that are not there at the start out of `points`.
+    pub(super) fn divide(&mut self, model: &mut Model<D>, points: &mut Points<D>) {
+        let deck = self.deck;
+        let resets = |stage: &StageDeck| {
+            stage.then.as_ref().is_some_and(|then| then.reset.contains(&Reset::Displacement))
+        };
+        if deck.stages.iter().any(resets)
+            && let Err(error) = points.prepare_resets()
+        {
+            self.error("D053", "/stages", error.to_string(), "remove `reset`".to_owned());
+        }
+        let mut start_time = 0.0;
+        for stage in &deck.stages {
+            let (loads, boundary_conditions) = self.courses_of(stage);
+            let own = |courses: &[Course], k: usize| courses[k] == Course::Own;
+            let curves: Vec<&LoadCurve> = (model.loads.iter().enumerate())
+                .filter(|(k, _)| own(&loads, *k))
+                .map(|(_, load)| &load.curve)
+                .chain(
+                    (model.boundary_conditions.iter().enumerate())
+                        .filter(|(k, _)| own(&boundary_conditions, *k))
+                        .map(|(_, condition)| &condition.curve),
+                )
+                .collect();
+            let every = stage.every.unwrap_or(deck.output.every);
+            let stepping = self.stepping(&stage.steps, start_time, every, &curves);
+            start_time = stepping.end_time;
+            let mut added = points.clone();
+            let to_add: Vec<usize> = stage.add.iter().map(|name| self.body_number(name)).collect();
+            added.retain_bodies(|body| to_add.contains(&body));
+            let condition = |name: &String| {
+                deck.boundary_conditions.iter().position(|condition| condition.name == *name).unwrap_or(0)
+            };
+            let material = |name: &String| deck.materials.keys().position(|other| other == name).unwrap_or(0);
+            model.stages.push(Stage {
+                name: stage.name.clone(),
+                stepping,
+                newton: newton(stage.solver.as_ref().unwrap_or(&deck.solver)),
+                every: stage.every.map(|every| every as usize),
+                loads,
+                boundary_conditions,
+                released: stage.release.iter().map(condition).collect(),
+                set: stage.set.iter().map(condition).collect(),
+                added,
+                removed: stage.remove.iter().map(|name| self.body_number(name)).collect(),
+                materials: (stage.material.iter())
+                    .map(|(body, name)| (self.body_number(body), material(name)))
+                    .collect(),
+                resets_displacement: resets(stage),
+            });
+        }
+        if model.stages.is_empty() {
+            return;
+        }
+        let is_there = |body: usize| {
+            deck.is_there_at_start(&deck.bodies[body].name, |stage| &stage.add, |stage| &stage.remove)
+        };
+        points.retain_bodies(is_there);
+        let acts = |name: &str| deck.is_there_at_start(name, |stage| &stage.set, |stage| &stage.release);
+        model.present.is_released = deck.boundary_conditions.iter().map(|c| !acts(&c.name)).collect();
+        let stands = Factors {
+            loads: vec![0.0; model.loads.len()],
+            boundary_conditions: vec![0.0; model.boundary_conditions.len()],
+        };
+        model.begin_stage(0, &stands);
+    }
+
+    /// The courses of the factors of all loads and boundary conditions in a stage.
+    fn courses_of(&self, stage: &StageDeck) -> (Vec<Course>, Vec<Course>) {
+        let course = |name: &str, has_curve: bool| match stage.factors.get(name) {
+            Some(factor) => Course::Reaches(*factor),
+            None if has_curve => Course::Own,
+            None => Course::Stays,
+        };
+        let of_load = |load: &LoadDeck| course(load.name(), load.curve().is_some());
+        let loads = self.deck.loads.iter().map(of_load).collect();
+        let conditions = self.deck.boundary_conditions.iter().map(|c| course(&c.name, c.curve.is_some()));
+        (loads, conditions.collect())
+    }
+}

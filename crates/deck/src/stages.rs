@@ -1,0 +1,108 @@
+//! The stages of a deck.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Deck, SolverDeck, StepsDeck};
+
+/// A stage of an analysis. It begins in the state in which the stage before it ends, and names only what changes. What removed
+/// bodies, released boundary conditions and exchanged materials carried is released over the stage, and the weight of added
+/// bodies grows over it, in proportion to time, so that every step is in equilibrium.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StageDeck {
+    /// Name, unique among the stages.
+    pub name: String,
+    /// Its load steps; `end_time` is the duration of the stage, and `to` and `length` of a control are reached within it.
+    pub steps: StepsDeck,
+    /// Factors that loads and prescribed displacements reach at the end, by their names, linearly from where they stand (0
+    /// before the first stage). Others stay where they stand, unless they have a `curve`. With a control other than load, the
+    /// loads named here are those whose common factor follows from equilibrium: 1 stands for the values given here.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(extend("examples" = [{"weight": 1}]))]
+    pub factors: BTreeMap<String, f64>,
+    /// Names of bodies that are added: free of strain, at the place of their shape. A body that a stage adds before any removes
+    /// it is absent from the start.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(extend("examples" = [["wall"]]))]
+    pub add: Vec<String>,
+    /// Names of bodies that are removed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(extend("examples" = [["pit"]]))]
+    pub remove: Vec<String>,
+    /// Names of boundary conditions that no longer act.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(extend("examples" = [["prop"]]))]
+    pub release: Vec<String>,
+    /// Names of boundary conditions that begin to act. One that a stage sets before any releases it does not act from the
+    /// start.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(extend("examples" = [["prop"]]))]
+    pub set: Vec<String>,
+    /// Names of bodies, each with the name of its new material. The elastic strain of the points stays.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(extend("examples" = [{"ground": "clay_undrained"}]))]
+    pub material: BTreeMap<String, String>,
+    /// Control of its Newton iterations, in place of `solver` of the deck.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub solver: Option<SolverDeck>,
+    /// Number of load steps from one set of VTU files to the next, in place of `output: {every: ...}`; the last step of a stage
+    /// is always written.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 10_000_000), extend("examples" = [5]))]
+    pub every: Option<u32>,
+    /// Changes at its end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub then: Option<ThenDeck>,
+}
+
+/// Changes at the end of a stage.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ThenDeck {
+    /// Quantities of the points that are set to zero.
+    #[schemars(extend("examples" = [["displacement"]]))]
+    pub reset: Vec<Reset>,
+}
+
+/// A quantity that can be set to zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Reset {
+    /// The displacement in files, probes and reports. Formulas still know the original position.
+    Displacement,
+}
+
+impl Deck {
+    /// The load steps: those of the only stage, or of each of the stages, with their places in the deck.
+    pub fn courses(&self) -> Vec<(String, &StepsDeck)> {
+        let only = self.steps.iter().map(|steps| ("/steps".to_owned(), steps));
+        let stages = self.stages.iter().enumerate();
+        only.chain(stages.map(|(number, stage)| (format!("/stages/{number}/steps"), &stage.steps))).collect()
+    }
+
+    /// Time at the end of the analysis, [time].
+    pub fn end_time(&self) -> f64 {
+        self.courses().iter().map(|(_, steps)| steps.end_time).sum()
+    }
+
+    /// Number of requested load steps.
+    pub fn step_count(&self) -> usize {
+        self.courses().iter().map(|(_, steps)| steps.count as usize).sum()
+    }
+
+    /// True if a body is there before the first stage, or a boundary condition acts: what comes first, by `begins` or by
+    /// `ends`, decides.
+    pub(crate) fn is_there_at_start(
+        &self,
+        name: &str,
+        begins: impl Fn(&StageDeck) -> &Vec<String>,
+        ends: impl Fn(&StageDeck) -> &Vec<String>,
+    ) -> bool {
+        let names = |list: &Vec<String>| list.iter().any(|other| other == name);
+        let first = self.stages.iter().find(|stage| names(begins(stage)) || names(ends(stage)));
+        first.is_none_or(|stage| !names(begins(stage)) || names(ends(stage)))
+    }
+}

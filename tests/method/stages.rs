@@ -1,0 +1,170 @@
+//! Stages: bodies that come and go, conditions that are set and released, factors that go on where they stand.
+
+use mpm::deck::build::build;
+use mpm::deck::load::load_text;
+use mpm::model::Model;
+use mpm::points::{PointArray, Points};
+use mpm::solver::{Observer, Reached, StepReport, Summary, run_stages};
+
+/// Keeps the positions of the points, in permanent order, and the report of every step.
+#[derive(Default)]
+struct Every {
+    positions: Vec<Vec<f64>>,
+    reports: Vec<StepReport<2>>,
+}
+
+impl Observer<2> for Every {
+    fn converged(
+        &mut self,
+        _: &Model<2>,
+        points: &Points<2>,
+        report: &StepReport<2>,
+        _: &Summary,
+    ) -> std::io::Result<()> {
+        self.positions.push(points.array(PointArray::Position).values);
+        self.reports.push(report.clone());
+        Ok(())
+    }
+}
+
+struct Run {
+    model: Model<2>,
+    points: Points<2>,
+    every: Every,
+    summary: Summary,
+}
+
+fn run(text: &str) -> Run {
+    let (mut model, mut points) = build(&load_text("stages.yaml", text.as_bytes(), &[]).unwrap()).unwrap();
+    let mut every = Every::default();
+    let reached = Reached::nothing(&points);
+    let summary = run_stages(&mut model, &mut points, reached, &mut every).unwrap();
+    Run { model, points, every, summary }
+}
+
+fn farthest(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// A column of `ground`, 6 m high, with 4 m of `pit` on top, under its own weight.
+fn column(ground: &str, pit: &str, method: &str, h: f64, steps: &str) -> String {
+    format!(
+        "
+version: 1
+grid: {{type: structured, origin: [0, 0], size: [1, 12], spacing: [1, {h}]}}
+materials:
+  ground: {ground}
+  pit: {pit}
+bodies:
+  - {{name: ground, material: ground, method: {method}, points_per_cell: 2, shape: {{type: box, min: [0, 0], max: [1, 6]}}}}
+  - {{name: pit, material: pit, method: {method}, points_per_cell: 2, shape: {{type: box, min: [0, 6], max: [1, 10]}}}}
+boundary_conditions:
+  - {{name: sides, nodes: {{box: {{min: [0, 0], max: [1, 12]}}}}, fix: [x]}}
+  - {{name: floor, nodes: {{y: 0}}, fix: [y]}}
+loads:
+  - {{name: weight, type: gravity, acceleration: [0, -10]}}
+solver: {{tolerance: 1e-12}}
+{steps}
+"
+    )
+}
+
+const CLAY: &str = "{model: hencky, young: 1e6, poisson: 0.3, density: 1800}";
+
+#[test]
+fn two_stages_that_add_up_to_one_give_the_same_answer() {
+    for method in ["mpm", "gimp", "cpdi2"] {
+        let one = run(&column(CLAY, CLAY, method, 1.0, "steps: {count: 8}"));
+        let halves = "stages:
+  - {name: a, steps: {count: 4}, factors: {weight: 0.5}}
+  - {name: b, steps: {count: 4, end_time: 2}, factors: {weight: 1}}";
+        let two = run(&column(CLAY, CLAY, method, 1.0, halves));
+        let difference = farthest(one.every.positions.last().unwrap(), two.every.positions.last().unwrap());
+        assert!(difference < 1e-12 * 10.0, "{method}: {difference:e}");
+        assert_eq!(two.summary.steps, 8);
+        assert_eq!(two.every.reports.last().unwrap().step.end, 3.0);
+    }
+}
+
+/// Without weight of its own, an elastic column that was compressed by a body on it comes back when that is removed.
+#[test]
+fn an_elastic_column_comes_back_when_its_load_is_dug_away() {
+    let light = "{model: hencky, young: 1e6, poisson: 0.3, density: 0}";
+    for method in ["mpm", "gimp", "cpdi2"] {
+        let stages = "stages:
+  - {name: weight, steps: {count: 4}, factors: {weight: 1}}
+  - {name: dig, remove: [pit], steps: {count: 4}}";
+        let Run { model, points, every, summary } = run(&column(light, CLAY, method, 1.0, stages));
+        let floor = |step: usize| every.reports[step].reactions[1][1];
+        let weight = 1800.0 * 10.0 * 4.0;
+        assert!((floor(3) / weight - 1.0).abs() < 1e-9, "{}", floor(3));
+        for step in 4..8 {
+            let share = (7 - step) as f64 / 4.0;
+            let error = (floor(step) / weight - share).abs();
+            println!("{method}: share {share} of the weight, error {error:e}");
+            // Points that have left the places where they integrate the stress exactly carry another force on a fresh grid.
+            let most = if method == "mpm" { 0.02 } else { 1e-3 };
+            assert!(error < most, "{method}, {step}: {}", floor(step));
+        }
+        assert_eq!(points.len(), model.stages[0].stepping.count * 6, "4 points in each of 6 cells");
+        let moved = points.array(PointArray::Displacement).values;
+        let stress = points.array(PointArray::CauchyStress).values;
+        let largest = |values: &[f64]| values.iter().fold(0.0f64, |most, value| most.max(value.abs()));
+        println!("{method}: displacement {:e}, stress {:e}", largest(&moved), largest(&stress));
+        assert!(largest(&stress) < 1e-8 * weight, "{method}: {:e}", largest(&stress));
+        // A stress-free state can be reached with points that no longer line up: half a percent of the compression.
+        assert!(largest(&moved) < 2e-3, "{method}: {:e}", largest(&moved));
+        assert!(summary.energy_error().abs() < 0.1, "{}", summary.energy_error());
+    }
+}
+
+/// Digging 4 m of a stiff column of 10 m: the heave of the new surface is γ·4 m·6 m/E_oed, with an error of the order of the
+/// strain, and the stress at the base is that of 6 m.
+#[test]
+fn the_heave_of_a_stiff_column_is_that_of_small_strains() {
+    for young in [1e8, 1e9] {
+        let clay = format!("{{model: hencky, young: {young}, poisson: 0.3, density: 1800}}");
+        let stages = "stages:
+  - {name: weight, steps: {count: 1}, factors: {weight: 1}, then: {reset: [displacement]}}
+  - {name: dig, remove: [pit], steps: {count: 2}}";
+        let Run { points, every, .. } = run(&column(&clay, &clay, "gimp", 0.5, stages));
+        let oedometric = young * 0.7 / (1.3 * 0.4);
+        let heave = 18e3 * 4.0 * 6.0 / oedometric;
+        // The uppermost points are an eighth of a cell below the surface: 0.125 m.
+        let moved = points.array(PointArray::Displacement).values;
+        let top = moved.iter().skip(1).step_by(2).fold(0.0f64, |most, u| most.max(*u));
+        let below = 18e3 * 4.0 * 5.875 / oedometric;
+        let (error, strain) = ((top / below - 1.0).abs(), 18e3 * 10.0 / oedometric);
+        println!("E = {young:e}: error {error:e}, strain {strain:e}");
+        assert!(error < 2.0 * strain, "{error:e}");
+        let base = every.reports[2].reactions[1][1];
+        assert!((base / (18e3 * 6.0) - 1.0).abs() < 1e-9, "{base}");
+        assert!(top < heave);
+    }
+}
+
+/// A prop that is released gives way in proportion to time, and a body that is added gains its weight likewise.
+#[test]
+fn what_a_stage_releases_and_adds_changes_in_proportion_to_time() {
+    let stiff = "{model: hencky, young: 1e9, poisson: 0, density: 1800}";
+    let stages = "stages:
+  - {name: prop, steps: {count: 1}, factors: {weight: 1}}
+  - {name: release, steps: {count: 4}, release: [prop]}
+  - {name: fill, steps: {count: 4}, add: [pit]}
+  - {name: prop, steps: {count: 1}, set: [prop]}";
+    let stages = &stages.replacen("name: prop", "name: begin", 1);
+    let deck = column(stiff, stiff, "mpm", 1.0, stages)
+        .replace("loads:", "  - {name: prop, nodes: {y: 6}, fix: [y]}\nloads:");
+    let Run { every, .. } = run(&deck);
+    let floor: Vec<f64> = every.reports.iter().map(|report| report.reactions[1][1]).collect();
+    let (half, whole) = (floor[0], 18e3 * 6.0);
+    assert!(half < 0.6 * whole);
+    for k in 1..=4 {
+        let expected = half + (whole - half) * k as f64 / 4.0;
+        // The strains are 10⁻⁴.
+        assert!((floor[k] / expected - 1.0).abs() < 1e-4, "{floor:?}");
+        let filled = whole + 18e3 * 4.0 * k as f64 / 4.0;
+        assert!((floor[4 + k] / filled - 1.0).abs() < 1e-4, "{floor:?}");
+    }
+}
