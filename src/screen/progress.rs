@@ -12,8 +12,10 @@ use mpm::output::checkpoint::Checkpoint;
 use mpm::output::results::Results;
 use mpm::output::status::{Progress, Status, StatusFile};
 use mpm::output::summary::Start;
-use mpm::points::Points;
-use mpm::solver::{Diagnosis, FailedAttempt, Observer, Reached, SolveError, Step, StepReport, Summary};
+use mpm::points::{Points, coordinates};
+use mpm::solver::{
+    Diagnosis, FailedAttempt, InitialState, Observer, Reached, SolveError, Step, StepReport, Summary,
+};
 
 use crate::screen::closing::Closing;
 use crate::screen::log::LogFile;
@@ -213,6 +215,12 @@ impl<const D: usize> Observer<D> for Watch {
         self.results.started(model, points)
     }
 
+    fn initial_state(&mut self, state: &InitialState) {
+        if let View::Run { .. } = self.view {
+            self.say(&initial_balance(state));
+        }
+    }
+
     fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
         Observer::<D>::iteration(&mut self.results, step, iteration, residual);
         self.progress.iteration(step, iteration, residual);
@@ -297,6 +305,20 @@ impl<const D: usize> Observer<D> for Watch {
         self.update_status();
         self.closing = Closing::new(model, points, summary, &self.results, error);
         written
+    }
+}
+
+/// Whether the initial state is in equilibrium.
+fn initial_balance(state: &InitialState) -> String {
+    let InitialState { residual, is_balanced, worst, .. } = state;
+    match worst {
+        Some((node, _)) if !is_balanced => {
+            format!(
+                "initial state: out of balance, residual {residual:.3e}, most at node {}",
+                coordinates(node)
+            )
+        }
+        _ => format!("initial state: in equilibrium, residual {residual:.3e}"),
     }
 }
 

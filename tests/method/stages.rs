@@ -168,3 +168,22 @@ fn what_a_stage_releases_and_adds_changes_in_proportion_to_time() {
         assert!((floor[4 + k] / filled - 1.0).abs() < 1e-4, "{floor:?}");
     }
 }
+
+/// A material that is exchanged leaves stress and place as they are; what loads come after meets the new stiffness.
+#[test]
+fn an_exchanged_material_keeps_the_stress() {
+    let clay = "{model: neo-hookean, young: 1e6, poisson: 0.3, density: 1800}";
+    let stages = "stages:
+  - {name: weight, steps: {count: 4}, factors: {weight: 1}}
+  - {name: exchange, steps: {count: 2}, material: {ground: pit}}
+  - {name: more, steps: {count: 2}, factors: {weight: 1.1}}";
+    let strong = "{model: von-mises, young: 5e6, poisson: 0.3, density: 1800, deviatoric_yield_stress: 1e9}";
+    let deck = column(clay, strong, "cpdi2", 1.0, stages);
+    let Run { every, points, .. } = run(&deck);
+    let moved = |a: usize, b: usize| farthest(&every.positions[a], &every.positions[b]);
+    let (weighed, exchanged, more) = (moved(0, 3), moved(3, 5), moved(5, 7));
+    println!("weight {weighed:e}, exchange {exchanged:e}, a tenth more {more:e}");
+    assert!(exchanged < 1e-3 * weighed, "{exchanged:e}");
+    assert!(more < 0.05 * weighed && more > 0.005 * weighed, "{more:e}");
+    assert_eq!(points.history_len, 1);
+}

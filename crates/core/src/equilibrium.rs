@@ -1,7 +1,9 @@
 //! A load step in equilibrium: its report, and its balance of energy and moments.
 
 mod balance;
+mod initial_state;
 mod report;
 
 pub use balance::{Energy, ReactionMoment, moment_error, reaction_moments};
+pub use initial_state::InitialState;
 pub use report::{GridFields, StepReport, named_reactions, reactions_of};

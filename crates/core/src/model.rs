@@ -10,6 +10,7 @@ use crate::stress::Formulation;
 mod arrays;
 mod boundary_condition;
 mod builder;
+mod initial_state;
 mod load;
 mod newton;
 mod stabilisation;
@@ -19,6 +20,7 @@ mod stepping;
 pub use arrays::HistoryVariable;
 pub use boundary_condition::{BoundaryCondition, NodeSet};
 pub use builder::{BuildError, Builder, Fill};
+pub use initial_state::InitialImbalance;
 pub use load::{Action, Load, LoadCurve, VectorFormula};
 pub use newton::{Newton, PatternReuse, Predictor, StiffnessUpdate};
 pub use stabilisation::{Stabilisation, StabilisationMode};
@@ -80,6 +82,9 @@ pub struct Model<const D: usize> {
     pub boundary_conditions: Vec<BoundaryCondition<D>>,
     /// External forces.
     pub loads: Vec<Load<D>>,
+    /// Treatment of an initial state out of balance, if bodies are stressed and loaded at time 0; the loads then have the
+    /// factors of their curves there. `None` if nothing is stressed and nothing is loaded at time 0.
+    pub initial_imbalance: Option<InitialImbalance>,
     /// Division of the loading into steps, and step control.
     pub stepping: Stepping,
     /// Control of the Newton iterations.
@@ -106,6 +111,7 @@ impl<const D: usize> Model<D> {
             bodies: Vec::new(),
             boundary_conditions: Vec::new(),
             loads: Vec::new(),
+            initial_imbalance: None,
             stepping: Stepping::fixed(1, 1.0),
             newton: Newton::default(),
             probes: Vec::new(),

@@ -80,6 +80,11 @@ impl<const D: usize> Points<D> {
         self.converged.half_lengths.get(p).copied().unwrap_or([0.0; D])
     }
 
+    /// The history variables of a point in the converged state.
+    pub(crate) fn history_of(&mut self, p: usize) -> &mut [f64] {
+        &mut self.converged.history[p * self.history_len..][..self.history_len]
+    }
+
     /// Volume J V_p0 of a point in the converged state, eq. (22), [volume].
     pub fn volume(&self, p: usize) -> f64 {
         self.converged.deformation_gradient[p].determinant() * self.original_volume[p]

@@ -3,12 +3,14 @@
 //! | File | Content |
 //! |---|---|
 //! | `stepper`, `pace` | from step to step: size of steps, failed attempts, commit |
+//! | `stages`, `release` | from stage to stage: what comes and goes, and the forces that are released |
 //! | `load_step`, `step_system`, `fields` | one attempt at a step: what is set up once |
 //! | `newton` | the iterations, eqs. (26), (30) |
 //! | `evaluation`, `unknowns` | forces and K of an iterate; Δd, δd and reactions, eq. (28) |
 //! | `residual` | eq. (40), by connected parts, and round-off |
 //! | `update` | motion of points and domains, section 6.4 |
 //! | `equations` | choice of the linear solver, border of global unknowns |
+//! | `initial_state` | equilibrium of bodies that are stressed at time 0 |
 //! | `conclusion`, `summary`, `observer` | account of a step and of the run |
 //! | `course`, `forcing`, `damping`, `damped_step`, `control`, `motion` | beyond the paper: forecasts, inexact solves, damping, unknown load factor, predictor |
 //! | `attempt`, `error`, `diagnosis`, `evidence` | how attempts end, and why they fail |
@@ -29,11 +31,13 @@ mod evaluation;
 mod evidence;
 mod fields;
 mod forcing;
+mod initial_state;
 mod load_step;
 mod motion;
 mod newton;
 mod observer;
 mod pace;
+mod release;
 mod residual;
 mod stages;
 mod step_system;
@@ -46,7 +50,7 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::stress::{Axisymmetric, PlaneStrain, Solid};
 
-pub use crate::equilibrium::{GridFields, ReactionMoment, StepReport};
+pub use crate::equilibrium::{GridFields, InitialState, ReactionMoment, StepReport};
 pub use crate::step::Step;
 pub use attempt::{FailedAttempt, Iterate};
 pub use control::{NoPath, Path, path_length};
@@ -56,9 +60,9 @@ pub use fields::Fields;
 pub use motion::Motion;
 pub use observer::{Observer, Silent};
 pub use pace::Pace;
-pub use stages::{StageReached, resume_stage, run_stages};
+pub use stages::{resume_stage, run_stages};
 pub use stepper::{Kernels, Stepper};
-pub use summary::{Reached, Summary};
+pub use summary::{Reached, StageReached, Summary};
 
 /// A model with as many axes as there are mechanics for.
 pub trait Solvable<const D: usize> {

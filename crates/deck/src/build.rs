@@ -1,5 +1,6 @@
 //! Gate three, feasibility: from a deck to the model and its points. Checks that need the mesh are made here.
 
+mod initial_stress;
 mod magnitudes;
 mod nearest;
 mod stages;
@@ -9,15 +10,15 @@ use std::collections::HashMap;
 use super::diagnostic::{Diagnostic, Gate, Severity, assign};
 use super::formulas::{self, at_nodes};
 use super::gates::Ties;
+use super::initial_stress::{curve_of, is_stressed};
 use super::load::LoadedDeck;
+use super::loads::load_curve;
 use super::per_axis::{array, per_axis};
 use super::quoting::{list, quote};
 use super::region::{FromFiles, Groups, OfDeck, Refusal, region};
 use super::seeding::{Filled, Filling};
 use super::size::Size;
-use super::{
-    AXES, BoundaryConditionDeck, Deck, GridDeck, Idealisation, LoadCurve as CurveDeck, NodeSelector,
-};
+use super::{AXES, BoundaryConditionDeck, Deck, GridDeck, Idealisation, NodeSelector};
 use super::{axisymmetry, placing};
 use mpm_core::formula::Formula;
 use mpm_core::grid::gmsh::{self, GmshError};
@@ -77,14 +78,6 @@ where
             Ok(Built { model, points, notes: found, memory: memory_needed })
         }
         _ => Err(found),
-    }
-}
-
-/// The load curve of a deck; by default, a ramp from 0 to 1 over the analysis.
-pub(super) fn load_curve(curve: Option<&CurveDeck>, end_time: f64) -> LoadCurve {
-    match curve {
-        Some(CurveDeck(pairs)) => LoadCurve::table(pairs.clone()),
-        None => LoadCurve::ramp(end_time),
     }
 }
 
@@ -177,12 +170,14 @@ where
             bodies,
             boundary_conditions,
             loads,
+            initial_imbalance: is_stressed(deck).then_some(deck.analysis.initial_imbalance),
             stepping,
-            newton: stages::newton(&deck.solver),
+            newton: deck.solver.newton(),
             probes,
             stages: Vec::new(),
             present: Present::default(),
         };
+        self.initial_stresses(&model, &mut points, (&regions, &groups));
         self.divide(&mut model, &mut points);
         Some((model, points))
     }
@@ -287,6 +282,12 @@ where
         for (number, deck) in self.deck.bodies.iter().enumerate() {
             let body = &bodies[number];
             let fields = materials[body.material].law.state_fields();
+            let mut history: Vec<f64> = fields.iter().map(|f| f.initial).collect();
+            // Room for the variables of materials that stages give the body.
+            let later = self.deck.stages.iter().filter_map(|stage| stage.material.get(&deck.name));
+            let later = materials.iter().filter(|material| later.clone().any(|name| *name == material.name));
+            let most = later.map(|material| material.law.state_fields().len()).max().unwrap_or(0);
+            history.resize(history.len().max(most), 0.0);
             let filling = Filling {
                 grid,
                 region: &regions[number],
@@ -294,7 +295,7 @@ where
                 body: number as u16,
                 method: body.method,
                 density: self.deck.materials[&deck.material].density().unwrap_or(0.0),
-                history: fields.iter().map(|f| f.initial).collect(),
+                history,
             };
             let filled = filling.fill(deck).and_then(|filled| {
                 placing::inside_grid(grid, &deck.name, &filled.seeds)?;
@@ -490,7 +491,7 @@ where
                 name: load.name().to_owned(),
                 action,
                 acts_on: self.acts_on(load.bodies()),
-                curve: load_curve(load.curve(), deck.end_time()),
+                curve: curve_of(deck, load),
             });
         }
         loads

@@ -4,10 +4,12 @@ use std::collections::BTreeSet;
 
 use serde_json::{Map, Value};
 
-use super::build::load_curve;
+use super::initial_stress::curve_of;
+use super::loads::load_curve;
 use super::quoting::quote;
-use super::{Deck, Expression, LoadCurve};
+use super::{Deck, Expression};
 use mpm_core::formula::names;
+use mpm_core::model::LoadCurve;
 
 /// Times that differ by less than this, relative to the end of the analysis, count as equal.
 const SAME: f64 = 1e-12;
@@ -23,7 +25,7 @@ pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
         // Conditions and loads of both decks now correspond to each other.
         let curves = curves(old).into_iter().zip(curves(new));
         for ((name, before), (_, after)) in curves {
-            if differ(before, old.end_time(), after, new.end_time(), time) {
+            if differ(&before, &after, time) {
                 found.push(format!(
                     "the load curve of {} has changed before time {time}, which the run has reached",
                     quote(name)
@@ -108,26 +110,16 @@ fn formulas(deck: &Deck) -> Vec<&str> {
 }
 
 /// Names and curves of all loads, and of the conditions that move nodes.
-fn curves(deck: &Deck) -> Vec<(&str, Option<&LoadCurve>)> {
+fn curves(deck: &Deck) -> Vec<(&str, LoadCurve)> {
     let moving = deck.boundary_conditions.iter().filter(|condition| !condition.displacements().is_empty());
-    let conditions = moving.map(|c| (c.name.as_str(), c.curve.as_ref()));
-    let loads = deck.loads.iter().map(|load| (load.name(), load.curve()));
+    let conditions = moving.map(|c| (c.name.as_str(), load_curve(c.curve.as_ref(), deck.end_time())));
+    let loads = deck.loads.iter().map(|load| (load.name(), curve_of(deck, load)));
     conditions.chain(loads).collect()
 }
 
 /// True if two piecewise linear curves differ before a time.
-fn differ(
-    before: Option<&LoadCurve>,
-    end_before: f64,
-    after: Option<&LoadCurve>,
-    end_after: f64,
-    time: f64,
-) -> bool {
-    let knots = |curve: Option<&LoadCurve>| {
-        curve.map(|LoadCurve(pairs)| pairs.iter().map(|pair| pair[0]).collect::<Vec<_>>()).unwrap_or_default()
-    };
-    let times = knots(before).into_iter().chain(knots(after)).filter(|t| (0.0..time).contains(t));
-    let (before, after) = (load_curve(before, end_before), load_curve(after, end_after));
+fn differ(before: &LoadCurve, after: &LoadCurve, time: f64) -> bool {
+    let times = before.times().chain(after.times()).filter(|t| (0.0..time).contains(t));
     times.chain([0.0, time]).any(|t| {
         let (a, b) = (before.factor(t), after.factor(t));
         (a - b).abs() > SAME * a.abs().max(b.abs())

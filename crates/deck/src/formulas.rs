@@ -149,6 +149,20 @@ pub fn at_points<const D: usize>(
     Ok(VectorFormula::new(given, vector))
 }
 
+/// Expressions, each with its key, as formulas of the original position X, Y, in three dimensions also Z.
+///
+/// # Errors
+/// The first fault of each text.
+pub fn at_start(
+    components: Vec<(String, &Expression)>,
+    parameters: &BTreeMap<String, Parameter>,
+    dimensions: usize,
+) -> Result<Vec<Formula>, Vec<Fault>> {
+    let variables = ["X", "Y", "Z"][..dimensions.min(3)].to_vec();
+    let (_, formulas) = parse_all(&components, &BTreeMap::new(), variables, parameters)?;
+    Ok(formulas)
+}
+
 /// The intermediate values in an order in which each needs only those before it.
 fn in_order<'a>(
     intermediate: &'a BTreeMap<String, Expression>,

@@ -13,12 +13,14 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 pub use boundary_conditions::{Axis, BoundaryConditionDeck, FixDeck, MoveDeck, NodeSelector, NormalDeck};
+pub use initial_stress::{InitialStressDeck, StressDeck};
 pub use loads::{LoadCurve, LoadDeck, Per, PointSelector};
 pub use mpm_core::basis::Method;
 pub use mpm_core::domain::DomainUpdate;
 use mpm_core::formula::Formula;
 pub use mpm_core::linear::Choice as LinearChoice;
 use mpm_core::material::{Hencky, Material, NeoHookean, VonMises};
+pub use mpm_core::model::InitialImbalance;
 use mpm_core::model::Newton;
 pub use mpm_core::model::Stabilisation;
 pub use mpm_core::model::{PatternReuse, Predictor, StiffnessUpdate};
@@ -40,6 +42,7 @@ pub mod diagnostic;
 pub mod first_step;
 pub mod formulas;
 mod gates;
+pub mod initial_stress;
 pub mod load;
 mod loads;
 mod parameters;
@@ -179,6 +182,9 @@ pub struct Analysis {
     pub point_volume: PointVolume,
     /// Stabilisation of cells that contain little material.
     pub stabilisation: Stabilisation,
+    /// What happens if an initial stress and the loads at time 0 are out of balance by more than the tolerance of the
+    /// solver.
+    pub initial_imbalance: InitialImbalance,
 }
 
 /// How the geometry represents the three-dimensional body.
@@ -398,6 +404,10 @@ pub struct BodyDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<PerAxis<Length>>", extend("examples" = [0.1, [0.1, 0.2]]))]
     pub point_spacing: Option<PerAxis<f64>>,
+    /// Stress at time 0; without it, the body is free of stress then, and loads grow from 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [{"type": "geostatic", "surface": 10, "k0": 0.5}]))]
+    pub initial_stress: Option<InitialStressDeck>,
 }
 
 /// A box aligned with the axes.
@@ -462,6 +472,14 @@ impl Default for SolverDeck {
     fn default() -> Self {
         let Newton { tolerance, max_iterations, linear, predictor, tangent, pattern } = Newton::default();
         SolverDeck { tolerance, max_iterations: max_iterations as u32, linear, predictor, tangent, pattern }
+    }
+}
+
+impl SolverDeck {
+    /// The control of the iterations of a model.
+    pub(crate) fn newton(&self) -> Newton {
+        let SolverDeck { tolerance, max_iterations, linear, predictor, tangent, pattern } = *self;
+        Newton { tolerance, max_iterations: max_iterations as usize, linear, predictor, tangent, pattern }
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use mpm_core::model::Action;
+use mpm_core::model::{self, Action};
 
 use super::formulas::at_points;
 use super::gates::{Builds, Checks, Ties};
@@ -18,6 +18,14 @@ use super::{Expression, Expressions, Vector, one};
 #[serde(transparent)]
 #[schemars(extend("examples" = [[[0, 0], [1, 1]]]))]
 pub struct LoadCurve(#[schemars(length(min = 2))] pub Vec<[f64; 2]>);
+
+/// The load curve of a deck; by default, a ramp from 0 to 1 over the analysis.
+pub(crate) fn load_curve(curve: Option<&LoadCurve>, end_time: f64) -> model::LoadCurve {
+    match curve {
+        Some(LoadCurve(pairs)) => model::LoadCurve::table(pairs.clone()),
+        None => model::LoadCurve::ramp(end_time),
+    }
+}
 
 /// An external force.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -33,7 +41,8 @@ pub enum LoadDeck {
         /// Names of the bodies it acts on; all bodies by default.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         bodies: Option<Vec<String>>,
-        /// Load factor over time; by default, a linear ramp from 0 to 1.
+        /// Load factor over time; by default, a linear ramp from 0 to 1, or 1 from time 0 on if it acts on a body with
+        /// `initial_stress`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<LoadCurve>,
     },

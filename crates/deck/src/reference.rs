@@ -28,6 +28,8 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`materials`, each by its name", "MaterialDeck"),
     ("`bodies`, each", "BodyDeck"),
     ("`shape` of a body", "Shape"),
+    ("`initial_stress` of a body", "InitialStressDeck"),
+    ("`stress` of an initial stress", "StressDeck"),
     ("`boundary_conditions`, each", "BoundaryConditionDeck"),
     ("`nodes` of a boundary condition", "NodeSelector"),
     ("`fix` of a boundary condition", "NormalDeck"),

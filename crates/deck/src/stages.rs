@@ -41,7 +41,8 @@ pub struct StageDeck {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(extend("examples" = [["prop"]]))]
     pub set: Vec<String>,
-    /// Names of bodies, each with the name of its new material. The elastic strain of the points stays.
+    /// Names of bodies, each with the name of its new material. The stress of the points stays, unless the
+    /// new material yields under it; its history begins anew.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(extend("examples" = [{"ground": "clay_undrained"}]))]
     pub material: BTreeMap<String, String>,

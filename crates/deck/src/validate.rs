@@ -5,6 +5,7 @@
 
 mod extent;
 mod geometry;
+mod initial_stress;
 mod loading;
 mod prescribed_motion;
 mod shape;
@@ -155,6 +156,7 @@ impl Check<'_> {
                 );
             }
             self.domain_update(&pointer, body);
+            self.initial_stress(&pointer, body);
             if let Some(extent) = self.shape(&format!("{pointer}/shape"), &body.shape, grid) {
                 self.points(&pointer, body, &extent, grid);
                 boxes.push((index, extent));

@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 use mpm_core::model::{Model, Stepping};
 use mpm_core::points::Points;
 use mpm_core::quality::{Balance, Quality, Warning, Worst};
-use mpm_core::solver::{Diagnosis, Summary};
+use mpm_core::solver::{Diagnosis, InitialState, Summary};
 use mpm_core::timing::{Phase, Spent, Timings};
 
 /// Version of the program, as it appears in the results.
@@ -186,6 +186,9 @@ impl Account {
         if !model.stages.is_empty() {
             document["stages"] = stages(model, summary);
         }
+        if let Some(state) = &summary.initial_state {
+            document["initial_state"] = initial_state(state);
+        }
         document["damped_steps"] = summary.damped.into();
         document["damping_work"] = summary.damping_work.into();
         document["replaced_domains"] = summary.replaced_domains.into();
@@ -275,6 +278,16 @@ fn bodies<const D: usize>(model: &Model<D>, points: &Points<D>) -> Value {
         map.insert(body.name.clone(), value);
     }
     Value::Object(map)
+}
+
+/// The state before the first step; its residual is null if it is not finite.
+fn initial_state(of: &InitialState) -> Value {
+    json!({
+        "residual": of.residual,
+        "balanced": of.is_balanced,
+        "worst": of.worst.as_ref().map(|(node, force)| json!({"node": node, "force": force})),
+        "strain_energy": of.energy,
+    })
 }
 
 /// The probable cause of a failure, with advice.

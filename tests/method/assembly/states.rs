@@ -216,6 +216,7 @@ fn state_on<const D: usize, M: Mechanics<D>>(
         stepping: Stepping::fixed(1, 1.0),
         newton: Newton::default(),
         probes: Vec::new(),
+        initial_imbalance: None,
         stages: Vec::new(),
         present: Default::default(),
     };

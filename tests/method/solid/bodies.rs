@@ -114,6 +114,7 @@ pub fn model(
         stepping: Stepping::fixed(n_steps, 1.0),
         newton: Newton::default(),
         probes: Vec::new(),
+        initial_imbalance: None,
         stages: Vec::new(),
         present: Default::default(),
     }

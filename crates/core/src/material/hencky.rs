@@ -31,6 +31,10 @@ impl Material for Hencky {
         Ok(Response { tau, elastic_strain: *trial, tangent: self.tangent })
     }
 
+    fn elastic_strain(&self, tau: &Sym3) -> Result<Sym3, MaterialError> {
+        self.elasticity.strain(tau)
+    }
+
     fn vectorised(&self) -> Option<&dyn VectorisedLaw> {
         Some(self)
     }

@@ -123,6 +123,12 @@ pub enum MaterialError {
     /// The trial strain is not finite.
     #[error("the trial elastic strain is not finite")]
     NotFinite,
+    /// The law has no inverse from stress to elastic strain.
+    #[error("the law cannot tell the elastic strain of a stress")]
+    NoInverse,
+    /// No elastic strain of the law gives the stress.
+    #[error("no elastic strain gives this stress")]
+    NoStrain,
 }
 
 /// An isotropic constitutive law: Kirchhoff stress as a function of elastic strain.
@@ -142,6 +148,15 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// # Errors
     /// [`MaterialError`] if the strain is not finite or the return mapping fails.
     fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError>;
+
+    /// Elastic strain, in the measure of the law, whose Kirchhoff stress is `tau`: the inverse of the elastic law. Yield
+    /// plays no part; a stress outside the yield surface has a strain, too.
+    ///
+    /// # Errors
+    /// [`MaterialError::NoInverse`] if the law has no inverse, [`MaterialError::NoStrain`] if no strain gives the stress.
+    fn elastic_strain(&self, _tau: &Sym3) -> Result<Sym3, MaterialError> {
+        Err(MaterialError::NoInverse)
+    }
 
     /// The spatial moduli of the law if they are isotropic, which allows a cheaper evaluation in three dimensions.
     fn isotropic_moduli(&self) -> Option<&dyn IsotropicModuli> {
@@ -193,6 +208,16 @@ impl Elasticity {
     #[inline]
     pub fn stress(&self, strain: &Sym3) -> Sym3 {
         Sym3(self.stress_components(&strain.0))
+    }
+
+    /// Strain ε = tr(τ)/(9K) I + dev(τ)/(2G), the inverse of [`Elasticity::stress`], [-].
+    ///
+    /// # Errors
+    /// [`MaterialError::NoStrain`] if it is not finite.
+    pub fn strain(&self, stress: &Sym3) -> Result<Sym3, MaterialError> {
+        let volumetric = stress.trace() / (9.0 * self.bulk);
+        let strain = Sym3::IDENTITY * volumetric + stress.deviator() * (0.5 / self.shear);
+        if strain.norm().is_finite() { Ok(strain) } else { Err(MaterialError::NoStrain) }
     }
 
     /// As [`Elasticity::stress`] for the first `N` components, normal ones first; `T` is one number or one SIMD lane
@@ -298,6 +323,15 @@ pub(crate) mod conformance {
         // The returned strain is admissible: a second update gives the same stress and no further flow.
         let settled = law.update(&response.elastic_strain, &new, &mut again).unwrap();
         assert!((settled.tau - response.tau).norm() <= 1e-12 * response.tau.norm());
+        // The inverse of the elastic law; far from zero strain, another strain may have the same stress.
+        let inverse = law.elastic_strain(&response.tau);
+        if logarithmic.norm() < 0.02 {
+            let error = (inverse.unwrap() - response.elastic_strain).norm();
+            assert!(error <= 1e-14 * response.elastic_strain.norm() + 1e-17, "{error:e}");
+        } else if let Ok(strain) = inverse {
+            let again = law.update(&strain, &new, &mut again).unwrap().tau;
+            assert!((again - response.tau).norm() <= 1e-13 * at_rest, "{again:?} {:?}", response.tau);
+        }
         // In the elastic range, the energy is the potential of the stress.
         let elastic = law.strain_measure().logarithmic(&response.elastic_strain) * 0.5;
         let energy = |by: f64| law.energy(&in_measure(law, &(elastic + logarithmic * by)));

@@ -5,6 +5,11 @@ use super::{
 };
 use crate::tensor::{Sym3, Tangent};
 
+/// Largest number of iterations for the volume ratio of a stress.
+const MOST_ITERATIONS: usize = 60;
+/// Round-off that the iterations may leave, relative to the strain, [-].
+const SETTLED: f64 = 1e-14;
+
 /// Compressible neo-Hookean elasticity, W = μ/2 (tr b − 3) − μ ln J + λ/2 (ln J)², formulated in b and evaluated
 /// without its eigenvalues.
 #[derive(Debug, Clone)]
@@ -83,6 +88,42 @@ impl Material for NeoHookean {
         }
         let tau = *trial * (2.0 * self.mu) + Sym3::IDENTITY * (self.lambda * log_j);
         Ok(Response { tau, elastic_strain: *trial, tangent })
+    }
+
+    /// τ = μ (b − I) + λ ln J I gives b for a given ℓ = ln J, so that ½ ln det b(ℓ) − ℓ = 0 remains. This function is
+    /// concave, and its root of falling slope, to which Newton's method converges, is the state that a path from the
+    /// undeformed one reaches.
+    fn elastic_strain(&self, tau: &Sym3) -> Result<Sym3, MaterialError> {
+        let strain = |log_j: f64| (*tau - Sym3::IDENTITY * (self.lambda * log_j)) * (0.5 / self.mu);
+        // μ times the smallest eigenvalue of b at ℓ = 0.
+        let smallest = self.mu + tau.spectrum().values.into_iter().fold(f64::INFINITY, f64::min);
+        let is_positive = |log_j: f64| smallest - self.lambda * log_j > 0.0;
+        let mut log_j = match smallest {
+            _ if is_positive(0.0) => 0.0,
+            // b is positive definite below (λ > 0) or above (λ < 0) the value at which its smallest eigenvalue vanishes.
+            smallest if self.lambda > 0.0 => smallest / self.lambda - 1.0,
+            smallest if self.lambda < 0.0 => smallest / self.lambda + 1.0,
+            _ => return Err(MaterialError::NoStrain),
+        };
+        for _ in 0..MOST_ITERATIONS {
+            let e = strain(log_j);
+            let slope = -1.0 - 0.5 * self.lambda / self.mu * inverse(&e).trace();
+            let mut change = (log_j - log_volume_ratio(&e)) / slope;
+            if !(slope < 0.0 && change.is_finite()) {
+                return Err(MaterialError::NoStrain);
+            }
+            while !is_positive(log_j + change) {
+                change *= 0.5;
+            }
+            log_j += change;
+            if change.abs() <= f64::EPSILON * log_j.abs() {
+                return Ok(strain(log_j));
+            }
+        }
+        // Round-off may keep the last changes just above the bound.
+        let e = strain(log_j);
+        let is_settled = (log_volume_ratio(&e) - log_j).abs() <= SETTLED * (e.norm() + log_j.abs());
+        if is_settled { Ok(e) } else { Err(MaterialError::NoStrain) }
     }
 
     fn isotropic_moduli(&self) -> Option<&dyn IsotropicModuli> {

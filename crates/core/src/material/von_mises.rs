@@ -125,6 +125,10 @@ impl Material for VonMises {
         Ok(Response { tau: Sym3(response.tau), elastic_strain: Sym3(response.elastic_strain), tangent })
     }
 
+    fn elastic_strain(&self, tau: &Sym3) -> Result<Sym3, MaterialError> {
+        self.elasticity.strain(tau)
+    }
+
     fn vectorised(&self) -> Option<&dyn VectorisedLaw> {
         Some(self)
     }

@@ -22,6 +22,11 @@ impl LoadCurve {
         LoadCurve(vec![[times[0], factors[0]], [times[1], factors[1]]])
     }
 
+    /// Times of the pairs, ascending, [time].
+    pub fn times(&self) -> impl Iterator<Item = f64> + '_ {
+        self.0.iter().map(|pair| pair[0])
+    }
+
     /// Times at which the slope changes, ascending, [time].
     pub fn knots(&self) -> impl Iterator<Item = f64> + '_ {
         let slope = |a: &[f64; 2], b: &[f64; 2]| (b[1] - a[1]) / (b[0] - a[0]);

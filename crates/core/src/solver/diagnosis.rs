@@ -363,6 +363,7 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
         | SolveError::OutOfMemory { .. }
         | SolveError::Interrupted { .. }
         | SolveError::Term { .. }
+        | SolveError::InitialState { .. }
         | SolveError::Output(_) => Kind::Setting,
     }
 }
@@ -397,9 +398,9 @@ fn kind_without_convergence<const D: usize>(failed: &FailedAttempt<D>, found: &F
 /// The node or the point that an error names.
 fn named_place(error: &SolveError) -> (Option<Vec<f64>>, Option<&PointPlace>) {
     match error {
-        SolveError::NotConverged { worst, .. } | SolveError::RoundOff { worst, .. } => {
-            (worst.as_ref().map(|(node, _)| node.clone()), None)
-        }
+        SolveError::NotConverged { worst, .. }
+        | SolveError::RoundOff { worst, .. }
+        | SolveError::InitialState { worst, .. } => (worst.as_ref().map(|(node, _)| node.clone()), None),
         SolveError::Singular { node, .. } => (node.as_ref().map(|(node, _)| node.clone()), None),
         SolveError::Unheld { node, .. } => (Some(node.clone()), None),
         SolveError::Point { place, .. }

@@ -70,6 +70,22 @@ pub enum SolveError {
         /// The materials whose stiffnesses are far apart, or far above the loads, as text.
         materials: String,
     },
+    /// Bodies that are stressed at time 0 are out of balance.
+    #[error(
+        "the initial state is out of balance by {:.3e} of its forces, and {:e} is tolerated; the largest out-of-balance \
+         force is at {}",
+        residual,
+        tolerance,
+        worst_node(worst)
+    )]
+    InitialState {
+        /// Eq. (40) at time 0, [-].
+        residual: f64,
+        /// The tolerance, [-].
+        tolerance: f64,
+        /// Position of the node with the largest out-of-balance force, [length], and this force, [force].
+        worst: Option<(Vec<f64>, Vec<f64>)>,
+    },
     /// A term of equilibrium cannot be used, or cannot resume from its saved state.
     #[error("the term `{term}` cannot be used: {reason}")]
     Term {
@@ -233,6 +249,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("S013", "a path that cannot be followed"),
     ("S014", "a stiffness that drowns the loads in round-off"),
     ("S015", "a term of equilibrium that cannot be used"),
+    ("S017", "an initial state out of balance"),
 ];
 
 fn worst_node(worst: &Option<(Vec<f64>, Vec<f64>)>) -> String {
@@ -283,6 +300,7 @@ impl SolveError {
             SolveError::NoPath { .. } => "S013",
             SolveError::RoundOff { .. } => "S014",
             SolveError::Term { .. } => "S015",
+            SolveError::InitialState { .. } => "S017",
             SolveError::Interrupted { .. } => return None,
         })
     }
@@ -415,7 +433,7 @@ impl SolveError {
 }
 
 /// The position of the node with the largest out-of-balance force, [length], and this force, [force].
-fn worst<const D: usize>(
+pub(super) fn worst<const D: usize>(
     model: &Model<D>,
     links: &Connectivity<D>,
     out_of_balance: &[[f64; D]],

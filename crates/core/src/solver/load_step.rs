@@ -87,7 +87,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
 
     /// Sorts the points by cell and evaluates S_vp and ∇S_vp (section 6.1). The last report gives its links, to reuse their
     /// memory.
-    fn link(&mut self, step: Step) -> Result<Connectivity<D>, SolveError> {
+    pub(super) fn link(&mut self, step: Step) -> Result<Connectivity<D>, SolveError> {
         let (model, points) = (self.model, &mut *self.points);
         let methods: Vec<_> = model.bodies.iter().map(|body| body.method).collect();
         let old =

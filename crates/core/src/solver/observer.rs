@@ -1,6 +1,6 @@
 //! The interface of everything that follows a run.
 
-use crate::equilibrium::StepReport;
+use crate::equilibrium::{InitialState, StepReport};
 use crate::model::Model;
 use crate::points::Points;
 use crate::step::Step;
@@ -19,6 +19,9 @@ pub trait Observer<const D: usize> {
     fn started(&mut self, _model: &Model<D>, _points: &Points<D>) -> std::io::Result<()> {
         Ok(())
     }
+
+    /// Called before the first step with the initial state, if bodies are stressed at time 0.
+    fn initial_state(&mut self, _state: &InitialState) {}
 
     /// Called after every evaluation of the out-of-balance force.
     fn iteration(&mut self, _step: Step, _iteration: usize, _residual: f64) {}

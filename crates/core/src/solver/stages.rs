@@ -1,70 +1,17 @@
 //! From stage to stage: bodies are added and removed, boundary conditions set and released, and all that these carried is
 //! handed over to forces that decrease to zero over the stage, so that every step is in equilibrium.
 
-use serde::{Deserialize, Serialize};
-
-use crate::assembly::Wanted;
-use crate::basis::{Connectivity, Method};
-use crate::dofs::DofMap;
-use crate::model::{Control, Factors, Model, Present};
+use crate::model::{Control, Model, Present};
 use crate::points::Points;
-use crate::step::{At, Step, StepContext};
-use crate::stress::Mechanics;
-use crate::terms::Sum;
+use crate::step::Step;
 
 use super::Solvable;
 use super::control::Path;
-use super::error::{SolveError, locate_failure};
+use super::error::SolveError;
 use super::observer::Observer;
 use super::pace::Pace;
 use super::stepper::{Kernels, Stepper};
-use super::summary::{Reached, Summary};
-
-/// The stage of a run, as checkpoints store it.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct StageReached {
-    /// Number of the stage, from 0.
-    pub number: usize,
-    /// The factors with which it began.
-    pub began: Factors,
-    /// Grid nodes, and the forces on them that are released over the stage, [force].
-    released_forces: Vec<(u32, Vec<f64>)>,
-}
-
-/// The forces that balance the converged state at a time on the free unknowns: by grid node, [force]. As they decrease, what
-/// the state no longer carries is released, and what it has gained begins to act.
-///
-/// # Errors
-/// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.
-pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
-    model: &Model<D>,
-    points: &mut Points<D>,
-    step: Step,
-) -> Result<Vec<(u32, [f64; D])>, SolveError> {
-    let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
-    let links = Connectivity::default()
-        .renew(model.grid.as_ref(), points, &methods)
-        .map_err(|failure| SolveError::unsupported(model, points, failure, step))?;
-    let dofs = DofMap::new(model, points, &links, step.start, step.end)
-        .map_err(|error| SolveError::Constraint { step: step.index, error })?;
-    let context = StepContext { model, links: &links, step, factor: 0.0 };
-    let mut sum = Sum::<D>::of_bodies::<M>(&context, points)
-        .map_err(|error| SolveError::Load { step: step.index, error })?;
-    let none = vec![[0.0; D]; links.n_active()];
-    sum.evaluate(&context, points, At::new(&none), Wanted::Force)
-        .map_err(|failure| locate_failure(failure, model, points, step, 0, &[]))?;
-    let (f_ext, f_int) = (sum.system().external_force(), sum.system().internal_force());
-    let mut forces = Vec::new();
-    for (active, &node) in links.active_nodes().iter().enumerate() {
-        let lacking: [f64; D] = std::array::from_fn(|d| f_int[active][d] - f_ext[active][d]);
-        let held = dofs.held_part(active, &lacking);
-        let force: [f64; D] = std::array::from_fn(|d| lacking[d] - held[d]);
-        if force != [0.0; D] {
-            forces.push((node, force));
-        }
-    }
-    Ok(forces)
-}
+use super::summary::{Reached, StageReached, Summary};
 
 /// Puts the points of a stage in place of those of the stage before.
 fn change_points<const D: usize>(model: &Model<D>, points: &mut Points<D>, number: usize) {
@@ -73,10 +20,39 @@ fn change_points<const D: usize>(model: &Model<D>, points: &mut Points<D>, numbe
     points.append(&stage.added);
 }
 
+/// Gives the points of bodies with another material the elastic strain that has their stress in the new law, and its initial
+/// history.
+///
+/// # Errors
+/// [`SolveError::Term`] if the law cannot have the stress of a point.
+fn keep_stress<const D: usize>(
+    model: &Model<D>,
+    points: &mut Points<D>,
+    number: usize,
+) -> Result<(), SolveError> {
+    for &(body, material) in &model.stages[number].materials {
+        for p in (0..points.len()).filter(|&p| points.body[p] as usize == body).collect::<Vec<_>>() {
+            let history = points.history_of(p);
+            history.fill(0.0);
+            let fields = model.materials[material].law.state_fields();
+            history.iter_mut().zip(fields).for_each(|(value, field)| *value = field.initial);
+            let stress = points.converged.kirchhoff_stress[p];
+            model.set_initial_stress(points, p, &stress).map_err(|error| {
+                let (stage, body) = (&model.stages[number].name, &model.bodies[body].name);
+                let reason = format!(
+                    "in stage `{stage}`, the new material of `{body}` cannot have its stress: {error}"
+                );
+                SolveError::Term { term: "stages".to_owned(), reason }
+            })?;
+        }
+    }
+    Ok(())
+}
+
 /// Begins the stage after the present one, which has ended.
 ///
 /// # Errors
-/// Those of [`balancing_forces`].
+/// [`SolveError`] if the state of the new stage cannot be evaluated, or a material cannot have its stress.
 fn enter<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
@@ -103,6 +79,7 @@ fn enter<const D: usize>(
         let before = Amount::of(model, points);
         change_points(model, points, number);
         model.begin_stage(number, &began);
+        keep_stress(model, points, number)?;
         let now = Amount::of(model, points);
         reached.summary.exchanged_energy += now.energy - before.energy;
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);

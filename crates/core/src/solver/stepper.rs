@@ -22,7 +22,7 @@ use super::equations::Equations;
 use super::error::SolveError;
 use super::fields::Fields;
 use super::observer::Observer;
-use super::stages::balancing_forces;
+use super::release::balancing_forces;
 use super::summary::{Reached, Summary};
 
 /// An analysis, load step by load step.
@@ -214,6 +214,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         &mut self,
         observer: &mut dyn Observer<D>,
     ) -> Result<bool, SolveError> {
+        self.begin_stressed::<M>(observer)?;
         let before = self.reached.step.index;
         while self.reached.step.index == before {
             let Some(step) = self.next_interval() else { return Ok(false) };

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::equilibrium::{Energy, StepReport};
+use crate::equilibrium::{Energy, InitialState, StepReport};
 use crate::linear::{Named, Solved};
-use crate::model::Model;
+use crate::model::{Factors, Model};
 use crate::points::Points;
 use crate::quality::{BalanceSoFar, Quality, Warning};
 use crate::step::Step;
@@ -16,7 +16,17 @@ use crate::timing::Timings;
 use super::control::Path;
 use super::diagnosis::Diagnosis;
 use super::pace::Pace;
-use super::stages::StageReached;
+
+/// The stage of a run, as checkpoints store it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct StageReached {
+    /// Number of the stage, from 0.
+    pub number: usize,
+    /// The factors with which it began.
+    pub began: Factors,
+    /// Grid nodes, and the forces on them that are released over the stage, [force].
+    pub(super) released_forces: Vec<(u32, Vec<f64>)>,
+}
 
 /// The summary of a run up to its last step in equilibrium.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -35,6 +45,9 @@ pub struct Summary {
     /// Largest forces on a part of each body so far, [`StepReport::carried`], [force].
     #[serde(default)]
     pub carried: Vec<f64>,
+    /// The state before the first step, if bodies are stressed at time 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub initial_state: Option<InitialState>,
     /// Number of attempts at a step that did not reach equilibrium.
     pub failed_attempts: usize,
     /// The present size of steps.
@@ -124,6 +137,9 @@ impl Reached {
     }
 }
 
+/// Round-off of a stored energy, relative to it, [-].
+const ROUND_OFF: f64 = 1e-13;
+
 /// Bound of all counts of a run.
 const MOST_COUNTED: usize = 1 << 48;
 
@@ -164,11 +180,17 @@ impl Summary {
         }
     }
 
-    /// Difference between the work so far and the sum of stored energy and plastic work, relative to the magnitudes of all work,
-    /// [-]: the error of the trapezoidal rule, which falls with the square of the step size.
+    /// Difference between the work so far and the growth of the sum of stored energy and plastic work, relative to the magnitudes
+    /// of all work, [-]: the error of the trapezoidal rule, which falls with the square of the step size. Round-off of the energy
+    /// of an initial stress does not count.
     pub fn energy_error(&self) -> f64 {
         let work = self.external_work + self.regridding_work - self.stabilisation_work - self.damping_work;
         let missing = work + self.exchanged_energy - self.strain_energy - self.plastic_work;
+        if let Some(InitialState { energy, .. }) = self.initial_state {
+            let missing = missing + energy;
+            let counts = missing.abs() > ROUND_OFF * energy && self.gross_work > 0.0;
+            return if counts { missing / self.gross_work } else { 0.0 };
+        }
         if self.gross_work > 0.0 { missing / self.gross_work } else { 0.0 }
     }
 

@@ -250,8 +250,9 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
         }
         let load = |time| external_force(model, points, links, time); // (24), (25), (29)
         let ExternalForce { nodal, resultants } = load(step.end)?;
-        // Nothing is loaded yet at time 0, whatever the values of the curves.
-        self.start = if step.start > 0.0 { load(step.start)?.nodal } else { vec![[0.0; D]; nodal.len()] };
+        // Without initial stress, nothing is loaded yet at time 0, whatever the values of the curves.
+        let is_loaded = step.start > 0.0 || model.initial_imbalance.is_some();
+        self.start = if is_loaded { load(step.start)?.nodal } else { vec![[0.0; D]; nodal.len()] };
         (self.end, self.resultants, self.unknown) = (nodal, resultants, None);
         for (forces, time) in [(&mut self.start, step.start), (&mut self.end, step.end)] {
             if let Some(released) = not_yet_released(model, links, time) {

@@ -35,6 +35,10 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
             Some("choose a probe and an axis along which the loads move it")
         }
         SolveError::NoPath { .. } => Some(SMALLER_STEPS),
+        SolveError::InitialState { .. } => Some(
+            "check `initial_stress`, its `surface`, and the loads at time 0; horizontal layers under their weight are in \
+             equilibrium, slopes are not. `analysis: {initial_imbalance: equilibrate}` lets the first step find equilibrium",
+        ),
         SolveError::Unheld { .. } => Some(
             "fix or prescribe the displacement along that axis at one or more nodes of each separate part",
         ),

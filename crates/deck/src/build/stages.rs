@@ -1,23 +1,12 @@
 //! The load steps of an analysis or of its stages, and the points of bodies that stages add.
 
 use super::Builder;
+use crate::initial_stress::initial_factor;
 use crate::region::OfDeck;
-use crate::{ControlDeck, LoadDeck, Reset, SolverDeck, StageDeck, StepsDeck};
-use mpm_core::model::{Control, Course, Factors, LoadCurve, Model, Newton, Stage, Stepping};
+use crate::{ControlDeck, LoadDeck, Reset, StageDeck, StepsDeck};
+use mpm_core::model::{Control, Course, Factors, LoadCurve, Model, Stage, Stepping};
 use mpm_core::points::Points;
 use mpm_core::region::Region;
-
-/// The control of the iterations of a deck.
-pub(super) fn newton(solver: &SolverDeck) -> Newton {
-    Newton {
-        tolerance: solver.tolerance,
-        max_iterations: solver.max_iterations as usize,
-        linear: solver.linear,
-        predictor: solver.predictor,
-        tangent: solver.tangent,
-        pattern: solver.pattern,
-    }
-}
 
 impl<const D: usize> Builder<'_, D>
 where
@@ -101,7 +90,7 @@ where
             model.stages.push(Stage {
                 name: stage.name.clone(),
                 stepping,
-                newton: newton(stage.solver.as_ref().unwrap_or(&deck.solver)),
+                newton: stage.solver.as_ref().unwrap_or(&deck.solver).newton(),
                 every: stage.every.map(|every| every as usize),
                 loads,
                 boundary_conditions,
@@ -125,7 +114,7 @@ where
         let acts = |name: &str| deck.is_there_at_start(name, |stage| &stage.set, |stage| &stage.release);
         model.present.is_released = deck.boundary_conditions.iter().map(|c| !acts(&c.name)).collect();
         let stands = Factors {
-            loads: vec![0.0; model.loads.len()],
+            loads: deck.loads.iter().map(|load| initial_factor(deck, load)).collect(),
             boundary_conditions: vec![0.0; model.boundary_conditions.len()],
         };
         model.begin_stage(0, &stands);

@@ -123,7 +123,7 @@ impl Check<'_> {
         }
     }
 
-    fn formulas(&mut self, pointer: &str, faults: Vec<Fault>) {
+    pub(super) fn formulas(&mut self, pointer: &str, faults: Vec<Fault>) {
         for fault in faults {
             let at = format!("{pointer}/{}", fault.key);
             let place = (fault.text.as_str(), fault.error.offset, fault.error.length);

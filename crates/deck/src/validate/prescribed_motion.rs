@@ -4,8 +4,8 @@ use nalgebra::SMatrix;
 
 use super::Check;
 use super::extent::Extent;
-use crate::build::load_curve;
 use crate::formulas::at_nodes;
+use crate::loads::load_curve;
 use crate::quoting::quote;
 use crate::{BodyDeck, BoundaryConditionDeck};
 use mpm_core::basis::DomainKind;

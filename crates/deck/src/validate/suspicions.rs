@@ -7,7 +7,9 @@ use crate::diagnostic::{Diagnostic, Severity};
 use crate::per_axis::per_axis;
 use crate::quoting::quote;
 use crate::span::escape;
-use crate::{BoundaryConditionDeck, Deck, Expression, GridDeck, LoadCurve, LoadDeck, PerAxis};
+use crate::{
+    BoundaryConditionDeck, Deck, Expression, GridDeck, InitialStressDeck, LoadCurve, LoadDeck, PerAxis,
+};
 use mpm_core::formula::names;
 
 /// Poisson's ratio above which low-order cells lock.
@@ -185,5 +187,11 @@ pub(crate) fn expressions(deck: &Deck) -> impl Iterator<Item = &Expression> {
     let displacements = displacements.map(|displacement| displacement.value);
     let given = deck.boundary_conditions.iter().flat_map(|condition| condition.intermediate.values());
     let forces = deck.loads.iter().flat_map(LoadDeck::expressions).map(|(_, expression)| expression);
-    displacements.chain(given).chain(forces)
+    let stresses = deck.bodies.iter().filter_map(|body| match &body.initial_stress {
+        Some(InitialStressDeck::Components { stress }) => {
+            Some(stress.components().map(|(_, _, given)| given))
+        }
+        _ => None,
+    });
+    displacements.chain(given).chain(forces).chain(stresses.flatten())
 }

@@ -15,10 +15,11 @@ impl Check<'_> {
         self.volume_without_effect();
         self.predictor_without_effect();
         self.damping_without_effect();
+        self.imbalance_without_effect();
     }
 
     /// True if the deck itself states the value of a key.
-    fn is_written(&self, pointer: &str) -> bool {
+    pub(super) fn is_written(&self, pointer: &str) -> bool {
         self.source.span_of(pointer).is_some() && !self.source.is_from_parameter(pointer)
     }
 

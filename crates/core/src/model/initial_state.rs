@@ -1,0 +1,61 @@
+//! The stress of bodies at time 0.
+
+use serde::{Deserialize, Serialize};
+
+use super::Model;
+use crate::material::MaterialError;
+use crate::points::Points;
+use crate::tensor::Sym3;
+
+/// Treatment of an initial state that is out of balance by more than the tolerance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum InitialImbalance {
+    /// The run ends before the first step.
+    #[default]
+    Refuse,
+    /// The first step brings the bodies into equilibrium, and moves them.
+    Equilibrate,
+}
+
+/// Largest number of returns to the yield surface of the undeformed state; with hardening, each is a fixed fraction of
+/// the one before.
+const MOST_RETURNS: usize = 200;
+/// A return that changes the strain by less than this, relative to it, is round-off, [-].
+const RETURNED: f64 = 1e-13;
+
+impl<const D: usize> Model<D> {
+    /// Stresses a point of the initial configuration, in the converged and the trial state: F = I, b^e from the inverse
+    /// of the elastic law, and the history variables at their initial values. `stress` is the Kirchhoff stress τ, which
+    /// equals the Cauchy stress at F = I, [stress]. A stress outside the yield surface is replaced by that to which the
+    /// law returns it, without plastic strain. Returns the stress of the point, [stress].
+    ///
+    /// # Errors
+    /// As [`elastic_strain`](crate::material::Material::elastic_strain); the point then is as before.
+    pub fn set_initial_stress(
+        &self,
+        points: &mut Points<D>,
+        p: usize,
+        stress: &Sym3,
+    ) -> Result<Sym3, MaterialError> {
+        let law = self.law(points, p);
+        let first = p * points.history_len;
+        let history = &points.converged.history[first..first + law.state_fields().len()];
+        let mut flowed = history.to_vec();
+        let mut strain = law.elastic_strain(stress)?;
+        for _ in 0..MOST_RETURNS {
+            let response = law.update(&strain, history, &mut flowed)?;
+            let change = (response.elastic_strain - strain).norm();
+            strain = response.elastic_strain;
+            if change <= RETURNED * strain.norm() {
+                for state in [&mut points.converged, &mut points.trial] {
+                    state.elastic_strain[p] = strain;
+                    state.kirchhoff_stress[p] = response.tau;
+                }
+                return Ok(response.tau);
+            }
+        }
+        Err(MaterialError::NoStrain)
+    }
+}

@@ -1,0 +1,86 @@
+//! Equilibrium of bodies that are stressed and loaded at time 0.
+
+use crate::assembly::Wanted;
+use crate::equilibrium::{InitialState, reactions_of};
+use crate::model::InitialImbalance;
+use crate::step::{Step, StepContext, displacement};
+use crate::stress::Mechanics;
+use crate::timing::Phase;
+
+use super::error::{SolveError, locate_failure, worst};
+use super::observer::Observer;
+use super::residual::{EvaluatedAt, Forces};
+use super::step_system::StepSystem;
+use super::stepper::Stepper;
+use super::summary::Summary;
+use super::unknowns::Unknowns;
+
+impl<const D: usize, const N: usize> Stepper<'_, D, N> {
+    /// Evaluates the initial state before the first step, if bodies are stressed at time 0.
+    ///
+    /// # Errors
+    /// [`SolveError::InitialState`] if it is out of balance and the model refuses that, and the errors of a first step
+    /// that cannot begin.
+    pub(super) fn begin_stressed<M: Mechanics<D>>(
+        &mut self,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<(), SolveError> {
+        let Some(treatment) = self.model.initial_imbalance else { return Ok(()) };
+        if self.reached.step.index > 0 || self.reached.summary.initial_state.is_some() {
+            return Ok(());
+        }
+        let state = self.initial_state::<M>()?;
+        observer.initial_state(&state);
+        let tolerance = self.model.newton.tolerance;
+        let InitialState { residual, is_balanced, ref worst, energy } = state;
+        let refused = (treatment == InitialImbalance::Refuse && !is_balanced)
+            .then(|| SolveError::InitialState { residual, tolerance, worst: worst.clone() });
+        let summary = &mut self.reached.summary;
+        summary.strain_energy = energy;
+        summary.initial_state = Some(state);
+        refused.map_or(Ok(()), Err)
+    }
+
+    /// Evaluates f_int, f_ext and the reactions of eq. (28) at time 0 and Δd = 0. Writes trial state only.
+    fn initial_state<M: Mechanics<D>>(&mut self) -> Result<InitialState, SolveError> {
+        let step = Step { index: 1, start: 0.0, end: 0.0 };
+        let links = self.link(step)?;
+        let (model, points) = (self.model, &mut *self.points);
+        let context = StepContext { model, links: &links, step, factor: 0.0 };
+        let Summary { timings, path, carried, .. } = &mut self.reached.summary;
+        let mut system =
+            StepSystem::new::<M>(&context, points, path, carried, &self.fields, &mut self.terms)?;
+        let n_globals = system.sum.system().border.len();
+        let mut unknowns = Unknowns::<N>::new(model, 0.0, links.n_active(), n_globals);
+        let evaluate = || system.sum.evaluate(&context, points, unknowns.at(), Wanted::Stiffness);
+        let evaluated = timings.measure(Phase::Assembly, evaluate);
+        let state = evaluated
+            .map(|()| {
+                system.sum.system_mut().condense(&system.dofs);
+                let forces = system.sum.system();
+                let f_ext = forces.external_force();
+                unknowns.reaction = reactions_of(f_ext, forces.internal_force(), &system.dofs);
+                let out_of_balance = unknowns.balance(forces);
+                let tolerance = model.newton.tolerance;
+                let reaction = &unknowns.reaction;
+                let at =
+                    EvaluatedAt { model, points, links: &links, system: forces, delta_d: &unknowns.delta_d };
+                let measured = Forces { out_of_balance: &out_of_balance, f_ext, reaction }.measure(
+                    &system.parts,
+                    tolerance,
+                    &at,
+                );
+                let ledger = system.sum.ledger(&context, points, unknowns.at());
+                InitialState {
+                    residual: measured.residual,
+                    is_balanced: measured.residual <= tolerance,
+                    worst: worst(model, &links, &displacement(&out_of_balance)),
+                    energy: ledger.stored,
+                }
+            })
+            .map_err(|failure| locate_failure(failure, model, points, step, 0, &[]));
+        self.terms = system.sum.into_terms();
+        self.links = links;
+        state
+    }
+}

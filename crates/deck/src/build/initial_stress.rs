@@ -1,0 +1,276 @@
+//! Stresses the points at time 0.
+
+use super::Builder;
+use crate::diagnostic::{Diagnostic, Severity};
+use crate::initial_stress::{InitialStressDeck, unit_weight};
+use crate::quoting::quote;
+use crate::region::{Groups, OfDeck};
+use mpm_core::formula::Formula;
+use mpm_core::grid::Grid;
+use mpm_core::model::Model;
+use mpm_core::points::{Points, coordinates};
+use mpm_core::region::{Intervals, Line, Region, contains_in_cell};
+use mpm_core::tensor::{Mat3, Sym3};
+
+/// Distance between a body and the surface, relative to the height of the body, that counts as none, [-].
+const AT_SURFACE: f64 = 1e-9;
+/// Distance between the positions at which a vertical line through groups of cells is probed, relative to the size of
+/// the cell there, [-].
+const PROBED: f64 = 0.25;
+/// Distance to the level of a node that counts as none, relative to the size of the cell, [-].
+const ON_NODE: f64 = 1e-8;
+/// Number of bisections that find where such a line enters or leaves a group, to round-off.
+const BISECTIONS: usize = 60;
+/// Change of a stress at its return to the yield surface that is round-off, relative to the stress, [-].
+const ON_SURFACE: f64 = 1e-9;
+
+/// The initial stress of a body.
+enum Stress {
+    Geostatic {
+        surface: f64,
+        k0: f64,
+        surcharge: f64,
+    },
+    /// Formulas of the original position, each with the row and column of its component.
+    Components(Vec<((usize, usize), Formula)>),
+}
+
+/// The bodies and what is known of the ground that they form.
+struct Ground<'a, const D: usize> {
+    grid: &'a dyn Grid<D>,
+    groups: &'a Groups,
+    /// Regions of the bodies with geostatic stress, and their weights per volume, [force/volume].
+    layers: Vec<(&'a Region<D>, f64)>,
+}
+
+/// Stresses that the law of a body has brought back to its yield surface.
+#[derive(Default)]
+struct Returned {
+    points: usize,
+    of: usize,
+    /// The largest change of a stress, and the stress before it, as norms, [stress].
+    largest: (f64, f64),
+}
+
+impl<const D: usize> Builder<'_, D>
+where
+    Region<D>: OfDeck<D>,
+{
+    /// Stresses the points of all bodies that have an initial stress.
+    pub(super) fn initial_stresses(
+        &mut self,
+        model: &Model<D>,
+        points: &mut Points<D>,
+        (regions, groups): (&[Region<D>], &Groups),
+    ) {
+        let stresses: Vec<Option<Stress>> =
+            (0..self.deck.bodies.len()).map(|body| self.stress_of(body)).collect();
+        if stresses.iter().all(Option::is_none) {
+            return;
+        }
+        let is_layer = |body: &usize| matches!(stresses[*body], Some(Stress::Geostatic { .. }));
+        let layer = |body: usize| (&regions[body], unit_weight(self.deck, &self.deck.bodies[body]));
+        let layers: Vec<_> = (0..stresses.len()).filter(is_layer).map(layer).collect();
+        for (body, stress) in stresses.iter().enumerate() {
+            if let Some(Stress::Geostatic { surface, .. }) = stress {
+                self.level_of_surface(body, *surface, &regions[body], &layers);
+            }
+        }
+        let ground = Ground { grid: model.grid.as_ref(), groups, layers };
+        let mut returned: Vec<Returned> = stresses.iter().map(|_| Returned::default()).collect();
+        let mut is_faulty = vec![false; stresses.len()];
+        for p in 0..points.len() {
+            let body = points.body[p] as usize;
+            let Some(stress) = stresses[body].as_ref().filter(|_| !is_faulty[body]) else { continue };
+            let x = points.original_position[p];
+            match stress.at(&x, &ground).and_then(|stress| {
+                let taken = model.set_initial_stress(points, p, &stress);
+                Ok((stress, taken.map_err(|error| ("D051", error.to_string()))?))
+            }) {
+                Ok((asked, taken)) => returned[body].count(&asked, &taken),
+                Err((code, reason)) => {
+                    is_faulty[body] = true;
+                    self.impossible(body, code, &format!("at the point {}: {reason}", coordinates(&x)));
+                }
+            }
+        }
+        for (body, returned) in returned.iter().enumerate().filter(|(_, returned)| returned.points > 0) {
+            self.brought_back(body, returned);
+        }
+    }
+
+    /// The initial stress of a body; `None` without one, or if its formulas have faults.
+    fn stress_of(&mut self, body: usize) -> Option<Stress> {
+        let deck = self.deck;
+        match deck.bodies[body].initial_stress.as_ref()? {
+            InitialStressDeck::Geostatic { surface, k0, surcharge } => {
+                Some(Stress::Geostatic { surface: *surface, k0: *k0, surcharge: *surcharge })
+            }
+            InitialStressDeck::Components { stress } => match stress.formulas(&self.loaded.parameters, D) {
+                Ok(components) => Some(Stress::Components(components)),
+                Err(faults) => {
+                    self.faulty_formulas(&format!("/bodies/{body}/initial_stress"), faults);
+                    None
+                }
+            },
+        }
+    }
+
+    /// Checks that a body lies below the surface of its ground, and that the ground reaches it.
+    fn level_of_surface(
+        &mut self,
+        body: usize,
+        surface: f64,
+        region: &Region<D>,
+        layers: &[(&Region<D>, f64)],
+    ) {
+        let [low, high] = region.bounds().map(|corner| corner[D - 1]);
+        let slack = AT_SURFACE * (high - low).abs();
+        let pointer = format!("/bodies/{body}/initial_stress/surface");
+        let top =
+            layers.iter().map(|(region, _)| region.bounds()[1][D - 1]).fold(f64::NEG_INFINITY, f64::max);
+        let name = quote(&self.deck.bodies[body].name);
+        if high > surface + slack {
+            let message =
+                format!("the body {name} reaches up to {high}, above the surface {surface} of its ground");
+            self.error("D051", &pointer, message, format!("set `surface` to {top}, the top of the ground"));
+        } else if top < surface - slack {
+            let message = format!(
+                "the ground of the body {name} ends at {top}, below its surface {surface}: no body with geostatic stress reaches it"
+            );
+            let help = format!("set `surface` to {top}, or give the bodies above a geostatic stress, too");
+            self.error("D051", &pointer, message, help);
+        }
+    }
+
+    fn impossible(&mut self, body: usize, code: &'static str, reason: &str) {
+        let name = quote(&self.deck.bodies[body].name);
+        let message = format!("the body {name} cannot have this initial stress {reason}");
+        let help = "check the stress and its units, or choose another law".to_owned();
+        self.error(code, &format!("/bodies/{body}/initial_stress"), message, help);
+    }
+
+    /// Warns of stresses that the law has brought back to the yield surface.
+    fn brought_back(&mut self, body: usize, returned: &Returned) {
+        let Returned { points, of, largest: (change, before) } = returned;
+        let message = format!(
+            "the initial stress of the body {} lies outside the yield surface at {points} of its {of} points; it is \
+             brought back to the surface, by at most {change:.3e}, {:.1} % of the stress",
+            quote(&self.deck.bodies[body].name),
+            100.0 * change / before
+        );
+        let at = format!("/bodies/{body}/initial_stress");
+        let found = Diagnostic::at(&self.loaded.source, "D052", &at, message).severity(Severity::Warning);
+        self.found.push(
+            found.help("give a stress that the material can carry; the corrected one may be out of balance"),
+        );
+    }
+}
+
+impl Stress {
+    /// The Cauchy stress at a position of the original configuration, [stress].
+    ///
+    /// # Errors
+    /// A code and a message if it is not finite.
+    fn at<const D: usize>(&self, x: &[f64; D], ground: &Ground<D>) -> Result<Sym3, (&'static str, String)> {
+        let mut stress = Mat3::zeros();
+        match self {
+            Stress::Geostatic { surface, k0, surcharge } => {
+                let vertical = -(surcharge + ground.weight_above(x, *surface));
+                for axis in 0..3 {
+                    stress[(axis, axis)] = if axis == D - 1 { vertical } else { k0 * vertical };
+                }
+            }
+            Stress::Components(components) => {
+                for ((row, column), formula) in components {
+                    let value = formula.evaluate(x);
+                    if !value.is_finite() {
+                        return Err(("D043", format!("the formula `{}` is {value}", formula.text())));
+                    }
+                    stress[(*row, *column)] = value;
+                    stress[(*column, *row)] = value;
+                }
+            }
+        }
+        Ok(Sym3::symmetric_part(&stress))
+    }
+}
+
+impl<const D: usize> Ground<'_, D> {
+    /// Weight per area of the ground above a position, up to the surface, [stress].
+    fn weight_above(&self, x: &[f64; D], surface: f64) -> f64 {
+        let height = surface - x[D - 1];
+        let line = Line::along_axis(*x, D - 1);
+        let above = Intervals::one(0.0, height);
+        let of_layer = |(region, weight): &(&Region<D>, f64)| {
+            weight
+                * match region.intervals(&line) {
+                    Some(inside) => inside.intersection(&above).length(),
+                    None => self.length_in_cells(region, &line, height),
+                }
+        };
+        self.layers.iter().map(of_layer).sum()
+    }
+
+    /// Length of a line, from its origin up to a height, in a region that contains groups of cells. Horizontal
+    /// borders are exact, others within the tolerance of the grid at the border of a cell;
+    /// gaps and parts that are thinner than a quarter of a cell may be missed.
+    fn length_in_cells(&self, region: &Region<D>, line: &Line<D>, height: f64) -> f64 {
+        let mut hint = None;
+        let mut is_inside = |t: f64| {
+            let x = line.at(t);
+            hint = self.grid.locate(&x, hint);
+            hint.is_some_and(|cell| {
+                let holds = |key: usize, cell: usize| self.groups.holds(key, cell);
+                contains_in_cell(region, self.grid, &x, cell as usize, holds)
+            })
+        };
+        let (mut t, mut was_inside, mut length) = (0.0, is_inside(0.0), 0.0);
+        while t < height {
+            let size = self.grid.size(self.grid.nearest_cell(&line.at(t)) as usize);
+            let next = if size > 0.0 { (t + PROBED * size).min(height) } else { height };
+            let now_inside = is_inside(next);
+            length += match (was_inside, now_inside) {
+                (true, true) => next - t,
+                (false, false) => 0.0,
+                _ => {
+                    let (mut low, mut high) = (t, next);
+                    for _ in 0..BISECTIONS {
+                        let middle = 0.5 * (low + high);
+                        *if is_inside(middle) == was_inside { &mut low } else { &mut high } = middle;
+                    }
+                    let border = self.at_node(line, 0.5 * (low + high));
+                    if was_inside { border - t } else { next - border }
+                }
+            };
+            (t, was_inside) = (next, now_inside);
+        }
+        length
+    }
+}
+
+impl<const D: usize> Ground<'_, D> {
+    /// The level of a node of the cell at a position of a vertical line, if it is that of the position: the search for
+    /// the cell of a position tolerates more than round-off at its border.
+    fn at_node(&self, line: &Line<D>, t: f64) -> f64 {
+        let cell = self.grid.nearest_cell(&line.at(t)) as usize;
+        let corners = self.grid.corners(cell);
+        let levels = corners.nodes().iter().map(|&n| self.grid.node_position(n as usize)[D - 1]);
+        let mut heights = levels.map(|level| level - line.origin[D - 1]);
+        heights.find(|height| (height - t).abs() <= ON_NODE * self.grid.size(cell)).unwrap_or(t)
+    }
+}
+
+impl Returned {
+    /// Counts a point by the stress asked for and the stress that its law allows.
+    fn count(&mut self, asked: &Sym3, taken: &Sym3) {
+        self.of += 1;
+        let change = (*taken - *asked).norm();
+        if change > ON_SURFACE * asked.norm() {
+            self.points += 1;
+            if change > self.largest.0 {
+                self.largest = (change, asked.norm());
+            }
+        }
+    }
+}
