@@ -11,7 +11,7 @@ use mpm::deck::load::{LoadedDeck, load, load_text};
 use mpm::deck::ready::{Analysis, ready};
 use mpm::deck::source::Source;
 use mpm::deck::validate::validate;
-use mpm::deck::{DomainUpdate, Expression, GridDeck, Method, Parameter, PerAxis};
+use mpm::deck::{AxisSpacing, DomainUpdate, Expression, GridDeck, Method, Parameter, PerAxis, SpacingDeck};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
@@ -49,7 +49,8 @@ fn parameters_may_depend_on_each_other_and_be_overridden() {
         assert_eq!(loaded.parameters["h"], Parameter::Number(side / 10.0));
         let GridDeck::Structured { size, spacing, .. } = &loaded.deck.grid else { panic!("another grid") };
         assert_eq!(size[0], 4.0 * side);
-        assert_eq!(*spacing, PerAxis::Each(vec![side / 10.0, side / 5.0]));
+        let even = [side / 10.0, side / 5.0].map(AxisSpacing::Even);
+        assert_eq!(*spacing, SpacingDeck::Each(even.to_vec()));
         assert_eq!(
             loaded.deck.title.as_deref(),
             Some(format!("every key once, h = {}", side / 10.0).as_str())

@@ -6,6 +6,7 @@
 mod bad;
 mod deck_text;
 mod explanations;
+mod graded;
 mod keys;
 mod loading;
 mod meaning;

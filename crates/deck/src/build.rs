@@ -3,6 +3,7 @@
 mod initial_stress;
 mod magnitudes;
 mod nearest;
+mod nodes;
 mod stages;
 
 use std::collections::HashMap;
@@ -13,25 +14,22 @@ use super::gates::Ties;
 use super::initial_stress::{curve_of, is_stressed};
 use super::load::LoadedDeck;
 use super::loads::load_curve;
-use super::per_axis::{array, per_axis};
-use super::quoting::{list, quote};
+use super::per_axis::array;
+use super::quoting::quote;
 use super::region::{FromFiles, Groups, OfDeck, Refusal, region};
 use super::seeding::{Filled, Filling};
 use super::size::Size;
-use super::{AXES, BoundaryConditionDeck, Deck, GridDeck, Idealisation, NodeSelector};
+use super::{Deck, GridDeck, Idealisation};
 use super::{axisymmetry, placing};
 use mpm_core::formula::Formula;
 use mpm_core::grid::gmsh::{self, GmshError};
-use mpm_core::grid::{Grid, Mesh, Structured};
+use mpm_core::grid::{Axis, CoincidentLines, Grid, Mesh, Structured};
 use mpm_core::memory::Memory;
 use mpm_core::model::{
-    Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, NodeSet, Present, Probe, Stepping,
+    Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, Present, Probe, Stepping,
 };
 use mpm_core::points::{Points, Seed};
 use mpm_core::region::Region;
-
-/// Relative distance to a grid line within which a selected coordinate counts as lying on it.
-const ON_LINE: f64 = 1e-6;
 
 /// Share of the area of a region whose loss is probably not intended.
 const MUCH: f64 = 0.05;
@@ -189,11 +187,24 @@ where
     fn grid(&mut self) -> Option<Box<dyn Grid<D>>> {
         match &self.deck.grid {
             GridDeck::Structured { origin, size, spacing } => {
-                let (size, spacing): ([f64; D], [f64; D]) = (array(size), per_axis(spacing));
-                let cells: [usize; D] =
-                    std::array::from_fn(|d| ((size[d] / spacing[d]).round() as usize).max(1));
-                let spacing = std::array::from_fn(|d| size[d] / cells[d] as f64);
-                Some(Box::new(Structured::<D>::new(array(origin), spacing, cells)))
+                let (origin, size): ([f64; D], [f64; D]) = (array(origin), array(size));
+                let axes: Result<Vec<Axis>, CoincidentLines> =
+                    (spacing.entries(D).iter().enumerate().take(D))
+                        .map(|(d, entry)| entry.axis(origin[d], size[d]))
+                        .collect();
+                match axes.map(<[Axis; D]>::try_from) {
+                    Ok(Ok(axes)) => Some(Box::new(Structured::with_axes(axes))),
+                    Ok(Err(axes)) => {
+                        let message = format!("the spacing has {} entries for {D} axes", axes.len());
+                        self.error("D015", "/grid/spacing", message, "give one entry per axis".to_owned());
+                        None
+                    }
+                    Err(error) => {
+                        let help = "use fewer cells, or a ratio closer to 1".to_owned();
+                        self.error("D027", "/grid/spacing", error.to_string(), help);
+                        None
+                    }
+                }
             }
             GridDeck::Gmsh { file } => self.mesh(file).map(|mesh| Box::new(mesh) as Box<dyn Grid<D>>),
         }
@@ -388,85 +399,6 @@ where
             });
         }
         conditions
-    }
-
-    fn nodes(&mut self, grid: &dyn Grid<D>, condition: &BoundaryConditionDeck, pointer: &str) -> NodeSet {
-        let NodeSelector { within, group, outer_layer, .. } = &condition.nodes;
-        let coordinates = condition.nodes.coordinates();
-        if let Some(body) = outer_layer {
-            return NodeSet::OuterLayer(self.body_number(body) as u16);
-        }
-        if let Some(name) = group {
-            let pointer = format!("{pointer}/nodes/group");
-            return NodeSet::Fixed(match grid.node_set(name) {
-                Some(nodes) => nodes.to_vec(),
-                None => {
-                    let (message, help) = placing::unknown_group(grid, name, false);
-                    self.error("D031", &pointer, message, help);
-                    Vec::new()
-                }
-            });
-        }
-        let mut off_line = false;
-        for (axis, coordinate) in coordinates.iter().enumerate().take(D) {
-            if let (Some(c), Some(grid)) = (coordinate, grid.structured()) {
-                off_line |= self.check_line(grid, axis, *c, &format!("{pointer}/nodes/{}", AXES[axis]));
-            }
-        }
-        // On an imported grid, the cells around a node define what counts as near.
-        let spacing = grid.structured().map(|grid| grid.spacing());
-        let slack = |node: usize| spacing.unwrap_or_else(|| [grid.size_around(node); D]).map(|h| ON_LINE * h);
-        let all = grid.bounds();
-        let bounds: [[f64; D]; 2] = match within {
-            Some(region) => [array(&region.min), array(&region.max)],
-            None => [0, 1].map(|side| std::array::from_fn(|d| coordinates[d].unwrap_or(all[side][d]))),
-        };
-        // Round-off must not exclude nodes along an axis that no coordinate restricts.
-        let restricts = |d: usize| within.is_some() || coordinates[d].is_some();
-        let inside = |node: usize| {
-            let (x, slack) = (grid.node_position(node), slack(node));
-            let between = |d: usize| bounds[0][d] - slack[d] <= x[d] && x[d] <= bounds[1][d] + slack[d];
-            (0..D).all(|d| !restricts(d) || between(d))
-        };
-        let nodes: Vec<u32> =
-            placing::nodes_near(grid, &bounds).filter(|&node| inside(node)).map(|node| node as u32).collect();
-        if nodes.is_empty() && !off_line {
-            let message = format!("the boundary condition {} selects no grid node", quote(&condition.name));
-            let help = grid.structured().map_or_else(
-                || {
-                    let names = grid.set_names();
-                    format!(
-                        "select a physical group of the mesh with `group`; the groups are {}",
-                        list(names)
-                    )
-                },
-                |grid| {
-                    let along = |d: usize| {
-                        let (origin, spacing) = (grid.origin()[d], grid.spacing()[d]);
-                        format!("{origin} + {} {spacing} in {}", ["i", "j", "k"][d], AXES[d])
-                    };
-                    let along: Vec<String> = (0..D).map(along).collect();
-                    let (last, first) = along.split_last().unwrap_or((&along[0], &[]));
-                    format!("grid nodes lie at {} and {last}", first.join(", "))
-                },
-            );
-            self.error("D029", &format!("{pointer}/nodes"), message, help);
-        }
-        NodeSet::Fixed(nodes)
-    }
-
-    /// Reports a coordinate that lies on no grid line; returns true if it did.
-    fn check_line(&mut self, grid: &Structured<D>, axis: usize, c: f64, pointer: &str) -> bool {
-        let (origin, spacing) = (grid.origin()[axis], grid.spacing()[axis]);
-        let line = ((c - origin) / spacing).round().clamp(0.0, grid.cells()[axis] as f64);
-        let nearest = origin + line * spacing;
-        if (c - nearest).abs() <= ON_LINE * spacing {
-            return false;
-        }
-        let name = AXES[axis];
-        let message = format!("no grid line lies at {name} = {c}");
-        self.error("D029", pointer, message, format!("the nearest one is {name} = {nearest}"));
-        true
     }
 
     /// For each body, true if a load acts on it.

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 pub use boundary_conditions::{Axis, BoundaryConditionDeck, FixDeck, MoveDeck, NodeSelector, NormalDeck};
+pub use grid::{AxisSpacing, GridDeck, IntervalDeck, SpacingDeck};
 pub use initial_stress::{InitialStressDeck, StressDeck};
 pub use loads::{LoadCurve, LoadDeck, Per, PointSelector};
 pub use mpm_core::basis::Method;
@@ -42,6 +43,7 @@ pub mod diagnostic;
 pub mod first_step;
 pub mod formulas;
 mod gates;
+mod grid;
 pub mod initial_stress;
 pub mod load;
 mod loads;
@@ -239,31 +241,6 @@ impl Deck {
             checkpoints: self.checkpoint.map(|checkpoint| checkpoint.every.max(1) as usize),
         }
     }
-}
-
-/// The background grid.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum GridDeck {
-    /// A regular grid of rectangles (of bricks in space) aligned with the axes.
-    Structured {
-        /// Corner with the smallest coordinates, [length].
-        #[schemars(with = "Vector", extend("examples" = [[0, 0]]))]
-        origin: Vec<f64>,
-        /// Extent along each axis, [length]; a whole multiple of the spacing.
-        #[schemars(with = "Lengths", extend("examples" = [[11, 10]]))]
-        size: Vec<f64>,
-        /// Side of a cell, [length]; one number, or one per axis.
-        #[schemars(with = "PerAxis<Length>", extend("examples" = [0.5, [0.5, 0.25]]))]
-        spacing: PerAxis<f64>,
-    },
-    /// Triangles and quadrilaterals (tetrahedra and hexahedra in space) from a mesh file of gmsh, format 2.2 or 4.1,
-    /// text or binary.
-    Gmsh {
-        /// Path of the mesh file, relative to the deck.
-        #[schemars(length(min = 1), extend("examples" = ["ring.msh"]))]
-        file: String,
-    },
 }
 
 /// One value for all axes, or a list with one value per axis.

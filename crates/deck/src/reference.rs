@@ -25,6 +25,7 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`analysis`", "Analysis"),
     ("`stabilisation` of an analysis", "Stabilisation"),
     ("`grid`", "GridDeck"),
+    ("`spacing` of a graded grid, each interval", "IntervalDeck"),
     ("`materials`, each by its name", "MaterialDeck"),
     ("`bodies`, each", "BodyDeck"),
     ("`shape` of a body", "Shape"),
@@ -209,6 +210,7 @@ fn plural(items: &Map<String, Value>) -> String {
         "text" => "texts".into(),
         "mapping" => "mappings".into(),
         "list of numbers" => "pairs of numbers".into(),
+        "number or list of mappings" => "numbers or lists of intervals".into(),
         "number or formula" => "numbers or formulas".into(),
         other => other.to_owned(),
     }

@@ -12,7 +12,7 @@ use super::{AXES, BodyDeck, PerAxis, Shape};
 use mpm_core::basis::{DomainKind, Method};
 use mpm_core::grid::element::ElementShape;
 use mpm_core::grid::subdivide::{ElementPart, subdivide_box, subdivide_simplex};
-use mpm_core::grid::{Grid, Structured};
+use mpm_core::grid::{Axis, Grid, Structured};
 use mpm_core::points::Seed;
 use mpm_core::region::{Accuracy, FilledCell, Region, Volume, brick_parts, contains_in_cell, fill};
 
@@ -153,31 +153,34 @@ impl<const D: usize> Filling<'_, D> {
         counts: &PerAxis<u32>,
     ) -> Option<Vec<Seed<D>>> {
         let (min, max): ([f64; D], [f64; D]) = (array(min), array(max));
-        let h = grid.spacing();
+        let axes = grid.axes();
         let on_line = |d: usize, x: f64| {
-            let xi = (x - grid.origin()[d]) / h[d];
+            let xi = axes[d].coordinate(x);
             (xi - xi.round()).abs() <= ON_LINE
         };
         if !(0..D).all(|d| on_line(d, min[d]) && on_line(d, max[d])) {
             return None;
         }
-        let per_cell: [u32; D] = per_axis(counts);
-        let n = std::array::from_fn(|d| ((max[d] - min[d]) / h[d]).round() as usize * per_cell[d] as usize);
-        Some(self.rows([min, max], n, |_| true))
+        let per_cell = per_axis::<u32, D>(counts).map(|n| n as usize);
+        let along = |d: usize| {
+            let [first, last] = [min[d], max[d]].map(|x| axes[d].coordinate(x).round());
+            let n = (last - first) as usize * per_cell[d];
+            if axes[d].is_even() {
+                // Measured from the ends of the box, not from its cells, so that both ends of a row get the same
+                // round-off.
+                return Axis::even(min[d], (max[d] - min[d]) / n as f64, n);
+            }
+            let [first, last] = [first, last].map(|line| (line.max(0.0) as usize).min(axes[d].n_cells()));
+            axes[d].between(first, last).subdivided(per_cell[d])
+        };
+        Some(self.rows(Structured::with_axes(std::array::from_fn(along)), |_| true))
     }
 
-    /// The points inside the region of a lattice with `n` points along the sides of a box.
-    fn rows(
-        &self,
-        [min, max]: [[f64; D]; 2],
-        n: [usize; D],
-        inside: impl Fn(&[f64; D]) -> bool + Sync,
-    ) -> Vec<Seed<D>> {
-        let spacing: [f64; D] = std::array::from_fn(|d| (max[d] - min[d]) / n[d] as f64);
-        let lattice = Structured::<D>::new(min, spacing, n);
-        // Measured from the ends of the box, not from its cells, so that both ends of a row get the same round-off.
+    /// The points inside the region at the cells of a lattice.
+    fn rows(&self, lattice: Structured<D>, inside: impl Fn(&[f64; D]) -> bool + Sync) -> Vec<Seed<D>> {
+        let n = lattice.cells();
         let at = |index: &[usize; D], shift: f64| -> [f64; D] {
-            std::array::from_fn(|d| min[d] + (index[d] as f64 + shift) * spacing[d])
+            std::array::from_fn(|d| lattice.axes()[d].position(index[d] as f64 + shift))
         };
         let kept: Vec<bool> = (0..lattice.n_cells())
             .into_par_iter()
@@ -193,7 +196,8 @@ impl<const D: usize> Filling<'_, D> {
         };
         let one = |place: usize| {
             let index = lattice.cell_index(place);
-            let mut seed = self.brick(at(&index, 0.5), [at(&index, 0.0), at(&index, 1.0)], spacing);
+            let mut seed =
+                self.brick(at(&index, 0.5), [at(&index, 0.0), at(&index, 1.0)], lattice.sides(index));
             seed.outer_layer = is_outer(&index);
             seed
         };
@@ -228,8 +232,11 @@ impl<const D: usize> Filling<'_, D> {
             return Ok(Vec::new()); // an intersection of disjoint regions
         }
         let n: [usize; D] = std::array::from_fn(|d| (along(d).ceil() as usize).max(1));
-        let high = std::array::from_fn(|d| min[d] + n[d] as f64 * spacing[d]);
-        Ok(self.rows([min, high], n, |x| self.region.contains(x)))
+        let axis = |d: usize| {
+            let high = min[d] + n[d] as f64 * spacing[d];
+            Axis::even(min[d], (high - min[d]) / n[d] as f64, n[d])
+        };
+        Ok(self.rows(Structured::with_axes(std::array::from_fn(axis)), |x| self.region.contains(x)))
     }
 
     /// Checks that a surface lies in the grid; this needs its file.
@@ -334,7 +341,8 @@ impl<const D: usize> Filling<'_, D> {
         let counts = deck.points_per_cell.as_ref().ok_or_else(|| missing("points_per_cell"))?;
         let n = per_axis::<u32, D>(counts).map(|n| n as usize);
         if let Some(grid) = self.grid.structured() {
-            let sides = std::array::from_fn(|d| grid.spacing()[d] / n[d] as f64);
+            let whole = grid.sides(grid.cell_index(cell));
+            let sides = std::array::from_fn(|d| whole[d] / n[d] as f64);
             let point = move |x: [f64; D]| {
                 let end = |sign: f64| std::array::from_fn(|d| x[d] + sign * 0.5 * sides[d]);
                 self.brick(x, [end(-1.0), end(1.0)], sides)

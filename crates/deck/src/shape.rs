@@ -291,6 +291,10 @@ fn choices_in_words(error: &ValidationError<'_>) -> String {
         "/definitions/Parameter/anyOf" => "a word",
         _ => "text",
     };
+    let list = match error.schema_path().as_str() {
+        "/definitions/AxisSpacing/anyOf" => "a list of intervals",
+        _ => "a list with one per axis",
+    };
     let choices = subschema(error).and_then(|schema| schema.get("anyOf")).and_then(Value::as_array);
     let words: Vec<&str> = choices
         .into_iter()
@@ -303,7 +307,7 @@ fn choices_in_words(error: &ValidationError<'_>) -> String {
             Some(match choice.get("type")?.as_str()? {
                 "number" => "a number",
                 "integer" => "a whole number",
-                "array" => "a list with one per axis",
+                "array" => list,
                 "string" => text,
                 _ => "a mapping",
             })

@@ -80,10 +80,10 @@ impl Size {
     pub(super) fn of<const D: usize>(deck: &Deck, grid: &dyn Grid<D>, regions: &[Region<D>]) -> Size {
         let nodes = grid.n_nodes() as f64;
         let whole = volume(grid);
-        let of_cell = whole / grid.n_cells().max(1) as f64;
         let (mut points, mut memory_of_points, mut cells, mut factor) = (0.0, 0.0, 0.0, 0.0_f64);
         let mut largest = (0.0, 0);
         for (number, (body, region)) in deck.bodies.iter().zip(regions).enumerate() {
+            let of_cell = cell_volume(grid, region, whole);
             let all = volume_of(region);
             let volume = all.min(whole);
             // With `point_spacing`, points outside the grid exist until they are found.
@@ -210,6 +210,20 @@ fn count(n: f64) -> String {
     if n < 1e4 { format!("{n:.0}") } else { format!("{n:.1e}") }
 }
 
+/// Mean volume (area) of the cells in the bounds of a region; of all cells, unless the grid is graded.
+fn cell_volume<const D: usize>(grid: &dyn Grid<D>, region: &Region<D>, whole: f64) -> f64 {
+    let mean = whole / grid.n_cells().max(1) as f64;
+    let Some(grid) = grid.structured().filter(|grid| !grid.is_even()) else { return mean };
+    let ([low, high], [first, last]) = (region.bounds(), grid.bounds());
+    let along = |d: usize| {
+        let (from, to) = (low[d].max(first[d]), high[d].min(last[d]));
+        let axis = &grid.axes()[d];
+        (to - from) / (axis.coordinate(to) - axis.coordinate(from))
+    };
+    let volume: f64 = (0..D).map(along).product();
+    if volume > 0.0 && volume.is_finite() { volume } else { mean }
+}
+
 /// Number of points of a body per volume (area).
 fn density<const D: usize>(body: &BodyDeck, deck: &Deck, of_cell: f64) -> f64 {
     if let Some(spacing) = &body.point_spacing {
@@ -274,6 +288,24 @@ steps: {count: 1}
         let exact = 100.0 * std::f64::consts::PI * 12.0;
         assert!((of_ring.points / exact - 1.0).abs() < 0.01, "{of_ring:?}");
         assert_eq!(size("{type: cells}", "points_per_cell: 2").points, 3200.0);
+    }
+
+    /// A body of a graded grid counts the cells where it is.
+    #[test]
+    fn sizes_on_a_graded_grid_are_those_of_the_cells_at_hand() {
+        let spacing = "spacing: [[{to: 2, cells: 20}, {to: 20, cells: 6, ratio: 1.5}], 0.5]";
+        let text = DECK.replace("spacing: 0.5", spacing).replace("METHOD", "points_per_cell: 3, method: mpm");
+        for (to, cells) in [("2, 10", 20.0 * 20.0), ("20, 10", 26.0 * 20.0)] {
+            let text = text.replace("SHAPE", &format!("{{type: box, min: [0, 0], max: [{to}]}}"));
+            let loaded =
+                load_text("deck", text.as_bytes(), &[]).unwrap_or_else(|failure| panic!("{failure}"));
+            let (model, points) = crate::build::build::<2>(&loaded).unwrap();
+            let mut given = WithoutFiles { grid: Some(model.grid.bounds()) };
+            let region = region(&loaded.deck.bodies[0].shape, "", &mut given).ok().unwrap();
+            let size = Size::of(&loaded.deck, model.grid.as_ref(), &[region]);
+            assert_eq!(points.len() as f64, 9.0 * cells);
+            assert!((size.points / (9.0 * cells) - 1.0).abs() < 1e-12, "{size:?}");
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@
 
 mod extent;
 mod geometry;
+mod grid;
 mod initial_stress;
 mod loading;
 mod prescribed_motion;

@@ -12,25 +12,26 @@ use mpm::tensor::Mat3;
 use mpm::terms::Sum;
 use nalgebra::{DMatrix, DVector};
 
-use super::states::{FORMULATIONS, Law, State, cases, large_random_state, random_state};
+use super::states::{FORMULATIONS, Law, State, cases, graded_random_state, large_random_state, random_state};
 
-/// Hat function of a node at 0 with cells of length h, and its slope.
-fn hat(h: f64, x: f64) -> (f64, f64) {
+/// Hat function of a node at 0 between cells of lengths h below and above it, and its slope.
+fn hat([below, above]: [f64; 2], x: f64) -> (f64, f64) {
+    let h = if x < 0.0 { below } else { above };
     if x.abs() < h { (1.0 - x.abs() / h, -x.signum() / h) } else { (0.0, 0.0) }
 }
 
 /// ∫ hat from −∞ to x.
-fn hat_integral(h: f64, x: f64) -> f64 {
-    match x / h {
-        xi if xi <= -1.0 => 0.0,
-        xi if xi <= 0.0 => 0.5 * h * (1.0 + xi).powi(2),
-        xi if xi <= 1.0 => h - 0.5 * h * (1.0 - xi).powi(2),
-        _ => h,
+fn hat_integral([below, above]: [f64; 2], x: f64) -> f64 {
+    match x {
+        x if x <= -below => 0.0,
+        x if x <= 0.0 => 0.5 * below * (1.0 + x / below).powi(2),
+        x if x <= above => 0.5 * below + 0.5 * above - 0.5 * above * (1.0 - x / above).powi(2),
+        _ => 0.5 * (below + above),
     }
 }
 
 /// S and dS/dx along one axis at distance x from the node: the hat function or its mean over [x − l, x + l].
-fn basis(method: Method, h: f64, x: f64, l: f64) -> (f64, f64) {
+fn basis(method: Method, h: [f64; 2], x: f64, l: f64) -> (f64, f64) {
     match method {
         Method::Mpm => hat(h, x),
         _ => (
@@ -104,10 +105,14 @@ fn basis_of_point<const D: usize>(state: &State<D>, p: usize) -> Vec<(f64, [f64;
     let means = if method.domain() == DomainKind::Corners { means_of_corners(corners) } else { Vec::new() };
     let at_node = |node: usize| {
         let place = model.grid.node_position(node);
+        let cells = |d: usize| {
+            let (axis, line) = (&grid.axes()[d], grid.node_index(node)[d]);
+            [line.saturating_sub(1), line.min(axis.n_cells() - 1)].map(|cell| axis.size(cell))
+        };
         if !means.is_empty() {
             let (mut value, mut gradient) = (0.0, [0.0; D]);
             for (corner, (mean, slope)) in corners.iter().zip(&means) {
-                let here: f64 = (0..D).map(|d| hat(grid.spacing()[d], corner[d] - place[d]).0).product();
+                let here: f64 = (0..D).map(|d| hat(cells(d), corner[d] - place[d]).0).product();
                 value += here * mean;
                 for d in 0..D {
                     gradient[d] += here * slope[d];
@@ -117,7 +122,7 @@ fn basis_of_point<const D: usize>(state: &State<D>, p: usize) -> Vec<(f64, [f64;
         }
         let along: [(f64, f64); D] = std::array::from_fn(|d| {
             let x = points.converged.position[p][d] - place[d];
-            basis(method, grid.spacing()[d], x, points.half_lengths(p)[d])
+            basis(method, cells(d), x, points.half_lengths(p)[d])
         });
         let product = |of: usize| (0..D).map(|d| if d == of { along[d].1 } else { along[d].0 }).product();
         (product(D), std::array::from_fn(product))
@@ -226,6 +231,9 @@ fn check_all<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
                 let mut state = random_state::<D, M>(method, law, n_points, seed);
                 state.model.formulation = formulation;
                 check::<D, M>(&mut state, &format!("{method:?} {law:?} {formulation:?} {n_points}"));
+                let mut state = graded_random_state::<D, M>(method, law, n_points, seed);
+                state.model.formulation = formulation;
+                check::<D, M>(&mut state, &format!("graded {method:?} {law:?} {formulation:?} {n_points}"));
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use mpm::basis::{Connectivity, DomainKind, Method};
 use mpm::domain::DomainUpdate;
-use mpm::grid::Structured;
+use mpm::grid::{Axis, Interval, Structured};
 use mpm::material::{
     Elasticity, Hencky, Material, MaterialError, NeoHookean, Response, StateField, StrainMeasure, VonMises,
 };
@@ -124,21 +124,51 @@ pub fn state_with<const D: usize, M: Mechanics<D>>(
     n_points: usize,
     seed: u64,
 ) -> State<D> {
+    state_on::<D, M>(&few_cells(), 0.1, (method, domain), law, n_points, seed)
+}
+
+/// As [`random_state`], on a grid of the same extent whose cells grow and shrink along the first two axes.
+#[allow(dead_code, reason = "not every test program uses it")]
+pub fn graded_random_state<const D: usize, M: Mechanics<D>>(
+    method: Method,
+    law: Law,
+    n_points: usize,
+    seed: u64,
+) -> State<D> {
+    let even = few_cells::<D>();
+    let (low, high, cells) = (even.origin(), even.upper(), even.cells());
+    let axis = |d: usize| {
+        let (first, last) = [(0.3, 1.3), (0.25, 0.8)][d];
+        let middle = Interval { to: low[d] + first * (high[d] - low[d]), cells: 1, ratio: 1.0 };
+        Axis::from_intervals(low[d], &[middle, Interval { to: high[d], cells: cells[d] - 1, ratio: last }])
+            .unwrap()
+    };
+    let graded = |d: usize| if d < 2 { axis(d) } else { even.axes()[d].clone() };
+    let grid = Structured::with_axes(std::array::from_fn(graded));
+    state_on::<D, M>(&grid, 0.1, (method, Domain::Box), law, n_points, seed)
+}
+
+/// A grid of few cells, well to the right of the axis x = 0.
+fn few_cells<const D: usize>() -> Structured<D> {
     let cells = if D == 2 { [6, 5, 1] } else { [3, 3, 2] };
-    let (cells, margin) = (std::array::from_fn(|d| cells[d]), 0.1);
-    state_on::<D, M>(cells, margin, (method, domain), law, n_points, seed)
+    even_grid(std::array::from_fn(|d| cells[d]))
+}
+
+fn even_grid<const D: usize>(cells: [usize; D]) -> Structured<D> {
+    let low = std::array::from_fn(|d| [1.6, 0.2, -0.4][d]);
+    Structured::new(low, std::array::from_fn(|d| SPACING[d]), cells)
 }
 
 /// As [`random_state`], on a grid large enough for several batches, with domains inside it.
 #[allow(dead_code, reason = "not every test program uses it")]
 pub fn large_random_state<M: Mechanics<2>>(method: Method, law: Law, n_points: usize, seed: u64) -> State<2> {
-    state_on::<2, M>([24, 20], 0.4, (method, Domain::Box), law, n_points, seed)
+    state_on::<2, M>(&even_grid([24, 20]), 0.4, (method, Domain::Box), law, n_points, seed)
 }
 
 const SPACING: [f64; 3] = [0.5, 0.4, 0.6];
 
 fn state_on<const D: usize, M: Mechanics<D>>(
-    cells: [usize; D],
+    grid: &Structured<D>,
     margin: f64,
     (method, shape): (Method, Domain),
     law: Law,
@@ -146,9 +176,7 @@ fn state_on<const D: usize, M: Mechanics<D>>(
     seed: u64,
 ) -> State<D> {
     let random = &mut Random(seed);
-    let low = std::array::from_fn(|d| [1.6, 0.2, -0.4][d]); // well to the right of the axis x = 0
-    let grid = Structured::<D>::new(low, std::array::from_fn(|d| SPACING[d]), cells);
-    let high = grid.upper();
+    let (low, high) = (grid.origin(), grid.upper());
     let hencky = || Box::new(Hencky::new(2e6, 0.25)) as Box<dyn Material>;
     let von_mises = || Box::new(VonMises::new(1e6, 0.3, 0.25e6).hardening(0.2e6)) as Box<dyn Material>;
     let laws = match law {
@@ -204,7 +232,7 @@ fn state_on<const D: usize, M: Mechanics<D>>(
         .collect();
     let model = Model {
         title: String::new(),
-        grid: Box::new(grid),
+        grid: Box::new(grid.clone()),
         revolved: M::REVOLVED,
         formulation: Formulation::PreviouslyConverged,
         point_volume: PointVolume::Deformation,

@@ -28,7 +28,7 @@ pub fn cells_in(grid: &Structured<3>, low: [f64; 3], high: [f64; 3]) -> Vec<u32>
     let inside = |cell: &u32| {
         let index = grid.cell_index(*cell as usize);
         (0..3).all(|d| {
-            let x = grid.origin()[d] + (index[d] as f64 + 0.5) * grid.spacing()[d];
+            let x = grid.axes()[d].position(index[d] as f64 + 0.5);
             low[d] < x && x < high[d]
         })
     };

@@ -2,7 +2,7 @@
 
 use mpm::basis::Method;
 use mpm::domain::DomainUpdate;
-use mpm::grid::{Grid, Structured};
+use mpm::grid::{Axis, Grid, Interval, Structured};
 use mpm::material::{Elasticity, Hencky};
 use mpm::model::NodeSet;
 use mpm::points::Points;
@@ -19,6 +19,7 @@ const POISSON: f64 = 0.3;
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Kind {
     Structured,
+    Graded,
     Hexahedra,
     Tetrahedra,
 }
@@ -27,11 +28,15 @@ enum Kind {
 const CENTRE: [f64; 3] = [4.0; 3];
 
 /// All supported combinations of grid and method, with parts per cell and axis.
-const CASES: [(Kind, Method, [usize; 3]); 10] = [
+const CASES: [(Kind, Method, [usize; 3]); 14] = [
     (Kind::Structured, Method::Mpm, [2; 3]),
     (Kind::Structured, Method::Gimp, [2; 3]),
     (Kind::Structured, Method::Cpdi1, [2; 3]),
     (Kind::Structured, Method::Cpdi2, [2; 3]),
+    (Kind::Graded, Method::Mpm, [2; 3]),
+    (Kind::Graded, Method::Gimp, [2; 3]),
+    (Kind::Graded, Method::Cpdi1, [2; 3]),
+    (Kind::Graded, Method::Cpdi2, [2; 3]),
     (Kind::Hexahedra, Method::Mpm, [2; 3]),
     (Kind::Hexahedra, Method::Cpdi1, [1; 3]),
     (Kind::Hexahedra, Method::Cpdi2, [2, 1, 2]),
@@ -63,6 +68,20 @@ fn stress_of(f: &Mat3) -> Sym3 {
     Elasticity::from_young_poisson(YOUNG, POISSON).stress(&logarithmic_strain(f))
 }
 
+/// The grid of rectangles of this kind, with lines on the sides of the block. The cells of a graded one differ by a
+/// factor of 4.
+fn structured(kind: Kind) -> Structured<3> {
+    if kind == Kind::Structured {
+        return Structured::new([0.0; 3], [2.0 / 3.0; 3], [12; 3]);
+    }
+    let axis = |[below, inside, above]: [f64; 3]| {
+        let interval = |to, cells, ratio| Interval { to, cells, ratio };
+        let intervals = [interval(2.0, 3, below), interval(6.0, 6, inside), interval(8.0, 3, above)];
+        Axis::from_intervals(0.0, &intervals).unwrap()
+    };
+    Structured::with_axes([[0.8, 1.3, 1.0], [1.0, 0.8, 1.2], [1.5, 1.0, 0.6]].map(axis))
+}
+
 /// Moves the body in increments about its centre; prescribes all nodes if `everywhere`, otherwise those touched by the
 /// outer layer.
 fn moved(
@@ -74,10 +93,9 @@ fn moved(
 ) -> Errors {
     let law = Hencky::new(YOUNG, POISSON);
     let filling = Filling { method, n, density: 0.0 };
-    let structured = || Structured::<3>::new([0.0; 3], [2.0 / 3.0; 3], [12; 3]);
     let (mut model, seeds) = match kind {
-        Kind::Structured => {
-            let grid = structured();
+        Kind::Structured | Kind::Graded => {
+            let grid = structured(kind);
             let seeds = fill(&grid, &cells_in(&grid, [2.0; 3], [6.0; 3]), filling, &law);
             (model(grid, law, method, update, steps), seeds)
         }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use mpm::deck::{build::build, load::load};
 use mpm::formula::Formula;
-use mpm::grid::Structured;
+use mpm::grid::{Axis, Structured};
 use mpm::model::{Action, BoundaryCondition, Load, LoadCurve, Model, NodeSet};
 use mpm::points::{Points, Seed};
 use mpm::solver::{self, Observer, StepReport, Summary};
@@ -48,10 +48,9 @@ fn drawn_out(points: &Points<2>, thickness: f64) -> Vec<Seed<3>> {
 fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
     let grid = plane.grid.structured().unwrap();
     let [nx, ny] = grid.cells();
+    let [x, y] = grid.axes().clone();
     let per_layer = ((nx + 1) * (ny + 1)) as u32;
-    let (origin, spacing) = (grid.origin(), grid.spacing());
-    let solid =
-        Structured::<3>::new([origin[0], origin[1], 0.0], [spacing[0], spacing[1], thickness], [nx, ny, 1]);
+    let solid = Structured::with_axes([x, y, Axis::even(0.0, thickness, 1)]);
     let both = |condition: &BoundaryCondition<2>| {
         let NodeSet::Fixed(nodes) = &condition.nodes else { panic!("given nodes") };
         let nodes = nodes.iter().copied().chain(nodes.iter().map(|n| n + per_layer)).collect();

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use super::*;
 use crate::grid::element::{ElementShape, corner_side};
 use crate::grid::mesh::tests::{hexahedra, mixed, tetrahedra};
-use crate::grid::{Mesh, Structured};
+use crate::grid::{Axis, Interval, Mesh, Structured};
 use proptest::prelude::*;
 
 const METHODS: [Method; 4] = [Method::Mpm, Method::Gimp, Method::Cpdi1, Method::Cpdi2];
@@ -92,7 +92,7 @@ fn gradient_is_derivative<const D: usize>(
     let s = support(variant, grid, x, l);
     let h = 1e-6;
     let near_line = |d: usize| {
-        let xi = |y: f64| (y - grid.origin()[d]) / grid.spacing()[d];
+        let xi = |y: f64| grid.axes()[d].coordinate(y);
         [x[d] - l[d], x[d] + l[d]].iter().any(|&y| (xi(y) - xi(y).round()).abs() < 1e-4)
     };
     for d in (0..D).filter(|&d| !near_line(d)) {
@@ -117,6 +117,19 @@ fn check_structured<const D: usize>(grid: &Structured<D>, x: [f64; D], l: [f64; 
     }
 }
 
+/// Lines from `low` to `high`, graded in two intervals towards the middle.
+fn graded(low: f64, high: f64) -> Axis {
+    let middle = Interval { to: 0.4 * low + 0.6 * high, cells: 6, ratio: 0.8 };
+    Axis::from_intervals(low, &[middle, Interval { to: high, cells: 4, ratio: 1.4 }]).unwrap()
+}
+
+/// Graded grids with the extent of those below.
+static GRADED: LazyLock<(Structured<2>, Structured<3>)> = LazyLock::new(|| {
+    let (x, y) = (graded(0.0, 1.0), graded(-0.5, 1.5));
+    let plane = Structured::with_axes([x.clone(), y.clone()]);
+    (plane, Structured::with_axes([x, Axis::even(-0.5, 0.2, 10), graded(-0.1, 1.25)]))
+});
+
 static MESHES: LazyLock<(Mesh<2>, Mesh<3>, Mesh<3>)> =
     LazyLock::new(|| (mixed(), hexahedra(4), tetrahedra(4)));
 
@@ -132,6 +145,7 @@ proptest! {
         x in prop::array::uniform2(0.3..0.7f64), l in prop::array::uniform2(1e-3..0.25f64)
     ) {
         check_structured(&Structured::<2>::new([0.0, -0.5], [0.1, 0.2], [10, 10]), x, l);
+        check_structured(&GRADED.0, x, l);
         check_mesh(&MESHES.0, x, l);
     }
 
@@ -140,6 +154,7 @@ proptest! {
         x in prop::array::uniform3(0.3..0.7f64), l in prop::array::uniform3(1e-3..0.25f64)
     ) {
         check_structured(&Structured::<3>::new([0.0, -0.5, -0.1], [0.1, 0.2, 0.15], [10, 10, 9]), x, l);
+        check_structured(&GRADED.1, x, l);
         check_mesh(&MESHES.1, x, l);
         check_mesh(&MESHES.2, x, l);
     }
@@ -172,23 +187,70 @@ fn a_gimp_point_averages_the_linear_basis_over_its_domain() {
     averages(&Structured::<2>::new([0.0; 2], [0.1, 0.2], [10, 10]), [0.47, 0.93], [0.055, 0.13], 2000);
     let grid = Structured::<3>::new([0.0; 3], [0.1, 0.2, 0.3], [10, 10, 4]);
     averages(&grid, [0.47, 0.93, 0.55], [0.055, 0.13, 0.2], 120);
+    averages(&GRADED.0, [0.47, 0.83], [0.155, 0.33], 2000);
+    averages(&GRADED.1, [0.47, 0.83, 0.55], [0.055, 0.33, 0.4], 120);
+}
+
+/// ∫ N_v from the lowest line to `y` on any lines, in closed form.
+fn antiderivative(lines: &[f64], v: usize, y: f64) -> f64 {
+    let mut integral = 0.0;
+    if v > 0 {
+        let (low, h) = (lines[v - 1], lines[v] - lines[v - 1]);
+        integral += 0.5 * h * ((y - low) / h).clamp(0.0, 1.0).powi(2);
+    }
+    if v + 1 < lines.len() {
+        let (high, h) = (lines[v + 1], lines[v + 1] - lines[v]);
+        integral += 0.5 * h * (1.0 - ((high - y) / h).clamp(0.0, 1.0).powi(2));
+    }
+    integral
+}
+
+/// S_v = [I_v(x + l) − I_v(x − l)] / 2l for every node, and equal intervals against the even grid.
+#[test]
+fn gimp_points_are_differences_of_the_antiderivative() {
+    let even = Axis::even(0.0, 0.1, 10);
+    let ends = [Interval { to: 0.3, cells: 3, ratio: 1.0 }, Interval { to: 1.0, cells: 7, ratio: 1.0 }];
+    let equal = Structured::with_axes([Axis::from_intervals(0.0, &ends).unwrap()]);
+    let (even, skewed) = (Structured::with_axes([even]), Structured::with_axes([graded(0.0, 1.0)]));
+    for k in 0..200 {
+        let x = [0.3 + 0.4 * (f64::from(k) * 0.618).fract()];
+        let l = [1e-3 + 0.29 * (f64::from(k) * 0.414).fract()];
+        let of = |grid: &Structured<1>| support((Method::Gimp, ElementShape::Box), grid, x, l);
+        for grid in [&even, &equal, &skewed] {
+            let lines: Vec<f64> = (0..grid.n_nodes()).map(|v| grid.node_position(v)[0]).collect();
+            let s = of(grid);
+            for (node, value) in s.nodes.iter().zip(&s.value) {
+                let [low, high] =
+                    [x[0] - l[0], x[0] + l[0]].map(|y| antiderivative(&lines, *node as usize, y));
+                assert!((value - (high - low) / (2.0 * l[0])).abs() < 1e-13);
+            }
+        }
+        let (a, b) = (of(&even), of(&equal));
+        assert_eq!(a.nodes, b.nodes);
+        // Round-off of coordinates up to 1, over the length of the domain.
+        let round_off = 16.0 * f64::EPSILON / l[0];
+        assert!(a.value.iter().zip(&b.value).all(|(a, b)| (a - b).abs() < 0.1 * round_off));
+        assert!(a.gradient.iter().zip(&b.gradient).all(|(a, b)| (a[0] - b[0]).abs() < round_off));
+    }
 }
 
 /// A damaged file may contain any half lengths.
 #[test]
 fn gimp_domains_of_any_length_are_survived() {
-    let grid = Structured::<2>::new([0.0; 2], [0.1, 0.2], [10, 10]);
+    let even = Structured::<2>::new([0.0; 2], [0.1, 0.2], [10, 10]);
     let mut out = Support::default();
     for length in [0.0, 5e-324, 3.0, 1e300, f64::MAX, f64::INFINITY, -0.05, -3.0, -1e300, f64::MIN] {
         for half_lengths in [[length, 0.05], [0.05, length], [length; 2]] {
-            let point = PointGeometry {
-                cell: 44,
-                position: &[0.47, 0.93],
-                half_lengths: &half_lengths,
-                corners: &[],
-            };
-            // The result does not matter here: the reader refuses such points.
-            let _ = Method::Gimp.basis::<2>().support(&grid, &point, &mut out);
+            for grid in [&even, &GRADED.0] {
+                let point = PointGeometry {
+                    cell: 44,
+                    position: &[0.47, 0.93],
+                    half_lengths: &half_lengths,
+                    corners: &[],
+                };
+                // The result does not matter here: the reader refuses such points.
+                let _ = Method::Gimp.basis::<2>().support(grid, &point, &mut out);
+            }
         }
     }
 }

@@ -53,11 +53,12 @@ pub struct Connectivity<const D: usize> {
     local: Vec<u32>,
     value: Vec<f64>,
     gradient: Vec<[f64; D]>,
-    /// Factors of the basis functions of points on a regular grid in three dimensions. In two dimensions the products
-    /// themselves are stored, which take hardly more memory.
+    /// Factors of the basis functions of points on a structured grid in three dimensions. In two dimensions the products
+    /// themselves are stored, which take hardly more memory. On a graded grid the factors of each point follow 1/h of
+    /// its cell along each axis.
     factor: Vec<f64>,
-    /// 1/h of a regular grid along each axis, [1/length].
-    per_length: Vec<f64>,
+    /// 1/h of an even grid along each axis, [1/length]; `None` for other grids.
+    per_length: Option<[f64; D]>,
     n_links: usize,
     active_nodes: Vec<u32>,
     active_of: Vec<u32>,
@@ -146,9 +147,7 @@ impl<const D: usize> Connectivity<D> {
         slivers: &Slivers,
     ) -> Result<Self, SupportFailure> {
         self.clear();
-        if let Some(grid) = grid.structured() {
-            self.per_length.extend(grid.spacing().map(|h| 1.0 / h));
-        }
+        self.per_length = per_length_if_even(grid);
         let n_groups = group_points.len() - 1;
         let mut all = self;
         // Rounds limit the number of pieces that exist besides the result.
@@ -183,7 +182,6 @@ impl<const D: usize> Connectivity<D> {
         self.value.clear();
         self.gradient.clear();
         self.factor.clear();
-        self.per_length.clear();
         self.n_links = 0;
         self.active_nodes.clear();
         self.active_of.clear();
@@ -283,7 +281,13 @@ impl<const D: usize> Connectivity<D> {
             return Links { local, value: &self.value[range.clone()], gradient: &self.gradient[range] };
         }
         let (value, gradient) = (&mut buffer.value[..local.len()], &mut buffer.gradient[..local.len()]);
-        multiply(self.form[point], &self.factor[block.factor + start..], &self.per_length(), value, gradient);
+        let mut numbers = &self.factor[block.factor + start..];
+        let per_length = self.per_length.unwrap_or_else(|| {
+            let (of_cell, rest) = numbers.split_at(D);
+            numbers = rest;
+            std::array::from_fn(|d| of_cell[d])
+        });
+        multiply(self.form[point], numbers, &per_length, value, gradient);
         Links { local, value, gradient }
     }
 
@@ -307,13 +311,6 @@ impl<const D: usize> Connectivity<D> {
         for ((&local, value), gradient) in links.local.iter().zip(links.value).zip(links.gradient) {
             visit(local as usize, *value, gradient);
         }
-    }
-
-    #[inline(always)]
-    fn per_length(&self) -> [f64; D] {
-        let mut per_length = [0.0; D];
-        per_length.copy_from_slice(&self.per_length);
-        per_length
     }
 
     /// Total number of links.
@@ -371,6 +368,11 @@ impl<const D: usize> Connectivity<D> {
     }
 }
 
+/// 1/h of an even grid along each axis, [1/length].
+fn per_length_if_even<const D: usize>(grid: &dyn Grid<D>) -> Option<[f64; D]> {
+    grid.structured().filter(|grid| grid.is_even()).map(|grid| grid.sides([0; D]).map(|h| 1.0 / h))
+}
+
 /// Links of consecutive groups, with grid node numbers.
 #[derive(Default)]
 struct Piece<const D: usize> {
@@ -399,6 +401,7 @@ impl<const D: usize> Piece<D> {
         slivers: &Slivers,
     ) -> Result<Self, SupportFailure> {
         let mut piece = Piece::default();
+        let even = per_length_if_even(grid);
         let mut holds: Vec<bool> = Vec::new(); // for each entry of `touched`, true if by more than a sliver
         let mut support = Support::default();
         let mut touched: Vec<u32> = Vec::new(); // grid nodes of one group, listed for each point unless equal to those before
@@ -427,7 +430,12 @@ impl<const D: usize> Piece<D> {
                 match (&support.factors, grid.structured()) {
                     (Some(factors), Some(grid)) => {
                         piece.start.push(piece.factor.len());
-                        let per_length = grid.spacing().map(|h| 1.0 / h);
+                        let per_length = even.unwrap_or_else(|| {
+                            let sides = grid.sides(grid.cell_index(points.cell[p] as usize));
+                            let per_length = sides.map(|h| 1.0 / h);
+                            piece.factor.extend(per_length);
+                            per_length
+                        });
                         piece.form.push(factors.keep(&per_length, &mut piece.factor));
                     }
                     _ => {
@@ -480,7 +488,7 @@ impl<const D: usize> Piece<D> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::Structured;
+    use crate::grid::{Axis, Structured};
     use crate::points::Seed;
 
     /// Checks many points of two methods. Some domains end at cell borders, so that their nodes are a subset of their
@@ -571,5 +579,8 @@ mod tests {
     fn links_are_those_of_the_basis() {
         check(&Structured::<2>::new([0.0; 2], [0.5; 2], [6, 6]), 20_000);
         check(&Structured::<3>::new([0.0; 3], [0.5; 3], [6, 6, 6]), 20_000);
+        let graded = Axis::graded(vec![0.0, 0.25, 0.5, 1.0, 1.75, 3.0]).unwrap();
+        check(&Structured::with_axes([graded.clone(), Axis::even(0.0, 0.5, 6)]), 20_000);
+        check(&Structured::with_axes([graded.clone(), Axis::even(0.0, 0.5, 6), graded]), 20_000);
     }
 }

@@ -1,4 +1,4 @@
-//! Storage of basis functions on a regular grid as factors: one function along each axis.
+//! Storage of basis functions on a structured grid as factors: one function along each axis.
 
 /// Largest number of nodes along an axis; larger domains store the products themselves.
 const MOST: usize = 4;
@@ -88,7 +88,8 @@ impl<const D: usize> Factors<D> {
         }))
     }
 
-    /// Appends the factors to `numbers`, in the shortest form that restores them bit for bit.
+    /// Appends the factors to `numbers`, in the shortest form that restores them bit for bit; `per_length` is 1/h of the
+    /// cell of the point along each axis.
     pub fn keep(&self, per_length: &[f64; D], numbers: &mut Vec<f64>) -> Form {
         let mut form = 0;
         for (d, line) in self.0.iter().enumerate() {
@@ -188,7 +189,7 @@ pub(super) fn multiply<const D: usize>(
 mod tests {
     use super::*;
     use crate::basis::{Basis, Gimp, Mpm, PointGeometry, Support};
-    use crate::grid::{Grid, Structured};
+    use crate::grid::{Axis, Grid, Interval, Structured};
     use proptest::prelude::*;
 
     proptest! {
@@ -198,9 +199,14 @@ mod tests {
             // At most four nodes along each axis.
             l in prop::array::uniform3(0.0..0.69f64),
         ) {
-            let grid = Structured::<3>::new([0.0; 3], [1.0, 0.7, 1.3], [4, 6, 3]);
+            let even = Structured::<3>::new([0.0; 3], [1.0, 0.7, 1.3], [4, 6, 3]);
+            let graded = |to: f64| {
+                let half = Interval { to: 0.5 * to, cells: 2, ratio: 1.2 };
+                Axis::from_intervals(0.0, &[half, Interval { to, cells: 2, ratio: 0.9 }]).unwrap()
+            };
+            for grid in [even, Structured::with_axes([graded(4.0), Axis::even(0.0, 0.7, 6), graded(3.9)])] {
             let cell = grid.locate(&x, None).unwrap_or_else(|| grid.nearest_cell(&x));
-            let per_length = grid.spacing().map(|h| 1.0 / h);
+            let per_length = grid.sides(grid.cell_index(cell as usize)).map(|h| 1.0 / h);
             let mut support = Support::default();
             for (basis, numbers_of_cell) in [(&Mpm as &dyn Basis<3>, true), (&Gimp, false)] {
                 let point = PointGeometry { cell, position: &x, half_lengths: &l, corners: &[] };
@@ -215,6 +221,7 @@ mod tests {
                 multiply(form, &numbers, &per_length, &mut value, &mut gradient);
                 prop_assert_eq!(&value, &support.value);
                 prop_assert_eq!(&gradient, &support.gradient);
+            }
             }
         }
     }

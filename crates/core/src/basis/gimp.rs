@@ -1,8 +1,8 @@
-//! The generalised interpolation material point method (Bardenhagen and Kober, 2004) on a regular grid.
+//! The generalised interpolation material point method (Bardenhagen and Kober, 2004) on a structured grid.
 
 use super::factors::Factors;
 use super::{Basis, PointGeometry, Support, SupportError};
-use crate::grid::{Grid, Structured};
+use crate::grid::{Axis, Grid, Structured};
 
 /// Points with a rectangular domain: S_vp is the mean of the linear basis over the domain.
 #[derive(Debug, Clone, Copy)]
@@ -18,7 +18,7 @@ impl<const D: usize> Basis<D> for Gimp {
         let grid = grid.structured().ok_or(SupportError::Unstructured)?;
         let mut axes: [(usize, AxisSupport); D] = std::array::from_fn(|_| (0, AxisSupport::default()));
         for d in 0..D {
-            axes[d] = mean_hats(grid, d, point.position[d], point.half_lengths[d]);
+            axes[d] = mean_hats(&grid.axes()[d], point.position[d], point.half_lengths[d]);
         }
         let axes = std::array::from_fn(|d| (axes[d].0, axes[d].1.entries()));
         tensor_product(grid, &axes, out);
@@ -102,33 +102,32 @@ impl AxisSupport {
     }
 }
 
-/// Mean over [x − l, x + l] of every hat function that overlaps it, and the derivative of the mean with respect to x.
+/// Mean over [x − l, x + l] of every hat function N_v that overlaps it, and the derivative of the mean with respect to
+/// x. With the antiderivative I_v of N_v,
 ///
-/// Hat functions are linear in a cell, so their mean over the part of the domain in a cell is the value at the middle
-/// of that part: there is no cancellation for small domains. Outside the grid there are no nodes; a domain that reaches
-/// there loses the partition of unity accordingly.
-fn mean_hats<const D: usize>(
-    grid: &Structured<D>,
-    axis: usize,
-    x: f64,
-    half_length: f64,
-) -> (usize, AxisSupport) {
-    let h = grid.spacing()[axis];
-    let n = grid.cells()[axis] as f64;
-    let n_cells = grid.cells()[axis] as i64;
-    let a = grid.cell_coordinate(axis, x - half_length);
-    let b = grid.cell_coordinate(axis, x + half_length);
+/// S_v = [I_v(x + l) − I_v(x − l)] / 2l and dS_v/dx = [N_v(x + l) − N_v(x − l)] / 2l,
+///
+/// whatever the sizes of the cells and of the domain. Both are summed cell by cell: hat functions are linear in a cell,
+/// so their mean over the part of the domain in a cell is the value at the middle of that part, and there is no
+/// cancellation for small domains. Outside the grid there are no nodes; a domain that reaches there loses the partition
+/// of unity accordingly.
+fn mean_hats(axis: &Axis, x: f64, half_length: f64) -> (usize, AxisSupport) {
+    let n_cells = axis.n_cells() as i64;
+    let n = n_cells as f64;
+    let a = axis.coordinate(x - half_length);
+    let b = axis.coordinate(x + half_length);
     // Cells −1 and n_cells each touch one node of the grid. Clamp before converting: a coordinate may be any number.
     let first = a.floor().clamp(-1.0, n) as i64;
     let last = ((b.ceil() - 1.0).clamp(-1.0, n) as i64).max(first);
     let (low, high) = (first.max(0), (last + 1).min(n_cells));
     let mut line = AxisSupport::with_len((high - low + 1) as usize);
     let entries = line.entries_mut();
-    let length = b - a;
+    let length = axis.distance(a, b);
     for cell in first..=last {
         let (start, end) = (a.max(cell as f64), b.min(cell as f64 + 1.0));
-        let share = if length > 0.0 { (end - start) / length } else { 1.0 };
+        let share = if length > 0.0 { (end - start) * axis.relative_size(cell) / length } else { 1.0 };
         let xi = 0.5 * (start + end) - cell as f64;
+        let h = axis.size(cell.clamp(0, n_cells - 1) as usize);
         for (node, value, slope) in [(cell, 1.0 - xi, -share / h), (cell + 1, xi, share / h)] {
             if (0..=n_cells).contains(&node) {
                 let entry = &mut entries[(node - low) as usize];

@@ -20,13 +20,11 @@ impl<const D: usize> Basis<D> for Mpm {
         let basis = match grid.structured() {
             Some(grid) => {
                 let base = grid.cell_index(point.cell as usize);
-                let coordinates: [f64; D] =
-                    std::array::from_fn(|d| grid.cell_coordinate(d, point.position[d]));
+                let local = grid.local(base, point.position);
                 if D > 2 {
-                    let xi = std::array::from_fn(|d| coordinates[d] - base[d] as f64);
-                    out.factors = Some(Factors::in_cell(&xi, &grid.spacing().map(|h| 1.0 / h)));
+                    out.factors = Some(Factors::in_cell(&local, &grid.sides(base).map(|h| 1.0 / h)));
                 }
-                grid.basis_in(base, coordinates)
+                grid.basis_in(base, local)
             }
             None => grid.basis_at(point.cell, point.position),
         };

@@ -1,5 +1,6 @@
 //! The background grid on which equilibrium is solved.
 
+mod axis;
 mod bins;
 pub mod element;
 pub mod gmsh;
@@ -7,6 +8,7 @@ pub mod mesh;
 mod structured;
 pub mod subdivide;
 
+pub use axis::{Axis, CoincidentLines, Interval};
 pub use mesh::Mesh;
 pub use structured::{Structured, vtk_corner};
 

@@ -1,12 +1,11 @@
-//! A regular grid of rectangles (bricks) aligned with the axes. Cells are located by arithmetic.
+//! A grid of rectangles (bricks) aligned with the axes, whose lines are even or graded along each axis.
 
-use super::{CellBasis, Corners, Grid, MAX_CORNERS, ON_LINE};
+use super::{Axis, CellBasis, Corners, Grid, MAX_CORNERS};
 
-/// A regular grid in `D` dimensions. Nodes and cells are numbered with the first axis fastest.
+/// A grid of rectangles (bricks) in `D` dimensions. Nodes and cells are numbered with the first axis fastest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Structured<const D: usize> {
-    origin: [f64; D],
-    spacing: [f64; D],
+    axes: [Axis; D],
     cells: [usize; D],
 }
 
@@ -14,18 +13,40 @@ impl<const D: usize> Structured<D> {
     /// A grid with its lowest corner at `origin`, [length], and `cells` cells of side `spacing`, [length], along each
     /// axis.
     pub fn new(origin: [f64; D], spacing: [f64; D], cells: [usize; D]) -> Self {
-        Structured { origin, spacing, cells }
+        Structured::with_axes(std::array::from_fn(|d| Axis::even(origin[d], spacing[d], cells[d])))
+    }
+
+    /// A grid with these lines along each axis.
+    pub fn with_axes(axes: [Axis; D]) -> Self {
+        let cells = std::array::from_fn(|d| axes[d].n_cells());
+        Structured { axes, cells }
+    }
+
+    /// The lines along each axis.
+    #[inline(always)]
+    pub fn axes(&self) -> &[Axis; D] {
+        &self.axes
+    }
+
+    /// True if the cells have the same sides by construction.
+    pub fn is_even(&self) -> bool {
+        self.axes.iter().all(Axis::is_even)
     }
 
     /// Lowest corner, [length].
     pub fn origin(&self) -> [f64; D] {
-        self.origin
+        std::array::from_fn(|d| self.axes[d].line(0))
     }
 
-    /// Sides of a cell, [length].
+    /// Sides of the cell with these indices along the axes, [length].
     #[inline(always)]
-    pub fn spacing(&self) -> [f64; D] {
-        self.spacing
+    pub fn sides(&self, index: [usize; D]) -> [f64; D] {
+        std::array::from_fn(|d| self.axes[d].size(index[d]))
+    }
+
+    /// Smallest sides along each axis of the cells around the node with these indices along the axes, [length].
+    pub fn sides_around(&self, index: [usize; D]) -> [f64; D] {
+        std::array::from_fn(|d| self.axes[d].size_around(index[d]))
     }
 
     /// Number of cells along each axis.
@@ -35,7 +56,7 @@ impl<const D: usize> Structured<D> {
 
     /// Highest corner, [length].
     pub fn upper(&self) -> [f64; D] {
-        std::array::from_fn(|d| self.origin[d] + self.spacing[d] * self.cells[d] as f64)
+        std::array::from_fn(|d| self.axes[d].line(self.cells[d]))
     }
 
     /// Number of the node with these indices along the axes.
@@ -62,22 +83,13 @@ impl<const D: usize> Structured<D> {
         split(cell, self.cells)
     }
 
-    /// Cell coordinate along one axis: distance from the lowest corner in units of cells, snapped to a grid line within
-    /// [`ON_LINE`].
-    #[inline(always)]
-    pub fn cell_coordinate(&self, axis: usize, x: f64) -> f64 {
-        let xi = (x - self.origin[axis]) / self.spacing[axis];
-        let line = nearest_whole(xi);
-        if (xi - line).abs() < ON_LINE { line } else { xi }
-    }
-
     /// Indices of the cell that contains a position; `None` outside the grid. A position on a grid line belongs to the
     /// upper cell, on the upper border of the grid to the last cell.
     #[inline]
     pub fn locate_index(&self, position: &[f64; D]) -> Option<[usize; D]> {
         let mut index = [0; D];
         for d in 0..D {
-            let xi = self.cell_coordinate(d, position[d]);
+            let xi = self.axes[d].coordinate(position[d]);
             let n = self.cells[d];
             if !(0.0..=n as f64).contains(&xi) {
                 return None;
@@ -87,21 +99,26 @@ impl<const D: usize> Structured<D> {
         Some(index)
     }
 
-    /// Indices of the cell nearest to a position given in cell coordinates.
+    /// Local coordinates, 0 to 1, of a position in the cell with these indices; continued outside it.
     #[inline(always)]
-    fn nearest_index(&self, coordinates: [f64; D]) -> [usize; D] {
-        std::array::from_fn(|d| (coordinates[d].max(0.0) as usize).min(self.cells[d] - 1))
+    pub fn local(&self, index: [usize; D], position: &[f64; D]) -> [f64; D] {
+        std::array::from_fn(|d| self.axes[d].local(index[d], position[d]))
     }
 
-    /// Basis of a cell at a position given in cell coordinates; continued outside the cell.
+    /// Indices of the cell nearest to a position, and the local coordinates there; continued outside it.
     #[inline(always)]
-    pub fn basis_in(&self, base: [usize; D], coordinates: [f64; D]) -> CellBasis<D> {
+    fn nearest(&self, position: &[f64; D]) -> ([usize; D], [f64; D]) {
+        let coordinates: [f64; D] = std::array::from_fn(|d| self.axes[d].coordinate(position[d]));
+        let index: [usize; D] = std::array::from_fn(|d| self.axes[d].cell_of(coordinates[d]));
+        (index, std::array::from_fn(|d| coordinates[d] - index[d] as f64))
+    }
+
+    /// Basis of the cell with these indices at local coordinates; continued outside the cell.
+    #[inline(always)]
+    pub fn basis_in(&self, base: [usize; D], local: [f64; D]) -> CellBasis<D> {
         let mut basis = CellBasis::default();
-        let hats: [[f64; 2]; D] = std::array::from_fn(|d| {
-            let xi = coordinates[d] - base[d] as f64;
-            [1.0 - xi, xi]
-        });
-        let slopes = self.spacing.map(|h| {
+        let hats: [[f64; 2]; D] = local.map(|xi| [1.0 - xi, xi]);
+        let slopes = self.sides(base).map(|h| {
             let slope = 1.0 / h;
             [-slope, slope]
         });
@@ -117,37 +134,20 @@ impl<const D: usize> Structured<D> {
         basis
     }
 
-    /// Range of the grid lines between two coordinates, enlarged by at least one line on both sides.
-    fn lines_near(&self, axis: usize, low: f64, high: f64) -> std::ops::Range<usize> {
-        let n = self.cells[axis];
-        let line = |x: f64| ((x - self.origin[axis]) / self.spacing[axis]).clamp(-2.0, n as f64 + 2.0);
-        let first = (line(low).floor() - 1.0).max(0.0) as usize;
-        let last = (line(high).ceil() + 1.0).max(0.0) as usize;
-        first.min(n + 1)..(last + 1).min(n + 1)
-    }
-
     /// All nodes within bounds, [length], and some just outside; ascending.
     pub fn nodes_near(&self, [low, high]: &[[f64; D]; 2]) -> impl Iterator<Item = usize> + use<'_, D> {
-        let ranges = std::array::from_fn(|d| self.lines_near(d, low[d], high[d]));
+        let ranges = std::array::from_fn(|d| self.axes[d].lines_near(low[d], high[d]));
         indices(ranges).map(|index| self.node(index))
     }
 
     /// All cells that may overlap bounds, [length], and some beside them; ascending.
     pub fn cells_near(&self, [low, high]: &[[f64; D]; 2]) -> impl Iterator<Item = usize> + use<'_, D> {
         let ranges = std::array::from_fn(|d| {
-            let lines = self.lines_near(d, low[d], high[d]);
+            let lines = self.axes[d].lines_near(low[d], high[d]);
             lines.start..lines.end.min(self.cells[d])
         });
         indices(ranges).map(|index| self.cell(index))
     }
-}
-
-/// Rounds a number below 2⁵¹ in magnitude to the nearest integer by adding and subtracting 1.5 × 2⁵², which needs no
-/// function call on older instruction sets.
-#[inline]
-fn nearest_whole(x: f64) -> f64 {
-    const SHIFT: f64 = 6_755_399_441_055_744.0; // 1.5 × 2⁵²
-    (x + SHIFT) - SHIFT
 }
 
 /// All multi-indices in these ranges; the first axis varies fastest.
@@ -171,11 +171,11 @@ impl<const D: usize> Grid<D> for Structured<D> {
 
     fn node_position(&self, node: usize) -> [f64; D] {
         let index = self.node_index(node);
-        std::array::from_fn(|d| self.origin[d] + self.spacing[d] * index[d] as f64)
+        std::array::from_fn(|d| self.axes[d].line(index[d]))
     }
 
     fn bounds(&self) -> [[f64; D]; 2] {
-        [self.origin, self.upper()]
+        [self.origin(), self.upper()]
     }
 
     fn lattice(&self, node: usize) -> [u32; D] {
@@ -192,16 +192,16 @@ impl<const D: usize> Grid<D> for Structured<D> {
         Corners { nodes, n: 1 << D }
     }
 
-    fn size(&self, _cell: usize) -> f64 {
-        self.spacing.iter().copied().fold(f64::INFINITY, f64::min)
+    fn size(&self, cell: usize) -> f64 {
+        self.sides(self.cell_index(cell)).into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    fn size_around(&self, _node: usize) -> f64 {
-        self.size(0)
+    fn size_around(&self, node: usize) -> f64 {
+        self.sides_around(self.node_index(node)).into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    fn volume(&self, _cell: usize) -> f64 {
-        self.spacing.iter().product()
+    fn volume(&self, cell: usize) -> f64 {
+        self.sides(self.cell_index(cell)).iter().product()
     }
 
     #[inline]
@@ -210,21 +210,19 @@ impl<const D: usize> Grid<D> for Structured<D> {
     }
 
     fn nearest_cell(&self, position: &[f64; D]) -> u32 {
-        let coordinates = std::array::from_fn(|d| self.cell_coordinate(d, position[d]));
-        self.cell(self.nearest_index(coordinates)) as u32
+        self.cell(self.nearest(position).0) as u32
     }
 
     #[inline]
     fn basis_at(&self, cell: u32, position: &[f64; D]) -> CellBasis<D> {
         let base = self.cell_index(cell as usize);
-        self.basis_in(base, std::array::from_fn(|d| self.cell_coordinate(d, position[d])))
+        self.basis_in(base, self.local(base, position))
     }
 
     #[inline(always)]
     fn basis_near(&self, position: &[f64; D], _hint: Option<u32>) -> (u32, CellBasis<D>) {
-        let coordinates: [f64; D] = std::array::from_fn(|d| self.cell_coordinate(d, position[d]));
-        let base = self.nearest_index(coordinates);
-        (self.cell(base) as u32, self.basis_in(base, coordinates))
+        let (base, local) = self.nearest(position);
+        (self.cell(base) as u32, self.basis_in(base, local))
     }
 
     fn structured(&self) -> Option<&Structured<D>> {
@@ -251,6 +249,7 @@ fn split<const D: usize>(mut number: usize, counts: [usize; D]) -> [usize; D] {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
@@ -281,12 +280,41 @@ mod tests {
 
     #[test]
     fn interpolation_reproduces_linear_fields_inside_and_outside() {
-        let grid = Structured::<2>::new([-1.0, 0.0], [0.5, 0.25], [4, 8]);
+        let even = Structured::<2>::new([-1.0, 0.0], [0.5, 0.25], [4, 8]);
+        let x = Axis::graded(vec![-1.0, -0.75, 0.1, 0.3, 1.0]).unwrap();
+        let y = Axis::graded(vec![0.0, 1.0, 1.125, 2.0]).unwrap();
+        let graded = Structured::with_axes([x.clone(), y]);
+        let mixed = Structured::with_axes([x, Axis::even(0.0, 0.25, 8)]);
         let field = |p: [f64; 2]| [1.0 + 2.0 * p[0] - p[1], 3.0 * p[1]];
-        for p in [[0.1, 0.3], [-1.2, 0.5], [1.3, 2.4], [-0.5, 1.0]] {
-            let u = super::super::interpolate(&grid, &p, &|node| field(grid.node_position(node)));
-            let exact = field(p);
-            assert!((u[0] - exact[0]).abs() < 1e-14 && (u[1] - exact[1]).abs() < 1e-14);
+        for grid in [even, graded, mixed] {
+            for p in [[0.1, 0.3], [-1.2, 0.5], [1.3, 2.4], [-0.5, 1.0], [0.2, 1.1]] {
+                let exact = field(p);
+                let is_exact = |u: [f64; 2]| (0..2).all(|d| (u[d] - exact[d]).abs() < 1e-14);
+                let nodal = |node| field(grid.node_position(node));
+                assert!(is_exact(super::super::interpolate(&grid, &p, &nodal)), "{p:?}");
+                // Also where the basis of a cell is continued beyond it.
+                for cell in 0..grid.n_cells() as u32 {
+                    let basis = grid.basis_at(cell, &p);
+                    let mut u = [0.0; 2];
+                    for (node, value) in basis.nodes().iter().zip(basis.value()) {
+                        let at_node = nodal(*node as usize);
+                        (0..2).for_each(|d| u[d] += value * at_node[d]);
+                    }
+                    let size = 1.0 / grid.size(cell as usize);
+                    assert!((0..2).all(|d| (u[d] - exact[d]).abs() < 1e-13 * size), "{cell} {p:?}");
+                }
+            }
         }
+    }
+
+    #[test]
+    fn sides_are_those_of_the_cell_at_hand() {
+        let x = Axis::graded(vec![0.0, 1.0, 3.0]).unwrap();
+        let y = Axis::graded(vec![0.0, 0.5, 4.5]).unwrap();
+        let grid = Structured::with_axes([x, y]);
+        assert_eq!((0..4).map(|cell| grid.size(cell)).collect::<Vec<_>>(), [0.5, 0.5, 1.0, 2.0]);
+        assert_eq!((0..4).map(|cell| grid.volume(cell)).collect::<Vec<_>>(), [0.5, 1.0, 4.0, 8.0]);
+        assert_eq!([0, 4, 8].map(|node| grid.size_around(node)), [0.5, 0.5, 2.0]);
+        assert_eq!(grid.sides_around([2, 2]), [2.0, 4.0]);
     }
 }

@@ -60,6 +60,9 @@ pub struct Layout<'a, const D: usize, const N: usize = D> {
     pub nodes: &'a [u32],
     /// Integer coordinates of an active node: its place in a structured grid, or a binning of its position in a mesh.
     pub lattice: &'a (dyn Fn(usize) -> [u32; D] + 'a),
+    /// Coordinates of the lines of the lattice along each axis, [length]; `None` along axes on which they are evenly
+    /// spaced or unknown.
+    pub lines: [Option<&'a [f64]>; D],
     /// True if an analysed pattern may be reused for patterns that it contains.
     pub keeps_pattern: bool,
 }

@@ -44,7 +44,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
         let places = (0..n).map(layout.lattice).collect();
         let is_held = |node, component| layout.numbering.unknown(node, component).is_none();
         self.held = (0..n).map(|node| std::array::from_fn(|component| is_held(node, component))).collect();
-        self.multigrid.analyse(matrix, places, self.held.clone()).map(|_| ())
+        let lines = layout.lines.map(|lines| lines.map(<[f64]>::to_vec));
+        self.multigrid.analyse(matrix, (places, lines), self.held.clone()).map(|_| ())
     }
 
     /// Sets up the preconditioner.

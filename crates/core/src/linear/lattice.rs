@@ -3,8 +3,11 @@
 /// Marks a place of the lattice without a node.
 const NOTHING: u32 = u32::MAX;
 
+/// Coordinates of the lines of a lattice along one axis, [length], ascending; `None` if they are evenly spaced.
+pub(super) type LatticeLines = Option<Vec<f64>>;
+
 /// Nodes at places of a lattice, and the reach of couplings along each axis.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Lattice<const D: usize> {
     /// Place of each node; the lowest along each axis is 0.
     pub place: Vec<[u32; D]>,
@@ -14,11 +17,13 @@ pub(super) struct Lattice<const D: usize> {
     extent: [u32; D],
     /// Node at each place, the first axis fastest.
     node: Vec<u32>,
+    /// The lines along each axis, from place 0 on.
+    lines: [LatticeLines; D],
 }
 
 impl<const D: usize> Lattice<D> {
-    /// The lattice of nodes at different places.
-    pub(super) fn new(mut place: Vec<[u32; D]>, reach: [u32; D]) -> Self {
+    /// The lattice of nodes at different places; `lines` are the lines along each axis, numbered as the places.
+    pub(super) fn new(mut place: Vec<[u32; D]>, reach: [u32; D], lines: [LatticeLines; D]) -> Self {
         let mut low = [u32::MAX; D];
         for p in &place {
             for d in 0..D {
@@ -33,7 +38,13 @@ impl<const D: usize> Lattice<D> {
             }
         }
         let all = extent.iter().map(|&n| n as usize).product();
-        let mut lattice = Lattice { place, reach, extent, node: vec![NOTHING; all] };
+        let mut lines = lines;
+        for (d, of_axis) in lines.iter_mut().enumerate() {
+            // The line beyond the last place may be one from which nodes are interpolated.
+            let (first, last) = (low[d] as usize, low[d].saturating_add(extent[d]) as usize);
+            *of_axis = of_axis.take().map(|lines| (first..=last).map(|k| line(&lines, k)).collect());
+        }
+        let mut lattice = Lattice { place, reach, extent, node: vec![NOTHING; all], lines };
         for n in 0..lattice.place.len() {
             let number = lattice.number(lattice.place[n]);
             lattice.node[number] = n as u32;
@@ -81,16 +92,20 @@ impl<const D: usize> Lattice<D> {
         colours
     }
 
-    /// The nodes of the lattice of twice the spacing from which these nodes can be interpolated, and the
+    /// The nodes of the lattice of every other line from which these nodes can be interpolated, and the
     /// interpolation.
     pub(super) fn coarsen(&self) -> (Lattice<D>, Transfer) {
         let extent = self.extent.map(|n| n / 2 + 1);
         // A reach of r along an axis ends at most (r + 2) / 2 farther on the coarse lattice.
         let reach = self.reach.map(|r| (r + 2) / 2);
-        let mut coarse = Lattice { place: Vec::new(), reach, extent, node: Vec::new() };
+        let lines = std::array::from_fn(|d| {
+            let fine = self.lines[d].as_ref()?;
+            Some((0..=extent[d] as usize).map(|k| line(fine, 2 * k)).collect())
+        });
+        let mut coarse = Lattice { place: Vec::new(), reach, extent, node: Vec::new(), lines };
         coarse.node = vec![NOTHING; extent.iter().map(|&n| n as usize).product()];
         for place in &self.place {
-            for_each_parent(place, |parent, _| {
+            self.for_each_parent(place, |parent, _| {
                 let number = coarse.number(parent);
                 coarse.node[number] = 0;
             });
@@ -112,18 +127,39 @@ impl<const D: usize> Lattice<D> {
         let transfer = Transfer::new(self, &coarse);
         (coarse, transfer)
     }
+
+    /// Calls `visit(place, weight)` for the places of the coarser lattice around a place of this one. The weights are those
+    /// of linear interpolation, whatever the distances of the lines.
+    fn for_each_parent(&self, place: &[u32; D], mut visit: impl FnMut([u32; D], f32)) {
+        let weights: [[f32; 2]; D] = std::array::from_fn(|d| {
+            if place[d].is_multiple_of(2) {
+                return [1.0, 0.0];
+            }
+            let Some(lines) = &self.lines[d] else { return [0.5, 0.5] };
+            let [low, here, high] =
+                [-1, 0, 1].map(|k| line(lines, place[d].saturating_add_signed(k) as usize));
+            let upper = ((here - low) / (high - low)) as f32;
+            [1.0 - upper, upper]
+        });
+        for corner in 0..1usize << D {
+            let upper = |d: usize| corner >> d & 1;
+            if (0..D).any(|d| place[d].is_multiple_of(2) && upper(d) == 1) {
+                continue;
+            }
+            let weight = (0..D).map(|d| weights[d][upper(d)]).product();
+            visit(std::array::from_fn(|d| place[d] / 2 + upper(d) as u32), weight);
+        }
+    }
 }
 
-/// Calls `visit(place, weight)` for the places of the coarse lattice around a place of the fine one.
-fn for_each_parent<const D: usize>(place: &[u32; D], mut visit: impl FnMut([u32; D], f32)) {
-    for corner in 0..1usize << D {
-        let upper = |d: usize| (corner >> d & 1) as u32;
-        if (0..D).any(|d| place[d].is_multiple_of(2) && upper(d) == 1) {
-            continue;
-        }
-        let weight = (0..D).map(|d| if place[d].is_multiple_of(2) { 1.0 } else { 0.5 }).product();
-        visit(std::array::from_fn(|d| place[d] / 2 + upper(d)), weight);
+/// Coordinate of a line; lines continue beyond the last one with the same distance.
+fn line(lines: &[f64], number: usize) -> f64 {
+    let last = lines.len().saturating_sub(1);
+    let at = |k: usize| lines.get(k).copied().unwrap_or(0.0);
+    if number <= last {
+        return at(number);
     }
+    at(last) + (number - last) as f64 * (at(last) - at(last.saturating_sub(1)))
 }
 
 /// Bilinear or trilinear interpolation between a lattice and the coarser one. The weights of every node sum to one,
@@ -142,7 +178,7 @@ impl Transfer {
         let mut parent = Vec::new();
         let mut child_start = vec![0u32; coarse.len() + 1];
         for place in &fine.place {
-            for_each_parent(place, |at, weight| {
+            fine.for_each_parent(place, |at, weight| {
                 let node = coarse.node[coarse.number(at)];
                 parent.push((node, weight));
                 child_start[node as usize + 1] += 1;
@@ -194,7 +230,7 @@ mod tests {
 
     #[test]
     fn linear_fields_are_interpolated_exactly_on_every_level() {
-        let mut fine = Lattice::new(ball(7), [1, 1, 1]);
+        let mut fine = Lattice::new(ball(7), [1, 1, 1], [const { None }; 3]);
         while fine.len() > 27 {
             let (coarse, transfer) = fine.coarsen();
             assert!(coarse.len() < fine.len());
@@ -209,11 +245,47 @@ mod tests {
         }
     }
 
+    #[test]
+    fn linear_fields_are_interpolated_exactly_between_graded_lines() {
+        // Lines up to the highest place of the ball, 19, and one axis of even lines.
+        let graded = |ratio: f64| {
+            Some(
+                (0..20)
+                    .scan((0.0, 1.0), |(x, h), _| {
+                        *x += *h;
+                        *h *= ratio;
+                        Some(*x)
+                    })
+                    .collect::<Vec<f64>>(),
+            )
+        };
+        let mut fine = Lattice::new(ball(7), [1, 1, 1], [graded(1.2), None, graded(0.85)]);
+        assert_eq!(fine.lines[0].as_ref().map(|lines| lines[0]), graded(1.2).map(|lines| lines[5]));
+        while fine.len() > 27 {
+            let (coarse, transfer) = fine.coarsen();
+            for (n, place) in fine.place.iter().enumerate() {
+                for d in [0, 2] {
+                    let at = |of: &Lattice<3>, place: u32| {
+                        of.lines[d].as_ref().map_or(0.0, |l| line(l, place as usize))
+                    };
+                    let value: f64 = (transfer.parents(n).iter())
+                        .map(|(node, w)| f64::from(*w) * at(&coarse, coarse.place[*node as usize][d]))
+                        .sum();
+                    let exact = at(&fine, place[d]);
+                    assert!((value - exact).abs() < 1e-6 * exact.abs(), "{value} {exact}");
+                }
+                let sum: f32 = transfer.parents(n).iter().map(|(_, w)| w).sum();
+                assert!((sum - 1.0).abs() < 1e-6);
+            }
+            fine = coarse;
+        }
+    }
+
     /// Two coarse nodes are coupled where nodes below them are.
     #[test]
     fn the_reach_of_a_coarse_lattice_covers_all_couplings() {
         for reach in 1..6 {
-            let fine = Lattice::new((0..60).map(|x| [x]).collect(), [reach]);
+            let fine = Lattice::new((0..60).map(|x| [x]).collect(), [reach], [None]);
             let (coarse, transfer) = fine.coarsen();
             let mut largest = 0;
             for i in 0..60 {
@@ -231,7 +303,7 @@ mod tests {
 
     #[test]
     fn nodes_of_a_colour_are_not_coupled() {
-        let lattice = Lattice::new(ball(4), [1, 2, 1]);
+        let lattice = Lattice::new(ball(4), [1, 2, 1], [const { None }; 3]);
         let colours = lattice.colours();
         assert_eq!(colours.iter().map(Vec::len).sum::<usize>(), lattice.len());
         for nodes in colours {

@@ -1,6 +1,6 @@
 //! Geometric multigrid on the active nodes of a structured grid: one symmetric cycle as an approximate inverse.
 //!
-//! Coarser levels are lattices of twice the spacing, with the nodes from which active ones are interpolated. Their
+//! Coarser levels are lattices of every other line, with the nodes from which active ones are interpolated. Their
 //! matrices are the Galerkin products of the finer ones, so a cell that a body hardly fills counts on every level for
 //! what it is. Block Gauss–Seidel sweeps over colours, forwards before and backwards after the coarser levels, smooth
 //! the error; the coarsest level is solved directly.
@@ -9,7 +9,7 @@ mod level;
 mod rows;
 
 use super::blocks::BlockMatrix;
-use super::lattice::{Lattice, Transfer};
+use super::lattice::{Lattice, LatticeLines, Transfer};
 use super::{Direct, LinearError, LinearSolver, Pattern, ordering};
 
 use level::Level;
@@ -31,16 +31,16 @@ pub(super) struct Multigrid<const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> Multigrid<D, N> {
-    /// Lays out the levels for a matrix on nodes at these places of a lattice, some of whose degrees of freedom are
-    /// held; returns whether there was anything to do.
+    /// Lays out the levels for a matrix on nodes at these places between the lines of a lattice, some of whose degrees of
+    /// freedom are held; returns whether there was anything to do.
     pub(super) fn analyse(
         &mut self,
         matrix: &BlockMatrix<N>,
-        places: Vec<[u32; D]>,
+        (places, lines): (Vec<[u32; D]>, [LatticeLines; D]),
         held: Vec<[bool; N]>,
     ) -> Result<bool, LinearError> {
         let reach = matrix.reach(|node| places[node]);
-        let lattice = Lattice::new(places, reach);
+        let lattice = Lattice::new(places, reach, lines);
         if self.levels.first().is_some_and(|finest| finest.is_of(&lattice, matrix, &held)) {
             return Ok(false);
         }

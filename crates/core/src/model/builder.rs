@@ -146,7 +146,7 @@ impl<const D: usize> Builder<D> {
     ) {
         let n = fill.points_per_cell;
         let first = self.grid.node_position(self.grid.corners(cell).nodes()[0] as usize);
-        let half = self.grid.spacing().map(|side| 0.5 * side / n as f64);
+        let half = self.grid.sides(self.grid.cell_index(cell)).map(|side| 0.5 * side / n as f64);
         let history = self.model.materials[material].law.state_fields().iter().map(|field| field.initial);
         let history: Vec<f64> = history.collect();
         for number in 0..n.pow(D as u32) {

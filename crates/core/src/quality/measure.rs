@@ -243,10 +243,14 @@ fn share_of_box_outside<const D: usize>(grid: &dyn Grid<D>, x: &[f64; D], half_l
     };
     let inside: f64 = (0..D)
         .map(|d| {
-            let low = structured.cell_coordinate(d, x[d] - half_lengths[d]);
-            let high = structured.cell_coordinate(d, x[d] + half_lengths[d]);
-            let n = structured.cells()[d] as f64;
-            if low >= 0.0 && high <= n { 1.0 } else { (high.min(n) - low.max(0.0)).max(0.0) / (high - low) }
+            let axis = &structured.axes()[d];
+            let low = axis.coordinate(x[d] - half_lengths[d]);
+            let high = axis.coordinate(x[d] + half_lengths[d]);
+            let n = axis.n_cells() as f64;
+            if low >= 0.0 && high <= n {
+                return 1.0;
+            }
+            axis.distance(low.max(0.0), high.min(n)).max(0.0) / axis.distance(low, high)
         })
         .product();
     1.0 - inside

@@ -124,15 +124,14 @@ pub fn brick_parts<const D: usize>(
     cell: usize,
 ) -> impl Iterator<Item = CellPart<D>> + use<'_, D> {
     let index = grid.cell_index(cell);
-    let (origin, spacing) = (grid.origin(), grid.spacing());
     let n: usize = per_cell.iter().product();
-    let volume = spacing.iter().product::<f64>() / n as f64;
+    let volume = grid.volume(cell) / n as f64;
     (0..n).map(move |part| {
         let mut rest = part;
         let position = std::array::from_fn(|d| {
             let k = rest % per_cell[d];
             rest /= per_cell[d];
-            origin[d] + spacing[d] * (index[d] as f64 + (k as f64 + 0.5) / per_cell[d] as f64)
+            grid.axes()[d].position(index[d] as f64 + (k as f64 + 0.5) / per_cell[d] as f64)
         });
         CellPart { position, volume }
     })

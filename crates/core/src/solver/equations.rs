@@ -70,6 +70,10 @@ impl<const D: usize, const N: usize> Place<'_, D, N> {
             numbering: self.dofs.numbering(),
             nodes: self.links.active_nodes(),
             lattice: &|active| self.lattice(active),
+            lines: match self.model.grid.structured() {
+                Some(grid) => std::array::from_fn(|d| grid.axes()[d].graded_lines()),
+                None => [None; D],
+            },
             keeps_pattern: self.model.newton.pattern == PatternReuse::Contained,
         })
     }

@@ -108,7 +108,7 @@ impl Ghost {
         let corners: Vec<[f64; D]> = face.iter().map(|n| grid.node_position(*n as usize)).collect();
         let places = quadrature::<D>(&corners);
         let area: f64 = places.iter().map(|p| p.weight).sum();
-        let thickness = cells.iter().map(|c| grid.volume(*c as usize)).sum::<f64>() / (2.0 * area);
+        let thickness = thickness(grid, cells, area);
         let modulus = held.shear_modulus(&nodes);
         let first = self.stiffness.len();
         self.stiffness.resize(first + nodes.len() * (nodes.len() + 1) / 2, 0.0);
@@ -246,6 +246,13 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
     fn stabilised_faces(&self) -> usize {
         self.n_faces()
     }
+}
+
+/// Thickness h of two cells normal to the face that they share, [length]: that of the smaller one on a structured grid,
+/// the mean on a mesh.
+fn thickness<const D: usize>(grid: &dyn Grid<D>, cells: [u32; 2], area: f64) -> f64 {
+    let [a, b] = cells.map(|cell| grid.volume(cell as usize));
+    if grid.structured().is_some() { a.min(b) / area } else { (a + b) / (2.0 * area) }
 }
 
 /// The cells that hold points, but too few to resist all motions of their nodes: the strain at one point of a

@@ -19,7 +19,10 @@ where
         let [low, high] = grid.bounds();
         let whole = low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()));
         let cell = match grid.structured() {
-            Some(grid) => grid.spacing().into_iter().fold(f64::INFINITY, f64::min),
+            Some(grid) => {
+                let smallest = |d: usize| grid.axes()[d].smallest_within(low[d], high[d]);
+                (0..D).map(smallest).fold(f64::INFINITY, f64::min)
+            }
             None => (0..grid.n_cells()).map(|cell| grid.size(cell)).fold(f64::INFINITY, f64::min),
         };
         let deck = self.deck;

@@ -50,10 +50,7 @@ where
         let at = array(place);
         let (mut found, clear) = points.nearest(number, &at, count as usize);
         if ties == Ties::All && !found.is_empty() {
-            let cell = grid.structured().map_or_else(
-                || grid.size(grid.nearest_cell(&points.original_position[found[0] as usize]) as usize),
-                |grid| grid.spacing().into_iter().fold(f64::INFINITY, f64::min),
-            );
+            let cell = grid.size(grid.nearest_cell(&points.original_position[found[0] as usize]) as usize);
             found = points.nearest_with_ties(number, &at, count as usize, SAME * cell);
         }
         if found.len() < count as usize {
@@ -79,9 +76,9 @@ where
         pointer: &str,
     ) {
         let distance = length::<D>(std::array::from_fn(|d| found[d] - place[d]));
-        let cell = grid
-            .structured()
-            .map_or_else(|| grid.size(grid.nearest_cell(found) as usize), |grid| length(grid.spacing()));
+        let number = grid.nearest_cell(found) as usize;
+        let cell = (grid.structured())
+            .map_or_else(|| grid.size(number), |grid| length(grid.sides(grid.cell_index(number))));
         if distance > cell {
             let message = format!(
                 "the point of the body {} nearest to this location is at {}, {distance:.3} away, more than a cell",

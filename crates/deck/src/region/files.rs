@@ -41,7 +41,11 @@ impl<const D: usize> FromFiles<'_, D> {
 /// Volume (area) of all cells of a grid, [volume].
 pub(crate) fn volume<const D: usize>(grid: &dyn Grid<D>) -> f64 {
     match grid.structured() {
-        Some(_) => grid.n_cells() as f64 * grid.volume(0),
+        Some(lines) if lines.is_even() => grid.n_cells() as f64 * grid.volume(0),
+        Some(lines) => {
+            let (low, high) = (lines.origin(), lines.upper());
+            (0..D).map(|d| high[d] - low[d]).product()
+        }
         None => (0..grid.n_cells()).map(|cell| grid.volume(cell)).sum(),
     }
 }

@@ -1,5 +1,7 @@
 //! Extents of bodies and of the grid.
 
+use mpm_core::grid::Axis;
+
 /// A box with extent along every axis.
 #[derive(Debug, Clone)]
 pub(super) struct Extent {
@@ -13,9 +15,9 @@ impl Extent {
     }
 }
 
-/// The region of a grid and the sides of its cells.
+/// The region of a structured grid and its lines along each axis.
 #[derive(Debug, Clone)]
 pub(super) struct GridBox {
     pub(super) extent: Extent,
-    pub(super) spacing: Vec<f64>,
+    pub(super) axes: Vec<Axis>,
 }

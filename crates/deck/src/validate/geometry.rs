@@ -1,4 +1,4 @@
-//! Vectors, boxes, the grid, and the points of bodies.
+//! Vectors, boxes, and the points of bodies.
 
 use super::Check;
 use super::extent::{Extent, GridBox};
@@ -6,10 +6,9 @@ use crate::diagnostic::Diagnostic;
 use crate::quoting::quote;
 use crate::seeding::placed_in_cells;
 use crate::{AXES, BodyDeck, GridDeck, LinearChoice, Method, PerAxis};
-use mpm_core::grid::ON_LINE;
 
 /// Most cells of a grid, and most points of a body: far more than can be computed.
-const MOST: f64 = 1e8;
+pub(super) const MOST: f64 = 1e8;
 /// Most points along an axis of a cell.
 const MOST_PER_CELL: u32 = 1000;
 /// Error up to which the ratio of two lengths counts as a whole number; decimal fractions such as 0.1 are not exact.
@@ -70,7 +69,7 @@ impl Check<'_> {
     }
 
     /// Checks a positive length per axis.
-    fn lengths(&mut self, pointer: &str, values: &PerAxis<f64>) -> Option<Vec<f64>> {
+    pub(super) fn lengths(&mut self, pointer: &str, values: &PerAxis<f64>) -> Option<Vec<f64>> {
         let values = self.per_axis(pointer, values)?;
         for (at, value) in &values {
             if *value <= 0.0 {
@@ -82,47 +81,6 @@ impl Check<'_> {
         }
         let lengths: Vec<f64> = values.into_iter().map(|(_, value)| value).collect();
         lengths.iter().all(|value| *value > 0.0).then_some(lengths)
-    }
-
-    pub(super) fn grid(&mut self) -> Option<GridBox> {
-        let GridDeck::Structured { origin, size, spacing } = &self.deck.grid else { return None };
-        let origin = self.vector("/grid/origin", origin);
-        let sides = self.lengths("/grid/size", &PerAxis::Each(size.clone()));
-        let spacing = self.lengths("/grid/spacing", spacing);
-        let (origin, sides, spacing) = (origin?, sides?, spacing?);
-        let mut cells = 1.0;
-        for axis in 0..self.dimensions() {
-            let count = sides[axis] / spacing[axis];
-            cells *= count;
-            let farthest = origin[axis].abs().max((origin[axis] + sides[axis]).abs());
-            if count < MOST && f64::EPSILON * farthest > ON_LINE * spacing[axis] {
-                let message = format!(
-                    "the grid reaches to {farthest:e} along {}, where the round-off of coordinates exceeds \
-                     {ON_LINE:e} of the cell size {}",
-                    AXES[axis], spacing[axis]
-                );
-                let help = "move the origin of the coordinates close to the bodies";
-                self.error("D027", &format!("/grid/origin/{axis}"), message, help);
-            }
-            if !is_whole(count) {
-                let message = format!(
-                    "the size {} along {} is not a whole multiple of the spacing {}",
-                    sides[axis], AXES[axis], spacing[axis]
-                );
-                let help = format!("{} would fit", count.round().max(1.0) * spacing[axis]);
-                self.error("D027", &format!("/grid/size/{axis}"), message, help);
-            }
-        }
-        if cells.is_nan() || cells > MOST {
-            let message = format!("the grid would have {cells:.1e} cells; at most {MOST:.0e} are possible");
-            let least = self.dimensions() as f64;
-            let fits = (sides.iter().product::<f64>() / MOST).powf(1.0 / least);
-            let help = format!("use a spacing above {fits:.1e}, or a smaller grid");
-            self.error("D027", "/grid/spacing", message, help);
-            return None;
-        }
-        let max = origin.iter().zip(&sides).map(|(low, side)| low + side).collect();
-        Some(GridBox { extent: Extent { min: origin, max }, spacing })
     }
 
     /// Checks that the smallest corner of a box is below its largest.
@@ -272,7 +230,10 @@ impl Check<'_> {
     ) -> Option<Vec<f64>> {
         let values = self.counts(pointer, per_cell)?;
         let grid = grid?;
-        let along = |axis: usize| extent.side(axis) / grid.spacing[axis] * f64::from(values[axis]);
+        let along = |axis: usize| {
+            let [min, max] = [&extent.min, &extent.max].map(|end| grid.axes[axis].coordinate(end[axis]));
+            (max - min) * f64::from(values[axis])
+        };
         Some((0..values.len()).map(along).collect())
     }
 
@@ -280,8 +241,9 @@ impl Check<'_> {
     fn aligned(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: &GridBox) {
         for (axis, name) in AXES.iter().enumerate().take(self.dimensions()) {
             for (corner, edge) in [("min", extent.min[axis]), ("max", extent.max[axis])] {
-                let (origin, spacing) = (grid.extent.min[axis], grid.spacing[axis]);
-                let line = origin + ((edge - origin) / spacing).round() * spacing;
+                let lines = &grid.axes[axis];
+                let spacing = lines.size_at(edge);
+                let line = lines.position(lines.coordinate(edge).round());
                 if (edge - line).abs() > WHOLE * spacing {
                     // Six digits relative to the size of a cell are enough.
                     let digits = 10f64.powf(6.0 - spacing.log10().floor());
@@ -321,10 +283,10 @@ impl Check<'_> {
     fn inside_grid(&mut self, pointer: &str, body: &BodyDeck, extent: &Extent, grid: &GridBox) {
         let (low, high) = (&grid.extent.min, &grid.extent.max);
         for axis in 0..low.len() {
-            let slack = WHOLE * grid.spacing[axis];
-            let corner = if extent.min[axis] < low[axis] - slack {
+            let slack = |x: f64| WHOLE * grid.axes[axis].size_at(x);
+            let corner = if extent.min[axis] < low[axis] - slack(low[axis]) {
                 "min"
-            } else if extent.max[axis] > high[axis] + slack {
+            } else if extent.max[axis] > high[axis] + slack(high[axis]) {
                 "max"
             } else {
                 continue;
@@ -383,6 +345,6 @@ fn slack(a: &Extent, b: &Extent, axis: usize) -> f64 {
     1e-9 * a.side(axis).min(b.side(axis))
 }
 
-fn is_whole(count: f64) -> bool {
+pub(super) fn is_whole(count: f64) -> bool {
     count.round() >= 1.0 && (count - count.round()).abs() <= WHOLE
 }

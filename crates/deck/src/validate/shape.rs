@@ -172,9 +172,9 @@ impl Check<'_> {
     fn beyond(&mut self, pointer: &str, bounds: &Extent, grid: &GridBox) {
         let Extent { min, max } = &grid.extent;
         for (axis, name) in AXES.iter().enumerate().take(min.len()) {
-            let slack = 1e-6 * grid.spacing[axis];
+            let slack = |x: f64| 1e-6 * grid.axes[axis].size_at(x);
             let (low, high) = (bounds.min[axis], bounds.max[axis]);
-            if low < min[axis] - slack || high > max[axis] + slack {
+            if low < min[axis] - slack(min[axis]) || high > max[axis] + slack(max[axis]) {
                 let message = format!(
                     "the region extends from {low} to {high} along {name}, beyond the grid, which covers {} to {}",
                     min[axis], max[axis]

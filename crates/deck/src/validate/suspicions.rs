@@ -138,6 +138,7 @@ impl Check<'_> {
         let single_of = |counts: &PerAxis<u32>| {
             per_axis::<u32, 3>(counts).iter().take(self.deck.dimensions()).all(|n| *n == 1)
         };
+        let grid = self.grid();
         for (index, body) in self.deck.bodies.iter().enumerate() {
             let of_simplices = body.points_per_triangle.or(body.points_per_tetrahedron);
             let (key, single) = match (&self.deck.grid, &body.points_per_cell, &body.point_spacing) {
@@ -145,9 +146,11 @@ impl Check<'_> {
                     ("points_per_cell", single_of(counts))
                 }
                 (GridDeck::Structured { .. }, Some(counts), _) => ("points_per_cell", single_of(counts)),
-                (GridDeck::Structured { spacing: cell, .. }, None, Some(spacing)) => {
-                    let (points, cell) = (per_axis::<f64, 3>(spacing), per_axis::<f64, 3>(cell));
-                    let is_coarse = |d: usize| points[d] > 0.99 * cell[d];
+                (GridDeck::Structured { .. }, None, Some(spacing)) => {
+                    let (Some(grid), points) = (&grid, per_axis::<f64, 3>(spacing)) else { continue };
+                    let extent = self.bounds("", &body.shape).unwrap_or_else(|_| grid.extent.clone());
+                    let cell = |d: usize| grid.axes[d].smallest_within(extent.min[d], extent.max[d]);
+                    let is_coarse = |d: usize| points[d] > 0.99 * cell(d);
                     ("point_spacing", (0..self.deck.dimensions()).all(is_coarse))
                 }
                 _ => continue,

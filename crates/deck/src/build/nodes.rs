@@ -1,0 +1,115 @@
+//! The grid nodes that boundary conditions select.
+
+use super::Builder;
+use crate::per_axis::array;
+use crate::placing;
+use crate::quoting::{list, quote};
+use crate::region::OfDeck;
+use crate::{AXES, BoundaryConditionDeck, NodeSelector};
+use mpm_core::grid::{Grid, Structured};
+use mpm_core::model::NodeSet;
+use mpm_core::region::Region;
+
+/// Relative distance to a grid line within which a selected coordinate counts as lying on it.
+const ON_LINE: f64 = 1e-6;
+
+impl<const D: usize> Builder<'_, D>
+where
+    Region<D>: OfDeck<D>,
+{
+    /// The nodes that a boundary condition selects; reports an error if there are none.
+    pub(super) fn nodes(
+        &mut self,
+        grid: &dyn Grid<D>,
+        condition: &BoundaryConditionDeck,
+        pointer: &str,
+    ) -> NodeSet {
+        let NodeSelector { within, group, outer_layer, .. } = &condition.nodes;
+        let coordinates = condition.nodes.coordinates();
+        if let Some(body) = outer_layer {
+            return NodeSet::OuterLayer(self.body_number(body) as u16);
+        }
+        if let Some(name) = group {
+            let pointer = format!("{pointer}/nodes/group");
+            return NodeSet::Fixed(match grid.node_set(name) {
+                Some(nodes) => nodes.to_vec(),
+                None => {
+                    let (message, help) = placing::unknown_group(grid, name, false);
+                    self.error("D031", &pointer, message, help);
+                    Vec::new()
+                }
+            });
+        }
+        let mut off_line = false;
+        for (axis, coordinate) in coordinates.iter().enumerate().take(D) {
+            if let (Some(c), Some(grid)) = (coordinate, grid.structured()) {
+                off_line |= self.check_line(grid, axis, *c, &format!("{pointer}/nodes/{}", AXES[axis]));
+            }
+        }
+        // On an imported grid, the cells around a node define what counts as near.
+        let sides = |node: usize| match grid.structured() {
+            Some(grid) => grid.sides_around(grid.node_index(node)),
+            None => [grid.size_around(node); D],
+        };
+        let slack = |node: usize| sides(node).map(|h| ON_LINE * h);
+        let all = grid.bounds();
+        let bounds: [[f64; D]; 2] = match within {
+            Some(region) => [array(&region.min), array(&region.max)],
+            None => [0, 1].map(|side| std::array::from_fn(|d| coordinates[d].unwrap_or(all[side][d]))),
+        };
+        // Round-off must not exclude nodes along an axis that no coordinate restricts.
+        let restricts = |d: usize| within.is_some() || coordinates[d].is_some();
+        let inside = |node: usize| {
+            let (x, slack) = (grid.node_position(node), slack(node));
+            let between = |d: usize| bounds[0][d] - slack[d] <= x[d] && x[d] <= bounds[1][d] + slack[d];
+            (0..D).all(|d| !restricts(d) || between(d))
+        };
+        let nodes: Vec<u32> =
+            placing::nodes_near(grid, &bounds).filter(|&node| inside(node)).map(|node| node as u32).collect();
+        if nodes.is_empty() && !off_line {
+            let message = format!("the boundary condition {} selects no grid node", quote(&condition.name));
+            let help = grid.structured().map_or_else(
+                || {
+                    let names = grid.set_names();
+                    format!(
+                        "select a physical group of the mesh with `group`; the groups are {}",
+                        list(names)
+                    )
+                },
+                |grid| {
+                    let along: Vec<String> = (0..D).map(|d| lines_in_words(grid, d, &bounds)).collect();
+                    let (last, first) = along.split_last().unwrap_or((&along[0], &[]));
+                    format!("grid nodes lie at {} and {last}", first.join(", "))
+                },
+            );
+            self.error("D029", &format!("{pointer}/nodes"), message, help);
+        }
+        NodeSet::Fixed(nodes)
+    }
+
+    /// Reports a coordinate that lies on no grid line; returns true if it did.
+    fn check_line(&mut self, grid: &Structured<D>, axis: usize, c: f64, pointer: &str) -> bool {
+        let lines = &grid.axes()[axis];
+        let number = lines.nearest_line(c);
+        let nearest = lines.line(number);
+        if (c - nearest).abs() <= ON_LINE * lines.size_around(number) {
+            return false;
+        }
+        let name = AXES[axis];
+        let message = format!("no grid line lies at {name} = {c}");
+        self.error("D029", pointer, message, format!("the nearest one is {name} = {nearest}"));
+        true
+    }
+}
+
+/// The grid lines along an axis in words: the series of an even axis; of a graded one, those next to the middle of a
+/// selection.
+fn lines_in_words<const D: usize>(grid: &Structured<D>, axis: usize, selected: &[[f64; D]; 2]) -> String {
+    let (lines, name) = (&grid.axes()[axis], AXES[axis]);
+    if lines.is_even() {
+        return format!("{} + {} {} in {name}", lines.line(0), ["i", "j", "k"][axis], lines.size(0));
+    }
+    let middle = 0.5 * (selected[0][axis] + selected[1][axis]);
+    let below = lines.cell_of(lines.coordinate(middle));
+    format!("{} or {} in {name}", lines.line(below), lines.line(below + 1))
+}

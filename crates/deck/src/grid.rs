@@ -1,0 +1,120 @@
+//! The background grid of a deck, and the lines of a structured one.
+
+#![allow(rustdoc::broken_intra_doc_links, reason = "units stand in brackets")]
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Lengths, Vector};
+use mpm_core::grid::{Axis, CoincidentLines, Interval};
+
+/// The background grid.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum GridDeck {
+    /// A grid of rectangles (of bricks in space) aligned with the axes.
+    Structured {
+        /// Corner with the smallest coordinates, [length].
+        #[schemars(with = "Vector", extend("examples" = [[0, 0]]))]
+        origin: Vec<f64>,
+        /// Extent along each axis, [length]; a whole multiple of the spacing where that is a number.
+        #[schemars(with = "Lengths", extend("examples" = [[11, 10]]))]
+        size: Vec<f64>,
+        /// Sides of the cells, [length]; one number, or one entry per axis, each a number or a list of intervals for a
+        /// graded grid.
+        #[schemars(extend("examples" = [0.5, [0.5, 0.25], [[{"to": 2, "cells": 10}, {"to": 11, "cells": 12, "ratio": 1.2}], 0.5]]))]
+        spacing: SpacingDeck,
+    },
+    /// Triangles and quadrilaterals (tetrahedra and hexahedra in space) from a mesh file of gmsh, format 2.2 or 4.1,
+    /// text or binary.
+    Gmsh {
+        /// Path of the mesh file, relative to the deck.
+        #[schemars(length(min = 1), extend("examples" = ["ring.msh"]))]
+        file: String,
+    },
+}
+
+/// Sides of the cells: one number for all axes, or a list with one entry per axis.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum SpacingDeck {
+    /// The same side along every axis.
+    Same(#[schemars(extend("exclusiveMinimum" = 0.0))] f64),
+    /// One entry per axis.
+    Each(#[schemars(length(min = 2, max = 3))] Vec<AxisSpacing>),
+}
+
+/// Sides of the cells along one axis: a number, or a list of intervals.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum AxisSpacing {
+    /// The same side everywhere.
+    Even(#[schemars(extend("exclusiveMinimum" = 0.0))] f64),
+    /// Intervals from the origin of the grid to its end.
+    Intervals(#[schemars(length(min = 1, max = 1000))] Vec<IntervalDeck>),
+}
+
+/// Consecutive cells along an axis of a graded grid, from the end of the interval before, or from the origin.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct IntervalDeck {
+    /// Coordinate at which the interval ends, [length]; above that of the interval before. The last interval ends where
+    /// the grid does, at `origin` + `size`.
+    #[schemars(extend("examples" = [2]))]
+    pub to: f64,
+    /// Number of cells.
+    #[schemars(range(min = 1, max = 1_000_000), extend("examples" = [10]))]
+    pub cells: u32,
+    /// Size of each cell relative to the one before it, in the direction of increasing coordinate, [-].
+    #[serde(default = "equal_sizes")]
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub ratio: f64,
+}
+
+/// The ratio of cells of equal size.
+fn equal_sizes() -> f64 {
+    1.0
+}
+
+impl SpacingDeck {
+    /// The entries for the axes: one for each of `dimensions` axes, or as many as the list has.
+    pub(crate) fn entries(&self, dimensions: usize) -> Vec<AxisSpacing> {
+        match self {
+            SpacingDeck::Same(spacing) => vec![AxisSpacing::Even(*spacing); dimensions],
+            SpacingDeck::Each(entries) => entries.clone(),
+        }
+    }
+}
+
+impl AxisSpacing {
+    /// Number of cells of an axis that is `size` long, [length]; not whole where the size is no multiple of the spacing.
+    pub(crate) fn cells(&self, size: f64) -> f64 {
+        match self {
+            AxisSpacing::Even(spacing) => size / spacing,
+            AxisSpacing::Intervals(intervals) => intervals.iter().map(|i| f64::from(i.cells)).sum(),
+        }
+    }
+
+    /// The lines of an axis from `origin` on that is `size` long, [length]. The last interval ends exactly there.
+    ///
+    /// # Errors
+    /// [`CoincidentLines`] for intervals whose lines do not ascend.
+    pub(crate) fn axis(&self, origin: f64, size: f64) -> Result<Axis, CoincidentLines> {
+        match self {
+            AxisSpacing::Even(_) => {
+                let cells = (self.cells(size).round() as usize).max(1);
+                Ok(Axis::even(origin, size / cells as f64, cells))
+            }
+            AxisSpacing::Intervals(intervals) => {
+                let mut intervals: Vec<Interval> = intervals
+                    .iter()
+                    .map(|i| Interval { to: i.to, cells: i.cells as usize, ratio: i.ratio })
+                    .collect();
+                if let Some(last) = intervals.last_mut() {
+                    last.to = origin + size;
+                }
+                Axis::from_intervals(origin, &intervals)
+            }
+        }
+    }
+}
