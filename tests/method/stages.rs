@@ -4,7 +4,7 @@ use mpm::deck::build::build;
 use mpm::deck::load::load_text;
 use mpm::model::Model;
 use mpm::points::{PointArray, Points};
-use mpm::solver::{Observer, Reached, StepReport, Summary, run_stages};
+use mpm::solver::{Observer, Reached, Silent, StepReport, Summary, resume_stage, run_stages};
 
 /// Keeps the positions of the points, in permanent order, and the report of every step.
 #[derive(Default)]
@@ -188,4 +188,55 @@ fn an_exchanged_material_keeps_the_stress() {
     assert!(exchanged < 1e-3 * weighed, "{exchanged:e}");
     assert!(more < 0.05 * weighed && more > 0.005 * weighed, "{more:e}");
     assert_eq!(points.history_len, 1);
+}
+
+/// Keeps the state after a number of steps.
+struct Keep {
+    after: usize,
+    kept: Option<(Points<2>, Reached)>,
+}
+
+impl Observer<2> for Keep {
+    fn converged(
+        &mut self,
+        _: &Model<2>,
+        points: &Points<2>,
+        report: &StepReport<2>,
+        summary: &Summary,
+    ) -> std::io::Result<()> {
+        if report.step.index == self.after {
+            self.kept = Some((points.clone(), Reached { step: report.step, summary: summary.clone() }));
+        }
+        Ok(())
+    }
+}
+
+/// A run resumed within a stage, or between two, ends with the same bits.
+#[test]
+fn a_run_resumed_between_and_within_stages_has_the_same_bits() {
+    let stages = "stages:
+  - {name: weight, steps: {count: 3}, factors: {weight: 1}, then: {reset: [displacement]}}
+  - {name: dig, remove: [pit], steps: {count: 3}, release: [sides], set: [smooth]}
+  - {name: fill, add: [pit], steps: {count: 3}, material: {ground: pit}}";
+    let deck = column(CLAY, "{model: hencky, young: 3e6, poisson: 0.2, density: 1500}", "gimp", 1.0, stages)
+        .replace("loads:", "  - {name: smooth, nodes: {box: {min: [0, 0], max: [1, 12]}}, fix: [x]}\nloads:");
+    let whole = run(&deck);
+    let built = || build::<2>(&load_text("stages.yaml", deck.as_bytes(), &[]).unwrap()).unwrap();
+    for after in 1..9 {
+        let (mut model, mut points) = built();
+        let mut keep = Keep { after, kept: None };
+        let reached = Reached::nothing(&points);
+        run_stages(&mut model, &mut points, reached, &mut keep).unwrap();
+        let (kept, reached) = keep.kept.unwrap();
+        let (mut model, mut points) = built();
+        let text = serde_json::to_string(&reached).unwrap();
+        let reached: Reached = serde_json::from_str(&text).unwrap();
+        resume_stage(&mut model, &mut points, &reached).unwrap();
+        assert_eq!(points.len(), kept.len(), "the points of the stage");
+        let mut points = kept;
+        run_stages(&mut model, &mut points, reached, &mut Silent).unwrap();
+        for array in [PointArray::Position, PointArray::CauchyStress, PointArray::Displacement] {
+            assert_eq!(points.array(array).values, whole.points.array(array).values, "after step {after}");
+        }
+    }
 }

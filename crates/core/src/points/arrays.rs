@@ -97,7 +97,8 @@ impl<const D: usize> Points<D> {
             name: DATUM.to_owned(),
             unit: "length".to_owned(),
             components: D,
-            kind: FieldKind::Fixed,
+            // Checkpoints store fields that change.
+            kind: FieldKind::Motion,
             start: vec![0.0; D * self.len()],
         })
         .map(|_| ())
