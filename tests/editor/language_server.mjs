@@ -168,7 +168,7 @@ async function hovers(server) {
   for (const [piece, ...expected] of [
     ["poisson", "Poisson's ratio", "above -1 and below 0.5", "0.3"],
     ["deviatoric_yield_stress", "Deviatoric yield stress", "\\[stress\\]"],
-    ["spacing", "Side of a cell", "above 0"],
+    ["spacing", "Sides of the cells, \\[length\\]; one number, or one entry per axis", "above 0"],
     ["acceleration", "Acceleration at load factor 1", "length/time"],
     ["steps", "Division of the loading into load steps"],
     ["gimp", "Material point method for the points"],
