@@ -119,6 +119,7 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
             method,
             domain_update: DomainUpdate::Corners,
         }],
+        surfaces: Vec::new(),
         boundary_conditions,
         loads: vec![Load {
             name: "weight".to_owned(),

@@ -13,7 +13,7 @@ use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::{Silent, SolveError, Stepper};
 use mpm::step::{At, Nodal, StepContext};
-use mpm::terms::{LoadNotFinite, PointFailure, Term};
+use mpm::terms::{BeginError, PointFailure, Term};
 
 /// A point force that moves with the time of the analysis.
 struct Trolley {
@@ -59,7 +59,7 @@ impl Term<2> for Trolley {
         true
     }
 
-    fn begin(&mut self, step: &StepContext<2>, _: &Points<2>) -> Result<(), Box<LoadNotFinite>> {
+    fn begin(&mut self, step: &StepContext<2>, _: &Points<2>) -> Result<(), BeginError> {
         self.at_end = self.on_nodes(step, step.step.end);
         // At time 0 there is no load yet.
         self.at_start = if step.step.start > 0.0 {

@@ -17,7 +17,7 @@ use mpm::model::{BuildError, Builder, Fill, Model};
 use mpm::points::Points;
 use mpm::solver::{Silent, Stepper, Summary};
 use mpm::step::{At, StepContext};
-use mpm::terms::{Ledger, LoadNotFinite, NamedForce, PointFailure, Term};
+use mpm::terms::{BeginError, Ledger, NamedForce, PointFailure, Term};
 
 /// A wall. Points x with normal·x < offset are behind it; it pushes them back with a force per volume of `stiffness`
 /// times their distance from the wall.
@@ -54,7 +54,7 @@ impl Term<2> for Wall {
         true
     }
 
-    fn begin(&mut self, _: &StepContext<2>, _: &Points<2>) -> Result<(), Box<LoadNotFinite>> {
+    fn begin(&mut self, _: &StepContext<2>, _: &Points<2>) -> Result<(), BeginError> {
         Ok(())
     }
 

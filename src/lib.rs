@@ -12,7 +12,7 @@
 
 pub use mpm_core::{
     assembly, basis, dofs, domain, equilibrium, formula, grid, kinematics, linear, material, memory, model,
-    points, quality, region, solver, step, stress, tensor, terms, timing,
+    points, quality, region, solver, step, stress, surface, tensor, terms, timing,
 };
 pub use mpm_deck as deck;
 pub use mpm_files as output;

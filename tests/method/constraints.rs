@@ -9,7 +9,7 @@ use mpm::points::Points;
 use mpm::solver::{Fields, Kernels, Observer, Silent, SolveError, StepReport, Stepper, Summary};
 use mpm::step::{At, StepContext};
 use mpm::stress::PlaneStrain;
-use mpm::terms::{FURTHER, LoadNotFinite, PointFailure, Term};
+use mpm::terms::{BeginError, FURTHER, PointFailure, Term};
 
 /// A block of 2 m × 2 m on a grid of 3 m × 3 m, under its own weight.
 const BLOCK: &str = "
@@ -244,7 +244,7 @@ impl Term<2> for Lid {
         true
     }
 
-    fn begin(&mut self, step: &StepContext<2>, _: &Points<2>) -> Result<(), Box<LoadNotFinite>> {
+    fn begin(&mut self, step: &StepContext<2>, _: &Points<2>) -> Result<(), BeginError> {
         self.nodes = nodes_at(step, 2.0);
         self.elongation.resize(self.nodes.len(), 0.0);
         self.share = step.step.end / step.model.stepping.end_time;
@@ -357,7 +357,7 @@ impl Term<2, 3> for Conduction {
         true
     }
 
-    fn begin(&mut self, step: &StepContext<2>, _: &Points<2>) -> Result<(), Box<LoadNotFinite>> {
+    fn begin(&mut self, step: &StepContext<2>, _: &Points<2>) -> Result<(), BeginError> {
         self.start = vec![0.0; step.links.n_active()];
         Ok(())
     }

@@ -15,7 +15,7 @@ use mpm::output::summary::{Account, Start};
 use mpm::points::{FieldKind, PointFieldSpec, Points};
 use mpm::solver::{Silent, Stepper};
 use mpm::step::{At, StepContext};
-use mpm::terms::{LoadNotFinite, PointFailure, Term};
+use mpm::terms::{BeginError, PointFailure, Term};
 use mpm::timing::Timings;
 use vtkio::IOBuffer;
 use vtkio::model::Attribute;
@@ -36,7 +36,7 @@ impl Term<2> for Way {
         true
     }
 
-    fn begin(&mut self, _: &StepContext<2>, _: &Points<2>) -> Result<(), Box<LoadNotFinite>> {
+    fn begin(&mut self, _: &StepContext<2>, _: &Points<2>) -> Result<(), BeginError> {
         Ok(())
     }
 

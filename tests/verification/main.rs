@@ -16,3 +16,5 @@ mod imported;
 mod radial;
 mod revolution;
 mod shear;
+mod surfaces;
+mod weak_conditions;

@@ -184,6 +184,18 @@ impl<'a> Radial<'a> {
         self.radii = radii;
     }
 
+    /// Pressure on the inner surface in equilibrium.
+    pub fn inner_pressure(&self) -> f64 {
+        let m = if self.shell == Shell::Sphere { 2 } else { 1 };
+        let first = self.gauss.iter().filter(|point| point.element == 0);
+        let force = |point: &Gauss| {
+            let stress = self.answer(point, point.stretches).stress;
+            let ring = f64::from(m) * point.value[0] / point.place;
+            point.weight * (stress[0] * point.slope[0] + stress[1] * ring)
+        };
+        first.map(force).sum::<f64>() / self.radii[0].powi(m)
+    }
+
     /// Current radius of what was at the original radius R.
     pub fn radius(&self, place: f64) -> f64 {
         let n = (self.nodes.len() - 1) / 2;

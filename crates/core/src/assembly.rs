@@ -84,6 +84,13 @@ impl<const N: usize> System<N> {
         add(&mut self.blocks[place], block);
     }
 
+    /// Adds to the block of a place between displacements only, `[i][k]`, [force/length].
+    pub(crate) fn add_displacement_block<const D: usize>(&mut self, place: usize, block: &[[f64; D]; D]) {
+        for (row, values) in self.blocks[place].iter_mut().zip(block) {
+            (0..D).for_each(|k| row[k] += values[k]);
+        }
+    }
+
     /// Forgets what the terms have added.
     pub(crate) fn clear(&mut self, wanted: Wanted) {
         if wanted == Wanted::Stiffness {

@@ -28,7 +28,7 @@ pub const ON_AXIS: f64 = 1e-6;
 /// A prescribed increment that is missed by less than this, relative to its size, is reached.
 const REACHED: f64 = 1e-12;
 
-const AXES: [&str; 3] = ["x", "y", "z"];
+pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// A component that is not an unknown.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -30,6 +30,7 @@
 //! | Equilibrium equations | [`terms`]: the material points (f^int and K, eqs. (19)-(23), gradients mapped by eq. (8)), external forces and ghost stabilisation, each of which adds force and stiffness to the [`assembly::System`]; [`dofs`]: displacements prescribed along axes or inclined directions, ties, free degrees of freedom |
 //! | Linear solvers | [`linear`]: the trait [`linear::Backend`], the direct and the multigrid backend |
 //! | Quality of results | [`quality`]: measures of numerical quality, and the warnings derived from them |
+//! | Surfaces of bodies | [`surface`]: samples of the boundary of a body, carried by the grid, for tractions, pressures and weakly prescribed motions |
 //! | Geometry | [`region`]: primitives, closed surfaces from STL files, booleans and motions, with their volumes; [`formula`]: formulas of position and time |
 //! | Resources | [`memory`]: memory limits; [`timing`]: time per phase of a run |
 //!
@@ -94,6 +95,7 @@ pub mod region;
 pub mod solver;
 pub mod step;
 pub mod stress;
+pub mod surface;
 pub mod tensor;
 pub mod terms;
 pub mod timing;

@@ -6,6 +6,7 @@ use crate::grid::Grid;
 use crate::material::Material;
 use crate::points::{PointVolume, Points};
 use crate::stress::Formulation;
+use crate::surface::Surface;
 
 mod arrays;
 mod boundary_condition;
@@ -18,10 +19,10 @@ mod stage;
 mod stepping;
 
 pub use arrays::HistoryVariable;
-pub use boundary_condition::{BoundaryCondition, NodeSet};
+pub use boundary_condition::{BoundaryCondition, NodeSet, OnSurface};
 pub use builder::{BuildError, Builder, Fill};
 pub use initial_state::InitialImbalance;
-pub use load::{Action, Load, LoadCurve, VectorFormula};
+pub use load::{Action, Load, LoadCurve, Pressure, VectorFormula};
 pub use newton::{Newton, PatternReuse, Predictor, StiffnessUpdate};
 pub use stabilisation::{Stabilisation, StabilisationMode};
 pub use stage::{Course, Factors, Present, Stage};
@@ -78,6 +79,8 @@ pub struct Model<const D: usize> {
     pub materials: Vec<NamedMaterial>,
     /// Bodies.
     pub bodies: Vec<Body>,
+    /// Surfaces of the bodies, on which loads and boundary conditions act.
+    pub surfaces: Vec<Surface<D>>,
     /// Prescribed displacements.
     pub boundary_conditions: Vec<BoundaryCondition<D>>,
     /// External forces.
@@ -109,6 +112,7 @@ impl<const D: usize> Model<D> {
             stabilisation: Stabilisation::default(),
             materials: Vec::new(),
             bodies: Vec::new(),
+            surfaces: Vec::new(),
             boundary_conditions: Vec::new(),
             loads: Vec::new(),
             initial_imbalance: None,
@@ -152,6 +156,19 @@ impl<const D: usize> Model<D> {
     /// Out-of-plane extent of the bodies at a position, [length]: 2πr for bodies of revolution, otherwise 1.
     pub fn depth(&self, position: &[f64; D]) -> f64 {
         if self.revolved { std::f64::consts::TAU * position[0] } else { 1.0 }
+    }
+
+    /// Mean out-of-plane extent of a facet with these corners, [length]: times the length of the facet, its area, that of
+    /// a truncated cone for bodies of revolution.
+    pub fn mean_depth(&self, corners: &[[f64; D]; D]) -> f64 {
+        corners.iter().map(|corner| self.depth(corner)).sum::<f64>() / D as f64
+    }
+
+    /// The original area of a sample of a surface, [length²]: per unit thickness in plane strain, on the full circle for
+    /// bodies of revolution.
+    pub fn original_area(&self, surface: &Surface<D>, sample: usize) -> f64 {
+        let area = surface.original_area(sample).iter().map(|a| a * a).sum::<f64>().sqrt();
+        area * self.mean_depth(&surface.facet(sample))
     }
 
     /// Volume of a point in its converged state, [volume]: V_p^n of eq. (22), or the volume of its domain.

@@ -1,7 +1,7 @@
 //! The parts of equilibrium. Each adds force and stiffness to the grid; Newton's method uses only their sum.
 //!
-//! Three terms are built in: the material points, the ghost stabilisation and the external forces. A new term
-//! implements [`Term`], in a file here or in another crate.
+//! Four terms are built in: the material points, the ghost stabilisation, the external forces on material points, and the
+//! surfaces with their loads and weak conditions. A new term implements [`Term`], in a file here or in another crate.
 
 pub mod external_force;
 mod failure;
@@ -9,8 +9,10 @@ pub mod ghost;
 pub mod held_material;
 pub mod material_points;
 mod sum;
+pub mod surface;
 mod term;
 
-pub use failure::{LoadNotFinite, PointFailure};
-pub use sum::{Sum, Terms, of_bodies};
-pub use term::{FURTHER, Ledger, NamedForce, Term};
+pub use failure::{BeginError, LoadNotFinite, PointFailure, SurfaceLost};
+pub use sum::{Sum, Terms, of_model};
+pub use surface::Surfaces;
+pub use term::{FURTHER, Ledger, NamedForce, SurfaceReaction, Term};

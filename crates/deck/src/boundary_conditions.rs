@@ -18,13 +18,25 @@ use super::{AXES, BoxDeck, Expression, LoadCurve, Vector};
 pub struct BoundaryConditionDeck {
     /// Name, unique among the boundary conditions.
     pub name: String,
-    /// Grid nodes on which it acts.
-    pub nodes: NodeSelector,
-    /// Axes along which these nodes do not move, or the normal of a wall that they do not leave: `{normal: [-0.5, 0.866]}` is
-    /// a roller on a slope of 30 degrees.
+    /// Grid nodes on which it acts. Exactly one of `nodes` and `surface` is needed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nodes: Option<NodeSelector>,
+    /// Name of the surface on which it acts. There it holds weakly, and prescribes the displacement of the surface since
+    /// the start.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["wall"]))]
+    pub surface: Option<String>,
+    /// Axes along which the nodes or the surface do not move, or the normal of a wall that they do not leave:
+    /// `{normal: [-0.5, 0.866]}` is a roller on a slope of 30 degrees. On a surface also `normal`, the original normal of
+    /// the surface at each place, so that it slides along itself.
     #[serde(default, skip_serializing_if = "FixDeck::is_empty")]
-    #[schemars(extend("examples" = [["x", "y"], {"normal": [-0.5, 0.866]}]))]
+    #[schemars(extend("examples" = [["x", "y"], {"normal": [-0.5, 0.866]}, "normal"]))]
     pub fix: FixDeck,
+    /// Penalty stiffness of a condition on a surface, relative to the stiffness of the body over a cell, [-]; 10 by
+    /// default. Results do not depend on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1e-3, max = 1e6), extend("examples" = [10]))]
+    pub penalty: Option<f64>,
     /// Displacement along x at load factor 1, [length]: a number, or a formula of X, Y (in space also Z), the original
     /// position of the material at the node, of the node's coordinates x, y (in space also z), of `factor` (the load
     /// factor) and of the parameters. A formula that contains `factor` gives the whole displacement; any other is
@@ -61,6 +73,16 @@ pub enum FixDeck {
     Axes(Vec<Axis>),
     /// The normal of a wall.
     Normal(NormalDeck),
+    /// A direction that depends on the place on a surface.
+    OnSurface(AlongSurface),
+}
+
+/// A direction that depends on the place on a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum AlongSurface {
+    /// The original normal of the surface.
+    Normal,
 }
 
 /// The normal of a wall along which nodes slide.
@@ -99,7 +121,7 @@ impl FixDeck {
     fn axes(&self) -> &[Axis] {
         match self {
             FixDeck::Axes(axes) => axes,
-            FixDeck::Normal(_) => &[],
+            FixDeck::Normal(_) | FixDeck::OnSurface(_) => &[],
         }
     }
 }
@@ -137,11 +159,16 @@ impl BoundaryConditionDeck {
         Some(frame(array(direction)))
     }
 
-    /// The directions that `fix` holds: axes, or 0 for the normal of a wall.
+    /// True if it holds a surface along the normal at each of its places.
+    pub(crate) fn holds_along_surface_normal(&self) -> bool {
+        matches!(self.fix, FixDeck::OnSurface(AlongSurface::Normal))
+    }
+
+    /// The directions that `fix` holds: axes, or 0 for a normal.
     pub(crate) fn held(&self) -> Vec<usize> {
         match &self.fix {
             FixDeck::Axes(axes) => axes.iter().map(|axis| *axis as usize).collect(),
-            FixDeck::Normal(_) => vec![0],
+            FixDeck::Normal(_) | FixDeck::OnSurface(_) => vec![0],
         }
     }
 
@@ -155,8 +182,12 @@ impl BoundaryConditionDeck {
             let help = format!("give at least one of `fix`, {} and `move`", keys.join(", "));
             check.error_at_key("D020", pointer, message, &help);
         }
+        self.check_place(check, pointer);
         if let Some((key, direction)) = self.direction() {
             self.check_direction(check, &format!("{pointer}/{key}"), key, direction);
+        }
+        if self.holds_along_surface_normal() && !displacements.is_empty() {
+            self.refuse_second_direction(check, &format!("{pointer}/fix"));
         }
         for (index, &axis) in self.fix.axes().iter().enumerate() {
             let at = format!("{pointer}/fix/{index}");
@@ -183,6 +214,37 @@ impl BoundaryConditionDeck {
         check.formulas_at_nodes(pointer, displacements, &self.intermediate);
     }
 
+    /// Checks what depends on whether it acts on nodes or on a surface.
+    fn check_place(&self, check: &mut dyn Checks, pointer: &str) {
+        let name = quote(&self.name);
+        let message = match (&self.nodes, &self.surface) {
+            (Some(_), None) => None,
+            (None, Some(surface)) => {
+                check.surface(&format!("{pointer}/surface"), surface);
+                return;
+            }
+            (None, None) => Some(format!("the boundary condition {name} acts nowhere")),
+            (Some(_), Some(_)) => {
+                Some(format!("the boundary condition {name} acts on nodes and on a surface"))
+            }
+        };
+        if let Some(message) = message {
+            check.error_at_key("D019", pointer, message, "give exactly one of: `nodes`, `surface`");
+            return;
+        }
+        if self.penalty.is_some() {
+            let help = "remove it; it belongs to a condition on a `surface`";
+            let message = "`penalty` has no effect on nodes".to_owned();
+            check.error("D020", &format!("{pointer}/penalty"), message, help);
+        }
+        if self.holds_along_surface_normal() {
+            let message = "only a surface has a normal".to_owned();
+            let help =
+                "give the direction, such as `fix: {normal: [0, 1]}`, or use a `surface` instead of `nodes`";
+            check.error("D020", &format!("{pointer}/fix"), message, help);
+        }
+    }
+
     /// Checks the direction of a wall or of a motion.
     fn check_direction(&self, check: &mut dyn Checks, pointer: &str, key: &str, direction: &[f64]) {
         if let Some(direction) = check.vector(pointer, direction)
@@ -195,13 +257,18 @@ impl BoundaryConditionDeck {
         let along_axes =
             !self.fix.axes().is_empty() || self.displacements().iter().any(|d| d.key != "move/by");
         if along_axes || (key == "fix/normal" && self.along.is_some()) {
-            let message = format!(
-                "the boundary condition {} has a direction of its own, and prescribes a displacement along another",
-                quote(&self.name)
-            );
-            let help = "divide it into two boundary conditions on the same nodes, each with its name";
-            check.error("D020", pointer, message, help);
+            self.refuse_second_direction(check, pointer);
         }
+    }
+
+    fn refuse_second_direction(&self, check: &mut dyn Checks, pointer: &str) {
+        let message = format!(
+            "the boundary condition {} has a direction of its own, and prescribes a displacement along another",
+            quote(&self.name)
+        );
+        let place = if self.surface.is_some() { "surface" } else { "nodes" };
+        let help = format!("divide it into two boundary conditions on the same {place}, each with its name");
+        check.error("D020", pointer, message, &help);
     }
 }
 

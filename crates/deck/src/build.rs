@@ -5,6 +5,7 @@ mod magnitudes;
 mod nearest;
 mod nodes;
 mod stages;
+mod surfaces;
 
 use std::collections::HashMap;
 
@@ -26,10 +27,14 @@ use mpm_core::grid::gmsh::{self, GmshError};
 use mpm_core::grid::{Axis, CoincidentLines, Grid, Mesh, Structured};
 use mpm_core::memory::Memory;
 use mpm_core::model::{
-    Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, Present, Probe, Stepping,
+    Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, NodeSet, OnSurface, Present, Probe,
+    Stepping,
 };
 use mpm_core::points::{Points, Seed};
 use mpm_core::region::Region;
+
+/// Penalty stiffness of conditions on surfaces, relative to the axial modulus over the size of a cell, [-].
+const PENALTY: f64 = 10.0;
 
 /// Share of the area of a region whose loss is probably not intended.
 const MUCH: f64 = 0.05;
@@ -144,6 +149,7 @@ where
         }
         let points = Points::new(&seeds);
         drop(seeds);
+        let surfaces = self.surfaces(grid.as_ref(), &regions);
         let boundary_conditions = self.boundary_conditions(grid.as_ref());
         let loads = self.loads(grid.as_ref(), &points);
         if revolved {
@@ -166,6 +172,7 @@ where
             stabilisation: deck.analysis.stabilisation,
             materials,
             bodies,
+            surfaces,
             boundary_conditions,
             loads,
             initial_imbalance: is_stressed(deck).then_some(deck.analysis.initial_imbalance),
@@ -373,7 +380,15 @@ where
         let mut conditions = Vec::new();
         for (number, condition) in deck.boundary_conditions.iter().enumerate() {
             let pointer = format!("/boundary_conditions/{number}");
-            let nodes = self.nodes(grid, condition, &pointer);
+            let nodes = match (&condition.nodes, &condition.surface) {
+                (_, Some(surface)) => NodeSet::Surface(OnSurface {
+                    surface: self.surface_number(surface),
+                    along_normal: condition.holds_along_surface_normal(),
+                    penalty: condition.penalty.unwrap_or(PENALTY),
+                }),
+                (Some(nodes), None) => self.nodes(grid, (nodes, &condition.name), &pointer),
+                (None, None) => NodeSet::Fixed(Vec::new()),
+            };
             let mut prescribed = match at_nodes(
                 condition.displacements(),
                 &condition.intermediate,

@@ -132,6 +132,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D047", "a surface file that cannot be used, or looks wrong"),
     ("D048", "something that exists in the plane or in space only"),
     ("D049", "a step control that does not fit the deck"),
+    ("D050", "a surface that cannot be sampled"),
     ("D051", "an initial stress that a body cannot have"),
     ("D052", "an initial stress outside the yield surface"),
     ("D053", "stages that do not fit the deck, or each other"),

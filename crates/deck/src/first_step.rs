@@ -11,7 +11,7 @@ use super::{AXES, Expression, LoadDeck, Parameter};
 use mpm_core::basis::{Connectivity, Method, SupportFailure};
 use mpm_core::dofs::rigid::{FreePart, free_parts};
 use mpm_core::dofs::{ConstraintError, Covered, DofMap, covered, nodes_of};
-use mpm_core::model::{Model, NodeSet};
+use mpm_core::model::{Action, Model, NodeSet, Pressure};
 use mpm_core::points::{Points, coordinates};
 use mpm_core::solver::Obstacle;
 use mpm_core::terms::LoadNotFinite;
@@ -81,7 +81,23 @@ impl Check<'_> {
             }
         }
         self.held_already(model);
-        let parts = free_parts(model, points, &links, &dofs);
+        // Only the stiffness shows whether a condition on a surface, or water around it, holds its body.
+        let held = |body: &u16| {
+            model.boundary_conditions.iter().any(|condition| match condition.nodes {
+                NodeSet::Surface(on) => model.surfaces[on.surface].body == *body as usize,
+                _ => false,
+            })
+        };
+        let floats = |body: &u16| {
+            model.loads.iter().any(|load| match &load.action {
+                Action::Pressure { surface, pressure: Pressure::Hydrostatic { .. } } => {
+                    model.surfaces[*surface].body == *body as usize
+                }
+                _ => false,
+            })
+        };
+        let mut parts = free_parts(model, points, &links, &dofs);
+        parts.retain(|part| !part.bodies.iter().any(|body| held(body) || floats(body)));
         for part in parts.iter().take(MOST_PARTS) {
             self.free_part(model, part);
         }

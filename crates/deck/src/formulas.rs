@@ -141,8 +141,22 @@ pub fn at_points<const D: usize>(
     intermediate: &BTreeMap<String, Expression>,
     parameters: &BTreeMap<String, Parameter>,
 ) -> Result<VectorFormula<D>, Vec<Fault>> {
+    at_places::<D, D>(("force", components), intermediate, parameters)
+}
+
+/// A formula with `C` components on material points or surfaces, and its intermediate values. `key` is the key of the
+/// components, which are a list unless there is one only.
+///
+/// # Errors
+/// As for [`at_points`].
+pub fn at_places<const D: usize, const C: usize>(
+    (key, components): (&str, &[Expression]),
+    intermediate: &BTreeMap<String, Expression>,
+    parameters: &BTreeMap<String, Parameter>,
+) -> Result<VectorFormula<D, C>, Vec<Fault>> {
+    let key_of = |axis: usize| if C == 1 { key.to_owned() } else { format!("{key}/{axis}") };
     let components: Vec<(String, &Expression)> =
-        components.iter().take(D).enumerate().map(|(axis, part)| (format!("force/{axis}"), part)).collect();
+        components.iter().take(C).enumerate().map(|(axis, part)| (key_of(axis), part)).collect();
     let (given, vector) = parse_all(&components, intermediate, variables(D), parameters)?;
     let mut vector = vector.into_iter();
     let vector = std::array::from_fn(|_| vector.next().unwrap_or(Formula::constant(0.0)));

@@ -26,6 +26,16 @@ pub(crate) trait Checks {
     fn targets(&mut self, pointer: &str, bodies: Option<&[String]>);
     /// The bodies on which a load per mass acts must have a density.
     fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>);
+    /// The name of a surface must exist.
+    fn surface(&mut self, pointer: &str, name: &str);
+    /// Formulas of a load on a surface, the value of `key`: one for each axis, or a single one if `is_scalar`.
+    fn formulas_at_places(
+        &mut self,
+        pointer: &str,
+        components: (&str, &[Expression]),
+        is_scalar: bool,
+        intermediate: &BTreeMap<String, Expression>,
+    );
     /// Formulas of a load at points.
     fn formulas_at_points(
         &mut self,
@@ -57,6 +67,8 @@ pub(crate) trait Builds {
     fn parameters(&self) -> &BTreeMap<String, Parameter>;
     /// Reports faults of formulas.
     fn faulty_formulas(&mut self, pointer: &str, faults: Vec<Fault>);
+    /// Index of a surface.
+    fn surface_number(&self, name: &str) -> usize;
     /// Permanent numbers of the `count` points of a body nearest to a location.
     fn nearest(&mut self, body: &str, wanted: (&[f64], u32, Ties), pointer: &str) -> Vec<u32>;
 }

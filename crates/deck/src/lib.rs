@@ -12,10 +12,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-pub use boundary_conditions::{Axis, BoundaryConditionDeck, FixDeck, MoveDeck, NodeSelector, NormalDeck};
+pub use boundary_conditions::{
+    AlongSurface, Axis, BoundaryConditionDeck, FixDeck, MoveDeck, NodeSelector, NormalDeck,
+};
 pub use grid::{AxisSpacing, GridDeck, IntervalDeck, SpacingDeck};
 pub use initial_stress::{InitialStressDeck, StressDeck};
-pub use loads::{LoadCurve, LoadDeck, Per, PointSelector};
+pub use loads::{HydrostaticDeck, LoadCurve, LoadDeck, Per, PointSelector};
 pub use mpm_core::basis::Method;
 pub use mpm_core::domain::DomainUpdate;
 use mpm_core::formula::Formula;
@@ -33,6 +35,7 @@ use mpm_files::vtu::Precision;
 pub use region::{Direction, Shape};
 pub use stages::{Reset, StageDeck, ThenDeck};
 pub use steps::{ControlDeck, StepsDeck};
+pub use surfaces::{HalfSpaceDeck, PartDeck, SurfaceDeck};
 
 pub mod advice;
 mod axisymmetry;
@@ -64,6 +67,7 @@ pub mod source;
 mod span;
 mod stages;
 mod steps;
+mod surfaces;
 pub mod validate;
 mod yaml;
 
@@ -127,7 +131,11 @@ pub struct Deck {
     /// Bodies, each filled with material points.
     #[schemars(length(min = 1, max = 60_000))]
     pub bodies: Vec<BodyDeck>,
-    /// Prescribed displacements of grid nodes.
+    /// Surfaces of bodies.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 60_000))]
+    pub surfaces: Vec<SurfaceDeck>,
+    /// Prescribed displacements of grid nodes and of surfaces.
     #[serde(default)]
     #[schemars(length(max = 60_000))]
     pub boundary_conditions: Vec<BoundaryConditionDeck>,

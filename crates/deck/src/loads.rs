@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use mpm_core::model::{self, Action};
+use mpm_core::model::{self, Action, Pressure};
 
-use super::formulas::at_points;
+use super::formulas::{at_places, at_points};
 use super::gates::{Builds, Checks, Ties};
 use super::per_axis::array;
+use super::quoting::quote;
 use super::span::escape;
 use super::{Expression, Expressions, Vector, one};
 
@@ -85,6 +86,57 @@ pub enum LoadDeck {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<LoadCurve>,
     },
+    /// A force per original area of a surface, which keeps its direction.
+    Traction {
+        /// Name, unique among the loads.
+        name: String,
+        /// Name of the surface.
+        surface: String,
+        /// Force per original area at load factor 1, [stress], one number or formula per axis. Formulas are as those of a
+        /// body force.
+        #[schemars(with = "Expressions", extend("examples" = [[0, -10e3]]))]
+        traction: Vec<Expression>,
+        /// Named intermediate values, in any order, for use in `traction`.
+        #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
+        intermediate: BTreeMap<String, Expression>,
+        /// Load factor over time; by default, a linear ramp from 0 to 1.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        curve: Option<LoadCurve>,
+    },
+    /// A pressure that follows a surface: it acts against the present normal on the present area. Give either `pressure`
+    /// or `hydrostatic`.
+    Pressure {
+        /// Name, unique among the loads.
+        name: String,
+        /// Name of the surface.
+        surface: String,
+        /// Pressure at load factor 1, [stress]: a number, or a formula as those of a body force.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("examples" = [100e3]))]
+        pressure: Option<Expression>,
+        /// Pressure of a liquid at rest.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        hydrostatic: Option<HydrostaticDeck>,
+        /// Named intermediate values, in any order, for use in `pressure`.
+        #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
+        intermediate: BTreeMap<String, Expression>,
+        /// Load factor over time; by default, a linear ramp from 0 to 1.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        curve: Option<LoadCurve>,
+    },
+}
+
+/// The pressure of a liquid at rest: `unit_weight` times the depth below `level` at the present position, and none above
+/// it. The last axis is vertical.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HydrostaticDeck {
+    /// Coordinate of the free surface of the liquid along the last axis, [length].
+    #[schemars(extend("examples" = [10]))]
+    pub level: f64,
+    /// Weight of the liquid per volume at load factor 1, [force/volume].
+    #[schemars(extend("examples" = [9.81e3]))]
+    pub unit_weight: f64,
 }
 
 /// Quantity to which a body force refers.
@@ -104,7 +156,9 @@ impl LoadDeck {
         match self {
             LoadDeck::Gravity { name, .. }
             | LoadDeck::BodyForce { name, .. }
-            | LoadDeck::PointForce { name, .. } => name,
+            | LoadDeck::PointForce { name, .. }
+            | LoadDeck::Traction { name, .. }
+            | LoadDeck::Pressure { name, .. } => name,
         }
     }
 
@@ -113,28 +167,40 @@ impl LoadDeck {
         match self {
             LoadDeck::Gravity { curve, .. }
             | LoadDeck::BodyForce { curve, .. }
-            | LoadDeck::PointForce { curve, .. } => curve.as_ref(),
+            | LoadDeck::PointForce { curve, .. }
+            | LoadDeck::Traction { curve, .. }
+            | LoadDeck::Pressure { curve, .. } => curve.as_ref(),
         }
     }
 
-    /// Names of the bodies it acts on; `None` for all of them.
+    /// Names of the bodies on whose points it acts; `None` for all of them.
     pub(crate) fn bodies(&self) -> Option<&[String]> {
         match self {
             LoadDeck::Gravity { bodies, .. } | LoadDeck::BodyForce { bodies, .. } => bodies.as_deref(),
             LoadDeck::PointForce { body, .. } => Some(std::slice::from_ref(body)),
+            LoadDeck::Traction { .. } | LoadDeck::Pressure { .. } => Some(&[]),
         }
     }
 
     /// The expressions that may be formulas, with their keys relative to the load.
     pub(crate) fn expressions(&self) -> Vec<(String, &Expression)> {
-        match self {
+        let each = |key: &str, vector: &'_ [Expression]| -> Vec<String> {
+            (0..vector.len()).map(|axis| format!("{key}/{axis}")).collect()
+        };
+        let (keys, components, intermediate) = match self {
             LoadDeck::BodyForce { force, intermediate, .. } => {
-                let components = force.iter().enumerate().map(|(axis, text)| (format!("force/{axis}"), text));
-                let given = intermediate.iter().map(|(name, text)| (format!("where/{}", escape(name)), text));
-                components.chain(given).collect()
+                (each("force", force), &force[..], intermediate)
             }
-            LoadDeck::Gravity { .. } | LoadDeck::PointForce { .. } => Vec::new(),
-        }
+            LoadDeck::Traction { traction, intermediate, .. } => {
+                (each("traction", traction), &traction[..], intermediate)
+            }
+            LoadDeck::Pressure { pressure, intermediate, .. } => {
+                (vec!["pressure".to_owned()], pressure.as_slice(), intermediate)
+            }
+            LoadDeck::Gravity { .. } | LoadDeck::PointForce { .. } => return Vec::new(),
+        };
+        let given = intermediate.iter().map(|(name, text)| (format!("where/{}", escape(name)), text));
+        keys.into_iter().zip(components).chain(given).collect()
     }
 
     /// Checks what belongs to this kind of load.
@@ -161,6 +227,21 @@ impl LoadDeck {
                 check.vector(&at("points/nearest"), nearest);
                 check.vector(&at("total"), total);
             }
+            LoadDeck::Traction { surface, traction, intermediate, .. } => {
+                check.surface(&at("surface"), surface);
+                if traction.len() != check.dimensions() {
+                    check.wrong_count(&at("traction"), traction.len());
+                }
+                check.formulas_at_places(pointer, ("traction", traction), false, intermediate);
+            }
+            LoadDeck::Pressure { surface, pressure, hydrostatic, intermediate, .. } => {
+                check.surface(&at("surface"), surface);
+                if pressure.is_some() == hydrostatic.is_some() {
+                    let message = format!("the load {} needs exactly one pressure", quote(self.name()));
+                    check.error_at_key("D020", pointer, message, "give either `pressure` or `hydrostatic`");
+                }
+                check.formulas_at_places(pointer, ("pressure", pressure.as_slice()), true, intermediate);
+            }
         }
     }
 
@@ -186,6 +267,23 @@ impl LoadDeck {
                 let share = 1.0 / chosen.len().max(1) as f64;
                 Some(Action::PointForce { points: chosen, force: array::<D>(total).map(|f| f * share) })
             }
+            LoadDeck::Traction { surface, traction, intermediate, .. } => {
+                let parts = ("traction", traction.as_slice());
+                let formula = at_places::<D, D>(parts, intermediate, builder.parameters());
+                let traction = formula.map_err(|faults| builder.faulty_formulas(pointer, faults)).ok()?;
+                Some(Action::Traction { surface: builder.surface_number(surface), traction })
+            }
+            LoadDeck::Pressure { surface, pressure, hydrostatic, intermediate, .. } => {
+                let surface = builder.surface_number(surface);
+                if let Some(HydrostaticDeck { level, unit_weight }) = *hydrostatic {
+                    let pressure = Pressure::Hydrostatic { level, unit_weight };
+                    return Some(Action::Pressure { surface, pressure });
+                }
+                let parts = ("pressure", pressure.as_slice());
+                let formula = at_places::<D, 1>(parts, intermediate, builder.parameters());
+                let formula = formula.map_err(|faults| builder.faulty_formulas(pointer, faults)).ok()?;
+                Some(Action::Pressure { surface, pressure: Pressure::Given(formula) })
+            }
         }
     }
 
@@ -197,6 +295,13 @@ impl LoadDeck {
             }
             LoadDeck::BodyForce { force, .. } => ("force", force.iter().all(Expression::is_zero)),
             LoadDeck::PointForce { total, .. } => ("total", total.iter().all(|f| *f == 0.0)),
+            LoadDeck::Traction { traction, .. } => ("traction", traction.iter().all(Expression::is_zero)),
+            LoadDeck::Pressure { hydrostatic: Some(liquid), .. } => {
+                ("hydrostatic", liquid.unit_weight == 0.0)
+            }
+            LoadDeck::Pressure { pressure, .. } => {
+                ("pressure", pressure.as_ref().is_some_and(Expression::is_zero))
+            }
         }
     }
 }

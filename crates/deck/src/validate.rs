@@ -12,6 +12,7 @@ mod prescribed_motion;
 mod shape;
 mod stages;
 mod steps;
+mod surfaces;
 mod suspicions;
 mod units;
 mod without_effect;
@@ -32,6 +33,7 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     let mut check = Check { deck, source, found: Vec::new() };
     let grid = check.grid();
     check.bodies(grid.as_ref());
+    check.surfaces();
     check.boundary_conditions();
     check.loads();
     check.output();

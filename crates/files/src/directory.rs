@@ -8,7 +8,7 @@ use super::replace::TEMPORARY;
 use super::{checkpoint, failed, lock, series, status, vtu};
 
 /// Names of the series.
-pub(super) const SERIES: [&str; 3] = ["points", "domains", "grid"];
+pub(super) const SERIES: [&str; 4] = ["points", "domains", "grid", "surfaces"];
 
 /// The file of a series that shows a step.
 pub(super) fn file_name(series: &str, step: usize) -> String {

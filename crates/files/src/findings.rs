@@ -52,7 +52,11 @@ impl ForceBalance {
     pub fn new<const D: usize>(model: &Model<D>, report: &StepReport<D>) -> ForceBalance {
         let names = model.boundary_conditions.iter().map(|condition| condition.name.clone());
         let reactions = names.zip(report.reactions.iter().map(|r| r.to_vec())).collect();
-        let held: f64 = report.grid.reaction.iter().flatten().map(|r| r.abs()).sum();
+        let of_nodes: f64 = report.grid.reaction.iter().flatten().map(|r| r.abs()).sum();
+        // The pressures on a closed surface have no resultant.
+        let of_surfaces =
+            report.surfaces.iter().flat_map(|surface| surface.reaction.iter().chain(&surface.load)).flatten();
+        let held = of_nodes + of_surfaces.map(|r| r.abs()).sum::<f64>();
         let applied = report.applied();
         let magnitude: f64 = applied.iter().map(|f| f.abs()).sum();
         let loads = model.loads.iter().zip(&report.loads);

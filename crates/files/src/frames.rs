@@ -1,4 +1,4 @@
-//! The VTU files of a step: the points, their domains and the active part of the grid, each a file of a series,
+//! The VTU files of a step: the points, their domains, the active part of the grid and the surfaces, each a file of a series,
 //! encoded.
 
 use std::io;
@@ -9,10 +9,11 @@ use mpm_core::basis::{Connectivity, DomainKind};
 use mpm_core::model::{Body, Model};
 use mpm_core::points::Points;
 use mpm_core::solver::Step;
+use mpm_core::surface::SurfaceFields;
 use mpm_core::tensor::padded;
 
 use super::directory::{SERIES, file_name};
-use super::fields::{GridMesh, Of, PointField, grid_mesh, vector, volumes};
+use super::fields::{GridMesh, Of, PointField, grid_mesh, number, vector, volumes};
 use super::invalid;
 use super::vtu::{CellKind, Cells, Encoded, Field, File, Kinds, Precision, Room, Values};
 
@@ -179,6 +180,68 @@ impl Frames {
         step: Step,
     ) -> io::Result<Frame> {
         Frame::new(2, step, self.file_of_grid(grid_mesh(model, links), fields, step))
+    }
+
+    /// Frame of all surfaces, a point for each sample; none without surfaces.
+    ///
+    /// # Errors
+    /// As [`Frames::of_points`].
+    pub fn of_surfaces<const D: usize>(
+        &mut self,
+        surfaces: &[SurfaceFields<D>],
+        step: Step,
+    ) -> io::Result<Option<Frame>> {
+        if surfaces.is_empty() {
+            return Ok(None);
+        }
+        Frame::new(3, step, self.file_of_surfaces(surfaces, step)).map(Some)
+    }
+
+    fn file_of_surfaces<const D: usize>(
+        &mut self,
+        surfaces: &[SurfaceFields<D>],
+        step: Step,
+    ) -> Result<File, String> {
+        let (room, precision) = (&self.room, self.precision);
+        type Vectors = Vec<[f64; 3]>;
+        let vectors = |of: &dyn Fn(&SurfaceFields<D>) -> Vec<[f64; D]>| -> Vectors {
+            surfaces.iter().flat_map(|surface| of(surface).iter().map(padded).collect::<Vec<_>>()).collect()
+        };
+        let scalars = |of: fn(&SurfaceFields<D>) -> &Vec<f64>| -> Vec<f64> {
+            surfaces.iter().flat_map(|surface| of(surface).iter().copied()).collect()
+        };
+        let per_area = |surface: &SurfaceFields<D>, forces: &[[f64; D]]| {
+            let areas = surface.area.iter().map(|area| if *area > 0.0 { 1.0 / area } else { 0.0 });
+            forces.iter().zip(areas).map(|(force, by)| force.map(|f| f * by)).collect()
+        };
+        let positions = vectors(&|surface| surface.position.clone());
+        let normals = vectors(&|surface| surface.normal.clone());
+        let tractions = vectors(&|surface| per_area(surface, &surface.load));
+        let reactions = vectors(&|surface| surface.reaction.clone());
+        let (areas, pressures) = (scalars(|surface| &surface.area), scalars(|surface| &surface.pressure));
+        let numbered = surfaces.iter().enumerate();
+        let numbers: Vec<i32> = numbered.flat_map(|(k, of)| vec![k as i32; of.area.len()]).collect();
+        let scalar = |name, values| Field {
+            name,
+            components: 1,
+            component_names: &[],
+            values: Values::Float64(values),
+        };
+        let fields = [
+            number("surface", &numbers),
+            vector("normal", &normals),
+            scalar("area", &areas),
+            scalar("pressure", &pressures),
+            vector("traction", &tractions),
+            vector("reaction", &reactions),
+        ];
+        let n = positions.len();
+        let encoded = |field: &Field| Encoded::new(field, ("point", n), precision, room).map(Arc::new);
+        let fields = fields.iter().map(encoded).collect::<Result<_, String>>()?;
+        let positions = Encoded::positions(n, Values::Float64(positions.as_flattened()), precision, room)?;
+        let corners: Vec<i64> = (0..n as i64).collect();
+        let cells = Cells::new(n, &Kinds::Each(&vec![CellKind::Vertex; n]), &corners, room)?;
+        File::new(step.end, step.index as i64, Arc::new(positions), Arc::new(cells), fields, Vec::new())
     }
 
     fn file_of_grid<const D: usize>(

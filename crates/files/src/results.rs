@@ -10,6 +10,7 @@ use mpm_core::solver::{
     Diagnosis, FailedAttempt, GridFields, Observer, Reached, ReactionMoment, SolveError, Step, StepReport,
     Summary,
 };
+use mpm_core::terms::Surfaces;
 
 use super::checkpoint::{self, Checkpoint};
 use super::directory::{
@@ -179,7 +180,8 @@ impl Results {
             series.push(Series::reopen(directory.join(format!("{name}.pvd")), reached.end, is_kept)?);
         }
         remove_later_results(directory, last, is_kept)?;
-        let series: [Series; 3] = series.try_into().map_err(|_| io::Error::other("three series"))?;
+        let series: [Series; SERIES.len()] =
+            series.try_into().map_err(|_| io::Error::other("a series is missing"))?;
         Ok(Results {
             directory: directory.to_owned(),
             every,
@@ -417,6 +419,7 @@ impl<const D: usize> Observer<D> for Results {
             frames.push(self.frames.of_grid(model, &links, &on_nodes(&zero, &zero), self.last)?);
         }
         drop(copy);
+        frames.extend(self.frames.of_surfaces(&Surfaces::at_start(model, points), self.last)?);
         self.show(self.last, frames)
     }
 
@@ -445,6 +448,7 @@ impl<const D: usize> Observer<D> for Results {
             let mut frames = self.frames.of_points(model, points, report.step)?;
             let GridFields { links, delta_d, reaction, .. } = &report.grid;
             frames.push(self.frames.of_grid(model, links, &on_nodes(delta_d, reaction), report.step)?);
+            frames.extend(self.frames.of_surfaces(&report.surfaces, report.step)?);
             self.show(report.step, frames)?;
         } else if !self.writer.is_at_work() {
             self.settle()?;

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
+use super::directory::SERIES;
 use super::frames::Frame;
 use super::series::Series;
 
@@ -16,12 +17,12 @@ const PAUSE: Duration = Duration::from_micros(100);
 /// at a time. The content of the files is the same in both cases.
 pub(super) struct Writer {
     directory: PathBuf,
-    series: Arc<Mutex<[Series; 3]>>,
+    series: Arc<Mutex<[Series; SERIES.len()]>>,
     at_work: Option<JoinHandle<io::Result<()>>>,
 }
 
 impl Writer {
-    pub fn new(directory: &Path, series: [Series; 3]) -> Writer {
+    pub fn new(directory: &Path, series: [Series; SERIES.len()]) -> Writer {
         Writer { directory: directory.to_owned(), series: Arc::new(Mutex::new(series)), at_work: None }
     }
 
@@ -84,7 +85,7 @@ impl Drop for Writer {
     }
 }
 
-fn write(directory: &Path, series: &Mutex<[Series; 3]>, frames: &[Frame]) -> io::Result<()> {
+fn write(directory: &Path, series: &Mutex<[Series; SERIES.len()]>, frames: &[Frame]) -> io::Result<()> {
     for frame in frames {
         frame.file.write(&directory.join(&frame.name))?;
         let mut series: MutexGuard<_> = series.lock().unwrap_or_else(PoisonError::into_inner);
@@ -115,10 +116,7 @@ mod tests {
     }
 
     fn writer(directory: &Path) -> Writer {
-        Writer::new(
-            directory,
-            ["points", "domains", "grid"].map(|s| Series::new(directory.join(format!("{s}.pvd")))),
-        )
+        Writer::new(directory, SERIES.map(|s| Series::new(directory.join(format!("{s}.pvd")))))
     }
 
     #[test]

@@ -239,6 +239,7 @@ fn state_on<const D: usize, M: Mechanics<D>>(
         stabilisation: Stabilisation { mode: StabilisationMode::Off, ..Stabilisation::default() },
         materials: laws.into_iter().map(|law| NamedMaterial { name: "law".into(), law }).collect(),
         bodies,
+        surfaces: Vec::new(),
         boundary_conditions: Vec::new(),
         loads: Vec::new(),
         stepping: Stepping::fixed(1, 1.0),

@@ -109,6 +109,7 @@ pub fn model(
         revolved: false,
         materials: vec![NamedMaterial { name: "law".into(), law: Box::new(law) }],
         bodies: vec![Body { name: "body".into(), material: 0, method, domain_update }],
+        surfaces: Vec::new(),
         boundary_conditions: Vec::new(),
         loads: Vec::new(),
         stepping: Stepping::fixed(n_steps, 1.0),

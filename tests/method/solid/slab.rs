@@ -102,6 +102,7 @@ fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
         revolved: false,
         materials: plane.materials,
         bodies: plane.bodies,
+        surfaces: Vec::new(),
         boundary_conditions,
         stepping: plane.stepping.clone(),
         newton: plane.newton,

@@ -27,6 +27,7 @@ fn along<const D: usize>(conditions: &[BoundaryCondition<D>], axis: usize) -> Ve
     let mut found = Vec::new();
     for (number, condition) in holding() {
         match &condition.nodes {
+            NodeSet::Surface(_) => {}
             NodeSet::Fixed(list) => nodes.extend(list.iter().map(|&node| (node, number as u32))),
             // These nodes change from step to step, so only the same selection covers them.
             NodeSet::OuterLayer(_) => {

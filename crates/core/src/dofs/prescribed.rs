@@ -120,6 +120,7 @@ pub fn nodes_of<const D: usize>(
         NodeSet::Fixed(nodes) => {
             nodes.iter().filter_map(|&node| links.active_number(node as usize)).collect()
         }
+        NodeSet::Surface(_) => Vec::new(),
         NodeSet::OuterLayer(body) => {
             let mut touched = vec![false; links.n_active()];
             for group in 0..links.n_groups() {

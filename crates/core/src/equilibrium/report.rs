@@ -8,6 +8,7 @@ use crate::terms::NamedForce;
 
 use super::balance::{Energy, ReactionMoment};
 use crate::step::{Nodal, Step};
+use crate::surface::SurfaceFields;
 
 /// Grid fields of a load step.
 #[non_exhaustive]
@@ -52,10 +53,12 @@ pub struct StepReport<const D: usize> {
     pub reactions: Vec<[f64; D]>,
     /// Moment of the reaction of each boundary condition; `None` for bodies of revolution.
     pub moments: Option<Vec<ReactionMoment<D>>>,
-    /// Resultant of each load on the points, [force].
+    /// Resultant of each load on the points or on its surface, [force].
     pub loads: Vec<[f64; D]>,
     /// Forces of terms beside the loads of the model, such as those of walls.
     pub forces: Vec<NamedForce<D>>,
+    /// The surfaces of the model.
+    pub surfaces: Vec<SurfaceFields<D>>,
     /// Work and energy.
     pub energy: Energy,
     /// Relative imbalance of moments, see [`moment_error`](super::moment_error), [-]; `None` for bodies of revolution.

@@ -12,6 +12,22 @@ pub enum NodeSet {
     /// All nodes of the cells that contain points of the outer layer of this body, or that overlap their domains. The
     /// set is updated at every step.
     OuterLayer(u16),
+    /// No nodes: the condition holds weakly on a surface of a body.
+    Surface(OnSurface),
+}
+
+/// A condition that holds weakly on a surface, by multipliers and a penalty. It prescribes the displacement of the
+/// surface since the start of the analysis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OnSurface {
+    /// Index of the surface.
+    pub surface: usize,
+    /// True if the first displacement of the condition is the component along the original normal of the surface at each
+    /// sample, and the only one.
+    pub along_normal: bool,
+    /// Penalty stiffness per area, relative to the axial modulus of the body over the size of a cell, [-]. It
+    /// regularises the stiffness; results do not depend on it.
+    pub penalty: f64,
 }
 
 /// A named set of prescribed nodal displacements.

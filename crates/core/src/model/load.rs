@@ -1,5 +1,6 @@
 //! External forces and load curves.
 
+use super::Stepping;
 use crate::formula::{Formula, MOST_INTERMEDIATE};
 
 /// Load factor as a piecewise linear function of time.
@@ -62,24 +63,62 @@ pub enum Action<const D: usize> {
         /// Force on each point at load factor 1, [force].
         force: [f64; D],
     },
+    /// Force per original area of a surface, [stress], which keeps its direction.
+    Traction {
+        /// Index of the surface.
+        surface: usize,
+        /// The force.
+        traction: VectorFormula<D>,
+    },
+    /// Pressure on a surface, [stress], which acts on its present area along its present normal.
+    Pressure {
+        /// Index of the surface.
+        surface: usize,
+        /// The pressure.
+        pressure: Pressure<D>,
+    },
 }
 
-/// A vector-valued formula of position, original position and load factor.
+impl<const D: usize> Action<D> {
+    /// Index of the surface on which it acts; `None` if it acts on material points.
+    pub fn surface(&self) -> Option<usize> {
+        match self {
+            Action::Traction { surface, .. } | Action::Pressure { surface, .. } => Some(*surface),
+            _ => None,
+        }
+    }
+}
+
+/// A pressure on a surface, [stress].
+#[derive(Debug, Clone)]
+pub enum Pressure<const D: usize> {
+    /// A formula of the position at the start of the step, of the original position, and of the load factor.
+    Given(VectorFormula<D, 1>),
+    /// The load factor times `unit_weight` max(`level` − y, 0) at the present position, y along the last axis.
+    Hydrostatic {
+        /// Coordinate of the free surface along the last axis, [length].
+        level: f64,
+        /// Weight per volume of the liquid, [force/volume].
+        unit_weight: f64,
+    },
+}
+
+/// A formula of position, original position and load factor with `C` components: as many as there are axes, or one.
 ///
 /// The variables of every component are, in this order: position x (`D` values), original position X (`D` values), the
 /// load factor, and the intermediate values. An intermediate value may use those before it.
 #[derive(Debug, Clone)]
-pub struct VectorFormula<const D: usize> {
+pub struct VectorFormula<const D: usize, const C: usize = D> {
     intermediate: Vec<Formula>,
-    components: [Formula; D],
+    components: [Formula; C],
     /// For each component, true if it is multiplied by the load factor because it does not depend on it.
-    scaled: [bool; D],
+    scaled: [bool; C],
 }
 
-impl<const D: usize> VectorFormula<D> {
+impl<const D: usize, const C: usize> VectorFormula<D, C> {
     /// Builds the vector from formulas of the variables listed above; at most [`MOST_INTERMEDIATE`] intermediate values
     /// are kept.
-    pub fn new(mut intermediate: Vec<Formula>, components: [Formula; D]) -> Self {
+    pub fn new(mut intermediate: Vec<Formula>, components: [Formula; C]) -> Self {
         intermediate.truncate(MOST_INTERMEDIATE);
         let fixed = 2 * D + 1;
         let mut explicit = vec![false; intermediate.len()];
@@ -95,7 +134,7 @@ impl<const D: usize> VectorFormula<D> {
     }
 
     /// Evaluates the vector at a load factor. Components that do not depend on the factor are multiplied by it.
-    pub fn evaluate(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> [f64; D] {
+    pub fn evaluate(&self, x: &[f64; D], original: &[f64; D], factor: f64) -> [f64; C] {
         let values = self.values(x, original, factor);
         std::array::from_fn(|d| {
             let value = self.components[d].evaluate(&values);
@@ -137,6 +176,16 @@ pub struct Load<const D: usize> {
     pub acts_on: Vec<bool>,
     /// Load factor over time.
     pub curve: LoadCurve,
+}
+
+impl<const D: usize> Load<D> {
+    /// The load factor where the stage begins, and the one that it has at the end if one common factor grows from 0 to 1.
+    /// At time 0, nothing is loaded.
+    pub fn factors_of_stage(&self, stepping: &Stepping) -> (f64, f64) {
+        let from = stepping.start_time;
+        let stands = if from > 0.0 { self.curve.factor(from) } else { 0.0 };
+        (stands, self.curve.factor(stepping.end_time))
+    }
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
 //! Circles and spheres, full and hollow.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
+use super::boundary::{circle, triangle};
 use super::line::not_positive;
-use super::vector::{dot, minus, norm};
-use super::{Intervals, Line, Primitive, ShapeError, finite, positive};
+use super::vector::{along, dot, minus, norm, unit};
+use super::{Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
 
 /// A ball: a disc (D = 2) or a solid sphere (D = 3).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,6 +21,23 @@ impl<const D: usize> Ball<D> {
     /// [`ShapeError::NotFinite`], [`ShapeError::NotPositive`].
     pub fn new(center: [f64; D], radius: f64) -> Result<Self, ShapeError> {
         Ok(Ball { center: finite("the centre", center)?, radius: positive("the radius", radius)? })
+    }
+}
+
+impl<const D: usize> Ball<D> {
+    /// The facets of an octahedron, divided evenly and moved outwards onto the sphere.
+    fn octants(&self, spacing: f64) -> Vec<Facet<D>> {
+        // The edges of an octant are arcs of a quarter; the first division of them leaves edges of √2 times the radius.
+        let fraction = (spacing / (FRAC_PI_2 * self.radius)).min(0.25);
+        let mut facets = Vec::new();
+        for signs in (0..8).map(|k| [k & 1, k >> 1 & 1, k >> 2].map(|bit| 1.0 - 2.0 * bit as f64)) {
+            let tips: [[f64; D]; 3] = std::array::from_fn(|d| unit::<D>(d).map(|x| x * signs[d]));
+            let [a, b, c] = &tips;
+            facets.extend(triangle([a, b, c], fraction * 2f64.sqrt(), 0));
+        }
+        let onto = |x: [f64; D]| along(&self.center, self.radius / norm(&x), &x);
+        facets.iter_mut().for_each(|facet: &mut Facet<D>| facet.corners = facet.corners.map(onto));
+        facets
     }
 }
 
@@ -48,6 +66,10 @@ impl<const D: usize> Primitive<D> for Ball<D> {
         let r = minus(&line.origin, &self.center);
         let a = dot(&line.direction, &line.direction);
         not_positive(a, dot(&r, &line.direction), dot(&r, &r) - self.radius * self.radius)
+    }
+
+    fn facets(&self, spacing: f64) -> Vec<Facet<D>> {
+        if D == 2 { circle(&self.center, self.radius, spacing, 0) } else { self.octants(spacing) }
     }
 
     fn is_convex(&self) -> bool {
@@ -89,5 +111,10 @@ impl<const D: usize> Primitive<D> for HollowBall<D> {
 
     fn intervals(&self, line: &Line<D>) -> Intervals {
         self.outer.intervals(line).minus(&self.inner.intervals(line))
+    }
+
+    fn facets(&self, spacing: f64) -> Vec<Facet<D>> {
+        let inner = self.inner.facets(spacing).into_iter().map(|facet| Facet { side: 1, ..facet });
+        self.outer.facets(spacing).into_iter().chain(inner).collect()
     }
 }

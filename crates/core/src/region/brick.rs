@@ -1,6 +1,8 @@
 //! Axis-aligned boxes.
 
-use super::{Bounds, Intervals, Line, Primitive, ShapeError, corners, finite, positive};
+use super::boundary::{divide, parallelogram};
+use super::vector::unit;
+use super::{Bounds, Facet, Intervals, Line, Primitive, ShapeError, corners, finite, positive};
 
 /// An axis-aligned box (rectangle in the plane).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,6 +47,26 @@ impl<const D: usize> Primitive<D> for Brick<D> {
     fn intervals(&self, line: &Line<D>) -> Intervals {
         let slab = |d: usize| line.slab(d, self.bounds[0][d], self.bounds[1][d]);
         (1..D).fold(slab(0), |inside, d| inside.intersection(&slab(d)))
+    }
+
+    fn facets(&self, spacing: f64) -> Vec<Facet<D>> {
+        let [low, high] = self.bounds;
+        if D == 2 {
+            // Counterclockwise from the lowest corner, as for a polygon.
+            let corner = |k: usize| -> [f64; D] {
+                std::array::from_fn(|d| self.bounds[[[0, 1, 1, 0], [0, 0, 1, 1]][d % 2][k % 4]][d])
+            };
+            return (0..4).flat_map(|k| divide(&corner(k), &corner(k + 1), spacing, k)).collect();
+        }
+        let edge = |d: usize| unit::<D>(d).map(|x| x * (high[d] - low[d]));
+        let side = |number: usize| {
+            let axis = number / 2;
+            let (i, j) = ((axis + 1) % D, (axis + 2) % D);
+            let mut corner = low;
+            corner[axis] = self.bounds[number % 2][axis];
+            parallelogram(&corner, [&edge(i), &edge(j)], spacing, number)
+        };
+        (0..2 * D).flat_map(side).collect()
     }
 
     fn is_convex(&self) -> bool {

@@ -2,9 +2,10 @@
 
 use std::f64::consts::PI;
 
+use super::boundary::{chords, parts, quadrilaterals, sine_and_cosine_of_part};
 use super::line::{between, not_positive};
-use super::vector::{along, dot, minus, norm};
-use super::{Intervals, Line, Primitive, ShapeError, finite, positive};
+use super::vector::{along, cross, dot, minus, norm, unit};
+use super::{Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
 
 /// A right circular cylinder, cone or truncated cone between two centres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,6 +83,33 @@ impl Primitive<3> for Frustum {
         let inside = not_positive(dot(&dw, &dw) - dr * dr, dot(&w, &dw) - r * dr, dot(&w, &w) - r * r);
         // The slab excludes one nappe of the double cone.
         inside.intersection(&between(h, dh, 0.0, self.height))
+    }
+
+    fn facets(&self, spacing: f64) -> Vec<Facet<3>> {
+        let widest = self.radii[0].max(self.radii[1]);
+        let slant = self.height.hypot(self.radii[1] - self.radii[0]);
+        let across = spacing / 2f64.sqrt();
+        let (around, up) = (chords(widest, across), parts(slant, across));
+        let least = (0..3).min_by(|&a, &b| self.axis[a].abs().total_cmp(&self.axis[b].abs())).unwrap_or(0);
+        let first = cross(&self.axis, &unit(least));
+        let first = first.map(|x| x / norm(&first));
+        let second = cross(&self.axis, &first);
+        let at = |turn: usize, height: f64, radius: f64| {
+            let [s, c] = sine_and_cosine_of_part(turn % around, around);
+            let foot = along(&self.start, height, &self.axis);
+            along(&along(&foot, radius * c, &first), radius * s, &second)
+        };
+        let lateral = |i: usize, j: usize| {
+            let height = self.height * j as f64 / up as f64;
+            at(i, height, self.radii[0] + self.slope() * height)
+        };
+        let mut facets = quadrilaterals(around, up, &lateral, 0);
+        for (end, height) in [0.0, self.height].into_iter().enumerate() {
+            let rings = parts(self.radii[end], across);
+            let radius = |j: usize| self.radii[end] * j as f64 / rings as f64;
+            facets.extend(quadrilaterals(around, rings, &|i, j| at(i, height, radius(j)), end + 1));
+        }
+        facets
     }
 
     fn is_convex(&self) -> bool {

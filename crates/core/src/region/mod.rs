@@ -1,11 +1,13 @@
 //! Regions of the plane and of space that define bodies: pure geometry, independent of decks and grids.
 //!
 //! A [`Region`] is a primitive, a group of mesh cells, or a union, difference or intersection of regions. Every region
-//! can be moved by a [`Motion`]. A [`Primitive`] has four methods: containment of a position, extent along a direction,
-//! volume, and intersection with a line. Everything else is derived from them: bounds of moved regions, booleans on
-//! lines, and volumes of booleans by quadrature over lines (`volume.rs`).
+//! can be moved by a [`Motion`]. A [`Primitive`] has five methods: containment of a position, extent along a direction,
+//! volume, intersection with a line, and the facets of its border. Everything else is derived from them: bounds of
+//! moved regions, booleans on lines, the boundary of a region (`boundary.rs`), and volumes of booleans by quadrature
+//! over lines (`volume.rs`).
 
 mod ball;
+mod boundary;
 mod brick;
 mod fill;
 mod frustum;
@@ -23,6 +25,7 @@ use std::fmt::Debug;
 use std::sync::Arc;
 
 pub use ball::{Ball, HollowBall};
+pub use boundary::{Facet, MOST_FACETS, NoBoundary, area_derivative, area_vector};
 pub use brick::Brick;
 pub use fill::{CellPart, Filled, FilledCell, brick_parts, contains_in_cell, fill};
 pub use frustum::Frustum;
@@ -93,6 +96,9 @@ pub trait Primitive<const D: usize>: Debug + Send + Sync {
 
     /// The intervals of a line that lie inside.
     fn intervals(&self, line: &Line<D>) -> Intervals;
+
+    /// The border in facets, either way round, whose edges are about `spacing` long, [length], and hardly longer.
+    fn facets(&self, spacing: f64) -> Vec<Facet<D>>;
 
     /// True if the shape is convex.
     fn is_convex(&self) -> bool {

@@ -91,6 +91,11 @@ impl<const D: usize> Motion<D> {
         (self.rotation[axis].map(|r| self.scale * r), self.shift[axis])
     }
 
+    /// Ratio of lengths after and before the motion, [-].
+    pub(super) fn scale(&self) -> f64 {
+        self.scale
+    }
+
     /// Ratio of the volumes after and before the motion, [-].
     pub(super) fn volume_ratio(&self) -> f64 {
         self.scale.powi(D as i32)

@@ -2,8 +2,9 @@
 
 use robust::{Coord, orient2d};
 
+use super::boundary::divide;
 use super::vector::{dot, minus};
-use super::{Intervals, Line, Primitive, ShapeError, finite, positive};
+use super::{Facet, Intervals, Line, Primitive, ShapeError, finite, positive};
 
 /// Largest number of corners for which the kinks they cause in integrals are treated one by one.
 const MOST_CORNERS: usize = 64;
@@ -38,6 +39,39 @@ impl Polygon {
     /// The corners, [length].
     pub fn vertices(&self) -> &[[f64; 2]] {
         &self.corners
+    }
+
+    /// The polygon in triangles: one corner after the other is cut off whose triangle contains no other corner.
+    pub(super) fn triangles(&self) -> Vec<[[f64; 2]; 3]> {
+        let mut rest = self.corners.clone();
+        let twice: f64 = self.sides().map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum();
+        if twice < 0.0 {
+            rest.reverse();
+        }
+        let mut triangles = Vec::new();
+        while rest.len() >= 3 {
+            let n = rest.len();
+            let around = |k: usize| [&rest[(k + n - 1) % n], &rest[k], &rest[(k + 1) % n]];
+            let is_free = |k: usize| {
+                let [a, b, c] = around(k);
+                let inside =
+                    |x: &[f64; 2]| turn(a, b, x) >= 0.0 && turn(b, c, x) >= 0.0 && turn(c, a, x) >= 0.0;
+                turn(a, b, c) > 0.0 && !rest.iter().any(|x| ![a, b, c].contains(&x) && inside(x))
+            };
+            // A corner on a straight side adds no triangle.
+            let is_straight = |k: usize| {
+                let [a, b, c] = around(k);
+                turn(a, b, c) == 0.0
+            };
+            let ear = (0..n).find(|&k| is_free(k)).or_else(|| (0..n).find(|&k| is_straight(k)));
+            let Some(k) = ear else { break };
+            let [a, b, c] = around(k).map(|x| *x);
+            if turn(&a, &b, &c) > 0.0 {
+                triangles.push([a, b, c]);
+            }
+            rest.remove(k);
+        }
+        triangles
     }
 
     fn sides(&self) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
@@ -81,6 +115,11 @@ impl Primitive<2> for Polygon {
             ((u > 0.0) != (v > 0.0)).then(|| s + (t - s) * (u / (u - v)))
         };
         Intervals::from_crossings(self.sides().filter_map(crossing).collect())
+    }
+
+    fn facets(&self, spacing: f64) -> Vec<Facet<2>> {
+        let sides = self.sides().enumerate();
+        sides.flat_map(|(side, (a, b))| divide(&a, &b, spacing, side)).collect()
     }
 
     fn corners(&self) -> Vec<[f64; 2]> {

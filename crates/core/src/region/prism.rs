@@ -1,6 +1,8 @@
 //! Polygons extruded along an axis.
 
-use super::{Intervals, Line, Polygon, Primitive, ShapeError, finite, positive};
+use super::boundary::{parallelogram, triangle};
+use super::vector::minus;
+use super::{Facet, Intervals, Line, Polygon, Primitive, ShapeError, finite, positive};
 
 /// A polygon extruded along an axis between two heights.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,6 +64,25 @@ impl Primitive<3> for Prism {
         let flat = Line { origin: self.across(&line.origin), direction: self.across(&line.direction) };
         let slab = line.slab(self.axis, self.heights[0], self.heights[1]);
         self.base.intervals(&flat).intersection(&slab)
+    }
+
+    fn facets(&self, spacing: f64) -> Vec<Facet<3>> {
+        let [low, high] = self.heights;
+        let up = minus(&self.at([0.0; 2], high), &self.at([0.0; 2], low));
+        let corners = self.base.vertices();
+        let mut facets = Vec::new();
+        for (side, a) in corners.iter().enumerate() {
+            let foot = self.at(*a, low);
+            let edge = minus(&self.at(corners[(side + 1) % corners.len()], low), &foot);
+            facets.extend(parallelogram(&foot, [&edge, &up], spacing, side));
+        }
+        for (end, &height) in self.heights.iter().enumerate() {
+            for [a, b, c] in self.base.triangles() {
+                let [a, b, c] = [a, b, c].map(|corner| self.at(corner, height));
+                facets.extend(triangle([&a, &b, &c], spacing, corners.len() + end));
+            }
+        }
+        facets
     }
 
     fn corners(&self) -> Vec<[f64; 3]> {

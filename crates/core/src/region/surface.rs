@@ -14,7 +14,8 @@ mod weld;
 
 use std::fmt;
 
-use super::{Intervals, Line, Primitive};
+use super::boundary::triangle as divided;
+use super::{Facet, Intervals, Line, Primitive};
 use box_tree::BoxTree;
 use facets::Facets;
 use triangle::volume;
@@ -111,6 +112,11 @@ impl Primitive<3> for Surface {
 
     fn intervals(&self, line: &Line<3>) -> Intervals {
         inside::intervals(&self.triangles, &self.tree, line)
+    }
+
+    fn facets(&self, spacing: f64) -> Vec<Facet<3>> {
+        let triangles = self.triangles.iter();
+        triangles.flat_map(|[a, b, c]| divided([a, b, c], spacing, 0)).collect()
     }
 
     fn corners(&self) -> Vec<[f64; 3]> {

@@ -2,7 +2,8 @@
 
 use crate::basis::Connectivity;
 use crate::equilibrium::{
-    Energy, GridFields, StepReport, moment_error, named_reactions, reaction_moments, reactions_of,
+    Energy, GridFields, ReactionMoment, StepReport, moment_error, named_reactions, reaction_moments,
+    reactions_of,
 };
 use crate::model::{Control, Predictor};
 use crate::points::Points;
@@ -50,12 +51,21 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             (None, Predictor::None) => Path::default(),
         };
         let forces = unknowns.forces(&course.out_of_balance, f_ext);
+        let mut reactions = named_reactions(model, &reaction, dofs);
+        let mut moments = reaction_moments(model, points, links, &delta_d, (&reaction, dofs));
+        for of in sum.surface_reactions() {
+            reactions[of.condition] = of.force;
+            if let Some(moments) = &mut moments {
+                moments[of.condition] = ReactionMoment { about: Some(of.about), moment: of.moment };
+            }
+        }
         let report = StepReport {
             step,
             body_residuals: residual::of_bodies(&forces, model, points, links),
             carried: forces.carried(parts, &summary.carried, model.bodies.len()),
-            reactions: named_reactions(model, &reaction, dofs),
-            moments: reaction_moments(model, points, links, &delta_d, (&reaction, dofs)),
+            reactions,
+            moments,
+            surfaces: sum.surfaces(),
             loads: sum.resultants(model.loads.len()),
             forces: sum.named_forces(),
             energy,

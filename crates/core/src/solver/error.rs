@@ -13,7 +13,7 @@ use crate::memory::in_words;
 use crate::model::Model;
 use crate::points::{Points, coordinates};
 use crate::stress::PointError;
-use crate::terms::{LoadNotFinite, PointFailure};
+use crate::terms::{BeginError, LoadNotFinite, PointFailure, SurfaceLost};
 
 use super::control::NoPath;
 use super::equations::Place as Equation;
@@ -197,6 +197,14 @@ pub enum SolveError {
         /// The load, the point and the value.
         error: Box<LoadNotFinite>,
     },
+    /// A surface has left the material that carries it.
+    #[error("step {step}: {error}")]
+    Surface {
+        /// Number of the step.
+        step: usize,
+        /// The surface and the place.
+        error: Box<SurfaceLost>,
+    },
     /// The user has stopped the run.
     #[error("interrupted before step {step}")]
     Interrupted {
@@ -249,6 +257,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("S013", "a path that cannot be followed"),
     ("S014", "a stiffness that drowns the loads in round-off"),
     ("S015", "a term of equilibrium that cannot be used"),
+    ("S016", "a surface that has left the material"),
     ("S017", "an initial state out of balance"),
 ];
 
@@ -295,6 +304,7 @@ impl SolveError {
             SolveError::OutOfMemory { .. } => "S008",
             SolveError::Constraint { .. } => "S009",
             SolveError::Load { .. } => "S010",
+            SolveError::Surface { .. } => "S016",
             SolveError::Output(_) => "S011",
             SolveError::Iterative { .. } => "S012",
             SolveError::NoPath { .. } => "S013",
@@ -308,6 +318,16 @@ impl SolveError {
     /// The error for results that cannot be written; the failure is also reported elsewhere.
     pub fn output(failure: &std::io::Error) -> SolveError {
         SolveError::Output(std::io::Error::new(failure.kind(), failure.to_string()))
+    }
+
+    /// The error of a term that cannot begin a step.
+    pub(super) fn begin(error: BeginError, step: Step) -> SolveError {
+        let step = step.index;
+        match error {
+            BeginError::Load(error) => SolveError::Load { step, error },
+            BeginError::Constraint(error) => SolveError::Constraint { step, error },
+            BeginError::Surface(error) => SolveError::Surface { step, error },
+        }
     }
 
     /// The obstacle that no step size removes; `None` for errors of other kinds.

@@ -1,5 +1,9 @@
 //! The forces that a stage releases: those that keep the state in which it begins in equilibrium.
 
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
 use crate::assembly::Wanted;
 use crate::basis::{Connectivity, Method};
 use crate::dofs::DofMap;
@@ -7,12 +11,13 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::step::{At, Step, StepContext};
 use crate::stress::Mechanics;
-use crate::terms::Sum;
+use crate::terms::{Sum, of_model};
 
 use super::error::{SolveError, locate_failure};
+use super::stepper::restore;
 
 /// The forces that balance the converged state at a time on the free unknowns: by grid node, [force]. As they decrease, what
-/// the state no longer carries is released, and what it has gained begins to act.
+/// the state no longer carries is released, and what it has gained begins to act. `saved` is the state of the terms.
 ///
 /// # Errors
 /// [`SolveError`] if a point lies outside the grid, constraints contradict each other, or a load is not finite.
@@ -20,6 +25,7 @@ pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
     model: &Model<D>,
     points: &mut Points<D>,
     step: Step,
+    saved: &BTreeMap<String, Value>,
 ) -> Result<Vec<(u32, [f64; D])>, SolveError> {
     let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
     let links = Connectivity::default()
@@ -28,8 +34,9 @@ pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
     let dofs = DofMap::new(model, points, &links, step.start, step.end)
         .map_err(|error| SolveError::Constraint { step: step.index, error })?;
     let context = StepContext { model, links: &links, step, factor: 0.0 };
-    let mut sum = Sum::<D>::of_bodies::<M>(&context, points)
-        .map_err(|error| SolveError::Load { step: step.index, error })?;
+    let mut terms = of_model::<D, D, M>(model);
+    restore(&mut terms, saved)?;
+    let mut sum = Sum::begun(terms, &context, points).map_err(|error| SolveError::begin(error, step))?;
     let none = vec![[0.0; D]; links.n_active()];
     sum.evaluate(&context, points, At::new(&none), Wanted::Force)
         .map_err(|failure| locate_failure(failure, model, points, step, 0, &[]))?;

@@ -85,7 +85,7 @@ fn enter<const D: usize>(
         reached.summary.quality.exchange(now.mass - before.mass, now.volume - before.volume);
         // The loads still stand where the stage before has left them.
         let control = std::mem::replace(&mut model.stepping.control, Control::Load);
-        let forces = (kernels.balancing_forces)(model, points, step);
+        let forces = (kernels.balancing_forces)(model, points, step, &reached.summary.terms);
         model.stepping.control = control;
         model.present.released_forces = forces?;
     }

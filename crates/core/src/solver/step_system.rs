@@ -43,7 +43,7 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
             return Err(SolveError::Unheld { step: step.index, node: place.to_vec(), axis });
         }
         let begin = |term: &mut Box<dyn Term<D, N>>| term.begin(context, points);
-        terms.iter_mut().try_for_each(begin).map_err(|error| SolveError::Load { step: step.index, error })?;
+        terms.iter_mut().try_for_each(begin).map_err(|error| SolveError::begin(error, step))?;
         let sum = Sum::new(std::mem::take(terms), context, &dofs);
         let condition = Condition::new(model, points, links, step, path);
         let parts = Parts::new(&lowest, fields.components());

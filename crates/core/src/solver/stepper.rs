@@ -1,6 +1,8 @@
 //! Stepping: the choice of each load step, the response to a failed one, and the commit of a converged one.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde_json::Value;
 
 use crate::basis::Connectivity;
 use crate::equilibrium::StepReport;
@@ -10,7 +12,7 @@ use crate::points::Points;
 use crate::quality::{Code, Location, Measures, Warning};
 use crate::step::Step;
 use crate::stress::Mechanics;
-use crate::terms::{Terms, of_bodies};
+use crate::terms::{Terms, of_model};
 use crate::timing::{Phase, Timings};
 
 use super::Solvable;
@@ -55,14 +57,14 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
     lost_points: Option<SolveError>,
     /// The parts of equilibrium.
     pub(super) terms: Terms<D, N>,
-    /// True if terms have been added to those that every analysis has.
+    /// True if terms have been added to those of the model.
     is_extended: bool,
     pub(super) reached: Reached,
 }
 
 /// The code that depends on the mechanics of the idealisation.
 pub struct Kernels<const D: usize, const N: usize = D> {
-    bodies: fn() -> Terms<D, N>,
+    terms: fn(&Model<D>) -> Terms<D, N>,
     step: StepFunction<D, N>,
     pub(super) run: RunFunction<D, N>,
     pub(super) balancing_forces: BalancingFunction<D>,
@@ -74,13 +76,13 @@ type RunFunction<const D: usize, const N: usize> =
     fn(Stepper<'_, D, N>, &mut dyn Observer<D>) -> Result<Summary, SolveError>;
 
 type BalancingFunction<const D: usize> =
-    fn(&Model<D>, &mut Points<D>, Step) -> Result<Vec<(u32, [f64; D])>, SolveError>;
+    fn(&Model<D>, &mut Points<D>, Step, &BTreeMap<String, Value>) -> Result<Vec<(u32, [f64; D])>, SolveError>;
 
 impl<const D: usize, const N: usize> Kernels<D, N> {
     /// The code for a kind of mechanics.
     pub fn of<M: Mechanics<D>>() -> Self {
         Kernels {
-            bodies: of_bodies::<D, N, M>,
+            terms: of_model::<D, N, M>,
             step: |stepper, observer| stepper.solve_next_step::<M>(observer),
             run: |stepper, observer| stepper.run_to_end::<M>(observer),
             balancing_forces: balancing_forces::<D, M>,
@@ -130,7 +132,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         Stepper {
             model,
             points,
-            terms: (kernels.bodies)(),
+            terms: (kernels.terms)(model),
             kernels,
             fields,
             equations: Equations::new(None),
@@ -143,7 +145,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         }
     }
 
-    /// Adds terms of equilibrium to those that every analysis has.
+    /// Adds terms of equilibrium to those of the model.
     ///
     /// # Errors
     /// [`SolveError::Term`] if two terms have the same name.
@@ -172,11 +174,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         if let Some(name) = reached.summary.terms.keys().find(|name| !is_known(name)) {
             return Err(refused(name, "it has a saved state, but has not been added to the analysis"));
         }
-        for term in &mut self.terms {
-            if let Some(saved) = reached.summary.terms.get(term.name()) {
-                term.restore(saved).map_err(|reason| refused(term.name(), &reason))?;
-            }
-        }
+        restore(&mut self.terms, &reached.summary.terms)?;
         self.equations.resume(reached.summary.kept.clone());
         self.reached = reached;
         Ok(self)
@@ -436,6 +434,22 @@ pub(super) fn finish<const D: usize>(
     let finished = reached.summary;
     let reported = observer.finished(model, points, &finished, outcome.as_ref().err());
     outcome.and(reported.map_err(SolveError::Output)).map(|()| finished)
+}
+
+/// Restores the saved state of each term that has one.
+///
+/// # Errors
+/// [`SolveError::Term`] if a term does not accept its state.
+pub(super) fn restore<const D: usize, const N: usize>(
+    terms: &mut Terms<D, N>,
+    saved: &BTreeMap<String, Value>,
+) -> Result<(), SolveError> {
+    for term in terms {
+        if let Some(saved) = saved.get(term.name()) {
+            term.restore(saved).map_err(|reason| refused(term.name(), &reason))?;
+        }
+    }
+    Ok(())
 }
 
 fn refused(term: &str, reason: &str) -> SolveError {

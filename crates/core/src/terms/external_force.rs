@@ -6,7 +6,7 @@ use crate::model::{Action, Control, Load, Model};
 use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 
-use super::failure::{LoadNotFinite, PointFailure};
+use super::failure::{BeginError, LoadNotFinite, PointFailure};
 use super::term::{NamedForce, Term};
 
 /// Name of the force that a stage releases.
@@ -132,8 +132,10 @@ fn forces_on_points<const D: usize>(
                         let (text, value) = fault.unwrap_or(("", f64::NAN));
                         return Err(LoadNotFinite {
                             load: load.name.clone(),
-                            body: model.bodies[points.body[p] as usize].name.clone(),
-                            point: points.id[p],
+                            place: format!(
+                                "point {} of body `{}`",
+                                points.id[p], model.bodies[points.body[p] as usize].name
+                            ),
                             position: x.to_vec(),
                             factor,
                             formula: text.to_owned(),
@@ -150,6 +152,8 @@ fn forces_on_points<const D: usize>(
                     add(place, force.map(|f| factor * f));
                 }
             }
+            // The term of the surfaces applies them.
+            Action::Traction { .. } | Action::Pressure { .. } => {}
         }
     }
     Ok((forces, resultants))
@@ -198,10 +202,12 @@ impl<const D: usize> ExternalForces<D> {
         points: &Points<D>,
     ) -> Result<(), Box<LoadNotFinite>> {
         let StepContext { model, links, factor, step } = *context;
-        let (from, to) = (model.stepping.start_time, model.stepping.end_time);
         let of = |factor: &dyn Fn(&Load<D>) -> f64| external_force_of_factors(model, points, links, factor);
-        let stands = |load: &Load<D>| if from > 0.0 { load.curve.factor(from) } else { 0.0 };
-        let unit = of(&|load| load.curve.factor(to) - stands(load))?;
+        let stands = |load: &Load<D>| load.factors_of_stage(&model.stepping).0;
+        let unit = of(&|load| {
+            let (stands, reaches) = load.factors_of_stage(&model.stepping);
+            reaches - stands
+        })?;
         let mut fixed = None;
         if model.loads.iter().any(|load| stands(load) != 0.0) {
             fixed = Some(of(&stands)?);
@@ -240,13 +246,13 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
         true
     }
 
-    fn begin(&mut self, context: &StepContext<D>, points: &Points<D>) -> Result<(), Box<LoadNotFinite>> {
+    fn begin(&mut self, context: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
         let StepContext { model, links, step, .. } = *context;
         self.released = not_yet_released(model, links, step.end).map(|forces| {
             forces.iter().fold([0.0; D], |sum, force| std::array::from_fn(|d| sum[d] + force[d]))
         });
         if model.stepping.control != Control::Load {
-            return self.begin_unknown(context, points);
+            return Ok(self.begin_unknown(context, points)?);
         }
         let load = |time| external_force(model, points, links, time); // (24), (25), (29)
         let ExternalForce { nodal, resultants } = load(step.end)?;

@@ -1,23 +1,64 @@
 //! Reasons why a term cannot be evaluated.
 
+use crate::dofs::ConstraintError;
 use crate::points::coordinates;
 use crate::stress::PointError;
 
-/// A body force has no finite value at a point.
+/// The reason why a term cannot begin a step.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum BeginError {
+    /// A force has no finite value.
+    #[error(transparent)]
+    Load(Box<LoadNotFinite>),
+    /// A prescribed motion has no finite value.
+    #[error(transparent)]
+    Constraint(ConstraintError),
+    /// A surface has left the material that carries it.
+    #[error(transparent)]
+    Surface(Box<SurfaceLost>),
+}
+
+impl From<LoadNotFinite> for BeginError {
+    fn from(error: LoadNotFinite) -> Self {
+        BeginError::Load(Box::new(error))
+    }
+}
+
+impl From<Box<LoadNotFinite>> for BeginError {
+    fn from(error: Box<LoadNotFinite>) -> Self {
+        BeginError::Load(error)
+    }
+}
+
+/// No cell near a place on a surface has material at all of its nodes.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
-    "load `{load}` is not finite at point {point} of body `{body}` at {}: the formula `{formula}` gives {value} at \
+    "surface `{surface}` of body `{body}` has left the material at {}: no cell within one cell of it has material at \
+     all of its nodes",
+    coordinates(.position)
+)]
+pub struct SurfaceLost {
+    /// Name of the surface.
+    pub surface: String,
+    /// Name of the body.
+    pub body: String,
+    /// Position, [length].
+    pub position: Vec<f64>,
+}
+
+/// A load has no finite value at a place.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error(
+    "load `{load}` is not finite at {place} at {}: the formula `{formula}` gives {value} at \
      load factor {factor}",
     coordinates(.position)
 )]
 pub struct LoadNotFinite {
     /// Name of the load.
     pub load: String,
-    /// Name of the body.
-    pub body: String,
-    /// Permanent number of the point.
-    pub point: u32,
-    /// Position of the point, [length].
+    /// The material point or the surface.
+    pub place: String,
+    /// Its position, [length].
     pub position: Vec<f64>,
     /// The load factor.
     pub factor: f64,

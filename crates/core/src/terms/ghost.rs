@@ -24,7 +24,7 @@ use crate::model::{Model, Stabilisation, StabilisationMode};
 use crate::points::Points;
 use crate::step::{At, StepContext};
 
-use super::failure::{LoadNotFinite, PointFailure};
+use super::failure::{BeginError, PointFailure};
 use super::held_material::HeldMaterial;
 use super::term::{Ledger, Term};
 
@@ -199,7 +199,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         true
     }
 
-    fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), Box<LoadNotFinite>> {
+    fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
         *self = Ghost::new(step.model, points, step.links);
         Ok(())
     }

@@ -20,7 +20,7 @@ use crate::points::{PIECE, Points};
 use crate::step::{At, StepContext, displacement};
 use crate::stress::{Mechanics, StartOfStep};
 
-use super::failure::{LoadNotFinite, PointFailure};
+use super::failure::{BeginError, PointFailure};
 use super::term::{Ledger, Term};
 
 use evaluation::{Task, Trial, Work};
@@ -101,7 +101,7 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         step.model.materials.iter().all(|m| m.law.tangent_is_symmetric())
     }
 
-    fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), Box<LoadNotFinite>> {
+    fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
         let model = step.model;
         self.batches.clear();
         let start = (0..points.len()).into_par_iter().with_min_len(PIECE).map(|p| {

@@ -2,26 +2,33 @@
 
 use crate::assembly::{System, Wanted, with_ties};
 use crate::dofs::DofMap;
+use crate::model::Model;
 use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 use crate::stress::Mechanics;
+use crate::surface::SurfaceFields;
 
 use super::external_force::ExternalForces;
-use super::failure::{LoadNotFinite, PointFailure};
+use super::failure::{BeginError, PointFailure};
 use super::ghost::Ghost;
 use super::material_points::MaterialPoints;
-use super::term::{Ledger, NamedForce, Term};
+use super::surface::Surfaces;
+use super::term::{Ledger, NamedForce, SurfaceReaction, Term};
 
 /// The terms of a model, in the order in which they are added up.
 pub type Terms<const D: usize, const N: usize = D> = Vec<Box<dyn Term<D, N>>>;
 
-/// The terms that every analysis has.
-pub fn of_bodies<const D: usize, const N: usize, M: Mechanics<D>>() -> Terms<D, N> {
-    vec![
+/// The terms of a model: those that every analysis has, and its surfaces.
+pub fn of_model<const D: usize, const N: usize, M: Mechanics<D>>(model: &Model<D>) -> Terms<D, N> {
+    let mut terms: Terms<D, N> = vec![
         Box::new(MaterialPoints::<D, M>::default()),
         Box::new(Ghost::default()),
         Box::new(ExternalForces::default()),
-    ]
+    ];
+    if !model.surfaces.is_empty() {
+        terms.push(Box::new(Surfaces::new(model)));
+    }
+    terms
 }
 
 /// The sum of all terms in one load step.
@@ -45,15 +52,23 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         Sum { terms, system }
     }
 
-    /// The sum of the terms that every analysis has, for a model whose loads are finite.
+    /// The sum of the terms of a model whose loads are finite.
     ///
     /// # Errors
-    /// [`LoadNotFinite`].
-    pub fn of_bodies<M: Mechanics<D>>(
+    /// [`BeginError`].
+    pub fn of_bodies<M: Mechanics<D>>(step: &StepContext<D>, points: &Points<D>) -> Result<Self, BeginError> {
+        Sum::begun(of_model::<D, N, M>(step.model), step, points)
+    }
+
+    /// The sum of terms that begin a step, without constraints.
+    ///
+    /// # Errors
+    /// [`BeginError`].
+    pub fn begun(
+        mut terms: Terms<D, N>,
         step: &StepContext<D>,
         points: &Points<D>,
-    ) -> Result<Self, Box<LoadNotFinite>> {
-        let mut terms = of_bodies::<D, N, M>();
+    ) -> Result<Self, BeginError> {
         terms.iter_mut().try_for_each(|term| term.begin(step, points))?;
         Ok(Sum::new(terms, step, &DofMap::unconstrained(step.links.n_active())))
     }
@@ -118,6 +133,16 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         let mut resultants = vec![[0.0; D]; n];
         self.terms.iter().for_each(|term| term.add_resultants(&mut resultants));
         resultants
+    }
+
+    /// The reactions of the boundary conditions of the model that hold on surfaces.
+    pub fn surface_reactions(&self) -> Vec<SurfaceReaction<D>> {
+        self.terms.iter().flat_map(|term| term.surface_reactions()).collect()
+    }
+
+    /// The state of the surfaces of the model.
+    pub fn surfaces(&self) -> Vec<SurfaceFields<D>> {
+        self.terms.iter().flat_map(|term| term.surfaces()).collect()
     }
 
     /// The further forces that terms report by name, [force].

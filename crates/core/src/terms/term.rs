@@ -3,8 +3,9 @@
 use crate::assembly::{System, Wanted};
 use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
+use crate::surface::SurfaceFields;
 
-use super::failure::{LoadNotFinite, PointFailure};
+use super::failure::{BeginError, PointFailure};
 use crate::dofs::{ConstraintError, Constraints};
 
 /// A force on the bodies with the name under which it is reported.
@@ -14,6 +15,19 @@ pub struct NamedForce<const D: usize> {
     pub name: String,
     /// Force, [force].
     pub force: [f64; D],
+}
+
+/// The reaction of a boundary condition of the model that holds on a surface, on the body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceReaction<const D: usize> {
+    /// Number of the condition.
+    pub condition: usize,
+    /// Force, [force].
+    pub force: [f64; D],
+    /// The mean position of the surface at the end of the step, [length].
+    pub about: [f64; D],
+    /// Moment of the force about this position and the axes x, y and z, [force·length].
+    pub moment: [f64; 3],
 }
 
 /// The first number of a condition that is not one of the model.
@@ -41,8 +55,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Begins a step, from the converged state of the points.
     ///
     /// # Errors
-    /// [`LoadNotFinite`] if a force has no finite value.
-    fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), Box<LoadNotFinite>>;
+    /// [`BeginError`].
+    fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError>;
 
     /// Calls `couple` with each list of active nodes, ascending, that it couples with each other in this step, in
     /// addition to nodes that share a group of points.
@@ -90,6 +104,16 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
 
     /// Adds the resultants of the loads of the model that this term applies, in the order of the loads, [force].
     fn add_resultants(&self, _sum: &mut [[f64; D]]) {}
+
+    /// The reactions of the boundary conditions of the model that this term imposes on surfaces; at the last evaluation.
+    fn surface_reactions(&self) -> Vec<SurfaceReaction<D>> {
+        Vec::new()
+    }
+
+    /// The surfaces of the model, in their order, at the last evaluation; only from the term that carries them.
+    fn surfaces(&self) -> Vec<SurfaceFields<D>> {
+        Vec::new()
+    }
 
     /// Further forces on the bodies that reports give by name, [force], such as that of a wall; at the last evaluation.
     fn named_forces(&self) -> Vec<NamedForce<D>> {

@@ -21,6 +21,10 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
         SolveError::Domain { .. } => Some(
             "make the grid larger, use more load steps, or another method where the motion tears domains",
         ),
+        SolveError::Surface { .. } => Some(
+            "use more points per cell or smaller load steps where the surface leaves the points of its body, or leave \
+             the place out with `part`",
+        ),
         SolveError::Collapsed { .. } => {
             Some("use `domain_update: corners`, or more load steps with `diagonal-incremental`")
         }

@@ -29,6 +29,10 @@ where
         self.builder.faulty_formulas(pointer, faults);
     }
 
+    fn surface_number(&self, name: &str) -> usize {
+        self.builder.surface_number(name)
+    }
+
     fn nearest(&mut self, body: &str, wanted: (&[f64], u32, Ties), pointer: &str) -> Vec<u32> {
         self.builder.nearest((self.grid, self.points), body, wanted, pointer)
     }

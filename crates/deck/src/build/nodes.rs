@@ -5,7 +5,7 @@ use crate::per_axis::array;
 use crate::placing;
 use crate::quoting::{list, quote};
 use crate::region::OfDeck;
-use crate::{AXES, BoundaryConditionDeck, NodeSelector};
+use crate::{AXES, NodeSelector};
 use mpm_core::grid::{Grid, Structured};
 use mpm_core::model::NodeSet;
 use mpm_core::region::Region;
@@ -21,11 +21,11 @@ where
     pub(super) fn nodes(
         &mut self,
         grid: &dyn Grid<D>,
-        condition: &BoundaryConditionDeck,
+        (selected, name): (&NodeSelector, &str),
         pointer: &str,
     ) -> NodeSet {
-        let NodeSelector { within, group, outer_layer, .. } = &condition.nodes;
-        let coordinates = condition.nodes.coordinates();
+        let NodeSelector { within, group, outer_layer, .. } = selected;
+        let coordinates = selected.coordinates();
         if let Some(body) = outer_layer {
             return NodeSet::OuterLayer(self.body_number(body) as u16);
         }
@@ -67,7 +67,7 @@ where
         let nodes: Vec<u32> =
             placing::nodes_near(grid, &bounds).filter(|&node| inside(node)).map(|node| node as u32).collect();
         if nodes.is_empty() && !off_line {
-            let message = format!("the boundary condition {} selects no grid node", quote(&condition.name));
+            let message = format!("the boundary condition {} selects no grid node", quote(name));
             let help = grid.structured().map_or_else(
                 || {
                     let names = grid.set_names();

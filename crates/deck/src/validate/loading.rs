@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
-use crate::formulas::{Displacement, Fault, at_nodes, at_points};
+use crate::formulas::{Displacement, Fault, at_nodes, at_places, at_points};
 use crate::gates::Checks;
 use crate::quoting::quote;
 use crate::{Expression, LoadCurve, LoadDeck, NodeSelector};
@@ -46,6 +46,31 @@ impl Checks for Check<'_> {
         self.weight(pointer, load, bodies);
     }
 
+    fn surface(&mut self, pointer: &str, name: &str) {
+        let surfaces = &self.deck.surfaces;
+        if !surfaces.iter().any(|surface| surface.name == name) {
+            let names = surfaces.iter().map(|surface| surface.name.as_str()).collect();
+            self.unknown_reference(pointer, "surface", "surfaces", name, names);
+        }
+    }
+
+    fn formulas_at_places(
+        &mut self,
+        pointer: &str,
+        components: (&str, &[Expression]),
+        is_scalar: bool,
+        intermediate: &BTreeMap<String, Expression>,
+    ) {
+        let parameters = &self.deck.parameters;
+        let faults = match (self.dimensions(), is_scalar) {
+            (3, true) => at_places::<3, 1>(components, intermediate, parameters).err(),
+            (_, true) => at_places::<2, 1>(components, intermediate, parameters).err(),
+            (3, false) => at_places::<3, 3>(components, intermediate, parameters).err(),
+            (_, false) => at_places::<2, 2>(components, intermediate, parameters).err(),
+        };
+        self.formulas(pointer, faults.unwrap_or_default());
+    }
+
     fn formulas_at_points(
         &mut self,
         pointer: &str,
@@ -78,7 +103,9 @@ impl Check<'_> {
         for (index, condition) in conditions.iter().enumerate() {
             let pointer = format!("/boundary_conditions/{index}");
             self.column_name(&format!("{pointer}/name"), &condition.name);
-            self.nodes(&format!("{pointer}/nodes"), &condition.nodes);
+            if let Some(nodes) = &condition.nodes {
+                self.nodes(&format!("{pointer}/nodes"), nodes);
+            }
             condition.check(self, &pointer);
             self.curve(&format!("{pointer}/curve"), condition.curve.as_ref());
         }
@@ -110,7 +137,7 @@ impl Check<'_> {
         }
     }
 
-    fn ordered(&mut self, pointer: &str, min: &[f64], max: &[f64]) {
+    pub(super) fn ordered(&mut self, pointer: &str, min: &[f64], max: &[f64]) {
         let low = self.vector(&format!("{pointer}/min"), min);
         let high = self.vector(&format!("{pointer}/max"), max);
         let (Some(min), Some(max)) = (low, high) else { return };

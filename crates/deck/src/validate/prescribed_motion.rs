@@ -32,7 +32,9 @@ impl Check<'_> {
 
     fn motion_of_outer_layers<const D: usize>(&mut self) {
         for condition in &self.deck.boundary_conditions {
-            let Some(name) = &condition.nodes.outer_layer else { continue };
+            let Some(name) = condition.nodes.as_ref().and_then(|nodes| nodes.outer_layer.as_ref()) else {
+                continue;
+            };
             let Some(index) = self.deck.bodies.iter().position(|body| body.name == *name) else { continue };
             let body = &self.deck.bodies[index];
             let update = body.domain_update.unwrap_or_default();

@@ -1,0 +1,266 @@
+//! The boundary of a region, divided into flat facets.
+
+use super::vector::{along, cross, minus, norm, unit};
+use super::{Motion, Node, Primitive, Region};
+
+/// Largest distance of the midpoint of a facet from the place where its sides are examined, relative to its size, [-].
+/// It exceeds the height of an arc over its chord, which is at most 0.04 of the chord.
+const ASIDE: f64 = 0.1;
+
+/// A flat piece of a boundary: a segment in the plane, a triangle in space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Facet<const D: usize> {
+    /// Corners, [length]. The normal of [`area_vector`] points out of the region.
+    pub corners: [[f64; D]; D],
+    /// Number of the side of the primitive to which it belongs, from 0.
+    pub side: usize,
+}
+
+impl<const D: usize> Facet<D> {
+    /// The mean of the corners, [length].
+    pub fn centre(&self) -> [f64; D] {
+        std::array::from_fn(|d| self.corners.iter().map(|corner| corner[d]).sum::<f64>() / D as f64)
+    }
+
+    /// The same facet seen from the other side.
+    fn turned(mut self) -> Self {
+        self.corners.swap(0, 1);
+        self
+    }
+
+    fn moved(self, motion: &Motion<D>) -> Self {
+        Facet { corners: self.corners.map(|corner| motion.apply(&corner)), ..self }
+    }
+
+    /// Length of the longest edge, [length].
+    fn size(&self) -> f64 {
+        let from = |k: usize| norm(&minus(&self.corners[(k + 1) % D], &self.corners[k]));
+        (0..D).map(from).fold(0.0, f64::max)
+    }
+}
+
+/// Normal of a facet times its area (length in the plane), [length^(D−1)]: to the right of the way from the first corner
+/// to the second in the plane, by the right-hand rule in space.
+pub fn area_vector<const D: usize>(corners: &[[f64; D]; D]) -> [f64; D] {
+    let mut area = [0.0; D];
+    if D == 2 {
+        let edge = minus(&corners[1], &corners[0]);
+        (area[0], area[1]) = (edge[1], -edge[0]);
+    } else if D == 3 {
+        let edge = |k: usize| -> [f64; 3] { std::array::from_fn(|d| corners[k][d] - corners[0][d]) };
+        let twice = cross(&edge(1), &edge(2));
+        area = std::array::from_fn(|d| 0.5 * twice[d]);
+    }
+    area
+}
+
+/// Derivative of [`area_vector`] with respect to the position of corner `k`, `[i][j]`, [length^(D−2)].
+pub fn area_derivative<const D: usize>(corners: &[[f64; D]; D], k: usize) -> [[f64; D]; D] {
+    let mut derivative = [[0.0; D]; D];
+    if D == 2 {
+        let sign = if k == 1 { 1.0 } else { -1.0 };
+        (derivative[0][1], derivative[1][0]) = (sign, -sign);
+    } else if D == 3 {
+        // A motion δ of the corner changes the area by ½ δ × (the edge between the corners after and before it).
+        let edge = minus(&corners[(k + 1) % D], &corners[(k + 2) % D]);
+        for i in 0..D {
+            let (j, l) = ((i + 1) % D, (i + 2) % D);
+            derivative[i][j] = 0.5 * edge[l];
+            derivative[i][l] = -0.5 * edge[j];
+        }
+    }
+    derivative
+}
+
+/// Reason why the boundary of a region cannot be divided into facets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NoBoundary {
+    /// It contains a group of cells.
+    #[error("the boundary of a group of cells is not available")]
+    Cells,
+    /// The number of a side refers to a union, intersection or difference, or exceeds the number of sides.
+    #[error("it has no side {0}")]
+    NoSide(usize),
+    /// There would be too many facets.
+    #[error("it would be divided into more than {MOST_FACETS} pieces")]
+    TooMany,
+}
+
+/// Most facets of a boundary.
+pub const MOST_FACETS: usize = 10_000_000;
+
+impl<const D: usize> Region<D> {
+    /// The boundary in facets whose edges are at most `spacing` long, [length]. Arcs become chords.
+    ///
+    /// In unions, intersections and differences, a facet of a primitive belongs to the boundary if the region lies on
+    /// one side of its centre only: where primitives cross, the boundary is exact up to the size of a facet.
+    ///
+    /// # Errors
+    /// [`NoBoundary`].
+    pub fn boundary(&self, spacing: f64) -> Result<Vec<Facet<D>>, NoBoundary> {
+        if self.has_groups() {
+            return Err(NoBoundary::Cells);
+        }
+        let (mut all, mut too_many) = (Vec::new(), false);
+        self.each_primitive(&mut |primitive, motion| {
+            let spacing = spacing / motion.scale();
+            too_many |= about(primitive, spacing) > MOST_FACETS as f64;
+            if !too_many {
+                let facets = primitive.facets(spacing).into_iter();
+                all.extend(facets.map(|facet| facet.moved(motion)));
+            }
+        });
+        if too_many || all.len() > MOST_FACETS {
+            return Err(NoBoundary::TooMany);
+        }
+        Ok(all.into_iter().filter_map(|facet| self.outward(facet)).collect())
+    }
+
+    /// True if it is a single primitive, whose sides have numbers.
+    pub fn has_numbered_sides(&self) -> bool {
+        matches!(self.node, Node::Primitive(..))
+    }
+
+    fn has_groups(&self) -> bool {
+        match &self.node {
+            Node::Primitive(..) => false,
+            Node::Group(..) => true,
+            Node::Union(parts) | Node::Intersection(parts) => parts.iter().any(Self::has_groups),
+            Node::Difference(from, minus) => from.has_groups() || minus.iter().any(Self::has_groups),
+        }
+    }
+
+    /// The facet with its normal out of the region; `None` if it does not lie on the boundary.
+    fn outward(&self, facet: Facet<D>) -> Option<Facet<D>> {
+        let area = area_vector(&facet.corners);
+        let (size, length) = (facet.size(), norm(&area));
+        if length == 0.0 {
+            return None;
+        }
+        let normal = area.map(|x| x / length);
+        let contains = |distance: f64| self.contains(&along(&facet.centre(), distance * size, &normal));
+        match (contains(-ASIDE), contains(ASIDE)) {
+            (true, false) => Some(facet),
+            (false, true) => Some(facet.turned()),
+            _ => None,
+        }
+    }
+}
+
+/// Number of equal parts, each at most `spacing` long, of a length.
+pub(super) fn parts(length: f64, spacing: f64) -> usize {
+    ((length / spacing - 1e-9).ceil() as usize).max(1)
+}
+
+/// Number of chords of a circle with this radius; a multiple of 4, so that symmetric halves and quarters have whole
+/// chords.
+pub(super) fn chords(radius: f64, spacing: f64) -> usize {
+    parts(std::f64::consts::TAU * radius, spacing).max(24).next_multiple_of(4)
+}
+
+/// Segments of a straight side in the plane; empty in space.
+pub(super) fn divide<const D: usize>(a: &[f64; D], b: &[f64; D], spacing: f64, side: usize) -> Vec<Facet<D>> {
+    let edge = minus(b, a);
+    let n = parts(norm(&edge), spacing);
+    let at = |k: usize| if k == n { *b } else { along(a, k as f64 / n as f64, &edge) };
+    (0..n).filter_map(|k| segment(at(k), at(k + 1), side)).collect()
+}
+
+/// Chords of a circle in the plane; empty in space.
+pub(super) fn circle<const D: usize>(
+    centre: &[f64; D],
+    radius: f64,
+    spacing: f64,
+    side: usize,
+) -> Vec<Facet<D>> {
+    let n = chords(radius, spacing);
+    let at = |k: usize| {
+        let [s, c] = sine_and_cosine_of_part(k % n, n);
+        let mut place = *centre;
+        place[0] += radius * c;
+        place[1 % D] += radius * s;
+        place
+    };
+    (0..n).filter_map(|k| segment(at(k), at(k + 1), side)).collect()
+}
+
+/// Sine and cosine of a part k/n of the full angle; exact for quarters.
+pub(super) fn sine_and_cosine_of_part(k: usize, n: usize) -> [f64; 2] {
+    let quarters = (4 * k).is_multiple_of(n).then(|| 4 * k / n);
+    match quarters {
+        Some(0) => [0.0, 1.0],
+        Some(1) => [1.0, 0.0],
+        Some(2) => [0.0, -1.0],
+        Some(3) => [-1.0, 0.0],
+        _ => (std::f64::consts::TAU * k as f64 / n as f64).sin_cos().into(),
+    }
+}
+
+fn segment<const D: usize>(a: [f64; D], b: [f64; D], side: usize) -> Option<Facet<D>> {
+    (D == 2).then(|| Facet { corners: std::array::from_fn(|k| if k == 0 { a } else { b }), side })
+}
+
+/// Triangles of a parallelogram in space with this corner and these edges; empty in the plane.
+pub(super) fn parallelogram<const D: usize>(
+    corner: &[f64; D],
+    edges: [&[f64; D]; 2],
+    spacing: f64,
+    side: usize,
+) -> Vec<Facet<D>> {
+    // The diagonal of a piece is at most `spacing` long.
+    let [n, m] = edges.map(|edge| parts(norm(edge), spacing / 2f64.sqrt()));
+    let at = |i: usize, j: usize| {
+        along(&along(corner, i as f64 / n as f64, edges[0]), j as f64 / m as f64, edges[1])
+    };
+    quadrilaterals(n, m, &at, side)
+}
+
+/// Two triangles for each cell of a curved grid of n × m cells in space; empty in the plane, and without triangles that
+/// have shrunk to a line.
+pub(super) fn quadrilaterals<const D: usize>(
+    n: usize,
+    m: usize,
+    at: &dyn Fn(usize, usize) -> [f64; D],
+    side: usize,
+) -> Vec<Facet<D>> {
+    let mut facets = Vec::new();
+    for (i, j) in (0..n).flat_map(|i| (0..m).map(move |j| (i, j))) {
+        let corners = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        for [a, b, c] in [[0, 1, 2], [0, 2, 3]] {
+            let [a, b, c] = [corners[a], corners[b], corners[c]];
+            facets.extend((a != b && b != c && c != a).then(|| triangle_of(a, b, c, side)).flatten());
+        }
+    }
+    facets
+}
+
+/// A triangle in space, divided evenly; empty in the plane.
+pub(super) fn triangle<const D: usize>(corners: [&[f64; D]; 3], spacing: f64, side: usize) -> Vec<Facet<D>> {
+    let [a, b, c] = corners;
+    let (ab, ac) = (minus(b, a), minus(c, a));
+    let longest = [norm(&ab), norm(&ac), norm(&minus(c, b))].into_iter().fold(0.0, f64::max);
+    let n = parts(longest, spacing);
+    let at = |i: usize, j: usize| along(&along(a, i as f64 / n as f64, &ab), j as f64 / n as f64, &ac);
+    let mut facets = Vec::new();
+    for (i, j) in (0..n).flat_map(|i| (0..n - i).map(move |j| (i, j))) {
+        facets.extend(triangle_of(at(i, j), at(i + 1, j), at(i, j + 1), side));
+        if i + j + 1 < n {
+            facets.extend(triangle_of(at(i + 1, j), at(i + 1, j + 1), at(i, j + 1), side));
+        }
+    }
+    facets
+}
+
+fn triangle_of<const D: usize>(a: [f64; D], b: [f64; D], c: [f64; D], side: usize) -> Option<Facet<D>> {
+    (D == 3).then(|| Facet { corners: std::array::from_fn(|k| [a, b, c][k.min(2)]), side })
+}
+
+/// Number of facets of a convex primitive with these extents, up to a factor.
+fn about<const D: usize>(primitive: &dyn Primitive<D>, spacing: f64) -> f64 {
+    let extent = |d: usize| {
+        let [low, high] = primitive.extent(&unit(d));
+        high - low
+    };
+    let largest = (0..D).map(extent).fold(0.0, f64::max);
+    4.0 * D as f64 * (largest / spacing).powi(D as i32 - 1)
+}

@@ -1,0 +1,188 @@
+//! Surfaces of bodies: the places where tractions and pressures act, and where motions are prescribed weakly.
+//!
+//! A surface is sampled at the start from the boundary of the body's region, in flat facets (segments in the plane,
+//! triangles in space). Their corners are massless points, which the grid carries with the linear basis N_v of its cells.
+//! A sample is a facet: its position is the mean of its corners, and its N_v is the mean of theirs. The area vector n a
+//! follows from the carried corners, so a closed surface stays closed: Σ n a = 0 at all times, except for bodies of
+//! revolution along the radius. In a uniform deformation it is that of Nanson's formula, n a = cof(F) N A.
+//!
+//! With the mean over corners, a pressure p does the work −p dV on the volume V inside a closed surface exactly, and the
+//! forces of a uniform stress are those of CPDI2 domains whose sides are the facets.
+
+mod carried;
+mod support;
+
+use std::collections::BTreeMap;
+
+use crate::region::{Facet, NoBoundary, Region, area_vector};
+
+pub use carried::Carried;
+pub use support::Support;
+
+/// Slack of boxes and half-spaces that select samples, relative to the size of a cell, [-].
+const SLACK: f64 = 1e-6;
+/// Relative distance within which corners of facets are one corner, [-].
+const SAME: f64 = 1e-9;
+
+/// The part of the boundary of a body that forms a surface.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum Part<const D: usize> {
+    /// The whole boundary.
+    #[default]
+    Whole,
+    /// The samples inside a closed box with this lowest and highest corner, [length].
+    Box([f64; D], [f64; D]),
+    /// The samples x with (x − `point`) · `normal` ≥ 0.
+    HalfSpace {
+        /// A point of the plane, [length].
+        point: [f64; D],
+        /// Direction into the half-space, of any length.
+        normal: [f64; D],
+    },
+    /// The samples of one side of the primitive of which the region consists.
+    Side(usize),
+}
+
+impl<const D: usize> Part<D> {
+    fn contains(&self, facet: &Facet<D>, slack: f64) -> bool {
+        let x = facet.centre();
+        match self {
+            Part::Whole => true,
+            Part::Box(min, max) => (0..D).all(|d| min[d] - slack <= x[d] && x[d] <= max[d] + slack),
+            Part::HalfSpace { point, normal } => {
+                let along = |d: usize| (x[d] - point[d]) * normal[d];
+                let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+                (0..D).map(along).sum::<f64>() >= -slack * length
+            }
+            Part::Side(side) => facet.side == *side,
+        }
+    }
+}
+
+/// A surface of a body, as sampled at the start; constant during a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Surface<const D: usize> {
+    /// Name.
+    pub name: String,
+    /// Index of the body.
+    pub body: usize,
+    /// Original positions of the samples, the centres of the facets, [length].
+    pub samples: Vec<[f64; D]>,
+    /// Original positions of the corners, [length].
+    pub corners: Vec<[f64; D]>,
+    /// Corners of the facet of each sample, as indices into `corners`.
+    pub facets: Vec<[u32; D]>,
+    /// Number of the side of the body's shape to which each sample belongs.
+    pub sides: Vec<usize>,
+    /// Size of a grid cell at the surface, [length].
+    pub cell: f64,
+}
+
+impl<const D: usize> Surface<D> {
+    /// Samples a part of the boundary of a region with facets whose edges are at most `spacing` long; `cell` is the size
+    /// of a grid cell, both [length].
+    ///
+    /// # Errors
+    /// [`NoBoundary`] if the boundary is not available. A part that contains no sample is no error here.
+    pub fn new(
+        name: impl Into<String>,
+        body: usize,
+        region: &Region<D>,
+        part: &Part<D>,
+        [spacing, cell]: [f64; 2],
+    ) -> Result<Self, NoBoundary> {
+        let mut facets = region.boundary(spacing)?;
+        if let Part::Side(side) = part
+            && !(region.has_numbered_sides() && facets.iter().any(|facet| facet.side == *side))
+        {
+            return Err(NoBoundary::NoSide(*side));
+        }
+        facets.retain(|facet| part.contains(facet, SLACK * cell));
+        let mut surface = Surface {
+            name: name.into(),
+            body,
+            samples: facets.iter().map(Facet::centre).collect(),
+            corners: Vec::new(),
+            facets: Vec::new(),
+            sides: facets.iter().map(|facet| facet.side).collect(),
+            cell,
+        };
+        // Neighbours share corners, whatever the round-off of their positions.
+        let mut known: BTreeMap<[i64; D], u32> = BTreeMap::new();
+        for facet in &facets {
+            let indices = facet.corners.map(|corner| {
+                let key = corner.map(|x| (x / (SAME * cell)).round() as i64);
+                let near = neighbours(key).find_map(|key| known.get(&key).copied());
+                near.unwrap_or_else(|| {
+                    let number = surface.corners.len() as u32;
+                    surface.corners.push(corner);
+                    known.insert(key, number);
+                    number
+                })
+            });
+            surface.facets.push(indices);
+        }
+        Ok(surface)
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// True if there are none.
+    pub fn is_empty(&self) -> bool {
+        self.samples.is_empty()
+    }
+
+    /// The original positions of the corners of a facet, [length].
+    pub fn facet(&self, sample: usize) -> [[f64; D]; D] {
+        self.facets[sample].map(|corner| self.corners[corner as usize])
+    }
+
+    /// Original normal of a sample times its original area, [length^(D−1)]; per unit thickness in the plane.
+    pub fn original_area(&self, sample: usize) -> [f64; D] {
+        area_vector(&self.facet(sample))
+    }
+
+    /// Original unit normal of a sample, out of the body.
+    pub fn normal(&self, sample: usize) -> [f64; D] {
+        unit(&self.original_area(sample))
+    }
+}
+
+/// The state of a surface at the end of a step, one entry per sample.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SurfaceFields<const D: usize> {
+    /// Positions of the samples, [length].
+    pub position: Vec<[f64; D]>,
+    /// Unit normals out of the body.
+    pub normal: Vec<[f64; D]>,
+    /// Areas, [length²]: per unit thickness in plane strain, on the full circle for bodies of revolution.
+    pub area: Vec<f64>,
+    /// Sum of the pressures, [stress].
+    pub pressure: Vec<f64>,
+    /// Sum of the forces of all loads, [force].
+    pub load: Vec<[f64; D]>,
+    /// Sum of the reactions of all conditions on the body, [force].
+    pub reaction: Vec<[f64; D]>,
+}
+
+/// The mean of the corners of a facet, [length].
+pub fn centre<const D: usize>(corners: &[[f64; D]; D]) -> [f64; D] {
+    Facet { corners: *corners, side: 0 }.centre()
+}
+
+/// The lattice place of a position, then those around it.
+fn neighbours<const D: usize>(key: [i64; D]) -> impl Iterator<Item = [i64; D]> {
+    let around = (0..3usize.pow(D as u32)).map(move |number| {
+        std::array::from_fn(|d| key[d].saturating_add((number / 3usize.pow(d as u32) % 3) as i64 - 1))
+    });
+    std::iter::once(key).chain(around)
+}
+
+/// A vector divided by its length; zero if that is zero.
+pub fn unit<const D: usize>(vector: &[f64; D]) -> [f64; D] {
+    let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if length > 0.0 { vector.map(|x| x / length) } else { [0.0; D] }
+}

@@ -1,0 +1,56 @@
+//! The grid cell that carries a place on a surface, and its basis there.
+
+use crate::basis::Connectivity;
+use crate::grid::{CellBasis, Grid};
+
+/// Distance by which a place is moved into the body to find its cell, relative to the size of a cell, [-].
+const NUDGE: f64 = 1e-6;
+/// Number of places along the inward normal, over one cell, at which an active cell is sought.
+const DEPTHS: usize = 8;
+
+/// Linear basis of a place on a surface: N_v and ∂N_v/∂x at active nodes, which the nodes of [`CellBasis`] are here.
+pub type Support<const D: usize> = CellBasis<D>;
+
+/// The basis at a place x of a surface with the unit normal n, of a cell all of whose nodes are active.
+///
+/// A place on the border of cells belongs to the cell along −n. Where a node of its cell is inactive (the material
+/// points lie inside the surface), the nearest cell along −n is taken that has active nodes only, and its basis is
+/// continued to x: a linear displacement is still carried exactly, and forces at x keep their resultant and their moment.
+/// `None` if there is no such cell within the size of a cell.
+pub fn support<const D: usize>(
+    grid: &dyn Grid<D>,
+    links: &Connectivity<D>,
+    x: &[f64; D],
+    n: &[f64; D],
+) -> Option<Support<D>> {
+    let size = grid.size(grid.nearest_cell(x) as usize);
+    // The rim of a part of a surface lies at other sides of the body, which its normal does not show: last of all, cells are
+    // sought along all diagonals, too.
+    [false, true].into_iter().find_map(|is_wide| {
+        (0..=DEPTHS).find_map(|depth| {
+            let inwards = size * (NUDGE + depth as f64 / DEPTHS as f64);
+            let place: [f64; D] = std::array::from_fn(|d| x[d] - inwards * n[d]);
+            let by = if is_wide { inwards } else { 2.0 * NUDGE * size };
+            aside(place, by).find_map(|place| {
+                let cell = grid.locate(&place, None).unwrap_or_else(|| grid.nearest_cell(&place));
+                active(grid.basis_at(cell, x), links)
+            })
+        })
+    })
+}
+
+/// A place, then those at a small distance along all diagonals: corners of bodies lie on the border of cells.
+fn aside<const D: usize>(place: [f64; D], by: f64) -> impl Iterator<Item = [f64; D]> {
+    let diagonal =
+        move |number: usize| std::array::from_fn(|d| place[d] + if number >> d & 1 == 1 { by } else { -by });
+    std::iter::once(place).chain((0..1usize << D).map(diagonal))
+}
+
+/// The basis with the numbers of active nodes; `None` if a node is inactive.
+fn active<const D: usize>(basis: CellBasis<D>, links: &Connectivity<D>) -> Option<Support<D>> {
+    let mut support = Support::default();
+    for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
+        support.push(links.active_number(node as usize)? as u32, value, *gradient);
+    }
+    Some(support)
+}

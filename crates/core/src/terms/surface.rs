@@ -1,0 +1,217 @@
+//! The surfaces of the bodies: tractions, pressures that follow the surface, and motions prescribed weakly.
+//!
+//! The term carries all surfaces of the model with the grid. The forces of loads and conditions are external forces, so
+//! that work, balances and residuals include them as they include weight and the reactions of nodes.
+
+mod condition;
+mod load;
+
+use serde_json::{Value, json};
+
+use crate::assembly::{System, Wanted};
+use crate::model::{Model, NodeSet};
+use crate::points::Points;
+use crate::region::area_vector;
+use crate::step::{At, Nodal, StepContext};
+use crate::surface::{Carried, SurfaceFields, centre, unit};
+
+use super::failure::{BeginError, PointFailure, SurfaceLost};
+use super::term::{SurfaceReaction, Term};
+use condition::Condition;
+use load::SurfaceLoad;
+
+/// The surfaces of a model, with their loads and conditions.
+pub struct Surfaces<const D: usize> {
+    /// The surfaces, in the order of the model.
+    carried: Vec<Carried<D>>,
+    /// For each surface, true if its body is there in the present step.
+    is_there: Vec<bool>,
+    loads: Vec<SurfaceLoad<D>>,
+    conditions: Vec<Condition<D>>,
+    /// Forces on the nodes in the state that the step starts from, [force].
+    start: Nodal<D>,
+    fields: Vec<SurfaceFields<D>>,
+}
+
+impl<const D: usize> Surfaces<D> {
+    /// The surfaces of a model at the start.
+    pub fn new(model: &Model<D>) -> Self {
+        let loads = model.loads.iter().enumerate();
+        let on_surface = |(number, load): (usize, &crate::model::Load<D>)| {
+            load.action.surface().map(|surface| SurfaceLoad::new(model, number, surface))
+        };
+        let conditions = model.boundary_conditions.iter().enumerate();
+        let of_surface = |(number, condition): (usize, &crate::model::BoundaryCondition<D>)| {
+            matches!(condition.nodes, NodeSet::Surface(_)).then(|| Condition::new(model, number)).flatten()
+        };
+        Surfaces {
+            is_there: vec![true; model.surfaces.len()],
+            carried: model.surfaces.iter().map(Carried::new).collect(),
+            loads: loads.filter_map(on_surface).collect(),
+            conditions: conditions.filter_map(of_surface).collect(),
+            start: Vec::new(),
+            fields: Vec::new(),
+        }
+    }
+
+    /// The state of all surfaces of a model at the start, without forces.
+    pub fn at_start(model: &Model<D>, points: &Points<D>) -> Vec<SurfaceFields<D>> {
+        let mut surfaces = Surfaces::new(model);
+        surfaces.find_bodies(model, points);
+        surfaces.renew_fields(model);
+        surfaces.fields
+    }
+
+    /// Finds out which surfaces belong to bodies that have points.
+    fn find_bodies(&mut self, model: &Model<D>, points: &Points<D>) {
+        let mut has_points = vec![false; model.bodies.len()];
+        points.body.iter().for_each(|&body| has_points[body as usize] = true);
+        self.is_there = model.surfaces.iter().map(|surface| has_points[surface.body]).collect();
+    }
+
+    /// The geometry of all surfaces at the trial places, without forces; nothing of those whose body is not there.
+    fn renew_fields(&mut self, model: &Model<D>) {
+        self.fields.clear();
+        for ((surface, carried), is_there) in model.surfaces.iter().zip(&self.carried).zip(&self.is_there) {
+            if !is_there {
+                self.fields.push(SurfaceFields::default());
+                continue;
+            }
+            let mut fields = SurfaceFields {
+                pressure: vec![0.0; surface.len()],
+                load: vec![[0.0; D]; surface.len()],
+                reaction: vec![[0.0; D]; surface.len()],
+                ..SurfaceFields::default()
+            };
+            for sample in 0..surface.len() {
+                let corners = carried.facet(sample);
+                fields.position.push(centre(&corners));
+                let area = area_vector(&corners);
+                let size = area.iter().map(|a| a * a).sum::<f64>().sqrt();
+                fields.normal.push(unit(&area));
+                fields.area.push(size * model.mean_depth(&corners));
+            }
+            self.fields.push(fields);
+        }
+    }
+}
+
+impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
+    fn name(&self) -> &'static str {
+        "surfaces"
+    }
+
+    fn is_symmetric(&self, step: &StepContext<D>) -> bool {
+        !self.loads.iter().any(|load| load.follows(step.model))
+    }
+
+    fn may_hold(&self) -> bool {
+        !self.conditions.is_empty() || self.loads.iter().any(|load| load.is_hydrostatic)
+    }
+
+    fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
+        let StepContext { model, links, .. } = *step;
+        self.find_bodies(model, points);
+        for ((surface, carried), is_there) in model.surfaces.iter().zip(&mut self.carried).zip(&self.is_there)
+        {
+            if !is_there {
+                carried.clear();
+                continue;
+            }
+            carried.locate(model.grid.as_ref(), links).map_err(|position| {
+                BeginError::Surface(Box::new(SurfaceLost {
+                    surface: surface.name.clone(),
+                    body: model.bodies[surface.body].name.clone(),
+                    position: position.to_vec(),
+                }))
+            })?;
+        }
+        self.start = vec![[0.0; D]; links.n_active()];
+        for load in &mut self.loads {
+            let is_there = self.is_there[load.surface()];
+            load.begin(step, &self.carried, is_there, &mut self.start)?;
+        }
+        for condition in &mut self.conditions {
+            let acts = self.is_there[condition.surface()] && model.is_set(condition.number());
+            condition.begin(step, &self.carried, acts, &mut self.start)?;
+        }
+        Ok(())
+    }
+
+    fn couples(&self, couple: &mut dyn FnMut(&[u32])) {
+        self.loads.iter().for_each(|load| load.couples(&self.carried, couple));
+        self.conditions.iter().for_each(|condition| condition.couples(couple));
+    }
+
+    fn n_globals(&self) -> usize {
+        self.conditions.iter().map(Condition::len).sum()
+    }
+
+    fn evaluate(
+        &mut self,
+        step: &StepContext<D>,
+        _: &mut Points<D>,
+        at: At<N>,
+        wanted: Wanted,
+        sum: &mut System<N>,
+    ) -> Result<(), PointFailure> {
+        self.carried.iter_mut().for_each(|carried| carried.follow(at.delta_d));
+        self.renew_fields(step.model);
+        for load in &mut self.loads {
+            let surface = load.surface();
+            if self.is_there[surface] {
+                load.evaluate(step.model, &self.carried[surface], at, wanted, sum, &mut self.fields[surface]);
+            }
+        }
+        let mut first = 0;
+        for condition in &mut self.conditions {
+            let fields = &mut self.fields[condition.surface()];
+            condition.evaluate(first, at, wanted, sum, fields);
+            first += condition.len();
+        }
+        Ok(())
+    }
+
+    fn force_at_start(&self, force: &mut Nodal<N>) {
+        crate::assembly::add(force, &self.start);
+    }
+
+    fn add_resultants(&self, sum: &mut [[f64; D]]) {
+        self.loads.iter().for_each(|load| load.add_resultant(sum));
+    }
+
+    fn surface_reactions(&self) -> Vec<SurfaceReaction<D>> {
+        let acting = self.conditions.iter().filter(|condition| condition.len() > 0);
+        acting.map(|condition| condition.reaction(&self.carried)).collect()
+    }
+
+    fn surfaces(&self) -> Vec<SurfaceFields<D>> {
+        self.fields.clone()
+    }
+
+    fn commit(&mut self) {
+        self.carried.iter_mut().for_each(Carried::commit);
+        self.conditions.iter_mut().for_each(Condition::commit);
+    }
+
+    fn save(&self) -> Option<Value> {
+        let surfaces: Vec<Value> = self.carried.iter().map(Carried::save).collect();
+        let conditions: Vec<Value> = self.conditions.iter().map(Condition::save).collect();
+        Some(json!({"surfaces": surfaces, "conditions": conditions}))
+    }
+
+    fn restore(&mut self, saved: &Value) -> Result<(), String> {
+        let entries = |key: &str, wanted: usize| -> Result<Vec<Value>, String> {
+            let entries = saved[key].as_array().cloned().unwrap_or_default();
+            if entries.len() == wanted {
+                Ok(entries)
+            } else {
+                Err(format!("the number of its {key} differs"))
+            }
+        };
+        let surfaces = entries("surfaces", self.carried.len())?;
+        let conditions = entries("conditions", self.conditions.len())?;
+        self.carried.iter_mut().zip(&surfaces).try_for_each(|(of, saved)| of.restore(saved))?;
+        self.conditions.iter_mut().zip(&conditions).try_for_each(|(of, saved)| of.restore(saved))
+    }
+}

@@ -1,0 +1,419 @@
+//! Motions prescribed weakly on a surface, by an augmented Lagrangian.
+//!
+//! A condition holds the component along a direction d (an axis, a given direction, or the original normal N of the
+//! surface) of the displacement u of the surface since the start at ū. The surface is divided into patches, about three
+//! cells wide, each with constant and linear functions q_k, orthonormal over its original area:
+//!
+//! m_k = Σ q_k d · (u − ū) A = 0,   f_v = −Σ_k B_kv (λ_k + β m_k),   B_kv = Σ q_k N_v d A.
+//!
+//! The multipliers λ_k are global unknowns of the step, so Newton's method solves for them exactly, in place of updates
+//! λ ← λ + β m between its iterations. The penalty β only makes the stiffness regular: at the solution m = 0, and the
+//! results do not depend on it. With multipliers on patches wider than a cell, the displacement of cut cells keeps enough
+//! freedom: one multiplier per sample or per cell would lock the boundary. The multipliers are the reactions.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
+
+use crate::assembly::{System, Wanted};
+use crate::dofs::ConstraintError;
+use crate::formula::Formula;
+use crate::material::axial_modulus_at_rest;
+use crate::model::{Model, NodeSet, OnSurface};
+use crate::step::{At, Nodal, StepContext};
+use crate::surface::{Carried, Surface, SurfaceFields, centre};
+
+use super::super::failure::BeginError;
+use super::super::term::SurfaceReaction;
+
+/// Width of a patch in cells, [-].
+const WIDTH: f64 = 3.0;
+/// A function whose part that is orthogonal to those before it is smaller than this fraction of the largest possible one
+/// is left out, [-].
+const INDEPENDENT: f64 = 1e-3;
+/// Softening of each equation m = 0 relative to the penalty, [-]: it settles multipliers that the displacements leave
+/// undetermined where conditions repeat each other, and changes a displacement by this fraction of that of the penalty
+/// alone.
+const SOFTENING: f64 = 1e-10;
+
+/// A patch of a surface: its samples, and the functions q_k A at each of them, `[k][sample]`.
+struct Patch {
+    samples: Vec<u32>,
+    functions: Vec<Vec<f64>>,
+    /// Original area, [length²].
+    area: f64,
+}
+
+/// The equation of a multiplier in a step.
+struct Equation<const D: usize> {
+    /// Active nodes, ascending, with B, [length].
+    row: Vec<(u32, [f64; D])>,
+    /// m at zero increment.
+    gap: f64,
+    /// The magnitude that m is compared with.
+    scale: f64,
+}
+
+/// A condition on a surface.
+pub(super) struct Condition<const D: usize> {
+    /// Its number in the model.
+    number: usize,
+    on: OnSurface,
+    /// β, [stress/length].
+    penalty: f64,
+    /// Axes, or directions of the condition, that are prescribed.
+    components: Vec<usize>,
+    patches: Vec<Patch>,
+    equations: Vec<Equation<D>>,
+    /// m of each equation where the condition has begun to act: it holds the surface from there on. None while it does not
+    /// act; of the last step in equilibrium and of the present one.
+    origins: Option<Vec<f64>>,
+    trial_origins: Option<Vec<f64>>,
+    /// λ of the last step in equilibrium and of the last evaluation; zero while the condition does not act.
+    converged: Vec<f64>,
+    trial: Vec<f64>,
+    /// Reaction on the body at each sample, [force].
+    reaction: Vec<[f64; D]>,
+    /// Directions at each sample, for each component.
+    directions: Vec<Vec<[f64; D]>>,
+}
+
+impl<const D: usize> Condition<D> {
+    /// A condition of the model; `None` if it does not act on a surface.
+    pub(super) fn new(model: &Model<D>, number: usize) -> Option<Self> {
+        let condition = &model.boundary_conditions[number];
+        let NodeSet::Surface(on) = condition.nodes else { return None };
+        let surface = &model.surfaces[on.surface];
+        let law = model.materials[model.bodies[surface.body].material].law.as_ref();
+        let penalty = on.penalty * axial_modulus_at_rest(law) / surface.cell;
+        let components: Vec<usize> = (0..D).filter(|&d| condition.displacement[d].is_some()).collect();
+        let direction = |component: usize, sample: usize| match &condition.axes {
+            _ if on.along_normal => surface.normal(sample),
+            Some(axes) => axes[component],
+            None => std::array::from_fn(|d| f64::from(u8::from(d == component))),
+        };
+        let of_component = |&component: &usize| (0..surface.len()).map(|s| direction(component, s)).collect();
+        let directions = components.iter().map(of_component).collect();
+        let patches = patches(model, surface);
+        let n = components.len() * patches.iter().map(|patch| patch.functions.len()).sum::<usize>();
+        Some(Condition {
+            number,
+            on,
+            penalty,
+            components,
+            patches,
+            equations: Vec::new(),
+            origins: None,
+            trial_origins: None,
+            converged: vec![0.0; n],
+            trial: vec![0.0; n],
+            reaction: vec![[0.0; D]; surface.len()],
+            directions,
+        })
+    }
+
+    /// Number of equations in the present step: none while the condition does not act.
+    pub(super) fn len(&self) -> usize {
+        self.equations.len()
+    }
+
+    /// Its number in the model.
+    pub(super) fn number(&self) -> usize {
+        self.number
+    }
+
+    pub(super) fn surface(&self) -> usize {
+        self.on.surface
+    }
+
+    /// Begins a step in which the condition acts if `acts`, and adds the reactions at its start to `start`.
+    pub(super) fn begin(
+        &mut self,
+        step: &StepContext<D>,
+        carried: &[Carried<D>],
+        acts: bool,
+        start: &mut Nodal<D>,
+    ) -> Result<(), BeginError> {
+        self.equations.clear();
+        self.trial.fill(0.0);
+        self.reaction.fill([0.0; D]);
+        self.trial_origins = None;
+        if !acts {
+            return Ok(());
+        }
+        let carried = &carried[self.on.surface];
+        let surface = &step.model.surfaces[self.on.surface];
+        // The trial places are the converged ones here.
+        let mut gaps = self.sums(&self.gaps(step, carried, step.step.end)?);
+        let origins = match &self.origins {
+            Some(origins) => origins.clone(),
+            // What it prescribes from time 0 on is the displacement since then.
+            None if step.step.index == 1 => vec![0.0; gaps.len()],
+            None => self.sums(&self.gaps(step, carried, step.step.start)?),
+        };
+        gaps.iter_mut().zip(&origins).for_each(|(gap, origin)| *gap -= origin);
+        let mut gaps = gaps.into_iter();
+        for directions in &self.directions {
+            for patch in &self.patches {
+                for (function, gap) in patch.functions.iter().zip(&mut gaps) {
+                    let mut row: BTreeMap<u32, [f64; D]> = BTreeMap::new();
+                    for (&sample, q) in patch.samples.iter().zip(function) {
+                        let d = &directions[sample as usize];
+                        carried.for_each_value(sample as usize, |node, value| {
+                            let entry = row.entry(node as u32).or_insert([0.0; D]);
+                            (0..D).for_each(|i| entry[i] += q * value * d[i]);
+                        });
+                    }
+                    let scale = surface.cell * patch.area.sqrt();
+                    self.equations.push(Equation { row: row.into_iter().collect(), gap, scale });
+                }
+            }
+        }
+        self.trial_origins = Some(origins);
+        for (equation, multiplier) in self.equations.iter().zip(&self.converged) {
+            for (node, b) in &equation.row {
+                (0..D).for_each(|d| start[*node as usize][d] -= b[d] * multiplier);
+            }
+        }
+        Ok(())
+    }
+
+    /// Σ q_k A of values at the samples of each component, in the order of the equations.
+    fn sums(&self, values: &[Vec<f64>]) -> Vec<f64> {
+        let mut sums = Vec::new();
+        for values in values {
+            for patch in &self.patches {
+                for function in &patch.functions {
+                    let each = patch.samples.iter().zip(function);
+                    sums.push(each.map(|(&sample, q)| q * values[sample as usize]).sum());
+                }
+            }
+        }
+        sums
+    }
+
+    /// d · (u − ū) at the start of the step, with ū at a time, for each component and sample, [length].
+    fn gaps(
+        &self,
+        step: &StepContext<D>,
+        carried: &Carried<D>,
+        time: f64,
+    ) -> Result<Vec<Vec<f64>>, BeginError> {
+        let condition = &step.model.boundary_conditions[self.number];
+        let surface = &step.model.surfaces[self.on.surface];
+        let factor = condition.curve.factor(time);
+        let mut all = Vec::new();
+        for (component, directions) in self.components.iter().zip(&self.directions) {
+            let Some(formula) = &condition.displacement[*component] else { continue };
+            let mut gaps = Vec::with_capacity(surface.len());
+            for (sample, original) in surface.samples.iter().enumerate() {
+                let x = centre(&carried.facet(sample));
+                let prescribed = at_place(formula, &x, original, factor);
+                if !prescribed.is_finite() {
+                    return Err(BeginError::Constraint(ConstraintError::NotFinite {
+                        name: condition.name.clone(),
+                        axis: crate::dofs::AXES[component % 3],
+                        node: x.to_vec(),
+                        factor,
+                        formula: formula.text().to_owned(),
+                        value: prescribed,
+                    }));
+                }
+                let moved: f64 = (0..D).map(|d| (x[d] - original[d]) * directions[sample][d]).sum();
+                gaps.push(moved - prescribed);
+            }
+            all.push(gaps);
+        }
+        Ok(all)
+    }
+
+    /// Calls `couple` with the nodes of each equation.
+    pub(super) fn couples(&self, couple: &mut dyn FnMut(&[u32])) {
+        for equation in &self.equations {
+            let nodes: Vec<u32> = equation.row.iter().map(|(node, _)| *node).collect();
+            couple(&nodes);
+        }
+    }
+
+    /// Adds the reactions, their stiffness and the equations of the multipliers, the first of which is the global
+    /// unknown `first` of the term.
+    pub(super) fn evaluate<const N: usize>(
+        &mut self,
+        first: usize,
+        at: At<N>,
+        wanted: Wanted,
+        sum: &mut System<N>,
+        fields: &mut SurfaceFields<D>,
+    ) {
+        let softening = SOFTENING / self.penalty;
+        let mut amounts = Vec::with_capacity(self.equations.len());
+        for (k, equation) in self.equations.iter().enumerate() {
+            let along = |(node, b): &(u32, [f64; D])| {
+                (0..D).map(|d| b[d] * at.delta_d[*node as usize][d]).sum::<f64>()
+            };
+            let m = equation.gap + equation.row.iter().map(along).sum::<f64>();
+            let multiplier = self.converged[k] + at.globals.get(first + k).copied().unwrap_or_default();
+            self.trial[k] = multiplier;
+            let amount = multiplier + self.penalty * m;
+            amounts.push(amount);
+            let global = first + k;
+            sum.border.add_residual(global, m - softening * multiplier, equation.scale);
+            sum.border.add_to_corner(global, global, -softening);
+            for (node, b) in &equation.row {
+                for d in 0..D {
+                    sum.external_force_mut()[*node as usize][d] -= b[d] * amount;
+                    sum.border.add_to_column(global, *node as usize, d, b[d]);
+                    sum.border.add_to_row(global, *node as usize, d, b[d]);
+                }
+            }
+            if wanted == Wanted::Stiffness {
+                equation.add_stiffness(self.penalty, sum);
+            }
+        }
+        self.spread_reactions(&amounts);
+        for (sum, reaction) in fields.reaction.iter_mut().zip(&self.reaction) {
+            (0..D).for_each(|d| sum[d] += reaction[d]);
+        }
+    }
+
+    /// The reactions at the samples from λ_k + β m_k.
+    fn spread_reactions(&mut self, amounts: &[f64]) {
+        self.reaction.fill([0.0; D]);
+        let mut amounts = amounts.iter();
+        for directions in &self.directions {
+            for patch in &self.patches {
+                for (function, amount) in patch.functions.iter().zip(&mut amounts) {
+                    for (&sample, q) in patch.samples.iter().zip(function) {
+                        let (reaction, d) =
+                            (&mut self.reaction[sample as usize], &directions[sample as usize]);
+                        (0..D).for_each(|i| reaction[i] -= q * amount * d[i]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The reaction on the body, with its moment about the mean position of the surface.
+    pub(super) fn reaction(&self, carried: &[Carried<D>]) -> SurfaceReaction<D> {
+        let carried = &carried[self.on.surface];
+        let places: Vec<[f64; D]> = (0..carried.len()).map(|sample| centre(&carried.facet(sample))).collect();
+        let n = places.len().max(1) as f64;
+        let about: [f64; D] = std::array::from_fn(|d| places.iter().map(|x| x[d]).sum::<f64>() / n);
+        let (mut sum, mut moment) = ([0.0; D], [0.0; 3]);
+        for (x, reaction) in places.iter().zip(&self.reaction) {
+            let (mut arm, mut force) = ([0.0; 3], [0.0; 3]);
+            for d in 0..D {
+                sum[d] += reaction[d];
+                (arm[d], force[d]) = (x[d] - about[d], reaction[d]);
+            }
+            for (axis, moment) in moment.iter_mut().enumerate() {
+                let [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
+                *moment += arm[i] * force[j] - arm[j] * force[i];
+            }
+        }
+        SurfaceReaction { condition: self.number, force: sum, about, moment }
+    }
+
+    pub(super) fn commit(&mut self) {
+        self.converged.clone_from(&self.trial);
+        self.origins.clone_from(&self.trial_origins);
+    }
+
+    /// The state at the end of the last step in equilibrium, for a checkpoint.
+    pub(super) fn save(&self) -> Value {
+        json!({"multipliers": self.converged, "origins": self.origins})
+    }
+
+    /// Restores the state that [`Condition::save`] returned.
+    ///
+    /// # Errors
+    /// If it is not that of this condition.
+    pub(super) fn restore(&mut self, saved: &Value) -> Result<(), String> {
+        let numbers = |key: &str| -> Result<Option<Vec<f64>>, String> {
+            serde_json::from_value(saved[key].clone()).map_err(|error| error.to_string())
+        };
+        let (multipliers, origins) = (numbers("multipliers")?.unwrap_or_default(), numbers("origins")?);
+        let fits = |numbers: &Vec<f64>| {
+            numbers.len() == self.converged.len() && numbers.iter().all(|x| x.is_finite())
+        };
+        if !fits(&multipliers) || !origins.as_ref().is_none_or(fits) {
+            return Err("its state is not that of the condition".to_owned());
+        }
+        (self.converged, self.origins) = (multipliers, origins);
+        Ok(())
+    }
+}
+
+impl<const D: usize> Equation<D> {
+    /// Adds β B ⊗ B.
+    fn add_stiffness<const N: usize>(&self, penalty: f64, sum: &mut System<N>) {
+        for (v, of_row) in &self.row {
+            for (w, of_column) in &self.row {
+                // A symmetric system stores the lower triangle only.
+                if let Some(place) = sum.place(*v as usize, *w as usize) {
+                    let block = of_row.map(|a| of_column.map(|b| penalty * a * b));
+                    sum.add_displacement_block(place, &block);
+                }
+            }
+        }
+    }
+}
+
+/// A prescribed displacement at a place; one that does not depend on the load factor is multiplied by it.
+fn at_place<const D: usize>(formula: &Formula, x: &[f64; D], original: &[f64; D], factor: f64) -> f64 {
+    crate::dofs::displacement_increment(formula, x, original, [None, Some(factor)])
+}
+
+/// The patches of a surface: its samples by sides of the shape and by boxes of [`WIDTH`] cells.
+fn patches<const D: usize>(model: &Model<D>, surface: &Surface<D>) -> Vec<Patch> {
+    let width = WIDTH * surface.cell;
+    let mut by_place: BTreeMap<(usize, [i64; D]), Vec<u32>> = BTreeMap::new();
+    for (sample, x) in surface.samples.iter().enumerate() {
+        let key = x.map(|x| (x / width).floor() as i64);
+        by_place.entry((surface.sides[sample], key)).or_default().push(sample as u32);
+    }
+    let of_samples = |samples: Vec<u32>| {
+        let areas: Vec<f64> =
+            samples.iter().map(|&sample| model.original_area(surface, sample as usize)).collect();
+        let functions = orthonormal(surface, &samples, &areas, width);
+        let area = areas.iter().sum();
+        Patch { samples, functions, area }
+    };
+    by_place.into_values().map(of_samples).collect()
+}
+
+/// The functions 1, x, y(, z) over a patch, made orthonormal over its area one after the other, times the areas.
+fn orthonormal<const D: usize>(
+    surface: &Surface<D>,
+    samples: &[u32],
+    areas: &[f64],
+    width: f64,
+) -> Vec<Vec<f64>> {
+    let total: f64 = areas.iter().sum();
+    let product = |a: &[f64], b: &[f64]| -> f64 { (0..areas.len()).map(|s| areas[s] * a[s] * b[s]).sum() };
+    let mut found: Vec<Vec<f64>> = Vec::new();
+    for number in 0..=D {
+        let at = |&sample: &u32| match number {
+            0 => 1.0,
+            d => {
+                (surface.samples[sample as usize][d - 1] - surface.samples[samples[0] as usize][d - 1])
+                    / width
+            }
+        };
+        let mut function: Vec<f64> = samples.iter().map(at).collect();
+        // Twice, against round-off.
+        for other in found.iter().chain(&found) {
+            let share = product(&function, other);
+            function.iter_mut().zip(other).for_each(|(f, o)| *f -= share * o);
+        }
+        let norm = product(&function, &function).sqrt();
+        if norm > INDEPENDENT * total.sqrt() {
+            function.iter_mut().for_each(|f| *f /= norm);
+            found.push(function);
+        }
+    }
+    for function in &mut found {
+        function.iter_mut().zip(areas).for_each(|(f, area)| *f *= area);
+    }
+    found
+}

@@ -1,0 +1,55 @@
+//! The surfaces of a deck.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{BoxDeck, Length, Vector};
+
+/// A surface of a body, on which loads and boundary conditions act. It is sampled at the start and then carried by the
+/// grid.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SurfaceDeck {
+    /// Name, unique among the surfaces.
+    pub name: String,
+    /// Name of the body.
+    pub body: String,
+    /// Part of the boundary of the body; the whole boundary by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<PartDeck>,
+    /// Largest length of a sample, [length]; by default a quarter of the smallest cell at the body.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Length>", extend("examples" = [0.05]))]
+    pub spacing: Option<f64>,
+}
+
+/// Selection of a part of the boundary of a body in exactly one way.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PartDeck {
+    /// Samples whose centres lie inside this box, its boundary included.
+    #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
+    pub within: Option<BoxDeck>,
+    /// Samples whose centres lie in this half-space, its plane included.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub half_space: Option<HalfSpaceDeck>,
+    /// Number of a side of the shape, from 0: the side from that corner of a polygon to the next one; of a box in the
+    /// plane, bottom, right, top and left; of a box in space, lowest and highest x, y and z; the outer (0) and the inner
+    /// (1) border of an annulus; the mantle (0), start (1) and end (2) of a cylinder or cone; the sides of an extruded
+    /// polygon, then its lower and upper end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [2]))]
+    pub edge: Option<u32>,
+}
+
+/// A half-space: the positions x with (x − point) · normal ≥ 0.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HalfSpaceDeck {
+    /// A point of its plane, [length].
+    #[schemars(with = "Vector", extend("examples" = [[4, 0]]))]
+    pub point: Vec<f64>,
+    /// Direction into it, of any length, [-].
+    #[schemars(with = "Vector", extend("examples" = [[1, 0]]))]
+    pub normal: Vec<f64>,
+}
