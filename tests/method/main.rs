@@ -16,5 +16,6 @@ mod solid;
 mod stabilisation;
 mod stages;
 mod stepping;
+mod surfaces;
 mod threads;
 mod vtu;

@@ -16,9 +16,12 @@ const OUTER: f64 = 2.0;
 
 /// The model of a deck given as text.
 pub fn built(text: &str) -> (Model<2>, Points<2>) {
-    let loaded =
-        mpm::deck::load::load_text("deck.yaml", text.as_bytes(), &[]).unwrap_or_else(|e| panic!("{e}"));
-    mpm::deck::build::build(&loaded).unwrap_or_else(|e| panic!("{e:?}"))
+    mpm::deck::build::build(&loaded(text)).unwrap_or_else(|e| panic!("{e:?}"))
+}
+
+/// A deck given as text.
+pub fn loaded(text: &str) -> mpm::deck::load::LoadedDeck {
+    mpm::deck::load::load_text("deck.yaml", text.as_bytes(), &[]).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Runs a model, and passes every step in equilibrium to `look`.

@@ -11,7 +11,7 @@ use mpm::region::{Brick, Motion, Region};
 use mpm::surface::{Part, Surface};
 
 use crate::analysis::watch;
-use crate::surfaces::run;
+use crate::surfaces::{built, loaded, run};
 
 /// Inclination of the block, [rad].
 const ANGLE: f64 = std::f64::consts::FRAC_PI_6;
@@ -180,37 +180,59 @@ steps: {{count: 1}}
 "
         );
         let worst = match idealisation {
-            "axisymmetric" => largest_fault::<mpm::stress::Axisymmetric>(&text),
-            _ => largest_fault::<mpm::stress::PlaneStrain>(&text),
+            "axisymmetric" => largest_fault::<2, mpm::stress::Axisymmetric>(built(&text)),
+            _ => largest_fault::<2, mpm::stress::PlaneStrain>(built(&text)),
         };
         println!("{idealisation}: {worst:.1e}");
         assert!(worst < 1e-6, "{idealisation}: {worst:e}");
     }
 }
 
+/// The same in space.
+#[test]
+fn the_stiffness_of_surfaces_in_space_is_the_derivative_of_their_forces() {
+    let text = "version: 1
+analysis: {idealisation: solid}
+grid: {type: structured, origin: [0, 0, 0], size: [2, 2, 2], spacing: 1}
+materials: {clay: {model: hencky, young: 1, poisson: 0.3}}
+bodies: [{name: block, material: clay, method: gimp, shape: {type: box, min: [0.3, 0.2, 0.4], max: [1.4, 1.3, 1.6]}, \
+             point_spacing: [0.275, 0.275, 0.3]}]
+surfaces: [{name: all, body: block}, {name: right, body: block, part: {edge: 1}}]
+boundary_conditions: [{name: wall, surface: right, fix: {normal: [1, 0.5, 0.2]}}]
+loads:
+  - {name: p, type: pressure, surface: all, pressure: 3}
+  - {name: water, type: pressure, surface: all, hydrostatic: {level: 1.1, unit_weight: 5}}
+steps: {count: 1}
+";
+    let worst = largest_fault::<3, mpm::stress::Solid>(mpm::deck::build::build(&loaded(text)).unwrap());
+    println!("{worst:.1e}");
+    assert!(worst < 1e-6, "{worst:e}");
+}
+
 /// The largest difference between an entry of the stiffness and its central difference, relative to the largest entry.
-fn largest_fault<M: mpm::stress::Mechanics<2>>(text: &str) -> f64 {
+fn largest_fault<const D: usize, M: mpm::stress::Mechanics<D>>(
+    (model, mut points): (Model<D>, Points<D>),
+) -> f64 {
     use mpm::assembly::Wanted;
     use mpm::step::{At, StepContext};
     const STEP: f64 = 1e-6;
-    let (model, mut points) = crate::surfaces::built(text);
     let links = mpm::basis::Connectivity::new(model.grid.as_ref(), &mut points, &[Method::Gimp]).unwrap();
     let context = StepContext::first(&model, &links);
-    let mut sum = mpm::terms::Sum::<2>::of_bodies::<M>(&context, &points).unwrap();
+    let mut sum = mpm::terms::Sum::<D>::of_bodies::<M>(&context, &points).unwrap();
     let n = links.n_active();
-    let base: Vec<[f64; 2]> =
-        (0..n).map(|k| [0.03 * (1.3 * k as f64).sin(), 0.03 * (0.7 * k as f64 + 1.0).cos()]).collect();
-    let mut force = |sum: &mut mpm::terms::Sum<2>, delta_d: &[[f64; 2]]| -> Vec<f64> {
+    let at = |k: usize, d: usize| 0.03 * ([1.3, 0.7, 0.9][d] * k as f64 + d as f64).sin();
+    let base: Vec<[f64; D]> = (0..n).map(|k| std::array::from_fn(|d| at(k, d))).collect();
+    let mut force = |sum: &mut mpm::terms::Sum<D>, delta_d: &[[f64; D]]| -> Vec<f64> {
         sum.evaluate(&context, &mut points, At::new(delta_d), Wanted::Stiffness).unwrap();
         let system = sum.system();
         let pairs = system.internal_force().iter().zip(system.external_force());
-        pairs.flat_map(|(a, b)| [a[0] - b[0], a[1] - b[1]]).collect()
+        pairs.flat_map(|(a, b)| (0..D).map(|d| a[d] - b[d]).collect::<Vec<_>>()).collect()
     };
     force(&mut sum, &base);
     let mut columns = Vec::new();
-    for b in 0..2 * n {
-        let mut unit = vec![[0.0; 2]; n];
-        unit[b / 2][b % 2] = 1.0;
+    for b in 0..D * n {
+        let mut unit = vec![[0.0; D]; n];
+        unit[b / D][b % D] = 1.0;
         let mut column = unit.clone();
         sum.system_mut().multiply(&unit, &mut column);
         columns.push(column);
@@ -220,7 +242,7 @@ fn largest_fault<M: mpm::stress::Mechanics<2>>(text: &str) -> f64 {
     for (b, column) in columns.iter().enumerate() {
         let [plus, minus] = [STEP, -STEP].map(|by| {
             let mut delta_d = base.clone();
-            delta_d[b / 2][b % 2] += by;
+            delta_d[b / D][b % D] += by;
             force(&mut sum, &delta_d)
         });
         for (k, entry) in column.iter().flatten().enumerate() {

@@ -1,0 +1,154 @@
+//! Surfaces in stages and in space: walls that are set and released, loads that go on where they stand, and resumption.
+
+use mpm::deck::build::build;
+use mpm::deck::load::load_text;
+use mpm::model::Model;
+use mpm::points::PointArray;
+use mpm::points::Points;
+use mpm::solver::{Observer, StepReport, Summary, run as solve};
+
+use crate::stages::{Run, resumes, run};
+
+/// A bar along x whose left end slides along the grid, pulled at its right end, which lies inside cells. No point lies on
+/// a grid line, where it would change its cell in the first step.
+fn bar(method: &str, surfaces: &str, conditions: &str, loads: &str, steps: &str) -> String {
+    format!(
+        "
+version: 1
+grid: {{type: structured, origin: [0, 0], size: [3, 2], spacing: 0.5}}
+materials:
+  steel: {{model: hencky, young: 1e6, poisson: 0, density: 1000}}
+bodies:
+  - {{name: bar, material: steel, method: {method}, point_spacing: [0.22, 0.25], shape: {{type: box, min: [0, 0], max: [2.2, 1]}}}}
+  - {{name: cap, material: steel, method: {method}, point_spacing: 0.2, shape: {{type: box, min: [0, 1], max: [2.2, 1.4]}}}}
+surfaces:
+  - {{name: end, body: bar, part: {{edge: 1}}}}
+{surfaces}
+boundary_conditions:
+  - {{name: left, nodes: {{x: 0}}, fix: [x]}}
+  - {{name: base, nodes: {{y: 0}}, fix: [y]}}
+{conditions}
+loads:
+  - {{name: pull, type: traction, surface: end, traction: [100, 0]}}
+{loads}
+solver: {{tolerance: 1e-12}}
+{steps}
+"
+    )
+}
+
+const PULLED: &str = "stages:
+  - {name: pull, steps: {count: 2}, factors: {pull: 1}}
+  - {name: hold, steps: {count: 3}, set: [wall], factors: {pull: 0}}
+  - {name: let_go, steps: {count: 3}, release: [wall]}";
+
+/// A wall that is set holds the surface where it stands: it takes over the load that decreases, and gives it back to the
+/// bar, which shortens, when it is released.
+#[test]
+fn a_wall_set_on_a_surface_takes_over_what_loads_leave() {
+    for method in ["mpm", "gimp", "cpdi2"] {
+        let wall = "  - {name: wall, surface: end, fix: [x]}";
+        let deck = bar(method, "", wall, "", PULLED).replace("  - {name: cap", "# - {name: cap");
+        let Run { every, points, .. } = run(&deck);
+        let wall: Vec<f64> = every.reports.iter().map(|report| report.reactions[2][0]).collect();
+        let pulled: Vec<f64> = every.reports.iter().map(|report| report.loads[0][0]).collect();
+        println!("{method}: wall {wall:?}, pull {pulled:?}");
+        // The wall holds what the points lose when they are linked to a fresh grid, too.
+        for step in 0..5 {
+            let missing = 100.0 * [0.0, 0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0][step];
+            assert!((wall[step] - missing).abs() < 1e-3, "{method}: {wall:?}");
+        }
+        assert_eq!(wall[5..], [0.0; 3]);
+        // The mean over the surface, which lies in a patch of its own.
+        let position = |step: usize| {
+            let places = &every.reports[step].surfaces[0].position;
+            places.iter().map(|x| x[0]).sum::<f64>() / places.len() as f64
+        };
+        assert!((position(4) - position(1)).abs() < 1e-12, "{:e}", position(4) - position(1));
+        let moved = points.array(PointArray::Displacement).values;
+        let most = moved.iter().fold(0.0f64, |most, u| most.max(u.abs()));
+        println!("{method}: left {most:e} of {:e}", position(1) - 2.2);
+        assert!(most < 1e-5 * (position(1) - 2.2), "{most:e}");
+    }
+}
+
+/// Bodies with surfaces come and go, and so do loads and conditions on them: a run resumed anywhere has the same bits.
+#[test]
+fn surfaces_resume_between_and_within_stages() {
+    let stages = "stages:
+  - {name: pull, steps: {count: 2}, factors: {pull: 1}}
+  - {name: fill, steps: {count: 2}, add: [cap], set: [wall], factors: {weight: 1}}
+  - {name: press, steps: {count: 2, control: {type: displacement, probe: tip, axis: x, to: -1e-3}}, release: [wall], factors: {gas: 1}}
+  - {name: dig, steps: {count: 2}, remove: [cap]}
+output: {probes: [{name: tip, body: bar, nearest: [2.1, 0.9]}]}";
+    let deck = bar(
+        "gimp",
+        "  - {name: all, body: bar}\n  - {name: top, body: cap, part: {edge: 2}}",
+        "  - {name: wall, surface: end, fix: normal}\n  - {name: roof, surface: top, uy: -1e-3}",
+        "  - {name: weight, type: gravity, acceleration: [0, -10]}
+  - {name: gas, type: pressure, surface: all, pressure: 1e4}
+  - {name: water, type: pressure, surface: top, hydrostatic: {level: 2, unit_weight: 1e3}}",
+        stages,
+    );
+    resumes(&deck);
+    let Run { every, .. } = run(&deck);
+    let counts: Vec<usize> = every.reports.iter().map(|report| report.surfaces[2].position.len()).collect();
+    assert_eq!(counts.iter().filter(|n| **n == 0).count(), 4, "the cap is there in two stages: {counts:?}");
+    assert!(every.reports.iter().all(|report| report.energy.external_work.is_finite()));
+}
+
+/// Reactions of the first condition and residuals of the iterations of all steps.
+#[derive(Default)]
+struct Last {
+    reaction: Vec<f64>,
+    residuals: Vec<Vec<f64>>,
+}
+
+impl Observer<3> for Last {
+    fn converged(
+        &mut self,
+        _: &Model<3>,
+        _: &Points<3>,
+        report: &StepReport<3>,
+        _: &Summary,
+    ) -> std::io::Result<()> {
+        self.reaction.extend(report.reactions[0]);
+        self.residuals.push(report.residuals.clone());
+        Ok(())
+    }
+}
+
+/// A block in space, all of whose sides lie inside cells, between a rough wall below and a pressure all around it: the wall
+/// needs no force, and the block shrinks alike.
+#[test]
+fn a_block_in_space_under_pressure_needs_no_wall() {
+    for method in ["mpm", "gimp", "cpdi2"] {
+        let text = format!(
+            "
+version: 1
+analysis: {{idealisation: solid}}
+grid: {{type: structured, origin: [0, 0, 0], size: [3, 3, 3], spacing: 0.5}}
+materials: {{m: {{model: hencky, young: 1e6, poisson: 0.3}}}}
+bodies: [{{name: b, material: m, shape: {{type: box, min: [0.6, 0.7, 0.8], max: [2.1, 2.2, 2.3]}}, point_spacing: 0.25, method: {method}}}]
+surfaces: [{{name: all, body: b}}, {{name: base, body: b, part: {{edge: 4}}}}]
+boundary_conditions: [{{name: base, surface: base, fix: [x, y, z]}}]
+loads: [{{name: p, type: pressure, surface: all, pressure: 1e5}}]
+steps: {{count: 3}}
+solver: {{tolerance: 1e-12}}
+"
+        );
+        let (model, mut points) =
+            build::<3>(&load_text("block.yaml", text.as_bytes(), &[]).unwrap()).unwrap();
+        let mut last = Last::default();
+        solve(&model, &mut points, &mut last).unwrap();
+        let largest = last.reaction.iter().fold(0.0f64, |most, r| most.max(r.abs()));
+        println!("{method}: reaction {largest:e}, residuals {:?}", last.residuals);
+        assert!(largest < 1e-9 * 1e5 * 2.25, "{largest:e}");
+        // Each residual is of the order of the square of the one before, down to round-off.
+        for residuals in &last.residuals {
+            for pair in residuals[1..].windows(2) {
+                assert!(pair[1] < 4.0 * pair[0] * pair[0] + 1e-13, "{method}: {residuals:?}");
+            }
+        }
+    }
+}
