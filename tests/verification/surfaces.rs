@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use mpm::material::NeoHookean;
+use mpm::material::{Hencky, Material, NeoHookean};
 use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::StepReport;
@@ -31,20 +31,29 @@ pub fn run(text: &str, mut look: impl FnMut(&Points<2>, &StepReport<2>)) -> (Mod
     (model, points)
 }
 
-/// The mean distance from the centre of the samples of the only surface at the end, when the inner radius of the shell
-/// should have grown to `to` under its inner pressure; and that pressure.
-fn inner_radius(shell: Shell, axisymmetric: bool, method: &str, n: usize, to: f64) -> f64 {
-    let law = NeoHookean::new(1.0, 0.3);
-    let mut exact = Radial::new(shell, [INNER, OUTER], &law, 200);
-    exact.step(Inner::Moved(to), |_| 0.0);
+/// The laws of the shells.
+fn law(name: &str) -> Box<dyn Material> {
+    match name {
+        "hencky" => Box::new(Hencky::new(1.0, 0.3)),
+        _ => Box::new(NeoHookean::new(1.0, 0.3)),
+    }
+}
+
+/// A quarter of a ring, or of a sphere as a body of revolution, whose inner radius grows, from 1 to 2 unless noted, in four
+/// steps under a following pressure, on a grid with n cells over 1.6, which does not line up with it. The error of the pressure, relative
+/// to that of the ordinary differential equation at the mean radius that the surface has reached. The pressure of the
+/// Hencky ring has its maximum there, so that only a prescribed displacement can lead to it.
+fn error_of_pressure(shell: Shell, law_name: &str, method: &str, n: usize) -> f64 {
+    let idealisation = if shell == Shell::Sphere { "axisymmetric" } else { "plane-strain" };
+    // The Hencky sphere passes the maximum of its pressure long before.
+    let growth = if (shell, law_name) == (Shell::Sphere, "hencky") { 0.5 } else { 1.0 };
     let mut text = String::new();
-    let idealisation = if axisymmetric { "axisymmetric" } else { "plane-strain" };
     let _ = write!(
         text,
         "version: 1\n\
          analysis: {{idealisation: {idealisation}}}\n\
          grid: {{type: structured, origin: [0, 0], size: [3.2, 3.2], spacing: {}}}\n\
-         materials: {{rubber: {{model: neo-hookean, young: 1, poisson: 0.3}}}}\n\
+         materials: {{rubber: {{model: {law_name}, young: 1, poisson: 0.3}}}}\n\
          bodies:\n\
          - {{name: ring, material: rubber, method: {method}, points_per_cell: 4, shape: {{type: intersection, of: [\n\
            {{type: annulus, center: [0, 0], inner: 1, outer: 2}}, {{type: box, min: [0, 0], max: [3, 3]}}]}}}}\n\
@@ -52,12 +61,14 @@ fn inner_radius(shell: Shell, axisymmetric: bool, method: &str, n: usize, to: f6
          boundary_conditions:\n\
          - {{name: left, nodes: {{x: 0}}, fix: [x]}}\n\
          - {{name: base, nodes: {{y: 0}}, fix: [y]}}\n\
-         loads: [{{name: p, type: pressure, surface: inner, pressure: {}}}]\n\
-         steps: {{count: 4}}\n",
+         loads: [{{name: p, type: pressure, surface: inner, pressure: 1}}]\n\
+         steps: {{count: 4, control: {{type: displacement, probe: inner, axis: x, to: {growth}}}}}\n\
+         output: {{probes: [{{name: inner, body: ring, nearest: [1.01, 0.011]}}]}}\n",
         1.6 / n as f64,
-        exact.inner_pressure(),
     );
-    let mut radius = 0.0;
+    let law = law(law_name);
+    let mut exact = Radial::new(shell, [INNER, OUTER], law.as_ref(), 200);
+    let mut error = 0.0;
     run(&text, |_, report| {
         let surface = &report.surfaces[0];
         let (mut sum, mut area) = (0.0, 0.0);
@@ -65,40 +76,117 @@ fn inner_radius(shell: Shell, axisymmetric: bool, method: &str, n: usize, to: f6
             sum += a * x[0].hypot(x[1]);
             area += a;
         }
-        radius = sum / area;
+        exact.step(Inner::Moved(sum / area), |_| 0.0);
+        error = surface.pressure[0] / exact.inner_pressure() - 1.0;
     });
-    radius
+    error.abs()
 }
 
-/// Errors of the inner radius for n cells over 1.6, relative to its growth.
-fn errors(shell: Shell, axisymmetric: bool, method: &str, to: f64) -> Vec<f64> {
-    let errors: Vec<f64> = [8, 16, 32]
-        .map(|n| (inner_radius(shell, axisymmetric, method, n, to) / to - 1.0).abs() * to / (to - INNER))
-        .to_vec();
-    println!("{shell:?}, {method}, to {to}: {errors:?}");
-    errors
+/// Errors with n = 8, 16, 32, and the slope of the line of least squares through their logarithms: the order in h.
+fn order(shell: Shell, law: &str, method: &str) -> (Vec<f64>, f64) {
+    let errors: Vec<f64> = [8, 16, 32].map(|n| error_of_pressure(shell, law, method, n)).to_vec();
+    let order = 0.5 * (errors[0] / errors[2]).log2();
+    println!("{shell:?}, {law}, {method}: {errors:.5?}, order {order:.2}");
+    (errors, order)
 }
 
-/// A thick cylinder whose inner radius a following pressure doubles, on a grid that does not line up with it.
+/// Lowest orders and largest errors on the finest grid. What limits them is the force that is lost when the points are
+/// linked to a fresh grid: the points of the standard method do not integrate cells exactly after the first step.
+const EXPECTED: [(&str, f64, f64); 3] = [("mpm", 0.2, 0.03), ("gimp", 1.0, 0.003), ("cpdi2", 1.0, 0.003)];
+
+/// A thick cylinder whose inner radius a following pressure doubles.
 #[test]
 fn a_following_pressure_doubles_the_inner_radius_of_a_ring() {
-    for (method, most) in MOST {
-        let errors = errors(Shell::Cylinder, false, method, 2.0);
-        assert!(errors[2] < most && errors[2] < errors[0], "{method}: {errors:?}");
+    for law in ["neo-hookean", "hencky"] {
+        for (method, least, most) in EXPECTED {
+            let (errors, order) = order(Shell::Cylinder, law, method);
+            assert!(order > least && errors[2] < most, "{law}, {method}: {errors:?}, {order}");
+        }
     }
 }
 
 /// A hollow sphere as a body of revolution.
 #[test]
 fn a_following_pressure_inflates_a_sphere() {
-    for (method, most) in MOST {
-        let errors = errors(Shell::Sphere, true, method, 1.5);
-        assert!(errors[2] < most && errors[2] < errors[0], "{method}: {errors:?}");
+    for law in ["neo-hookean", "hencky"] {
+        for (method, least, most) in EXPECTED {
+            let (errors, order) = order(Shell::Sphere, law, method);
+            // The error has no constant sign on these grids, which blurs the order.
+            assert!(order > 0.8 * least && errors[2] < most, "{law}, {method}: {errors:?}, {order}");
+        }
     }
 }
 
-/// Largest error on the finest grid. Points of the standard method do not integrate cut cells; their error falls slowly.
-const MOST: [(&str, f64); 3] = [("mpm", 0.05), ("gimp", 0.005), ("cpdi2", 0.005)];
+/// An eighth of a hollow sphere in space.
+#[test]
+fn a_following_pressure_inflates_a_sphere_in_space() {
+    let law = NeoHookean::new(1.0, 0.3);
+    let mut exact = Radial::new(Shell::Sphere, [INNER, OUTER], &law, 200);
+    exact.step(Inner::Moved(1.5), |_| 0.0);
+    let errors = [4.0, 8.0].map(|n| {
+        let text = format!(
+            "version: 1
+analysis: {{idealisation: solid}}
+grid: {{type: structured, origin: [0, 0, 0], size: [3.2, 3.2, 3.2], spacing: {h}}}
+materials: {{rubber: {{model: neo-hookean, young: 1, poisson: 0.3}}}}
+bodies:
+- name: shell
+  material: rubber
+  method: gimp
+  points_per_cell: 3
+  shape:
+    type: intersection
+    of:
+    - {{type: difference, from: {{type: sphere, center: [0, 0, 0], radius: 2}}, minus: [{{type: sphere, center: [0, 0, 0], radius: 1}}]}}
+    - {{type: box, min: [0, 0, 0], max: [3, 3, 3]}}
+surfaces: [{{name: inner, body: shell, spacing: {spacing}, part: {{box: {{min: [1e-4, 1e-4, 1e-4], max: [1, 1, 1]}}}}}}]
+boundary_conditions:
+- {{name: left, nodes: {{x: 0}}, fix: [x]}}
+- {{name: front, nodes: {{y: 0}}, fix: [y]}}
+- {{name: base, nodes: {{z: 0}}, fix: [z]}}
+loads: [{{name: p, type: pressure, surface: inner, pressure: {p}}}]
+steps: {{count: 4}}
+",
+            h = 1.6 / n,
+            spacing = 0.8 / n,
+            p = exact.inner_pressure()
+        );
+        let (model, mut points) =
+            mpm::deck::build::build::<3>(&loaded(&text)).unwrap_or_else(|e| panic!("{e:?}"));
+        let mut radius = MeanRadius { from: 0.0, to: 0.0 };
+        mpm::solver::run(&model, &mut points, &mut radius).unwrap_or_else(|e| panic!("{e}"));
+        (radius.to - radius.from - 0.5).abs() / 0.5
+    });
+    println!("sphere in space: {errors:?}");
+    // Relative to the growth by 0.5; with 16 cells the error is 1.1·10⁻⁴.
+    assert!(errors[0] < 0.15 && errors[1] < 0.02, "{errors:?}");
+}
+
+/// The mean radius of the samples of the first surface at the start and at the end.
+struct MeanRadius {
+    from: f64,
+    to: f64,
+}
+
+impl mpm::solver::Observer<3> for MeanRadius {
+    fn converged(
+        &mut self,
+        model: &Model<3>,
+        _: &Points<3>,
+        report: &StepReport<3>,
+        _: &mpm::solver::Summary,
+    ) -> std::io::Result<()> {
+        let length = |x: &[f64; 3]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let mean = |places: &[[f64; 3]], areas: &[f64]| {
+            let sum: f64 = places.iter().zip(areas).map(|(x, a)| a * length(x)).sum();
+            sum / areas.iter().sum::<f64>()
+        };
+        let (surface, now) = (&model.surfaces[0], &report.surfaces[0]);
+        let areas: Vec<f64> = (0..surface.len()).map(|k| length(&surface.original_area(k))).collect();
+        (self.from, self.to) = (mean(&surface.samples, &areas), mean(&now.position, &now.area));
+        Ok(())
+    }
+}
 
 /// A block under pressure on all sides, held at its equilibrium stretch and turned by 90°: the nodes need no forces at any
 /// angle. Exact, because the sides of the domains are the facets of the surface.
