@@ -10,6 +10,7 @@
 //! forces of a uniform stress are those of CPDI2 domains whose sides are the facets.
 
 mod carried;
+mod cells;
 mod support;
 
 use std::collections::BTreeMap;
@@ -17,6 +18,7 @@ use std::collections::BTreeMap;
 use crate::region::{Facet, NoBoundary, Region, area_vector};
 
 pub use carried::Carried;
+pub use cells::boundary_of_cells;
 pub use support::Support;
 
 /// Slack of boxes and half-spaces that select samples, relative to the size of a cell, [-].
@@ -91,12 +93,23 @@ impl<const D: usize> Surface<D> {
         part: &Part<D>,
         [spacing, cell]: [f64; 2],
     ) -> Result<Self, NoBoundary> {
-        let mut facets = region.boundary(spacing)?;
+        let facets = region.boundary(spacing)?;
         if let Part::Side(side) = part
             && !(region.has_numbered_sides() && facets.iter().any(|facet| facet.side == *side))
         {
             return Err(NoBoundary::NoSide(*side));
         }
+        Ok(Surface::of_facets(name, body, facets, part, cell))
+    }
+
+    /// The surface of those of the facets that a part contains; `cell` is the size of a grid cell, [length].
+    pub fn of_facets(
+        name: impl Into<String>,
+        body: usize,
+        mut facets: Vec<Facet<D>>,
+        part: &Part<D>,
+        cell: f64,
+    ) -> Self {
         facets.retain(|facet| part.contains(facet, SLACK * cell));
         let mut surface = Surface {
             name: name.into(),
@@ -122,7 +135,7 @@ impl<const D: usize> Surface<D> {
             });
             surface.facets.push(indices);
         }
-        Ok(surface)
+        surface
     }
 
     /// Number of samples.

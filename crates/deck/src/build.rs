@@ -149,7 +149,7 @@ where
         }
         let points = Points::new(&seeds);
         drop(seeds);
-        let surfaces = self.surfaces(grid.as_ref(), &regions);
+        let surfaces = self.surfaces(grid.as_ref(), (&regions, &groups));
         let boundary_conditions = self.boundary_conditions(grid.as_ref());
         let loads = self.loads(grid.as_ref(), &points);
         if revolved {

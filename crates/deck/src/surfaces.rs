@@ -40,6 +40,11 @@ pub struct PartDeck {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [2]))]
     pub edge: Option<u32>,
+    /// Name of a physical group of a gmsh grid: the sides of cells at the boundary of a body of shape `cells` all of whose
+    /// nodes belong to it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = ["crest"]))]
+    pub group: Option<String>,
 }
 
 /// A half-space: the positions x with (x − point) · normal ≥ 0.

@@ -5,6 +5,7 @@ mod bins;
 pub mod element;
 pub mod gmsh;
 pub mod mesh;
+pub mod sides;
 mod structured;
 pub mod subdivide;
 

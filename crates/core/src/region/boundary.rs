@@ -75,8 +75,8 @@ pub fn area_derivative<const D: usize>(corners: &[[f64; D]; D], k: usize) -> [[f
 /// Reason why the boundary of a region cannot be divided into facets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoBoundary {
-    /// It contains a group of cells.
-    #[error("the boundary of a group of cells is not available")]
+    /// It combines a group of cells with other shapes.
+    #[error("the boundary of a group of cells in a union, intersection or difference is not available")]
     Cells,
     /// The number of a side refers to a union, intersection or difference, or exceeds the number of sides.
     #[error("it has no side {0}")]
@@ -156,6 +156,31 @@ pub(super) fn parts(length: f64, spacing: f64) -> usize {
 /// chords.
 pub(super) fn chords(radius: f64, spacing: f64) -> usize {
     parts(std::f64::consts::TAU * radius, spacing).max(24).next_multiple_of(4)
+}
+
+/// Facets, whose edges are at most `spacing` long, [length], of the side of a cell with these corners in turn: a segment in
+/// the plane, a triangle or a quadrilateral in space. None for other numbers of corners.
+pub fn divided<const D: usize>(corners: &[[f64; D]], spacing: f64, side: usize) -> Vec<Facet<D>> {
+    match corners {
+        [a, b] => divide(a, b, spacing, side),
+        [a, b, c] => triangle([a, b, c], spacing, side),
+        [a, b, c, d] => {
+            let longest = |pairs: [[&[f64; D]; 2]; 2]| {
+                pairs.iter().map(|[from, to]| norm(&minus(to, from))).fold(0.0, f64::max)
+            };
+            // The diagonal of a piece is at most `spacing` long.
+            let n = parts(longest([[a, b], [d, c]]), spacing / 2f64.sqrt());
+            let m = parts(longest([[a, d], [b, c]]), spacing / 2f64.sqrt());
+            let at = |i: usize, j: usize| -> [f64; D] {
+                let (s, t) = (i as f64 / n as f64, j as f64 / m as f64);
+                std::array::from_fn(|k| {
+                    (1.0 - s) * ((1.0 - t) * a[k] + t * d[k]) + s * ((1.0 - t) * b[k] + t * c[k])
+                })
+            };
+            quadrilaterals(n, m, &at, side)
+        }
+        _ => Vec::new(),
+    }
 }
 
 /// Segments of a straight side in the plane; empty in space.

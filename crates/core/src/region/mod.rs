@@ -25,7 +25,7 @@ use std::fmt::Debug;
 use std::sync::Arc;
 
 pub use ball::{Ball, HollowBall};
-pub use boundary::{Facet, MOST_FACETS, NoBoundary, area_derivative, area_vector};
+pub use boundary::{Facet, MOST_FACETS, NoBoundary, area_derivative, area_vector, divided};
 pub use brick::Brick;
 pub use fill::{CellPart, Filled, FilledCell, brick_parts, contains_in_cell, fill};
 pub use frustum::Frustum;
@@ -147,6 +147,14 @@ impl<const D: usize> Region<D> {
     /// A group of mesh cells.
     pub fn group(group: Group<D>) -> Self {
         Self::placed_group(group, Motion::identity())
+    }
+
+    /// The group of mesh cells of which the region consists, and its motion; `None` for other regions.
+    pub fn as_group(&self) -> Option<(&Group<D>, &Motion<D>)> {
+        match &self.node {
+            Node::Group(group, motion) => Some((group, motion)),
+            _ => None,
+        }
     }
 
     /// Union of the parts.

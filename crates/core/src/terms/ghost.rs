@@ -18,7 +18,7 @@ use std::collections::HashSet;
 
 use crate::assembly::{System, Wanted};
 use crate::basis::Connectivity;
-use crate::grid::element::ElementShape;
+use crate::grid::sides::sides_of;
 use crate::grid::{CellBasis, Grid};
 use crate::model::{Model, Stabilisation, StabilisationMode};
 use crate::points::Points;
@@ -279,25 +279,13 @@ struct Face {
 /// The faces between cells of a list, and for each cell whether it lies at the boundary of the list: it has a side that no
 /// other cell of the list shares and that is not at the edge of a structured grid, where there is nothing to cut.
 fn faces_of<const D: usize>(grid: &dyn Grid<D>, cells: &[u32]) -> (Vec<Face>, Vec<bool>) {
-    let mut sides: Vec<([u32; 4], usize, Vec<u32>)> = Vec::new();
-    for (place, &cell) in cells.iter().enumerate() {
-        let corners = grid.corners(cell as usize);
-        let Some(shape) = ElementShape::from_nodes::<D>(corners.nodes().len()) else { continue };
-        for side in shape.sides::<D>() {
-            let nodes: Vec<u32> = side.iter().map(|&k| corners.nodes()[k]).collect();
-            let mut key = [u32::MAX; 4];
-            key[..nodes.len()].copy_from_slice(&nodes);
-            key.sort_unstable();
-            sides.push((key, place, nodes));
-        }
-    }
-    sides.sort_unstable();
+    let sides = sides_of(grid, cells);
     let mut faces = Vec::new();
     let mut at_boundary = vec![false; cells.len()];
-    for equal in sides.chunk_by(|a, b| a.0 == b.0) {
+    for equal in sides.chunk_by(|a, b| a.key == b.key) {
         match equal {
-            [a, b] => faces.push(Face { cells: [a.1, b.1], nodes: a.2.clone() }),
-            [a] => at_boundary[a.1] |= !is_at_edge(grid, &a.2),
+            [a, b] => faces.push(Face { cells: [a.cell, b.cell], nodes: a.nodes.clone() }),
+            [a] => at_boundary[a.cell] |= !is_at_edge(grid, &a.nodes),
             _ => {}
         }
     }

@@ -2,13 +2,14 @@
 
 use mpm_core::grid::Grid;
 use mpm_core::region::{NoBoundary, Region};
-use mpm_core::surface::{Part, Surface};
+use mpm_core::surface::{Part, Surface, boundary_of_cells};
 
 use super::Builder;
 use crate::per_axis::array;
+use crate::placing;
 use crate::quoting::quote;
-use crate::region::OfDeck;
-use crate::{BoxDeck, HalfSpaceDeck, PartDeck};
+use crate::region::{Groups, OfDeck};
+use crate::{BoxDeck, HalfSpaceDeck, PartDeck, SurfaceDeck};
 
 /// Length of the samples of a surface relative to the smallest cell at the body, [-].
 const LENGTH: f64 = 0.25;
@@ -18,7 +19,11 @@ where
     Region<D>: OfDeck<D>,
 {
     /// Samples all surfaces, given the regions of the bodies.
-    pub(super) fn surfaces(&mut self, grid: &dyn Grid<D>, regions: &[Region<D>]) -> Vec<Surface<D>> {
+    pub(super) fn surfaces(
+        &mut self,
+        grid: &dyn Grid<D>,
+        (regions, groups): (&[Region<D>], &Groups),
+    ) -> Vec<Surface<D>> {
         let mut surfaces = Vec::new();
         for (index, deck) in self.loaded.deck.surfaces.iter().enumerate() {
             let body = self.body_number(&deck.body);
@@ -31,12 +36,37 @@ where
                 Some(PartDeck { half_space: Some(HalfSpaceDeck { point, normal }), .. }) => {
                     Part::HalfSpace { point: array(point), normal: array(normal) }
                 }
-                Some(PartDeck { edge, .. }) => Part::Side(edge.unwrap_or_default() as usize),
+                Some(PartDeck { edge: Some(edge), .. }) => Part::Side(*edge as usize),
+                Some(_) => Part::Whole,
             };
             let cell = cell_at(grid, region);
             let spacing = deck.spacing.unwrap_or(LENGTH * cell);
             let at = format!("/surfaces/{index}");
-            match Surface::new(deck.name.clone(), body, region, &part, [spacing, cell]) {
+            let by_group = deck.part.as_ref().is_some_and(|part| part.group.is_some());
+            if by_group && region.as_group().is_none() {
+                let message = format!(
+                    "the body {} of the surface {} has no cells",
+                    quote(&deck.body),
+                    quote(&deck.name)
+                );
+                let help = "give the body the shape `cells`, or select the part by `box` or `half_space`";
+                self.error("D050", &format!("{at}/part/group"), message, help.to_owned());
+                continue;
+            }
+            let sampled = match region.as_group() {
+                None => Surface::new(deck.name.clone(), body, region, &part, [spacing, cell]),
+                Some((group, motion)) => {
+                    let Ok(nodes) = self.nodes_of_part(grid, deck, &at) else { continue };
+                    if let Part::Side(side) = part {
+                        Err(NoBoundary::NoSide(side))
+                    } else {
+                        let cells = groups.cells(group.key, grid.n_cells());
+                        boundary_of_cells(grid, &cells, motion, nodes.as_deref(), spacing)
+                            .map(|facets| Surface::of_facets(deck.name.clone(), body, facets, &part, cell))
+                    }
+                }
+            };
+            match sampled {
                 Ok(surface) if surface.is_empty() => {
                     let message =
                         format!("the surface {} selects nothing of the boundary", quote(&deck.name));
@@ -57,7 +87,7 @@ where
                             "give the number of a side of a single shape, from 0, or select the part by `box` or `half_space`",
                         ),
                         NoBoundary::Cells => {
-                            (format!("{at}/body"), "give the body a shape other than `cells`")
+                            (format!("{at}/body"), "divide the body into one of shape `cells` and others")
                         }
                         NoBoundary::TooMany => (at, "give a larger `spacing`"),
                     };
@@ -66,6 +96,27 @@ where
             }
         }
         surfaces
+    }
+
+    /// The nodes, ascending, of the group that selects a part of a surface, if one does.
+    ///
+    /// # Errors
+    /// If there is no such group, which is reported.
+    fn nodes_of_part(
+        &mut self,
+        grid: &dyn Grid<D>,
+        surface: &SurfaceDeck,
+        pointer: &str,
+    ) -> Result<Option<Vec<u32>>, ()> {
+        let Some(name) = surface.part.as_ref().and_then(|part| part.group.as_ref()) else { return Ok(None) };
+        let Some(nodes) = grid.node_set(name) else {
+            let (message, help) = placing::unknown_group(grid, name, false);
+            self.error("D031", &format!("{pointer}/part/group"), message, help);
+            return Err(());
+        };
+        let mut nodes = nodes.to_vec();
+        nodes.sort_unstable();
+        Ok(Some(nodes))
     }
 
     /// Index of a surface.

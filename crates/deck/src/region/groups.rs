@@ -17,4 +17,9 @@ impl Groups {
             None => false,
         }
     }
+
+    /// The cells of a group of a grid with `n_cells` cells, ascending.
+    pub(crate) fn cells(&self, key: usize, n_cells: usize) -> Vec<u32> {
+        (0..n_cells).filter(|&cell| self.holds(key, cell)).map(|cell| cell as u32).collect()
+    }
 }

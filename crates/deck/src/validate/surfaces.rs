@@ -18,10 +18,11 @@ impl Check<'_> {
     }
 
     fn part_of_surface(&mut self, pointer: &str, part: &PartDeck) {
-        let given = [part.within.is_some(), part.half_space.is_some(), part.edge.is_some()];
+        let given =
+            [part.within.is_some(), part.half_space.is_some(), part.edge.is_some(), part.group.is_some()];
         if given.iter().filter(|given| **given).count() != 1 {
             let message = "a part of a surface is selected in exactly one way";
-            self.error("D019", pointer, message, "give exactly one of: `box`, `half_space`, `edge`");
+            self.error("D019", pointer, message, "give exactly one of: `box`, `half_space`, `edge`, `group`");
         }
         if let Some(within) = &part.within {
             self.ordered(&format!("{pointer}/box"), &within.min, &within.max);
