@@ -9,16 +9,12 @@ use super::load::LoadedDeck;
 use super::quoting::{list, quote};
 use super::{AXES, Expression, LoadDeck, Parameter};
 use mpm_core::basis::{Connectivity, Method, SupportFailure};
-use mpm_core::dofs::rigid::{FreePart, free_parts};
 use mpm_core::dofs::{ConstraintError, Covered, DofMap, covered, nodes_of};
-use mpm_core::model::{Action, Model, NodeSet, Pressure};
+use mpm_core::model::{Model, NodeSet};
 use mpm_core::points::{Points, coordinates};
 use mpm_core::solver::Obstacle;
 use mpm_core::terms::LoadNotFinite;
 use mpm_core::terms::external_force::external_force;
-
-/// Most parts of the bodies that are reported.
-const MOST_PARTS: usize = 20;
 
 /// The size of the first load step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,13 +25,14 @@ pub struct FirstStep {
     pub unknowns: usize,
 }
 
-/// Sets up the first load step and checks it; returns its size, with warnings and notes.
+/// Sets up the first load step and checks it, and that the boundary conditions of later stages hold the bodies; returns its
+/// size, with warnings and notes. The model is as before.
 ///
 /// # Errors
 /// All faults that prevent the step from being solved, with warnings and notes.
 pub fn first_step<const D: usize>(
     loaded: &LoadedDeck,
-    model: &Model<D>,
+    model: &mut Model<D>,
     points: &mut Points<D>,
 ) -> Result<(FirstStep, Vec<Diagnostic>), Vec<Diagnostic>> {
     let mut check = Check { loaded, found: Vec::new() };
@@ -48,13 +45,13 @@ pub fn first_step<const D: usize>(
     }
 }
 
-struct Check<'a> {
-    loaded: &'a LoadedDeck,
-    found: Vec<Diagnostic>,
+pub(super) struct Check<'a> {
+    pub(super) loaded: &'a LoadedDeck,
+    pub(super) found: Vec<Diagnostic>,
 }
 
 impl Check<'_> {
-    fn run<const D: usize>(&mut self, model: &Model<D>, points: &mut Points<D>) -> Option<FirstStep> {
+    fn run<const D: usize>(&mut self, model: &mut Model<D>, points: &mut Points<D>) -> Option<FirstStep> {
         let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
         let links = match Connectivity::new(model.grid.as_ref(), points, &methods) {
             Ok(links) => links,
@@ -81,30 +78,14 @@ impl Check<'_> {
             }
         }
         self.held_already(model);
-        // Only the stiffness shows whether a condition on a surface, or water around it, holds its body.
-        let held = |body: &u16| {
-            model.boundary_conditions.iter().any(|condition| match condition.nodes {
-                NodeSet::Surface(on) => model.surfaces[on.surface].body == *body as usize,
-                _ => false,
-            })
-        };
-        let floats = |body: &u16| {
-            model.loads.iter().any(|load| match &load.action {
-                Action::Pressure { surface, pressure: Pressure::Hydrostatic { .. } } => {
-                    model.surfaces[*surface].body == *body as usize
-                }
-                _ => false,
-            })
-        };
-        let mut parts = free_parts(model, points, &links, &dofs);
-        parts.retain(|part| !part.bodies.iter().any(|body| held(body) || floats(body)));
-        for part in parts.iter().take(MOST_PARTS) {
-            self.free_part(model, part);
+        let reported = self.free_parts(model, points, (&links, &dofs), None);
+        if !model.stages.is_empty() {
+            self.held_in_stages(model, points, reported);
         }
         Some(FirstStep { active_nodes: links.n_active(), unknowns: dofs.n_free() })
     }
 
-    fn at(&self, code: &'static str, pointer: &str, message: String) -> Diagnostic {
+    pub(super) fn at(&self, code: &'static str, pointer: &str, message: String) -> Diagnostic {
         Diagnostic::at(&self.loaded.source, code, pointer, message)
     }
 
@@ -184,43 +165,6 @@ impl Check<'_> {
             let found = self.at("D037", &at, message).severity(Severity::Warning);
             self.found.push(found.help(help));
         }
-    }
-
-    fn free_part<const D: usize>(&mut self, model: &Model<D>, part: &FreePart<D>) {
-        let names = part.bodies.iter().map(|&body| model.bodies[body as usize].name.as_str());
-        let bodies = match (part.bodies.len(), part.whole) {
-            (1, true) => format!("the body {}", list(names)),
-            (1, false) => format!("a part of the body {}", list(names)),
-            (_, true) => format!("the bodies {}, which share cells of the grid,", list(names)),
-            (_, false) => format!("a part of the bodies {}, which share cells of the grid,", list(names)),
-        };
-        let first = part.bodies.first().copied().unwrap_or(0);
-        let pointer = format!("/bodies/{first}");
-        let place = coordinates(&part.node);
-        let found = if part.axes.is_empty() {
-            let about = match &part.centre {
-                Some(centre) => format!(" about {}", coordinates(centre)),
-                None if D > 2 => String::new(),
-                None => " about a point".to_owned(),
-            };
-            let message =
-                format!("no boundary condition prevents {bodies} at the node {place} from rotating{about}");
-            let help = if D > 2 {
-                "fix it at three nodes that are not on one line, along more than one axis"
-            } else {
-                "fix it along one axis at two nodes that are apart along the other"
-            };
-            self.at("D035", &pointer, message).severity(Severity::Warning).help(help)
-        } else {
-            let axes: Vec<&str> = part.axes.iter().map(|&axis| AXES[axis % 3]).collect();
-            let turning = if part.rotations > 0 { ", or against rotation" } else { "" };
-            let axes = axes.join(" and ");
-            let message =
-                format!("no boundary condition holds {bodies} at the node {place} along {axes}{turning}");
-            let help = "fix or prescribe the displacement along that axis at one or more nodes of each separate part";
-            self.at("D035", &pointer, message).help(help)
-        };
-        self.found.push(found);
     }
 }
 

@@ -71,8 +71,8 @@ fn prepare<const D: usize>(
 where
     Region<D>: OfDeck<D>,
 {
-    let Built { model, mut points, mut notes, memory } = built::<D>(loaded, memory)?;
-    match first_step(loaded, &model, &mut points) {
+    let Built { mut model, mut points, mut notes, memory } = built::<D>(loaded, memory)?;
+    match first_step(loaded, &mut model, &mut points) {
         Ok((first, more)) => {
             notes.extend(more);
             let extent = Extent {

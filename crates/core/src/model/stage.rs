@@ -98,9 +98,7 @@ impl<const D: usize> Model<D> {
         for ((condition, course), stands) in conditions.zip(&stands.boundary_conditions) {
             course.draw(&mut condition.curve, stepping, *stands);
         }
-        self.present.is_released.resize(self.boundary_conditions.len(), false);
-        stage.released.iter().for_each(|&released| self.present.is_released[released] = true);
-        stage.set.iter().for_each(|&set| self.present.is_released[set] = false);
+        self.present.change_conditions(self.boundary_conditions.len(), stage);
         for &(body, material) in &stage.materials {
             self.bodies[body].material = material;
         }
@@ -132,4 +130,13 @@ pub struct Present<const D: usize> {
     /// Grid nodes and the forces on them that keep the equilibrium as the stage begins, [force]. They decrease to zero,
     /// linearly over the stage.
     pub released_forces: Vec<(u32, [f64; D])>,
+}
+
+impl<const D: usize> Present<D> {
+    /// Sets and releases those of `n` boundary conditions that a stage does.
+    pub fn change_conditions(&mut self, n: usize, stage: &Stage<D>) {
+        self.is_released.resize(n, false);
+        stage.released.iter().for_each(|&released| self.is_released[released] = true);
+        stage.set.iter().for_each(|&set| self.is_released[set] = false);
+    }
 }

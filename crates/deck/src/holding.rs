@@ -1,0 +1,129 @@
+//! Bodies that no boundary condition holds, at the start or from a later stage on.
+
+use std::collections::BTreeSet;
+
+use mpm_core::basis::{Connectivity, Method};
+use mpm_core::dofs::DofMap;
+use mpm_core::dofs::rigid::{FreePart, free_parts};
+use mpm_core::model::{Action, BoundaryCondition, Model, NodeSet, Pressure};
+use mpm_core::points::{Points, coordinates};
+
+use super::AXES;
+use super::diagnostic::Severity;
+use super::first_step::Check;
+use super::quoting::{list, quote};
+
+/// Most parts of the bodies that are reported.
+const MOST_PARTS: usize = 20;
+
+/// What is free: bodies and axes.
+type Free = BTreeSet<(Vec<u16>, Vec<usize>)>;
+
+impl Check<'_> {
+    /// Reports the parts of the bodies that nothing holds, except those in `known`; returns all of them.
+    pub(super) fn free_parts<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        (links, dofs): (&Connectivity<D>, &DofMap<D>),
+        stage: Option<(usize, &Free)>,
+    ) -> Free {
+        // Only the stiffness shows whether a condition on a surface, or water around it, holds its body.
+        let held = |body: &u16| {
+            model.boundary_conditions.iter().enumerate().any(|(number, condition)| match condition.nodes {
+                NodeSet::Surface(on) => {
+                    model.surfaces[on.surface].body == *body as usize && model.is_set(number)
+                }
+                _ => false,
+            })
+        };
+        let floats = |body: &u16| {
+            model.loads.iter().any(|load| match &load.action {
+                Action::Pressure { surface, pressure: Pressure::Hydrostatic { .. } } => {
+                    model.surfaces[*surface].body == *body as usize
+                }
+                _ => false,
+            })
+        };
+        let mut parts = free_parts(model, points, links, dofs);
+        parts.retain(|part| !part.bodies.iter().any(|body| held(body) || floats(body)));
+        let key = |part: &FreePart<D>| (part.bodies.clone(), part.axes.clone());
+        let is_new = |part: &&FreePart<D>| stage.is_none_or(|(_, known)| !known.contains(&key(part)));
+        for part in parts.iter().filter(is_new).take(MOST_PARTS) {
+            self.free_part(model, part, stage.map(|(number, _)| number));
+        }
+        parts.iter().map(key).collect()
+    }
+
+    /// Reports bodies that are free from a later stage on, with the points at their original places: where a prescribed
+    /// motion carries them elsewhere, only the run can tell.
+    pub(super) fn held_in_stages<const D: usize>(
+        &mut self,
+        model: &mut Model<D>,
+        points: &Points<D>,
+        mut known: Free,
+    ) {
+        if model.boundary_conditions.iter().any(BoundaryCondition::moves) {
+            return;
+        }
+        let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
+        let before = model.present.clone();
+        let mut points = points.clone();
+        for number in 1..model.stages.len() {
+            let stage = &model.stages[number];
+            points.retain_bodies(|body| !stage.removed.contains(&body));
+            points.append(&stage.added);
+            model.present.change_conditions(model.boundary_conditions.len(), &model.stages[number]);
+            let Ok(links) = Connectivity::new(model.grid.as_ref(), &mut points, &methods) else { break };
+            let start = model.stages[number].stepping.start_time;
+            let Ok(dofs) = DofMap::new(model, &points, &links, start, start) else { break };
+            known = self.free_parts(model, &points, (&links, &dofs), Some((number, &known)));
+        }
+        model.present = before;
+    }
+
+    /// Reports a part that is free, from a stage on if one is given.
+    fn free_part<const D: usize>(&mut self, model: &Model<D>, part: &FreePart<D>, stage: Option<usize>) {
+        let names = part.bodies.iter().map(|&body| model.bodies[body as usize].name.as_str());
+        let bodies = match (part.bodies.len(), part.whole) {
+            (1, true) => format!("the body {}", list(names)),
+            (1, false) => format!("a part of the body {}", list(names)),
+            (_, true) => format!("the bodies {}, which share cells of the grid,", list(names)),
+            (_, false) => format!("a part of the bodies {}, which share cells of the grid,", list(names)),
+        };
+        let first = part.bodies.first().copied().unwrap_or(0);
+        let (pointer, when) = match stage {
+            None => (format!("/bodies/{first}"), String::new()),
+            Some(stage) => {
+                (format!("/stages/{stage}"), format!("in the stage {}, ", quote(&model.stages[stage].name)))
+            }
+        };
+        let place = coordinates(&part.node);
+        let found = if part.axes.is_empty() {
+            let about = match &part.centre {
+                Some(centre) => format!(" about {}", coordinates(centre)),
+                None if D > 2 => String::new(),
+                None => " about a point".to_owned(),
+            };
+            let message = format!(
+                "{when}no boundary condition prevents {bodies} at the node {place} from rotating{about}"
+            );
+            let help = if D > 2 {
+                "fix it at three nodes that are not on one line, along more than one axis"
+            } else {
+                "fix it along one axis at two nodes that are apart along the other"
+            };
+            self.at("D035", &pointer, message).severity(Severity::Warning).help(help)
+        } else {
+            let axes: Vec<&str> = part.axes.iter().map(|&axis| AXES[axis % 3]).collect();
+            let turning = if part.rotations > 0 { ", or against rotation" } else { "" };
+            let axes = axes.join(" and ");
+            let message = format!(
+                "{when}no boundary condition holds {bodies} at the node {place} along {axes}{turning}"
+            );
+            let help = "fix or prescribe the displacement along that axis at one or more nodes of each separate part";
+            self.at("D035", &pointer, message).help(help)
+        };
+        self.found.push(found);
+    }
+}
