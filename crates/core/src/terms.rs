@@ -13,6 +13,6 @@ pub mod surface;
 mod term;
 
 pub use failure::{BeginError, LoadNotFinite, PointFailure, SurfaceLost};
-pub use sum::{Sum, Terms, of_model};
+pub use sum::{Sum, Terms, of_model, restore};
 pub use surface::Surfaces;
 pub use term::{FURTHER, Ledger, NamedForce, SurfaceReaction, Term};

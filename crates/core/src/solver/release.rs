@@ -11,10 +11,9 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::step::{At, Step, StepContext};
 use crate::stress::Mechanics;
-use crate::terms::{Sum, of_model};
+use crate::terms::{Sum, of_model, restore};
 
 use super::error::{SolveError, locate_failure};
-use super::stepper::restore;
 
 /// The forces that balance the converged state at a time on the free unknowns: by grid node, [force]. As they decrease, what
 /// the state no longer carries is released, and what it has gained begins to act. `saved` is the state of the terms.
@@ -35,7 +34,8 @@ pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
         .map_err(|error| SolveError::Constraint { step: step.index, error })?;
     let context = StepContext { model, links: &links, step, factor: 0.0 };
     let mut terms = of_model::<D, D, M>(model);
-    restore(&mut terms, saved)?;
+    restore(&mut terms, saved)
+        .map_err(|(term, reason)| SolveError::Term { term: term.to_owned(), reason })?;
     let mut sum = Sum::begun(terms, &context, points).map_err(|error| SolveError::begin(error, step))?;
     let none = vec![[0.0; D]; links.n_active()];
     sum.evaluate(&context, points, At::new(&none), Wanted::Force)

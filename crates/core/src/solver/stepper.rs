@@ -12,7 +12,7 @@ use crate::points::Points;
 use crate::quality::{Code, Location, Measures, Warning};
 use crate::step::Step;
 use crate::stress::Mechanics;
-use crate::terms::{Terms, of_model};
+use crate::terms::{Terms, of_model, restore};
 use crate::timing::{Phase, Timings};
 
 use super::Solvable;
@@ -174,7 +174,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         if let Some(name) = reached.summary.terms.keys().find(|name| !is_known(name)) {
             return Err(refused(name, "it has a saved state, but has not been added to the analysis"));
         }
-        restore(&mut self.terms, &reached.summary.terms)?;
+        restore(&mut self.terms, &reached.summary.terms).map_err(|(term, reason)| refused(term, &reason))?;
         self.equations.resume(reached.summary.kept.clone());
         self.reached = reached;
         Ok(self)
@@ -434,22 +434,6 @@ pub(super) fn finish<const D: usize>(
     let finished = reached.summary;
     let reported = observer.finished(model, points, &finished, outcome.as_ref().err());
     outcome.and(reported.map_err(SolveError::Output)).map(|()| finished)
-}
-
-/// Restores the saved state of each term that has one.
-///
-/// # Errors
-/// [`SolveError::Term`] if a term does not accept its state.
-pub(super) fn restore<const D: usize, const N: usize>(
-    terms: &mut Terms<D, N>,
-    saved: &BTreeMap<String, Value>,
-) -> Result<(), SolveError> {
-    for term in terms {
-        if let Some(saved) = saved.get(term.name()) {
-            term.restore(saved).map_err(|reason| refused(term.name(), &reason))?;
-        }
-    }
-    Ok(())
 }
 
 fn refused(term: &str, reason: &str) -> SolveError {

@@ -1,5 +1,9 @@
 //! The sum of all terms in a load step.
 
+use std::collections::BTreeMap;
+
+use serde_json::Value;
+
 use crate::assembly::{System, Wanted, with_ties};
 use crate::dofs::DofMap;
 use crate::model::Model;
@@ -29,6 +33,22 @@ pub fn of_model<const D: usize, const N: usize, M: Mechanics<D>>(model: &Model<D
         terms.push(Box::new(Surfaces::new(model)));
     }
     terms
+}
+
+/// Restores the saved state of each term that has one.
+///
+/// # Errors
+/// The name of a term that does not accept its state, and the reason.
+pub fn restore<const D: usize, const N: usize>(
+    terms: &mut Terms<D, N>,
+    saved: &BTreeMap<String, Value>,
+) -> Result<(), (&'static str, String)> {
+    for term in terms {
+        if let Some(saved) = saved.get(term.name()) {
+            term.restore(saved).map_err(|reason| (term.name(), reason))?;
+        }
+    }
+    Ok(())
 }
 
 /// The sum of all terms in one load step.
