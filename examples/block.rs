@@ -133,6 +133,7 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
         probes: Vec::new(),
         initial_imbalance: None,
         stages: Vec::new(),
+        moving_grid: None,
         present: Default::default(),
     };
     (model, points)

@@ -11,6 +11,7 @@ mod gmsh;
 mod inline_vtu;
 mod iterative;
 mod linear;
+mod moving_grid;
 mod scaling;
 mod solid;
 mod stabilisation;

@@ -1,4 +1,5 @@
-//! The model: all data of an analysis that stay constant during a run.
+//! The model: all data of an analysis. They stay constant during a run, but for what changes between stages, and a grid that
+//! moves between steps.
 
 use crate::basis::{DomainKind, Method, domain_volume};
 use crate::domain::DomainUpdate;
@@ -13,16 +14,18 @@ mod boundary_condition;
 mod builder;
 mod initial_state;
 mod load;
+mod moving_grid;
 mod newton;
 mod stabilisation;
 mod stage;
 mod stepping;
 
 pub use arrays::HistoryVariable;
-pub use boundary_condition::{BoundaryCondition, NodeSet, OnSurface};
+pub use boundary_condition::{BoundaryCondition, NodeSet, OnSurface, displacement_at};
 pub use builder::{BuildError, Builder, Fill};
 pub use initial_state::InitialImbalance;
 pub use load::{Action, Load, LoadCurve, Pressure, VectorFormula};
+pub use moving_grid::{FollowError, FollowingLines, GridMotionError, MovingGrid};
 pub use newton::{Newton, PatternReuse, Predictor, StiffnessUpdate};
 pub use stabilisation::{Stabilisation, StabilisationMode};
 pub use stage::{Course, Factors, Present, Stage};
@@ -59,13 +62,15 @@ pub struct Probe {
     pub points: Vec<u32>,
 }
 
-/// An analysis in `D` dimensions; constant during a run.
+/// An analysis in `D` dimensions; constant during a load step.
 #[derive(Debug)]
 pub struct Model<const D: usize> {
     /// One-line description of the analysis.
     pub title: String,
-    /// The background grid.
+    /// The background grid, that of the present step.
     pub grid: Box<dyn Grid<D>>,
+    /// The lines of the grid that follow prescribed displacements; `None` if the grid does not move.
+    pub moving_grid: Option<MovingGrid<D>>,
     /// True for bodies of revolution about the axis where the first coordinate is zero. Other two-dimensional bodies
     /// have unit thickness.
     pub revolved: bool,
@@ -106,6 +111,7 @@ impl<const D: usize> Model<D> {
         Model {
             title: String::new(),
             grid,
+            moving_grid: None,
             revolved: false,
             formulation: Formulation::default(),
             point_volume: PointVolume::default(),

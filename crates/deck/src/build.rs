@@ -2,6 +2,7 @@
 
 mod initial_stress;
 mod magnitudes;
+mod moving_grid;
 mod nearest;
 mod nodes;
 mod stages;
@@ -166,6 +167,7 @@ where
         let mut model = Model {
             title: deck.title.clone().unwrap_or_default(),
             grid,
+            moving_grid: None,
             revolved,
             formulation: deck.analysis.formulation,
             point_volume: deck.analysis.point_volume,
@@ -184,6 +186,7 @@ where
         };
         self.initial_stresses(&model, &mut points, (&regions, &groups));
         self.divide(&mut model, &mut points);
+        self.follow(&mut model);
         Some((model, points))
     }
 
@@ -193,7 +196,7 @@ where
 
     fn grid(&mut self) -> Option<Box<dyn Grid<D>>> {
         match &self.deck.grid {
-            GridDeck::Structured { origin, size, spacing } => {
+            GridDeck::Structured { origin, size, spacing, .. } => {
                 let (origin, size): ([f64; D], [f64; D]) = (array(origin), array(size));
                 let axes: Result<Vec<Axis>, CoincidentLines> =
                     (spacing.entries(D).iter().enumerate().take(D))

@@ -136,6 +136,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D051", "an initial stress that a body cannot have"),
     ("D052", "an initial stress outside the yield surface"),
     ("D053", "stages that do not fit the deck, or each other"),
+    ("D054", "grid lines that cannot follow a boundary condition"),
 ];
 
 impl Diagnostic {

@@ -5,7 +5,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Lengths, Vector};
+use super::{Axis as DeckAxis, Lengths, Vector};
 use mpm_core::grid::{Axis, CoincidentLines, Interval};
 
 /// The background grid.
@@ -24,6 +24,11 @@ pub enum GridDeck {
         /// graded grid.
         #[schemars(extend("examples" = [0.5, [0.5, 0.25], [[{"to": 2, "cells": 10}, {"to": 11, "cells": 12, "ratio": 1.2}], 0.5]]))]
         spacing: SpacingDeck,
+        /// Grid lines that follow boundary conditions from step to step, so that a moving footing or tool stays on grid
+        /// lines. With load control only.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        #[schemars(length(max = 1000), extend("examples" = [[{"axis": "y", "from": 4, "condition": "push"}]]))]
+        follow: Vec<FollowDeck>,
     },
     /// Triangles and quadrilaterals (tetrahedra and hexahedra in space) from a mesh file of gmsh, format 2.2 or 4.1,
     /// text or binary.
@@ -32,6 +37,41 @@ pub enum GridDeck {
         #[schemars(length(min = 1), extend("examples" = ["ring.msh"]))]
         file: String,
     },
+}
+
+/// Grid lines that follow a boundary condition. At the start of each load step they stand where it has moved them; the lines
+/// between two groups of such lines, and between these and the ends of the grid, stretch evenly. The ends stay where they are
+/// unless they follow, too.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FollowDeck {
+    /// Axis along which the lines move.
+    pub axis: DeckAxis,
+    /// Coordinate of the first line at the start, [length].
+    #[schemars(extend("examples" = [4]))]
+    pub from: f64,
+    /// Coordinate of the last line at the start, [length]; by default, that of the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [5]))]
+    pub to: Option<f64>,
+    /// Name of the boundary condition whose displacement along the axis they follow: a number, or a formula without
+    /// coordinates. They follow it even while it does not act.
+    #[schemars(extend("examples" = ["push"]))]
+    pub condition: String,
+}
+
+/// Relative distance to a grid line within which a coordinate counts as lying on it.
+const ON_LINE: f64 = 1e-6;
+
+/// The number of the grid line at a coordinate.
+///
+/// # Errors
+/// The coordinate of the nearest line, if none lies there.
+pub(crate) fn line_at(lines: &Axis, coordinate: f64) -> Result<usize, f64> {
+    let number = lines.nearest_line(coordinate);
+    let nearest = lines.line(number);
+    let is_on = (coordinate - nearest).abs() <= ON_LINE * lines.size_around(number);
+    if is_on { Ok(number) } else { Err(nearest) }
 }
 
 /// Sides of the cells: one number for all axes, or a list with one entry per axis.

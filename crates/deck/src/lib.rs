@@ -15,7 +15,7 @@ use serde_json::Value;
 pub use boundary_conditions::{
     AlongSurface, Axis, BoundaryConditionDeck, FixDeck, MoveDeck, NodeSelector, NormalDeck,
 };
-pub use grid::{AxisSpacing, GridDeck, IntervalDeck, SpacingDeck};
+pub use grid::{AxisSpacing, FollowDeck, GridDeck, IntervalDeck, SpacingDeck};
 pub use initial_stress::{InitialStressDeck, StressDeck};
 pub use loads::{HydrostaticDeck, LoadCurve, LoadDeck, Per, PointSelector};
 pub use mpm_core::basis::Method;

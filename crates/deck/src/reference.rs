@@ -26,6 +26,7 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`stabilisation` of an analysis", "Stabilisation"),
     ("`grid`", "GridDeck"),
     ("`spacing` of a graded grid, each interval", "IntervalDeck"),
+    ("`follow`, each group of lines", "FollowDeck"),
     ("`materials`, each by its name", "MaterialDeck"),
     ("`bodies`, each", "BodyDeck"),
     ("`shape` of a body", "Shape"),

@@ -4,6 +4,7 @@
 //! of the schema. All faults are reported at once.
 
 mod extent;
+mod follow;
 mod geometry;
 mod grid;
 mod initial_stress;
@@ -35,6 +36,7 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.bodies(grid.as_ref());
     check.surfaces();
     check.boundary_conditions();
+    check.follow();
     check.loads();
     check.output();
     check.linear_solver();

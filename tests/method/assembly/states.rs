@@ -247,6 +247,7 @@ fn state_on<const D: usize, M: Mechanics<D>>(
         probes: Vec::new(),
         initial_imbalance: None,
         stages: Vec::new(),
+        moving_grid: None,
         present: Default::default(),
     };
     let mut points = Points::new(&seeds);

@@ -117,6 +117,7 @@ pub fn model(
         probes: Vec::new(),
         initial_imbalance: None,
         stages: Vec::new(),
+        moving_grid: None,
         present: Default::default(),
     }
 }

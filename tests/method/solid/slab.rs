@@ -109,6 +109,7 @@ fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
         probes: Vec::new(),
         initial_imbalance: None,
         stages: Vec::new(),
+        moving_grid: None,
         present: Default::default(),
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::basis::Connectivity;
 use crate::formula::Formula;
-use crate::model::{BoundaryCondition, Model, NodeSet};
+use crate::model::{BoundaryCondition, Model, NodeSet, displacement_at};
 use crate::points::{Points, State};
 use crate::tensor::Mat3;
 
@@ -61,18 +61,7 @@ pub fn displacement_increment<const D: usize>(
     original: &[f64; D],
     factors: [Option<f64>; 2],
 ) -> f64 {
-    let mut variables = [0.0; 7];
-    variables[..D].copy_from_slice(place);
-    variables[D..2 * D].copy_from_slice(original);
-    let mut at = |factor: Option<f64>| {
-        let Some(factor) = factor else { return 0.0 };
-        if formula.depends_on(2 * D) {
-            variables[2 * D] = factor;
-            formula.evaluate(&variables[..=2 * D])
-        } else {
-            formula.evaluate(&variables[..=2 * D]) * factor
-        }
-    };
+    let at = |factor: Option<f64>| factor.map_or(0.0, |f| displacement_at(formula, place, original, f));
     at(factors[1]) - at(factors[0])
 }
 

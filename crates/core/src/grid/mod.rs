@@ -2,6 +2,7 @@
 
 mod axis;
 mod bins;
+mod carried;
 pub mod element;
 pub mod gmsh;
 pub mod mesh;
@@ -10,6 +11,7 @@ mod structured;
 pub mod subdivide;
 
 pub use axis::{Axis, CoincidentLines, Interval};
+pub use carried::{CarriedLines, CarryError, LEAST_SIZE};
 pub use mesh::Mesh;
 pub use structured::{Structured, vtk_corner};
 

@@ -80,3 +80,21 @@ impl<const D: usize> BoundaryCondition<D> {
         self.displacement[axis].as_ref().is_some_and(|formula| formula.as_constant() == Some(0.0))
     }
 }
+
+/// A prescribed displacement at a place, an original place and a load factor, [length].
+pub fn displacement_at<const D: usize>(
+    formula: &Formula,
+    place: &[f64; D],
+    original: &[f64; D],
+    factor: f64,
+) -> f64 {
+    let mut variables = [0.0; 7];
+    variables[..D].copy_from_slice(place);
+    variables[D..2 * D].copy_from_slice(original);
+    if formula.depends_on(2 * D) {
+        variables[2 * D] = factor;
+        formula.evaluate(&variables[..=2 * D])
+    } else {
+        formula.evaluate(&variables[..=2 * D]) * factor
+    }
+}

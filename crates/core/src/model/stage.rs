@@ -48,7 +48,7 @@ pub enum Course {
 
 impl Course {
     /// Replaces the curve of a factor that stands at a value as the stage begins.
-    fn draw(self, curve: &mut LoadCurve, stepping: &Stepping, stands: f64) {
+    pub(super) fn draw(self, curve: &mut LoadCurve, stepping: &Stepping, stands: f64) {
         let times = [stepping.start_time, stepping.end_time];
         match self {
             Course::Own => (),

@@ -108,8 +108,13 @@ pub struct Measures {
 
 impl Measures {
     /// Measures a step that is in equilibrium but not committed: the converged state of the points, to which `links` belong, is
-    /// the start of the step, the trial state is its end.
-    pub fn new<const D: usize>(model: &Model<D>, points: &Points<D>, links: &Connectivity<D>) -> Measures {
+    /// the start of the step, the trial state is its end, to be found in the grid of the next step.
+    pub fn new<const D: usize>(
+        model: &Model<D>,
+        points: &Points<D>,
+        links: &Connectivity<D>,
+        next_grid: &dyn Grid<D>,
+    ) -> Measures {
         let objections: Vec<Option<Objection>> = (model.bodies.iter())
             .map(|body| match body.method.domain() {
                 DomainKind::Box => Objection::to::<D>(body.domain_update),
@@ -125,7 +130,7 @@ impl Measures {
             .map(|k| {
                 let mut measures = empty();
                 for group in k * piece..((k + 1) * piece).min(links.n_groups()) {
-                    measures.add_group(model, points, links, &objections, group);
+                    measures.add_group(model, points, (links, next_grid), &objections, group);
                 }
                 measures
             })
@@ -156,11 +161,11 @@ impl Measures {
         &mut self,
         model: &Model<D>,
         points: &Points<D>,
-        links: &Connectivity<D>,
+        (links, next_grid): (&Connectivity<D>, &dyn Grid<D>),
         objections: &[Option<Objection>],
         group: usize,
     ) {
-        let structured = model.grid.structured(); // calls to a known type are inlined
+        let structured = next_grid.structured(); // calls to a known type are inlined
         let mut filled = 0.0;
         for p in links.points_of(group) {
             filled += points.volume(p);
@@ -189,7 +194,7 @@ impl Measures {
                     body.points += 1;
                     let now = match structured {
                         Some(grid) => grid.locate(x, Some(cell)),
-                        None => model.grid.locate(x, Some(cell)),
+                        None => next_grid.locate(x, Some(cell)),
                     };
                     body.crossings += usize::from(now != Some(cell));
                     continue;
@@ -199,11 +204,11 @@ impl Measures {
                         body.box_turning += turn * det_f * points.original_volume[p];
                     }
                     let (x, l) = (&points.trial.position[p], &points.trial.half_lengths[p]);
-                    (l.iter().map(|l| 2.0 * l).product(), share_of_box_outside(model.grid.as_ref(), x, l))
+                    (l.iter().map(|l| 2.0 * l).product(), share_of_box_outside(next_grid, x, l))
                 }
                 DomainKind::Corners => {
                     let corners = &points.trial.corners[points.corner_range(p)];
-                    let share = share_of_corners_outside(model.grid.as_ref(), corners, points.cell[p]);
+                    let share = share_of_corners_outside(next_grid, corners, points.cell[p]);
                     (domain_volume(corners), share)
                 }
             };

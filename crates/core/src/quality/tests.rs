@@ -42,7 +42,7 @@ fn measures(model: &Model<2>, points: &mut Points<2>) -> Measures {
     if points.trial.position.is_empty() {
         points.trial = points.converged.clone(); // nothing has moved
     }
-    Measures::new(model, points, &links)
+    Measures::new(model, points, &links, model.grid.as_ref())
 }
 
 fn near(found: Option<PointValue>, value: f64, point: u32) {
@@ -108,7 +108,7 @@ fn bodies_are_measured_on_their_own() {
         points.trial.deformation_gradient[place[0]] = Mat3::new(0.0, -1.5, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
         points.trial.half_lengths[place[1]] = [0.1, 0.12];
         points.trial.deformation_gradient[place[1]] = Mat3::new(1.0, 0.4, 0.0, 0.0, 0.9, 0.0, 0.0, 0.0, 1.0);
-        Measures::new(&model, &points, &links)
+        Measures::new(&model, &points, &links, model.grid.as_ref())
     };
     near(measures.bodies[0].shear, 0.4 / 0.9, 1);
     near(measures.bodies[0].objection, 0.1, 1);

@@ -365,6 +365,7 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
         | SolveError::Interrupted { .. }
         | SolveError::Term { .. }
         | SolveError::InitialState { .. }
+        | SolveError::GridMotion { .. }
         | SolveError::Output(_) => Kind::Setting,
     }
 }

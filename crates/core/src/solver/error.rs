@@ -10,7 +10,7 @@ use crate::domain::Collapsed;
 use crate::linear::LinearError;
 use crate::material::shear_modulus_at_rest;
 use crate::memory::in_words;
-use crate::model::Model;
+use crate::model::{GridMotionError, Model};
 use crate::points::{Points, coordinates};
 use crate::stress::PointError;
 use crate::terms::{BeginError, LoadNotFinite, PointFailure, SurfaceLost};
@@ -197,6 +197,14 @@ pub enum SolveError {
         /// The load, the point and the value.
         error: Box<LoadNotFinite>,
     },
+    /// The grid cannot follow the prescribed displacements.
+    #[error("step {step}: {error}")]
+    GridMotion {
+        /// Number of the step.
+        step: usize,
+        /// The reason.
+        error: GridMotionError,
+    },
     /// A surface has left the material that carries it.
     #[error("step {step}: {error}")]
     Surface {
@@ -259,6 +267,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("S015", "a term of equilibrium that cannot be used"),
     ("S016", "a surface that has left the material"),
     ("S017", "an initial state out of balance"),
+    ("S018", "a grid that cannot move as prescribed"),
 ];
 
 fn worst_node(worst: &Option<(Vec<f64>, Vec<f64>)>) -> String {
@@ -311,6 +320,7 @@ impl SolveError {
             SolveError::RoundOff { .. } => "S014",
             SolveError::Term { .. } => "S015",
             SolveError::InitialState { .. } => "S017",
+            SolveError::GridMotion { .. } => "S018",
             SolveError::Interrupted { .. } => return None,
         })
     }

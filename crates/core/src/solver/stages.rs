@@ -167,13 +167,23 @@ pub fn run_stages<const D: usize>(
 where
     Model<D>: Solvable<D>,
 {
+    // A grid that cannot move is reported when its step begins.
+    let _ = model.place_grid(reached.step.end);
     observer.started(model, points).map_err(SolveError::Output)?;
     loop {
+        let Step { index, end, .. } = reached.step;
+        if let Err(error) = model.place_grid(end) {
+            let error = SolveError::GridMotion { step: index + 1, error };
+            return super::stepper::finish(model, points, reached, Err(error), observer);
+        }
         let mut stepper = Stepper::new(model, points).resume(reached)?;
-        let outcome = stepper.steps(observer);
+        let outcome = stepper.steps_on_grid(observer);
         reached = stepper.into_reached();
+        if let Ok(true) = outcome {
+            continue;
+        }
         if outcome.is_err() || model.present.stage + 1 >= model.stages.len() {
-            return super::stepper::finish(model, points, reached, outcome, observer);
+            return super::stepper::finish(model, points, reached, outcome.map(|_| ()), observer);
         }
         let kernels = model.kernels();
         if let Err(error) = enter(model, points, &kernels, &mut reached) {

@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::basis::Connectivity;
 use crate::equilibrium::StepReport;
 use crate::linear::Backend;
-use crate::model::Model;
+use crate::model::{GridMotionError, Model};
 use crate::points::Points;
 use crate::quality::{Code, Location, Measures, Warning};
 use crate::step::Step;
@@ -181,7 +181,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     }
 
     /// Solves the next step and commits it: the step that follows the last one in equilibrium or, if it has no
-    /// equilibrium, smaller ones as far as the model allows. `None` at the end of the analysis.
+    /// equilibrium, smaller ones as far as the model allows. `None` at the end of the analysis. A grid that moves must have
+    /// been moved to its place by [`Model::place_grid`].
     ///
     /// # Errors
     /// [`SolveError`] when there is no equilibrium; the converged state of the points is then the last one in equilibrium.
@@ -189,10 +190,11 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         Ok((self.kernels.step)(self, observer)?.then_some(self.report.as_ref()).flatten())
     }
 
-    /// Runs to the end of the analysis and reports every event to `observer`.
+    /// Runs to the end of the analysis and reports every event to `observer`. The grid must not move between steps;
+    /// [`super::run_stages`] moves it.
     ///
     /// # Errors
-    /// As [`Stepper::step`].
+    /// As [`Stepper::step`]; [`SolveError::GridMotion`] if the grid moves.
     pub fn run(self, observer: &mut dyn Observer<D>) -> Result<Summary, SolveError> {
         (self.kernels.run)(self, observer)
     }
@@ -216,6 +218,9 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         let before = self.reached.step.index;
         while self.reached.step.index == before {
             let Some(step) = self.next_interval() else { return Ok(false) };
+            if !self.model.has_grid_of(step.start) {
+                return Err(SolveError::GridMotion { step: step.index, error: GridMotionError::NotPlaced });
+            }
             self.try_step::<M>(step, observer)?;
         }
         Ok(true)
@@ -223,6 +228,10 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
 
     fn run_to_end<M: Mechanics<D>>(mut self, observer: &mut dyn Observer<D>) -> Result<Summary, SolveError> {
         let (model, points) = (self.model, &*self.points);
+        if model.moving_grid.is_some() {
+            let step = self.reached.step.index + 1;
+            return Err(SolveError::GridMotion { step, error: GridMotionError::NotPlaced });
+        }
         let timings = &mut self.reached.summary.timings;
         let started = timings.measure(Phase::Output, || observer.started(model, points));
         let outcome = match started {
@@ -238,13 +247,18 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         Ok(())
     }
 
-    /// Solves all steps up to the end of the analysis or stage.
+    /// Solves all steps on the present grid: up to the end of the analysis or stage, or only the next one if the grid moves.
+    /// Returns false at the end.
     ///
     /// # Errors
     /// As [`Stepper::step`].
-    pub(super) fn steps(&mut self, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
-        while (self.kernels.step)(self, observer)? {}
-        Ok(())
+    pub(super) fn steps_on_grid(&mut self, observer: &mut dyn Observer<D>) -> Result<bool, SolveError> {
+        while (self.kernels.step)(self, observer)? {
+            if self.model.moving_grid.is_some() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// The last step in equilibrium, and the account of the run so far.
@@ -396,7 +410,9 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         let (model, points) = (self.model, &*self.points);
         let Summary { timings, quality, warnings, .. } = &mut self.reached.summary;
         let raised = timings.measure(Phase::Update, || {
-            let measures = Measures::new(model, points, &report.grid.links);
+            let moved = model.grid_at(report.step.end).ok().flatten();
+            let next_grid = moved.as_ref().map_or(model.grid.as_ref(), |grid| grid as _);
+            let measures = Measures::new(model, points, &report.grid.links, next_grid);
             let mut raised = quality.accept(model, report.step.index, &measures, &report.residuals);
             raised.extend(quality.watch(model, points, report));
             raised

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use super::error::SolveError;
 use crate::basis::{Connectivity, DomainKind, LinkBuffer as Products, Method, check_domain};
 use crate::domain::DomainMotion;
-use crate::grid::interpolate;
+use crate::grid::{Grid, interpolate};
 use crate::kinematics::Increment;
 use crate::model::Model;
 use crate::points::Points;
@@ -54,6 +54,10 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
         Some(grid) => interpolate(grid, place, &nodal),
         None => interpolate(model.grid.as_ref(), place, &nodal),
     };
+    // The next step must find the points in its grid.
+    let error = |error| SolveError::GridMotion { step: step.index, error };
+    let moved_grid = model.grid_at(step.end).map_err(error)?;
+    let next_grid = moved_grid.as_ref().map_or(model.grid.as_ref(), |grid| grid as &dyn Grid<D>);
     let mut trial = std::mem::take(&mut points.trial);
     let state = &*points;
     trial.make_room_for_motion(&points.converged);
@@ -61,6 +65,7 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
     let move_point = |nodes: &[u32], products: &mut Products<D>, p: usize| {
         let moved = move_point::<D, M>(
             model,
+            next_grid,
             state,
             links,
             nodes,
@@ -171,6 +176,7 @@ impl<const D: usize> Room<'_, D> {
 #[expect(clippy::too_many_arguments, reason = "one point with everything that moves it")]
 fn move_point<const D: usize, M: Mechanics<D>>(
     model: &Model<D>,
+    next_grid: &dyn Grid<D>,
     points: &Points<D>,
     links: &Connectivity<D>,
     nodes: &[u32],
@@ -189,9 +195,9 @@ fn move_point<const D: usize, M: Mechanics<D>>(
             position[d] += value * du[d];
         }
     }
-    let held = match model.grid.structured() {
+    let held = match next_grid.structured() {
         Some(grid) => grid.locate_index(&position).is_some(),
-        None => model.grid.locate(&position, Some(points.cell[p])).is_some(),
+        None => next_grid.locate(&position, Some(points.cell[p])).is_some(),
     };
     if !held {
         return Err(SolveError::off_grid(model, points, p, position, step));
@@ -230,9 +236,9 @@ fn move_point<const D: usize, M: Mechanics<D>>(
             }
             // Otherwise only the next step, if there is one, would notice.
             let n = points.corner_range(p).len();
-            let check = |moved: &Moved<D>| match model.grid.structured() {
+            let check = |moved: &Moved<D>| match next_grid.structured() {
                 Some(grid) => check_domain(grid, &moved.corners[..n], points.cell[p]),
-                None => check_domain(model.grid.as_ref(), &moved.corners[..n], points.cell[p]),
+                None => check_domain(next_grid, &moved.corners[..n], points.cell[p]),
             };
             let mut checked = check(&moved);
             if replaces && checked.is_err() {

@@ -43,6 +43,10 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
             "check `initial_stress`, its `surface`, and the loads at time 0; horizontal layers under their weight are in \
              equilibrium, slopes are not. `analysis: {initial_imbalance: equilibrate}` lets the first step find equilibrium",
         ),
+        SolveError::GridMotion { .. } => Some(
+            "prescribe smaller displacements, or leave more cells between the lines under `grid: {follow: ...}` and the ends \
+             of the grid",
+        ),
         SolveError::Unheld { .. } => Some(
             "fix or prescribe the displacement along that axis at one or more nodes of each separate part",
         ),

@@ -1,6 +1,7 @@
 //! The grid nodes that boundary conditions select.
 
 use super::Builder;
+use crate::grid::line_at;
 use crate::per_axis::array;
 use crate::placing;
 use crate::quoting::{list, quote};
@@ -10,8 +11,8 @@ use mpm_core::grid::{Grid, Structured};
 use mpm_core::model::NodeSet;
 use mpm_core::region::Region;
 
-/// Relative distance to a grid line within which a selected coordinate counts as lying on it.
-const ON_LINE: f64 = 1e-6;
+/// Relative distance to a box within which nodes count as lying in it.
+const IN_BOX: f64 = 1e-6;
 
 impl<const D: usize> Builder<'_, D>
 where
@@ -43,7 +44,8 @@ where
         let mut off_line = false;
         for (axis, coordinate) in coordinates.iter().enumerate().take(D) {
             if let (Some(c), Some(grid)) = (coordinate, grid.structured()) {
-                off_line |= self.check_line(grid, axis, *c, &format!("{pointer}/nodes/{}", AXES[axis]));
+                let at = format!("{pointer}/nodes/{}", AXES[axis]);
+                off_line |= self.line("D029", grid, (axis, *c), &at).is_none();
             }
         }
         // On an imported grid, the cells around a node define what counts as near.
@@ -51,7 +53,7 @@ where
             Some(grid) => grid.sides_around(grid.node_index(node)),
             None => [grid.size_around(node); D],
         };
-        let slack = |node: usize| sides(node).map(|h| ON_LINE * h);
+        let slack = |node: usize| sides(node).map(|h| IN_BOX * h);
         let all = grid.bounds();
         let bounds: [[f64; D]; 2] = match within {
             Some(region) => [array(&region.min), array(&region.max)],
@@ -87,18 +89,21 @@ where
         NodeSet::Fixed(nodes)
     }
 
-    /// Reports a coordinate that lies on no grid line; returns true if it did.
-    fn check_line(&mut self, grid: &Structured<D>, axis: usize, c: f64, pointer: &str) -> bool {
-        let lines = &grid.axes()[axis];
-        let number = lines.nearest_line(c);
-        let nearest = lines.line(number);
-        if (c - nearest).abs() <= ON_LINE * lines.size_around(number) {
-            return false;
+    /// The number of the grid line at a coordinate along an axis; reports an error if there is none.
+    pub(super) fn line(
+        &mut self,
+        code: &'static str,
+        grid: &Structured<D>,
+        (axis, coordinate): (usize, f64),
+        pointer: &str,
+    ) -> Option<usize> {
+        let found = line_at(&grid.axes()[axis], coordinate);
+        if let Err(nearest) = found {
+            let name = AXES[axis];
+            let message = format!("no grid line lies at {name} = {coordinate}");
+            self.error(code, pointer, message, format!("the nearest one is {name} = {nearest}"));
         }
-        let name = AXES[axis];
-        let message = format!("no grid line lies at {name} = {c}");
-        self.error("D029", pointer, message, format!("the nearest one is {name} = {nearest}"));
-        true
+        found.ok()
     }
 }
 

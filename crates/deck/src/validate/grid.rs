@@ -14,7 +14,7 @@ const SAME: f64 = 1e-12;
 impl Check<'_> {
     /// Checks the grid; returns it if it is structured and its lines are known.
     pub(super) fn grid(&mut self) -> Option<GridBox> {
-        let GridDeck::Structured { origin, size, spacing } = &self.deck.grid else { return None };
+        let GridDeck::Structured { origin, size, spacing, .. } = &self.deck.grid else { return None };
         let origin = self.vector("/grid/origin", origin);
         let sides = self.lengths("/grid/size", &PerAxis::Each(size.clone()));
         let spacing = self.spacing("/grid/spacing", spacing);

@@ -1,0 +1,288 @@
+//! A background grid whose lines follow prescribed displacements.
+//!
+//! Nothing lives on the grid between load steps, so its lines may be carried along: the grid of a step is a function of the
+//! time at which the step starts. A tool or footing then stays on grid lines (the moving mesh of Phuong et al., Comput.
+//! Geotech. 73 (2016) 58-71). Lines move as a whole, whatever material their cells contain.
+
+use crate::formula::Formula;
+use crate::grid::{Axis, CarriedLines, CarryError, ON_LINE, Structured};
+
+use super::boundary_condition::displacement_at;
+use super::{BoundaryCondition, Control, Model, Stepping};
+
+/// Fewest and most times of a stage at which the motion of the grid is checked before a run, besides those of the curves.
+const TIMES: [usize; 2] = [100, 10_000];
+
+/// Consecutive grid lines that follow the displacement that a boundary condition prescribes along their axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FollowingLines {
+    /// Axis, from 0.
+    pub axis: usize,
+    /// Number of the first line.
+    pub first: usize,
+    /// Number of the last line.
+    pub last: usize,
+    /// Index of the boundary condition. The lines follow it whether or not it acts in the present stage.
+    pub condition: usize,
+}
+
+/// The original grid of a model, and its lines that follow boundary conditions.
+#[derive(Debug, Clone)]
+pub struct MovingGrid<const D: usize> {
+    /// The grid at time 0.
+    original: Structured<D>,
+    following: Vec<FollowingLines>,
+    /// The time for which the grid of the model has been placed, [time].
+    time: f64,
+}
+
+/// Lines that cannot follow a boundary condition.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum FollowError {
+    /// The grid has no lines.
+    #[error("only the lines of a structured grid can follow a boundary condition")]
+    Unstructured,
+    /// The axis, the lines or the boundary condition do not exist.
+    #[error("there is no such axis, line or boundary condition")]
+    Missing,
+    /// Two entries share lines.
+    #[error("lines along one axis would follow two boundary conditions")]
+    Overlap {
+        /// Number of the entry that shares lines with this one.
+        with: usize,
+    },
+    /// The condition leaves the displacement along the axis free.
+    #[error("the boundary condition does not prescribe the displacement along the axis")]
+    NotPrescribed,
+    /// Nodes of one line would move differently.
+    #[error("the prescribed displacement depends on the position, and grid lines move as a whole")]
+    DependsOnPosition,
+    /// The axis of revolution would move.
+    #[error("the grid line on the axis of revolution cannot move")]
+    OnAxis,
+}
+
+/// A motion of the grid that is impossible.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum GridMotionError {
+    /// The load factors of the conditions are unknown before the step.
+    #[error("the grid moves by prescribed displacements, and the load factor is an unknown")]
+    UnknownFactor,
+    /// A displacement is not a number.
+    #[error("at time {time}, the displacement of the grid lines is {value}")]
+    NotFinite {
+        /// Number of the entry.
+        entry: usize,
+        /// Time, [time].
+        time: f64,
+        /// The value.
+        value: f64,
+    },
+    /// Cells would become too small.
+    #[error("at time {time}, the grid lines between {} = {} and {} cannot follow: {error}", ["x", "y", "z"][axis % 3], between[0], between[1])]
+    Squeezed {
+        /// Axis, from 0.
+        axis: usize,
+        /// Original coordinates between which the cells lie, [length].
+        between: [f64; 2],
+        /// Time, [time].
+        time: f64,
+        /// The reason.
+        error: CarryError,
+    },
+    /// The grid would reach beyond the axis of revolution.
+    #[error("at time {time}, the grid begins at x = {x:.4}, beyond the axis of revolution x = 0")]
+    BeyondAxis {
+        /// Time, [time].
+        time: f64,
+        /// Coordinate of the first line, [length].
+        x: f64,
+    },
+    /// The grid is not where it belongs at the start of the step: [`Model::place_grid`] moves it there, and
+    /// `solver::run_stages` does so for every step.
+    #[error("the grid moves between steps, and has not been moved to its place for this one")]
+    NotPlaced,
+}
+
+impl<const D: usize> BoundaryCondition<D> {
+    /// The displacement that it prescribes along an axis: a formula, and the sign with which it counts. `None` if it
+    /// prescribes none there, or prescribes one along another direction.
+    fn along(&self, axis: usize) -> Option<(f64, &Formula)> {
+        let number = match &self.axes {
+            None => axis,
+            Some(axes) => (0..D).find(|&k| (axes[k][axis].abs() - 1.0).abs() < 1e-12)?,
+        };
+        let sign = self.axes.map_or(1.0, |axes| axes[number][axis].signum());
+        self.displacement[number].as_ref().map(|formula| (sign, formula))
+    }
+}
+
+impl<const D: usize> MovingGrid<D> {
+    /// The carried lines along each axis at a time, ascending, if the boundary conditions have these load factors then.
+    fn carried(
+        &self,
+        model: &Model<D>,
+        time: f64,
+        factor: &dyn Fn(usize) -> f64,
+    ) -> Result<[Vec<CarriedLines>; D], GridMotionError> {
+        let mut carried: [Vec<CarriedLines>; D] = std::array::from_fn(|_| Vec::new());
+        for (entry, lines) in self.following.iter().enumerate() {
+            let condition = &model.boundary_conditions[lines.condition];
+            // Nothing has moved yet at time 0, whatever the value of the curve.
+            let by = match condition.along(lines.axis).filter(|_| time > 0.0) {
+                Some((sign, formula)) => {
+                    sign * displacement_at(formula, &[0.0; D], &[0.0; D], factor(lines.condition))
+                }
+                None => 0.0,
+            };
+            if !by.is_finite() {
+                return Err(GridMotionError::NotFinite { entry, time, value: by });
+            }
+            carried[lines.axis].push(CarriedLines { first: lines.first, last: lines.last, by });
+        }
+        carried.iter_mut().for_each(|lines| lines.sort_unstable_by_key(|lines| lines.first));
+        // The first line is carried by the first entry, if it moves at all.
+        let first = self.original.origin()[0];
+        let by = carried[0].first().filter(|lines| lines.first == 0).map_or(0.0, |lines| lines.by);
+        if model.revolved && first + by < -ON_LINE * self.original.axes()[0].size(0) {
+            return Err(GridMotionError::BeyondAxis { time, x: first + by });
+        }
+        for (axis, (before, lines)) in self.original.axes().iter().zip(&carried).enumerate() {
+            before.check_carried(lines).map_err(|error| squeezed(before, axis, time, error))?;
+        }
+        Ok(carried)
+    }
+
+    /// The grid at a time, if the boundary conditions have these load factors then.
+    fn at(
+        &self,
+        model: &Model<D>,
+        time: f64,
+        factor: &dyn Fn(usize) -> f64,
+    ) -> Result<Structured<D>, GridMotionError> {
+        let carried = self.carried(model, time, factor)?;
+        let mut axes = self.original.axes().clone();
+        for (axis, (before, lines)) in self.original.axes().iter().zip(&carried).enumerate() {
+            axes[axis] = before.carried(lines).map_err(|error| squeezed(before, axis, time, error))?;
+        }
+        Ok(Structured::with_axes(axes))
+    }
+}
+
+fn squeezed(before: &Axis, axis: usize, time: f64, error: CarryError) -> GridMotionError {
+    let [first, last] = match &error {
+        CarryError::Squeezed { lines, .. } => *lines,
+        CarryError::Coincident(lines) => [lines.number, lines.number + 1],
+    };
+    GridMotionError::Squeezed { axis, between: [before.line(first), before.line(last)], time, error }
+}
+
+impl<const D: usize> Model<D> {
+    /// Lets lines of its grid, which stands at time 0, follow boundary conditions.
+    ///
+    /// # Errors
+    /// The numbers of the entries that cannot follow, each with the reason.
+    pub fn follow(&mut self, following: Vec<FollowingLines>) -> Result<(), Vec<(usize, FollowError)>> {
+        let Some(grid) = self.grid.structured() else { return Err(vec![(0, FollowError::Unstructured)]) };
+        let faults = following.iter().enumerate().filter_map(|(entry, lines)| {
+            Some((entry, self.may_follow(grid, &following[..entry], lines).err()?))
+        });
+        let faults: Vec<_> = faults.collect();
+        if faults.is_empty() {
+            self.moving_grid = Some(MovingGrid { original: grid.clone(), following, time: 0.0 });
+        }
+        if faults.is_empty() { Ok(()) } else { Err(faults) }
+    }
+
+    fn may_follow(
+        &self,
+        grid: &Structured<D>,
+        others: &[FollowingLines],
+        lines: &FollowingLines,
+    ) -> Result<(), FollowError> {
+        let FollowingLines { axis, first, last, condition } = *lines;
+        let axes = grid.axes().get(axis).filter(|along| first <= last && last <= along.n_cells());
+        let (Some(along), Some(condition)) = (axes, self.boundary_conditions.get(condition)) else {
+            return Err(FollowError::Missing);
+        };
+        let shares =
+            |other: &FollowingLines| other.axis == axis && other.first <= last && first <= other.last;
+        if let Some(with) = others.iter().position(shares) {
+            return Err(FollowError::Overlap { with });
+        }
+        let Some((_, formula)) = condition.along(axis) else { return Err(FollowError::NotPrescribed) };
+        if (0..2 * D).any(|variable| formula.depends_on(variable)) {
+            return Err(FollowError::DependsOnPosition);
+        }
+        if self.revolved && axis == 0 && along.line(first).abs() <= ON_LINE * along.size_around(first) {
+            return Err(FollowError::OnAxis);
+        }
+        Ok(())
+    }
+
+    /// The grid of a step of the present stage that starts at a time; `None` if the grid does not move.
+    ///
+    /// # Errors
+    /// [`GridMotionError`] if it cannot move there.
+    pub fn grid_at(&self, time: f64) -> Result<Option<Structured<D>>, GridMotionError> {
+        let Some(moving) = &self.moving_grid else { return Ok(None) };
+        if self.stepping.control != Control::Load {
+            return Err(GridMotionError::UnknownFactor);
+        }
+        let factor = |condition: usize| self.boundary_conditions[condition].curve.factor(time);
+        moving.at(self, time, &factor).map(Some)
+    }
+
+    /// Moves the grid to its place for a step of the present stage that starts at a time.
+    ///
+    /// # Errors
+    /// As [`Model::grid_at`].
+    pub fn place_grid(&mut self, time: f64) -> Result<(), GridMotionError> {
+        if let Some(grid) = self.grid_at(time)? {
+            self.grid = Box::new(grid);
+            self.moving_grid.iter_mut().for_each(|moving| moving.time = time);
+        }
+        Ok(())
+    }
+
+    /// True if the grid is where a step that starts at a time needs it.
+    pub fn has_grid_of(&self, time: f64) -> bool {
+        self.moving_grid.as_ref().is_none_or(|moving| moving.time == time)
+    }
+
+    /// Checks the motion of the grid at the requested steps and at the times of the curves, over all stages, before a run.
+    ///
+    /// # Errors
+    /// The first [`GridMotionError`] on the way.
+    pub fn check_grid_motion(&self) -> Result<(), GridMotionError> {
+        let Some(moving) = &self.moving_grid else { return Ok(()) };
+        let mut curves: Vec<_> = self.boundary_conditions.iter().map(|c| c.curve.clone()).collect();
+        let of_stages: Vec<&Stepping> = match self.stages.as_slice() {
+            [] => vec![&self.stepping],
+            stages => stages.iter().map(|stage| &stage.stepping).collect(),
+        };
+        for (number, stepping) in of_stages.into_iter().enumerate() {
+            if stepping.control != Control::Load {
+                return Err(GridMotionError::UnknownFactor);
+            }
+            let (from, to) = (stepping.start_time, stepping.end_time);
+            // The model has begun the first stage.
+            if let Some(stage) = self.stages.get(number).filter(|_| number > 0) {
+                for (curve, course) in curves.iter_mut().zip(&stage.boundary_conditions) {
+                    course.draw(curve, stepping, curve.factor(from));
+                }
+            }
+            let parts = stepping.count * TIMES[0].div_ceil(stepping.count.max(1));
+            let parts = parts.clamp(1, TIMES[1]);
+            let mut times: Vec<f64> =
+                (0..=parts).map(|part| from + (to - from) * (part as f64 / parts as f64)).collect();
+            let followed = moving.following.iter().map(|lines| &curves[lines.condition]);
+            times.extend(followed.flat_map(|curve| curve.times()).filter(|time| (from..to).contains(time)));
+            times.sort_unstable_by(f64::total_cmp);
+            for time in times {
+                moving.carried(self, time, &|condition: usize| curves[condition].factor(time))?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,107 @@
+//! Grid lines that follow boundary conditions.
+
+use super::Builder;
+use crate::quoting::quote;
+use crate::region::OfDeck;
+use crate::{AXES, FollowDeck, GridDeck};
+use mpm_core::grid::{LEAST_SIZE, Structured};
+use mpm_core::model::{FollowError, FollowingLines, GridMotionError, Model};
+use mpm_core::region::Region;
+
+impl<const D: usize> Builder<'_, D>
+where
+    Region<D>: OfDeck<D>,
+{
+    /// Lets the lines under `follow` follow their conditions, and checks their motion over all stages.
+    pub(super) fn follow(&mut self, model: &mut Model<D>) {
+        let GridDeck::Structured { follow, .. } = &self.deck.grid else { return };
+        // Without all conditions, their numbers mean nothing.
+        if follow.is_empty() || model.boundary_conditions.len() < self.deck.boundary_conditions.len() {
+            return;
+        }
+        let Some(grid) = model.grid.structured().cloned() else { return };
+        let following = (follow.iter().enumerate()).map(|(number, lines)| self.lines(&grid, number, lines));
+        let following: Vec<Option<FollowingLines>> = following.collect();
+        let Some(following) = following.into_iter().collect() else { return };
+        match model.follow(following) {
+            Err(faults) => {
+                faults.into_iter().for_each(|(number, error)| self.cannot_follow(follow, number, error));
+            }
+            Ok(()) => {
+                if let Err(error) = model.check_grid_motion() {
+                    self.cannot_move(&error);
+                }
+            }
+        }
+    }
+
+    /// The numbers of the lines of an entry; reports coordinates at which there is none.
+    fn lines(&mut self, grid: &Structured<D>, number: usize, lines: &FollowDeck) -> Option<FollowingLines> {
+        let (axis, pointer) = (lines.axis as usize, format!("/grid/follow/{number}"));
+        if axis >= D {
+            return None;
+        }
+        let first = self.line("D054", grid, (axis, lines.from), &format!("{pointer}/from"));
+        let last = match lines.to {
+            Some(to) => self.line("D054", grid, (axis, to), &format!("{pointer}/to")),
+            None => first,
+        };
+        let mut conditions = self.deck.boundary_conditions.iter();
+        let condition = conditions.position(|condition| condition.name == lines.condition)?;
+        Some(FollowingLines { axis, first: first?, last: last?, condition })
+    }
+
+    fn cannot_follow(&mut self, follow: &[FollowDeck], number: usize, error: FollowError) {
+        let lines = &follow[number];
+        let (axis, condition) = (AXES[lines.axis as usize], quote(&lines.condition));
+        let (key, message, help) = match error {
+            FollowError::NotPrescribed => (
+                "/condition",
+                format!("the boundary condition {condition} prescribes no displacement along {axis}"),
+                format!("give it `u{axis}`, or a `move` along {axis}"),
+            ),
+            FollowError::DependsOnPosition => (
+                "/condition",
+                format!(
+                    "the displacement that {condition} prescribes along {axis} depends on the position, and grid lines \
+                     move as a whole"
+                ),
+                "use a number, or a formula of `factor` and parameters".to_owned(),
+            ),
+            FollowError::Overlap { with } => {
+                let other = quote(&follow[with].condition);
+                let message = format!("some of these lines along {axis} already follow {other}");
+                ("", message, "let each line follow one boundary condition".to_owned())
+            }
+            FollowError::OnAxis => (
+                "/from",
+                "the grid line on the axis of revolution cannot move".to_owned(),
+                "begin with a line at a larger x".to_owned(),
+            ),
+            FollowError::Unstructured | FollowError::Missing => {
+                ("", error.to_string(), "remove it".to_owned())
+            }
+        };
+        self.error("D054", &format!("/grid/follow/{number}{key}"), message, help);
+    }
+
+    fn cannot_move(&mut self, error: &GridMotionError) {
+        let (pointer, help) = match error {
+            GridMotionError::NotFinite { entry, .. } => {
+                let help = "the formula of its boundary condition divides by zero or leaves its domain there";
+                (format!("/grid/follow/{entry}/condition"), help.to_owned())
+            }
+            GridMotionError::BeyondAxis { .. } => {
+                ("/grid/follow".to_owned(), "prescribe a smaller displacement".to_owned())
+            }
+            _ => {
+                let help = format!(
+                    "keep cells above {LEAST_SIZE} of their size: prescribe smaller displacements, leave more cells \
+                     between lines that move and those that stay, or let the end of the grid follow as well"
+                );
+                ("/grid/follow".to_owned(), help)
+            }
+        };
+        self.error("D054", &pointer, error.to_string(), help);
+    }
+}
