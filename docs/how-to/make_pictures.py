@@ -1,4 +1,4 @@
-"""Makes the pictures of `paraview.md` and `report.md`.
+"""Makes the pictures of `paraview.md`, `stages.md`, `footing.md` and `report.md`.
 
     python docs/how-to/make_pictures.py target/debug/mpm
 
@@ -18,6 +18,8 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 IMAGES = HERE.parent / "images"
+# The deck whose results each page shows.
+PAGES = {"paraview.md": "beam", "stages.md": "excavation", "footing.md": "footing_stages"}
 BLOCK = re.compile(r"<!-- picture: (\S+) -->\n```python\n(.*?)```", re.S)
 
 
@@ -25,12 +27,13 @@ def main():
     program = Path(sys.argv[1]).resolve()
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "inputs").symlink_to(ROOT / "inputs")
-        subprocess.run([program, "run", "inputs/beam.yaml"], check=True, cwd=folder)
         environment = dict(os.environ, PYVISTA_OFF_SCREEN="true", MPLBACKEND="Agg")
-        for name, code in BLOCK.findall((HERE / "paraview.md").read_text()):
-            subprocess.run([sys.executable, "-c", code], cwd=folder, env=environment, check=True)
-            (IMAGES / name).write_bytes((Path(folder) / name).read_bytes())
-            print(IMAGES / name)
+        for page, deck in PAGES.items():
+            subprocess.run([program, "run", f"inputs/{deck}.yaml"], check=True, cwd=folder)
+            for name, code in BLOCK.findall((HERE / page).read_text()):
+                subprocess.run([sys.executable, "-c", code], cwd=folder, env=environment, check=True)
+                (IMAGES / name).write_bytes((Path(folder) / name).read_bytes())
+                print(IMAGES / name)
         subprocess.run([program, "report", "results/beam", "--units", "m,N,s"], check=True, cwd=folder)
         picture_of_report(Path(folder) / "results" / "beam" / "report.html")
 

@@ -43,6 +43,9 @@ macro_rules! example {
             files: &[$(($file, include_bytes!(concat!("../../inputs/new/", $file)))),*],
         }
     };
+    (inputs: $name:literal) => {
+        Example { name: $name, deck: include_str!(concat!("../../inputs/", $name, ".yaml")), files: &[] }
+    };
 }
 
 /// All examples, the simplest first.
@@ -53,6 +56,8 @@ const EXAMPLES: &[Example] = &[
     example!("collapse"),
     example!("footing"),
     example!("annulus", "annulus.msh", "annulus.geo"),
+    example!(inputs: "excavation"),
+    example!(inputs: "footing_stages"),
 ];
 
 /// The schema, for editors; the first line of every deck names it.
@@ -62,6 +67,11 @@ impl Example {
     /// Title of the deck.
     fn title(&self) -> &'static str {
         self.deck.lines().find_map(|line| line.strip_prefix("title: ")).unwrap_or_default()
+    }
+
+    /// The deck as it is written: the schema lies beside it, while the decks of `inputs` find it in another folder.
+    fn text(&self) -> String {
+        self.deck.replacen("$schema=../schema/", "$schema=", 1)
     }
 }
 
@@ -77,7 +87,8 @@ pub fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
     let deck = args.out.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.yaml")));
     let folder = deck.parent().map(Path::to_owned).unwrap_or_default();
     let schema = json_text(&deck_schema())?;
-    let mut files = vec![(deck.clone(), example.deck.as_bytes())];
+    let text = example.text();
+    let mut files = vec![(deck.clone(), text.as_bytes())];
     files.extend(example.files.iter().map(|(file, content)| (folder.join(file), *content)));
     files.push((folder.join(SCHEMA), schema.as_bytes()));
     let is_taken = |(path, _): &(PathBuf, &[u8])| path.file_name() == deck.file_name();
@@ -95,8 +106,9 @@ pub fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
 
 fn listing() -> String {
     let mut text = String::from("Examples to start from; `mpm new NAME` writes the deck:\n");
+    let width = EXAMPLES.iter().map(|example| example.name.len()).max().unwrap_or(0);
     for example in EXAMPLES {
-        text.push_str(&format!("  {:<9} {}\n", example.name, example.title()));
+        text.push_str(&format!("  {:<width$}  {}\n", example.name, example.title()));
     }
     text
 }

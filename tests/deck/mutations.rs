@@ -193,7 +193,7 @@ const REASONS: &[(Change, &str, &str, &str, &str)] = &[
         "*",
         "a box may reach beyond the grid",
     ),
-    (Change::Removed, "cone/revolved", "/bodies/*/shape/vertices/*", "*", "three corners are left"),
+    (Change::Removed, "*", "/bodies/*/shape/vertices/*", "*", "three corners are left"),
     (
         Change::Removed,
         "cone/revolved",
@@ -322,13 +322,7 @@ const REASONS: &[(Change, &str, &str, &str, &str)] = &[
         "selects a line of nodes instead of one",
     ),
     (Change::Removed, "new/footing", "/bodies/0", "*", "a warning says that its material is not used"),
-    (
-        Change::OtherType,
-        "cone/revolved",
-        "/bodies/*/shape/vertices/*",
-        "nothing",
-        "YAML: a comma may end a list",
-    ),
+    (Change::OtherType, "*", "/bodies/*/shape/vertices/*", "nothing", "YAML: a comma may end a list"),
     (Change::OtherType, "cone/solid", "/bodies/*/shape/of/*", "nothing", "YAML: a comma may end a list"),
     (Change::OtherSign, "new/annulus", "/parameters/turn", "*", "a motion or a force may point either way"),
     (Change::OtherSign, "new/beam", "/parameters/force", "*", "a motion or a force may point either way"),
@@ -379,6 +373,45 @@ const REASONS: &[(Change, &str, &str, &str, &str)] = &[
         "the other conditions still hold the body",
     ),
     (Change::OtherType, "footing", "/output/probes/*", "nothing", "YAML: a comma may end a list"),
+    (Change::Removed, "*", "/bodies/*/initial_stress", "*", "optional: free of stress"),
+    (Change::Removed, "*", "/bodies/*/initial_stress/surcharge", "*", "optional: none"),
+    (Change::Removed, "*", "/surfaces/*/part", "*", "optional: the whole boundary"),
+    (Change::Removed, "footing_stages", "/loads/*/curve", "*", "optional"),
+    (Change::Removed, "footing_stages", "/loads/*", "*", "other loads are left"),
+    (Change::Removed, "excavation", "/boundary_conditions/0", "*", "the floor still holds the ground"),
+    (Change::Removed, "excavation", "/boundary_conditions/1", "*", "the floor still holds the ground"),
+    (Change::Removed, "excavation", "/boundary_conditions/2/fix/0", "*", "the sides still hold the ground"),
+    (
+        Change::Removed,
+        "footing_stages",
+        "/boundary_conditions/0",
+        "*",
+        "the other side still holds the ground",
+    ),
+    (
+        Change::Removed,
+        "footing_stages",
+        "/boundary_conditions/1",
+        "*",
+        "the other side still holds the ground",
+    ),
+    (Change::Removed, "*", "/stages/*", "*", "other stages are left"),
+    (Change::Removed, "*", "/stages/*/then/reset/*", "*", "nothing is set to zero"),
+    (Change::Removed, "*", "/stages/*/steps/control", "*", "has a default"),
+    (Change::Removed, "*", "/stages/*/*", "*", "optional: the stage changes less"),
+    (Change::Removed, "*", "/stages/*/*/*", "*", "optional: the stage changes less"),
+    (Change::OtherType, "*", "/stages/*/then/reset/*", "nothing", "YAML: a comma may end a list"),
+    (Change::OtherType, "*", "/stages/*/*/*", "nothing", "YAML: a comma may end a list"),
+    (
+        Change::OtherSign,
+        "footing_stages",
+        "/parameters/settlement",
+        "*",
+        "a motion or a force may point either way",
+    ),
+    (Change::OtherSign, "*", "/loads/*/traction/*", "*", "a force may point either way"),
+    (Change::OtherSign, "*", "/stages/*/steps/control/to", "*", "a motion or a force may point either way"),
+    (Change::OtherSign, "*", "/stages/*/factors/*", "*", "a motion or a force may point either way"),
     (Change::OtherSign, "*", "/output/probes/*/nearest/*", "*", "a warning says how far away the points are"),
     (Change::OtherSign, "*", "/loads/*/points/nearest/*", "*", "a warning says how far away the points are"),
 ];
@@ -406,7 +439,8 @@ fn reason(change: Change, deck: &str, pointer: &str, became: &str) -> Option<usi
 }
 
 /// Codes about something that depends on two keys of the deck; either may be the one to change.
-const RELATIONS: [&str; 8] = ["D015", "D018", "D021", "D024", "D027", "D028", "D029", "D035"];
+const RELATIONS: [&str; 11] =
+    ["D015", "D018", "D021", "D024", "D025", "D027", "D028", "D029", "D035", "D049", "D051"];
 
 /// True if a message is located at the change, or where the deck uses the changed value.
 fn is_at_the_right_line(deck: &DeckText, changed: &Source, pointer: &str, found: &Diagnostic) -> bool {

@@ -5,6 +5,7 @@ A block of a page is run as it stands, in a folder of the page's own. A comment 
     <!-- file: NAME -->             the block is the content of this file
     <!-- file: NAME, with OTHER --> the same, and OTHER lies beside the page
     <!-- part of: NAME -->          the block replaces these keys of the deck NAME, and the deck must still be valid
+    <!-- quoted from: NAME -->     the block is a part of this file of the sources
     <!-- exits with N -->           the commands end with this code, not with 0
     <!-- output -->                 these texts are part of the lines of the last output, in this order
     <!-- picture: NAME -->          the block writes this picture, which the page shows
@@ -71,6 +72,8 @@ class Reader:
             changed = self.folder / f"part_of_{value}"
             changed.write_text(yaml.safe_dump(self.decks[value] | yaml.safe_load(text)))
             self.run(["mpm", "check", changed.name])
+        elif kind == "quoted from":
+            assert text in (ROOT / value).read_text(), f"{value} has other text"
         elif kind == "output":
             rest = self.output
             for line in filter(None, map(str.strip, text.splitlines())):

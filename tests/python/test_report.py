@@ -62,7 +62,18 @@ def comparison(page_of, beam, beam_of_cpdi2, failed):
     return page_of(beam.directory, beam_of_cpdi2.directory, failed)
 
 
-@pytest.fixture(params=["page", "comparison"])
+@pytest.fixture(scope="session")
+def excavation(analyse):
+    """A run in five stages."""
+    return analyse("inputs/excavation.yaml", h=0.5)
+
+
+@pytest.fixture(scope="session")
+def staged(page_of, excavation):
+    return page_of(excavation.directory)
+
+
+@pytest.fixture(params=["page", "comparison", "staged"])
 def any_page(request):
     return request.getfixturevalue(request.param)
 
@@ -207,6 +218,66 @@ def test_a_path_under_control_is_drawn_against_time(page_of, mpm, tmp_path):
     assert process.returncode == 0, process.stderr
     text = text_of(page_of(tmp_path / "out").read_text())
     assert "against time" in text and "against load factor" not in text
+
+
+def bands(html):
+    """For every chart with bands: the axis, the names in their order, and the ends of the bands as shares of the chart."""
+    found = []
+    for chart in re.findall(r'<svg class="chart".*?</svg>', html, re.S):
+        pattern = r'<rect class="band(?: shaded)?" x="([\d.]+)" y="\d+" width="([\d.]+)" [^>]*><title>([^<]*)</title>'
+        if of_chart := re.findall(pattern, chart):
+            start, end = map(float, re.search(r'class="base" d="M([\d.]+) [\d.]+H([\d.]+)"', chart).groups())
+            ends = [((float(x) - start) / (end - start), (float(x) + float(width) - start) / (end - start)) for x, width, _ in of_chart]
+            axis = re.search(r'<text class="name x"[^>]*>([^<]*)<', chart)[1]
+            found.append((axis, [name for *_, name in of_chart], np.array(ends), chart))
+    return found
+
+
+def test_stages_are_shown(staged, excavation):
+    html, history = staged.read_text(), excavation.history
+    text, names = text_of(html), ["rest", "wall", "dig", "prop and dig", "release"]
+    table = text.split("Stages of the analysis")[1].split("Forces on the bodies")[0]
+    for number, (name, steps) in enumerate(zip(names, [1, 2, 4, 4, 4], strict=True)):
+        of_stage = history["stage"] == number + 1
+        iterations = int(history["iterations"][of_stage].sum())
+        row = rf"{name}{steps} of {steps}{number} to {number + 1}\D*{iterations}\D*[\d.]"
+        assert re.search(row, table), (row, table)
+    assert "add wall; remove slot; displacements count from its end" in table
+    assert "remove lower; set prop" in table and "release prop" in table
+    assert "Load steps: 5 stages, rest, wall, dig, prop and dig, release;" in text
+    drawn = bands(html)
+    assert [axis for axis, *_ in drawn].count("load step") == 2
+    assert sum(axis.startswith("time") for axis, *_ in drawn) >= 3
+    for axis, shown, ends, chart in drawn:
+        assert shown == names
+        np.testing.assert_allclose(ends[1:, 0], ends[:-1, 1], atol=2e-3)
+        if axis.startswith("time"):
+            np.testing.assert_allclose(ends, [(k / 5, (k + 1) / 5) for k in range(5)], atol=2e-3)
+        else:
+            width = np.diff(ends, axis=1)[:, 0]
+            np.testing.assert_allclose(width[1:4] / width[4], [0.5, 1, 1], atol=0.02)
+        assert chart.count('<text class="band') == 5
+    assert "Step 15, release, time 5" in text and "Step 0, time 0" in text
+    # Nothing is known of the reactions before the first step of bodies that begin stressed.
+    floor = next(x for name, x, _ in curves(html) if name == "floor y")
+    np.testing.assert_allclose(floor, history["time"])
+
+
+def test_stages_that_were_not_reached_have_no_band(page_of, mpm, tmp_path):
+    deck = (ROOT / "inputs/excavation.yaml").read_text().replace('spacing: "${h}"', "spacing: 0.5")
+    deck = deck.replace("release: [prop]", "release: [prop], solver: {tolerance: 1e-9, max_iterations: 1}").replace("h: 0.25 ", "# ")
+    deck = deck.replace("steps: {count: 4}, release", "steps: {count: 4, smallest: 1, damping: false}, release")
+    (tmp_path / "deck.yaml").write_text(deck)
+    process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out")
+    assert process.returncode == 1, process.stderr
+    html = page_of(tmp_path / "out").read_text()
+    assert bands(html) and all(names[-1] == "prop and dig" for _, names, *_ in bands(html))
+    assert "release0 of 4" in text_of(html)
+
+
+def test_runs_without_stages_have_no_bands(page, comparison):
+    for path in (page, comparison):
+        assert not bands(path.read_text()) and "Stages of the analysis" not in text_of(path.read_text())
 
 
 def test_residuals_of_every_step_are_drawn(page, beam):

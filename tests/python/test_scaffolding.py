@@ -13,7 +13,7 @@ import yaml
 
 from results import Results
 
-EXAMPLES = {"annulus", "beam", "collapse", "column", "footing", "shear"}
+EXAMPLES = {"annulus", "beam", "collapse", "column", "excavation", "footing", "footing_stages", "shear"}
 
 
 @pytest.fixture

@@ -253,6 +253,8 @@ EXPECTED = [
     ("collapse.yaml", {"n": 3}, []),
     ("collapse.yaml", {"n": 3, "method": "mpm"}, ["W010"]),
     ("footing.yaml", {"h": 0.5}, []),
+    ("excavation.yaml", {}, []),
+    ("footing_stages.yaml", {}, []),
     ("cylinder.yaml", {}, []),
     ("cantilever.yaml", {"h": 0.5}, []),
     ("beam.yaml", {"n": 4}, ["W011"]),

@@ -337,7 +337,7 @@ where
                 }
             }
         }
-        for (number, message) in placing::overlaps(grid, &self.deck.bodies, (regions, groups), &seeds) {
+        for (number, message) in placing::overlaps(grid, self.deck, (regions, groups), &seeds) {
             let found =
                 Diagnostic::at(&self.loaded.source, "D025", &format!("/bodies/{number}/shape"), message);
             let help = "if this is not intended, subtract one from the other with a `difference`";

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::BodyDeck;
+use super::Deck;
 use super::quoting::{list, quote};
 use super::region::Groups;
 use super::seeding::Fault;
@@ -73,13 +73,15 @@ pub(super) fn inside_grid<const D: usize>(
     Err(Fault { code: "D028", key: "/shape".to_owned(), message, help })
 }
 
-/// Finds bodies whose points lie in the region of an earlier body: the number of the body, and a message.
+/// Finds bodies whose points lie in the region of an earlier body that is there at the same time: the number of the body,
+/// and a message.
 pub(super) fn overlaps<const D: usize>(
     grid: &dyn Grid<D>,
-    bodies: &[BodyDeck],
+    deck: &Deck,
     (regions, groups): (&[Region<D>], &Groups),
     seeds: &[Seed<D>],
 ) -> Vec<(usize, String)> {
+    let bodies = &deck.bodies;
     if bodies.len() < 2 {
         return Vec::new();
     }
@@ -119,5 +121,7 @@ pub(super) fn overlaps<const D: usize>(
         );
         (later as usize, text)
     };
+    let body = |number: u16| bodies[number as usize].name.as_str();
+    found.retain(|(later, earlier), _| deck.meet([body(*later), body(*earlier)]));
     found.into_iter().map(message).collect()
 }

@@ -106,4 +106,18 @@ impl Deck {
         let first = self.stages.iter().find(|stage| names(begins(stage)) || names(ends(stage)));
         first.is_none_or(|stage| !names(begins(stage)) || names(ends(stage)))
     }
+
+    /// True if two bodies are there at the same time.
+    pub(crate) fn meet(&self, bodies: [&str; 2]) -> bool {
+        let names = |list: &[String], body: &str| list.iter().any(|name| name == body);
+        let mut are_there = bodies.map(|body| self.is_there_at_start(body, |s| &s.add, |s| &s.remove));
+        let mut meets = are_there == [true; 2];
+        for stage in &self.stages {
+            for (body, is_there) in bodies.iter().zip(&mut are_there) {
+                *is_there = (*is_there && !names(&stage.remove, body)) || names(&stage.add, body);
+            }
+            meets |= are_there == [true; 2];
+        }
+        meets
+    }
 }

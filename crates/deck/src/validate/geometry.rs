@@ -325,11 +325,12 @@ impl Check<'_> {
                 let overlap = |axis: usize| {
                     a.max[axis].min(b.max[axis]) - a.min[axis].max(b.min[axis]) > slack(a, b, axis)
                 };
-                if !axes.clone().all(overlap) {
+                let body = |index: usize| self.deck.bodies[index].name.as_str();
+                if !axes.clone().all(overlap) || !self.deck.meet([body(*first), body(*second)]) {
                     continue;
                 }
                 let (earlier, later) = (first.min(second), first.max(second));
-                let name = |index: usize| quote(&self.deck.bodies[index].name);
+                let name = |index: usize| quote(body(index));
                 let message = format!("the body {} overlaps the body {}", name(*later), name(*earlier));
                 let help = "move one of them, or subtract it from the other with a `difference`";
                 self.error("D025", &format!("/bodies/{later}/shape"), message, help);

@@ -3,21 +3,33 @@
 use super::Check;
 use crate::formulas::Displacement;
 use crate::quoting::{list, quote};
-use crate::{ControlDeck, Expression, GridDeck, StageDeck};
+use crate::{ControlDeck, Expression, GridDeck, LoadCurve, StageDeck};
 use mpm_core::formula::names;
 
 /// A displacement below this share of the grid size is round-off, [-].
 const LEAST: f64 = 1e-12;
 
+/// True if a curve has one factor between two times, [time].
+fn stands_still(LoadCurve(pairs): &LoadCurve, [start, end]: [f64; 2]) -> bool {
+    let curve = mpm_core::model::LoadCurve::table(pairs.clone());
+    let within = curve.times().filter(|time| (start..=end).contains(time));
+    let mut factors = within.chain([end]).map(|time| curve.factor(time));
+    factors.all(|factor| factor == curve.factor(start))
+}
+
 impl Check<'_> {
     /// Checks displacement and arc-length control: all loads must share one factor, and boundary conditions must not
     /// move nodes.
     pub(super) fn control(&mut self) {
+        let mut start = 0.0;
         for (number, (pointer, steps)) in self.deck.courses().into_iter().enumerate() {
+            let times = [start, start + steps.end_time];
             if !matches!(steps.control, ControlDeck::Load {}) {
                 self.quantity(&format!("{pointer}/control"), &steps.control);
-                self.common_factor(&format!("{pointer}/control"), self.deck.stages.get(number));
+                let stage = self.deck.stages.get(number).map(|stage| (stage, times));
+                self.common_factor(&format!("{pointer}/control"), stage);
             }
+            start = times[1];
         }
     }
 
@@ -54,10 +66,12 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that the loads of an analysis, or of a stage, can share an unknown factor.
-    fn common_factor(&mut self, control: &str, stage: Option<&StageDeck>) {
+    /// Checks that the loads of an analysis, or of a stage between two times, can share an unknown factor.
+    fn common_factor(&mut self, control: &str, stage: Option<(&StageDeck, [f64; 2])>) {
         let deck = self.deck;
-        let changes = |name: &str| stage.is_none_or(|stage| stage.factors.contains_key(name));
+        let changes = |name: &str| stage.is_none_or(|(stage, _)| stage.factors.contains_key(name));
+        // A load that stands still in a stage takes no part in its unknown factor.
+        let stands = |curve: &LoadCurve| stage.is_some_and(|(_, times)| stands_still(curve, times));
         if deck.loads.iter().filter(|load| changes(load.name())).all(|load| load.magnitude().1) {
             let message = "there is no load other than zero whose factor could be found";
             let help = match stage {
@@ -70,12 +84,16 @@ impl Check<'_> {
         }
         for (number, load) in deck.loads.iter().enumerate() {
             let pointer = format!("/loads/{number}");
-            if load.curve().is_some() {
+            if load.curve().is_some_and(|curve| !stands(curve)) {
                 let message = format!(
                     "the load {} has a curve, but `steps: {{control: ...}}` makes its factor an unknown",
                     quote(load.name())
                 );
-                self.error("D049", &format!("{pointer}/curve"), message, "remove the curve");
+                let help = match stage {
+                    None => "remove the curve",
+                    Some(_) => "remove the curve, or let it stand still during this stage",
+                };
+                self.error("D049", &format!("{pointer}/curve"), message, help);
             }
             let factor = |e: &Expression| matches!(e, Expression::Formula(text) if names(text).iter().any(|(_, name)| *name == "factor"));
             if load.expressions().iter().any(|(_, expression)| factor(expression)) {

@@ -93,6 +93,15 @@ impl Axis {
     }
 }
 
+/// A named interval of an axis.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Band {
+    /// Its ends.
+    pub ends: [f64; 2],
+    /// Its name in plain text.
+    pub name: String,
+}
+
 /// A chart.
 #[derive(Debug, Clone)]
 pub(super) struct Chart {
@@ -106,6 +115,8 @@ pub(super) struct Chart {
     pub curves: Vec<Curve>,
     /// Named values of y, drawn as horizontal lines.
     pub levels: Vec<(f64, String)>,
+    /// Named intervals of x one after the other, drawn as bands behind the curves.
+    pub bands: Vec<Band>,
     /// Height.
     pub height: f64,
 }
@@ -126,6 +137,7 @@ impl Chart {
             self.height,
             escape(&self.description)
         );
+        self.draw_bands(&mut svg, &x, [LEFT, right], bottom);
         self.draw_axes(&mut svg, naming, &x, &y, right, bottom);
         for (value, name) in &self.levels {
             let place = y.place(*value);
@@ -148,8 +160,45 @@ impl Chart {
             }
         }
         draw_names(&mut svg, ends, right, [TOP, bottom]);
+        self.name_bands(&mut svg, &x, [LEFT, right], bottom);
         svg.push_str("<g class=\"readout\"><circle r=\"4\"/><text></text></g>\n</svg>\n");
         svg
+    }
+
+    /// Draws the bands, every second one in a colour, with a line at the start of each but the first.
+    fn draw_bands(&self, svg: &mut String, x: &Scale, sides: [f64; 2], bottom: f64) {
+        for (number, Band { ends, name }) in self.bands.iter().enumerate() {
+            let [left, right] = within(x, *ends, sides);
+            let (width, height, name) = (right - left, bottom - TOP, escape(name));
+            let class = if number % 2 == 0 { "band" } else { "band shaded" };
+            let _ = writeln!(
+                svg,
+                "<rect class=\"{class}\" x=\"{left:.1}\" y=\"{TOP}\" width=\"{width:.1}\" height=\"{height:.1}\">\
+                 <title>{name}</title></rect>"
+            );
+            if number > 0 {
+                let _ = writeln!(svg, "<path class=\"band\" d=\"M{left:.1} {TOP}V{bottom:.1}\"/>");
+            }
+        }
+    }
+
+    /// Writes the name of each band: along the upper side of the chart if there is room, otherwise downwards, otherwise only
+    /// the pointer shows it.
+    fn name_bands(&self, svg: &mut String, x: &Scale, sides: [f64; 2], bottom: f64) {
+        for Band { ends, name } in &self.bands {
+            let [left, right] = within(x, *ends, sides);
+            let (width, height, length) = (right - left, bottom - TOP, LETTER * name.chars().count() as f64);
+            let (middle, top, name) = (0.5 * (left + right), TOP + 12.0, escape(name));
+            if length + 4.0 <= width {
+                let _ = writeln!(svg, "<text class=\"band\" x=\"{middle:.1}\" y=\"{top}\">{name}</text>");
+            } else if LINE <= width + 2.0 && length <= height - 8.0 {
+                let (x, y) = (middle - 4.0, TOP + 5.0);
+                let _ = writeln!(
+                    svg,
+                    "<text class=\"band down\" transform=\"translate({x:.1} {y}) rotate(90)\">{name}</text>"
+                );
+            }
+        }
     }
 
     fn draw_axes(&self, svg: &mut String, naming: &Naming, x: &Scale, y: &Scale, right: f64, bottom: f64) {
@@ -185,6 +234,11 @@ impl Chart {
             self.height - 8.0,
         );
     }
+}
+
+/// The places of the ends of a band within the sides of a chart.
+fn within(x: &Scale, ends: [f64; 2], sides: [f64; 2]) -> [f64; 2] {
+    ends.map(|end| x.place(end).clamp(sides[0], sides[1]))
 }
 
 /// A name, shortened for display.
@@ -313,6 +367,7 @@ mod tests {
             y: Axis::new("reaction", Quantity::Force),
             curves,
             levels: vec![(2.0, "limit <2>".to_owned())],
+            bands: Vec::new(),
             height: 300.0,
         }
     }
@@ -335,6 +390,20 @@ mod tests {
             assert!(svg.contains(part), "{part} is not in\n{svg}");
         }
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
+    }
+
+    #[test]
+    fn bands_are_named_where_there_is_room() {
+        let points = vec![[0.0, 0.0], [100.0, 1.0]];
+        let band = |ends, name: &str| Band { ends, name: name.to_owned() };
+        let bands = vec![band([0.0, 50.0], "dig"), band([50.0, 53.0], "prop"), band([53.0, 53.5], "a & b")];
+        let curve = Curve { name: String::new(), points, look: Look::Number(0) };
+        let svg = Chart { bands, ..chart(vec![curve]) }.svg(&Naming::default());
+        assert_eq!(svg.matches("<rect class=\"band").count(), 3);
+        assert_eq!(svg.matches("<path class=\"band\"").count(), 2);
+        assert!(svg.contains("<text class=\"band\"") && svg.contains(">dig</text>"));
+        assert!(svg.contains("rotate(90)\">prop</text>"));
+        assert!(svg.contains("<title>a &amp; b</title>") && !svg.contains(">a &amp; b</text>"));
     }
 
     #[test]

@@ -2,9 +2,10 @@
 
 use mpm_core::quality::newton_order;
 
-use super::chart::{Axis, Chart, Curve, Look};
+use super::chart::{Axis, Band, Chart, Curve, Look};
 use super::page::escape;
 use super::run::{Run, State};
+use super::stages::{bands_over_steps, bands_over_time};
 use super::units::Quantity;
 
 /// Most curves in one chart.
@@ -38,7 +39,8 @@ impl Progress {
     }
 
     fn axis(&self) -> Axis {
-        Axis::new(self.name(), if self.by_factor { Quantity::Number } else { Quantity::Time })
+        let quantity = if self.by_factor { Quantity::Number } else { Quantity::Time };
+        Axis { contains: vec![0.0], ..Axis::new(self.name(), quantity) }
     }
 
     /// Its value at a time.
@@ -49,12 +51,14 @@ impl Progress {
         }
     }
 
-    /// Its values at the ends of the steps and the values of a column, starting at the undeformed state: at time 0
-    /// nothing acts, whatever the load curves are.
+    /// Its values at the ends of the steps and the values of a column. They start at the undeformed state: at time 0
+    /// nothing acts, whatever the load curves are, unless the bodies are stressed then; in that case they start at the
+    /// end of the first step.
     fn points(&self, run: &Run, column: &str) -> Vec<[f64; 2]> {
         let times = run.column("time").iter().map(|time| self.at(run, *time));
         let values = times.zip(run.column(column)).map(|(x, y)| [x, *y]);
-        std::iter::once([0.0, 0.0]).chain(values).collect()
+        let undeformed = (!run.begins_stressed()).then_some([0.0, 0.0]);
+        undeformed.into_iter().chain(values).collect()
     }
 }
 
@@ -105,7 +109,7 @@ pub(super) fn components(runs: &[Run], letter: char) -> Vec<Component> {
 }
 
 fn chart(description: String, x: Axis, y: Axis, curves: Vec<Curve>) -> Chart {
-    Chart { description, x, y, curves, levels: Vec::new(), height: 320.0 }
+    Chart { description, x, y, curves, levels: Vec::new(), bands: Vec::new(), height: 320.0 }
 }
 
 /// The components of one run against its load, in charts of at most [`MOST_CURVES`] curves.
@@ -124,7 +128,8 @@ pub(super) fn against_load(
         };
         let description = format!("{name} against {}", progress.name());
         let curves = group.iter().enumerate().map(curve).collect();
-        chart(description, progress.axis(), Axis::new(name, quantity), curves)
+        let chart = chart(description, progress.axis(), Axis::new(name, quantity), curves);
+        Chart { bands: bands_over_time(run), ..chart }
     };
     components.chunks(MOST_CURVES).map(chart_of).collect()
 }
@@ -207,7 +212,7 @@ pub(super) fn energies(run: &Run) -> Chart {
     let curves = named.into_iter().enumerate().map(curve).collect();
     let description = format!("external work and strain energy against {}", progress.name());
     let chart = chart(description, progress.axis(), Axis::new("energy", Quantity::Energy), curves);
-    Chart { height: 240.0, ..chart }
+    Chart { bands: bands_over_time(run), height: 240.0, ..chart }
 }
 
 /// The residuals of the steps of a run, one curve per step; the number of steps drawn, and the number of all steps.
@@ -251,6 +256,11 @@ fn load_steps() -> Axis {
     Axis { contains: vec![0.0, 1.0], ..Axis::counting("load step") }
 }
 
+/// The bands of the stages over the load steps of a single run; none for several runs, whose stages may differ.
+fn bands_of_the_only(runs: &[Run]) -> Vec<Band> {
+    if let [run] = runs { bands_over_steps(run) } else { Vec::new() }
+}
+
 /// Linear solves of each step of all runs.
 pub(super) fn iterations(runs: &[Run]) -> Chart {
     let curve = |(number, run): (usize, &Run)| Curve {
@@ -261,7 +271,7 @@ pub(super) fn iterations(runs: &[Run]) -> Chart {
     let y = Axis { contains: vec![0.0], ..Axis::counting("iterations") };
     let curves = runs.iter().enumerate().map(curve).collect();
     let chart = chart("iterations of each load step".to_owned(), load_steps(), y, curves);
-    Chart { height: 220.0, ..chart }
+    Chart { bands: bands_of_the_only(runs), height: 220.0, ..chart }
 }
 
 /// Observed order of the iterations of each step of all runs, where it can be determined.
@@ -284,5 +294,6 @@ pub(super) fn orders(runs: &[Run]) -> Option<Chart> {
     }
     let y = Axis { contains: vec![1.0, 2.5], ..Axis::new("observed order", Quantity::Number) };
     let chart = chart("observed order of convergence of each load step".to_owned(), load_steps(), y, curves);
-    Some(Chart { levels: vec![(2.0, "quadratic".to_owned())], height: 240.0, ..chart })
+    let levels = vec![(2.0, "quadratic".to_owned())];
+    Some(Chart { levels, bands: bands_of_the_only(runs), height: 240.0, ..chart })
 }

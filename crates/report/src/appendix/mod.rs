@@ -4,8 +4,8 @@
 //! files, so a report can be written long after the run, or during it.
 //!
 //! `run` reads a directory. `chart` (with `scale`) draws curves, `picture` (with `scene`, `view`, `raster` and
-//! `colour`) the points; `page` numbers sections, figures and tables. `single` and `comparison` define the content of
-//! the pages.
+//! `colour`) the points; `page` numbers sections, figures and tables. `single` (with `stages`) and `comparison` define
+//! the content of the pages.
 
 mod chart;
 mod colour;
@@ -23,6 +23,7 @@ mod scale;
 mod scene;
 mod sections;
 mod single;
+mod stages;
 mod units;
 mod view;
 

@@ -196,6 +196,11 @@ impl Run {
             && deck.boundary_conditions.iter().all(|c| c.curve.is_none())
     }
 
+    /// True if a body is stressed at time 0.
+    pub fn begins_stressed(&self) -> bool {
+        self.deck.iter().flat_map(|deck| &deck.bodies).any(|body| body.initial_stress.is_some())
+    }
+
     /// True if the boundary condition of this name moves its nodes.
     pub fn moves(&self, name: &str) -> bool {
         let conditions = self.deck.iter().flat_map(|deck| &deck.boundary_conditions);

@@ -18,6 +18,7 @@ use super::sections::{
     banner, foot, in_words, largest_residual, machine, naming, program, started, steps_in_words, title_block,
     wall_time, warnings, with_unit,
 };
+use super::stages;
 use super::units::{Naming, Quantity};
 
 /// Writes the page.
@@ -83,6 +84,7 @@ fn outcome(page: &mut Page, run: &Run, naming: &Naming) {
     let remark = indefinite.map(|n| format!("{} with a matrix that was not positive definite", html(n, 9)));
     row("Linear solves", count("/linear_solves"), remark.unwrap_or_default());
     page.table("Key numbers.", &table);
+    stages::table(page, run);
     end_of_run(page, run, naming);
 }
 
@@ -188,7 +190,7 @@ fn model(page: &mut Page, run: &Run) {
         in_words(&value["analysis"]),
         in_words(&value["grid"]),
         count("/cells"),
-        in_words(&value["steps"]),
+        stages::steps_of_deck(run, &value),
         in_words(&value["solver"]),
     ));
     let mut bodies = Table::new(["Body", "Material", "Method", "#Points", "Shape"]);
@@ -214,12 +216,12 @@ fn model(page: &mut Page, run: &Run) {
     page.table("Materials.", &materials);
     let mut conditions = Table::new(["Boundary condition", "Nodes", "Prescribes"]);
     for condition in value["boundary_conditions"].as_array().into_iter().flatten() {
-        let rest = without(condition, &["name", "nodes"]);
-        conditions.row([
-            named(condition, "name"),
-            Cell::Html(in_words(&condition["nodes"])),
-            Cell::Html(in_words(&rest)),
-        ]);
+        let rest = without(condition, &["name", "nodes", "surface"]);
+        let place = match condition["surface"].as_str() {
+            Some(surface) => format!("surface <code>{}</code>", escape(surface)),
+            None => in_words(&condition["nodes"]),
+        };
+        conditions.row([named(condition, "name"), Cell::Html(place), Cell::Html(in_words(&rest))]);
     }
     page.table("Boundary conditions.", &conditions);
     let mut loads = Table::new(["Load", "Kind", "Values at load factor 1"]);
@@ -287,7 +289,8 @@ fn deformed_points(
         let mut scenes = Vec::new();
         for snapshot in &snapshots {
             let at = super::number::plain(progress.at(run, snapshot.time), 4);
-            let title = format!("Step {}, {} {at}", snapshot.step, progress.name());
+            let stage = stages::after_comma(run, snapshot.step);
+            let title = format!("Step {}{stage}, {} {at}", snapshot.step, progress.name());
             scenes.push(Scene::read(run, snapshot, field, title)?);
         }
         let gallery = Gallery::new(&scenes, field);
