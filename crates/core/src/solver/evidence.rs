@@ -88,7 +88,8 @@ pub(super) fn is_isochoric<const D: usize>(points: &Points<D>) -> bool {
 /// True if the failed step is a small part of the analysis and of the time reached, so that smaller steps would hardly help.
 pub(super) fn is_small_step<const D: usize>(model: &Model<D>, failed: &FailedAttempt<D>) -> bool {
     let Step { start, end, .. } = failed.step;
-    end - start <= SMALL_STEP * model.stepping.end_time && end - start <= SMALL_GAIN * end
+    end - start <= SMALL_STEP * model.stepping.duration()
+        && end - start <= SMALL_GAIN * (end - model.stepping.start_time)
 }
 
 /// Number of further iterations to the tolerance at the rate of the last residuals; `None` if these do not fall steadily, or if

@@ -10,7 +10,7 @@ use super::control::Path;
 use super::error::SolveError;
 use super::observer::Observer;
 use super::pace::Pace;
-use super::stepper::{Kernels, Stepper};
+use super::stepper::{Kernels, Stepper, finish, start};
 use super::summary::{Reached, StageReached, Summary};
 
 /// Puts the points of a stage in place of those of the stage before.
@@ -167,27 +167,42 @@ pub fn run_stages<const D: usize>(
 where
     Model<D>: Solvable<D>,
 {
+    // A saved state that does not fit ends the run before anything is reported.
+    Stepper::new(model, points).resume(reached.clone())?;
     // A grid that cannot move is reported when its step begins.
     let _ = model.place_grid(reached.step.end);
-    observer.started(model, points).map_err(SolveError::Output)?;
+    let started = start(model, points, &mut reached, observer);
+    let outcome = started.and_then(|()| all_stages(model, points, &mut reached, observer));
+    finish(model, points, reached, outcome, observer)
+}
+
+/// Solves all steps from the present one to the end of the last stage.
+///
+/// # Errors
+/// As [`Stepper::step`].
+fn all_stages<const D: usize>(
+    model: &mut Model<D>,
+    points: &mut Points<D>,
+    reached: &mut Reached,
+    observer: &mut dyn Observer<D>,
+) -> Result<(), SolveError>
+where
+    Model<D>: Solvable<D>,
+{
     loop {
         let Step { index, end, .. } = reached.step;
-        if let Err(error) = model.place_grid(end) {
-            let error = SolveError::GridMotion { step: index + 1, error };
-            return super::stepper::finish(model, points, reached, Err(error), observer);
-        }
-        let mut stepper = Stepper::new(model, points).resume(reached)?;
+        model.place_grid(end).map_err(|error| SolveError::GridMotion { step: index + 1, error })?;
+        let before = std::mem::replace(reached, Reached::nothing(points));
+        let mut stepper = Stepper::new(model, points).resume(before)?;
         let outcome = stepper.steps_on_grid(observer);
-        reached = stepper.into_reached();
-        if let Ok(true) = outcome {
+        *reached = stepper.into_reached();
+        if outcome? {
             continue;
         }
-        if outcome.is_err() || model.present.stage + 1 >= model.stages.len() {
-            return super::stepper::finish(model, points, reached, outcome.map(|_| ()), observer);
+        if model.present.stage + 1 >= model.stages.len() {
+            return Ok(());
         }
         let kernels = model.kernels();
-        if let Err(error) = enter(model, points, &kernels, &mut reached) {
-            return super::stepper::finish(model, points, reached, Err(error), observer);
-        }
+        enter(model, points, &kernels, reached)?;
     }
 }

@@ -66,15 +66,11 @@ pub struct Stepper<'a, const D: usize, const N: usize = D> {
 pub struct Kernels<const D: usize, const N: usize = D> {
     terms: fn(&Model<D>) -> Terms<D, N>,
     step: StepFunction<D, N>,
-    pub(super) run: RunFunction<D, N>,
     pub(super) balancing_forces: BalancingFunction<D>,
 }
 
 type StepFunction<const D: usize, const N: usize> =
     fn(&mut Stepper<'_, D, N>, &mut dyn Observer<D>) -> Result<bool, SolveError>;
-type RunFunction<const D: usize, const N: usize> =
-    fn(Stepper<'_, D, N>, &mut dyn Observer<D>) -> Result<Summary, SolveError>;
-
 type BalancingFunction<const D: usize> =
     fn(&Model<D>, &mut Points<D>, Step, &BTreeMap<String, Value>) -> Result<Vec<(u32, [f64; D])>, SolveError>;
 
@@ -84,7 +80,6 @@ impl<const D: usize, const N: usize> Kernels<D, N> {
         Kernels {
             terms: of_model::<D, N, M>,
             step: |stepper, observer| stepper.solve_next_step::<M>(observer),
-            run: |stepper, observer| stepper.run_to_end::<M>(observer),
             balancing_forces: balancing_forces::<D, M>,
         }
     }
@@ -195,8 +190,15 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     ///
     /// # Errors
     /// As [`Stepper::step`]; [`SolveError::GridMotion`] if the grid moves.
-    pub fn run(self, observer: &mut dyn Observer<D>) -> Result<Summary, SolveError> {
-        (self.kernels.run)(self, observer)
+    pub fn run(mut self, observer: &mut dyn Observer<D>) -> Result<Summary, SolveError> {
+        if self.model.moving_grid.is_some() {
+            let step = self.reached.step.index + 1;
+            return Err(SolveError::GridMotion { step, error: GridMotionError::NotPlaced });
+        }
+        let started = start(self.model, self.points, &mut self.reached, observer);
+        let outcome = started.and_then(|()| self.steps_on_grid(observer).map(drop));
+        let Stepper { model, points, reached, .. } = self;
+        finish(model, points, reached, outcome, observer)
     }
 
     /// The points; their converged state is that of the last step in equilibrium.
@@ -224,27 +226,6 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             self.try_step::<M>(step, observer)?;
         }
         Ok(true)
-    }
-
-    fn run_to_end<M: Mechanics<D>>(mut self, observer: &mut dyn Observer<D>) -> Result<Summary, SolveError> {
-        let (model, points) = (self.model, &*self.points);
-        if model.moving_grid.is_some() {
-            let step = self.reached.step.index + 1;
-            return Err(SolveError::GridMotion { step, error: GridMotionError::NotPlaced });
-        }
-        let timings = &mut self.reached.summary.timings;
-        let started = timings.measure(Phase::Output, || observer.started(model, points));
-        let outcome = match started {
-            Ok(()) => self.steps_to_end::<M>(observer),
-            Err(error) => Err(SolveError::Output(error)),
-        };
-        let Stepper { model, points, reached, .. } = self;
-        finish(model, points, reached, outcome, observer)
-    }
-
-    fn steps_to_end<M: Mechanics<D>>(&mut self, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
-        while self.solve_next_step::<M>(observer)? {}
-        Ok(())
     }
 
     /// Solves all steps on the present grid: up to the end of the analysis or stage, or only the next one if the grid moves.
@@ -435,6 +416,20 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             });
         }
     }
+}
+
+/// Reports that a run starts.
+///
+/// # Errors
+/// [`SolveError::Output`].
+pub(super) fn start<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    reached: &mut Reached,
+    observer: &mut dyn Observer<D>,
+) -> Result<(), SolveError> {
+    let started = reached.summary.timings.measure(Phase::Output, || observer.started(model, points));
+    started.map_err(SolveError::Output)
 }
 
 /// Concludes the account of a run that has ended, and reports it.

@@ -92,7 +92,8 @@ pub struct Summary {
     pub regridding_work: f64,
     /// Work absorbed so far by the stabilisation of faces, and lost at the end of each step, [energy].
     pub stabilisation_work: f64,
-    /// Stored energy and plastic work of bodies that were added, less those of bodies that were removed, [energy].
+    /// Stored energy and plastic work of bodies that were added, less those of bodies that were removed, and the change of both
+    /// where bodies got another material, [energy].
     #[serde(default)]
     pub exchanged_energy: f64,
     /// Work absorbed so far by damped iterations between grids, [energy].
