@@ -176,7 +176,9 @@ fn an_excavated_column_has_the_exact_stress_at_finite_strain() {
   - {name: rest, steps: {count: 1}, then: {reset: [displacement]}}
   - {name: dig, remove: [pit], steps: {count: 1}}";
         let geostatic = "initial_stress: {type: geostatic, surface: 10, k0: 0.5}";
+        // The stabilisation of cells with single points would change the stress by 4·10⁻⁹ of it.
         let deck = column(&clay, &clay, "mpm", h, stages)
+            .replace("version: 1", "version: 1\nanalysis: {stabilisation: {mode: off}}")
             .replace("points_per_cell: 2", &format!("points_per_cell: 1, {geostatic}"));
         let Run { points, every, .. } = run(&deck);
         let stress = points.array(PointArray::CauchyStress).values;
@@ -194,7 +196,7 @@ fn an_excavated_column_has_the_exact_stress_at_finite_strain() {
             "h = {h}: heave {top:.10} of {heave:.10}, error {:.1e}, stress {worst:.1e} Pa",
             errors.last().unwrap()
         );
-        assert!(worst < 1e-8 * gamma * 10.0, "{worst:e}");
+        assert!(worst < 1e-13 * gamma * 10.0, "{worst:e}");
     }
     assert!((errors[0] / errors[1]).log2() > 1.9 && (errors[1] / errors[2]).log2() > 1.9, "{errors:?}");
     assert!(errors[3] < 1e-8, "{errors:?}");

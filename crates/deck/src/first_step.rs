@@ -145,7 +145,8 @@ impl Check<'_> {
         let message =
             format!("the boundary condition {} acts on no node of a cell that contains points", quote(name));
         let found = self.at("D037", &format!("/boundary_conditions/{number}/nodes"), message);
-        let help = "check that it lies at the bodies; a wall that a body will reach later needs no change";
+        let help =
+            "check that its nodes are next to a body; a wall that a body will reach later needs no change";
         self.found.push(found.severity(Severity::Note).help(help));
     }
 
@@ -155,8 +156,8 @@ impl Check<'_> {
             let name = |number: usize| model.boundary_conditions[number].name.as_str();
             let others = list(by.iter().map(|&number| name(number)));
             let message = format!(
-                "the boundary condition {} has no effect along {}: all of its nodes are already fixed by {others}, which \
-                 receives the reaction",
+                "the boundary condition {} has no effect along {}: all of its nodes are already fixed by {others}, \
+                 where the reaction is reported",
                 quote(name(condition)),
                 AXES[axis]
             );

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use super::formulas::{Displacement, Fault};
 use super::{Expression, Parameter};
 
-/// The checks of the meaning of a deck. Each reports what it finds at the place in the deck that `pointer` names.
+/// Semantic checks of a deck. Each reports what it finds at the place in the deck that `pointer` names.
 pub(crate) trait Checks {
     /// Number of axes.
     fn dimensions(&self) -> usize;

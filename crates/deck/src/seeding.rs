@@ -222,7 +222,7 @@ impl<const D: usize> Filling<'_, D> {
                 code: "D028",
                 key: "/point_spacing".to_owned(),
                 message: format!(
-                    "the body {} would be cut from {count:.1e} points; at most {MOST_POINTS:.0e} are possible",
+                    "cutting the shape of the body {} would take {count:.1e} points; at most {MOST_POINTS:.0e} are possible",
                     quote(&deck.name),
                 ),
                 help: "give a larger spacing".to_owned(),
@@ -276,7 +276,7 @@ impl<const D: usize> Filling<'_, D> {
                     code: "D028",
                     key: String::new(),
                     message: format!(
-                        "the body {} would be cut from more than {MOST_POINTS:.0e} points",
+                        "cutting the shape of the body {} would take more than {MOST_POINTS:.0e} points",
                         quote(&deck.name)
                     ),
                     help: "use fewer points per cell".to_owned(),

@@ -16,9 +16,9 @@ use mpm_files::fields::PointField;
 const PROGRAM: f64 = 16e6;
 /// Memory per grid node, [byte].
 const PER_NODE: f64 = 10.0;
-/// Memory of the stiffness and of the preconditioner of an iterative solution per unknown, [byte]: for points that
-/// reach the nodes of their cell, and for domains that reach beyond it; first in the plane (counted), then in space
-/// (measured).
+/// Memory per unknown of the stiffness and the preconditioner of an iterative solution, [byte]. First in the plane
+/// (counted), then in space (measured); in each, for points that reach only the nodes of their cell, and for domains
+/// that reach beyond it.
 const ITERATIVE: [[f64; 2]; 2] = [[450.0, 850.0], [1200.0, 4500.0]];
 /// Memory per point for order, volumes and numbers of points in files, [byte].
 const MAKING: f64 = 50.0;

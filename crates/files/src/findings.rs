@@ -17,7 +17,7 @@ pub struct ForceBalance {
     pub applied: Vec<f64>,
     /// Name and resultant of each load, [force].
     pub loads: Vec<(String, Vec<f64>)>,
-    /// Name and sum of each further force, such as that which a stage releases, [force].
+    /// Name and sum of each further force, such as the force that a stage releases, [force].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub further: Vec<(String, Vec<f64>)>,
     /// Name and reaction of each boundary condition, [force].

@@ -209,7 +209,7 @@ fn is_same(a: &fs::Metadata, b: &fs::Metadata) -> bool {
     a.is_file() && a.created().ok() == b.created().ok()
 }
 
-/// Formats a text as a field of a line, in quotes if necessary.
+/// Formats a string as a field of a line, in quotes if necessary.
 pub fn quoted(name: &str) -> String {
     if name.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", name.replace('"', "\"\""))

@@ -14,9 +14,9 @@ pub struct Axis {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Lines {
-    /// Located by arithmetic.
+    /// Evenly spaced lines; a position is located by arithmetic.
     Even { origin: f64, spacing: f64 },
-    /// Coordinates of all lines, ascending; located by bisection.
+    /// Coordinates of all lines, ascending; a position is located by bisection.
     Graded(Box<[f64]>),
 }
 

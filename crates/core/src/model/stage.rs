@@ -68,8 +68,8 @@ pub struct Factors {
 }
 
 impl<const D: usize> Model<D> {
-    /// The factors at the end of the present stage, if `unknown` is the load factor found in it, where that follows from
-    /// equilibrium.
+    /// The factors at the end of the present stage. If the load factor of the stage follows from equilibrium, it is
+    /// `unknown`: the share that is reached of the change of each load from the start to the end of its curve.
     pub fn factors_at_end(&self, unknown: f64) -> Factors {
         let Stepping { start_time, end_time, .. } = self.stepping;
         let reached = |load: &Load<D>| match self.stepping.control {

@@ -1,16 +1,16 @@
 //! The largest values of measures that cause no warning.
 
-/// Work of fresh grids relative to that of loads and reactions, [-].
+/// Regridding work relative to the work of loads and reactions, [-].
 pub const MOST_REGRIDDING: f64 = 0.1;
 
 /// Error of the balance of energy, [-].
 pub const MOST_ENERGY_ERROR: f64 = 0.1;
 
-/// Mean number of cell borders that a point without domain has crossed, [-]; more are harmless as long as the work of fresh
-/// grids is below [`HARMFUL_REGRIDDING`].
+/// Mean number of cell borders that a point without domain has crossed, [-]; more are harmless as long as the regridding
+/// work is below [`HARMFUL_REGRIDDING`].
 pub const MOST_CROSSINGS: f64 = 0.1;
 
-/// Work of fresh grids relative to that of loads and reactions at which crossings do harm, [-].
+/// Regridding work relative to the work of loads and reactions at which crossings do harm, [-].
 pub const HARMFUL_REGRIDDING: f64 = 0.015;
 
 /// Mean rotation of a body whose domains are boxes, [degrees].

@@ -43,7 +43,7 @@ impl Intervals {
         Intervals(if low < high { vec![[low, high]] } else { Vec::new() })
     }
 
-    /// Intervals from the parameters at which a line alternately enters and leaves, in any order.
+    /// Intervals between the parameters, in any order, at which a line crosses the boundary of a region.
     pub(super) fn from_crossings(mut crossings: Vec<f64>) -> Self {
         crossings.sort_by(f64::total_cmp);
         Intervals(crossings.chunks_exact(2).filter(|c| c[0] < c[1]).map(|c| [c[0], c[1]]).collect())

@@ -86,7 +86,7 @@ impl<const D: usize> Given<D> for FromFiles<'_, D> {
             Err(error) => {
                 let help = match &error {
                     StlError::Io(_) | StlError::NotAFile | StlError::TooLarge { .. } => {
-                        format!("the path is relative to the deck; this is `{}`", path.display())
+                        format!("the path is relative to the deck; here it means `{}`", path.display())
                     }
                     _ => "save the surface as STL again, text or binary".to_owned(),
                 };

@@ -181,7 +181,7 @@ impl Check<'_> {
             && *last < end_time
         {
             let message =
-                format!("the load curve ends at time {last}, before the analysis does at {end_time}");
+                format!("the load curve ends at time {last}, but the analysis ends at time {end_time}");
             let factor = pairs.last().map_or(0.0, |pair| pair[1]);
             let help = format!("add a pair at time {end_time}, such as `[{end_time}, {factor}]`");
             self.error("D022", &format!("{pointer}/{}/0", pairs.len() - 1), message, help);

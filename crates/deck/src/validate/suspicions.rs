@@ -170,8 +170,8 @@ impl Check<'_> {
         let tolerance = self.deck.solver.tolerance;
         if tolerance > LOOSE {
             let message = format!(
-                "with the tolerance {tolerance} a step counts as in equilibrium while {} % of its load is out \
-                 of balance",
+                "with the tolerance {tolerance} a step is accepted as in equilibrium although {} % of its \
+                 load is out of balance",
                 100.0 * tolerance
             );
             let help = "use 1e-6 or less: with quadratic convergence it costs one more iteration";

@@ -29,7 +29,7 @@ const AFTER: usize = 4;
 
 /// A number as VTK stores it.
 pub(super) trait Number: Copy + Sync {
-    /// VTK's name of the type.
+    /// VTK's name for the type.
     const NAME: &'static str;
     /// True if the last digits of such numbers are practically random.
     const IS_ROUGH: bool;
@@ -167,8 +167,8 @@ struct Compressor {
 }
 
 impl Compressor {
-    /// Encodes numbers as a zlib stream: compressed if one in four repeats another or all have few digits, otherwise
-    /// stored. Searching practically random digits for other patterns takes longer than computing them.
+    /// Encodes numbers as a zlib stream. Blocks of a type whose last digits are practically random are only stored,
+    /// unless one in four numbers repeats another: searching such digits for patterns takes longer than computing them.
     fn stream<T: Number>(&mut self, values: &[T], room: &Room) -> Result<Vec<u8>, String> {
         let length = size_of_val(values);
         if T::IS_ROUGH && length <= BLOCK && !is_regular(values) {

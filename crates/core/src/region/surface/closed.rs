@@ -14,7 +14,7 @@ pub(super) struct Shells {
 /// higher.
 type FacetEdge = ([u32; 2], u32, bool);
 
-/// Edges of all facets; those with the same ends are adjacent.
+/// The edges of all facets, sorted so that those with the same ends follow one another.
 fn facet_edges(corners: &[[u32; 3]]) -> Vec<FacetEdge> {
     let mut facet_edges = Vec::with_capacity(3 * corners.len());
     for (facet, nodes) in corners.iter().enumerate() {

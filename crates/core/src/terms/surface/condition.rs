@@ -382,7 +382,8 @@ fn patches<const D: usize>(model: &Model<D>, surface: &Surface<D>) -> Vec<Patch>
     by_place.into_values().map(of_samples).collect()
 }
 
-/// The functions 1, x, y(, z) over a patch, made orthonormal over its area one after the other, times the areas.
+/// The functions 1, x, y(, z) on a patch, orthonormalised in this order with respect to area and then multiplied by the
+/// areas of the samples; those that depend on earlier ones are left out.
 fn orthonormal<const D: usize>(
     surface: &Surface<D>,
     samples: &[u32],
