@@ -72,6 +72,30 @@ fn a_wall_set_on_a_surface_takes_over_what_loads_leave() {
     }
 }
 
+/// A wall on the surface that is loaded takes the load at once, and a body without any stress is held by a wall that is set:
+/// what cancels on the surface is not out of balance.
+#[test]
+fn a_wall_on_a_loaded_surface_takes_the_load() {
+    let stages = "stages:
+  - {name: pull, steps: {count: 2}, factors: {pull: 1}}
+  - {name: rest, steps: {count: 2}, factors: {pull: 0}}
+  - {name: hold, steps: {count: 2}, set: [wall]}
+  - {name: pull_again, steps: {count: 2}, factors: {pull: 2}}
+  - {name: let_go, steps: {count: 2}, release: [wall], factors: {pull: 0}}
+  - {name: hold_again, steps: {count: 2}, set: [wall]}";
+    for method in ["mpm", "gimp", "cpdi2"] {
+        let wall = "  - {name: wall, surface: end, fix: [x]}";
+        let deck = bar(method, "", wall, "", stages).replace("  - {name: cap", "# - {name: cap");
+        let Run { every, .. } = run(&deck);
+        let of = |step: usize| [every.reports[step].reactions[2][0], every.reports[step].reactions[0][0]];
+        let [wall, left] = of(7);
+        println!("{method}: {wall} {left}");
+        assert!((wall + 200.0).abs() < 1e-6 && left.abs() < 1e-6, "{method}: {wall} {left}");
+        let [wall, left] = of(11);
+        assert!(wall.abs() < 1e-6 && left.abs() < 1e-6, "{method}: {wall} {left}");
+    }
+}
+
 /// Bodies with surfaces come and go, and so do loads and conditions on them: a run resumed anywhere has the same bits.
 #[test]
 fn surfaces_resume_between_and_within_stages() {

@@ -37,6 +37,9 @@ pub struct System<const N: usize> {
     pub(crate) internal: Nodal<N>,
     /// External force on the active nodes, eq. (29), [force].
     pub(crate) external: Nodal<N>,
+    /// The part of the external force that holds bodies as reactions do: of conditions on surfaces, and what a stage releases,
+    /// [force]. None without such forces.
+    holding: Option<Nodal<N>>,
     /// The change of the external force with the load factor, where that follows from equilibrium, [force].
     pub(crate) per_factor: Option<Nodal<N>>,
     /// The equations of global unknowns.
@@ -61,6 +64,7 @@ impl<const N: usize> System<N> {
             division: pairs.division(),
             internal: zero.clone(),
             external: zero,
+            holding: None,
             per_factor: None,
             border: Border::new(globals, links.n_active()),
             reduced: Vec::new(),
@@ -98,7 +102,7 @@ impl<const N: usize> System<N> {
         }
         self.internal.fill([0.0; N]);
         self.external.fill([0.0; N]);
-        self.per_factor = None;
+        (self.holding, self.per_factor) = (None, None);
         self.border.clear();
     }
 
@@ -106,8 +110,8 @@ impl<const N: usize> System<N> {
     pub(crate) fn condense(&mut self, dofs: &DofMap<N>) {
         dofs.condense(&mut self.internal);
         dofs.condense(&mut self.external);
-        if let Some(per_factor) = &mut self.per_factor {
-            dofs.condense(per_factor);
+        for force in [&mut self.holding, &mut self.per_factor].into_iter().flatten() {
+            dofs.condense(force);
         }
     }
 
@@ -135,6 +139,27 @@ impl<const N: usize> System<N> {
     /// The same, to add to.
     pub fn external_force_mut(&mut self) -> &mut [[f64; N]] {
         &mut self.external
+    }
+
+    /// Adds to the external force a force that holds a body, [force].
+    pub fn add_holding<const D: usize>(&mut self, node: usize, force: &[f64; D]) {
+        let n = self.external.len();
+        let holding = &mut self.holding.get_or_insert_with(|| vec![[0.0; N]; n])[node];
+        for (d, f) in force.iter().enumerate() {
+            holding[d] += f;
+            self.external[node][d] += f;
+        }
+    }
+
+    /// Counts a part of the external force that has been added as a force that holds bodies, [force].
+    pub fn count_as_holding<const D: usize>(&mut self, force: &[[f64; D]]) {
+        add(self.holding.get_or_insert_with(|| vec![[0.0; N]; force.len()]), force);
+    }
+
+    /// The part of the external force that holds bodies as reactions do: of conditions on surfaces, and what a stage releases,
+    /// [force]; `None` without such forces. It may cancel the loads at the same nodes.
+    pub fn holding_force(&self) -> Option<&Nodal<N>> {
+        self.holding.as_ref()
     }
 
     /// Adds to the change of the external force with the load factor, which follows from equilibrium, [force].

@@ -19,7 +19,7 @@ use crate::region::{Facet, NoBoundary, Region, area_vector};
 
 pub use carried::Carried;
 pub use cells::boundary_of_cells;
-pub use support::Support;
+pub use support::{Support, support};
 
 /// Slack of boxes and half-spaces that select samples, relative to the size of a cell, [-].
 const SLACK: f64 = 1e-6;

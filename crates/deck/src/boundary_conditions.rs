@@ -22,7 +22,7 @@ pub struct BoundaryConditionDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nodes: Option<NodeSelector>,
     /// Name of the surface on which it acts. There it holds weakly, and prescribes the displacement of the surface since
-    /// the start.
+    /// the start, or since the stage that sets it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = ["wall"]))]
     pub surface: Option<String>,
@@ -157,6 +157,23 @@ impl BoundaryConditionDeck {
     pub(crate) fn frame<const D: usize>(&self) -> Option<[[f64; D]; D]> {
         let (_, direction) = self.direction()?;
         Some(frame(array(direction)))
+    }
+
+    /// True if it and another condition prescribe the same displacement of the same surface.
+    pub(crate) fn repeats(&self, other: &Self) -> bool {
+        let directions = |condition: &Self| match condition.direction() {
+            Some(_) => Vec::new(),
+            None => {
+                let moved = condition.displacements();
+                let moved = moved.iter().map(|displacement| displacement.direction);
+                condition.held().into_iter().chain(moved).collect::<Vec<_>>()
+            }
+        };
+        let kind = Self::holds_along_surface_normal;
+        self.surface.is_some()
+            && self.surface == other.surface
+            && kind(self) == kind(other)
+            && directions(self).iter().any(|direction| directions(other).contains(direction))
     }
 
     /// True if it holds a surface along the normal at each of its places.

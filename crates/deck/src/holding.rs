@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use mpm_core::basis::{Connectivity, Method};
 use mpm_core::dofs::DofMap;
 use mpm_core::dofs::rigid::{FreePart, free_parts};
-use mpm_core::model::{Action, BoundaryCondition, Model, NodeSet, Pressure};
+use mpm_core::model::{Action, Course, Model, Pressure};
 use mpm_core::points::{Points, coordinates};
 
 use super::AXES;
@@ -28,15 +28,7 @@ impl Check<'_> {
         (links, dofs): (&Connectivity<D>, &DofMap<D>),
         stage: Option<(usize, &Free)>,
     ) -> Free {
-        // Only the stiffness shows whether a condition on a surface, or water around it, holds its body.
-        let held = |body: &u16| {
-            model.boundary_conditions.iter().enumerate().any(|(number, condition)| match condition.nodes {
-                NodeSet::Surface(on) => {
-                    model.surfaces[on.surface].body == *body as usize && model.is_set(number)
-                }
-                _ => false,
-            })
-        };
+        // Only the stiffness shows whether water around a body holds it.
         let floats = |body: &u16| {
             model.loads.iter().any(|load| match &load.action {
                 Action::Pressure { surface, pressure: Pressure::Hydrostatic { .. } } => {
@@ -46,7 +38,7 @@ impl Check<'_> {
             })
         };
         let mut parts = free_parts(model, points, links, dofs);
-        parts.retain(|part| !part.bodies.iter().any(|body| held(body) || floats(body)));
+        parts.retain(|part| !part.bodies.iter().any(floats));
         let key = |part: &FreePart<D>| (part.bodies.clone(), part.axes.clone());
         let is_new = |part: &&FreePart<D>| stage.is_none_or(|(_, known)| !known.contains(&key(part)));
         for part in parts.iter().filter(is_new).take(MOST_PARTS) {
@@ -63,13 +55,18 @@ impl Check<'_> {
         points: &Points<D>,
         mut known: Free,
     ) {
-        if model.boundary_conditions.iter().any(BoundaryCondition::moves) {
-            return;
-        }
+        let moves = |stage: usize| {
+            model.boundary_conditions.iter().zip(&model.stages[stage].boundary_conditions).any(
+                |(condition, course)| {
+                    condition.moves() && !matches!(course, Course::Stays | Course::Reaches(0.0))
+                },
+            )
+        };
+        let n = (1..model.stages.len()).take_while(|number| !moves(number - 1)).count();
         let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
         let before = model.present.clone();
         let mut points = points.clone();
-        for number in 1..model.stages.len() {
+        for number in 1..=n {
             let stage = &model.stages[number];
             points.retain_bodies(|body| !stage.removed.contains(&body));
             points.append(&stage.added);

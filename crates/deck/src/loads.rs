@@ -182,6 +182,14 @@ impl LoadDeck {
         }
     }
 
+    /// Name of the surface on which it acts; `None` if it acts on points.
+    pub(crate) fn surface(&self) -> Option<&str> {
+        match self {
+            LoadDeck::Traction { surface, .. } | LoadDeck::Pressure { surface, .. } => Some(surface),
+            LoadDeck::Gravity { .. } | LoadDeck::BodyForce { .. } | LoadDeck::PointForce { .. } => None,
+        }
+    }
+
     /// The expressions that may be formulas, with their keys relative to the load.
     pub(crate) fn expressions(&self) -> Vec<(String, &Expression)> {
         let each = |key: &str, vector: &'_ [Expression]| -> Vec<String> {

@@ -8,8 +8,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::DMatrix;
 
 use crate::basis::Connectivity;
-use crate::model::Model;
+use crate::model::{Model, NodeSet};
 use crate::points::Points;
+use crate::surface::support;
 
 use super::DofMap;
 
@@ -68,6 +69,22 @@ pub fn free_parts<const D: usize>(
         let Some(part) = parts.get_mut(part) else { continue };
         let x = place(node);
         dofs.for_each_held_direction(node, |direction| part.hold(&x, direction));
+    }
+    for (number, condition) in model.boundary_conditions.iter().enumerate() {
+        let NodeSet::Surface(on) = condition.nodes else { continue };
+        let surface = &model.surfaces[on.surface];
+        if !model.is_set(number) {
+            continue;
+        }
+        for (sample, x) in surface.samples.iter().enumerate() {
+            let normal = surface.normal(sample);
+            let carried = support(model.grid.as_ref(), links, x, &normal);
+            let node = carried.as_ref().and_then(|carried| carried.nodes().first());
+            let Some(part) = node.and_then(|&node| parts.get_mut(&root[node as usize])) else { continue };
+            for displacement in (0..D).filter(|&d| condition.displacement[d].is_some()) {
+                part.hold(x, &condition.direction(displacement, normal));
+            }
+        }
     }
     if model.revolved {
         parts.values_mut().for_each(Part::resist_by_hoops);

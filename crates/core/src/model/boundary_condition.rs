@@ -48,6 +48,15 @@ pub struct BoundaryCondition<const D: usize> {
 }
 
 impl<const D: usize> BoundaryCondition<D> {
+    /// The direction of one of its displacements at a place of a surface with this original unit normal.
+    pub fn direction(&self, displacement: usize, normal: [f64; D]) -> [f64; D] {
+        match (&self.nodes, &self.axes) {
+            (NodeSet::Surface(on), _) if on.along_normal => normal,
+            (_, Some(axes)) => axes[displacement],
+            _ => std::array::from_fn(|d| f64::from(u8::from(d == displacement))),
+        }
+    }
+
     /// A condition along the axes.
     pub fn new(
         name: impl Into<String>,

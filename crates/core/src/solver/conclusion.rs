@@ -50,7 +50,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             }
             (None, Predictor::None) => Path::default(),
         };
-        let forces = unknowns.forces(&course.out_of_balance, f_ext);
+        let forces = unknowns.forces(&course.out_of_balance, sum.system());
         let mut reactions = named_reactions(model, &reaction, dofs);
         let mut moments = reaction_moments(model, points, links, &delta_d, (&reaction, dofs));
         for of in sum.surface_reactions() {

@@ -62,7 +62,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         }
         self.evaluate_terms(Wanted::Force).ok()?;
         let (system, unknowns) = (self.system.sum.system(), &self.unknowns);
-        let forces = unknowns.forces(&self.course.out_of_balance, system.external_force());
+        let forces = unknowns.forces(&self.course.out_of_balance, system);
         let of_globals = system.border.relative_residual();
         let residual = forces
             .balanced(&self.system.parts, system.internal_force(), tolerance)
@@ -118,7 +118,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let (system, unknowns) = (self.system.sum.system(), &self.unknowns);
         let at =
             residual::EvaluatedAt { model, points: self.points, links, system, delta_d: &unknowns.delta_d };
-        let forces = unknowns.forces(&self.course.out_of_balance, system.external_force());
+        let forces = unknowns.forces(&self.course.out_of_balance, system);
         let tolerance = model.newton.tolerance;
         let measured = forces.measure(&self.system.parts, tolerance, &at);
         measured.or_larger(system.border.relative_residual(), tolerance)

@@ -65,11 +65,13 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
                 let reaction = &unknowns.reaction;
                 let at =
                     EvaluatedAt { model, points, links: &links, system: forces, delta_d: &unknowns.delta_d };
-                let measured = Forces { out_of_balance: &out_of_balance, f_ext, reaction }.measure(
-                    &system.parts,
-                    tolerance,
-                    &at,
-                );
+                let measured = Forces {
+                    out_of_balance: &out_of_balance,
+                    f_ext,
+                    reaction,
+                    holding: forces.holding_force(),
+                }
+                .measure(&system.parts, tolerance, &at);
                 let ledger = system.sum.ledger(&context, points, unknowns.at());
                 InitialState {
                     residual: measured.residual,

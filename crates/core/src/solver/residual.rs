@@ -157,6 +157,8 @@ pub(super) struct Forces<'a, const N: usize> {
     pub(super) f_ext: &'a Nodal<N>,
     /// [force].
     pub(super) reaction: &'a Nodal<N>,
+    /// The part of `f_ext` that holds bodies as reactions do, [force].
+    pub(super) holding: Option<&'a Nodal<N>>,
 }
 
 impl<const N: usize> Forces<'_, N> {
@@ -167,18 +169,24 @@ impl<const N: usize> Forces<'_, N> {
     /// True if the load on the free components of a node is below `nothing`, and the sum of load and reaction on its
     /// held components is round-off: a load may act directly on a support.
     fn carries_nothing(&self, node: usize, mut axes: Range<usize>, nothing: f64, noise: f64) -> bool {
-        let (load, reaction) = (&self.f_ext[node], &self.reaction[node]);
-        axes.all(|d| match reaction[d] {
-            0.0 => load[d].abs() <= nothing,
-            held => (load[d] + held).abs() <= noise,
+        let (force, reaction) = (&self.f_ext[node], &self.reaction[node]);
+        let holding = self.holding.map_or([0.0; N], |holding| holding[node]);
+        axes.all(|d| match reaction[d] + holding[d] {
+            0.0 => force[d].abs() <= nothing,
+            _ => (force[d] + reaction[d]).abs() <= noise,
         })
     }
 
     /// The norms in eq. (40) for some components of each part: of the out-of-balance force, and of the sum of external
-    /// forces and reactions.
+    /// forces and reactions. Forces that hold bodies may cancel the loads at the same nodes and leave nothing but round-off; they
+    /// count alone if they are larger than the sum.
     fn of_parts(&self, parts: &Parts, components: Range<usize>) -> Vec<[f64; 2]> {
         let out = parts.norms(components.clone(), self.out_of_balance.iter().copied());
-        let force = parts.norms(components, (0..self.f_ext.len()).map(|node| self.total(node)));
+        let mut force = parts.norms(components.clone(), (0..self.f_ext.len()).map(|node| self.total(node)));
+        if let Some(holding) = self.holding {
+            let holding = parts.norms(components, holding.iter().copied());
+            force.iter_mut().zip(holding).for_each(|(force, holding)| *force = force.max(holding));
+        }
         out.into_iter().zip(force).map(|(out, force)| [out, force]).collect()
     }
 
@@ -317,6 +325,9 @@ impl<const N: usize> Forces<'_, N> {
                 sum[d] += self.out_of_balance[node][d];
             }
             *scale += total[parts.displacement()].iter().map(|f| f.abs()).sum::<f64>();
+            if let Some(holding) = self.holding {
+                *scale += holding[node][parts.displacement()].iter().map(|f| f.abs()).sum::<f64>();
+            }
         }
         sums.into_iter().map(|(sum, scale)| ratio(norm(sum.into_iter()), scale)).collect()
     }
@@ -470,7 +481,8 @@ mod tests {
 
     fn residual(out: [f64; 4], tolerance: f64) -> Option<f64> {
         let [out_of_balance, f_ext, reaction] = forces(out);
-        let forces = Forces { out_of_balance: &out_of_balance, f_ext: &f_ext, reaction: &reaction };
+        let forces =
+            Forces { out_of_balance: &out_of_balance, f_ext: &f_ext, reaction: &reaction, holding: None };
         forces.balanced(
             &Parts::new(&[0, 0, 2, 2], Fields::displacement(1).components()),
             &out_of_balance,

@@ -10,8 +10,12 @@ use super::control::Path;
 use super::error::SolveError;
 use super::observer::Observer;
 use super::pace::Pace;
+use super::residual::MOST_OF_ROUND_OFF;
 use super::stepper::{Kernels, Stepper, finish, start};
 use super::summary::{Reached, StageReached, Summary};
+
+/// Out-of-balance force relative to the largest force that bodies have carried, below which it may be round-off, [-].
+const LEFT: f64 = 1e-9;
 
 /// Puts the points of a stage in place of those of the stage before.
 fn change_points<const D: usize>(model: &Model<D>, points: &mut Points<D>, number: usize) {
@@ -88,6 +92,13 @@ fn enter<const D: usize>(
         let forces = (kernels.balancing_forces)(model, points, step, &reached.summary.terms);
         model.stepping.control = control;
         model.present.released_forces = forces?;
+        // What the tolerance or round-off has left out of balance is no force to release.
+        let squares = model.present.released_forces.iter().flat_map(|(_, force)| force).map(|f| f * f);
+        let carried = reached.summary.carried.iter().copied().fold(0.0, f64::max);
+        let left = model.newton.tolerance.clamp(LEFT, MOST_OF_ROUND_OFF) * carried;
+        if squares.sum::<f64>().sqrt() <= left {
+            model.present.released_forces.clear();
+        }
     }
     reached.summary.stage = Some(StageReached {
         number,

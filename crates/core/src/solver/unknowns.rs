@@ -204,7 +204,8 @@ impl<const N: usize> Unknowns<N> {
     }
 
     /// The forces that eq. (40) compares.
-    pub(super) fn forces<'a>(&'a self, out_of_balance: &'a Nodal<N>, f_ext: &'a Nodal<N>) -> Forces<'a, N> {
-        Forces { out_of_balance, f_ext, reaction: &self.reaction }
+    pub(super) fn forces<'a>(&'a self, out_of_balance: &'a Nodal<N>, system: &'a System<N>) -> Forces<'a, N> {
+        let (f_ext, holding) = (system.external_force(), system.holding_force());
+        Forces { out_of_balance, f_ext, reaction: &self.reaction, holding }
     }
 }

@@ -169,8 +169,8 @@ pub struct ExternalForces<const D: usize> {
     resultants: Vec<[f64; D]>,
     /// The forces whose factor follows from equilibrium.
     unknown: Option<Unknown<D>>,
-    /// Sum at the end of the step of the forces that the stage releases, [force]; none if it releases nothing.
-    released: Option<[f64; D]>,
+    /// The forces at the end of the step that the stage releases, [force]; none if it releases nothing.
+    released: Option<Nodal<D>>,
 }
 
 /// Forces fixed + λ unit on the active nodes, and their resultants, [force].
@@ -248,9 +248,7 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
 
     fn begin(&mut self, context: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
         let StepContext { model, links, step, .. } = *context;
-        self.released = not_yet_released(model, links, step.end).map(|forces| {
-            forces.iter().fold([0.0; D], |sum, force| std::array::from_fn(|d| sum[d] + force[d]))
-        });
+        self.released = not_yet_released(model, links, step.end);
         if model.stepping.control != Control::Load {
             return Ok(self.begin_unknown(context, points)?);
         }
@@ -278,6 +276,9 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
     ) -> Result<(), PointFailure> {
         self.set_factor(at.factor);
         add(&mut sum.external, &self.end);
+        if let Some(released) = &self.released {
+            sum.count_as_holding(released);
+        }
         if let Some(Unknown { unit, .. }) = &self.unknown {
             sum.add_per_factor(&unit.nodal);
         }
@@ -289,7 +290,11 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
     }
 
     fn named_forces(&self) -> Vec<NamedForce<D>> {
-        self.released.map(|force| NamedForce { name: RELEASED.to_owned(), force }).into_iter().collect()
+        let sum = |forces: &Nodal<D>| {
+            forces.iter().fold([0.0; D], |sum, force| std::array::from_fn(|d| sum[d] + force[d]))
+        };
+        let released = self.released.iter().map(sum);
+        released.map(|force| NamedForce { name: RELEASED.to_owned(), force }).collect()
     }
 
     fn add_resultants(&self, sum: &mut [[f64; D]]) {

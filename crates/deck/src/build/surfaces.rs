@@ -9,7 +9,7 @@ use crate::per_axis::array;
 use crate::placing;
 use crate::quoting::quote;
 use crate::region::{Groups, OfDeck};
-use crate::{BoxDeck, HalfSpaceDeck, PartDeck, SurfaceDeck};
+use crate::{BoxDeck, HalfSpaceDeck, Idealisation, PartDeck, SurfaceDeck};
 
 /// Length of the samples of a surface relative to the smallest cell at the body, [-].
 const LENGTH: f64 = 0.25;
@@ -78,6 +78,11 @@ where
                     let at = if deck.part.is_some() { format!("{at}/part") } else { at };
                     self.error("D050", &at, message, help);
                 }
+                Ok(surface) if self.has_no_area(&surface) => {
+                    let message =
+                        format!("the surface {} lies on the axis and has no area", quote(&deck.name));
+                    self.error("D050", &at, message, "remove it: nothing acts on it".to_owned());
+                }
                 Ok(surface) => surfaces.push(surface),
                 Err(error) => {
                     let message = format!("the surface {} cannot be sampled: {error}", quote(&deck.name));
@@ -117,6 +122,12 @@ where
         let mut nodes = nodes.to_vec();
         nodes.sort_unstable();
         Ok(Some(nodes))
+    }
+
+    /// True if the surface of a body of revolution lies on the axis.
+    fn has_no_area(&self, surface: &Surface<D>) -> bool {
+        let is_revolved = self.loaded.deck.analysis.idealisation == Idealisation::Axisymmetric;
+        is_revolved && surface.corners.iter().all(|x| x[0].abs() <= 1e-9 * surface.cell)
     }
 
     /// Index of a surface.

@@ -107,6 +107,15 @@ impl Check<'_> {
                 self.nodes(&format!("{pointer}/nodes"), nodes);
             }
             condition.check(self, &pointer);
+            let repeated = conditions[..index].iter().find(|earlier| condition.repeats(earlier));
+            if let (Some(earlier), true) = (repeated, self.deck.stages.is_empty()) {
+                let message = format!(
+                    "the boundary conditions {} and {} prescribe the same displacement of one surface",
+                    quote(&earlier.name),
+                    quote(&condition.name)
+                );
+                self.error("D042", &pointer, message, "remove one of the two");
+            }
             self.curve(&format!("{pointer}/curve"), condition.curve.as_ref());
         }
     }

@@ -4,7 +4,10 @@ use std::collections::BTreeMap;
 
 use super::Check;
 use crate::quoting::quote;
-use crate::{LoadDeck, StageDeck};
+use crate::{ControlDeck, LoadDeck, Parameter, StageDeck};
+
+/// Shortest step relative to the time at which its stage begins, [-].
+const SHORTEST: f64 = 1e-9;
 
 /// A list of names in a stage.
 type Names = fn(&StageDeck) -> &Vec<String>;
@@ -30,7 +33,18 @@ impl Check<'_> {
         self.turns(("body", "bodies"), &bodies, [("add", |s| &s.add), ("remove", |s| &s.remove)]);
         let kind = ("boundary condition", "boundary conditions");
         self.turns(kind, &conditions, [("set", |s| &s.set), ("release", |s| &s.release)]);
+        self.durations();
+        let mut is_there: BTreeMap<&str, bool> = bodies
+            .iter()
+            .map(|&name| (name, deck.is_there_at_start(name, |s| &s.add, |s| &s.remove)))
+            .collect();
         for (number, stage) in deck.stages.iter().enumerate() {
+            for (list, begins) in [(&stage.remove, false), (&stage.add, true)] {
+                list.iter().for_each(|name| {
+                    is_there.insert(name, begins);
+                });
+            }
+            self.absent_bodies(number, stage, &|name| is_there.get(name) == Some(&false));
             self.factors(number, stage);
             for (body, material) in &stage.material {
                 let at = format!("/stages/{number}/material/{body}");
@@ -51,6 +65,54 @@ impl Check<'_> {
                 let message = format!("`{key}` changes the first stage, before which there is nothing");
                 let help = "describe the start in the rest of the deck, or put a stage before this one";
                 self.error("D053", &format!("/stages/0/{key}"), message, help);
+            }
+        }
+    }
+
+    /// Checks that times tell the steps of each stage from each other.
+    fn durations(&mut self) {
+        let deck = self.deck;
+        let mut start = 0.0;
+        for (number, stage) in deck.stages.iter().enumerate() {
+            let step = stage.steps.end_time / f64::from(stage.steps.count.max(1));
+            if step < SHORTEST * start {
+                let message = format!(
+                    "the steps of this stage last {step:e} each, too short to be told from each other after the time {}",
+                    Parameter::Number(start)
+                );
+                let help =
+                    "give the stages durations (`steps: {end_time}`) of a similar size: times are only names";
+                self.error("D053", &format!("/stages/{number}/steps"), message, help);
+            }
+            start += stage.steps.end_time;
+        }
+    }
+
+    /// Checks what a stage says about bodies that are not there.
+    fn absent_bodies(&mut self, number: usize, stage: &StageDeck, is_absent: &dyn Fn(&str) -> bool) {
+        let deck = self.deck;
+        if let ControlDeck::Displacement { probe, .. } = &stage.steps.control {
+            let probe = deck.output.probes.iter().find(|other| other.name == *probe);
+            if let Some(probe) = probe.filter(|probe| is_absent(&probe.body)) {
+                let message = format!(
+                    "the probe {} follows the body {}, which is not there in this stage",
+                    quote(&probe.name),
+                    quote(&probe.body)
+                );
+                let at = format!("/stages/{number}/steps/control/probe");
+                self.error("D053", &at, message, "choose a probe of a body that is there");
+            }
+        }
+        for name in stage.factors.keys() {
+            let Some(load) = deck.loads.iter().find(|load| load.name() == name) else { continue };
+            let surface = load.surface().and_then(|name| deck.surfaces.iter().find(|s| s.name == name));
+            let of_surface = surface.map(|surface| std::slice::from_ref(&surface.body));
+            let Some(bodies) = of_surface.or_else(|| load.bodies()) else { continue };
+            if !bodies.is_empty() && bodies.iter().all(|body| is_absent(body)) {
+                let message =
+                    format!("the load {} acts on bodies that are not there in this stage", quote(name));
+                let at = format!("/stages/{number}/factors/{name}");
+                self.warn("D037", &at, message, "remove its factor, or add the body");
             }
         }
     }

@@ -87,12 +87,9 @@ impl<const D: usize> Condition<D> {
         let law = model.materials[model.bodies[surface.body].material].law.as_ref();
         let penalty = on.penalty * axial_modulus_at_rest(law) / surface.cell;
         let components: Vec<usize> = (0..D).filter(|&d| condition.displacement[d].is_some()).collect();
-        let direction = |component: usize, sample: usize| match &condition.axes {
-            _ if on.along_normal => surface.normal(sample),
-            Some(axes) => axes[component],
-            None => std::array::from_fn(|d| f64::from(u8::from(d == component))),
+        let of_component = |&component: &usize| {
+            (0..surface.len()).map(|s| condition.direction(component, surface.normal(s))).collect()
         };
-        let of_component = |&component: &usize| (0..surface.len()).map(|s| direction(component, s)).collect();
         let directions = components.iter().map(of_component).collect();
         let patches = patches(model, surface);
         let n = components.len() * patches.iter().map(|patch| patch.functions.len()).sum::<usize>();
@@ -260,8 +257,8 @@ impl<const D: usize> Condition<D> {
             sum.border.add_residual(global, m - softening * multiplier, equation.scale);
             sum.border.add_to_corner(global, global, -softening);
             for (node, b) in &equation.row {
+                sum.add_holding(*node as usize, &b.map(|b| -b * amount));
                 for d in 0..D {
-                    sum.external_force_mut()[*node as usize][d] -= b[d] * amount;
                     sum.border.add_to_column(global, *node as usize, d, b[d]);
                     sum.border.add_to_row(global, *node as usize, d, b[d]);
                 }
