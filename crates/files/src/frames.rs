@@ -1,5 +1,5 @@
-//! The VTU files of a step: the points, their domains, the active part of the grid and the surfaces, each a file of a series,
-//! encoded.
+//! The VTU files of a step: the points, their domains, the active part of the grid and the surfaces, each a file of a
+//! series, encoded.
 
 use std::io;
 use std::mem::take;

@@ -17,7 +17,7 @@ pub enum NodeSet {
 }
 
 /// A condition that holds weakly on a surface, by multipliers and a penalty. It prescribes the displacement of the
-/// surface since the start of the analysis.
+/// surface since the start of the analysis, or since the stage that sets it or adds the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OnSurface {
     /// Index of the surface.

@@ -46,7 +46,8 @@ const CHANGE: f64 = 4.0;
 
 /// True if collapsing bodies may slump until they come to rest: they must yield, and weight must be the only load. A
 /// prescribed motion would be applied again on every grid; whether bodies can carry other loads is the result that a
-/// run should find; surfaces are not carried along; and bodies that do not yield do not collapse, but buckle or have an hourglass mode.
+/// run should find; surfaces are not carried along; and bodies that do not yield do not collapse, but buckle or have an
+/// hourglass mode.
 pub(super) fn may_slump<const D: usize>(model: &Model<D>, points: &Points<D>) -> bool {
     let is_weight = |load: &Load<D>| matches!(load.action, Action::Gravity(_));
     model.loads.iter().all(is_weight)

@@ -85,7 +85,7 @@ pub(super) fn is_isochoric<const D: usize>(points: &Points<D>) -> bool {
     shape > 0.0 && volume <= ISOCHORIC.powi(2) * shape
 }
 
-/// True if the failed step is a small part of the analysis and of the time reached, so that smaller steps would hardly help.
+/// True if the failed step is a small part of the stage and of its time so far, so that smaller steps would hardly help.
 pub(super) fn is_small_step<const D: usize>(model: &Model<D>, failed: &FailedAttempt<D>) -> bool {
     let Step { start, end, .. } = failed.step;
     end - start <= SMALL_STEP * model.stepping.duration()
