@@ -118,6 +118,7 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
             material: 0,
             method,
             domain_update: DomainUpdate::Corners,
+            volumetric: Default::default(),
         }],
         surfaces: Vec::new(),
         boundary_conditions,

@@ -14,7 +14,7 @@ use crate::linear::{Block, BlockMatrix, Division, Stiffness};
 use crate::step::Nodal;
 
 pub use border::Border;
-pub(crate) use group::{Cell, Dense, Forces, Square, Triangle, Whole};
+pub(crate) use group::{Cell, Coupling, Dense, Forces, Square, Triangle, Whole};
 pub use pattern::Couples;
 pub(crate) use pattern::{NodePairs, UNCOUPLED};
 pub(crate) use reduced::with_ties;
@@ -49,15 +49,16 @@ pub struct System<const N: usize> {
 }
 
 impl<const N: usize> System<N> {
-    /// Lays out the system of a load step. `couples` gives the nodes that are coupled in addition to those of groups of
-    /// points; `globals` is the number of global unknowns.
+    /// Lays out the system of a load step. `is_dense` holds for the groups of points whose nodes are all coupled with each
+    /// other; `couples` gives the nodes that are coupled beyond groups; `globals` is the number of global unknowns.
     pub(crate) fn new<const D: usize>(
         links: &Connectivity<D>,
         symmetric: bool,
+        is_dense: &dyn Fn(usize) -> bool,
         couples: &Couples,
         globals: usize,
     ) -> Self {
-        let pairs = NodePairs::new(links, symmetric, couples);
+        let pairs = NodePairs::new(links, symmetric, is_dense, couples);
         let zero = vec![[0.0; N]; links.n_active()];
         System {
             blocks: vec![[[0.0; N]; N]; pairs.n_pairs()],

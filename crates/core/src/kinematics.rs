@@ -51,6 +51,49 @@ impl<const D: usize> Increment<D> {
         Increment { dF, hoop: 1.0 + outwards / radius, radius }
     }
 
+    /// det(ΔF), [-].
+    #[inline(always)]
+    pub fn determinant(&self) -> f64 {
+        let F = |i: usize, j: usize| self.dF[i][j];
+        let in_axes = match D {
+            2 => F(0, 0) * F(1, 1) - F(0, 1) * F(1, 0),
+            3 => {
+                let minor = |j: usize| {
+                    let (a, b) = ((j + 1) % 3, (j + 2) % 3);
+                    F(1, a) * F(2, b) - F(1, b) * F(2, a)
+                };
+                F(0, 0) * minor(0) + F(0, 1) * minor(1) + F(0, 2) * minor(2)
+            }
+            _ => f64::NAN,
+        };
+        in_axes * self.hoop
+    }
+
+    /// ΔF⁻¹ along the axes of the grid, [-].
+    pub fn inverse(&self) -> [[f64; D]; D] {
+        let in_axes = self.determinant() / self.hoop;
+        let F = |i: usize, j: usize| self.dF[i][j];
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                let cofactor = match D {
+                    2 => F(1 - j, 1 - i) * if i == j { 1.0 } else { -1.0 },
+                    _ => {
+                        let (a, b, c, d) = ((j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3);
+                        F(a, c) * F(b, d) - F(a, d) * F(b, c)
+                    }
+                };
+                cofactor / in_axes
+            })
+        })
+    }
+
+    /// `factor` times ΔF, but without a change of the circumferential increment of bodies that are not `revolved`.
+    #[inline(always)]
+    pub fn scaled(&self, factor: f64, revolved: bool) -> Self {
+        let hoop = if revolved { self.hoop * factor } else { self.hoop };
+        Increment { dF: self.dF.map(|row| row.map(|x| x * factor)), hoop, radius: self.radius }
+    }
+
     /// An increment without circumferential stretch.
     pub fn of(dF: [[f64; D]; D]) -> Self {
         Increment { dF, hoop: 1.0, radius: 0.0 }

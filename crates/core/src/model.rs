@@ -6,7 +6,7 @@ use crate::domain::DomainUpdate;
 use crate::grid::Grid;
 use crate::material::Material;
 use crate::points::{PointVolume, Points};
-use crate::stress::Formulation;
+use crate::stress::{Formulation, Volumetric};
 use crate::surface::Surface;
 
 mod arrays;
@@ -51,6 +51,8 @@ pub struct Body {
     pub method: Method,
     /// Update rule of their domains; ignored by methods without domains.
     pub domain_update: DomainUpdate,
+    /// Treatment of the volumetric deformation.
+    pub volumetric: Volumetric,
 }
 
 /// A probe: a set of points whose mean displacement is recorded.

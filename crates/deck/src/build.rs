@@ -33,6 +33,7 @@ use mpm_core::model::{
 };
 use mpm_core::points::{Points, Seed};
 use mpm_core::region::Region;
+use mpm_core::stress::Volumetric;
 
 /// Penalty stiffness of conditions on surfaces, relative to the axial modulus over the size of a cell, [-].
 const PENALTY: f64 = 10.0;
@@ -150,6 +151,7 @@ where
         }
         let points = Points::new(&seeds);
         drop(seeds);
+        self.centres(grid.as_ref(), &points);
         let surfaces = self.surfaces(grid.as_ref(), (&regions, &groups));
         let boundary_conditions = self.boundary_conditions(grid.as_ref());
         let loads = self.loads(grid.as_ref(), &points);
@@ -216,7 +218,12 @@ where
                     }
                 }
             }
-            GridDeck::Gmsh { file } => self.mesh(file).map(|mesh| Box::new(mesh) as Box<dyn Grid<D>>),
+            GridDeck::Gmsh { file } => {
+                let averages = |body: &super::BodyDeck| body.volumetric == Volumetric::MeanDilatation;
+                let needs_patches = self.deck.bodies.iter().any(averages);
+                let mesh = self.mesh(file)?;
+                Some(Box::new(if needs_patches { mesh.with_patches() } else { mesh }))
+            }
         }
     }
 
@@ -287,8 +294,29 @@ where
             material: self.deck.materials.keys().position(|name| *name == b.material).unwrap_or(0),
             method: b.method,
             domain_update: b.domain_update.unwrap_or_default(),
+            volumetric: b.volumetric,
         };
         self.deck.bodies.iter().map(body).collect()
+    }
+
+    /// F-bar changes nothing in triangles and tetrahedra, where gradients are constant.
+    fn centres(&mut self, grid: &dyn Grid<D>, points: &Points<D>) {
+        for (number, body) in self.deck.bodies.iter().enumerate() {
+            if body.volumetric != Volumetric::FBar || grid.structured().is_some() {
+                continue;
+            }
+            let corners = |cell: u32| grid.corners(cell as usize).nodes().len();
+            let in_simplex = |p: usize| {
+                let cell = grid.locate(&points.converged.position[p], Some(points.cell[p]));
+                points.body[p] as usize == number && cell.is_some_and(|cell| corners(cell) == D + 1)
+            };
+            if (0..points.len()).any(in_simplex) {
+                let cells = if D == 3 { "tetrahedra" } else { "triangles" };
+                let message = format!("`f-bar` changes nothing in {cells}, whose gradients are constant");
+                let help = format!("use `mean-dilatation`, which averages over patches of {cells}");
+                self.error("D055", &format!("/bodies/{number}/volumetric"), message, help);
+            }
+        }
     }
 
     /// Fills every body with points.

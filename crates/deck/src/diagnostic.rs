@@ -137,6 +137,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D052", "an initial stress outside the yield surface"),
     ("D053", "stages that do not fit the deck, or each other"),
     ("D054", "grid lines that cannot follow a boundary condition"),
+    ("D055", "F-bar for a method or for cells without it"),
 ];
 
 impl Diagnostic {

@@ -28,7 +28,7 @@ use mpm_core::model::Newton;
 pub use mpm_core::model::Stabilisation;
 pub use mpm_core::model::{PatternReuse, Predictor, StiffnessUpdate};
 pub use mpm_core::points::PointVolume;
-pub use mpm_core::stress::Formulation;
+pub use mpm_core::stress::{Formulation, Volumetric};
 use mpm_files::fields::PointField;
 use mpm_files::results::Request;
 use mpm_files::vtu::Precision;
@@ -370,6 +370,10 @@ pub struct BodyDeck {
     /// no domain.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain_update: Option<DomainUpdate>,
+    /// How the law sees changes of volume; `mean-dilatation` keeps nearly incompressible material and plastic flow at constant
+    /// volume from locking.
+    #[serde(default, skip_serializing_if = "is_standard")]
+    pub volumetric: Volumetric,
     /// Points along each axis of every filled rectangle, quadrilateral, brick or hexahedron, at the centres of an even
     /// subdivision: one number or one per axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -428,6 +432,10 @@ impl Expression {
             }
         }
     }
+}
+
+fn is_standard(volumetric: &Volumetric) -> bool {
+    *volumetric == Volumetric::Standard
 }
 
 fn one() -> u32 {

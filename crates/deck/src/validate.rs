@@ -26,7 +26,7 @@ use super::diagnostic::{Diagnostic, Gate, Severity, assign};
 use super::quoting::quote;
 use super::references::unknown_reference;
 use super::source::Source;
-use super::{BodyDeck, Deck, Method, OutputDeck};
+use super::{BodyDeck, Deck, Method, OutputDeck, Volumetric};
 
 /// Checks the meaning of a deck. The source gives the locations for messages, and the values that come from parameters;
 /// use [`Source::without_text`] for a deck that was not read from a file.
@@ -161,6 +161,7 @@ impl Check<'_> {
                 );
             }
             self.domain_update(&pointer, body);
+            self.volumetric(&pointer, body);
             self.initial_stress(&pointer, body);
             if let Some(extent) = self.shape(&format!("{pointer}/shape"), &body.shape, grid) {
                 self.points(&pointer, body, &extent, grid);
@@ -195,6 +196,17 @@ impl Check<'_> {
                 .help("set `method: gimp`, or remove `domain_update`")
         };
         self.found.push(diagnostic);
+    }
+
+    /// F-bar needs points that know the centres of cells.
+    fn volumetric(&mut self, pointer: &str, body: &BodyDeck) {
+        if body.volumetric == Volumetric::FBar && !body.method.has_centres() {
+            let method = body.method.name();
+            let message =
+                format!("`f-bar` is made for methods `mpm` and `gimp`; the method here is `{method}`");
+            let help = "use `mean-dilatation`, which every method supports";
+            self.error("D055", &format!("{pointer}/volumetric"), message, help);
+        }
     }
 
     fn output(&mut self) {

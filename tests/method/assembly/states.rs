@@ -228,6 +228,7 @@ fn state_on<const D: usize, M: Mechanics<D>>(
             material,
             method,
             domain_update: DomainUpdate::Corners,
+            volumetric: Default::default(),
         })
         .collect();
     let model = Model {

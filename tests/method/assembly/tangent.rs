@@ -4,7 +4,9 @@ use mpm::assembly::Wanted;
 use mpm::basis::Method;
 use mpm::kinematics::Increment;
 use mpm::step::{At, StepContext};
-use mpm::stress::{Axisymmetric, Formulation, InPlane, Mechanics, PlaneStrain, Solid, StartOfStep};
+use mpm::stress::{
+    Axisymmetric, Formulation, InPlane, Mechanics, PlaneStrain, Solid, StartOfStep, Volumetric,
+};
 use mpm::terms::Sum;
 
 use super::states::{FORMULATIONS, Law, Random, State, cases, cases_without_corners, random_state};
@@ -33,13 +35,21 @@ fn largest<const D: usize>(values: &[[f64; D]]) -> f64 {
     values.iter().flatten().fold(0.0, |m, x| m.max(x.abs()))
 }
 
+/// With every treatment of volumetric deformation, all combinations with every formulation.
+fn with_volumetric(method: Method) -> Vec<(Formulation, Volumetric)> {
+    let mut all = vec![Volumetric::Standard, Volumetric::MeanDilatation];
+    all.extend(method.has_centres().then_some(Volumetric::FBar));
+    all.into_iter().flat_map(|v| FORMULATIONS.map(|f| (f, v))).collect()
+}
+
 fn check_derivative<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>, n_points: usize) {
     const STEP: f64 = 1e-6; // of nodal displacements; cells are 0.5 by 0.4
     let (mut worst, mut strain) = (0.0f64, 0.0f64);
     for (method, law) in cases {
-        for formulation in FORMULATIONS {
+        for (formulation, volumetric) in with_volumetric(method) {
             let mut state = random_state::<D, M>(method, law, n_points, 11);
             state.model.formulation = formulation;
+            state.model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);
             let mut sum =
                 Sum::of_bodies::<M>(&StepContext::first(&state.model, &state.links), &state.points).unwrap();
             let base = state.delta_d.clone();
@@ -74,7 +84,10 @@ fn check_derivative<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>, 
                         worst = worst.max((numeric - column[a][i]).abs() / scale);
                     }
                 }
-                assert!(worst < 1e-6, "{method:?} {law:?} {formulation:?}, column {b}: {worst:e}");
+                assert!(
+                    worst < 1e-6,
+                    "{method:?} {law:?} {formulation:?} {volumetric:?}, column {b}: {worst:e}"
+                );
             }
             for (old, new) in
                 state.points.converged.elastic_strain.iter().zip(&state.points.trial.elastic_strain)
@@ -103,11 +116,15 @@ fn stiffness_in_three_dimensions_is_the_derivative_of_the_internal_force() {
 
 fn check_formulations<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
     let (mut worst_f, mut worst_k) = (0.0f64, 0.0f64);
-    for (method, law) in cases {
+    let of_case = |(method, law): (Method, Law)| {
+        with_volumetric(method).into_iter().step_by(2).map(move |(_, v)| (method, law, v))
+    };
+    for (method, law, volumetric) in cases.into_iter().flat_map(of_case) {
         for seed in 0..5 {
             let [(f, kx), (g, ky)] = FORMULATIONS.map(|formulation| {
                 let mut state = random_state::<D, M>(method, law, 150, 100 + seed);
                 state.model.formulation = formulation;
+                state.model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);
                 let mut sum =
                     Sum::of_bodies::<M>(&StepContext::first(&state.model, &state.links), &state.points)
                         .unwrap();
@@ -126,7 +143,10 @@ fn check_formulations<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>
             };
             worst_f = worst_f.max(difference(&f, &g));
             worst_k = worst_k.max(difference(&kx, &ky));
-            assert!(worst_f < 1e-12 && worst_k < 1e-12, "{method:?} {law:?} {seed}: {worst_f:e} {worst_k:e}");
+            assert!(
+                worst_f < 1e-12 && worst_k < 1e-12,
+                "{method:?} {law:?} {volumetric:?} {seed}: {worst_f:e} {worst_k:e}"
+            );
         }
     }
 }
@@ -140,9 +160,10 @@ fn both_formulations_give_the_same_force_and_stiffness() {
 
 fn check_force<const D: usize, M: Mechanics<D>>(cases: Vec<(Method, Law)>) {
     for (method, law) in cases {
-        for formulation in FORMULATIONS {
+        for (formulation, volumetric) in with_volumetric(method) {
             let mut state = random_state::<D, M>(method, law, 150, 7);
             state.model.formulation = formulation;
+            state.model.bodies.iter_mut().for_each(|body| body.volumetric = volumetric);
             let (first, half): (Vec<[f64; D]>, Vec<[f64; D]>) =
                 (state.delta_d.clone(), state.delta_d.iter().map(|u| u.map(|u| 0.5 * u)).collect());
             let mut sum =

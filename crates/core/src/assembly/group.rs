@@ -4,18 +4,46 @@ use crate::basis::Links;
 use crate::linear::Block;
 use crate::stress::WeakForm;
 use crate::tensor::Lanes;
+use crate::tensor::lane::transposed;
 
 /// The dense stiffness of a group, to which its points add.
 pub(crate) trait Dense<const D: usize> {
     /// Adds one point, given its gradients in the configuration that its weak form needs; `force` is that on the nodes
-    /// of the group.
+    /// of the group. `adjust` is called with the index of each node of the point and its column.
     fn add<W: WeakForm<D>>(
         &mut self,
         weak: &W,
         links: &Links<D>,
         gradients: &[[f64; D]],
         force: &mut [[f64; D]],
+        adjust: &impl Fn(usize, &mut W::Column),
     );
+
+    /// Adds the stiffness that couples all nodes of the group with each other.
+    fn couple(&mut self, coupling: &Coupling<D>);
+}
+
+/// Stiffness between all nodes of a group, h_a ⊗ c_b + r_a ⊗ h_b, from vectors at its nodes.
+pub(crate) struct Coupling<'a, const D: usize> {
+    /// h, the gradient of the mean dilatation, [1/length].
+    pub mean: &'a [[f64; D]],
+    /// r, [force].
+    pub row: &'a [[f64; D]],
+    /// c, [force].
+    pub column: &'a [[f64; D]],
+}
+
+impl<const D: usize> Coupling<'_, D> {
+    /// Adds the block of row a and column b.
+    #[inline(always)]
+    fn add_block(&self, a: usize, b: usize, block: &mut Block<D>) {
+        let Coupling { mean, row, column } = self;
+        for i in 0..D {
+            for k in 0..D {
+                block[i][k] += mean[a][i] * column[b][k] + row[a][i] * mean[b][k];
+            }
+        }
+    }
 }
 
 /// No stiffness, only forces.
@@ -29,11 +57,15 @@ impl<const D: usize> Dense<D> for Forces {
         links: &Links<D>,
         gradients: &[[f64; D]],
         force: &mut [[f64; D]],
+        _: &impl Fn(usize, &mut W::Column),
     ) {
         for ((&node, gradient), value) in links.local.iter().zip(gradients).zip(links.value) {
             weak.column(&weak.gradient(gradient, *value), &mut force[node as usize]);
         }
     }
+
+    #[inline(always)]
+    fn couple(&mut self, _: &Coupling<D>) {}
 }
 
 /// The lower triangle, by rows.
@@ -47,16 +79,27 @@ impl<const D: usize> Dense<D> for Triangle<'_, D> {
         links: &Links<D>,
         gradients: &[[f64; D]],
         force: &mut [[f64; D]],
+        adjust: &impl Fn(usize, &mut W::Column),
     ) {
         let n = links.local.len();
         let (local, value, gradients) = (&links.local[..n], &links.value[..n], &gradients[..n]);
         for b in 0..n {
             let column_node = local[b] as usize;
-            let column = weak.column(&weak.gradient(&gradients[b], value[b]), &mut force[column_node]);
+            let mut column = weak.column(&weak.gradient(&gradients[b], value[b]), &mut force[column_node]);
+            adjust(b, &mut column);
             for a in b..n {
                 let row = local[a] as usize;
                 let gradient = weak.gradient(&gradients[a], value[a]);
                 W::add_block(&column, &gradient, &mut self.0[row * (row + 1) / 2 + column_node]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn couple(&mut self, coupling: &Coupling<D>) {
+        for a in 0..coupling.mean.len() {
+            for b in 0..=a {
+                coupling.add_block(a, b, &mut self.0[a * (a + 1) / 2 + b]);
             }
         }
     }
@@ -93,13 +136,24 @@ impl<const D: usize, const N: usize> Dense<D> for Whole<D, N> {
         links: &Links<D>,
         gradients: &[[f64; D]],
         force: &mut [[f64; D]],
+        adjust: &impl Fn(usize, &mut W::Column),
     ) {
         let (value, gradients, force) = (&links.value[..N], &gradients[..N], &mut force[..N]);
         for b in 0..N {
-            let column = weak.column(&weak.gradient(&gradients[b], value[b]), &mut force[b]);
+            let mut column = weak.column(&weak.gradient(&gradients[b], value[b]), &mut force[b]);
+            adjust(b, &mut column);
             for a in b..N {
                 let gradient = weak.gradient(&gradients[a], value[a]);
                 W::add_block(&column, &gradient, &mut self.blocks[b][a]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn couple(&mut self, coupling: &Coupling<D>) {
+        for b in 0..N {
+            for a in b..N {
+                coupling.add_block(a, b, &mut self.blocks[b][a]);
             }
         }
     }
@@ -119,13 +173,24 @@ impl<const D: usize> Dense<D> for Square<'_, D> {
         links: &Links<D>,
         gradients: &[[f64; D]],
         force: &mut [[f64; D]],
+        adjust: &impl Fn(usize, &mut W::Column),
     ) {
         let nodes = || links.local.iter().zip(gradients).zip(links.value);
-        for ((&b, gradient), value) in nodes() {
-            let column = weak.column(&weak.gradient(gradient, *value), &mut force[b as usize]);
+        for (n, ((&b, gradient), value)) in nodes().enumerate() {
+            let mut column = weak.column(&weak.gradient(gradient, *value), &mut force[b as usize]);
+            adjust(n, &mut column);
             for ((&a, gradient), value) in nodes() {
                 let gradient = weak.gradient(gradient, *value);
                 W::add_block(&column, &gradient, &mut self.blocks[a as usize * self.nodes + b as usize]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn couple(&mut self, coupling: &Coupling<D>) {
+        for a in 0..self.nodes {
+            for b in 0..self.nodes {
+                coupling.add_block(a, b, &mut self.blocks[a * self.nodes + b]);
             }
         }
     }
@@ -175,15 +240,38 @@ impl<const D: usize, const N: usize, const C: usize> Dense<D> for Cell<D, N, C> 
         links: &Links<D>,
         gradients: &[[f64; D]],
         force: &mut [[f64; D]],
+        adjust: &impl Fn(usize, &mut W::Column),
     ) {
         let (value, gradients, force) = (&links.value[..N], &gradients[..N], &mut force[..N]);
         let nodes: [W::Gradient<f64>; N] = std::array::from_fn(|a| weak.gradient(&gradients[a], value[a]));
         let rows: [W::Gradient<Lanes>; C] =
             std::array::from_fn(|c| W::pack(&nodes[c * Lanes::WIDTH..N.min((c + 1) * Lanes::WIDTH)]));
         for b in 0..N {
-            let column = weak.column(&nodes[b], &mut force[b]);
+            let mut column = weak.column(&nodes[b], &mut force[b]);
+            adjust(b, &mut column);
             for c in self.first(b)..C {
                 W::add_block(&column, &rows[c], &mut self.columns[b][c]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn couple(&mut self, coupling: &Coupling<D>) {
+        let (mean, row, column) = (&coupling.mean[..N], &coupling.row[..N], &coupling.column[..N]);
+        let lanes =
+            |of: &[[f64; D]], c: usize| transposed(&of[c * Lanes::WIDTH..N.min((c + 1) * Lanes::WIDTH)]);
+        for c in 0..C {
+            let (of_mean, of_row) = (lanes(mean, c), lanes(row, c));
+            for b in 0..N {
+                if self.first(b) > c {
+                    break;
+                }
+                let block = &mut self.columns[b][c];
+                for i in 0..D {
+                    for k in 0..D {
+                        block[i][k] += of_mean[i] * column[b][k] + of_row[i] * mean[b][k];
+                    }
+                }
             }
         }
     }

@@ -28,7 +28,13 @@ fn dense_pair(symmetric: bool, n: usize, a: usize, b: usize) -> usize {
 }
 
 impl NodePairs {
-    pub(crate) fn new<const D: usize>(links: &Connectivity<D>, symmetric: bool, couples: &Couples) -> Self {
+    /// The pairs of nodes that share a point, all pairs of the groups for which `is_dense` holds, and those of `couples`.
+    pub(crate) fn new<const D: usize>(
+        links: &Connectivity<D>,
+        symmetric: bool,
+        is_dense: &dyn Fn(usize) -> bool,
+        couples: &Couples,
+    ) -> Self {
         let mut group_start = vec![0];
         for group in 0..links.n_groups() {
             let n = links.nodes_of(group).len();
@@ -42,17 +48,21 @@ impl NodePairs {
             position: vec![UNCOUPLED; group_start[links.n_groups()]],
             group_start,
         };
-        pairs.mark_coupled(links);
+        pairs.mark_coupled(links, is_dense);
         pairs.collect_columns(links, couples);
         pairs.place(links);
         pairs
     }
 
-    /// Marks with 0 the dense pairs whose nodes share a point.
-    fn mark_coupled<const D: usize>(&mut self, links: &Connectivity<D>) {
+    /// Marks with 0 the dense pairs whose nodes share a point, or are all coupled.
+    fn mark_coupled<const D: usize>(&mut self, links: &Connectivity<D>, is_dense: &dyn Fn(usize) -> bool) {
         for group in 0..links.n_groups() {
             let n = links.nodes_of(group).len();
             let marks = &mut self.position[self.group_start[group]..self.group_start[group + 1]];
+            if is_dense(group) {
+                marks.fill(0);
+                continue;
+            }
             let mut last: &[u32] = &[];
             for p in links.points_of(group) {
                 let local = links.local_nodes(p);

@@ -18,7 +18,7 @@ impl<const D: usize> Basis<D> for Gimp {
         let grid = grid.structured().ok_or(SupportError::Unstructured)?;
         let mut axes: [(usize, AxisSupport); D] = std::array::from_fn(|_| (0, AxisSupport::default()));
         for d in 0..D {
-            axes[d] = mean_hats(&grid.axes()[d], point.position[d], point.half_lengths[d]);
+            axes[d] = mean_hats(&grid.axes()[d], point.position[d], point.half_lengths[d], |xi| xi);
         }
         let axes = std::array::from_fn(|d| (axes[d].0, axes[d].1.entries()));
         tensor_product(grid, &axes, out);
@@ -26,6 +26,15 @@ impl<const D: usize> Basis<D> for Gimp {
             out.factors = Factors::new(&axes);
         }
         Ok(())
+    }
+
+    fn at_centres(&self, grid: &dyn Grid<D>, point: &PointGeometry<D>, out: &mut Support<D>) {
+        out.clear();
+        let Some(grid) = grid.structured() else { return };
+        let axes: [(usize, AxisSupport); D] = std::array::from_fn(|d| {
+            mean_hats(&grid.axes()[d], point.position[d], point.half_lengths[d], |_| 0.5)
+        });
+        tensor_product(grid, &std::array::from_fn(|d| (axes[d].0, axes[d].1.entries())), out);
     }
 }
 
@@ -110,8 +119,10 @@ impl AxisSupport {
 /// whatever the sizes of the cells and of the domain. Both are summed cell by cell: hat functions are linear in a cell,
 /// so their mean over the part of the domain in a cell is the value at the middle of that part, and there is no
 /// cancellation for small domains. Outside the grid there are no nodes; a domain that reaches there loses the partition
-/// of unity accordingly.
-fn mean_hats(axis: &Axis, x: f64, half_length: f64) -> (usize, AxisSupport) {
+/// of unity accordingly. `place` moves the local coordinate at which the values in a cell are taken; the identity gives
+/// the mean.
+#[inline(always)]
+fn mean_hats(axis: &Axis, x: f64, half_length: f64, place: impl Fn(f64) -> f64) -> (usize, AxisSupport) {
     let n_cells = axis.n_cells() as i64;
     let n = n_cells as f64;
     let a = axis.coordinate(x - half_length);
@@ -126,7 +137,7 @@ fn mean_hats(axis: &Axis, x: f64, half_length: f64) -> (usize, AxisSupport) {
     for cell in first..=last {
         let (start, end) = (a.max(cell as f64), b.min(cell as f64 + 1.0));
         let share = if length > 0.0 { (end - start) * axis.relative_size(cell) / length } else { 1.0 };
-        let xi = 0.5 * (start + end) - cell as f64;
+        let xi = place(0.5 * (start + end) - cell as f64);
         let h = axis.size(cell.clamp(0, n_cells - 1) as usize);
         for (node, value, slope) in [(cell, 1.0 - xi, -share / h), (cell + 1, xi, share / h)] {
             if (0..=n_cells).contains(&node) {

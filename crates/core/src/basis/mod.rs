@@ -69,6 +69,11 @@ impl Method {
         }
     }
 
+    /// True if its points know the centres of cells, which F-bar needs.
+    pub fn has_centres(self) -> bool {
+        matches!(self, Method::Mpm | Method::Gimp)
+    }
+
     /// Kind of domain of its points.
     pub fn domain(self) -> DomainKind {
         match self {
@@ -162,6 +167,9 @@ pub enum SupportError {
     /// GIMP requires a structured grid.
     #[error("the method needs a structured grid")]
     Unstructured,
+    /// F-bar requires a method whose points know the centres of cells.
+    #[error("the method has no basis at the centres of cells, which F-bar needs")]
+    NoCentre,
 }
 
 /// A material point method: evaluates the basis functions of a point from its position and domain.
@@ -176,6 +184,13 @@ pub trait Basis<const D: usize>: Sync {
         point: &PointGeometry<D>,
         out: &mut Support<D>,
     ) -> Result<(), SupportError>;
+
+    /// Writes the nodes that a point touches, with the values and gradients of the linear basis at the centre of its cell;
+    /// of a domain over several cells, their mean weighted with its parts in the cells (Coombs et al. 2018). Without a
+    /// centre, all is empty.
+    fn at_centres(&self, _grid: &dyn Grid<D>, _point: &PointGeometry<D>, out: &mut Support<D>) {
+        out.clear();
+    }
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use super::bins::{Bins, Bounds};
 use super::element::{ElementShape, MAX_NODES};
-use super::{CellBasis, Grid};
+use super::{CellBasis, Grid, Patches};
 
 use cell::Cell;
 pub use error::{CellReport, HangingNode, MeshError, MeshWarning};
@@ -42,10 +42,17 @@ pub struct Mesh<const D: usize> {
     side_sets: BTreeMap<String, Vec<Side>>,
     cell_sets: BTreeMap<String, Vec<u32>>,
     warnings: Vec<MeshWarning>,
+    patches: Option<Patches>,
 }
 
 /// All methods panic on numbers of nodes and cells that do not exist.
 impl<const D: usize> Mesh<D> {
+    /// The mesh with its triangles or tetrahedra joined to patches, over which bodies may average their dilatation.
+    pub fn with_patches(mut self) -> Self {
+        self.patches = Some(Patches::new::<D>(&self));
+        self
+    }
+
     /// Number of nodes.
     pub fn n_nodes(&self) -> usize {
         self.positions.len()
@@ -281,6 +288,10 @@ impl<const D: usize> Grid<D> for Mesh<D> {
 
     fn cell_set(&self, name: &str) -> Option<&[u32]> {
         self.cell_sets.get(name).map(Vec::as_slice)
+    }
+
+    fn patches(&self) -> Option<&Patches> {
+        self.patches.as_ref()
     }
 
     fn set_names(&self) -> Vec<&str> {

@@ -6,6 +6,7 @@ mod carried;
 pub mod element;
 pub mod gmsh;
 pub mod mesh;
+mod patches;
 pub mod sides;
 mod structured;
 pub mod subdivide;
@@ -13,6 +14,7 @@ pub mod subdivide;
 pub use axis::{Axis, CoincidentLines, Interval};
 pub use carried::{CarriedLines, CarryError, LEAST_SIZE};
 pub use mesh::Mesh;
+pub use patches::Patches;
 pub use structured::{Structured, vtk_corner};
 
 /// Relative distance, in units of the cell size, within which a position counts as lying on a grid line.
@@ -148,6 +150,11 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
     /// Names of all sets of an imported grid.
     fn set_names(&self) -> Vec<&str> {
         Vec::new()
+    }
+
+    /// Groups of cells whose points are evaluated together; `None` if each cell is a group.
+    fn patches(&self) -> Option<&Patches> {
+        None
     }
 
     /// The grid as a structured grid, which GIMP requires; `None` for other grids.

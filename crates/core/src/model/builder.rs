@@ -6,6 +6,7 @@ use crate::formula::Formula;
 use crate::grid::{Grid, Structured};
 use crate::material::Material;
 use crate::points::{Points, Seed};
+use crate::stress::Volumetric;
 
 use super::{Action, Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, NodeSet, Stepping};
 
@@ -52,6 +53,8 @@ pub struct Fill {
     pub method: Method,
     /// Update rule of the domains.
     pub domain_update: DomainUpdate,
+    /// Treatment of the volumetric deformation.
+    pub volumetric: Volumetric,
     /// Points per cell along each axis.
     pub points_per_cell: usize,
     /// Density, [mass/volume].
@@ -63,6 +66,7 @@ impl Default for Fill {
         Fill {
             method: Method::default(),
             domain_update: DomainUpdate::default(),
+            volumetric: Volumetric::default(),
             points_per_cell: 2,
             density: 0.0,
         }
@@ -124,8 +128,14 @@ impl<const D: usize> Builder<D> {
             return self;
         };
         let body = self.model.bodies.len() as u16;
-        let Fill { method, domain_update, .. } = fill;
-        self.model.bodies.push(Body { name: name.to_owned(), material: number, method, domain_update });
+        let Fill { method, domain_update, volumetric, .. } = fill;
+        self.model.bodies.push(Body {
+            name: name.to_owned(),
+            material: number,
+            method,
+            domain_update,
+            volumetric,
+        });
         let before = self.seeds.len();
         for cell in 0..self.grid.n_cells() {
             self.fill_cell(cell, body, number, &fill, &region);

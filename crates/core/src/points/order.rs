@@ -7,7 +7,8 @@ use crate::grid::Grid;
 
 impl<const D: usize> Points<D> {
     /// Sorts the points by the grid cell that holds them, then by body, keeping the order of equals, and returns the
-    /// first point of every occupied cell and, last, the number of points. Trial values of further fields are reset.
+    /// first point of every occupied cell and, last, the number of points. The cells of a patch follow one another and
+    /// count as one. Trial values of further fields are reset.
     ///
     /// # Errors
     /// The index of the first point that lies outside the grid.
@@ -20,16 +21,19 @@ impl<const D: usize> Points<D> {
         if let Some(p) = outside {
             return Err(p);
         }
-        let key = |points: &Self, p: usize| (points.cell[p], points.body[p]);
+        let patches = grid.patches();
+        let rank = |cell: u32| patches.map_or(cell, |patches| patches.rank_of[cell as usize]);
+        let group = |cell: u32| patches.map_or(cell, |patches| patches.patch_of[cell as usize]);
+        let key = |points: &Self, p: usize| (rank(points.cell[p]), points.body[p]);
         if !(1..self.len()).all(|p| key(self, p - 1) <= key(self, p)) {
             let mut order: Vec<u32> = (0..self.len() as u32).collect();
             if self.body.iter().any(|body| *body != self.body[0]) {
                 order = sorted(&order, |p| self.body[p as usize] as usize);
             }
-            self.reorder(&sorted(&order, |p| self.cell[p as usize] as usize));
+            self.reorder(&sorted(&order, |p| rank(self.cell[p as usize]) as usize));
         }
         let mut starts: Vec<usize> =
-            (0..self.len()).filter(|&p| p == 0 || self.cell[p] != self.cell[p - 1]).collect();
+            (0..self.len()).filter(|&p| p == 0 || group(self.cell[p]) != group(self.cell[p - 1])).collect();
         starts.push(self.len());
         Ok(starts)
     }

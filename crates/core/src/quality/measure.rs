@@ -166,9 +166,16 @@ impl Measures {
         group: usize,
     ) {
         let structured = next_grid.structured(); // calls to a known type are inlined
-        let mut filled = 0.0;
+        let mut filled: Option<(f64, u32)> = None;
         for p in links.points_of(group) {
-            filled += points.volume(p);
+            let cell = points.cell[p];
+            match &mut filled {
+                Some((filled, of)) if *of == cell => *filled += points.volume(p),
+                _ => {
+                    self.fill_with(model, filled);
+                    filled = Some((points.volume(p), cell));
+                }
+            }
             let number = points.body[p] as usize;
             let body = &mut self.bodies[number];
             let keep = |kept: &mut Option<PointValue>, value: f64| {
@@ -190,7 +197,7 @@ impl Measures {
             body.volume += det_f * points.original_volume[p];
             let (volume, outside) = match model.bodies[number].method.domain() {
                 DomainKind::None => {
-                    let (cell, x) = (points.cell[p], &points.trial.position[p]);
+                    let x = &points.trial.position[p];
                     body.points += 1;
                     let now = match structured {
                         Some(grid) => grid.locate(x, Some(cell)),
@@ -215,10 +222,13 @@ impl Measures {
             body.domain_volume += volume * model.depth(&points.trial.position[p]);
             keep(&mut body.outside, outside);
         }
-        if let Some(first) = links.points_of(group).next() {
-            let cell = points.cell[first];
-            self.fill(Some((filled / volume_of_cell(model, cell as usize), cell)));
-        }
+        self.fill_with(model, filled);
+    }
+
+    /// Takes note of the material that a cell holds, [volume].
+    fn fill_with<const D: usize>(&mut self, model: &Model<D>, filled: Option<(f64, u32)>) {
+        let share = |(filled, cell): (f64, u32)| (filled / volume_of_cell(model, cell as usize), cell);
+        self.fill(filled.map(share));
     }
 }
 

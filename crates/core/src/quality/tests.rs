@@ -13,6 +13,7 @@ fn model(bodies: &[(Method, DomainUpdate)]) -> Model<2> {
         material: 0,
         method: *method,
         domain_update: *domain_update,
+        volumetric: Default::default(),
     };
     Model {
         bodies: bodies.iter().enumerate().map(body).collect(),

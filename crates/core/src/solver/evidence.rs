@@ -147,15 +147,16 @@ pub(super) fn hourglass<const D: usize>(model: &Model<D>, points: &Points<D>, it
     let grid = model.grid.as_ref();
     let held = HeldMaterial::new(model, points, links);
     let (mut unseen, mut seen) = (0.0, 0.0);
-    for group in 0..links.n_groups() {
-        let (nodes, of_group) = (links.nodes_of(group), links.points_of(group));
-        let n = of_group.len() as f64;
-        let Some(cell) = of_group.clone().next().map(|p| points.cell[p]) else { continue };
+    let of_group = |group| links.points_of(group).map(move |p| (group, points.cell[p], p));
+    let all: Vec<_> = (0..links.n_groups()).flat_map(of_group).collect();
+    for of_cell in all.chunk_by(|a, b| a.1 == b.1) {
+        let (group, cell, _) = of_cell[0];
+        let (nodes, n) = (links.nodes_of(group), of_cell.len() as f64);
         if held.filling(model, links, cell) < FULL {
             continue;
         }
         let (mut mean, mut strain) = (SMatrix::<f64, D, D>::zeros(), 0.0);
-        for p in of_group {
+        for &(_, _, p) in of_cell {
             let mut gradient = SMatrix::<f64, D, D>::zeros();
             links.for_each_link(p, |local, _, slope| {
                 add(&mut gradient, &delta_d[nodes[local] as usize], slope)
@@ -240,6 +241,7 @@ mod tests {
             material: 0,
             method: Method::Mpm,
             domain_update: DomainUpdate::None,
+            volumetric: Default::default(),
         };
         let model = Model {
             materials: vec![NamedMaterial { name: "m".to_owned(), law }],

@@ -1,10 +1,10 @@
 //! One attempt at a load step: sections 5 and 6.3.
 
-use crate::basis::Connectivity;
-use crate::model::{Control, Model, Predictor};
+use crate::basis::{Connectivity, SupportError, SupportFailure};
+use crate::model::{Body, Control, Model, Predictor};
 use crate::points::Points;
 use crate::step::{Step, StepContext};
-use crate::stress::Mechanics;
+use crate::stress::{Mechanics, Volumetric};
 use crate::timing::Phase;
 
 use super::attempt::{Attempt, Ended, FailedAttempt, Iterate, OnTheWay, Slump};
@@ -90,6 +90,11 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
     pub(super) fn link(&mut self, step: Step) -> Result<Connectivity<D>, SolveError> {
         let (model, points) = (self.model, &mut *self.points);
         let methods: Vec<_> = model.bodies.iter().map(|body| body.method).collect();
+        let lacks_centre = |body: &Body| body.volumetric == Volumetric::FBar && !body.method.has_centres();
+        if let Some(point) = points.body.iter().position(|&body| lacks_centre(&model.bodies[body as usize])) {
+            let failure = SupportFailure { point, error: SupportError::NoCentre };
+            return Err(SolveError::unsupported(model, points, failure, step));
+        }
         let old =
             self.report.take().map_or_else(|| std::mem::take(&mut self.links), |report| report.grid.links);
         let timings = &mut self.reached.summary.timings;

@@ -6,8 +6,8 @@
 
 use super::products::MANDEL_INDEX;
 use super::{
-    Contribution, Lane, Lanes, Mechanics, PointError, PointResponse, Solid, Spatial, StartOfStep, WeakForm,
-    transposed,
+    Contribution, Current, Lane, Lanes, Mechanics, PointError, PointResponse, Solid, Spatial, StartOfStep,
+    WeakForm, transposed,
 };
 use crate::kinematics::Increment;
 use crate::material::Material;
@@ -21,10 +21,10 @@ pub struct Axisymmetric;
 /// of the rings.
 #[derive(Debug, Clone, Copy)]
 pub struct Revolved {
-    point: Spatial,
-    inverse: [[f64; 2]; 2],
+    pub(super) point: Spatial,
+    pub(super) inverse: [[f64; 2]; 2],
     /// 1/r in the current configuration, r = r̃ ΔF_θθ.
-    per_radius: f64,
+    pub(super) per_radius: f64,
 }
 
 /// Index of the circumferential direction.
@@ -114,6 +114,7 @@ impl Mechanics<2> for Axisymmetric {
     type Previous = Revolved;
     type Isotropic = Revolved;
     type Updated = Contribution<2, 3>;
+    type Current = Current<2, 3>;
 
     #[inline]
     fn respond(
@@ -128,6 +129,17 @@ impl Mechanics<2> for Axisymmetric {
         let inverse = in_plane(&point.inverse);
         let weak = Revolved { point, inverse, per_radius: 1.0 / (increment.radius * increment.hoop) };
         Ok(PointResponse { weak, tau, elastic_strain })
+    }
+
+    #[inline]
+    fn respond_current(
+        start: &StartOfStep,
+        increment: &Increment<2>,
+        material: &dyn Material,
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PointResponse<Current<2, 3>>, PointError> {
+        Ok(Self::respond(start, increment, material, old, new)?.map(|weak| Current::from(&weak)))
     }
 
     fn respond_updated(

@@ -12,13 +12,13 @@ use crate::material::IsotropicResponse;
 #[derive(Debug, Clone, Copy)]
 pub struct Isotropic {
     /// ΔF⁻¹.
-    inverse: [[f64; 3]; 3],
+    pub(super) inverse: [[f64; 3]; 3],
     /// V_n τ/J_n.
-    stress: [[f64; 3]; 3],
+    pub(super) stress: [[f64; 3]; 3],
     /// V_n λ̂/J_n.
-    lambda: f64,
+    pub(super) lambda: f64,
     /// V_n μ̂/J_n.
-    mu: f64,
+    pub(super) mu: f64,
 }
 
 impl Isotropic {

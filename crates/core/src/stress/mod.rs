@@ -9,6 +9,8 @@
 
 mod axisymmetric;
 mod contribution;
+mod current;
+mod dilated;
 mod in_plane;
 mod isotropic;
 mod plane_strain;
@@ -16,6 +18,7 @@ mod products;
 mod solid;
 #[cfg(test)]
 mod tests;
+mod volumetric;
 
 use serde::{Deserialize, Serialize};
 
@@ -26,10 +29,13 @@ use crate::tensor::{Lane, Lanes, Mat3, Sym3};
 
 pub use axisymmetric::{Axisymmetric, Revolved};
 pub use contribution::Contribution;
+pub use current::Current;
+pub use dilated::{Averaged, Centred, Dilatable, FBar, MeanDilatation};
 pub use in_plane::InPlane;
 pub use isotropic::Isotropic;
 pub use plane_strain::PlaneStrain;
 pub use solid::{Solid, Spatial};
+pub use volumetric::Volumetric;
 
 /// Configuration in which equilibrium is formulated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -41,6 +47,14 @@ pub enum Formulation {
     PreviouslyConverged,
     /// The current configuration, Coombs et al. (2020), section 3. Slower; kept as a cross-check.
     UpdatedLagrangian,
+}
+
+impl<W> PointResponse<W> {
+    /// The same response with another weak form.
+    #[inline(always)]
+    pub fn map<V>(self, weak: impl FnOnce(W) -> V) -> PointResponse<V> {
+        PointResponse { weak: weak(self.weak), tau: self.tau, elastic_strain: self.elastic_strain }
+    }
 }
 
 /// State of a material point at the start of a load step.
@@ -118,6 +132,10 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     type Isotropic: WeakForm<D>;
     /// A point in the updated Lagrangian formulation.
     type Updated: WeakForm<D>;
+    /// A point whose volume ratio may be that of its cell.
+    type Current: Dilatable<D> + for<'a> From<&'a Self::Updated>;
+    /// Number n of principal directions that a change of volume stretches.
+    const DILATED: usize = 3;
 
     /// Evaluates a point in the previously converged formulation.
     ///
@@ -166,6 +184,29 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
         old: &[f64],
         new: &mut [f64],
     ) -> Result<PointResponse<Self::Updated>, PointError>;
+
+    /// Evaluates a point with all moduli in the current configuration.
+    ///
+    /// # Errors
+    /// As [`Mechanics::respond`].
+    fn respond_current(
+        start: &StartOfStep,
+        increment: &Increment<D>,
+        material: &dyn Material,
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PointResponse<Self::Current>, PointError>;
+
+    /// The same for several points of one law at once, as [`Mechanics::respond_vectorised`].
+    #[inline(always)]
+    fn respond_current_vectorised(
+        _starts: [&StartOfStep; Lanes::WIDTH],
+        _increments: &[Increment<D>; Lanes::WIDTH],
+        _material: &dyn Material,
+        _history: &mut [Lanes],
+    ) -> Option<[PointResponse<Self::Current>; Lanes::WIDTH]> {
+        None
+    }
 
     /// The increment as a three-dimensional tensor.
     fn embed(increment: &Increment<D>) -> Mat3;

@@ -6,7 +6,7 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
-use super::{Contribution, InPlane, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep};
+use super::{Contribution, Current, InPlane, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep};
 use crate::kinematics::Increment;
 use crate::material::{CompactResponse, Material, StrainMeasure};
 use crate::tensor::{Mat3, Sym3, Tensor4, plane};
@@ -93,12 +93,56 @@ fn answer(
     Ok(Answer { trial, law: (law.tau, law.elastic_strain), C, tau })
 }
 
+/// Response of a law to the trial states of several points.
+struct AnswerInLanes {
+    answer: CompactResponse<Lanes, 4>,
+    trial: Trial<Lanes>,
+    dF: Rows<Lanes>,
+    /// As in [`Answer`].
+    C: [[Lanes; 3]; 3],
+    /// V/J_n.
+    weight: Lanes,
+}
+
+#[inline(always)]
+fn answer_in_lanes(
+    starts: [&StartOfStep; Lanes::WIDTH],
+    increments: &[Increment<2>; Lanes::WIDTH],
+    material: &dyn Material,
+    history: &mut [Lanes],
+) -> Option<AnswerInLanes> {
+    let law = material.vectorised()?;
+    let (mut b_n, mut dF) = ([Lanes::ZERO; 4], [[Lanes::ZERO; 2]; 2]);
+    let (mut volume_n, mut J_n) = (Lanes::ZERO, Lanes::ZERO);
+    for p in 0..Lanes::WIDTH {
+        let [xx, yy, zz, _, _, xy] = starts[p].b_n.0;
+        (b_n[0].0[p], b_n[1].0[p], b_n[2].0[p], b_n[3].0[p]) = (xx, yy, zz, xy);
+        (volume_n.0[p], J_n.0[p]) = (starts[p].volume_n, starts[p].J_n);
+        for i in 0..2 {
+            for j in 0..2 {
+                dF[i][j].0[p] = increments[p].dF[i][j];
+            }
+        }
+    }
+    let trial = Trial::new(&b_n, &dF);
+    let (log_b, L) = plane::log_with_derivative(&trial.b);
+    let answer = law.respond(&[log_b[0] * 0.5, log_b[1] * 0.5, log_b[2] * 0.5, log_b[3] * 0.5], history);
+    let size = answer.tau[0] + answer.tau[1] + answer.tau[2] + answer.tau[3];
+    if !trial.dJ.is_positive() || !(size * size).is_below(f64::INFINITY) {
+        return None;
+    }
+    let C = half_product(&tangent(&answer), &L);
+    Some(AnswerInLanes { answer, trial, dF, C, weight: volume_n / J_n })
+}
+
 impl Mechanics<2> for PlaneStrain {
     const VECTORISED: bool = true;
 
     type Previous = InPlane;
     type Isotropic = InPlane;
     type Updated = Contribution<2, 2>;
+    type Current = Current<2, 2>;
+    const DILATED: usize = 2;
 
     #[inline(always)]
     fn respond(
@@ -121,33 +165,46 @@ impl Mechanics<2> for PlaneStrain {
         material: &dyn Material,
         history: &mut [Lanes],
     ) -> Option<[PointResponse<InPlane>; Lanes::WIDTH]> {
-        let law = material.vectorised()?;
-        let (mut b_n, mut dF) = ([Lanes::ZERO; 4], [[Lanes::ZERO; 2]; 2]);
-        let (mut volume_n, mut J_n) = (Lanes::ZERO, Lanes::ZERO);
-        for p in 0..Lanes::WIDTH {
-            let [xx, yy, zz, _, _, xy] = starts[p].b_n.0;
-            (b_n[0].0[p], b_n[1].0[p], b_n[2].0[p], b_n[3].0[p]) = (xx, yy, zz, xy);
-            (volume_n.0[p], J_n.0[p]) = (starts[p].volume_n, starts[p].J_n);
-            for i in 0..2 {
-                for j in 0..2 {
-                    dF[i][j].0[p] = increments[p].dF[i][j];
-                }
-            }
-        }
-        let trial = Trial::new(&b_n, &dF);
-        let (log_b, L) = plane::log_with_derivative(&trial.b);
-        let answer = law.respond(&[log_b[0] * 0.5, log_b[1] * 0.5, log_b[2] * 0.5, log_b[3] * 0.5], history);
-        let size = answer.tau[0] + answer.tau[1] + answer.tau[2] + answer.tau[3];
-        if !trial.dJ.is_positive() || !(size * size).is_below(f64::INFINITY) {
-            return None;
-        }
-        let C = half_product(&tangent(&answer), &L);
-        let weak = previous(&C, &in_plane(&answer.tau), &dF, &trial, volume_n / J_n);
+        let AnswerInLanes { answer, trial, dF, C, weight } =
+            answer_in_lanes(starts, increments, material, history)?;
+        let weak = previous(&C, &in_plane(&answer.tau), &dF, &trial, weight);
         Some([
-            point(&weak, &answer, 0),
-            point(&weak, &answer, 1),
-            point(&weak, &answer, 2),
-            point(&weak, &answer, 3),
+            point(weak.point(0), &answer, 0),
+            point(weak.point(1), &answer, 1),
+            point(weak.point(2), &answer, 2),
+            point(weak.point(3), &answer, 3),
+        ])
+    }
+
+    #[inline(always)]
+    fn respond_current(
+        start: &StartOfStep,
+        increment: &Increment<2>,
+        material: &dyn Material,
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PointResponse<Current<2, 2>>, PointError> {
+        let dF = &increment.dF;
+        let Answer { trial, law, C, tau } = answer(start, dF, material, old, new)?;
+        let weak = current(&C, &tau, dF, &trial, start.volume_n / start.J_n);
+        Ok(PointResponse { weak, tau: law.0, elastic_strain: law.1 })
+    }
+
+    #[inline(always)]
+    fn respond_current_vectorised(
+        starts: [&StartOfStep; Lanes::WIDTH],
+        increments: &[Increment<2>; Lanes::WIDTH],
+        material: &dyn Material,
+        history: &mut [Lanes],
+    ) -> Option<[PointResponse<Current<2, 2>>; Lanes::WIDTH]> {
+        let AnswerInLanes { answer, trial, dF, C, weight } =
+            answer_in_lanes(starts, increments, material, history)?;
+        let weak = current(&C, &in_plane(&answer.tau), &dF, &trial, weight);
+        Some([
+            point(weak.point(0), &answer, 0),
+            point(weak.point(1), &answer, 1),
+            point(weak.point(2), &answer, 2),
+            point(weak.point(3), &answer, 3),
         ])
     }
 
@@ -186,12 +243,12 @@ impl Mechanics<2> for PlaneStrain {
 
 // No closures below: the compiler does not always inline them, and then does not vectorise them.
 
-/// Extracts one point.
+/// The response of one point with its weak form.
 #[inline(always)]
-fn point(weak: &InPlane<Lanes>, answer: &CompactResponse<Lanes, 4>, lane: usize) -> PointResponse<InPlane> {
+fn point<W>(weak: W, answer: &CompactResponse<Lanes, 4>, lane: usize) -> PointResponse<W> {
     let CompactResponse { tau, elastic_strain: e, .. } = answer;
     PointResponse {
-        weak: weak.point(lane),
+        weak,
         tau: plane::tensor([tau[0].0[lane], tau[1].0[lane], tau[2].0[lane], tau[3].0[lane]]),
         elastic_strain: plane::tensor([e[0].0[lane], e[1].0[lane], e[2].0[lane], e[3].0[lane]]),
     }
@@ -287,6 +344,33 @@ fn previous<T: Lane>(
         }
     }
     InPlane { stress, tangent }
+}
+
+/// τ and the modulus of eqs. (A.1)-(A.2), with S_ijkl = τ_il δ_jk, times `weight`.
+#[inline(always)]
+fn current<T: Lane>(
+    C: &[[T; 3]; 3],
+    tau: &Rows<T>,
+    dF: &Rows<T>,
+    trial: &Trial<T>,
+    weight: T,
+) -> Current<2, 2, T> {
+    let inverse = invert(dF, trial.dJ);
+    let CB = contract(C, &in_plane(&trial.b));
+    let mut stress = *tau;
+    stress.as_flattened_mut().iter_mut().for_each(|x| *x = *x * weight);
+    let mut tangent = [[stress; 2]; 2];
+    for l in 0..2 {
+        for j in 0..2 {
+            for i in 0..2 {
+                for k in 0..2 {
+                    let change = CB[IN_PLANE_INDEX[i][j]][k][l] * weight;
+                    tangent[l][j][i][k] = if j == k { change - stress[i][l] } else { change };
+                }
+            }
+        }
+    }
+    Current { stress, tangent, inverse, per_radius: T::splat(0.0) }
 }
 
 /// σ and the spatial modulus a of eqs. (A.1)-(A.2), with S_ijkl = σ_il δ_jk.

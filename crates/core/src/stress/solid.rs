@@ -2,8 +2,8 @@
 
 use super::products::{MANDEL_INDEX, full, times};
 use super::{
-    Contribution, Isotropic, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep, WeakForm,
-    transposed,
+    Contribution, Current, Isotropic, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep,
+    WeakForm, transposed,
 };
 use crate::kinematics::Increment;
 use crate::material::{Material, StrainMeasure};
@@ -156,6 +156,7 @@ impl Mechanics<3> for Solid {
     type Previous = Spatial;
     type Isotropic = Isotropic;
     type Updated = Contribution<3, 3>;
+    type Current = Current<3, 3>;
 
     #[inline(always)]
     fn respond(
@@ -199,6 +200,20 @@ impl Mechanics<3> for Solid {
         };
         let weak = Isotropic::new(inverse, &answer, start.volume_n / start.J_n);
         Some(Ok(PointResponse { weak, tau: answer.tau, elastic_strain: answer.elastic_strain }))
+    }
+
+    #[inline(always)]
+    fn respond_current(
+        start: &StartOfStep,
+        increment: &Increment<3>,
+        material: &dyn Material,
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PointResponse<Current<3, 3>>, PointError> {
+        match Self::respond_isotropic(start, increment, material) {
+            Some(response) => Ok(response?.map(|weak| Current::from(&weak))),
+            None => Ok(Self::respond(start, increment, material, old, new)?.map(|weak| Current::from(&weak))),
+        }
     }
 
     fn respond_updated(

@@ -6,6 +6,7 @@
 //! and the order of every sum is fixed: the result has the same bits for any number of threads.
 #![allow(non_snake_case)]
 
+mod dilatation;
 mod evaluation;
 
 use std::marker::PhantomData;
@@ -18,7 +19,7 @@ use crate::basis::{Connectivity, LinkBuffer};
 use crate::linear::Block;
 use crate::points::{PIECE, Points};
 use crate::step::{At, StepContext, displacement};
-use crate::stress::{Mechanics, StartOfStep};
+use crate::stress::{Mechanics, StartOfStep, Volumetric};
 
 use super::failure::{BeginError, PointFailure};
 use super::term::{Ledger, Term};
@@ -44,6 +45,9 @@ pub struct MaterialPoints<const D: usize, M> {
     gradient: Vec<[f64; D]>,
     /// Working space for the gradients of one point of each group in the current configuration, eq. (8).
     mapped: Vec<[f64; D]>,
+    /// For each group, true if it has several points of a body with [`Volumetric::MeanDilatation`]; empty without such a
+    /// body.
+    averaged: Vec<bool>,
     mechanics: PhantomData<M>,
 }
 
@@ -56,6 +60,7 @@ impl<const D: usize, M> Default for MaterialPoints<D, M> {
             value: Vec::new(),
             gradient: Vec::new(),
             mapped: Vec::new(),
+            averaged: Vec::new(),
             mechanics: PhantomData,
         }
     }
@@ -98,7 +103,13 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
     }
 
     fn is_symmetric(&self, step: &StepContext<D>) -> bool {
-        step.model.materials.iter().all(|m| m.law.tangent_is_symmetric())
+        let model = step.model;
+        let has_f_bar = model.bodies.iter().any(|body| body.volumetric == Volumetric::FBar);
+        !has_f_bar && model.materials.iter().all(|m| m.law.tangent_is_symmetric())
+    }
+
+    fn couples_group(&self, group: usize) -> bool {
+        self.averaged.get(group).is_some_and(|averaged| *averaged)
     }
 
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
@@ -114,6 +125,14 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
             }
         });
         start.collect_into_vec(&mut self.start);
+        self.averaged.clear();
+        if model.bodies.iter().any(|body| body.volumetric == Volumetric::MeanDilatation) {
+            let takes_mean = |body: u16| model.bodies[body as usize].volumetric == Volumetric::MeanDilatation;
+            self.averaged.extend((0..step.links.n_groups()).map(|group| {
+                let bodies = &points.body[step.links.points_of(group)];
+                bodies.len() > 1 && bodies.iter().any(|&body| takes_mean(body))
+            }));
+        }
         Ok(())
     }
 
@@ -134,17 +153,21 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         let [mut in_hand, mut before] = dense.each_mut();
         let mut merged = 0..0;
         let delta_d = displacement(at.delta_d);
+        let dilated = model.bodies.iter().any(|body| body.volumetric != Volumetric::Standard);
         for batch in batches.iter().cloned() {
             let task = Task::<D, M> {
                 model,
                 body: &points.body,
+                cell: &points.cell,
                 position: &points.converged.position,
+                half_lengths: &points.converged.half_lengths,
                 history_len: points.history_len,
                 old_history: &points.converged.history,
                 start,
                 links,
                 pairs,
                 delta_d: &delta_d,
+                dilated,
                 wanted,
                 mechanics: PhantomData,
             };

@@ -66,6 +66,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         let system = System::new(
             step.links,
             symmetric,
+            &|group| terms.iter().any(|term| term.couples_group(group)),
             &|couple| with_ties(dofs, step.links, &of_terms, couple),
             globals,
         );

@@ -58,8 +58,13 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// [`BeginError`].
     fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError>;
 
+    /// True if it couples all nodes of a group of points with each other, and not only those that share a point.
+    fn couples_group(&self, _group: usize) -> bool {
+        false
+    }
+
     /// Calls `couple` with each list of active nodes, ascending, that it couples with each other in this step, in
-    /// addition to nodes that share a group of points.
+    /// addition to nodes that share a point.
     fn couples(&self, _couple: &mut dyn FnMut(&[u32])) {}
 
     /// Adds constraints on the active nodes of a step: prescribed values of a further field, or ties. The numbers of

@@ -66,6 +66,7 @@ impl<const D: usize> Mesh<D> {
             side_sets: BTreeMap::new(),
             cell_sets: BTreeMap::new(),
             warnings: Vec::new(),
+            patches: None,
         };
         let report = |k: u32| report(&elements[k as usize], &cells[k as usize]);
         mesh.find_boundary(report)?;

@@ -20,19 +20,24 @@ use crate::terms::failure::PointFailure;
 const GRAIN: usize = 4;
 
 /// Most history variables of points that are evaluated side by side.
-const MOST_HISTORY: usize = 4;
+pub(super) const MOST_HISTORY: usize = 4;
 
 /// The data shared by all points of an evaluation.
 pub(super) struct Task<'a, const D: usize, M> {
     pub(super) model: &'a Model<D>,
     pub(super) body: &'a [u16],
+    pub(super) cell: &'a [u32],
     pub(super) position: &'a [[f64; D]],
+    /// Half lengths of the domains; empty without.
+    pub(super) half_lengths: &'a [[f64; D]],
     pub(super) history_len: usize,
     pub(super) old_history: &'a [f64],
     pub(super) start: &'a [StartOfStep],
     pub(super) links: &'a Connectivity<D>,
     pub(super) pairs: &'a NodePairs,
     pub(super) delta_d: &'a [[f64; D]],
+    /// True if a body does not have [`Volumetric::Standard`](crate::stress::Volumetric::Standard).
+    pub(super) dilated: bool,
     pub(super) wanted: Wanted,
     pub(super) mechanics: std::marker::PhantomData<M>,
 }
@@ -176,7 +181,7 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
     }
 
     #[inline]
-    fn law(&self, p: usize) -> &dyn Material {
+    pub(super) fn law(&self, p: usize) -> &dyn Material {
         let body = &self.model.bodies[self.body[p] as usize];
         self.model.materials[body.material].law.as_ref()
     }
@@ -184,13 +189,13 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
 
 /// The points of one group, to be compiled for several sets of instructions. None of them changes the result: products
 /// and sums are rounded one by one.
-struct Vectorised<'t, 'a, 's, 'r, const D: usize, M, K, const UPDATED: bool> {
-    task: &'t Task<'a, D, M>,
-    group: usize,
-    trial: &'t mut Trial<'s, D>,
-    room: &'t mut LinkBuffer<'r, D>,
-    force: &'t mut [[f64; D]],
-    dense: &'t mut K,
+pub(super) struct Vectorised<'t, 'a, 's, 'r, const D: usize, M, K, const UPDATED: bool> {
+    pub(super) task: &'t Task<'a, D, M>,
+    pub(super) group: usize,
+    pub(super) trial: &'t mut Trial<'s, D>,
+    pub(super) room: &'t mut LinkBuffer<'r, D>,
+    pub(super) force: &'t mut [[f64; D]],
+    pub(super) dense: &'t mut K,
 }
 
 impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
@@ -201,6 +206,16 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
         let points = self.task.links.points_of(self.group);
+        if self.task.dilated { self.add_dilated(points) } else { self.add(points) }
+    }
+}
+
+impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
+    Vectorised<'_, '_, '_, '_, D, M, K, UPDATED>
+{
+    /// Adds points one after the other, or side by side.
+    #[inline(always)]
+    pub(super) fn add(&mut self, points: Range<usize>) -> Result<(), PointFailure> {
         let mut p = points.start;
         while p < points.end {
             p += match self.add_side_by_side(p..points.end)? {
@@ -213,13 +228,9 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
         }
         Ok(())
     }
-}
 
-impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
-    Vectorised<'_, '_, '_, '_, D, M, K, UPDATED>
-{
     #[inline(always)]
-    fn increment(&mut self, p: usize) -> Increment<D> {
+    pub(super) fn increment(&mut self, p: usize) -> Increment<D> {
         let task = self.task;
         let nodes = task.links.nodes_of(self.group);
         Increment::new(M::REVOLVED, nodes, &task.links.links(p, self.room), task.delta_d, &task.position[p])
@@ -291,6 +302,16 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     }
 }
 
+impl<const D: usize> Trial<'_, D> {
+    /// Keeps stress and strain of a point.
+    #[inline(always)]
+    pub(super) fn keep<W>(&mut self, p: usize, response: &PointResponse<W>) {
+        let here = p - self.first;
+        self.elastic_strain[here] = response.elastic_strain;
+        self.kirchhoff_stress[here] = response.tau;
+    }
+}
+
 /// Keeps the response of a point and adds its part.
 #[inline(always)]
 fn keep<const D: usize, W: WeakForm<D>>(
@@ -301,20 +322,17 @@ fn keep<const D: usize, W: WeakForm<D>>(
     dense: &mut impl Dense<D>,
     force: &mut [[f64; D]],
 ) {
-    let PointResponse { weak, tau, elastic_strain } = response;
-    let here = p - trial.first;
-    trial.elastic_strain[here] = *elastic_strain;
-    trial.kirchhoff_stress[here] = *tau;
-    let gradients = match weak.inverse() {
+    trial.keep(p, response);
+    let gradients = match response.weak.inverse() {
         None => links.gradient,
         Some(inverse) => map_gradients(inverse, links.gradient, trial.mapped),
     };
-    dense.add(weak, links, gradients, force);
+    dense.add(&response.weak, links, gradients, force, &|_, _| ());
 }
 
 /// ∂S/∂x = ∂S/∂X̃ ΔF⁻¹, eq. (8), for one point.
 #[inline(always)]
-fn map_gradients<'a, const D: usize>(
+pub(super) fn map_gradients<'a, const D: usize>(
     inverse: &Block<D>,
     gradient: &[[f64; D]],
     room: &'a mut [[f64; D]],

@@ -1,0 +1,194 @@
+//! The weak form of a point in the current configuration, with all moduli.
+#![allow(non_snake_case)]
+
+use super::products::MANDEL_INDEX;
+use super::{Contribution, Isotropic, Lane, Lanes, Revolved, Spatial, WeakForm, transposed};
+
+/// Stress and moduli of a point in the current configuration, with indices in the order in which they are contracted. `T` is
+/// one number or one SIMD lane per point.
+///
+/// `E` components of the gradient of a basis function: those along the `D` axes and, for a body of revolution, S/r, which is
+/// conjugate to the first component of the displacement. Volumetric quantities are sums over these components, so that `E`
+/// is also the exponent n of the volumetric split: 2 in plane strain, 3 otherwise.
+#[derive(Debug, Clone, Copy)]
+pub struct Current<const D: usize, const E: usize, T = f64> {
+    /// V⁰τ with the reference volume V⁰ = V_n/J_n, `[j][i]`, [stress·volume].
+    pub stress: [[T; D]; E],
+    /// V⁰ (∂τ/∂L − τ_il δ_jk) with the displacement gradient L in the current configuration, `[l][j][i][k]`,
+    /// [stress·volume]; (A.1) times the volume.
+    pub tangent: [[[[T; D]; D]; E]; E],
+    /// ΔF⁻¹.
+    pub inverse: [[T; D]; D],
+    /// 1/r, [1/length]; unused unless `E` exceeds `D`.
+    pub per_radius: T,
+}
+
+/// Component of the displacement with which component `j` of the gradient is summed in the divergence.
+pub(super) const fn along<const D: usize>(j: usize) -> usize {
+    if j < D { j } else { 0 }
+}
+
+impl<const D: usize, const E: usize> Current<D, E> {
+    /// Builds the moduli from their components.
+    #[inline(always)]
+    fn with_tangent(
+        stress: [[f64; D]; E],
+        inverse: [[f64; D]; D],
+        per_radius: f64,
+        entry: impl Fn(usize, usize, usize, usize) -> f64,
+    ) -> Self {
+        let mut tangent = [[[[0.0; D]; D]; E]; E];
+        for l in 0..E {
+            for j in 0..E {
+                for i in 0..D {
+                    for k in 0..D {
+                        tangent[l][j][i][k] = entry(i, j, k, l);
+                    }
+                }
+            }
+        }
+        Current { stress, tangent, inverse, per_radius }
+    }
+
+    /// The same response where the deformation increment is `factor` times smaller in the directions of the volumetric
+    /// split.
+    #[inline(always)]
+    pub(super) fn shrunk(mut self, factor: f64) -> Self {
+        self.inverse.as_flattened_mut().iter_mut().for_each(|x| *x *= factor);
+        self.per_radius *= factor;
+        self
+    }
+}
+
+impl From<&Spatial> for Current<3, 3> {
+    #[inline(always)]
+    fn from(point: &Spatial) -> Self {
+        let Spatial { inverse, b, stress, moduli } = point;
+        let entry = |i: usize, j: usize, k: usize, l: usize| {
+            let of = |q: usize| moduli[MANDEL_INDEX[k][q]][MANDEL_INDEX[i][j]];
+            let change = of(0) * b[0][l] + of(1) * b[1][l] + of(2) * b[2][l];
+            if j == k { change - stress[i][l] } else { change }
+        };
+        Current::with_tangent(*stress, *inverse, 0.0, entry)
+    }
+}
+
+impl From<&Isotropic> for Current<3, 3> {
+    #[inline(always)]
+    fn from(point: &Isotropic) -> Self {
+        let Isotropic { inverse, stress, lambda, mu } = point;
+        let delta = |i: usize, j: usize| f64::from(u8::from(i == j));
+        let entry = |i: usize, j: usize, k: usize, l: usize| {
+            lambda * delta(i, j) * delta(k, l)
+                + mu * (delta(i, l) * delta(j, k) + delta(i, k) * delta(j, l))
+                + stress[j][l] * delta(i, k)
+        };
+        Current::with_tangent(*stress, *inverse, 0.0, entry)
+    }
+}
+
+impl From<&Revolved> for Current<2, 3> {
+    #[inline(always)]
+    fn from(point: &Revolved) -> Self {
+        let full = Current::from(&point.point);
+        // Component (i, j) in three dimensions. The work of the hoop stress with the axial displacement is zero.
+        let component = |i: usize, j: usize| match (i, j) {
+            (1, 2) => None,
+            (_, 2) => Some((2, 2)),
+            pair => Some(pair),
+        };
+        let mut stress = [[0.0; 2]; 3];
+        for j in 0..3 {
+            for i in 0..2 {
+                stress[j][i] = component(i, j).map_or(0.0, |(i, j)| full.stress[j][i]);
+            }
+        }
+        let entry = |i, j, k, l| match (component(i, j), component(k, l)) {
+            (Some((i, j)), Some((k, l))) => full.tangent[l][j][i][k],
+            _ => 0.0,
+        };
+        Current::with_tangent(stress, point.inverse, point.per_radius, entry)
+    }
+}
+
+impl<const D: usize, const E: usize> From<&Contribution<D, E>> for Current<D, E> {
+    fn from(point: &Contribution<D, E>) -> Self {
+        let Contribution { stress, tangent, volume, inverse, per_radius } = point;
+        let identity = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+        let weighted = std::array::from_fn(|j| std::array::from_fn(|i| stress[i][j] * volume));
+        let entry = |i: usize, j: usize, k: usize, l: usize| tangent[i][j][k][l] * volume;
+        Current::with_tangent(weighted, inverse.unwrap_or(identity), *per_radius, entry)
+    }
+}
+
+impl Current<2, 2, Lanes> {
+    /// Extracts one point.
+    #[inline(always)]
+    pub(super) fn point(&self, lane: usize) -> Current<2, 2> {
+        let mut point = Current {
+            stress: [[0.0; 2]; 2],
+            tangent: [[[[0.0; 2]; 2]; 2]; 2],
+            inverse: [[0.0; 2]; 2],
+            per_radius: 0.0,
+        };
+        for (x, lanes) in point.stress.as_flattened_mut().iter_mut().zip(self.stress.as_flattened()) {
+            *x = lanes.0[lane];
+        }
+        for (x, lanes) in point.inverse.as_flattened_mut().iter_mut().zip(self.inverse.as_flattened()) {
+            *x = lanes.0[lane];
+        }
+        let tangent = point.tangent.as_flattened_mut().as_flattened_mut().as_flattened_mut();
+        let all = self.tangent.as_flattened().as_flattened().as_flattened();
+        for (x, lanes) in tangent.iter_mut().zip(all) {
+            *x = lanes.0[lane];
+        }
+        point
+    }
+}
+
+impl<const D: usize, const E: usize> WeakForm<D> for Current<D, E> {
+    type Gradient<T: Lane> = [T; E];
+    /// `[j][i][k]`.
+    type Column = [[[f64; D]; D]; E];
+
+    #[inline(always)]
+    fn inverse(&self) -> Option<&[[f64; D]; D]> {
+        Some(&self.inverse)
+    }
+
+    #[inline(always)]
+    fn gradient(&self, gradient: &[f64; D], value: f64) -> [f64; E] {
+        std::array::from_fn(|j| if j < D { gradient[j] } else { value * self.per_radius })
+    }
+
+    #[inline(always)]
+    fn pack(nodes: &[[f64; E]]) -> [Lanes; E] {
+        transposed(nodes)
+    }
+
+    #[inline(always)]
+    fn column(&self, gradient: &[f64; E], force: &mut [f64; D]) -> [[[f64; D]; D]; E] {
+        for j in 0..E {
+            for i in 0..D {
+                force[i] += self.stress[j][i] * gradient[j];
+            }
+        }
+        let mut column = [[[0.0; D]; D]; E];
+        for l in 0..E {
+            let (sums, entries) = (column.as_flattened_mut().as_flattened_mut(), &self.tangent[l]);
+            for (sum, entry) in sums.iter_mut().zip(entries.as_flattened().as_flattened()) {
+                *sum += entry * gradient[l];
+            }
+        }
+        column
+    }
+
+    #[inline(always)]
+    fn add_block<T: Lane>(column: &[[[f64; D]; D]; E], gradient: &[T; E], block: &mut [[T; D]; D]) {
+        for j in 0..E {
+            for (entry, of_column) in block.as_flattened_mut().iter_mut().zip(column[j].as_flattened()) {
+                *entry += gradient[j] * *of_column;
+            }
+        }
+    }
+}

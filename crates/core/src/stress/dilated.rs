@@ -1,0 +1,288 @@
+//! Points whose volume ratio is that of their cell: its mean there, or its value at the centre.
+//!
+//! **Mean dilatation.** The volume ratio of the points of a cell is θ = Σ v_q ΔJ_q / Σ v_q. Its variation is δθ/θ = h·δu with
+//! the mean gradient h = Σ V_q g_q / Σ V_q over the current volumes V_q = v_q ΔJ_q. The virtual work of a point is then
+//! V⁰ τ̄ : δL̄ with δL̄ = δL + (h·δu − div δu)/n 1: the deviator of τ̄ works with the gradients of the point, its mean π with the
+//! mean gradient. Summed over the cell, the latter is the pressure P = Σ V⁰π / Σ V times the divergence at every point.
+//! This leaves each point a weak form of the common kind, with the stress V⁰ dev τ̄ + V P 1 and, with Dτ̄ = ∂τ̄/∂L, the
+//! derivative V⁰ dev∘Dτ̄∘dev + V P 1⊗1. In addition the cell couples all its nodes through h:
+//! h⊗b + b⊗h + k h⊗h with b = Σ V⁰ dev(1:Dτ̄)·g/n and k = Σ V⁰ (1:Dτ̄:1/n² − π). All derives from the energy at ΔF̄, so
+//! that the stiffness is symmetric if that of the law is (Simo, Taylor and Pister 1985; Moran, Ortiz and Shih 1990).
+//!
+//! **F-bar.** θ = ΔJ₀, the volume ratio at the centre of the cell, at ΔF₀ = 1 + Σ u ⊗ g₀. Forces are V σ̄·g with
+//! σ̄ = τ̄/(ΔJ₀ J_n), and the stiffness gains g·(Dτ̄:1/n − τ̄) ⊗ (g₀ − g) times V/(ΔJ₀ J_n) (de Souza Neto et al. 1996;
+//! Coombs et al. 2018).
+#![allow(non_snake_case)]
+
+use super::current::along;
+use super::{Current, Lane, Lanes, WeakForm};
+
+/// Tensor conjugate to the gradients of the basis, `[j][i]`.
+type Rows<const D: usize, const E: usize> = [[f64; D]; E];
+
+/// A point in the current configuration that can take the volume ratio of its cell.
+pub trait Dilatable<const D: usize>: Sized {
+    /// As a point of a cell whose mean dilatation it takes.
+    type Averaged: Averaged<D>;
+    /// As a point that takes the volume ratio at the centre of its cell.
+    type Centred: Centred<D>;
+
+    /// From the response to `factor` ΔF, the point that deforms by ΔF.
+    fn averaged(self, factor: f64) -> Self::Averaged;
+
+    /// The same; its forces act in the volume `ratio` V⁰, ratio = ΔJ/ΔJ₀.
+    fn centred(self, factor: f64, ratio: f64) -> Self::Centred;
+}
+
+/// A point of a cell whose mean dilatation it takes. Without [`Averaged::set_pressure`] only its deviator acts.
+pub trait Averaged<const D: usize>: WeakForm<D> {
+    /// Mean stress and its derivative: V⁰π and V⁰ 1:Dτ̄:1/n², [stress·volume].
+    fn mean(&self) -> [f64; 2];
+
+    /// Adds the pressure of the cell; `volume_times_pressure` is V P.
+    fn set_pressure(&mut self, volume_times_pressure: f64);
+
+    /// Divergence of a basis function along each axis, [1/length].
+    fn divergence(gradient: &Self::Gradient<f64>) -> [f64; D];
+
+    /// The part of a node in b, as a row and as a column of the stiffness; these differ where the tangent of the law is
+    /// unsymmetric.
+    fn coupling(&self, gradient: &Self::Gradient<f64>) -> [[f64; D]; 2];
+}
+
+/// A point that takes the volume ratio at the centre of its cell.
+pub trait Centred<const D: usize>: WeakForm<D> {
+    /// The column of a node whose divergence at the centre exceeds that at the point by `excess`, [1/length].
+    fn add_excess(&self, excess: &[f64; D], column: &mut Self::Column);
+
+    /// Divergence of a basis function along each axis at the point, [1/length].
+    fn divergence(gradient: &Self::Gradient<f64>) -> [f64; D];
+}
+
+/// [`Averaged`] with all its moduli.
+#[derive(Debug, Clone, Copy)]
+pub struct MeanDilatation<const D: usize, const E: usize> {
+    point: Current<D, E>,
+    /// V⁰π and V⁰ 1:Dτ̄:1/n².
+    mean: [f64; 2],
+    /// V⁰ dev(1:Dτ̄)/n as a row and as a column.
+    coupling: [Rows<D, E>; 2],
+}
+
+/// [`Centred`] with all its moduli.
+#[derive(Debug, Clone, Copy)]
+pub struct FBar<const D: usize, const E: usize> {
+    point: Current<D, E>,
+    /// Derivative of the stress with the logarithm of the volume ratio, less that of the volume.
+    with_ratio: Rows<D, E>,
+}
+
+/// Divergence of a basis function along each axis.
+#[inline(always)]
+fn divergence<const D: usize, const E: usize>(gradient: &[f64; E]) -> [f64; D] {
+    let mut sum = [0.0; D];
+    for j in 0..E {
+        sum[along::<D>(j)] += gradient[j];
+    }
+    sum
+}
+
+/// 1:Dτ̄ and Dτ̄:1.
+#[inline(always)]
+fn volumetric<const D: usize, const E: usize>(point: &Current<D, E>) -> [Rows<D, E>; 2] {
+    let Current { stress, tangent, .. } = point;
+    let [mut of_trace, mut with_volume] = [*stress; 2];
+    for m in 0..E {
+        for j in 0..E {
+            for i in 0..D {
+                of_trace[j][i] += tangent[j][m][along::<D>(m)][i];
+                with_volume[j][i] += tangent[m][j][i][along::<D>(m)];
+            }
+        }
+    }
+    [of_trace, with_volume]
+}
+
+#[inline(always)]
+fn trace<const D: usize, const E: usize>(rows: &Rows<D, E>) -> f64 {
+    let mut sum = 0.0;
+    for m in 0..E {
+        sum += rows[m][along::<D>(m)];
+    }
+    sum
+}
+
+impl<const D: usize, const E: usize> Dilatable<D> for Current<D, E> {
+    type Averaged = MeanDilatation<D, E>;
+    type Centred = FBar<D, E>;
+
+    #[inline(always)]
+    fn averaged(self, factor: f64) -> MeanDilatation<D, E> {
+        let mut point = self.shrunk(factor);
+        let n = E as f64;
+        let [mut of_trace, mut with_volume] = volumetric(&point);
+        let pi = trace(&point.stress) / n;
+        let modulus = trace(&of_trace) / (n * n);
+        for part in [&mut of_trace, &mut with_volume] {
+            part.as_flattened_mut().iter_mut().for_each(|x| *x /= n);
+            for m in 0..E {
+                part[m][along::<D>(m)] -= modulus;
+            }
+        }
+        // dev∘Dτ̄∘dev, and the transport of the deviator alone.
+        for m in 0..E {
+            let a = along::<D>(m);
+            point.stress[m][a] -= pi;
+            for j in 0..E {
+                for i in 0..D {
+                    point.tangent[j][m][a][i] -= of_trace[j][i];
+                    point.tangent[m][j][i][a] -= with_volume[j][i];
+                }
+                point.tangent[j][m][a][along::<D>(j)] -= modulus;
+            }
+        }
+        add_transport(&mut point, pi);
+        MeanDilatation { point, mean: [pi, modulus], coupling: [with_volume, of_trace] }
+    }
+
+    #[inline(always)]
+    fn centred(self, factor: f64, ratio: f64) -> FBar<D, E> {
+        let mut point = self.shrunk(factor);
+        point.stress.as_flattened_mut().iter_mut().for_each(|x| *x *= ratio);
+        let tangent = point.tangent.as_flattened_mut().as_flattened_mut().as_flattened_mut();
+        tangent.iter_mut().for_each(|x| *x *= ratio);
+        let [_, mut with_ratio] = volumetric(&point);
+        for (x, stress) in with_ratio.as_flattened_mut().iter_mut().zip(point.stress.as_flattened()) {
+            *x = *x / E as f64 - stress;
+        }
+        FBar { point, with_ratio }
+    }
+}
+
+/// Adds `pressure` tr(L L′), the transport of a mean stress −`pressure`, to the tangent.
+#[inline(always)]
+fn add_transport<const D: usize, const E: usize>(point: &mut Current<D, E>, pressure: f64) {
+    for i in 0..D {
+        for j in 0..D {
+            point.tangent[i][j][i][j] += pressure;
+        }
+    }
+    for m in D..E {
+        point.tangent[m][m][0][0] += pressure;
+    }
+}
+
+impl<const D: usize, const E: usize> WeakForm<D> for MeanDilatation<D, E> {
+    type Gradient<T: Lane> = [T; E];
+    type Column = <Current<D, E> as WeakForm<D>>::Column;
+
+    #[inline(always)]
+    fn inverse(&self) -> Option<&[[f64; D]; D]> {
+        self.point.inverse()
+    }
+
+    #[inline(always)]
+    fn gradient(&self, gradient: &[f64; D], value: f64) -> [f64; E] {
+        self.point.gradient(gradient, value)
+    }
+
+    #[inline(always)]
+    fn pack(nodes: &[[f64; E]]) -> [Lanes; E] {
+        Current::<D, E>::pack(nodes)
+    }
+
+    #[inline(always)]
+    fn column(&self, gradient: &[f64; E], force: &mut [f64; D]) -> Self::Column {
+        self.point.column(gradient, force)
+    }
+
+    #[inline(always)]
+    fn add_block<T: Lane>(column: &Self::Column, gradient: &[T; E], block: &mut [[T; D]; D]) {
+        Current::<D, E>::add_block(column, gradient, block);
+    }
+}
+
+impl<const D: usize, const E: usize> Averaged<D> for MeanDilatation<D, E> {
+    #[inline(always)]
+    fn mean(&self) -> [f64; 2] {
+        self.mean
+    }
+
+    #[inline(always)]
+    fn set_pressure(&mut self, volume_times_pressure: f64) {
+        for m in 0..E {
+            let a = along::<D>(m);
+            self.point.stress[m][a] += volume_times_pressure;
+            for j in 0..E {
+                self.point.tangent[j][m][a][along::<D>(j)] += volume_times_pressure;
+            }
+        }
+        add_transport(&mut self.point, -volume_times_pressure);
+    }
+
+    #[inline(always)]
+    fn divergence(gradient: &[f64; E]) -> [f64; D] {
+        divergence(gradient)
+    }
+
+    #[inline(always)]
+    fn coupling(&self, gradient: &[f64; E]) -> [[f64; D]; 2] {
+        let mut of_node = [[0.0; D]; 2];
+        for (sum, part) in of_node.iter_mut().zip(&self.coupling) {
+            for j in 0..E {
+                for i in 0..D {
+                    sum[i] += part[j][i] * gradient[j];
+                }
+            }
+        }
+        of_node
+    }
+}
+
+impl<const D: usize, const E: usize> WeakForm<D> for FBar<D, E> {
+    type Gradient<T: Lane> = [T; E];
+    type Column = <Current<D, E> as WeakForm<D>>::Column;
+
+    #[inline(always)]
+    fn inverse(&self) -> Option<&[[f64; D]; D]> {
+        self.point.inverse()
+    }
+
+    #[inline(always)]
+    fn gradient(&self, gradient: &[f64; D], value: f64) -> [f64; E] {
+        self.point.gradient(gradient, value)
+    }
+
+    #[inline(always)]
+    fn pack(nodes: &[[f64; E]]) -> [Lanes; E] {
+        Current::<D, E>::pack(nodes)
+    }
+
+    #[inline(always)]
+    fn column(&self, gradient: &[f64; E], force: &mut [f64; D]) -> Self::Column {
+        self.point.column(gradient, force)
+    }
+
+    #[inline(always)]
+    fn add_block<T: Lane>(column: &Self::Column, gradient: &[T; E], block: &mut [[T; D]; D]) {
+        Current::<D, E>::add_block(column, gradient, block);
+    }
+}
+
+impl<const D: usize, const E: usize> Centred<D> for FBar<D, E> {
+    #[inline(always)]
+    fn add_excess(&self, excess: &[f64; D], column: &mut Self::Column) {
+        for j in 0..E {
+            for i in 0..D {
+                for k in 0..D {
+                    column[j][i][k] += self.with_ratio[j][i] * excess[k];
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn divergence(gradient: &[f64; E]) -> [f64; D] {
+        divergence(gradient)
+    }
+}
