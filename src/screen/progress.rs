@@ -278,7 +278,7 @@ impl<const D: usize> Observer<D> for Watch {
         self.log(&format!("attempt failed [{code}]: {}", attempt.error));
         match ended {
             None => {
-                self.log(&format!("a step of {} requested load steps is too large", significant(part, 3)))
+                self.log(&format!("a step of {} times the requested size is too large", significant(part, 3)))
             }
             Some((_, diagnosis)) => self.diagnosis(diagnosis),
         }

@@ -1,5 +1,5 @@
-//! The model: all data of an analysis. They stay constant during a run, but for what changes between stages, and a grid that
-//! moves between steps.
+//! The model: all data of an analysis. They stay constant during a run, except for changes between stages and a grid
+//! that moves between steps.
 
 use crate::basis::{DomainKind, Method, domain_volume};
 use crate::domain::DomainUpdate;
@@ -166,8 +166,8 @@ impl<const D: usize> Model<D> {
         if self.revolved { std::f64::consts::TAU * position[0] } else { 1.0 }
     }
 
-    /// Mean out-of-plane extent of a facet with these corners, [length]: times the length of the facet, its area, that of
-    /// a truncated cone for bodies of revolution.
+    /// Mean out-of-plane extent of a facet with these corners, [length]. Multiplied by the length of the facet, it
+    /// gives the area: for bodies of revolution, that of a truncated cone.
     pub fn mean_depth(&self, corners: &[[f64; D]; D]) -> f64 {
         corners.iter().map(|corner| self.depth(corner)).sum::<f64>() / D as f64
     }

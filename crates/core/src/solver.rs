@@ -64,7 +64,7 @@ pub use stages::{resume_stage, run_stages};
 pub use stepper::{Kernels, Stepper};
 pub use summary::{Reached, StageReached, Summary};
 
-/// A model with as many axes as there are mechanics for.
+/// A model in a number of dimensions for which there are mechanics.
 pub trait Solvable<const D: usize> {
     /// The solver code compiled for the mechanics of this model.
     fn kernels(&self) -> Kernels<D>;

@@ -102,7 +102,7 @@ impl<const D: usize> Surface<D> {
         Ok(Surface::of_facets(name, body, facets, part, cell))
     }
 
-    /// The surface of those of the facets that a part contains; `cell` is the size of a grid cell, [length].
+    /// The surface of the facets that a part contains; `cell` is the size of a grid cell, [length].
     pub fn of_facets(
         name: impl Into<String>,
         body: usize,

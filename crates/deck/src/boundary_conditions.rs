@@ -143,7 +143,7 @@ impl BoundaryConditionDeck {
         self.displacements().iter().any(|displacement| !displacement.value.is_zero())
     }
 
-    /// Its own direction, if it has one, and the key of that.
+    /// Its own direction, if it has one, with its key.
     fn direction(&self) -> Option<(&'static str, &[f64])> {
         match (&self.fix, &self.along) {
             (FixDeck::Normal(NormalDeck { normal }), _) => Some(("fix/normal", normal)),
@@ -284,7 +284,8 @@ impl BoundaryConditionDeck {
             quote(&self.name)
         );
         let place = if self.surface.is_some() { "surface" } else { "nodes" };
-        let help = format!("divide it into two boundary conditions on the same {place}, each with its name");
+        let help =
+            format!("divide it into two boundary conditions on the same {place}, each with its own name");
         check.error("D020", pointer, message, &help);
     }
 }

@@ -25,8 +25,8 @@ pub struct FirstStep {
     pub unknowns: usize,
 }
 
-/// Sets up the first load step and checks it, and that the boundary conditions of later stages hold the bodies; returns its
-/// size, with warnings and notes. The model is as before.
+/// Sets up the first load step and checks it; also checks that the boundary conditions of later stages hold the bodies.
+/// Returns the size of the step, with warnings and notes. The model is left unchanged.
 ///
 /// # Errors
 /// All faults that prevent the step from being solved, with warnings and notes.
@@ -150,7 +150,7 @@ impl Check<'_> {
         self.found.push(found.severity(Severity::Note).help(help));
     }
 
-    /// Warns of boundary conditions that fix along an axis only nodes that others already fix.
+    /// Warns of boundary conditions all of whose nodes other conditions already fix along an axis.
     fn held_already<const D: usize>(&mut self, model: &Model<D>) {
         for Covered { condition, axis, by } in covered(&model.boundary_conditions) {
             let name = |number: usize| model.boundary_conditions[number].name.as_str();

@@ -20,15 +20,16 @@ pub(crate) trait Checks {
     fn vector(&mut self, pointer: &str, components: &[f64]) -> Option<Vec<f64>>;
     /// Reports a vector with too few or too many components.
     fn wrong_count(&mut self, pointer: &str, found: usize);
-    /// The name of a body must exist.
+    /// Checks that the name of a body exists.
     fn body(&mut self, pointer: &str, name: &str);
-    /// The bodies on which a load acts must exist and differ.
+    /// Checks that the bodies on which a load acts exist, each listed once.
     fn targets(&mut self, pointer: &str, bodies: Option<&[String]>);
-    /// The bodies on which a load per mass acts must have a density.
+    /// Checks that the bodies on which a load per mass acts have a density.
     fn weight(&mut self, pointer: &str, load: &str, bodies: Option<&[String]>);
-    /// The name of a surface must exist.
+    /// Checks that the name of a surface exists.
     fn surface(&mut self, pointer: &str, name: &str);
-    /// Formulas of a load on a surface, the value of `key`: one for each axis, or a single one if `is_scalar`.
+    /// Checks the formulas of a load on a surface, `components` with their key: one for each axis, or a single one if
+    /// `is_scalar`.
     fn formulas_at_places(
         &mut self,
         pointer: &str,
@@ -36,14 +37,14 @@ pub(crate) trait Checks {
         is_scalar: bool,
         intermediate: &BTreeMap<String, Expression>,
     );
-    /// Formulas of a load at points.
+    /// Checks the formulas of a load at points.
     fn formulas_at_points(
         &mut self,
         pointer: &str,
         force: &[Expression],
         intermediate: &BTreeMap<String, Expression>,
     );
-    /// Formulas of a boundary condition at nodes.
+    /// Checks the formulas of a boundary condition at nodes.
     fn formulas_at_nodes(
         &mut self,
         pointer: &str,

@@ -19,9 +19,9 @@ use mpm_core::region::{Accuracy, FilledCell, Region, Volume, brick_parts, contai
 /// Relative distance to a grid line within which a side of a box counts as on the line.
 const ON_LINE: f64 = 1e-6;
 
-/// Subdivision along each axis of a cut cell, to measure the share that lies in a region: in the plane, and below in
-/// space.
+/// Subdivision along each axis of a cut cell in the plane, to measure the share that lies in a region.
 const FINE: usize = 32;
+/// The same in space.
 const FINE_IN_SPACE: usize = 10;
 /// Subdivision along each axis to find out if a cell is cut.
 const PROBED: usize = 8;

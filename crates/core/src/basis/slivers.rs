@@ -21,7 +21,7 @@ pub(super) struct Slivers {
 }
 
 impl Slivers {
-    /// Finds the sliver nodes. `holds` is true for the nodes of a group that it touches by more than a sliver.
+    /// Finds the sliver nodes. `holds` is true for the nodes that a group touches by more than a sliver.
     pub(super) fn new(n_nodes: usize, group_nodes: &[u32], holds: &[bool]) -> Slivers {
         if holds.iter().all(|holds| *holds) {
             return Slivers::default();

@@ -2,7 +2,7 @@
 
 use super::unless_round_off;
 
-/// A direction with a smaller component than this orthogonal to those before it counts as dependent on them, [-].
+/// A direction whose component orthogonal to those before it is smaller than this counts as dependent on them, [-].
 const INDEPENDENT: f64 = 1e-8;
 
 /// A prescribed motion of a node along a direction.

@@ -24,7 +24,7 @@ pub(super) struct Bins<const D: usize> {
 
 impl<const D: usize> Bins<D> {
     /// Sorts boxes into bins. There are about as many bins as boxes, or fewer if the boxes are so large that the number
-    /// of entries would exceed a small multiple of theirs.
+    /// of entries would exceed a small multiple of the number of boxes.
     pub(super) fn new(boxes: &[Bounds<D>]) -> Self {
         let [lower, upper] = bounds(boxes.iter().flatten().copied());
         let sides = std::array::from_fn(|d| upper[d] - lower[d]);

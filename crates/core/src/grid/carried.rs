@@ -2,8 +2,8 @@
 
 use super::{Axis, CoincidentLines, ON_LINE};
 
-/// Smallest size of a cell relative to its original one, [-]. Below it, the basis functions are too steep for the points in
-/// the cells beside.
+/// Smallest size of a cell relative to its original one, [-]. Below it, the basis functions are too steep for the
+/// points in the neighbouring cells.
 pub const LEAST_SIZE: f64 = 0.1;
 
 /// Consecutive grid lines that move by the same displacement.
@@ -44,9 +44,9 @@ fn squeezed(ratio: f64) -> String {
 }
 
 impl Axis {
-    /// The axis after lines have been carried along, which must ascend without overlap. All others keep their place in
-    /// proportion between the carried lines beside them, or between these and an end of the axis, which stays unless it is
-    /// carried.
+    /// The axis after groups of lines have been carried along; the groups must ascend without overlap. All other lines
+    /// keep their relative place between the carried lines on either side, or between a carried line and an end of the
+    /// axis, which stays unless it is carried itself.
     ///
     /// # Errors
     /// [`CarryError`] where cells would be squeezed.
@@ -76,7 +76,8 @@ impl Axis {
     /// Checks the sizes of the cells after lines have been carried along, and that their coordinates resolve them.
     ///
     /// # Errors
-    /// [`CarryError`] for the first cells that would be too small, or lines that would be too far.
+    /// [`CarryError`] for the first cells that would be too small, or for lines too far from the origin to be told
+    /// apart.
     pub fn check_carried(&self, carried: &[CarriedLines]) -> Result<(), CarryError> {
         for [(first, by), (last, by_last)] in self.spans(carried) {
             let ratio = 1.0 + (by_last - by) / (self.line(last) - self.line(first));

@@ -150,7 +150,7 @@ impl<const N: usize> BlockMatrix<'_, N> {
     }
 }
 
-/// Adds up the rooms of all tasks on the rows of `out`, the first of which is `first`, in the order of the tasks.
+/// Adds up the working spaces of all tasks, in their order, on the rows of `out`, which start at row `first`.
 fn collect<const N: usize>(tasks: &[Task], room: &[[f64; N]], first: usize, out: &mut [[f64; N]]) {
     if out.len() > ROWS {
         let middle = out.len() / 2;

@@ -18,11 +18,11 @@ pub enum Choice {
     Iterative,
 }
 
-/// Operations of a factorisation for each cube of the number of columns of its last separator.
+/// Operations of a factorisation, divided by the cube of the number of columns of its last separator.
 const WORK_OF_SEPARATOR: f64 = 5.0;
 
-/// Operations that a factorisation does in twice the time that conjugate gradients, their set-up and all their
-/// iterations, spend for each block; measured, see `docs/performance.md`.
+/// Operations that a factorisation performs in twice the time that conjugate gradients take per block, set-up and all
+/// iterations included; measured, see `docs/performance.md`.
 const WORK_OF_BLOCK: f64 = 40e3;
 
 /// Unknowns in the plane up to which a factorisation is faster.

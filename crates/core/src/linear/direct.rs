@@ -129,8 +129,8 @@ impl LinearSolver for Direct {
         self.shifted = false;
         self.values.clear();
         self.values.extend_from_slice(values);
-        // A matrix that so little makes positive definite may be singular to working precision: the sign of its least
-        // pivot, and how far LDLᵀ would carry weak unknowns, then are round-off.
+        // A matrix that becomes positive definite by such a small shift may be singular to working precision: the sign
+        // of its smallest pivot, and the distance by which LDLᵀ would move weak unknowns, are then round-off.
         let definite = self.pattern.n == 0
             || self.pattern.symmetric && (self.factorise_llt(values)? || self.factorise_shifted()?);
         let kind = if definite {
@@ -240,7 +240,7 @@ impl Direct {
         }
         self.shifted = false;
         self.kind = kind;
-        // Its place was taken.
+        // The shifted factor has overwritten the factor of the given matrix.
         match kind {
             Some(Factorisation::Cholesky) => {
                 let values = std::mem::take(&mut self.values);
@@ -278,7 +278,7 @@ impl Direct {
             return Ok(false);
         }
         self.kind = Some(Factorisation::Cholesky);
-        // Some vector times the matrix.
+        // The matrix times an arbitrary vector.
         let some: Vec<f64> = (0..n).map(|j| 1.0 + (j % 7) as f64).collect();
         let mut trial = vec![0.0; n];
         self.residual(&trial, &some);

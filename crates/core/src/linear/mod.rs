@@ -215,8 +215,8 @@ mod conformance {
         }
     }
 
-    /// Two unknowns whose rows are parallel, a hundred million times weaker than the others: one combination of them meets no
-    /// resistance. A right-hand side that does not load it has a solution, others have none.
+    /// Two unknowns whose rows are parallel, a hundred million times weaker than the others: one combination of them
+    /// meets no resistance. A right-hand side that does not load it has a solution, others have none.
     #[test]
     fn a_weak_mechanism_without_load_is_no_obstacle() {
         for (m, at) in [(3, 4), (20, 210)] {
@@ -252,7 +252,7 @@ mod conformance {
                 );
                 let mut loaded: Vec<f64> = b.iter().copied().collect();
                 loaded[at] += 1e-3;
-                // An error, or so far away that whoever asked must see it.
+                // Either an error, or a solution so large that the caller must notice.
                 let outcome = solver.factorise(&values).and_then(|_| solver.solve(&mut loaded));
                 let far = loaded.iter().fold(0.0f64, |far, x| far.max(x.abs()));
                 assert!(outcome.is_err() || far > 1e6, "{m}: {outcome:?} {far:e}");
@@ -260,8 +260,8 @@ mod conformance {
         }
     }
 
-    /// The stiffness of a chain of springs that hangs on nothing, with the loose part first, last or in the middle;
-    /// no row is empty, yet the matrix is singular.
+    /// The stiffness of a chain of springs with a part that nothing holds, first, last or in the middle; no row is
+    /// empty, yet the matrix is singular.
     #[test]
     fn a_loose_part_is_an_error_whatever_its_place_and_size() {
         for n in [4, 40, 400] {

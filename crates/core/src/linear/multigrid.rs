@@ -1,8 +1,8 @@
 //! Geometric multigrid on the active nodes of a structured grid: one symmetric cycle as an approximate inverse.
 //!
 //! Coarser levels are lattices of every other line, with the nodes from which active ones are interpolated. Their
-//! matrices are the Galerkin products of the finer ones, so a cell that a body hardly fills counts on every level for
-//! what it is. Block Gauss–Seidel sweeps over colours, forwards before and backwards after the coarser levels, smooth
+//! matrices are the Galerkin products of the finer ones, so a cell that a body hardly fills has its true stiffness on
+//! every level. Block Gauss–Seidel sweeps over colours, forwards before and backwards after the coarser levels, smooth
 //! the error; the coarsest level is solved directly.
 
 mod level;

@@ -124,7 +124,7 @@ pub enum MaterialError {
     #[error("the trial elastic strain is not finite")]
     NotFinite,
     /// The law has no inverse from stress to elastic strain.
-    #[error("the law cannot tell the elastic strain of a stress")]
+    #[error("the law cannot compute the elastic strain of a given stress")]
     NoInverse,
     /// No elastic strain of the law gives the stress.
     #[error("no elastic strain gives this stress")]

@@ -68,8 +68,8 @@ pub struct Factors {
 }
 
 impl<const D: usize> Model<D> {
-    /// The factors at the end of the present stage. If the load factor of the stage follows from equilibrium, it is
-    /// `unknown`: the share that is reached of the change of each load from the start to the end of its curve.
+    /// The factors at the end of the present stage. If the load factor of the stage follows from equilibrium, `unknown`
+    /// is its value: the share that is reached of the change of each load between the start and the end of the stage.
     pub fn factors_at_end(&self, unknown: f64) -> Factors {
         let Stepping { start_time, end_time, .. } = self.stepping;
         let reached = |load: &Load<D>| match self.stepping.control {
@@ -85,8 +85,7 @@ impl<const D: usize> Model<D> {
         }
     }
 
-    /// Makes the load steps, the courses of the factors, the conditions and the materials those of a stage that begins with
-    /// these factors.
+    /// Begins a stage with these factors: takes over its load steps, courses of factors, conditions and materials.
     pub fn begin_stage(&mut self, number: usize, stands: &Factors) {
         let Some(stage) = self.stages.get(number) else { return };
         let Stage { stepping, newton, loads, boundary_conditions, .. } = stage;
@@ -133,7 +132,7 @@ pub struct Present<const D: usize> {
 }
 
 impl<const D: usize> Present<D> {
-    /// Sets and releases those of `n` boundary conditions that a stage does.
+    /// Sets and releases the boundary conditions, `n` in all, as the stage states.
     pub fn change_conditions(&mut self, n: usize, stage: &Stage<D>) {
         self.is_released.resize(n, false);
         stage.released.iter().for_each(|&released| self.is_released[released] = true);

@@ -1,7 +1,7 @@
 //! The material at nodes with prescribed motion.
 //!
-//! Grid nodes return to their positions after every step. The material that they push moves on, and after some steps the nodes
-//! hold little of it, or none.
+//! Grid nodes return to their positions after every step. The material that they push moves on, and after some steps
+//! the nodes hold little of it, or none.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ use crate::basis::Connectivity;
 use crate::model::{Model, NodeSet};
 use crate::points::{Points, coordinates};
 
-/// Share of the most material that the nodes have held; a smaller one causes a warning, [-].
+/// Material at the nodes, relative to the most they ever held, below which a warning is raised, [-].
 const LEAST_HELD: f64 = 0.5;
 
 /// The material at the nodes of one boundary condition.
@@ -27,14 +27,14 @@ pub struct Held {
 }
 
 impl Held {
-    /// Share of the most material so far that the nodes still hold, [-]; `None` if they have never held any.
+    /// Material at the nodes, relative to the most they ever held, [-]; `None` if they have never held any.
     pub fn share(&self) -> Option<f64> {
         (self.most > 0.0).then(|| self.now / self.most)
     }
 }
 
-/// Records a step for all boundary conditions that move given nodes; returns those whose material has left them, each with its
-/// warning.
+/// Records a step for all boundary conditions that move given nodes; returns those whose material has left them, each
+/// with its warning.
 pub fn watch<const D: usize>(
     held: &mut Vec<Held>,
     model: &Model<D>,
@@ -89,8 +89,8 @@ fn warn<const D: usize>(
         value: Some(share),
         threshold: Some(LEAST_HELD),
         message: format!(
-            "the nodes of `{condition}` now hold {whole:.0} % of the most material that they have held{place_text}; it has \
-             followed {followed:.4} of the {prescribed:.4} prescribed, and the reaction is too small"
+            "the nodes of `{condition}` now hold {whole:.0} % of the most material they ever held{place_text}; the \
+             material has followed {followed:.4} of the {prescribed:.4} prescribed, and the reaction is too small"
         ),
         detail: None,
     }

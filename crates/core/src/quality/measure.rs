@@ -107,8 +107,8 @@ pub struct Measures {
 }
 
 impl Measures {
-    /// Measures a step that is in equilibrium but not committed: the converged state of the points, to which `links` belong, is
-    /// the start of the step, the trial state is its end, to be found in the grid of the next step.
+    /// Measures a step that is in equilibrium but not committed: the converged state of the points, to which `links`
+    /// belong, is the start of the step; the trial state is its end, whose points lie in `next_grid`.
     pub fn new<const D: usize>(
         model: &Model<D>,
         points: &Points<D>,

@@ -90,13 +90,13 @@ fn ratio_of_volume<const D: usize>(F: &Mat3) -> f64 {
     if D == 2 { F[(0, 0)] * F[(1, 1)] - F[(0, 1)] * F[(1, 0)] } else { F.determinant() }
 }
 
-/// Rotation beyond which the update with F_ii is objected to, [degrees].
+/// Rotation beyond which the update with F_ii is unsuitable, [degrees].
 const MOST_ROTATION: f64 = 15.0;
-/// The same for the update with U_ii and shear, [-].
+/// Shear beyond which the update with U_ii is unsuitable, [-].
 const MOST_SHEAR: f64 = 0.3;
-/// The same for no update and the change of det F, [-].
+/// Change of det F beyond which domains without update are unsuitable, [-].
 const MOST_VOLUME_CHANGE: f64 = 0.05;
-/// The same for the update with det F and the ratio of principal stretches, [-].
+/// Ratio of principal stretches beyond which the update with det F is unsuitable, [-].
 const MOST_STRETCH_RATIO: f64 = 1.2;
 
 /// The objection of Table 2 to a domain update: a measure of the motion that the update does not suit, and its limit.

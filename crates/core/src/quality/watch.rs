@@ -27,7 +27,7 @@ const ELASTIC: f64 = 1e-3;
 
 /// Part of the forces on a body that may be out of balance, [-].
 const MOST_OF_BODY: f64 = 1e-4;
-/// The same under the tolerance that is recommended, [-].
+/// The same part with the tolerance that the warning recommends, [-].
 const FINE_RESIDUAL: f64 = 1e-6;
 /// Smallest tolerance that residuals can meet in spite of round-off, [-].
 const LEAST_TOLERANCE: f64 = 1e-13;
@@ -53,8 +53,8 @@ impl Quality {
             |of: Option<&Factorisation>| of.is_some_and(|factorisation| factorisation.is_definite());
         self.was_stable |= is_definite(report.factorisations.first());
         let flows = report.energy.plastic_work > ELASTIC * report.energy.strain_energy;
-        // Indefinite stiffnesses are expected beyond a limit point of a path that is followed, and in bodies that flow; if
-        // stiffness has been lacking from the start, round-off decides.
+        // Indefinite stiffnesses are expected beyond a limit point of a path that is followed, and in bodies that flow.
+        // If the stiffness has never been definite, round-off decides its sign.
         if self.was_stable && model.stepping.control == Control::Load && !flows {
             found.extend((!is_definite(report.factorisations.last())).then(|| (0, unstable(step))));
         }
@@ -105,8 +105,8 @@ impl Quality {
         (points > 0).then(|| crossings as f64 / points as f64)
     }
 
-    /// Share of the most material so far that the nodes of a boundary condition still hold, [-]; `None` if it moves no given
-    /// nodes.
+    /// Material at the nodes of a boundary condition, relative to the most they ever held, [-]; `None` if it moves no
+    /// given nodes.
     pub fn held_by_nodes(&self, condition: usize) -> Option<f64> {
         self.held.get(condition)?.share()
     }

@@ -194,7 +194,8 @@ fn clusters<const D: usize>(parts: &[Region<D>]) -> Vec<Vec<&Region<D>>> {
     clusters
 }
 
-/// Removes the parts that others replace; of two that replace each other, the first is kept.
+/// Removes the parts that others make superfluous, as `replaces(other, part)` states; of two that replace each other,
+/// the first is kept.
 fn without_covered<const D: usize>(
     parts: Vec<&Region<D>>,
     replaces: impl Fn(&Region<D>, &Region<D>) -> bool,

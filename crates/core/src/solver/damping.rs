@@ -31,7 +31,7 @@ pub(super) const STRIDE: f64 = 0.5;
 /// Most fresh grids in a step.
 pub(super) const MOST_GRIDS: usize = 300;
 
-/// Bodies collapse if more than this share of their points has yielded, [-].
+/// Bodies count as collapsing if more than this share of their points has yielded, [-].
 const COLLAPSES: f64 = 0.2;
 
 /// Most fresh grids that may fail to leave an unstable equilibrium before the step is given up.

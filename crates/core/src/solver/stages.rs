@@ -24,8 +24,8 @@ fn change_points<const D: usize>(model: &Model<D>, points: &mut Points<D>, numbe
     points.append(&stage.added);
 }
 
-/// Gives the points of bodies with another material the elastic strain that has their stress in the new law, and its initial
-/// history.
+/// Gives the points of bodies with another material the elastic strain for which the new law has their stress, and the
+/// initial history of that law.
 ///
 /// # Errors
 /// [`SolveError::Term`] if the law cannot have the stress of a point.
@@ -92,7 +92,7 @@ fn enter<const D: usize>(
         let forces = (kernels.balancing_forces)(model, points, step, &reached.summary.terms);
         model.stepping.control = control;
         model.present.released_forces = forces?;
-        // What the tolerance or round-off has left out of balance is no force to release.
+        // A remainder that the tolerance or round-off has left out of balance is not a force to release.
         let squares = model.present.released_forces.iter().flat_map(|(_, force)| force).map(|f| f * f);
         let carried = reached.summary.carried.iter().copied().fold(0.0, f64::max);
         let left = model.newton.tolerance.clamp(LEFT, MOST_OF_ROUND_OFF) * carried;
@@ -110,7 +110,7 @@ fn enter<const D: usize>(
     Ok(())
 }
 
-/// What all points have in sum.
+/// Totals over all points.
 struct Amount {
     mass: f64,
     volume: f64,

@@ -308,7 +308,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
                 Ok(Attempt::OnTheWay(more)) => way = more.after(way),
                 Err(mut failed) => {
                     *self.points = before;
-                    // It contains points of a state that no longer exists.
+                    // The iterate belongs to a state of the points that no longer exists.
                     failed.iterate = None;
                     return self.refuse(*failed, observer);
                 }

@@ -11,9 +11,9 @@ use super::unit;
 /// Sides of cells whose normals differ by less than this angle form one smooth side: its cosine.
 const SMOOTH: f64 = 0.9;
 
-/// The sides of cells of a list that no other cell of the list shares, moved by `motion`, in facets whose edges are at most
-/// `spacing` long, [length]. With `group`, only sides all of whose nodes belong to it, ascending. Smooth pieces are the sides
-/// of the surface, numbered in the order of the cells.
+/// The sides of cells of a list that no other cell of the list shares, moved by `motion`, in facets whose edges are at
+/// most `spacing` long, [length]. `group` lists nodes, ascending: it restricts the result to sides all of whose nodes
+/// belong to it. Smooth pieces count as the sides of the surface, numbered in the order of the cells.
 ///
 /// # Errors
 /// [`NoBoundary::TooMany`].

@@ -8,15 +8,15 @@ const NUDGE: f64 = 1e-6;
 /// Number of places along the inward normal, over one cell, at which an active cell is sought.
 const DEPTHS: usize = 8;
 
-/// Linear basis of a place on a surface: N_v and ∂N_v/∂x at active nodes, which the nodes of [`CellBasis`] are here.
+/// Linear basis of a place on a surface, N_v and ∂N_v/∂x; its nodes are numbers of active nodes.
 pub type Support<const D: usize> = CellBasis<D>;
 
-/// The basis at a place x of a surface with the unit normal n, of a cell all of whose nodes are active.
+/// The basis, at a place x of a surface with the unit normal n, of a cell that has active nodes only.
 ///
 /// A place on the border of cells belongs to the cell along −n. Where a node of its cell is inactive (the material
-/// points lie inside the surface), the nearest cell along −n is taken that has active nodes only, and its basis is
-/// continued to x: a linear displacement is still carried exactly, and forces at x keep their resultant and their moment.
-/// `None` if there is no such cell within the size of a cell.
+/// points lie inside the surface), the nearest cell along −n that has active nodes only is taken, and its basis is
+/// continued to x: a linear displacement is still carried exactly, and forces at x keep their resultant and their
+/// moment. `None` if there is no such cell within the size of a cell.
 pub fn support<const D: usize>(
     grid: &dyn Grid<D>,
     links: &Connectivity<D>,
@@ -24,8 +24,8 @@ pub fn support<const D: usize>(
     n: &[f64; D],
 ) -> Option<Support<D>> {
     let size = grid.size(grid.nearest_cell(x) as usize);
-    // The rim of a part of a surface lies at other sides of the body, which its normal does not show: last of all, cells are
-    // sought along all diagonals, too.
+    // At its rim, a part of a surface meets other sides of the body, about which its normal says nothing: as a last
+    // resort, cells are also sought along all diagonals.
     [false, true].into_iter().find_map(|is_wide| {
         (0..=DEPTHS).find_map(|depth| {
             let inwards = size * (NUDGE + depth as f64 / DEPTHS as f64);

@@ -30,11 +30,11 @@ impl From<Box<LoadNotFinite>> for BeginError {
     }
 }
 
-/// No cell near a place on a surface has material at all of its nodes.
+/// No cell near a place on a surface has material at every node.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error(
-    "surface `{surface}` of body `{body}` has left the material at {}: no cell within one cell of it has material at \
-     all of its nodes",
+    "surface `{surface}` of body `{body}` has left the material at {}: no cell within one cell of that place has \
+     material at every node",
     coordinates(.position)
 )]
 pub struct SurfaceLost {

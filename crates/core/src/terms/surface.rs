@@ -69,7 +69,7 @@ impl<const D: usize> Surfaces<D> {
         self.is_there = model.surfaces.iter().map(|surface| has_points[surface.body]).collect();
     }
 
-    /// The geometry of all surfaces at the trial places, without forces; nothing of those whose body is not there.
+    /// The geometry of all surfaces at the trial places, without forces; empty for surfaces whose body is absent.
     fn renew_fields(&mut self, model: &Model<D>) {
         self.fields.clear();
         for ((surface, carried), is_there) in model.surfaces.iter().zip(&self.carried).zip(&self.is_there) {

@@ -18,9 +18,9 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
         SolveError::OffGrid { .. } => {
             Some("make the grid larger where the body moves, or hold the body with boundary conditions")
         }
-        SolveError::Domain { .. } => Some(
-            "make the grid larger, use more load steps, or another method where the motion tears domains",
-        ),
+        SolveError::Domain { .. } => {
+            Some("use a larger grid, more load steps, or another method where the motion tears domains")
+        }
         SolveError::Surface { .. } => Some(
             "use more points per cell or smaller load steps where the surface leaves the points of its body, or leave \
              the place out with `part`",

@@ -16,7 +16,8 @@ pub fn on_failure(diagnosis: &Diagnosis) -> String {
             None => advice.to_owned(),
         },
         Kind::PlasticCollapse if of.has_few_points => format!(
-            "use more points per cell (4 in the plane, 8 in space), since with one a body may collapse early; {advice}"
+            "use more points per cell (4 in the plane, 8 in space): a body with one per cell may collapse early; \
+             {advice}"
         ),
         Kind::Hourglass | Kind::Locking if of.is_in_collapse => format!(
             "{advice}; since most points have yielded, the load may also exceed what the bodies can carry"

@@ -213,8 +213,8 @@ impl<const D: usize> Ground<'_, D> {
     }
 
     /// Length of a line, from its origin up to a height, in a region that contains groups of cells. Horizontal
-    /// borders are exact, others within the tolerance of the grid at the border of a cell;
-    /// gaps and parts that are thinner than a quarter of a cell may be missed.
+    /// borders are exact, others within the tolerance of the grid at the border of a cell; gaps and parts that are
+    /// thinner than a quarter of a cell may be missed.
     fn length_in_cells(&self, region: &Region<D>, line: &Line<D>, height: f64) -> f64 {
         let mut hint = None;
         let mut is_inside = |t: f64| {
@@ -250,8 +250,8 @@ impl<const D: usize> Ground<'_, D> {
 }
 
 impl<const D: usize> Ground<'_, D> {
-    /// The level of a node of the cell at a position of a vertical line, if it is that of the position: the search for
-    /// the cell of a position tolerates more than round-off at its border.
+    /// The position t on a vertical line, or the level of a node of the cell there that t almost equals: at the border
+    /// of a cell, the search for the cell of a position tolerates more than round-off.
     fn at_node(&self, line: &Line<D>, t: f64) -> f64 {
         let cell = self.grid.nearest_cell(&line.at(t)) as usize;
         let corners = self.grid.corners(cell);

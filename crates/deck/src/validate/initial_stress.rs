@@ -51,7 +51,8 @@ impl Check<'_> {
             let across = acceleration.iter().take(self.dimensions() - 1).position(|a| *a != 0.0);
             if let Some(axis) = across {
                 let message = format!(
-                    "the load {} pulls the body {name} along {}, across the weight of its geostatic stress",
+                    "the load {} pulls the body {name} along {}, but a geostatic stress balances weight along {last} \
+                     only",
                     quote(load.name()),
                     AXES[axis]
                 );
@@ -69,7 +70,7 @@ impl Check<'_> {
             let message =
                 format!("the body {name} has a geostatic stress, but no weight pulls it down at time 0");
             let help = format!(
-                "give its gravity a component below 0 along {last}, and a curve that begins above 0 or none"
+                "give its gravity a component below 0 along {last}, and a curve that begins above 0, or no curve"
             );
             self.error("D051", pointer, message, help);
         }

@@ -69,7 +69,7 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that times tell the steps of each stage from each other.
+    /// Checks that the steps of each stage can be told apart by their times.
     fn durations(&mut self) {
         let deck = self.deck;
         let mut start = 0.0;
@@ -77,18 +77,18 @@ impl Check<'_> {
             let step = stage.steps.end_time / f64::from(stage.steps.count.max(1));
             if step < SHORTEST * start {
                 let message = format!(
-                    "the steps of this stage last {step:e} each, too short to be told from each other after the time {}",
+                    "the steps of this stage last {step:e} each, too short to be told apart after time {}",
                     Parameter::Number(start)
                 );
                 let help =
-                    "give the stages durations (`steps: {end_time}`) of a similar size: times are only names";
+                    "give the stages similar durations (`steps: {end_time}`): time only orders the loading";
                 self.error("D053", &format!("/stages/{number}/steps"), message, help);
             }
             start += stage.steps.end_time;
         }
     }
 
-    /// Checks what a stage says about bodies that are not there.
+    /// Checks what a stage says about absent bodies.
     fn absent_bodies(&mut self, number: usize, stage: &StageDeck, is_absent: &dyn Fn(&str) -> bool) {
         let deck = self.deck;
         if let ControlDeck::Displacement { probe, .. } = &stage.steps.control {
@@ -117,7 +117,7 @@ impl Check<'_> {
         }
     }
 
-    /// Checks lists of names that begin and end to be there, in turn.
+    /// Checks that bodies come and go, or boundary conditions are set and released, in turn.
     fn turns(
         &mut self,
         (one, several): (&str, &str),

@@ -58,7 +58,7 @@ impl Check<'_> {
                 };
                 if to.abs() <= LEAST * extent {
                     let message = format!("a displacement of {to} does not determine the load factor");
-                    let help = "give the displacement at the end, other than 0";
+                    let help = "give a displacement at the end other than 0";
                     self.error("D049", &format!("{pointer}/to"), message, help);
                 }
             }
@@ -73,7 +73,7 @@ impl Check<'_> {
         // A load that stands still in a stage takes no part in its unknown factor.
         let stands = |curve: &LoadCurve| stage.is_some_and(|(_, times)| stands_still(curve, times));
         if deck.loads.iter().filter(|load| changes(load.name())).all(|load| load.magnitude().1) {
-            let message = "there is no load other than zero whose factor could be found";
+            let message = "there is no non-zero load whose factor could be found";
             let help = match stage {
                 None => "add a load under `loads`, or prescribe the load factor (`control: {type: load}`)",
                 Some(_) => {

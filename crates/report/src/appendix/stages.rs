@@ -52,7 +52,7 @@ pub(super) fn table(page: &mut Page, run: &Run) {
             Cell::maybe(residual, 2),
         ]);
     }
-    let cut = "Steps that were cut count one by one; iterations are those of the steps in equilibrium.";
+    let cut = "The parts of a cut step count separately; iterations are those of the steps in equilibrium.";
     page.table(&format!("Stages of the analysis. {cut}"), &table);
 }
 

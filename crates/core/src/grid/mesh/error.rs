@@ -190,7 +190,7 @@ fn no_cells(dimension: usize, n_surface: usize) -> String {
         (3, 0) => "the mesh has no tetrahedra or hexahedra".to_owned(),
         (3, n) => format!(
             "the mesh has no tetrahedra or hexahedra, only {n} surface elements; an analysis in space needs the volume \
-             meshed (in gmsh, `Mesh 3`; if there are physical groups, one of the volume, too)"
+             meshed (in gmsh, `Mesh 3`; if the mesh has physical groups, add one for the volume)"
         ),
         _ => "the mesh has no triangles or quadrilaterals".to_owned(),
     }

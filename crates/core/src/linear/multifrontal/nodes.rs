@@ -206,8 +206,8 @@ fn followers(pattern: &Pattern, order: &[usize]) -> Vec<bool> {
     follows
 }
 
-/// The numbers below `n` that are nodes of a forest, each after its descendants and these without others between
-/// them.
+/// The numbers below `n` that are nodes of a forest, in postorder: the descendants of each come directly before it,
+/// without others in between.
 pub(super) fn postorder(
     n: usize,
     is_node: impl Fn(usize) -> bool,

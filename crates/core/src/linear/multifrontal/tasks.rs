@@ -31,7 +31,7 @@ pub(super) struct Task {
     pub apart: bool,
     /// Start of its working space in that of the enclosing task.
     pub base: usize,
-    /// Numbers of working space, those of the tasks within included.
+    /// Length of its working space, in numbers, that of the tasks within included.
     pub room: usize,
 }
 

@@ -28,12 +28,12 @@ use super::super::term::SurfaceReaction;
 
 /// Width of a patch in cells, [-].
 const WIDTH: f64 = 3.0;
-/// A function whose part that is orthogonal to those before it is smaller than this fraction of the largest possible one
-/// is left out, [-].
+/// A function is left out if its part orthogonal to those before it is smaller than this fraction of the largest
+/// possible one, [-].
 const INDEPENDENT: f64 = 1e-3;
 /// Softening of each equation m = 0 relative to the penalty, [-]: it settles multipliers that the displacements leave
-/// undetermined where conditions repeat each other, and changes a displacement by this fraction of that of the penalty
-/// alone.
+/// undetermined where conditions repeat each other, and changes a displacement by this fraction of the one that the
+/// penalty alone would leave.
 const SOFTENING: f64 = 1e-10;
 
 /// A patch of a surface: its samples, and the functions q_k A at each of them, `[k][sample]`.
@@ -65,8 +65,8 @@ pub(super) struct Condition<const D: usize> {
     components: Vec<usize>,
     patches: Vec<Patch>,
     equations: Vec<Equation<D>>,
-    /// m of each equation where the condition has begun to act: it holds the surface from there on. None while it does not
-    /// act; of the last step in equilibrium and of the present one.
+    /// m of each equation at the place where the condition began to act, from which on it holds the surface: for the
+    /// last step in equilibrium and for the present one. None while the condition does not act.
     origins: Option<Vec<f64>>,
     trial_origins: Option<Vec<f64>>,
     /// λ of the last step in equilibrium and of the last evaluation; zero while the condition does not act.
