@@ -6,8 +6,8 @@
 
 use super::products::MANDEL_INDEX;
 use super::{
-    Contribution, Current, Lane, Lanes, Mechanics, PointError, PointResponse, Solid, Spatial, StartOfStep,
-    WeakForm, transposed,
+    Contribution, Current, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse, Solid, Spatial,
+    StartOfStep, WeakForm, transposed,
 };
 use crate::kinematics::Increment;
 use crate::material::Material;
@@ -115,6 +115,9 @@ impl Mechanics<2> for Axisymmetric {
     type Isotropic = Revolved;
     type Updated = Contribution<2, 3>;
     type Current = Current<2, 3>;
+    type Averaging = Revolved;
+    type AveragingIsotropic = Revolved;
+    type AveragingUpdated = MeanDilatation<2, 3>;
 
     #[inline]
     fn respond(
@@ -140,6 +143,17 @@ impl Mechanics<2> for Axisymmetric {
         new: &mut [f64],
     ) -> Result<PointResponse<Current<2, 3>>, PointError> {
         Ok(Self::respond(start, increment, material, old, new)?.map(|weak| Current::from(&weak)))
+    }
+
+    #[inline]
+    fn respond_averaging(
+        start: &StartOfStep,
+        increment: &Increment<2>,
+        material: &dyn Material,
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PointResponse<Revolved>, PointError> {
+        Self::respond(start, increment, material, old, new)
     }
 
     fn respond_updated(

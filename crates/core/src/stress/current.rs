@@ -2,7 +2,7 @@
 #![allow(non_snake_case)]
 
 use super::products::MANDEL_INDEX;
-use super::{Contribution, Isotropic, Lane, Lanes, Revolved, Spatial, WeakForm, transposed};
+use super::{Contribution, Lane, Lanes, Revolved, Spatial, WeakForm, transposed};
 
 /// Stress and moduli of a point in the current configuration, with indices in the order in which they are contracted. `T` is
 /// one number or one SIMD lane per point.
@@ -68,20 +68,6 @@ impl From<&Spatial> for Current<3, 3> {
             let of = |q: usize| moduli[MANDEL_INDEX[k][q]][MANDEL_INDEX[i][j]];
             let change = of(0) * b[0][l] + of(1) * b[1][l] + of(2) * b[2][l];
             if j == k { change - stress[i][l] } else { change }
-        };
-        Current::with_tangent(*stress, *inverse, 0.0, entry)
-    }
-}
-
-impl From<&Isotropic> for Current<3, 3> {
-    #[inline(always)]
-    fn from(point: &Isotropic) -> Self {
-        let Isotropic { inverse, stress, lambda, mu } = point;
-        let delta = |i: usize, j: usize| f64::from(u8::from(i == j));
-        let entry = |i: usize, j: usize, k: usize, l: usize| {
-            lambda * delta(i, j) * delta(k, l)
-                + mu * (delta(i, l) * delta(j, k) + delta(i, k) * delta(j, l))
-                + stress[j][l] * delta(i, k)
         };
         Current::with_tangent(*stress, *inverse, 0.0, entry)
     }

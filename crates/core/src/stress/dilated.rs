@@ -15,58 +15,62 @@
 #![allow(non_snake_case)]
 
 use super::current::along;
-use super::{Current, Lane, Lanes, WeakForm};
+use super::{Contribution, Current, Lane, Lanes, Revolved, WeakForm};
 
 /// Tensor conjugate to the gradients of the basis, `[j][i]`.
-type Rows<const D: usize, const E: usize> = [[f64; D]; E];
+type Rows<const D: usize, const E: usize, T = f64> = [[T; D]; E];
 
-/// A point in the current configuration that can take the volume ratio of its cell.
-pub trait Dilatable<const D: usize>: Sized {
-    /// As a point of a cell whose mean dilatation it takes.
+/// The response of a point to `factor` ΔF, which deforms by ΔF: a point of a cell whose mean dilatation it takes.
+pub trait Averaging<const D: usize>: Copy {
+    /// Its weak form.
     type Averaged: Averaged<D>;
-    /// As a point that takes the volume ratio at the centre of its cell.
-    type Centred: Centred<D>;
 
-    /// From the response to `factor` ΔF, the point that deforms by ΔF.
-    fn averaged(self, factor: f64) -> Self::Averaged;
-
-    /// The same; its forces act in the volume `ratio` V⁰, ratio = ΔJ/ΔJ₀.
-    fn centred(self, factor: f64, ratio: f64) -> Self::Centred;
+    /// The weak form under the pressure of the cell; `pressure` is V P.
+    fn averaged(&self, factor: f64, pressure: f64) -> Self::Averaged;
 }
 
-/// A point of a cell whose mean dilatation it takes. Without [`Averaged::set_pressure`] only its deviator acts.
+/// The weak form of a point of a cell whose mean dilatation it takes, without what it adds to the coupling of all nodes.
 pub trait Averaged<const D: usize>: WeakForm<D> {
-    /// Mean stress and its derivative: V⁰π and V⁰ 1:Dτ̄:1/n², [stress·volume].
-    fn mean(&self) -> [f64; 2];
-
-    /// Adds the pressure of the cell; `volume_times_pressure` is V P.
-    fn set_pressure(&mut self, volume_times_pressure: f64);
+    /// V⁰ 1:Dτ̄:1/n², [stress·volume].
+    fn modulus(&self) -> f64;
 
     /// Divergence of a basis function along each axis, [1/length].
     fn divergence(gradient: &Self::Gradient<f64>) -> [f64; D];
 
-    /// The part of a node in b, as a row and as a column of the stiffness; these differ where the tangent of the law is
-    /// unsymmetric.
-    fn coupling(&self, gradient: &Self::Gradient<f64>) -> [[f64; D]; 2];
+    /// The part of a node in b as a column of the stiffness.
+    fn column_of_coupling(&self, gradient: &Self::Gradient<f64>) -> [f64; D];
+
+    /// The same as a row, which differs where the tangent of the law is unsymmetric.
+    fn row_of_coupling(&self, gradient: &Self::Gradient<f64>) -> [f64; D];
 }
 
-/// A point that takes the volume ratio at the centre of its cell.
-pub trait Centred<const D: usize>: WeakForm<D> {
-    /// The column of a node whose divergence at the centre exceeds that at the point by `excess`, [1/length].
-    fn add_excess(&self, excess: &[f64; D], column: &mut Self::Column);
+/// The response of a point to `factor` ΔF, which deforms by ΔF: a point that takes the volume ratio at the centre of its cell.
+pub trait Centring<const D: usize> {
+    /// Its weak form.
+    type Centred: Centred<D>;
 
+    /// The weak form; its forces act in the volume `ratio` V⁰, ratio = ΔJ/ΔJ₀.
+    fn centred(self, factor: f64, ratio: f64) -> Self::Centred;
+}
+
+/// The weak form of a point that takes the volume ratio at the centre of its cell.
+pub trait Centred<const D: usize>: WeakForm<D> {
     /// Divergence of a basis function along each axis at the point, [1/length].
     fn divergence(gradient: &Self::Gradient<f64>) -> [f64; D];
+
+    /// The column of a node whose divergence at the centre exceeds that at the point by `excess`, [1/length].
+    fn add_excess(&self, excess: &[f64; D], column: &mut Self::Column);
 }
 
-/// [`Averaged`] with all its moduli.
+/// [`Averaged`] with all its moduli. `T` is one number or one SIMD lane per point.
 #[derive(Debug, Clone, Copy)]
-pub struct MeanDilatation<const D: usize, const E: usize> {
-    point: Current<D, E>,
-    /// V⁰π and V⁰ 1:Dτ̄:1/n².
-    mean: [f64; 2],
+pub struct MeanDilatation<const D: usize, const E: usize, T = f64> {
+    /// Without the pressure of the cell.
+    point: Current<D, E, T>,
+    /// V⁰ 1:Dτ̄:1/n².
+    modulus: T,
     /// V⁰ dev(1:Dτ̄)/n as a row and as a column.
-    coupling: [Rows<D, E>; 2],
+    coupling: [Rows<D, E, T>; 2],
 }
 
 /// [`Centred`] with all its moduli.
@@ -89,7 +93,7 @@ fn divergence<const D: usize, const E: usize>(gradient: &[f64; E]) -> [f64; D] {
 
 /// 1:Dτ̄ and Dτ̄:1.
 #[inline(always)]
-fn volumetric<const D: usize, const E: usize>(point: &Current<D, E>) -> [Rows<D, E>; 2] {
+fn volumetric<const D: usize, const E: usize, T: Lane>(point: &Current<D, E, T>) -> [Rows<D, E, T>; 2] {
     let Current { stress, tangent, .. } = point;
     let [mut of_trace, mut with_volume] = [*stress; 2];
     for m in 0..E {
@@ -104,46 +108,102 @@ fn volumetric<const D: usize, const E: usize>(point: &Current<D, E>) -> [Rows<D,
 }
 
 #[inline(always)]
-fn trace<const D: usize, const E: usize>(rows: &Rows<D, E>) -> f64 {
-    let mut sum = 0.0;
-    for m in 0..E {
+fn trace<const D: usize, const E: usize, T: Lane>(rows: &Rows<D, E, T>) -> T {
+    let mut sum = rows[0][0];
+    for m in 1..E {
         sum += rows[m][along::<D>(m)];
     }
     sum
 }
 
-impl<const D: usize, const E: usize> Dilatable<D> for Current<D, E> {
-    type Averaged = MeanDilatation<D, E>;
-    type Centred = FBar<D, E>;
-
+impl<const D: usize, const E: usize, T: Lane> MeanDilatation<D, E, T> {
+    /// From the response at ΔF̄.
     #[inline(always)]
-    fn averaged(self, factor: f64) -> MeanDilatation<D, E> {
-        let mut point = self.shrunk(factor);
-        let n = E as f64;
+    pub(super) fn new(mut point: Current<D, E, T>) -> Self {
+        let per_n = 1.0 / E as f64;
         let [mut of_trace, mut with_volume] = volumetric(&point);
-        let pi = trace(&point.stress) / n;
-        let modulus = trace(&of_trace) / (n * n);
+        let pi = trace(&point.stress) * per_n;
+        let modulus = trace(&of_trace) * (per_n * per_n);
+        let minus = modulus * -1.0;
         for part in [&mut of_trace, &mut with_volume] {
-            part.as_flattened_mut().iter_mut().for_each(|x| *x /= n);
+            for j in 0..E {
+                for i in 0..D {
+                    part[j][i] = part[j][i] * per_n;
+                }
+            }
             for m in 0..E {
-                part[m][along::<D>(m)] -= modulus;
+                part[m][along::<D>(m)] += minus;
             }
         }
         // dev∘Dτ̄∘dev, and the transport of the deviator alone.
         for m in 0..E {
             let a = along::<D>(m);
-            point.stress[m][a] -= pi;
+            point.stress[m][a] += pi * -1.0;
             for j in 0..E {
                 for i in 0..D {
-                    point.tangent[j][m][a][i] -= of_trace[j][i];
-                    point.tangent[m][j][i][a] -= with_volume[j][i];
+                    point.tangent[j][m][a][i] += of_trace[j][i] * -1.0;
+                    point.tangent[m][j][i][a] += with_volume[j][i] * -1.0;
                 }
-                point.tangent[j][m][a][along::<D>(j)] -= modulus;
+                point.tangent[j][m][a][along::<D>(j)] += minus;
             }
         }
         add_transport(&mut point, pi);
-        MeanDilatation { point, mean: [pi, modulus], coupling: [with_volume, of_trace] }
+        MeanDilatation { point, modulus, coupling: [with_volume, of_trace] }
     }
+}
+
+impl MeanDilatation<2, 2, Lanes> {
+    /// Extracts one point.
+    #[inline(always)]
+    pub(super) fn point(&self, lane: usize) -> MeanDilatation<2, 2> {
+        let rows = |part: &Rows<2, 2, Lanes>| {
+            let [[a, b], [c, d]] = part;
+            [[a.0[lane], b.0[lane]], [c.0[lane], d.0[lane]]]
+        };
+        MeanDilatation {
+            point: self.point.point(lane),
+            modulus: self.modulus.0[lane],
+            coupling: [rows(&self.coupling[0]), rows(&self.coupling[1])],
+        }
+    }
+}
+
+impl<const D: usize, const E: usize> Averaging<D> for MeanDilatation<D, E> {
+    type Averaged = Self;
+
+    #[inline(always)]
+    fn averaged(&self, factor: f64, pressure: f64) -> Self {
+        let mut averaged = MeanDilatation { point: self.point.shrunk(factor), ..*self };
+        let point = &mut averaged.point;
+        for m in 0..E {
+            let a = along::<D>(m);
+            point.stress[m][a] += pressure;
+            for j in 0..E {
+                point.tangent[j][m][a][along::<D>(j)] += pressure;
+            }
+        }
+        add_transport(point, -pressure);
+        averaged
+    }
+}
+
+impl<const D: usize, const E: usize> From<&Contribution<D, E>> for MeanDilatation<D, E> {
+    fn from(point: &Contribution<D, E>) -> Self {
+        MeanDilatation::new(Current::from(point))
+    }
+}
+
+impl Averaging<2> for Revolved {
+    type Averaged = MeanDilatation<2, 3>;
+
+    #[inline(always)]
+    fn averaged(&self, factor: f64, pressure: f64) -> MeanDilatation<2, 3> {
+        MeanDilatation::new(Current::from(self)).averaged(factor, pressure)
+    }
+}
+
+impl<const D: usize, const E: usize> Centring<D> for Current<D, E> {
+    type Centred = FBar<D, E>;
 
     #[inline(always)]
     fn centred(self, factor: f64, ratio: f64) -> FBar<D, E> {
@@ -161,7 +221,7 @@ impl<const D: usize, const E: usize> Dilatable<D> for Current<D, E> {
 
 /// Adds `pressure` tr(L L′), the transport of a mean stress −`pressure`, to the tangent.
 #[inline(always)]
-fn add_transport<const D: usize, const E: usize>(point: &mut Current<D, E>, pressure: f64) {
+fn add_transport<const D: usize, const E: usize, T: Lane>(point: &mut Current<D, E, T>, pressure: T) {
     for i in 0..D {
         for j in 0..D {
             point.tangent[i][j][i][j] += pressure;
@@ -204,20 +264,8 @@ impl<const D: usize, const E: usize> WeakForm<D> for MeanDilatation<D, E> {
 
 impl<const D: usize, const E: usize> Averaged<D> for MeanDilatation<D, E> {
     #[inline(always)]
-    fn mean(&self) -> [f64; 2] {
-        self.mean
-    }
-
-    #[inline(always)]
-    fn set_pressure(&mut self, volume_times_pressure: f64) {
-        for m in 0..E {
-            let a = along::<D>(m);
-            self.point.stress[m][a] += volume_times_pressure;
-            for j in 0..E {
-                self.point.tangent[j][m][a][along::<D>(j)] += volume_times_pressure;
-            }
-        }
-        add_transport(&mut self.point, -volume_times_pressure);
+    fn modulus(&self) -> f64 {
+        self.modulus
     }
 
     #[inline(always)]
@@ -226,17 +274,25 @@ impl<const D: usize, const E: usize> Averaged<D> for MeanDilatation<D, E> {
     }
 
     #[inline(always)]
-    fn coupling(&self, gradient: &[f64; E]) -> [[f64; D]; 2] {
-        let mut of_node = [[0.0; D]; 2];
-        for (sum, part) in of_node.iter_mut().zip(&self.coupling) {
-            for j in 0..E {
-                for i in 0..D {
-                    sum[i] += part[j][i] * gradient[j];
-                }
-            }
-        }
-        of_node
+    fn column_of_coupling(&self, gradient: &[f64; E]) -> [f64; D] {
+        product(&self.coupling[1], gradient)
     }
+
+    #[inline(always)]
+    fn row_of_coupling(&self, gradient: &[f64; E]) -> [f64; D] {
+        product(&self.coupling[0], gradient)
+    }
+}
+
+#[inline(always)]
+fn product<const D: usize, const E: usize>(rows: &Rows<D, E>, gradient: &[f64; E]) -> [f64; D] {
+    let mut sum = [0.0; D];
+    for j in 0..E {
+        for i in 0..D {
+            sum[i] += rows[j][i] * gradient[j];
+        }
+    }
+    sum
 }
 
 impl<const D: usize, const E: usize> WeakForm<D> for FBar<D, E> {

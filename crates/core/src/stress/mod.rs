@@ -7,6 +7,7 @@
 //! kernels with each other and with a transcription of eqs. (18) and (A.3)-(A.6).
 #![allow(non_snake_case)]
 
+mod averaged_solid;
 mod axisymmetric;
 mod contribution;
 mod current;
@@ -27,10 +28,11 @@ use crate::material::{Material, MaterialError, StrainMeasure};
 use crate::tensor::lane::transposed;
 use crate::tensor::{Lane, Lanes, Mat3, Sym3};
 
+pub use averaged_solid::{AveragedIsotropic, AveragedSpatial};
 pub use axisymmetric::{Axisymmetric, Revolved};
 pub use contribution::Contribution;
 pub use current::Current;
-pub use dilated::{Averaged, Centred, Dilatable, FBar, MeanDilatation};
+pub use dilated::{Averaged, Averaging, Centred, Centring, FBar, MeanDilatation};
 pub use in_plane::InPlane;
 pub use isotropic::Isotropic;
 pub use plane_strain::PlaneStrain;
@@ -132,8 +134,14 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     type Isotropic: WeakForm<D>;
     /// A point in the updated Lagrangian formulation.
     type Updated: WeakForm<D>;
-    /// A point whose volume ratio may be that of its cell.
-    type Current: Dilatable<D> + for<'a> From<&'a Self::Updated>;
+    /// A point in the current configuration, whose volume ratio may be that at the centre of its cell.
+    type Current: Centring<D> + for<'a> From<&'a Self::Updated>;
+    /// A point whose volume ratio may be the mean of its cell.
+    type Averaging: Averaging<D>;
+    /// As [`Mechanics::Averaging`], for laws with isotropic spatial moduli.
+    type AveragingIsotropic: Averaging<D>;
+    /// As [`Mechanics::Averaging`], in the updated Lagrangian formulation.
+    type AveragingUpdated: Averaging<D> + for<'a> From<&'a Self::Updated>;
     /// Number n of principal directions that a change of volume stretches.
     const DILATED: usize = 3;
 
@@ -197,14 +205,36 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
         new: &mut [f64],
     ) -> Result<PointResponse<Self::Current>, PointError>;
 
+    /// Evaluates a point whose volume ratio may be the mean of its cell.
+    ///
+    /// # Errors
+    /// As [`Mechanics::respond`].
+    fn respond_averaging(
+        start: &StartOfStep,
+        increment: &Increment<D>,
+        material: &dyn Material,
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PointResponse<Self::Averaging>, PointError>;
+
     /// The same for several points of one law at once, as [`Mechanics::respond_vectorised`].
     #[inline(always)]
-    fn respond_current_vectorised(
+    fn respond_averaging_vectorised(
         _starts: [&StartOfStep; Lanes::WIDTH],
         _increments: &[Increment<D>; Lanes::WIDTH],
         _material: &dyn Material,
         _history: &mut [Lanes],
-    ) -> Option<[PointResponse<Self::Current>; Lanes::WIDTH]> {
+    ) -> Option<[PointResponse<Self::Averaging>; Lanes::WIDTH]> {
+        None
+    }
+
+    /// As [`Mechanics::respond_isotropic`].
+    #[inline(always)]
+    fn respond_averaging_isotropic(
+        _start: &StartOfStep,
+        _increment: &Increment<D>,
+        _material: &dyn Material,
+    ) -> Option<Result<PointResponse<Self::AveragingIsotropic>, PointError>> {
         None
     }
 

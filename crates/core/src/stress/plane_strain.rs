@@ -6,7 +6,10 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
-use super::{Contribution, Current, InPlane, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep};
+use super::{
+    Contribution, Current, InPlane, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse,
+    StartOfStep,
+};
 use crate::kinematics::Increment;
 use crate::material::{CompactResponse, Material, StrainMeasure};
 use crate::tensor::{Mat3, Sym3, Tensor4, plane};
@@ -142,6 +145,9 @@ impl Mechanics<2> for PlaneStrain {
     type Isotropic = InPlane;
     type Updated = Contribution<2, 2>;
     type Current = Current<2, 2>;
+    type Averaging = MeanDilatation<2, 2>;
+    type AveragingIsotropic = MeanDilatation<2, 2>;
+    type AveragingUpdated = MeanDilatation<2, 2>;
     const DILATED: usize = 2;
 
     #[inline(always)]
@@ -191,15 +197,26 @@ impl Mechanics<2> for PlaneStrain {
     }
 
     #[inline(always)]
-    fn respond_current_vectorised(
+    fn respond_averaging(
+        start: &StartOfStep,
+        increment: &Increment<2>,
+        material: &dyn Material,
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PointResponse<MeanDilatation<2, 2>>, PointError> {
+        Ok(Self::respond_current(start, increment, material, old, new)?.map(MeanDilatation::new))
+    }
+
+    #[inline(always)]
+    fn respond_averaging_vectorised(
         starts: [&StartOfStep; Lanes::WIDTH],
         increments: &[Increment<2>; Lanes::WIDTH],
         material: &dyn Material,
         history: &mut [Lanes],
-    ) -> Option<[PointResponse<Current<2, 2>>; Lanes::WIDTH]> {
+    ) -> Option<[PointResponse<MeanDilatation<2, 2>>; Lanes::WIDTH]> {
         let AnswerInLanes { answer, trial, dF, C, weight } =
             answer_in_lanes(starts, increments, material, history)?;
-        let weak = current(&C, &in_plane(&answer.tau), &dF, &trial, weight);
+        let weak = MeanDilatation::new(current(&C, &in_plane(&answer.tau), &dF, &trial, weight));
         Some([
             point(weak.point(0), &answer, 0),
             point(weak.point(1), &answer, 1),

@@ -2,8 +2,8 @@
 
 use super::products::{MANDEL_INDEX, full, times};
 use super::{
-    Contribution, Current, Isotropic, Lane, Lanes, Mechanics, PointError, PointResponse, StartOfStep,
-    WeakForm, transposed,
+    Contribution, Current, Isotropic, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse,
+    StartOfStep, WeakForm, transposed,
 };
 use crate::kinematics::Increment;
 use crate::material::{Material, StrainMeasure};
@@ -157,6 +157,9 @@ impl Mechanics<3> for Solid {
     type Isotropic = Isotropic;
     type Updated = Contribution<3, 3>;
     type Current = Current<3, 3>;
+    type Averaging = Spatial;
+    type AveragingIsotropic = Isotropic;
+    type AveragingUpdated = MeanDilatation<3, 3>;
 
     #[inline(always)]
     fn respond(
@@ -210,10 +213,27 @@ impl Mechanics<3> for Solid {
         old: &[f64],
         new: &mut [f64],
     ) -> Result<PointResponse<Current<3, 3>>, PointError> {
-        match Self::respond_isotropic(start, increment, material) {
-            Some(response) => Ok(response?.map(|weak| Current::from(&weak))),
-            None => Ok(Self::respond(start, increment, material, old, new)?.map(|weak| Current::from(&weak))),
-        }
+        Ok(Self::respond(start, increment, material, old, new)?.map(|weak| Current::from(&weak)))
+    }
+
+    #[inline(always)]
+    fn respond_averaging(
+        start: &StartOfStep,
+        increment: &Increment<3>,
+        material: &dyn Material,
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PointResponse<Spatial>, PointError> {
+        Self::respond(start, increment, material, old, new)
+    }
+
+    #[inline(always)]
+    fn respond_averaging_isotropic(
+        start: &StartOfStep,
+        increment: &Increment<3>,
+        material: &dyn Material,
+    ) -> Option<Result<PointResponse<Isotropic>, PointError>> {
+        Self::respond_isotropic(start, increment, material)
     }
 
     fn respond_updated(
