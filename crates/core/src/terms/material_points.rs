@@ -6,6 +6,7 @@
 //! and the order of every sum is fixed: the result has the same bits for any number of threads.
 #![allow(non_snake_case)]
 
+mod cell_room;
 mod dilatation;
 mod evaluation;
 

@@ -9,14 +9,11 @@ use std::ops::Range;
 use crate::assembly::{Coupling, Dense, Wanted};
 use crate::basis::{Links, PointGeometry, Support};
 use crate::kinematics::Increment;
-use crate::material::Material;
-use crate::stress::{
-    Averaged, Averaging, Centred, Centring, Mechanics, PointError, PointResponse, StartOfStep, Volumetric,
-    WeakForm,
-};
+use crate::stress::{Averaged, Averaging, Centred, Centring, Mechanics, Volumetric, WeakForm};
 use crate::tensor::Lanes;
 use crate::terms::failure::PointFailure;
 
+use super::cell_room::{CellRoom, CouplingRoom, Motion, Responded};
 use super::evaluation::{MOST_HISTORY, Vectorised, map_gradients};
 
 /// Factor of ΔF that changes the volume by `ratio`.
@@ -25,125 +22,112 @@ fn stretch<const D: usize, M: Mechanics<D>>(ratio: f64) -> f64 {
     if M::DILATED == 2 { ratio.sqrt() } else { ratio.cbrt() }
 }
 
-/// The response of a point to a multiple of its increment, and the factor.
-type Responded<R> = (PointResponse<R>, f64);
-
-/// The increment of a point and det(ΔF).
-#[derive(Clone, Copy)]
-struct Motion<const D: usize> {
-    increment: Increment<D>,
-    dJ: f64,
-}
-
-impl<const D: usize> Motion<D> {
-    fn new(p: usize, increment: Increment<D>) -> Result<Self, PointFailure> {
-        let dJ = increment.determinant();
-        if dJ > 0.0 && increment.hoop > 0.0 {
-            return Ok(Motion { increment, dJ });
-        }
-        Err(PointFailure { point: p, error: PointError::Inverted { determinant: dJ } })
-    }
-}
-
 impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     Vectorised<'_, '_, '_, '_, D, M, K, UPDATED>
 {
     /// Adds the points of a group, each body as it asks.
+    #[inline(always)]
     pub(super) fn add_dilated(&mut self, points: Range<usize>) -> Result<(), PointFailure> {
-        let bodies = &self.task.body[points.clone()];
-        let Some(&first) = bodies.first() else { return Ok(()) };
-        if bodies.iter().all(|body| *body == first) {
-            return self.add_of_body(first, points);
-        }
-        for (n, &body) in bodies.iter().enumerate() {
-            if !bodies[..n].contains(&body) {
-                let members: Vec<usize> = points.clone().filter(|p| self.task.body[*p] == body).collect();
-                self.add_of_body(body, members.iter().copied())?;
+        let task = self.task;
+        for first in points.clone() {
+            let body = task.body[first];
+            if task.body[points.start..first].contains(&body) {
+                continue;
+            }
+            let mut of_body = (first..points.end).filter(|p| task.body[*p] == body);
+            match task.model.bodies[body as usize].volumetric {
+                Volumetric::Standard => of_body.try_for_each(|p| self.add_alone(p))?,
+                Volumetric::MeanDilatation => self.add_averaged(of_body)?,
+                Volumetric::FBar => of_body.try_for_each(|p| self.add_centred(p))?,
             }
         }
         Ok(())
     }
 
-    /// Adds the points of one body.
-    fn add_of_body(
-        &mut self,
-        body: u16,
-        mut points: impl Iterator<Item = usize> + Clone,
-    ) -> Result<(), PointFailure> {
-        match self.task.model.bodies[body as usize].volumetric {
-            Volumetric::Standard => points.try_for_each(|p| self.add(p..p + 1)),
-            Volumetric::MeanDilatation => self.add_averaged(points),
-            Volumetric::FBar => points.try_for_each(|p| self.add_centred(p)),
-        }
+    /// Adds a point with its own dilatation.
+    #[inline(never)]
+    fn add_alone(&mut self, p: usize) -> Result<(), PointFailure> {
+        self.add(p..p + 1)
     }
 
     /// Adds the points of one body with their mean dilatation.
     #[inline(always)]
     fn add_averaged(&mut self, points: impl Iterator<Item = usize>) -> Result<(), PointFailure> {
+        let mut room = std::mem::take(self.cell);
+        let outcome = self.add_averaged_in(points, &mut room);
+        *self.cell = room;
+        outcome
+    }
+
+    #[inline(always)]
+    fn add_averaged_in(
+        &mut self,
+        points: impl Iterator<Item = usize>,
+        room: &mut CellRoom<D, M>,
+    ) -> Result<(), PointFailure> {
         let (mut before, mut after) = (0.0, 0.0);
-        let mut moved = Vec::with_capacity(points.size_hint().0);
+        let task = self.task;
+        room.moved.clear();
         for p in points {
             let motion = Motion::new(p, self.increment(p))?;
-            let volume = self.task.start[p].volume_n;
+            let volume = task.start[p].volume_n;
             before += volume;
             after += volume * motion.dJ;
-            moved.push((p, motion));
+            room.moved.push((p, motion));
         }
+        let CellRoom { moved, isotropic, averaging, updated, coupling } = room;
         if let [(p, _)] = moved[..] {
-            return self.add(p..p + 1); // its own mean
+            return self.add_alone(p); // its own mean
         }
         let theta = after / before;
         if UPDATED {
-            let respond = |of: &mut Self, p: usize, barred: &Increment<D>| {
-                of.respond(p, |start, law, old, new| M::respond_updated(start, barred, law, old, new))
-            };
-            let mut responses = Vec::with_capacity(moved.len());
-            for (p, motion) in &moved {
+            updated.clear();
+            for (p, motion) in moved.iter() {
                 let (barred, factor) = barred::<D, M>(motion, theta);
-                let response = respond(self, *p, &barred)?;
-                responses.push((response.map(|weak| M::AveragingUpdated::from(&weak)), factor));
+                let (old, new) = self.histories(*p);
+                let response = M::respond_updated(&task.start[*p], &barred, task.law(*p), old, new);
+                let response = response.map_err(|error| PointFailure { point: *p, error })?;
+                updated.push((response.map(|weak| M::AveragingUpdated::from(&weak)), factor));
             }
-            self.add_responses(&moved, after, &responses);
-            return Ok(());
-        }
-        if let Some(responses) = self.isotropic(&moved, theta)? {
-            self.add_responses(&moved, after, &responses);
-            return Ok(());
-        }
-        let mut responses = Vec::with_capacity(moved.len());
-        for some in moved.chunks(Lanes::WIDTH) {
-            if self.respond_side_by_side(some, theta, &mut responses) {
-                continue;
+            self.add_responses(moved, after, updated, coupling);
+        } else if self.respond_isotropic(moved, theta, isotropic)? {
+            self.add_responses(moved, after, isotropic, coupling);
+        } else {
+            averaging.clear();
+            for some in moved.chunks(Lanes::WIDTH) {
+                if self.respond_side_by_side(some, theta, averaging) {
+                    continue;
+                }
+                for (p, motion) in some {
+                    let (barred, factor) = barred::<D, M>(motion, theta);
+                    let (old, new) = self.histories(*p);
+                    let response = M::respond_averaging(&task.start[*p], &barred, task.law(*p), old, new);
+                    averaging.push((response.map_err(|error| PointFailure { point: *p, error })?, factor));
+                }
             }
-            for (p, motion) in some {
-                let (barred, factor) = barred::<D, M>(motion, theta);
-                let response = self.respond(*p, |start, law, old, new| {
-                    M::respond_averaging(start, &barred, law, old, new)
-                })?;
-                responses.push((response, factor));
-            }
+            self.add_responses(moved, after, averaging, coupling);
         }
-        self.add_responses(&moved, after, &responses);
         Ok(())
     }
 
-    /// The responses of points whose law has isotropic moduli; `None` for other laws.
+    /// Responds at points whose law has isotropic moduli; returns whether it did.
     #[inline(always)]
-    fn isotropic(
+    fn respond_isotropic(
         &mut self,
         moved: &[(usize, Motion<D>)],
         theta: f64,
-    ) -> Result<Option<Vec<Responded<M::AveragingIsotropic>>>, PointFailure> {
-        let mut responses = Vec::with_capacity(moved.len());
+        responses: &mut Vec<Responded<M::AveragingIsotropic>>,
+    ) -> Result<bool, PointFailure> {
+        responses.clear();
         for (p, motion) in moved {
             let (barred, factor) = barred::<D, M>(motion, theta);
             let (start, law) = (&self.task.start[*p], self.task.law(*p));
             let Some(response) = M::respond_averaging_isotropic(start, &barred, law) else {
-                return Ok(None);
+                return Ok(false);
             };
             responses.push((response.map_err(|error| PointFailure { point: *p, error })?, factor));
         }
-        Ok(Some(responses))
+        Ok(true)
     }
 
     /// Responds at several points at once, if their law supports this; returns whether it did.
@@ -188,25 +172,13 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         true
     }
 
-    /// The response of a point, with its history.
+    /// History variables of a point at the start and at the end of the step.
     #[inline(always)]
-    fn respond<W>(
-        &mut self,
-        p: usize,
-        response: impl FnOnce(
-            &StartOfStep,
-            &dyn Material,
-            &[f64],
-            &mut [f64],
-        ) -> Result<PointResponse<W>, PointError>,
-    ) -> Result<PointResponse<W>, PointFailure> {
+    fn histories(&mut self, p: usize) -> (&[f64], &mut [f64]) {
         let task = self.task;
-        let law = task.law(p);
         let (n, here) = (task.history_len, p - self.trial.first);
-        let kept = law.state_fields().len();
-        let old = &task.old_history[p * n..][..kept];
-        let new = &mut self.trial.history[here * n..][..kept];
-        response(&task.start[p], law, old, new).map_err(|error| PointFailure { point: p, error })
+        let kept = task.law(p).state_fields().len();
+        (&task.old_history[p * n..][..kept], &mut self.trial.history[here * n..][..kept])
     }
 
     /// Adds the points of one body, whose volume is `volume`, under their common pressure.
@@ -216,8 +188,9 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         moved: &[(usize, Motion<D>)],
         volume: f64,
         responses: &[Responded<R>],
+        coupling: &mut CouplingRoom<D>,
     ) {
-        let Vectorised { task, group, trial, room, force, dense } = self;
+        let Vectorised { task, group, trial, room, force, dense, .. } = self;
         // Σ V⁰π.
         let mut mean = 0.0;
         for ((p, _), (response, _)) in moved.iter().zip(responses) {
@@ -230,9 +203,11 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let couples = task.wanted == Wanted::Stiffness;
         let symmetric = task.pairs.symmetric();
         let n = if couples { task.links.nodes_of(*group).len() } else { 0 };
-        let mut gradient = vec![[0.0; D]; n];
-        let mut column = vec![[0.0; D]; n];
-        let mut row = vec![[0.0; D]; if symmetric { 0 } else { n }];
+        let CouplingRoom { gradient, column, row } = coupling;
+        for nodal in [&mut *gradient, column, row] {
+            nodal.clear();
+            nodal.resize(n, [0.0; D]);
+        }
         let mut modulus = -mean;
         for ((p, motion), (response, factor)) in moved.iter().zip(responses) {
             trial.keep(*p, response);
@@ -264,16 +239,17 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         }
         if couples {
             if symmetric {
-                row.clone_from(&column);
+                row.copy_from_slice(column);
             }
-            for (column, gradient) in column.iter_mut().zip(&gradient) {
+            for (column, gradient) in column.iter_mut().zip(gradient.iter()) {
                 (0..D).for_each(|d| column[d] += modulus * gradient[d]);
             }
-            dense.couple(&Coupling { mean: &gradient, row: &row, column: &column });
+            dense.couple(&Coupling { mean: gradient, row, column });
         }
     }
 
     /// Adds a point that takes the volume ratio at the centre of its cell.
+    #[inline(never)]
     fn add_centred(&mut self, p: usize) -> Result<(), PointFailure> {
         let motion = Motion::new(p, self.increment(p))?;
         let task = self.task;
@@ -284,13 +260,15 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let of_centre = Increment::new(M::REVOLVED, nodes, &at_centre, task.delta_d, &centre.position);
         let of_centre = Motion::new(p, of_centre)?;
         let (barred, factor) = barred::<D, M>(&motion, of_centre.dJ);
-        let response = self.respond(p, |start, law, old, new| {
-            if UPDATED {
-                let updated = M::respond_updated(start, &barred, law, old, new)?;
-                return Ok(updated.map(|weak| M::Current::from(&weak)));
-            }
+        let (old, new) = self.histories(p);
+        let (start, law) = (&task.start[p], task.law(p));
+        let response = if UPDATED {
+            let updated = M::respond_updated(start, &barred, law, old, new);
+            updated.map(|response| response.map(|weak| M::Current::from(&weak)))
+        } else {
             M::respond_current(start, &barred, law, old, new)
-        })?;
+        };
+        let response = response.map_err(|error| PointFailure { point: p, error })?;
         let response = response.map(|weak| weak.centred(factor, motion.dJ / of_centre.dJ));
         let Vectorised { trial, room, force, dense, .. } = self;
         trial.keep(p, &response);

@@ -16,6 +16,8 @@ use crate::stress::{Formulation, Mechanics, PointResponse, StartOfStep, WeakForm
 use crate::tensor::{Lanes, Sym3};
 use crate::terms::failure::PointFailure;
 
+use super::cell_room::CellRoom;
+
 /// A task of at most this many groups is not divided between threads.
 const GRAIN: usize = 4;
 
@@ -121,7 +123,7 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         work: Work<D>,
     ) -> Result<(), PointFailure> {
         let Work { mut trial, mut dense, mut force, mut room } = work;
-        let room = &mut room;
+        let (room, cell_room) = (&mut room, &mut CellRoom::default());
         let symmetric = self.pairs.symmetric();
         for group in groups {
             let n = self.links.nodes_of(group).len();
@@ -131,35 +133,35 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
             force = rest;
             match (D, n) {
                 _ if self.wanted == Wanted::Force => {
-                    self.run_group::<UPDATED>(group, &mut trial, room, f, &mut Forces)?;
+                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, &mut Forces)?;
                 }
                 (3, 8) if self.links.is_whole(group) => {
                     let cell = &mut Cell::<D, 8, 2>::zero(symmetric);
-                    self.run_group::<UPDATED>(group, &mut trial, room, f, cell)?;
+                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, cell)?;
                     cell.store(k);
                 }
                 (3, 4) if self.links.is_whole(group) => {
                     let cell = &mut Cell::<D, 4, 1>::zero(symmetric);
-                    self.run_group::<UPDATED>(group, &mut trial, room, f, cell)?;
+                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, cell)?;
                     cell.store(k);
                 }
                 (2, 4) if symmetric && self.links.is_whole(group) => {
                     let whole = &mut Whole::<D, 4>::zero();
-                    self.run_group::<UPDATED>(group, &mut trial, room, f, whole)?;
+                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, whole)?;
                     whole.store(k);
                 }
                 (2, 3) if symmetric && self.links.is_whole(group) => {
                     let whole = &mut Whole::<D, 3>::zero();
-                    self.run_group::<UPDATED>(group, &mut trial, room, f, whole)?;
+                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, whole)?;
                     whole.store(k);
                 }
                 _ => {
                     k.fill([[0.0; D]; D]);
                     if symmetric {
-                        self.run_group::<UPDATED>(group, &mut trial, room, f, &mut Triangle(k))?;
+                        self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, &mut Triangle(k))?;
                     } else {
                         let square = &mut Square { blocks: k, nodes: n };
-                        self.run_group::<UPDATED>(group, &mut trial, room, f, square)?;
+                        self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, square)?;
                     }
                 }
             }
@@ -173,11 +175,20 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
         group: usize,
         trial: &mut Trial<D>,
         room: &mut LinkBuffer<D>,
+        cell: &mut CellRoom<D, M>,
         force: &mut [[f64; D]],
         dense: &mut impl Dense<D>,
     ) -> Result<(), PointFailure> {
         force.fill([0.0; D]);
-        Arch::new().dispatch(Vectorised::<D, M, _, UPDATED> { task: self, group, trial, room, force, dense })
+        Arch::new().dispatch(Vectorised::<D, M, _, UPDATED> {
+            task: self,
+            group,
+            trial,
+            room,
+            force,
+            dense,
+            cell,
+        })
     }
 
     #[inline]
@@ -189,13 +200,15 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
 
 /// The points of one group, to be compiled for several sets of instructions. None of them changes the result: products
 /// and sums are rounded one by one.
-pub(super) struct Vectorised<'t, 'a, 's, 'r, const D: usize, M, K, const UPDATED: bool> {
+pub(super) struct Vectorised<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>, K, const UPDATED: bool> {
     pub(super) task: &'t Task<'a, D, M>,
     pub(super) group: usize,
     pub(super) trial: &'t mut Trial<'s, D>,
     pub(super) room: &'t mut LinkBuffer<'r, D>,
     pub(super) force: &'t mut [[f64; D]],
     pub(super) dense: &'t mut K,
+    /// Working space for the points of a body in a cell.
+    pub(super) cell: &'t mut CellRoom<D, M>,
 }
 
 impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool> WithSimd
@@ -276,7 +289,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
 
     #[inline(always)]
     fn add_one(&mut self, p: usize) -> Result<(), PointFailure> {
-        let Vectorised { task, group, trial, room, force, dense } = self;
+        let Vectorised { task, group, trial, room, force, dense, .. } = self;
         let failure = |error| PointFailure { point: p, error };
         let (start, law) = (&task.start[p], task.law(p));
         let links = task.links.links(p, room);

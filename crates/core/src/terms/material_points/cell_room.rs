@@ -1,0 +1,56 @@
+//! Working space for the points of a body in a cell, which are evaluated together.
+#![allow(non_snake_case)]
+
+use crate::kinematics::Increment;
+use crate::stress::{Mechanics, PointError, PointResponse};
+use crate::terms::failure::PointFailure;
+
+/// The response of a point to a multiple of its increment, and the factor.
+pub(super) type Responded<R> = (PointResponse<R>, f64);
+
+/// Working space for the points of a body in a cell.
+pub(super) struct CellRoom<const D: usize, M: Mechanics<D>> {
+    pub(super) moved: Vec<(usize, Motion<D>)>,
+    pub(super) isotropic: Vec<Responded<M::AveragingIsotropic>>,
+    pub(super) averaging: Vec<Responded<M::Averaging>>,
+    pub(super) updated: Vec<Responded<M::AveragingUpdated>>,
+    pub(super) coupling: CouplingRoom<D>,
+}
+
+/// Working space for the vectors of a `Coupling`.
+#[derive(Default)]
+pub(super) struct CouplingRoom<const D: usize> {
+    pub(super) gradient: Vec<[f64; D]>,
+    pub(super) column: Vec<[f64; D]>,
+    pub(super) row: Vec<[f64; D]>,
+}
+
+impl<const D: usize, M: Mechanics<D>> Default for CellRoom<D, M> {
+    fn default() -> Self {
+        CellRoom {
+            moved: Vec::new(),
+            isotropic: Vec::new(),
+            averaging: Vec::new(),
+            updated: Vec::new(),
+            coupling: CouplingRoom::default(),
+        }
+    }
+}
+
+/// The increment of a point and det(ΔF).
+#[derive(Clone, Copy)]
+pub(super) struct Motion<const D: usize> {
+    pub(super) increment: Increment<D>,
+    pub(super) dJ: f64,
+}
+
+impl<const D: usize> Motion<D> {
+    #[inline(always)]
+    pub(super) fn new(p: usize, increment: Increment<D>) -> Result<Self, PointFailure> {
+        let dJ = increment.determinant();
+        if dJ > 0.0 && increment.hoop > 0.0 {
+            return Ok(Motion { increment, dJ });
+        }
+        Err(PointFailure { point: p, error: PointError::Inverted { determinant: dJ } })
+    }
+}
