@@ -11,7 +11,7 @@ import argparse
 
 import matplotlib
 
-from pages import annulus, beam, collapse, compaction, domains, picture, shear
+from pages import annulus, beam, collapse, compaction, domains, locking, picture, shear
 from pages.runs import Runs
 
 PAGES = {
@@ -21,6 +21,7 @@ PAGES = {
     "beam": beam,
     "annulus": annulus,
     "collapse": collapse,
+    "locking": locking,
     "picture": picture,
 }
 

@@ -18,7 +18,7 @@ class Runs:
         self.program, self.directory = Path(program).resolve(), Path(directory).resolve()
 
     def __call__(self, deck, **parameters):
-        """The results directory of a deck with these parameters.
+        """The results directory of a deck, a name in `inputs` or a path without suffix, with these parameters.
 
         A run that fails leaves the steps before the failure. Raises RuntimeError if the deck cannot be run at all.
         """
