@@ -122,7 +122,8 @@ def test_ground_above_the_rock_is_at_rest(footing):
     original = points.points - points["displacement"]
     expected = 1800 * G * (10 - original[:, 1]) + 20e3
     error = -points["cauchy_stress"][:, 1] / expected - 1
-    far = original[:, 1] > 3 - 0.1 * original[:, 0] + 2
+    # The cells that the rock cuts disturb some five coarse ones above them.
+    far = original[:, 1] > 3 - 0.1 * original[:, 0] + 3
     assert np.sqrt(np.mean(error[far] ** 2)) < 0.02
 
 
@@ -132,7 +133,7 @@ def test_the_footing_fails_towards_the_pit(footing):
     assert (np.diff(-history["push_fy"]) > 0).all()
     stiffness = np.diff(-history["push_fy"]) / -np.diff(history["footing_uy"])
     assert stiffness[-1] < 0.15 * stiffness[0]
-    assert history["footing_ux"][-1] > 0.05 and history["edge_ux"][-1] > 0.1
+    assert history["footing_ux"][-1] > 0.025 and history["edge_ux"][-1] > 0.05
     assert at_end_of(footing, 2)["bottom_uy"] > 0
     points = footing.mesh("points", -1)
     rotation = points["deformation_gradient"][points["body_id"] == 2]
@@ -154,8 +155,8 @@ def test_settlement_and_bearing_pressure_on_level_ground(level):
     assert -at_end_of(level, 3)["footing_uy"] == pytest.approx(mean, rel=0.05)
     prandtl = (2 + np.pi) * 30e3
     found = -at_end_of(level, 4)["push_fy"] / 2 + pressure
-    # The grid locks; the page has finer ones.
-    assert prandtl < found < 1.75 * prandtl
+    # Coarse cells move with the footing; the page has finer ones.
+    assert prandtl < found < 1.35 * prandtl
     text = (ROOT / "docs/how-to/footing.md").read_text()
-    assert f"2 × 2, `h=0.5` | {found / 1e3:.0f} kPa (+{100 * (found / prandtl - 1):.0f} %)" in text
+    assert f"`mean-dilatation`, `h=0.5` | {found / 1e3:.0f} kPa (+{100 * (found / prandtl - 1):.0f} %)" in text
     assert f"a mean settlement of the loaded area of {mean * 1e3:.2f} mm" in " ".join(text.split())

@@ -170,6 +170,7 @@ def test_a_cut_cell_whose_nodes_run_away_is_named_whatever_the_size_of_the_step(
 def test_locking_is_named_where_pressures_alternate_in_isochoric_flow(diagnosis_of):
     diagnosis = diagnosis_of(BALL)
     assert diagnosis["kind"] == "locking" and diagnosis["flowing"] == 1
+    assert "`volumetric: mean-dilatation`" in diagnosis["advice"]
 
 
 def test_a_run_that_cannot_go_on_says_why(mpm, tmp_path):

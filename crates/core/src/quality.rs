@@ -28,7 +28,6 @@ pub use motion::Objection;
 use motion::rotation_of_turn;
 use overlap::domain_overlap;
 pub use pressure::oscillation;
-use pressure::oscillation_in_flow;
 use thresholds::{HARMFUL_REGRIDDING, MOST_BOX_ROTATION, MOST_CROSSINGS, MOST_OSCILLATION};
 pub use thresholds::{MOST_ENERGY_ERROR, MOST_REGRIDDING};
 pub use warning::{Code, Detail, Location, Warning};

@@ -138,6 +138,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D053", "stages that do not fit the deck, or each other"),
     ("D054", "grid lines that cannot follow a boundary condition"),
     ("D055", "F-bar for a method or for cells without it"),
+    ("D056", "plastic flow at constant volume in cells that lock"),
 ];
 
 impl Diagnostic {

@@ -341,6 +341,11 @@ impl MaterialDeck {
         self.common().2
     }
 
+    /// True if it flows plastically at constant volume.
+    pub fn flows_at_constant_volume(&self) -> bool {
+        matches!(self, MaterialDeck::VonMises { .. })
+    }
+
     /// The constitutive law.
     pub fn law(&self) -> Box<dyn Material> {
         match *self {
@@ -494,8 +499,8 @@ pub struct OutputDeck {
     /// files.
     #[schemars(range(max = 10_000_000))]
     pub every: u32,
-    /// Fields of the points in VTU files; all fields by default. Every file also has the volume and the numbers of
-    /// point, body and material.
+    /// Fields of the points in VTU files; all but `pressure_smoothed` by default. Every file also has the volume and the
+    /// numbers of point, body and material.
     pub fields: Vec<PointField>,
     /// Precision of floating-point numbers in VTU files; files of a failed step always have `double`.
     pub precision: Precision,
@@ -505,7 +510,7 @@ pub struct OutputDeck {
 
 impl Default for OutputDeck {
     fn default() -> Self {
-        let (fields, precision) = (PointField::ALL.to_vec(), Precision::default());
+        let (fields, precision) = (PointField::by_default(), Precision::default());
         OutputDeck { every: 1, fields, precision, probes: Vec::new() }
     }
 }

@@ -9,6 +9,7 @@ mod geometry;
 mod grid;
 mod initial_stress;
 mod loading;
+mod locking;
 mod prescribed_motion;
 mod shape;
 mod stages;

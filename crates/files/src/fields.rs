@@ -45,11 +45,14 @@ pub enum PointField {
     Volume,
     /// Equivalent plastic strain κ, zero for laws without plasticity.
     EquivalentPlasticStrain,
+    /// Pressure of the body, averaged at the nodes of the grid and interpolated back, [stress]; for pictures, only if
+    /// requested.
+    PressureSmoothed,
 }
 
 impl PointField {
     /// All fields, in the order of the files.
-    pub const ALL: [PointField; 10] = [
+    pub const ALL: [PointField; 11] = [
         PointField::Displacement,
         PointField::DeformationGradient,
         PointField::VolumeRatio,
@@ -60,7 +63,13 @@ impl PointField {
         PointField::Pressure,
         PointField::Volume,
         PointField::EquivalentPlasticStrain,
+        PointField::PressureSmoothed,
     ];
+
+    /// The fields of files for which none are requested: the state of the points, without the smoothed pressure.
+    pub fn by_default() -> Vec<PointField> {
+        Self::ALL.into_iter().filter(|field| *field != PointField::PressureSmoothed).collect()
+    }
 
     /// Name in files and decks.
     pub fn name(self) -> &'static str {
@@ -75,6 +84,7 @@ impl PointField {
             PointField::Pressure => "pressure",
             PointField::Volume => "volume",
             PointField::EquivalentPlasticStrain => EQUIVALENT_PLASTIC_STRAIN,
+            PointField::PressureSmoothed => "pressure_smoothed",
         }
     }
 
@@ -89,7 +99,8 @@ impl PointField {
             | PointField::VonMisesStress
             | PointField::Pressure
             | PointField::Volume
-            | PointField::EquivalentPlasticStrain => &[],
+            | PointField::EquivalentPlasticStrain
+            | PointField::PressureSmoothed => &[],
         }
     }
 
@@ -101,7 +112,7 @@ impl PointField {
     /// Computes the field for some points of a file.
     fn fill<const D: usize>(self, of: Of<D>, tuples: Range<usize>, out: &mut [f64]) {
         let Of { model, points, .. } = of;
-        let (order, volumes) = (&of.order[tuples.clone()], &of.volumes[tuples]);
+        let (order, volumes) = (&of.order[tuples.clone()], &of.volumes[tuples.clone()]);
         let state = &points.converged;
         let stress = |(&p, [ratio, _]): (&usize, &[f64; 2])| state.kirchhoff_stress[p] * (1.0 / ratio);
         let stresses = order.iter().zip(volumes).map(stress);
@@ -139,6 +150,7 @@ impl PointField {
                 let history = HistoryVariable::new(model, EQUIVALENT_PLASTIC_STRAIN);
                 fill(out, order.iter().map(|&p| [history.of(points, p)]));
             }
+            PointField::PressureSmoothed => fill(out, of.smoothed[tuples].iter().map(|p| [*p])),
         }
     }
 }
@@ -199,6 +211,8 @@ pub struct Of<'a, const D: usize> {
     pub order: &'a [usize],
     /// J and current volume of each of these points, [`volumes`].
     pub volumes: &'a [[f64; 2]],
+    /// Pressure of each of these points, [`smoothed_pressures`](super::smoothed_pressure::smoothed_pressures); empty unless it is requested.
+    pub smoothed: &'a [f64],
     /// Precision of floating-point numbers.
     pub precision: Precision,
     /// Memory for the encoded arrays.

@@ -15,6 +15,7 @@ use mpm_core::tensor::padded;
 use super::directory::{SERIES, file_name};
 use super::fields::{GridMesh, Of, PointField, grid_mesh, number, vector, volumes};
 use super::invalid;
+use super::smoothed_pressure::smoothed_pressures;
 use super::vtu::{CellKind, Cells, Encoded, Field, File, Kinds, Precision, Room, Values};
 
 /// A file of a series, independent of the run.
@@ -121,7 +122,16 @@ impl Frames {
         step: Step,
     ) -> io::Result<Vec<Frame>> {
         let room = self.room.clone();
-        let of = Of { model, points, order, volumes: all, precision: self.precision, room: &room };
+        let smoothed = self.smoothed(model, points, order, all);
+        let of = Of {
+            model,
+            points,
+            order,
+            volumes: all,
+            smoothed: &smoothed,
+            precision: self.precision,
+            room: &room,
+        };
         let fields = of.fields(&self.fields);
         let file = fields.clone().and_then(|fields| self.file_of_points(of, fields, step));
         let mut frames = vec![Frame::new(0, step, file)?];
@@ -133,13 +143,29 @@ impl Frames {
             let order: Vec<usize> = order.iter().copied().filter(has_domain).collect();
             let mut some = Vec::new();
             volumes(model, points, &order, &mut some);
-            let of = Of { order: &order, volumes: &some, ..of };
+            let smoothed = self.smoothed(model, points, &order, &some);
+            let of = Of { order: &order, volumes: &some, smoothed: &smoothed, ..of };
             of.fields(&self.fields).and_then(|fields| self.file_of_domains(of, fields, step))
         } else {
             return Ok(frames);
         };
         frames.push(Frame::new(1, step, file)?);
         Ok(frames)
+    }
+
+    /// The smoothed pressures of some points with these J and volumes, if they are requested.
+    fn smoothed<const D: usize>(
+        &self,
+        model: &Model<D>,
+        points: &Points<D>,
+        order: &[usize],
+        volumes: &[[f64; 2]],
+    ) -> Vec<f64> {
+        if self.fields.contains(&PointField::PressureSmoothed) {
+            smoothed_pressures(model, points, order, volumes)
+        } else {
+            Vec::new()
+        }
     }
 
     /// The points, each a cell.

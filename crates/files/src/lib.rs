@@ -16,6 +16,7 @@ pub mod replace;
 pub mod results;
 mod rows;
 pub mod series;
+mod smoothed_pressure;
 mod start;
 pub mod status;
 pub mod summary;

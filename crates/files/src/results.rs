@@ -66,7 +66,7 @@ pub struct Request {
 
 impl Default for Request {
     fn default() -> Self {
-        let fields = PointField::ALL.to_vec();
+        let fields = PointField::by_default();
         Request { every: 1, fields, precision: Precision::default(), checkpoints: None }
     }
 }

@@ -3,7 +3,9 @@
 use std::ops::Range;
 
 use crate::basis::Connectivity;
+use crate::model::Model;
 use crate::points::Points;
+use crate::stress::Volumetric;
 use crate::tensor::Sym3;
 
 /// Fewest flowing cells whose oscillation is judged.
@@ -15,19 +17,34 @@ pub fn oscillation<const D: usize>(stress: &[Sym3], links: &Connectivity<D>) -> 
     oscillation_of(stress, (0..links.n_groups()).map(|group| links.points_of(group)))
 }
 
-/// [`oscillation`] of the trial stresses over the cells with several points, all of which flow in the step that is not yet
-/// committed, [-]; `None` if such cells are few.
+/// The oscillation of the pressures where bodies flow.
+pub(super) struct InFlow {
+    /// [`oscillation`] over the flowing cells, [-].
+    pub value: f64,
+    /// True if a point in them takes its own volume ratio.
+    pub is_standard: bool,
+}
+
+/// The oscillation of the trial stresses over the cells with several points, all of which flow in the step that is not yet
+/// committed; `None` if such cells are few.
 pub(super) fn oscillation_in_flow<const D: usize>(
+    model: &Model<D>,
     points: &Points<D>,
     links: &Connectivity<D>,
-) -> Option<f64> {
+) -> Option<InFlow> {
     let n = points.history_len;
     let [new, old] = [&points.trial.history, &points.converged.history];
     let flows = |p: usize| new[p * n..][..n] != old[p * n..][..n];
     let groups = (0..links.n_groups()).map(|group| links.points_of(group));
     let flowing: Vec<_> = groups.filter(|of| of.len() > 1 && of.clone().all(flows)).collect();
-    let is_enough = flowing.len() >= LEAST_CELLS;
-    is_enough.then(|| oscillation_of(&points.trial.kirchhoff_stress, flowing.into_iter()))
+    if flowing.len() < LEAST_CELLS {
+        return None;
+    }
+    let is_standard = |p: usize| model.bodies[points.body[p] as usize].volumetric == Volumetric::Standard;
+    Some(InFlow {
+        is_standard: flowing.iter().cloned().flatten().any(is_standard),
+        value: oscillation_of(&points.trial.kirchhoff_stress, flowing.into_iter()),
+    })
 }
 
 fn oscillation_of(stress: &[Sym3], cells: impl Iterator<Item = Range<usize>>) -> f64 {

@@ -132,6 +132,8 @@ pub enum Detail {
     Tolerance(f64),
     /// Round-off of the forces on other bodies is larger than the forces on this one.
     RoundOff,
+    /// Bodies that flow take the volume ratio of each point, [`crate::stress::Volumetric::Standard`].
+    StandardDilatation,
 }
 
 /// A measure that is out of bounds for the first time, or an event that may spoil the result.

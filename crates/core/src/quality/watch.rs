@@ -2,12 +2,13 @@
 //! gaps that forces cross, instability, and balances of work and energy.
 
 use super::cohesion::Cohesion;
+use super::pressure::{InFlow, oscillation_in_flow};
 use super::thresholds::{
     HARMFUL_REGRIDDING, MOST_BOX_ROTATION, MOST_CROSSINGS, MOST_ENERGY_ERROR, MOST_OSCILLATION,
     MOST_REGRIDDING,
 };
 use super::warning::{Code, Detail, Location, Warning};
-use super::{Quality, Worst, contrast, gaps, holding, oscillation_in_flow};
+use super::{Quality, Worst, contrast, gaps, holding};
 use crate::equilibrium::StepReport;
 use crate::linear::Factorisation;
 use crate::model::{Body, Control, Model};
@@ -59,11 +60,11 @@ impl Quality {
             found.extend((!is_definite(report.factorisations.last())).then(|| (0, unstable(step))));
         }
         found.extend(replaced_domains(model, points, report).map(|warning| (0, warning)));
-        if let Some(value) = oscillation_in_flow(points, links) {
+        if let Some(InFlow { value, is_standard }) = oscillation_in_flow(model, points, links) {
             if self.pressure_oscillation.is_none_or(|(worst, _)| value > worst) {
                 self.pressure_oscillation = Some((value, step));
             }
-            found.extend((value > MOST_OSCILLATION).then(|| (0, locking(value, step))));
+            found.extend((value > MOST_OSCILLATION).then(|| (0, locking(value, step, is_standard))));
         }
         self.for_the_first_time(found)
     }
@@ -256,7 +257,12 @@ fn replaced_domains<const D: usize>(
     })
 }
 
-fn locking(value: f64, step: usize) -> Warning {
+fn locking(value: f64, step: usize, is_standard: bool) -> Warning {
+    let consequence = if is_standard {
+        "the grid locks in volume-preserving plastic flow; limit loads are too large by a third or more"
+    } else {
+        "pressures alternate from cell to cell, and points carry them from one cell into the next"
+    };
     Warning {
         code: Code::Locking,
         step,
@@ -265,9 +271,9 @@ fn locking(value: f64, step: usize) -> Warning {
         threshold: Some(MOST_OSCILLATION),
         message: format!(
             "where bodies yield, the pressures of the points of a cell differ by {value:.2} of the deviatoric stress (root \
-             mean square): the grid locks in volume-preserving plastic flow; limit loads are too large by a third or more"
+             mean square): {consequence}"
         ),
-        detail: None,
+        detail: is_standard.then_some(Detail::StandardDilatation),
     }
 }
 

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::model::{Control, Model, Newton, StabilisationMode, Stepping};
 use crate::points::{Points, coordinates};
 use crate::quality::oscillation;
+use crate::stress::Volumetric;
 
 use super::attempt::FailedAttempt;
 use super::error::{Obstacle, PointPlace, SolveError, stiffness_spread};
@@ -129,6 +130,9 @@ pub struct Circumstances {
     pub has_few_points: bool,
     /// True if most of the points have yielded.
     pub is_in_collapse: bool,
+    /// True if a body takes the volume ratio of each point, [`Volumetric::Standard`].
+    #[serde(default)]
+    pub has_standard_dilatation: bool,
     /// Number of iterations that steps would need at the present rate, rounded up to tens; `None` if residuals do not
     /// fall steadily.
     pub enough_iterations: Option<usize>,
@@ -224,6 +228,7 @@ impl Diagnosis {
             has_one_material: model.materials.len() == 1,
             has_few_points: evidence::mean_points_per_cell(points) < FEW,
             is_in_collapse: flowing > MOST,
+            has_standard_dilatation: has_standard_dilatation(model, points),
             enough_iterations: (found.missing)
                 .map(|missing| (model.newton.max_iterations + missing).next_multiple_of(10)),
             loss: loss_of(error, &model.stepping),
@@ -244,6 +249,11 @@ impl Diagnosis {
             circumstances,
         }
     }
+}
+
+/// True if a point takes its own volume ratio.
+fn has_standard_dilatation<const D: usize>(model: &Model<D>, points: &Points<D>) -> bool {
+    points.body.iter().any(|body| model.bodies[*body as usize].volumetric == Volumetric::Standard)
 }
 
 /// The loss of a point or its domain, if that is the error.

@@ -47,6 +47,9 @@ fn advice(kind: Kind, of: &Circumstances) -> &'static str {
         Kind::Instability => {
             "follow the path with `steps: {control: {type: arc-length}}`, or prescribe displacements"
         }
+        Kind::Locking if of.has_standard_dilatation => {
+            "use `volumetric: mean-dilatation` for the bodies that hardly change their volume"
+        }
         Kind::Locking => "use a finer grid with fewer points per cell, or a law that is less incompressible",
         Kind::Hourglass => {
             "use more points per cell (4 in the plane, 8 in space), or `analysis: {stabilisation: {mode: on}}`"

@@ -72,7 +72,13 @@ const KINDS: [Kind; 14] = {
 
 /// The advice on all warnings, failures of all kinds, and some errors.
 fn all() -> Vec<String> {
-    let details = [None, Some(Detail::ReachingBox), Some(Detail::Tolerance(1e-11)), Some(Detail::RoundOff)];
+    let details = [
+        None,
+        Some(Detail::ReachingBox),
+        Some(Detail::Tolerance(1e-11)),
+        Some(Detail::RoundOff),
+        Some(Detail::StandardDilatation),
+    ];
     let mut all: Vec<String> =
         CODES.iter().flat_map(|code| details.iter().map(|detail| about(*code, *detail))).collect();
     let yes = Circumstances {
@@ -81,6 +87,7 @@ fn all() -> Vec<String> {
         has_one_material: true,
         has_few_points: true,
         is_in_collapse: true,
+        has_standard_dilatation: true,
         enough_iterations: Some(40),
         loss: Some(Loss::Torn { is_replaceable: true }),
         obstacle: Some(Obstacle::LooseAxis),
@@ -127,6 +134,9 @@ fn advice_on_warnings_depends_on_the_details() {
     let tolerance = about(Code::HiddenResidual, Some(Detail::Tolerance(2e-12)));
     assert_eq!(tolerance, "use a smaller tolerance, `solver: {tolerance: 2e-12}`");
     assert!(about(Code::HiddenResidual, Some(Detail::RoundOff)).contains("round-off hides it"));
+    let cure = "`volumetric: mean-dilatation`";
+    assert!(about(Code::Locking, Some(Detail::StandardDilatation)).contains(cure));
+    assert!(!about(Code::Locking, None).contains(cure), "the bodies have it already");
 }
 
 #[test]
@@ -149,6 +159,9 @@ fn advice_on_failures_depends_on_the_circumstances() {
     assert_eq!(lost(Loss::Torn { is_replaceable: false }), lost(Loss::Collapsed));
     let flows = Circumstances { is_in_collapse: true, ..of };
     assert!(against_kind(Kind::Locking, flows).contains("; since most points have yielded"));
+    let standard = Circumstances { has_standard_dilatation: true, ..of };
+    assert!(against_kind(Kind::Locking, standard).contains("`volumetric: mean-dilatation`"));
+    assert!(against_kind(Kind::Locking, of).contains("finer grid"));
     let memory = Circumstances { obstacle: Some(Obstacle::Memory), ..of };
     assert!(against_kind(Kind::Setting, memory).ends_with("`solver: {linear: iterative}`"));
     assert_eq!(against_kind(Kind::Setting, of), "see the message");

@@ -43,9 +43,12 @@ pub fn on_warning(warning: &Warning) -> String {
             "use `method: gimp` or `method: cpdi2`, or a grid so coarse that points stay in their cells"
         }
         (Code::TurnedBoxes, _) => "use `method: cpdi2`, whose domains turn with the body",
+        (Code::Locking, Some(Detail::StandardDilatation)) => {
+            "use `volumetric: mean-dilatation` for the bodies that yield; it frees the cells, with any method and number of \
+             points"
+        }
         (Code::Locking, _) => {
-            "use `method: gimp` with one point per cell and `analysis: {stabilisation: {mode: auto}}`, and compare grids; do \
-             not read pressures of single points"
+            "do not read pressures of single points; look at `output: {fields: [pressure_smoothed]}`, and compare grids"
         }
         (Code::Damped, _) => {
             "note the largest load before this step, and follow the path with `steps: {control: {type: arc-length}}`; with \

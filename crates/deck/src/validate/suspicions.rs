@@ -4,16 +4,11 @@ use std::collections::BTreeSet;
 
 use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
-use crate::per_axis::per_axis;
 use crate::quoting::quote;
 use crate::span::escape;
-use crate::{
-    BoundaryConditionDeck, Deck, Expression, GridDeck, InitialStressDeck, LoadCurve, LoadDeck, PerAxis,
-};
+use crate::{BoundaryConditionDeck, Deck, Expression, InitialStressDeck, LoadCurve, LoadDeck};
 use mpm_core::formula::names;
 
-/// Poisson's ratio above which low-order cells lock.
-const NEARLY_INCOMPRESSIBLE: f64 = 0.49;
 /// Tolerance above which a step is not really in equilibrium.
 const LOOSE: f64 = 1e-4;
 /// Tolerance that round-off makes unreachable.
@@ -25,7 +20,7 @@ impl Check<'_> {
         self.unused();
         self.loads_without_effect();
         self.keys_without_effect();
-        self.incompressible();
+        self.locking();
         self.one_point_per_cell();
         self.units();
         self.prescribed_motion();
@@ -118,44 +113,10 @@ impl Check<'_> {
         })
     }
 
-    fn incompressible(&mut self) {
-        for (name, material) in &self.deck.materials {
-            let poisson = material.poisson();
-            if poisson >= NEARLY_INCOMPRESSIBLE {
-                let message = format!(
-                    "with Poisson's ratio {poisson} the material {} is nearly incompressible, and low-order \
-                     cells lock: they are too stiff, with stresses that oscillate from point to point",
-                    quote(name)
-                );
-                let help = "stay below 0.49, or compare several grids and use stresses averaged over cells";
-                self.warn("D039", &format!("/materials/{}/poisson", escape(name)), message, help);
-            }
-        }
-    }
-
     /// Warns of one point per cell: at its centre, hourglass modes of the cell cause no strain.
     fn one_point_per_cell(&mut self) {
-        let single_of = |counts: &PerAxis<u32>| {
-            per_axis::<u32, 3>(counts).iter().take(self.deck.dimensions()).all(|n| *n == 1)
-        };
-        let grid = self.grid();
         for (index, body) in self.deck.bodies.iter().enumerate() {
-            let of_simplices = body.points_per_triangle.or(body.points_per_tetrahedron);
-            let (key, single) = match (&self.deck.grid, &body.points_per_cell, &body.point_spacing) {
-                (GridDeck::Gmsh { .. }, Some(counts), _) if of_simplices.is_none() => {
-                    ("points_per_cell", single_of(counts))
-                }
-                (GridDeck::Structured { .. }, Some(counts), _) => ("points_per_cell", single_of(counts)),
-                (GridDeck::Structured { .. }, None, Some(spacing)) => {
-                    let (Some(grid), points) = (&grid, per_axis::<f64, 3>(spacing)) else { continue };
-                    let extent = self.bounds("", &body.shape).unwrap_or_else(|_| grid.extent.clone());
-                    let cell = |d: usize| grid.axes[d].smallest_within(extent.min[d], extent.max[d]);
-                    let is_coarse = |d: usize| points[d] > 0.99 * cell(d);
-                    ("point_spacing", (0..self.deck.dimensions()).all(is_coarse))
-                }
-                _ => continue,
-            };
-            if single {
+            if let Some(key) = self.key_of_single_points(body) {
                 let message = format!(
                     "the body {} has one point per cell: nothing resists the hourglass modes of the cells",
                     quote(&body.name)
