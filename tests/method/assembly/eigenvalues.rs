@@ -96,6 +96,6 @@ fn the_mean_dilatation_opens_no_hourglass_mode() {
     assert!(least > 0.05, "{least}");
     for method in [Method::Mpm, Method::Gimp, Method::Cpdi2] {
         let [least, _] = of_all(method, StabilisationMode::On, false);
-        assert!(least > 0.3, "{method:?} stabilised: {least}");
+        assert!(least > 0.25, "{method:?} stabilised: {least}");
     }
 }

@@ -18,7 +18,7 @@ impl<const D: usize> Basis<D> for Gimp {
         let grid = grid.structured().ok_or(SupportError::Unstructured)?;
         let mut axes: [(usize, AxisSupport); D] = std::array::from_fn(|_| (0, AxisSupport::default()));
         for d in 0..D {
-            axes[d] = mean_hats(&grid.axes()[d], point.position[d], point.half_lengths[d], |xi| xi);
+            axes[d] = mean_hats(&grid.axes()[d], point.position[d], point.half_lengths[d], hats);
         }
         let axes = std::array::from_fn(|d| (axes[d].0, axes[d].1.entries()));
         tensor_product(grid, &axes, out);
@@ -28,14 +28,34 @@ impl<const D: usize> Basis<D> for Gimp {
         Ok(())
     }
 
-    fn at_centres(&self, grid: &dyn Grid<D>, point: &PointGeometry<D>, out: &mut Support<D>) {
+    fn at_centres(&self, grid: &dyn Grid<D>, point: &PointGeometry<D>, revolved: bool, out: &mut Support<D>) {
         out.clear();
         let Some(grid) = grid.structured() else { return };
-        let axes: [(usize, AxisSupport); D] = std::array::from_fn(|d| {
-            mean_hats(&grid.axes()[d], point.position[d], point.half_lengths[d], |_| 0.5)
-        });
+        let (x, l) = (point.position, point.half_lengths);
+        let axes: [(usize, AxisSupport); D] =
+            std::array::from_fn(|d| mean_hats(&grid.axes()[d], x[d], l[d], |_, _| [0.5; 2]));
         tensor_product(grid, &std::array::from_fn(|d| (axes[d].0, axes[d].1.entries())), out);
+        if !revolved {
+            return;
+        }
+        let axis = &grid.axes()[0];
+        let per_radius = |cell: i64| {
+            let cell = cell.clamp(0, axis.n_cells() as i64 - 1) as usize;
+            1.0 / (axis.line(cell) + 0.5 * axis.size(cell))
+        };
+        let (_, hoop) = mean_hats(axis, x[0], l[0], |cell, _| [0.5 * per_radius(cell); 2]);
+        let hoop = hoop.entries();
+        for (k, value) in out.value.iter_mut().enumerate() {
+            let transverse: f64 = (1..D).map(|d| axes[d].1.entries()[k / hoop.len()].0).product();
+            *value = hoop[k % hoop.len()].0 * transverse;
+        }
     }
+}
+
+/// The values of the two hat functions of a cell at a local coordinate, 0 to 1.
+#[inline(always)]
+fn hats(_cell: i64, xi: f64) -> [f64; 2] {
+    [1.0 - xi, xi]
 }
 
 /// Tensor product of one-dimensional supports, each given as `(first node, [(S, dS/dx)])`.
@@ -119,10 +139,15 @@ impl AxisSupport {
 /// whatever the sizes of the cells and of the domain. Both are summed cell by cell: hat functions are linear in a cell,
 /// so their mean over the part of the domain in a cell is the value at the middle of that part, and there is no
 /// cancellation for small domains. Outside the grid there are no nodes; a domain that reaches there loses the partition
-/// of unity accordingly. `place` moves the local coordinate at which the values in a cell are taken; the identity gives
-/// the mean.
+/// of unity accordingly. `values` gives the two values in a cell at the middle of that part: [`hats`], or others for
+/// another mean.
 #[inline(always)]
-fn mean_hats(axis: &Axis, x: f64, half_length: f64, place: impl Fn(f64) -> f64) -> (usize, AxisSupport) {
+fn mean_hats(
+    axis: &Axis,
+    x: f64,
+    half_length: f64,
+    values: impl Fn(i64, f64) -> [f64; 2],
+) -> (usize, AxisSupport) {
     let n_cells = axis.n_cells() as i64;
     let n = n_cells as f64;
     let a = axis.coordinate(x - half_length);
@@ -137,9 +162,9 @@ fn mean_hats(axis: &Axis, x: f64, half_length: f64, place: impl Fn(f64) -> f64) 
     for cell in first..=last {
         let (start, end) = (a.max(cell as f64), b.min(cell as f64 + 1.0));
         let share = if length > 0.0 { (end - start) * axis.relative_size(cell) / length } else { 1.0 };
-        let xi = place(0.5 * (start + end) - cell as f64);
+        let [left, right] = values(cell, 0.5 * (start + end) - cell as f64);
         let h = axis.size(cell.clamp(0, n_cells - 1) as usize);
-        for (node, value, slope) in [(cell, 1.0 - xi, -share / h), (cell + 1, xi, share / h)] {
+        for (node, value, slope) in [(cell, left, -share / h), (cell + 1, right, share / h)] {
             if (0..=n_cells).contains(&node) {
                 let entry = &mut entries[(node - low) as usize];
                 entry.0 += value * share;

@@ -186,9 +186,15 @@ pub trait Basis<const D: usize>: Sync {
     ) -> Result<(), SupportError>;
 
     /// Writes the nodes that a point touches, with the values and gradients of the linear basis at the centre of its cell;
-    /// of a domain over several cells, their mean weighted with its parts in the cells (Coombs et al. 2018). Without a
-    /// centre, all is empty.
-    fn at_centres(&self, _grid: &dyn Grid<D>, _point: &PointGeometry<D>, out: &mut Support<D>) {
+    /// of a domain over several cells, their mean weighted with its parts in the cells (Coombs et al. 2018). In `revolved`
+    /// bodies the values are divided by the radius of the centre, [1/length]. Without a centre, all is empty.
+    fn at_centres(
+        &self,
+        _grid: &dyn Grid<D>,
+        _point: &PointGeometry<D>,
+        _revolved: bool,
+        out: &mut Support<D>,
+    ) {
         out.clear();
     }
 }

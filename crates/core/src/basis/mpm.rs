@@ -32,7 +32,7 @@ impl<const D: usize> Basis<D> for Mpm {
         Ok(())
     }
 
-    fn at_centres(&self, grid: &dyn Grid<D>, point: &PointGeometry<D>, out: &mut Support<D>) {
+    fn at_centres(&self, grid: &dyn Grid<D>, point: &PointGeometry<D>, revolved: bool, out: &mut Support<D>) {
         out.clear();
         let corners = grid.corners(point.cell as usize);
         let n = corners.nodes().len() as f64;
@@ -42,6 +42,9 @@ impl<const D: usize> Basis<D> for Mpm {
             (0..D).for_each(|d| centre[d] += position[d] / n);
         }
         sort(&grid.basis_at(point.cell, &centre), out);
+        if revolved {
+            out.value.iter_mut().for_each(|value| *value /= centre[0]);
+        }
     }
 }
 

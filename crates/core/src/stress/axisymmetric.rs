@@ -6,8 +6,8 @@
 
 use super::products::MANDEL_INDEX;
 use super::{
-    Contribution, Current, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse, Solid, Spatial,
-    StartOfStep, WeakForm, transposed,
+    Averaging, Contribution, Current, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse,
+    Solid, Spatial, StartOfStep, WeakForm, transposed,
 };
 use crate::kinematics::Increment;
 use crate::material::Material;
@@ -90,6 +90,39 @@ impl WeakForm<2> for Revolved {
                     + gradient[2] * column[2][i][k];
             }
         }
+    }
+}
+
+impl From<&Revolved> for Current<2, 3> {
+    #[inline(always)]
+    fn from(point: &Revolved) -> Self {
+        let full = Current::from(&point.point);
+        // Component (i, j) in three dimensions. The work of the hoop stress with the axial displacement is zero.
+        let component = |i: usize, j: usize| match (i, j) {
+            (1, 2) => None,
+            (_, 2) => Some((2, 2)),
+            pair => Some(pair),
+        };
+        let mut stress = [[0.0; 2]; 3];
+        for j in 0..3 {
+            for i in 0..2 {
+                stress[j][i] = component(i, j).map_or(0.0, |(i, j)| full.stress[j][i]);
+            }
+        }
+        let entry = |i, j, k, l| match (component(i, j), component(k, l)) {
+            (Some((i, j)), Some((k, l))) => full.tangent[l][j][i][k],
+            _ => 0.0,
+        };
+        Current::with_tangent(stress, point.inverse, point.per_radius, entry)
+    }
+}
+
+impl Averaging<2> for Revolved {
+    type Averaged = MeanDilatation<2, 3>;
+
+    #[inline(always)]
+    fn averaged(&self, factor: f64, pressure: f64) -> MeanDilatation<2, 3> {
+        MeanDilatation::new(Current::from(self)).averaged(factor, pressure)
     }
 }
 

@@ -1,8 +1,7 @@
 //! The weak form of a point in the current configuration, with all moduli.
 #![allow(non_snake_case)]
 
-use super::products::MANDEL_INDEX;
-use super::{Contribution, Lane, Lanes, Revolved, Spatial, WeakForm, transposed};
+use super::{Contribution, Lane, Lanes, WeakForm, transposed};
 
 /// Stress and moduli of a point in the current configuration, with indices in the order in which they are contracted. `T` is
 /// one number or one SIMD lane per point.
@@ -31,7 +30,7 @@ pub(super) const fn along<const D: usize>(j: usize) -> usize {
 impl<const D: usize, const E: usize> Current<D, E> {
     /// Builds the moduli from their components.
     #[inline(always)]
-    fn with_tangent(
+    pub(super) fn with_tangent(
         stress: [[f64; D]; E],
         inverse: [[f64; D]; D],
         per_radius: f64,
@@ -57,43 +56,6 @@ impl<const D: usize, const E: usize> Current<D, E> {
         self.inverse.as_flattened_mut().iter_mut().for_each(|x| *x *= factor);
         self.per_radius *= factor;
         self
-    }
-}
-
-impl From<&Spatial> for Current<3, 3> {
-    #[inline(always)]
-    fn from(point: &Spatial) -> Self {
-        let Spatial { inverse, b, stress, moduli } = point;
-        let entry = |i: usize, j: usize, k: usize, l: usize| {
-            let of = |q: usize| moduli[MANDEL_INDEX[k][q]][MANDEL_INDEX[i][j]];
-            let change = of(0) * b[0][l] + of(1) * b[1][l] + of(2) * b[2][l];
-            if j == k { change - stress[i][l] } else { change }
-        };
-        Current::with_tangent(*stress, *inverse, 0.0, entry)
-    }
-}
-
-impl From<&Revolved> for Current<2, 3> {
-    #[inline(always)]
-    fn from(point: &Revolved) -> Self {
-        let full = Current::from(&point.point);
-        // Component (i, j) in three dimensions. The work of the hoop stress with the axial displacement is zero.
-        let component = |i: usize, j: usize| match (i, j) {
-            (1, 2) => None,
-            (_, 2) => Some((2, 2)),
-            pair => Some(pair),
-        };
-        let mut stress = [[0.0; 2]; 3];
-        for j in 0..3 {
-            for i in 0..2 {
-                stress[j][i] = component(i, j).map_or(0.0, |(i, j)| full.stress[j][i]);
-            }
-        }
-        let entry = |i, j, k, l| match (component(i, j), component(k, l)) {
-            (Some((i, j)), Some((k, l))) => full.tangent[l][j][i][k],
-            _ => 0.0,
-        };
-        Current::with_tangent(stress, point.inverse, point.per_radius, entry)
     }
 }
 

@@ -15,7 +15,7 @@
 #![allow(non_snake_case)]
 
 use super::current::along;
-use super::{Contribution, Current, Lane, Lanes, Revolved, WeakForm};
+use super::{Contribution, Current, Lane, Lanes, WeakForm};
 
 /// Tensor conjugate to the gradients of the basis, `[j][i]`.
 type Rows<const D: usize, const E: usize, T = f64> = [[T; D]; E];
@@ -190,15 +190,6 @@ impl<const D: usize, const E: usize> Averaging<D> for MeanDilatation<D, E> {
 impl<const D: usize, const E: usize> From<&Contribution<D, E>> for MeanDilatation<D, E> {
     fn from(point: &Contribution<D, E>) -> Self {
         MeanDilatation::new(Current::from(point))
-    }
-}
-
-impl Averaging<2> for Revolved {
-    type Averaged = MeanDilatation<2, 3>;
-
-    #[inline(always)]
-    fn averaged(&self, factor: f64, pressure: f64) -> MeanDilatation<2, 3> {
-        MeanDilatation::new(Current::from(self)).averaged(factor, pressure)
     }
 }
 

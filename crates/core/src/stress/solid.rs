@@ -86,6 +86,19 @@ impl WeakForm<3> for Spatial {
     }
 }
 
+impl From<&Spatial> for Current<3, 3> {
+    #[inline(always)]
+    fn from(point: &Spatial) -> Self {
+        let Spatial { inverse, b, stress, moduli } = point;
+        let entry = |i: usize, j: usize, k: usize, l: usize| {
+            let of = |q: usize| moduli[MANDEL_INDEX[k][q]][MANDEL_INDEX[i][j]];
+            let change = of(0) * b[0][l] + of(1) * b[1][l] + of(2) * b[2][l];
+            if j == k { change - stress[i][l] } else { change }
+        };
+        Current::with_tangent(*stress, *inverse, 0.0, entry)
+    }
+}
+
 /// det(ΔF) and ΔF⁻¹.
 #[inline(always)]
 fn invert(dF: &[[f64; 3]; 3]) -> Result<(f64, [[f64; 3]; 3]), PointError> {

@@ -257,7 +257,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let centre = Centre::new(self, p);
         let links = task.links.links(p, self.room);
         let at_centre = Links { local: links.local, value: &centre.value, gradient: &centre.gradient };
-        let of_centre = Increment::new(M::REVOLVED, nodes, &at_centre, task.delta_d, &centre.position);
+        let of_centre = Increment::new(M::REVOLVED, nodes, &at_centre, task.delta_d, &[1.0; D]); // values are per radius
         let of_centre = Motion::new(p, of_centre)?;
         let (barred, factor) = barred::<D, M>(&motion, of_centre.dJ);
         let (old, new) = self.histories(p);
@@ -301,10 +301,9 @@ fn barred<const D: usize, M: Mechanics<D>>(motion: &Motion<D>, theta: f64) -> (I
 /// The basis functions at the centre of the cell of a point, on the nodes of the point; over several cells their mean over
 /// the domain of the point.
 struct Centre<const D: usize> {
+    /// In bodies of revolution, the values divided by the radius, [1/length].
     value: Vec<f64>,
     gradient: Vec<[f64; D]>,
-    /// The position that the values give.
-    position: [f64; D],
 }
 
 impl<const D: usize> Centre<D> {
@@ -317,15 +316,17 @@ impl<const D: usize> Centre<D> {
         let position = &task.position[p];
         let point = PointGeometry { cell: task.cell[p], position, half_lengths: &half_lengths, corners: &[] };
         let mut support = Support::default();
-        task.model.bodies[task.body[p] as usize].method.basis().at_centres(grid, &point, &mut support);
+        task.model.bodies[task.body[p] as usize].method.basis().at_centres(
+            grid,
+            &point,
+            M::REVOLVED,
+            &mut support,
+        );
         let nodes = task.links.nodes_of(of.group);
         let links = task.links.links(p, of.room);
         let place = |node: usize| grid.node_position(task.links.active_nodes()[node] as usize);
-        let mut centre = Centre {
-            value: vec![0.0; links.local.len()],
-            gradient: vec![[0.0; D]; links.local.len()],
-            position: [0.0; D],
-        };
+        let mut centre =
+            Centre { value: vec![0.0; links.local.len()], gradient: vec![[0.0; D]; links.local.len()] };
         for ((&node, &value), &gradient) in support.nodes.iter().zip(&support.value).zip(&support.gradient) {
             let carrier = task.links.moves_with(node as usize);
             let Some(at) = links.local.iter().position(|l| Some(nodes[*l as usize] as usize) == carrier)
@@ -341,12 +342,6 @@ impl<const D: usize> Centre<D> {
                     let along: f64 = (0..D).map(|d| (to[d] - from[d]) * slope[d]).sum();
                     centre.add(k, along, value, gradient);
                 }
-            }
-        }
-        for (local, value) in links.local.iter().zip(&centre.value) {
-            let at = place(nodes[*local as usize] as usize);
-            for d in 0..D {
-                centre.position[d] += value * at[d];
             }
         }
         centre
@@ -365,9 +360,8 @@ impl<const D: usize> Centre<D> {
         let mut mapped = vec![[0.0; D]; self.gradient.len()];
         map_gradients(&inverse, &self.gradient, &mut mapped);
         if M::REVOLVED {
-            let per_radius = 1.0 / (increment.radius * increment.hoop);
             for (sum, value) in mapped.iter_mut().zip(&self.value) {
-                sum[0] += value * per_radius;
+                sum[0] += value / increment.hoop;
             }
         }
         mapped
