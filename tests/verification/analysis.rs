@@ -5,7 +5,7 @@ use std::path::Path;
 use mpm::deck::{build::build, load::load};
 use mpm::model::Model;
 use mpm::points::Points;
-use mpm::solver::{self, Observer, SolveError, StepReport, Summary};
+use mpm::solver::{self, Observer, Reached, SolveError, StepReport, Summary};
 
 /// One step in equilibrium.
 #[derive(Debug, Clone)]
@@ -89,7 +89,8 @@ fn finish(mut model: Model<2>, mut points: Points<2>) -> Analysis {
     // The steps are those of the paper.
     model.stepping.smallest = 1.0;
     let mut recorder = Recorder::default();
-    let summary = solver::run(&model, &mut points, &mut recorder);
+    let reached = Reached::nothing(&points);
+    let summary = solver::run_stages(&mut model, &mut points, reached, &mut recorder);
     Analysis { model, points, steps: recorder.steps, summary }
 }
 

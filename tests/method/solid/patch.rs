@@ -6,6 +6,7 @@ use mpm::grid::{Axis, Grid, Interval, Structured};
 use mpm::material::{Elasticity, Hencky};
 use mpm::model::NodeSet;
 use mpm::points::Points;
+use mpm::stress::Volumetric;
 use mpm::tensor::{Mat3, Sym3};
 
 use super::bodies::{
@@ -44,6 +45,9 @@ const CASES: [(Kind, Method, [usize; 3]); 14] = [
     (Kind::Tetrahedra, Method::Cpdi1, [1; 3]),
     (Kind::Tetrahedra, Method::Cpdi2, [1; 3]),
 ];
+
+/// The default treatment of domains and volumes.
+const CORNERS: (DomainUpdate, Volumetric) = (DomainUpdate::Corners, Volumetric::Standard);
 
 /// True if the points of an undeformed body integrate the gradients of the basis exactly. False for standard points in
 /// distorted hexahedra, whose basis is not polynomial in x.
@@ -86,7 +90,7 @@ fn structured(kind: Kind) -> Structured<3> {
 /// outer layer.
 fn moved(
     (kind, method, n): (Kind, Method, [usize; 3]),
-    update: DomainUpdate,
+    (update, volumetric): (DomainUpdate, Volumetric),
     increment: Mat3,
     steps: usize,
     everywhere: bool,
@@ -105,6 +109,7 @@ fn moved(
             (model(grid, law, method, update, steps), seeds)
         }
     };
+    model.bodies[0].volumetric = volumetric;
     let mut points = Points::new(&seeds);
     let nodes = if everywhere { nodes_where(model.grid.as_ref(), |_| true) } else { NodeSet::OuterLayer(0) };
     model.boundary_conditions = vec![homogeneous(nodes, &increment, CENTRE, steps)];
@@ -122,8 +127,8 @@ fn moved(
         errors.free = errors.free.max(report.unknowns);
         errors.steps += 1;
     });
-    outcome.unwrap_or_else(|error| panic!("{kind:?} {method:?} {update:?}: {error}"));
-    println!("{kind:?} {method:?} {n:?} {update:?}: {errors:?}");
+    outcome.unwrap_or_else(|error| panic!("{kind:?} {method:?} {update:?} {volumetric:?}: {error}"));
+    println!("{kind:?} {method:?} {n:?} {update:?} {volumetric:?}: {errors:?}");
     errors
 }
 
@@ -132,7 +137,7 @@ fn moved(
 fn rotation_leaves_no_stress() {
     let increment = rotation([1.0, 2.0, 3.0], 15f64.to_radians());
     for case in CASES {
-        let errors = moved(case, DomainUpdate::Corners, increment, 6, false);
+        let errors = moved(case, CORNERS, increment, 6, false);
         assert!(errors.stress < 1e-12 && errors.gradient < 1e-12, "{case:?}: {errors:?}");
         assert!(errors.free > 0 && errors.steps == 6, "{case:?}: {errors:?}");
     }
@@ -144,9 +149,26 @@ fn a_large_step_gives_uniform_stress() {
     let increment = rotation([-1.0, 0.5, 1.0], 40f64.to_radians())
         * Mat3::new(1.4, 0.2, 0.0, 0.0, 0.8, 0.1, 0.0, 0.0, 1.1);
     for case in CASES.into_iter().filter(|(kind, method, _)| is_exact(*kind, *method)) {
-        let errors = moved(case, DomainUpdate::Corners, increment, 1, false);
+        let errors = moved(case, CORNERS, increment, 1, false);
         assert!(errors.stress < 1e-12 && errors.gradient < 1e-12, "{case:?}: {errors:?}");
         assert!(errors.free > 0, "{case:?}: {errors:?}");
+    }
+}
+
+/// The same, with the volume ratio of the points taken from their cells or patches.
+#[test]
+fn a_large_step_gives_uniform_stress_with_the_volume_of_cells() {
+    let increment = rotation([-1.0, 0.5, 1.0], 40f64.to_radians())
+        * Mat3::new(1.4, 0.2, 0.0, 0.0, 0.8, 0.1, 0.0, 0.0, 1.1);
+    for case in CASES.into_iter().filter(|(kind, method, _)| is_exact(*kind, *method)) {
+        for volumetric in [Volumetric::MeanDilatation, Volumetric::FBar] {
+            if volumetric == Volumetric::FBar && (!case.1.has_centres() || case.0 == Kind::Tetrahedra) {
+                continue;
+            }
+            let errors = moved(case, (DomainUpdate::Corners, volumetric), increment, 1, false);
+            assert!(errors.stress < 1e-12 && errors.gradient < 1e-12, "{case:?} {volumetric:?}: {errors:?}");
+            assert!(errors.free > 0, "{case:?}: {errors:?}");
+        }
     }
 }
 
@@ -161,7 +183,7 @@ fn stretch_and_turn() -> Mat3 {
 fn increments_give_uniform_stress_under_cpdi() {
     let cpdi = |method: Method| matches!(method, Method::Cpdi1 | Method::Cpdi2);
     for case in CASES.into_iter().filter(|(_, method, _)| cpdi(*method)) {
-        let errors = moved(case, DomainUpdate::Corners, stretch_and_turn(), 6, false);
+        let errors = moved(case, CORNERS, stretch_and_turn(), 6, false);
         assert!(errors.stress < 1e-11 && errors.gradient < 1e-11, "{case:?}: {errors:?}");
         assert!(errors.free > 0, "{case:?}: {errors:?}");
     }
@@ -171,7 +193,7 @@ fn increments_give_uniform_stress_under_cpdi() {
 #[test]
 fn increments_give_uniform_stress_where_all_nodes_move() {
     for case in CASES {
-        let errors = moved(case, DomainUpdate::Corners, stretch_and_turn(), 6, true);
+        let errors = moved(case, CORNERS, stretch_and_turn(), 6, true);
         assert!(errors.stress < 1e-12 && errors.gradient < 1e-12, "{case:?}: {errors:?}");
     }
     for update in [
@@ -183,7 +205,13 @@ fn increments_give_uniform_stress_where_all_nodes_move() {
         DomainUpdate::DiagonalIncremental,
     ] {
         // Up to 48°, so that the diagonal of F stays positive.
-        let errors = moved((Kind::Structured, Method::Gimp, [2; 3]), update, stretch_and_turn(), 4, true);
+        let errors = moved(
+            (Kind::Structured, Method::Gimp, [2; 3]),
+            (update, Volumetric::Standard),
+            stretch_and_turn(),
+            4,
+            true,
+        );
         assert!(errors.stress < 1e-12 && errors.gradient < 1e-12, "{update:?}: {errors:?}");
     }
 }
