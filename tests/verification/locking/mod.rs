@@ -5,6 +5,7 @@ mod cavity;
 mod cook;
 mod flexure;
 mod patch;
+mod torsion;
 
 /// Orders of convergence from one error to the next, the spacing being halved.
 fn orders(errors: &[f64]) -> Vec<f64> {

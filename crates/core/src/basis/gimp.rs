@@ -18,7 +18,7 @@ impl<const D: usize> Basis<D> for Gimp {
         let grid = grid.structured().ok_or(SupportError::Unstructured)?;
         let mut axes: [(usize, AxisSupport); D] = std::array::from_fn(|_| (0, AxisSupport::default()));
         for d in 0..D {
-            axes[d] = mean_hats(&grid.axes()[d], point.position[d], point.half_lengths[d], hats);
+            axes[d] = mean_hats(&grid.axes()[d], point.position[d], point.half_lengths[d]);
         }
         let axes = std::array::from_fn(|d| (axes[d].0, axes[d].1.entries()));
         tensor_product(grid, &axes, out);
@@ -28,34 +28,31 @@ impl<const D: usize> Basis<D> for Gimp {
         Ok(())
     }
 
-    fn at_centres(&self, grid: &dyn Grid<D>, point: &PointGeometry<D>, revolved: bool, out: &mut Support<D>) {
-        out.clear();
-        let Some(grid) = grid.structured() else { return };
-        let (x, l) = (point.position, point.half_lengths);
-        let axes: [(usize, AxisSupport); D] =
-            std::array::from_fn(|d| mean_hats(&grid.axes()[d], x[d], l[d], |_, _| [0.5; 2]));
-        tensor_product(grid, &std::array::from_fn(|d| (axes[d].0, axes[d].1.entries())), out);
-        if !revolved {
-            return;
-        }
-        let axis = &grid.axes()[0];
-        let per_radius = |cell: i64| {
-            let cell = cell.clamp(0, axis.n_cells() as i64 - 1) as usize;
-            1.0 / (axis.line(cell) + 0.5 * axis.size(cell))
-        };
-        let (_, hoop) = mean_hats(axis, x[0], l[0], |cell, _| [0.5 * per_radius(cell); 2]);
-        let hoop = hoop.entries();
-        for (k, value) in out.value.iter_mut().enumerate() {
-            let transverse: f64 = (1..D).map(|d| axes[d].1.entries()[k / hoop.len()].0).product();
-            *value = hoop[k % hoop.len()].0 * transverse;
-        }
+    fn shares(&self, grid: &dyn Grid<D>, point: &PointGeometry<D>) -> Vec<(u32, f64)> {
+        let Some(grid) = grid.structured() else { return Vec::new() };
+        let axes: [Vec<(usize, f64)>; D] = std::array::from_fn(|d| {
+            parts_in_cells(&grid.axes()[d], point.position[d], point.half_lengths[d])
+        });
+        let mut shares = Vec::new();
+        for_each_offset(axes.each_ref().map(Vec::len), |offset| {
+            let cell = grid.cell(std::array::from_fn(|d| axes[d][offset[d]].0));
+            shares.push((cell as u32, (0..D).map(|d| axes[d][offset[d]].1).product()));
+        });
+        let inside: f64 = shares.iter().map(|(_, share)| share).sum();
+        shares.iter_mut().for_each(|(_, share)| *share /= inside);
+        shares
     }
 }
 
-/// The values of the two hat functions of a cell at a local coordinate, 0 to 1.
-#[inline(always)]
-fn hats(_cell: i64, xi: f64) -> [f64; 2] {
-    [1.0 - xi, xi]
+/// The cells of the grid that [x − l, x + l] overlaps, with its parts in them relative to its length; at least one.
+fn parts_in_cells(axis: &Axis, x: f64, half_length: f64) -> Vec<(usize, f64)> {
+    let n = axis.n_cells();
+    let (a, b) = (axis.coordinate(x - half_length), axis.coordinate(x + half_length));
+    let cell_of = |coordinate: f64| coordinate.clamp(0.0, n as f64 - 1.0) as usize;
+    let (first, last) = (cell_of(a.floor()), cell_of(b.ceil() - 1.0));
+    let part = |cell: usize| (b.min(cell as f64 + 1.0) - a.max(cell as f64)) * axis.size(cell);
+    let parts: Vec<_> = (first..=last).map(|cell| (cell, part(cell))).filter(|part| part.1 > 0.0).collect();
+    if parts.is_empty() { vec![(cell_of(axis.coordinate(x)), 1.0)] } else { parts }
 }
 
 /// Tensor product of one-dimensional supports, each given as `(first node, [(S, dS/dx)])`.
@@ -139,15 +136,8 @@ impl AxisSupport {
 /// whatever the sizes of the cells and of the domain. Both are summed cell by cell: hat functions are linear in a cell,
 /// so their mean over the part of the domain in a cell is the value at the middle of that part, and there is no
 /// cancellation for small domains. Outside the grid there are no nodes; a domain that reaches there loses the partition
-/// of unity accordingly. `values` gives the two values in a cell at the middle of that part: [`hats`], or others for
-/// another mean.
-#[inline(always)]
-fn mean_hats(
-    axis: &Axis,
-    x: f64,
-    half_length: f64,
-    values: impl Fn(i64, f64) -> [f64; 2],
-) -> (usize, AxisSupport) {
+/// of unity accordingly.
+fn mean_hats(axis: &Axis, x: f64, half_length: f64) -> (usize, AxisSupport) {
     let n_cells = axis.n_cells() as i64;
     let n = n_cells as f64;
     let a = axis.coordinate(x - half_length);
@@ -162,9 +152,9 @@ fn mean_hats(
     for cell in first..=last {
         let (start, end) = (a.max(cell as f64), b.min(cell as f64 + 1.0));
         let share = if length > 0.0 { (end - start) * axis.relative_size(cell) / length } else { 1.0 };
-        let [left, right] = values(cell, 0.5 * (start + end) - cell as f64);
+        let xi = 0.5 * (start + end) - cell as f64;
         let h = axis.size(cell.clamp(0, n_cells - 1) as usize);
-        for (node, value, slope) in [(cell, left, -share / h), (cell + 1, right, share / h)] {
+        for (node, value, slope) in [(cell, 1.0 - xi, -share / h), (cell + 1, xi, share / h)] {
             if (0..=n_cells).contains(&node) {
                 let entry = &mut entries[(node - low) as usize];
                 entry.0 += value * share;

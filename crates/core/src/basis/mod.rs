@@ -185,17 +185,10 @@ pub trait Basis<const D: usize>: Sync {
         out: &mut Support<D>,
     ) -> Result<(), SupportError>;
 
-    /// Writes the nodes that a point touches, with the values and gradients of the linear basis at the centre of its cell;
-    /// of a domain over several cells, their mean weighted with its parts in the cells (Coombs et al. 2018). In `revolved`
-    /// bodies the values are divided by the radius of the centre, [1/length]. Without a centre, all is empty.
-    fn at_centres(
-        &self,
-        _grid: &dyn Grid<D>,
-        _point: &PointGeometry<D>,
-        _revolved: bool,
-        out: &mut Support<D>,
-    ) {
-        out.clear();
+    /// The cells of a point with their shares of its domain, which add up to 1: those at whose centres F-bar takes the volume
+    /// ratio. None without such centres.
+    fn shares(&self, _grid: &dyn Grid<D>, _point: &PointGeometry<D>) -> Vec<(u32, f64)> {
+        Vec::new()
     }
 }
 

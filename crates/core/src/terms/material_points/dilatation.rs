@@ -7,14 +7,15 @@
 use std::ops::Range;
 
 use crate::assembly::{Coupling, Dense, Wanted};
-use crate::basis::{Links, PointGeometry, Support};
+use crate::basis::{Links, PointGeometry};
+use crate::grid::{CellBasis, Grid};
 use crate::kinematics::Increment;
 use crate::stress::{Averaged, Averaging, Centred, Centring, Mechanics, Volumetric, WeakForm};
 use crate::tensor::Lanes;
 use crate::terms::failure::PointFailure;
 
 use super::cell_room::{CellRoom, CouplingRoom, Motion, Responded};
-use super::evaluation::{MOST_HISTORY, Vectorised, map_gradients};
+use super::evaluation::{MOST_HISTORY, Task, Vectorised, map_gradients};
 
 /// Factor of ΔF that changes the volume by `ratio`.
 #[inline(always)]
@@ -251,15 +252,10 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     /// Adds a point that takes the volume ratio at the centre of its cell.
     #[inline(never)]
     fn add_centred(&mut self, p: usize) -> Result<(), PointFailure> {
-        let motion = Motion::new(p, self.increment(p))?;
         let task = self.task;
-        let nodes = task.links.nodes_of(self.group);
-        let centre = Centre::new(self, p);
-        let links = task.links.links(p, self.room);
-        let at_centre = Links { local: links.local, value: &centre.value, gradient: &centre.gradient };
-        let of_centre = Increment::new(M::REVOLVED, nodes, &at_centre, task.delta_d, &[1.0; D]); // values are per radius
-        let of_centre = Motion::new(p, of_centre)?;
-        let (barred, factor) = barred::<D, M>(&motion, of_centre.dJ);
+        let motion = Motion::new(p, self.increment(p))?;
+        let (theta, mut excess) = self.at_centres(p)?;
+        let (barred, factor) = barred::<D, M>(&motion, theta);
         let (old, new) = self.histories(p);
         let (start, law) = (&task.start[p], task.law(p));
         let response = if UPDATED {
@@ -269,12 +265,11 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
             M::respond_current(start, &barred, law, old, new)
         };
         let response = response.map_err(|error| PointFailure { point: p, error })?;
-        let response = response.map(|weak| weak.centred(factor, motion.dJ / of_centre.dJ));
+        let response = response.map(|weak| weak.centred(factor, motion.dJ / theta));
         let Vectorised { trial, room, force, dense, .. } = self;
         trial.keep(p, &response);
         let weak = &response.weak;
         let links = task.links.links(p, room);
-        let mut excess = centre.divergence::<M>(&of_centre.increment);
         let mapped = match weak.inverse() {
             None => links.gradient,
             Some(inverse) => map_gradients(inverse, links.gradient, trial.mapped),
@@ -289,6 +284,80 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         dense.add(weak, &links, mapped, force, &|n, column| weak.add_excess(&excess[n], column));
         Ok(())
     }
+
+    /// The volume ratio at the centre of the cell of a point, and the derivative of its logarithm with the displacements of
+    /// the nodes of the point, [1/length]; over several cells, the mean of the ratios by shares of the domain.
+    fn at_centres(&mut self, p: usize) -> Result<(f64, Vec<[f64; D]>), PointFailure> {
+        let (task, grid) = (self.task, self.task.model.grid.as_ref());
+        let nodes = task.links.nodes_of(self.group);
+        let half_lengths = task.half_lengths.get(p).copied().unwrap_or([0.0; D]);
+        let (cell, position) = (task.cell[p], &task.position[p]);
+        let point = PointGeometry { cell, position, half_lengths: &half_lengths, corners: &[] };
+        let shares = task.model.bodies[task.body[p] as usize].method.basis().shares(grid, &point);
+        let links = task.links.links(p, self.room);
+        let (mut theta, mut with_nodes) = (0.0, vec![[0.0; D]; links.local.len()]);
+        for (cell, share) in shares {
+            let (centre, basis) = centre_of(grid, cell);
+            let (value, gradient) = on_nodes_of_point(task, nodes, &links, &basis);
+            let at_centre = Links { local: links.local, value: &value, gradient: &gradient };
+            let increment = Increment::new(M::REVOLVED, nodes, &at_centre, task.delta_d, &centre);
+            let motion = Motion::new(p, increment)?;
+            let mut mapped = vec![[0.0; D]; gradient.len()];
+            map_gradients(&motion.increment.inverse(), &gradient, &mut mapped);
+            theta += share * motion.dJ;
+            for ((sum, g), value) in with_nodes.iter_mut().zip(&mapped).zip(&value) {
+                (0..D).for_each(|d| sum[d] += share * motion.dJ * g[d]);
+                if M::REVOLVED {
+                    sum[0] += share * motion.dJ * value / (centre[0] * motion.increment.hoop);
+                }
+            }
+        }
+        with_nodes.as_flattened_mut().iter_mut().for_each(|x| *x /= theta);
+        Ok((theta, with_nodes))
+    }
+}
+
+/// The centre of a cell, [length], and the linear basis there.
+fn centre_of<const D: usize>(grid: &dyn Grid<D>, cell: u32) -> ([f64; D], CellBasis<D>) {
+    let corners = grid.corners(cell as usize);
+    let mut centre = [0.0; D];
+    for &node in corners.nodes() {
+        let position = grid.node_position(node as usize);
+        (0..D).for_each(|d| centre[d] += position[d] / corners.nodes().len() as f64);
+    }
+    (centre, grid.basis_at(cell, &centre))
+}
+
+/// Values and gradients of the basis of a cell on the nodes that a point touches, `nodes` being those of its group. Nodes
+/// that the point touches by slivers only move with its displacement field.
+fn on_nodes_of_point<const D: usize, M>(
+    task: &Task<D, M>,
+    nodes: &[u32],
+    links: &Links<D>,
+    basis: &CellBasis<D>,
+) -> (Vec<f64>, Vec<[f64; D]>) {
+    let grid = task.model.grid.as_ref();
+    let n = links.local.len();
+    let (mut values, mut gradients) = (vec![0.0; n], vec![[0.0; D]; n]);
+    let mut add = |k: usize, factor: f64, value: f64, gradient: &[f64; D]| {
+        values[k] += factor * value;
+        (0..D).for_each(|d| gradients[k][d] += factor * gradient[d]);
+    };
+    for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
+        let carrier = task.links.moves_with(node as usize);
+        let of_point = |local: &u32| Some(nodes[*local as usize] as usize) == carrier;
+        let (Some(at), Some(active)) = (links.local.iter().position(of_point), carrier) else { continue };
+        add(at, 1.0, value, gradient);
+        if carrier != task.links.active_number(node as usize) {
+            let from = grid.node_position(task.links.active_nodes()[active] as usize);
+            let to = grid.node_position(node as usize);
+            for (k, slope) in links.gradient.iter().enumerate() {
+                let along: f64 = (0..D).map(|d| (to[d] - from[d]) * slope[d]).sum();
+                add(k, along, value, gradient);
+            }
+        }
+    }
+    (values, gradients)
 }
 
 /// The increment with the volume ratio `theta`, and its factor.
@@ -296,74 +365,4 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
 fn barred<const D: usize, M: Mechanics<D>>(motion: &Motion<D>, theta: f64) -> (Increment<D>, f64) {
     let factor = stretch::<D, M>(theta / motion.dJ);
     (motion.increment.scaled(factor, M::REVOLVED), factor)
-}
-
-/// The basis functions at the centre of the cell of a point, on the nodes of the point; over several cells their mean over
-/// the domain of the point.
-struct Centre<const D: usize> {
-    /// In bodies of revolution, the values divided by the radius, [1/length].
-    value: Vec<f64>,
-    gradient: Vec<[f64; D]>,
-}
-
-impl<const D: usize> Centre<D> {
-    fn new<M: Mechanics<D>, K, const UPDATED: bool>(
-        of: &mut Vectorised<'_, '_, '_, '_, D, M, K, UPDATED>,
-        p: usize,
-    ) -> Self {
-        let (task, grid) = (of.task, of.task.model.grid.as_ref());
-        let half_lengths = task.half_lengths.get(p).copied().unwrap_or([0.0; D]);
-        let position = &task.position[p];
-        let point = PointGeometry { cell: task.cell[p], position, half_lengths: &half_lengths, corners: &[] };
-        let mut support = Support::default();
-        task.model.bodies[task.body[p] as usize].method.basis().at_centres(
-            grid,
-            &point,
-            M::REVOLVED,
-            &mut support,
-        );
-        let nodes = task.links.nodes_of(of.group);
-        let links = task.links.links(p, of.room);
-        let place = |node: usize| grid.node_position(task.links.active_nodes()[node] as usize);
-        let mut centre =
-            Centre { value: vec![0.0; links.local.len()], gradient: vec![[0.0; D]; links.local.len()] };
-        for ((&node, &value), &gradient) in support.nodes.iter().zip(&support.value).zip(&support.gradient) {
-            let carrier = task.links.moves_with(node as usize);
-            let Some(at) = links.local.iter().position(|l| Some(nodes[*l as usize] as usize) == carrier)
-            else {
-                continue;
-            };
-            centre.add(at, 1.0, value, gradient);
-            // A sliver moves with the displacement field of the point.
-            if carrier != task.links.active_number(node as usize) {
-                let (from, to) =
-                    (place(nodes[links.local[at] as usize] as usize), grid.node_position(node as usize));
-                for (k, slope) in links.gradient.iter().enumerate() {
-                    let along: f64 = (0..D).map(|d| (to[d] - from[d]) * slope[d]).sum();
-                    centre.add(k, along, value, gradient);
-                }
-            }
-        }
-        centre
-    }
-
-    fn add(&mut self, at: usize, factor: f64, value: f64, gradient: [f64; D]) {
-        self.value[at] += factor * value;
-        for d in 0..D {
-            self.gradient[at][d] += factor * gradient[d];
-        }
-    }
-
-    /// Divergence of the basis functions along each axis in the current configuration, [1/length].
-    fn divergence<M: Mechanics<D>>(&self, increment: &Increment<D>) -> Vec<[f64; D]> {
-        let inverse = increment.inverse();
-        let mut mapped = vec![[0.0; D]; self.gradient.len()];
-        map_gradients(&inverse, &self.gradient, &mut mapped);
-        if M::REVOLVED {
-            for (sum, value) in mapped.iter_mut().zip(&self.value) {
-                sum[0] += value / increment.hoop;
-            }
-        }
-        mapped
-    }
 }
