@@ -1,6 +1,7 @@
 """Limit loads of bodies that flow at constant volume, beside exact values: the cases of `benches/locking.py`, coarse."""
 
 import itertools
+import math
 import re
 import sys
 
@@ -110,3 +111,51 @@ def test_the_script_prints_a_table(program, capsys, monkeypatch, tmp_path):
     table = capsys.readouterr().out
     assert len(re.findall(r"^\| mpm \| (?:standard|mean-dilatation) \| 2 \| 0.25 \|", table, re.M)) == 2
     assert len(file.read_text().splitlines()) == 3
+
+
+BEAM = """
+version: 1
+analysis: {idealisation: IDEALISATION}
+grid: {type: structured, origin: [0, 0SIDE], size: [6, 4DEPTH], spacing: 0.5}
+materials: {rubber: LAW}
+bodies:
+  - {name: beam, material: rubber, shape: {type: box, min: [0, 2SIDE], max: [4, 3DEPTH]}, method: METHOD,
+     volumetric: VOLUMETRIC, points_per_cell: 2}
+boundary_conditions: [{name: wall, nodes: WALL, fix: [FIX]}]
+loads: [{name: weight, type: gravity, acceleration: [0, -3SIDE]}]
+solver: {tolerance: 1.0e-11}
+steps: {count: 2}
+output: {every: 0}
+"""
+
+
+@pytest.mark.parametrize("method, volumetric", [
+    *itertools.product(["mpm", "gimp", "cpdi1", "cpdi2"], ["mean-dilatation"]), ("mpm", "f-bar"), ("gimp", "f-bar")])
+@pytest.mark.parametrize("idealisation", ["plane-strain", "axisymmetric", "solid"])
+@pytest.mark.parametrize("law", ["neo-hookean, young: 1000, poisson: 0.49, density: 1",
+                                 "von-mises, young: 1000, poisson: 0.3, deviatoric_yield_stress: 90, density: 1"])
+def test_iterations_converge_quadratically(mpm, tmp_path, law, idealisation, method, volumetric):
+    solid = idealisation == "solid"
+    # A ring is held at its inner bottom, a beam at its end.
+    wall, fix = ("{y: 2}", "x, y") if idealisation == "axisymmetric" else ("{x: 0}", "x, y, z" if solid else "x, y")
+    text = BEAM.replace("IDEALISATION", idealisation).replace("LAW", f"{{model: {law}}}").replace("METHOD", method)
+    text = text.replace("VOLUMETRIC", volumetric).replace("WALL", wall).replace("FIX", fix)
+    text = text.replace("SIDE", ", 0" if solid else "").replace("DEPTH", ", 1" if solid else "")
+    if idealisation == "axisymmetric":
+        text = text.replace("boundary_conditions: [", "boundary_conditions: [{name: axis, nodes: {x: 0}, fix: [x]}, ")
+    (tmp_path / "deck.yaml").write_text(text)
+    done = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    with open(tmp_path / "out/convergence.csv") as file:
+        rows = [line.strip().split(",") for line in itertools.islice(file, 1, None)]
+    ends = 0
+    for _, step in itertools.groupby(rows, key=lambda row: row[0]):
+        residuals = [float(residual) for _, _, residual, *_ in step]
+        if residuals[-1] < 1e-10:
+            # Round-off hides what follows from a small residual.
+            last = max(k for k, residual in enumerate(residuals) if residual > 1e-8)
+            before, after = -math.log10(residuals[last]), -math.log10(residuals[last + 1])
+            # The constant is the ratio of axial to bending stiffness, as in `tests/verification/beam.rs`.
+            assert after > min(2 * before - 4.3, 10.5), residuals
+            ends += 1
+    assert ends >= 2
