@@ -154,8 +154,8 @@ def test_a_directory_that_may_not_be_written(without_rights):
     assert "panicked" not in messages
     # What was begun cannot even be removed, but it has no final name.
     assert_sound(out, ended=False)
-    assert run("run", deck, "--out", out, *SMALL).stderr.startswith("error[R001]")
-    assert run("run", deck, "--out", out, *SMALL, "--resume").stderr.startswith("error[R00")
+    assert "error[R001]" in run("run", deck, "--out", out, *SMALL).stderr
+    assert "error[R00" in run("run", deck, "--out", out, *SMALL, "--resume").stderr
     assert run("status", out).returncode == 1
     out.chmod(0o777)
 
