@@ -26,7 +26,7 @@ const NONE: u32 = u32::MAX;
 
 impl Patches {
     /// Forms the patches of a mesh, from the cells in their order: each takes the neighbours that share most sides with it,
-    /// and of those the nearest; patches of less than half the size are then joined to the smallest patch beside them.
+    /// and of those the nearest; patches of at most half the size are then joined to the smallest patch beside them.
     pub fn new<const D: usize>(grid: &dyn Grid<D>) -> Self {
         let neighbours = neighbours(grid);
         let n = grid.n_cells();

@@ -16,7 +16,7 @@ pub enum Volumetric {
     /// constant volume; gives the results of Coombs et al. (2020).
     #[default]
     Standard,
-    /// The mean over the points of the body in the cell, or in a patch of triangles or tetrahedra, weighted with
+    /// The mean over the points of the material in the cell, or in a patch of triangles or tetrahedra, weighted with
     /// volume; its variation is averaged likewise, so that the stiffness stays symmetric. For every method.
     MeanDilatation,
     /// The volume ratio at the centre of the cell, Coombs, Charlton, Cortis and Augarde (2018), with an unsymmetric

@@ -17,7 +17,10 @@ impl Check<'_> {
         let deck = self.deck;
         for (name, material) in &deck.materials {
             let poisson = material.poisson();
-            if poisson >= NEARLY_INCOMPRESSIBLE && !standard_bodies(deck, name).is_empty() {
+            let bodies = standard_bodies(deck, name);
+            if poisson >= NEARLY_INCOMPRESSIBLE
+                && bodies.iter().any(|(_, body)| self.key_of_single_points(body).is_none())
+            {
                 let message = format!(
                     "with Poisson's ratio {poisson} the material {} is nearly incompressible, and low-order \
                      cells lock: they are too stiff, with stresses that oscillate from point to point",

@@ -1,4 +1,4 @@
-//! Working space for the points of a body in a cell, which are evaluated together.
+//! Working space for the points of a material in a cell, which are evaluated together.
 #![allow(non_snake_case)]
 
 use crate::kinematics::Increment;
@@ -8,7 +8,7 @@ use crate::terms::failure::PointFailure;
 /// The response of a point to a multiple of its increment, and the factor.
 pub(super) type Responded<R> = (PointResponse<R>, f64);
 
-/// Working space for the points of a body in a cell.
+/// Working space for the points of a material in a cell.
 pub(super) struct CellRoom<const D: usize, M: Mechanics<D>> {
     pub(super) moved: Vec<(usize, Motion<D>)>,
     pub(super) isotropic: Vec<Responded<M::AveragingIsotropic>>,

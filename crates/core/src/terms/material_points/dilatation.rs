@@ -1,6 +1,6 @@
 //! The evaluation of points that take the volume ratio of their cell: its mean there, or its value at the centre.
 //!
-//! The points of a body in a group are those of one cell, or of one patch of triangles or tetrahedra. First the
+//! The points of a material in a group are those of one cell, or of one patch of triangles or tetrahedra. First the
 //! increments of all of them give the ratio, then each point responds, and then all add their parts.
 #![allow(non_snake_case)]
 
@@ -26,20 +26,24 @@ fn stretch<const D: usize, M: Mechanics<D>>(ratio: f64) -> f64 {
 impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     Vectorised<'_, '_, '_, '_, D, M, K, UPDATED>
 {
-    /// Adds the points of a group, each body as it asks.
+    /// Adds the points of a group, as their bodies ask. Points of one material are averaged together, also of several bodies.
     #[inline(always)]
     pub(super) fn add_dilated(&mut self, points: Range<usize>) -> Result<(), PointFailure> {
         let task = self.task;
+        let kind = |p: usize| {
+            let body = &task.model.bodies[task.body[p] as usize];
+            (body.material, body.volumetric)
+        };
         for first in points.clone() {
-            let body = task.body[first];
-            if task.body[points.start..first].contains(&body) {
+            let of_kind = kind(first);
+            if (points.start..first).any(|p| kind(p) == of_kind) {
                 continue;
             }
-            let mut of_body = (first..points.end).filter(|p| task.body[*p] == body);
-            match task.model.bodies[body as usize].volumetric {
-                Volumetric::Standard => of_body.try_for_each(|p| self.add_alone(p))?,
-                Volumetric::MeanDilatation => self.add_averaged(of_body)?,
-                Volumetric::FBar => of_body.try_for_each(|p| self.add_centred(p))?,
+            let mut alike = (first..points.end).filter(|p| kind(*p) == of_kind);
+            match of_kind.1 {
+                Volumetric::Standard => alike.try_for_each(|p| self.add_alone(p))?,
+                Volumetric::MeanDilatation => self.add_averaged(alike)?,
+                Volumetric::FBar => alike.try_for_each(|p| self.add_centred(p))?,
             }
         }
         Ok(())
@@ -51,7 +55,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         self.add(p..p + 1)
     }
 
-    /// Adds the points of one body with their mean dilatation.
+    /// Adds the points of one material with their mean dilatation.
     #[inline(always)]
     fn add_averaged(&mut self, points: impl Iterator<Item = usize>) -> Result<(), PointFailure> {
         let mut room = std::mem::take(self.cell);
@@ -182,7 +186,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         (&task.old_history[p * n..][..kept], &mut self.trial.history[here * n..][..kept])
     }
 
-    /// Adds the points of one body, whose volume is `volume`, under their common pressure.
+    /// Adds these points, whose volume is `volume`, under their common pressure.
     #[inline(always)]
     fn add_responses<R: Averaging<D>>(
         &mut self,
@@ -328,8 +332,8 @@ fn centre_of<const D: usize>(grid: &dyn Grid<D>, cell: u32) -> ([f64; D], CellBa
     (centre, grid.basis_at(cell, &centre))
 }
 
-/// Values and gradients of the basis of a cell on the nodes that a point touches, `nodes` being those of its group. Nodes
-/// that the point touches by slivers only move with its displacement field.
+/// Values and gradients of the basis of a cell on the nodes that a point touches, `nodes` being those of its group. Other
+/// nodes, which the point would touch by slivers, move with its displacement field.
 fn on_nodes_of_point<const D: usize, M>(
     task: &Task<D, M>,
     nodes: &[u32],
@@ -338,23 +342,25 @@ fn on_nodes_of_point<const D: usize, M>(
 ) -> (Vec<f64>, Vec<[f64; D]>) {
     let grid = task.model.grid.as_ref();
     let n = links.local.len();
+    let active = |k: usize| nodes[links.local[k] as usize] as usize;
+    let largest = (1..n).fold(0, |most, k| if links.value[k] > links.value[most] { k } else { most });
     let (mut values, mut gradients) = (vec![0.0; n], vec![[0.0; D]; n]);
     let mut add = |k: usize, factor: f64, value: f64, gradient: &[f64; D]| {
         values[k] += factor * value;
         (0..D).for_each(|d| gradients[k][d] += factor * gradient[d]);
     };
     for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
-        let carrier = task.links.moves_with(node as usize);
-        let of_point = |local: &u32| Some(nodes[*local as usize] as usize) == carrier;
-        let (Some(at), Some(active)) = (links.local.iter().position(of_point), carrier) else { continue };
-        add(at, 1.0, value, gradient);
-        if carrier != task.links.active_number(node as usize) {
-            let from = grid.node_position(task.links.active_nodes()[active] as usize);
-            let to = grid.node_position(node as usize);
-            for (k, slope) in links.gradient.iter().enumerate() {
-                let along: f64 = (0..D).map(|d| (to[d] - from[d]) * slope[d]).sum();
-                add(k, along, value, gradient);
-            }
+        let number = task.links.active_number(node as usize);
+        if let Some(k) = (0..n).find(|&k| Some(active(k)) == number) {
+            add(k, 1.0, value, gradient);
+            continue;
+        }
+        let from = grid.node_position(task.links.active_nodes()[active(largest)] as usize);
+        let to = grid.node_position(node as usize);
+        add(largest, 1.0, value, gradient);
+        for (k, slope) in links.gradient.iter().enumerate() {
+            let along: f64 = (0..D).map(|d| (to[d] - from[d]) * slope[d]).sum();
+            add(k, along, value, gradient);
         }
     }
     (values, gradients)

@@ -207,7 +207,7 @@ pub(super) struct Vectorised<'t, 'a, 's, 'r, const D: usize, M: Mechanics<D>, K,
     pub(super) room: &'t mut LinkBuffer<'r, D>,
     pub(super) force: &'t mut [[f64; D]],
     pub(super) dense: &'t mut K,
-    /// Working space for the points of a body in a cell.
+    /// Working space for the points of a material in a cell.
     pub(super) cell: &'t mut CellRoom<D, M>,
 }
 
