@@ -1,6 +1,7 @@
 """Limit loads of bodies that flow at constant volume, beside exact values: the cases of `benches/locking.py`, coarse."""
 
 import itertools
+import json
 import math
 import re
 import sys
@@ -212,3 +213,24 @@ def test_domains_that_touch_cells_by_slivers_move_without_stress(mpm, tmp_path, 
     assert done.returncode == 0, done.stderr
     stress = meshio.read(tmp_path / "out/points_0001.vtu").point_data["cauchy_stress"]
     assert abs(stress).max() < 1e-12 * 1000
+
+
+@pytest.mark.parametrize("idealisation, method", [("plane-strain", "mpm"), ("plane-strain", "gimp"), ("solid", "mpm")])
+def test_f_bar_is_solved_by_iterations(mpm, tmp_path, idealisation, method):
+    solid = idealisation == "solid"
+    text = BEAM.replace("IDEALISATION", idealisation).replace("METHOD", method).replace("VOLUMETRIC", "f-bar")
+    text = text.replace("LAW", "{model: neo-hookean, young: 1000, poisson: 0.45, density: 1}").replace("WALL", "{x: 0}")
+    text = text.replace("FIX", "x, y, z" if solid else "x, y").replace("spacing: 0.5", "spacing: 0.25")
+    text = text.replace("SIDE", ", 0" if solid else "").replace("DEPTH", ", 1" if solid else "")
+    text = text.replace("tolerance: 1.0e-11", "tolerance: 1.0e-9, linear: LINEAR").replace("[0, -3", "[0, -0.3")
+    forces = []
+    for linear in ("direct", "iterative"):
+        (tmp_path / "deck.yaml").write_text(text.replace("LINEAR", linear))
+        done = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / linear)
+        assert done.returncode == 0 and "W004" not in done.stderr, done.stderr
+        summary = json.loads((tmp_path / linear / "summary.json").read_text())
+        assert (summary["iterative_solves"] > 0) == (linear == "iterative")
+        assert summary["linear_solves"] == summary["iterative_solves"] or linear == "direct"
+        lines = (tmp_path / linear / "history.csv").read_text().splitlines()
+        forces.append(float(lines[-1].split(",")[lines[0].split(",").index("wall_mz")]))
+    assert forces[1] == pytest.approx(forces[0], rel=1e-6)

@@ -1,8 +1,9 @@
 //! Iterative solver for large systems on the nodes of a structured grid, with a multigrid cycle as preconditioner:
-//! conjugate gradients, and GMRES where the matrix turns out not to be positive definite.
+//! conjugate gradients, and GMRES where the matrix turns out not to be positive definite, or is not symmetric.
 
 mod conjugate;
 mod gmres;
+mod symmetric_part;
 
 use super::backend::{Backend, Layout, Solved, Stiffness};
 use super::blocks::BlockMatrix;
@@ -11,14 +12,17 @@ use super::{Factorisation, LinearError};
 
 use conjugate::ConjugateGradients;
 use gmres::Gmres;
+use symmetric_part::SymmetricPart;
 
-/// The iterative backend for symmetric matrices on structured grids. It applies the assembled matrix block by block;
-/// only the preconditioner keeps a copy, in single precision.
+/// The iterative backend on structured grids. It applies the assembled matrix block by block; only the preconditioner keeps
+/// a copy, in single precision. The preconditioner of an unsymmetric matrix is that of its symmetric part.
 #[derive(Default)]
 pub struct Krylov<const D: usize, const N: usize = D> {
     multigrid: Multigrid<D, N>,
     held: Vec<[bool; N]>,
-    /// True if no direction of negative curvature has been met.
+    /// Of a matrix that is not symmetric.
+    symmetric_part: Option<SymmetricPart<N>>,
+    /// True if the matrix is symmetric and no direction of negative curvature has been met.
     definite: bool,
     conjugate_gradients: ConjugateGradients<N>,
     gmres: Gmres<N>,
@@ -35,17 +39,18 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     /// Does nothing if nodes, pattern and unknowns are those of the last call.
     ///
     /// # Errors
-    /// [`LinearError::Unsymmetric`]; [`LinearError::OutOfMemory`].
+    /// [`LinearError::Unsymmetric`] if the pattern is not symmetric; [`LinearError::OutOfMemory`].
     fn prepare(&mut self, layout: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
-        if !matrix.symmetric {
-            return Err(LinearError::Unsymmetric);
-        }
+        self.symmetric_part = if matrix.symmetric { None } else { Some(SymmetricPart::new(matrix)?) };
         let n = layout.numbering.n_nodes();
         let places = (0..n).map(layout.lattice).collect();
         let is_held = |node, component| layout.numbering.unknown(node, component).is_none();
         self.held = (0..n).map(|node| std::array::from_fn(|component| is_held(node, component))).collect();
         let lines = layout.lines.map(|lines| lines.map(<[f64]>::to_vec));
-        self.multigrid.analyse(matrix, (places, lines), self.held.clone()).map(|_| ())
+        let part = self.symmetric_part.as_ref().map(SymmetricPart::matrix);
+        self.multigrid
+            .analyse(part.as_ref().unwrap_or(matrix), (places, lines), self.held.clone())
+            .map(|_| ())
     }
 
     /// Sets up the preconditioner.
@@ -53,8 +58,13 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
     /// # Errors
     /// [`LinearError::Singular`] if an unknown has no diagonal stiffness, or the coarsest level has none at all.
     fn factorise(&mut self, _: &Layout<D, N>, matrix: &BlockMatrix<N>) -> Result<(), LinearError> {
-        self.definite = self.multigrid.factorise(matrix)?;
-        Ok(())
+        let Some(part) = &mut self.symmetric_part else {
+            self.definite = self.multigrid.factorise(matrix)?;
+            return Ok(());
+        };
+        part.take(matrix);
+        self.definite = false;
+        self.multigrid.factorise(&part.matrix()).map(|_| ())
     }
 
     /// Measures the residual in the norm of the forces on the unknowns.
@@ -69,7 +79,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
         x: &mut [[f64; N]],
         tolerance: f64,
     ) -> Result<Solved, LinearError> {
-        let Self { multigrid, held, definite, conjugate_gradients, gmres } = self;
+        let Self { multigrid, held, definite, conjugate_gradients, gmres, .. } = self;
         let mut precondition = |r: &[[f64; N]], z: &mut [[f64; N]]| multigrid.precondition(r, z);
         let mut masked = |x: &[[f64; N]], out: &mut [[f64; N]]| {
             stiffness.multiply(x, out);

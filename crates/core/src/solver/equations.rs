@@ -132,15 +132,15 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let choice = place.model.newton.linear;
         // Coarser grids do not support turned and tied nodes.
         let is_regular = place.model.grid.structured().is_some() && place.dofs.is_plain();
+        // GMRES, for a matrix that is not symmetric, only where asked for.
         let possible = is_regular && system.matrix().symmetric;
         let iterative = match choice {
             Choice::Direct => false,
-            Choice::Iterative => possible,
+            Choice::Iterative => is_regular,
             Choice::Auto => possible && place.extent(system).is_large::<D>(),
         };
-        if choice == Choice::Iterative && !possible {
-            let is_plain = place.dofs.is_plain();
-            self.turned.get_or_insert(if is_plain { LinearError::Unsymmetric } else { LinearError::Turned });
+        if choice == Choice::Iterative && !is_regular {
+            self.turned.get_or_insert(LinearError::Turned);
         }
         if iterative {
             return self.prepare_with(Method::Iterative, place, system);
