@@ -112,6 +112,17 @@ pub trait Grid<const D: usize>: std::fmt::Debug + Send + Sync {
     /// Corner nodes of a cell.
     fn corners(&self, cell: usize) -> Corners;
 
+    /// Mean position of the corners of a cell, [length].
+    fn centre(&self, cell: usize) -> [f64; D] {
+        let corners = self.corners(cell);
+        let mut centre = [0.0; D];
+        for &node in corners.nodes() {
+            let position = self.node_position(node as usize);
+            (0..D).for_each(|d| centre[d] += position[d] / corners.nodes().len() as f64);
+        }
+        centre
+    }
+
     /// Size of a cell, [length].
     fn size(&self, cell: usize) -> f64;
 

@@ -73,12 +73,12 @@ fn best<const D: usize>(
 ) -> Option<u32> {
     let mut middle = [0.0; D];
     for &cell in patch {
-        let of_cell = centre(grid, cell);
+        let of_cell = grid.centre(cell as usize);
         (0..D).for_each(|d| middle[d] += of_cell[d] / patch.len() as f64);
     }
     let rating = |cell: u32| {
         let shared = neighbours[cell as usize].iter().filter(|other| patch.contains(other)).count();
-        let of_cell = centre(grid, cell);
+        let of_cell = grid.centre(cell as usize);
         let distance: f64 = (0..D).map(|d| (of_cell[d] - middle[d]).powi(2)).sum();
         (shared, distance)
     };
@@ -89,17 +89,6 @@ fn best<const D: usize>(
             _ => Some(one),
         })
         .map(|(_, cell)| cell)
-}
-
-/// The mean position of the corners of a cell, [length].
-fn centre<const D: usize>(grid: &dyn Grid<D>, cell: u32) -> [f64; D] {
-    let corners = grid.corners(cell as usize);
-    let mut centre = [0.0; D];
-    for &node in corners.nodes() {
-        let position = grid.node_position(node as usize);
-        (0..D).for_each(|d| centre[d] += position[d] / corners.nodes().len() as f64);
-    }
-    centre
 }
 
 /// Joins small patches to the smallest patch beside them.

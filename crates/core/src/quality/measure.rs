@@ -234,15 +234,7 @@ impl Measures {
 
 /// Volume of material that fills a cell, [volume].
 fn volume_of_cell<const D: usize>(model: &Model<D>, cell: usize) -> f64 {
-    let corners = model.grid.corners(cell);
-    let mut middle = [0.0; D];
-    for &node in corners.nodes() {
-        let place = model.grid.node_position(node as usize);
-        for d in 0..D {
-            middle[d] += place[d] / corners.nodes().len() as f64;
-        }
-    }
-    model.grid.volume(cell) * model.depth(&middle)
+    model.grid.volume(cell) * model.depth(&model.grid.centre(cell))
 }
 
 /// Share of the volume of a box outside the grid, [-]; on unstructured grids, share of its corners.

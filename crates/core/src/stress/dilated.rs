@@ -9,7 +9,8 @@
 //! h⊗b + b⊗h + k h⊗h with b = Σ V⁰ dev(1:Dτ̄)·g/n and k = Σ V⁰ (1:Dτ̄:1/n² − π). All derives from the energy at ΔF̄, so
 //! that the stiffness is symmetric if that of the law is (Simo, Taylor and Pister 1985; Moran, Ortiz and Shih 1990).
 //!
-//! **F-bar.** θ = ΔJ₀, the volume ratio at the centre of the cell, at ΔF₀ = 1 + Σ u ⊗ g₀. Forces are V σ̄·g with
+//! **F-bar.** θ = ΔJ₀, the volume ratio at the centre of the cell, at ΔF₀ = 1 + Σ u ⊗ g₀; of a GIMP point, its mean over the
+//! cells of the domain. Forces are V σ̄·g with
 //! σ̄ = τ̄/(ΔJ₀ J_n), and the stiffness gains g·(Dτ̄:1/n − τ̄) ⊗ (g₀ − g) times V/(ΔJ₀ J_n) (de Souza Neto et al. 1996;
 //! Coombs et al. 2018).
 #![allow(non_snake_case)]

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use crate::assembly::{Coupling, Dense, Wanted};
 use crate::basis::{Links, PointGeometry};
-use crate::grid::{CellBasis, Grid};
+use crate::grid::CellBasis;
 use crate::kinematics::Increment;
 use crate::stress::{Averaged, Averaging, Centred, Centring, Mechanics, Volumetric, WeakForm};
 use crate::tensor::Lanes;
@@ -301,7 +301,8 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let links = task.links.links(p, self.room);
         let (mut theta, mut with_nodes) = (0.0, vec![[0.0; D]; links.local.len()]);
         for (cell, share) in shares {
-            let (centre, basis) = centre_of(grid, cell);
+            let centre = grid.centre(cell as usize);
+            let basis = grid.basis_at(cell, &centre);
             let (value, gradient) = on_nodes_of_point(task, nodes, &links, &basis);
             let at_centre = Links { local: links.local, value: &value, gradient: &gradient };
             let increment = Increment::new(M::REVOLVED, nodes, &at_centre, task.delta_d, &centre);
@@ -319,17 +320,6 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         with_nodes.as_flattened_mut().iter_mut().for_each(|x| *x /= theta);
         Ok((theta, with_nodes))
     }
-}
-
-/// The centre of a cell, [length], and the linear basis there.
-fn centre_of<const D: usize>(grid: &dyn Grid<D>, cell: u32) -> ([f64; D], CellBasis<D>) {
-    let corners = grid.corners(cell as usize);
-    let mut centre = [0.0; D];
-    for &node in corners.nodes() {
-        let position = grid.node_position(node as usize);
-        (0..D).for_each(|d| centre[d] += position[d] / corners.nodes().len() as f64);
-    }
-    (centre, grid.basis_at(cell, &centre))
 }
 
 /// Values and gradients of the basis of a cell on the nodes that a point touches, `nodes` being those of its group. Other
