@@ -11,6 +11,8 @@ mod gmsh;
 mod inline_vtu;
 mod iterative;
 mod linear;
+#[path = "../verification/meshes.rs"]
+mod meshes;
 mod moving_grid;
 mod scaling;
 mod solid;

@@ -38,15 +38,15 @@ pub fn plane([n, m]: [usize; 2], cells: Cells, place: impl Fn(f64, f64) -> [f64;
     msh(&nodes, &elements, 2)
 }
 
-/// A mesh of a brick with a corner at the origin, as MSH 2.2: the group `body` of all cells. Each brick has six tetrahedra
+/// A mesh of the unit cube, mapped by `place`, as MSH 2.2: the group `body` of all cells. Each brick has six tetrahedra
 /// around a diagonal.
-pub fn brick(counts: [usize; 3], size: [f64; 3], origin: [f64; 3], cells: Cells) -> String {
+pub fn brick(counts: [usize; 3], cells: Cells, place: impl Fn([f64; 3]) -> [f64; 3]) -> String {
     let node = |at: [usize; 3]| (at[2] * (counts[1] + 1) + at[1]) * (counts[0] + 1) + at[0] + 1;
     let each = |most: [usize; 3]| {
         (0..most[2]).flat_map(move |k| (0..most[1]).flat_map(move |j| (0..most[0]).map(move |i| [i, j, k])))
     };
     let nodes: Vec<[f64; 3]> = each(counts.map(|n| n + 1))
-        .map(|at| std::array::from_fn(|d| origin[d] + size[d] * at[d] as f64 / counts[d] as f64))
+        .map(|at| place(std::array::from_fn(|d| at[d] as f64 / counts[d] as f64)))
         .collect();
     let mut elements = Vec::new();
     for at in each(counts) {
@@ -84,6 +84,7 @@ fn msh(nodes: &[[f64; 3]], elements: &[String], dimension: usize) -> String {
 }
 
 /// Writes a mesh to a file, which lives as long as the value that is returned.
+#[allow(dead_code, reason = "not every test program uses it")]
 pub fn written(mesh: &str) -> tempfile::NamedTempFile {
     let mut file = tempfile::NamedTempFile::with_suffix(".msh").unwrap();
     std::io::Write::write_all(&mut file, mesh.as_bytes()).unwrap();

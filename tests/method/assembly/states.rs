@@ -2,7 +2,7 @@
 
 use mpm::basis::{Connectivity, DomainKind, Method};
 use mpm::domain::DomainUpdate;
-use mpm::grid::{Axis, Interval, Structured};
+use mpm::grid::{Axis, Grid, Interval, Structured};
 use mpm::material::{
     Elasticity, Hencky, Material, MaterialError, NeoHookean, Response, StateField, StrainMeasure, VonMises,
 };
@@ -73,16 +73,14 @@ impl Material for Skewed {
 
 const LAWS: [Law; 5] = [Law::Hencky, Law::NeoHookean, Law::VonMises, Law::Both, Law::Skewed];
 
-/// All methods and laws tested in the plane.
+/// All methods with all laws.
 pub fn cases() -> Vec<(Method, Law)> {
-    let mut cases = cases_without_corners();
-    cases.extend([(Method::Cpdi2, Law::Hencky), (Method::Cpdi2, Law::VonMises)]);
-    cases
+    of_methods(&[Method::Mpm, Method::Gimp, Method::Cpdi1, Method::Cpdi2])
 }
 
-/// As [`cases`], without domains that have corners.
-pub fn cases_without_corners() -> Vec<(Method, Law)> {
-    [Method::Mpm, Method::Gimp].into_iter().flat_map(|method| LAWS.map(|law| (method, law))).collect()
+/// These methods with all laws.
+pub fn of_methods(methods: &[Method]) -> Vec<(Method, Law)> {
+    methods.iter().flat_map(|method| LAWS.map(|law| (*method, law))).collect()
 }
 
 pub const FORMULATIONS: [Formulation; 2] = [Formulation::PreviouslyConverged, Formulation::UpdatedLagrangian];
@@ -124,7 +122,7 @@ pub fn state_with<const D: usize, M: Mechanics<D>>(
     n_points: usize,
     seed: u64,
 ) -> State<D> {
-    state_on::<D, M>(&few_cells(), 0.1, (method, domain), law, n_points, seed)
+    state_on::<D, M>(Box::new(few_cells()), 0.1, (method, domain), law, n_points, seed)
 }
 
 /// As [`random_state`], on a grid of the same extent whose cells grow and shrink along the first two axes.
@@ -145,7 +143,7 @@ pub fn graded_random_state<const D: usize, M: Mechanics<D>>(
     };
     let graded = |d: usize| if d < 2 { axis(d) } else { even.axes()[d].clone() };
     let grid = Structured::with_axes(std::array::from_fn(graded));
-    state_on::<D, M>(&grid, 0.1, (method, Domain::Box), law, n_points, seed)
+    state_on::<D, M>(Box::new(grid), 0.1, (method, Domain::Box), law, n_points, seed)
 }
 
 /// A grid of few cells, well to the right of the axis x = 0.
@@ -162,13 +160,14 @@ fn even_grid<const D: usize>(cells: [usize; D]) -> Structured<D> {
 /// As [`random_state`], on a grid large enough for several batches, with domains inside it.
 #[allow(dead_code, reason = "not every test program uses it")]
 pub fn large_random_state<M: Mechanics<2>>(method: Method, law: Law, n_points: usize, seed: u64) -> State<2> {
-    state_on::<2, M>(&even_grid([24, 20]), 0.4, (method, Domain::Box), law, n_points, seed)
+    state_on::<2, M>(Box::new(even_grid([24, 20])), 0.4, (method, Domain::Box), law, n_points, seed)
 }
 
 const SPACING: [f64; 3] = [0.5, 0.4, 0.6];
 
-fn state_on<const D: usize, M: Mechanics<D>>(
-    grid: &Structured<D>,
+/// As [`random_state`], on another grid whose bounds it fills, with positions at least `margin` away from them.
+pub fn state_on<const D: usize, M: Mechanics<D>>(
+    grid: Box<dyn Grid<D>>,
     margin: f64,
     (method, shape): (Method, Domain),
     law: Law,
@@ -176,7 +175,7 @@ fn state_on<const D: usize, M: Mechanics<D>>(
     seed: u64,
 ) -> State<D> {
     let random = &mut Random(seed);
-    let (low, high) = (grid.origin(), grid.upper());
+    let [low, high] = grid.bounds();
     let hencky = || Box::new(Hencky::new(2e6, 0.25)) as Box<dyn Material>;
     let von_mises = || Box::new(VonMises::new(1e6, 0.3, 0.25e6).hardening(0.2e6)) as Box<dyn Material>;
     let laws = match law {
@@ -233,7 +232,7 @@ fn state_on<const D: usize, M: Mechanics<D>>(
         .collect();
     let model = Model {
         title: String::new(),
-        grid: Box::new(grid.clone()),
+        grid,
         revolved: M::REVOLVED,
         formulation: Formulation::PreviouslyConverged,
         point_volume: PointVolume::Deformation,

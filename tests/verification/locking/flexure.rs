@@ -130,8 +130,8 @@ fn in_plane(n: usize, method: &str, cells: Option<Cells>, volumetric: &str, turn
 
 fn in_space(n: usize, method: &str, cells: Option<Cells>, volumetric: &str, turn: f64) -> f64 {
     let depth = 1.0 / n as f64;
-    let mesh =
-        cells.map(|cells| written(&brick([n, 2 * n, 1], [1.0, LENGTH, depth], [-0.5, 0.0, 0.0], cells)));
+    let mesh = cells
+        .map(|cells| written(&brick([n, 2 * n, 1], cells, |[x, y, z]| [x - 0.5, LENGTH * y, depth * z])));
     let file = mesh.as_ref().map(|m| m.path().display().to_string()).unwrap_or_default();
     let body = match cells {
         None => format!(
