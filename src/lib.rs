@@ -6,9 +6,10 @@
 //! - [`deck`] (`mpm-deck`): from YAML to a [`model::Model`] and [`points::Points`], with messages that name the line;
 //! - [`output`] (`mpm-files`): from there to result files;
 //! - [`appendix`] and [`study`] (`mpm-report`): reports of results, and a deck run for many parameters;
-//! - [`codes`]: the pages that explain messages.
+//! - [`codes`]: the pages that explain messages;
+//! - [`program`]: the commands.
 //!
-//! Each depends only on those above it in this list. None prints or exits; only `main.rs` does.
+//! Each depends only on those above it in this list. Only the last prints or exits.
 
 pub use mpm_core::{
     assembly, basis, dofs, domain, equilibrium, formula, grid, kinematics, linear, material, memory, model,
@@ -19,6 +20,7 @@ pub use mpm_files as output;
 pub use mpm_report::{appendix, study};
 
 pub mod codes;
+pub mod program;
 
 /// The program on the page about the library is run as a test.
 #[cfg(doctest)]

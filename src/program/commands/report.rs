@@ -3,13 +3,12 @@
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
+use crate::appendix::{self, FieldChoice, Options, StepChoice, Units};
+use crate::program::commands::analysis::start_threads;
+use crate::program::exit::DONE;
 use anyhow::bail;
 use clap::Args;
-use mpm::appendix::{self, FieldChoice, Options, StepChoice, Units};
-
-use crate::commands::analysis::start_threads;
 
 /// Bytes at the beginning of a page that contain the tag of its generator.
 const FIRST: u64 = 1000;
@@ -38,7 +37,7 @@ pub struct ReportArgs {
 }
 
 /// Writes the page.
-pub fn report(args: ReportArgs) -> anyhow::Result<ExitCode> {
+pub fn report(args: ReportArgs) -> anyhow::Result<u8> {
     start_threads(None)?;
     let options = Options { fields: args.field, steps: args.steps, units: args.units };
     let page = appendix::report(&args.directories, &options)?;
@@ -51,7 +50,7 @@ pub fn report(args: ReportArgs) -> anyhow::Result<ExitCode> {
     }
     appendix::write(&path, &page)?;
     message!("the report is {}", path.display());
-    Ok(ExitCode::SUCCESS)
+    Ok(DONE)
 }
 
 /// True if a path does not exist, or is an empty file or a report.

@@ -1,14 +1,11 @@
 //! `mpm explain`: the meaning of a message and its remedy.
 
-use std::process::ExitCode;
-
+use crate::codes::{PAGES, page};
+use crate::program::screen::print::print;
 use anyhow::bail;
-use mpm::codes::{PAGES, page};
-
-use crate::screen::print::print;
 
 /// Prints the page of a code, or all codes with their titles.
-pub fn explain(code: Option<&str>) -> anyhow::Result<ExitCode> {
+pub fn explain(code: Option<&str>) -> anyhow::Result<u8> {
     let Some(code) = code else {
         let list: String = PAGES.iter().map(|page| format!("{}  {}\n", page.code, page.title())).collect();
         return print(&list);

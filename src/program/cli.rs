@@ -3,8 +3,8 @@
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
-use crate::commands::arguments::DeckArgs;
-use crate::commands::{new, report, run, status, sweep};
+use crate::program::commands::arguments::DeckArgs;
+use crate::program::commands::{new, report, run, status, sweep};
 
 /// Implicit, quasi-static, finite-deformation material point method.
 #[derive(Parser)]

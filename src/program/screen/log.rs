@@ -6,10 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::output::directory;
+use crate::program::screen::message::clean;
 use anyhow::{Context, bail};
-use mpm::output::directory;
-
-use crate::screen::message::clean;
 
 /// Bytes at the beginning of a log that contain the name of the program.
 const FIRST: u64 = 24;

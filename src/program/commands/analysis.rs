@@ -5,29 +5,29 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use crate::deck::advice::{self, WORDING};
+use crate::deck::diagnostic::{self, Diagnostic, as_json, render_all};
+use crate::deck::load::{LoadFailure, LoadedDeck, load};
+use crate::deck::ready::{self, Analysis, Extent, ready};
+use crate::deck::source::Source;
+use crate::memory::Memory;
+use crate::output::checkpoint::last_step;
+use crate::output::lock::Lock;
+use crate::output::results::Results;
+use crate::output::summary::{Account, Start};
+use crate::solver::{SolveError, Summary};
+use crate::timing::Timings;
 use anyhow::{anyhow, bail};
-use mpm::deck::advice::{self, WORDING};
-use mpm::deck::diagnostic::{self, Diagnostic, as_json, render_all};
-use mpm::deck::load::{LoadFailure, LoadedDeck, load};
-use mpm::deck::ready::{self, Analysis, Extent, ready};
-use mpm::deck::source::Source;
-use mpm::memory::Memory;
-use mpm::output::checkpoint::last_step;
-use mpm::output::lock::Lock;
-use mpm::output::results::Results;
-use mpm::output::summary::{Account, Start};
-use mpm::solver::{SolveError, Summary};
-use mpm::timing::Timings;
 use serde_json::{Value, json};
 
-use crate::commands::arguments::{DeckArgs, Format};
-use crate::commands::resume::{self, AGAIN, Found};
-use crate::screen::closing::Closing;
-use crate::screen::failure::{Coded, in_words};
-use crate::screen::message::clean;
-use crate::screen::print::print_json;
-use crate::screen::progress::{View, Watch};
-use crate::system_limits::wait_for_lack_of_memory;
+use crate::program::commands::arguments::{DeckArgs, Format};
+use crate::program::commands::resume::{self, AGAIN, Found};
+use crate::program::screen::closing::Closing;
+use crate::program::screen::failure::{Coded, in_words};
+use crate::program::screen::message::clean;
+use crate::program::screen::print::print_json;
+use crate::program::screen::progress::{View, Watch};
+use crate::program::system_limits::wait_for_lack_of_memory;
 
 /// A deck and the analysis built from it.
 pub struct Ready {

@@ -3,14 +3,13 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use mpm::model::Model;
-use mpm::output::findings::{Extreme, Findings, ForceBalance};
-use mpm::output::results::{Picture, Results};
-use mpm::points::Points;
-use mpm::quality::{BalanceSoFar, MOST_ENERGY_ERROR, MOST_REGRIDDING};
-use mpm::solver::{SolveError, Summary};
-
-use crate::screen::quantities::{duration, significant};
+use crate::model::Model;
+use crate::output::findings::{Extreme, Findings, ForceBalance};
+use crate::output::results::{Picture, Results};
+use crate::points::Points;
+use crate::program::screen::quantities::{duration, significant};
+use crate::quality::{BalanceSoFar, MOST_ENERGY_ERROR, MOST_REGRIDDING};
+use crate::solver::{SolveError, Summary};
 
 /// Width of a line, [characters]; names and paths may exceed it.
 const WIDTH: usize = 80;

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, anyhow};
 
-use crate::exit::INTERRUPTED;
+use crate::program::exit::INTERRUPTED;
 
 /// Stack of the waiting thread, [byte].
 #[cfg(unix)]

@@ -2,17 +2,15 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
+use crate::output::status::{self, State, Status};
+use crate::program::commands::arguments::Format;
+use crate::program::exit::{DONE, FAILED, INTERRUPTED};
+use crate::program::screen::print::{print, print_json};
+use crate::program::screen::quantities::{bytes, duration, rate, significant};
 use anyhow::bail;
 use clap::Args;
 use jiff::Timestamp;
-use mpm::output::status::{self, State, Status};
-
-use crate::commands::arguments::Format;
-use crate::exit::{FAILED, INTERRUPTED};
-use crate::screen::print::{print, print_json};
-use crate::screen::quantities::{bytes, duration, rate, significant};
 
 /// Exit code of a run that has not ended.
 const RUNNING: u8 = 3;
@@ -29,7 +27,7 @@ pub struct StatusArgs {
 }
 
 /// Prints the progress of a run; the exit code is that of the run, or 3 if it is still running.
-pub fn status(args: &StatusArgs) -> anyhow::Result<ExitCode> {
+pub fn status(args: &StatusArgs) -> anyhow::Result<u8> {
     let directory = &args.directory;
     let status = match status::read(directory) {
         Ok(status) => status,
@@ -43,10 +41,10 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<ExitCode> {
         Format::Json => print_json(&status)?,
     };
     Ok(match status.state {
-        State::Completed => ExitCode::SUCCESS,
-        State::Running => ExitCode::from(RUNNING),
-        State::Failed | State::Died => ExitCode::from(FAILED),
-        State::Interrupted => ExitCode::from(INTERRUPTED),
+        State::Completed => DONE,
+        State::Running => RUNNING,
+        State::Failed | State::Died => FAILED,
+        State::Interrupted => INTERRUPTED,
     })
 }
 

@@ -1,24 +1,22 @@
 //! `mpm completions` and `mpm man`: completion scripts and manual pages.
 
-use std::process::ExitCode;
-
 use anyhow::Context;
 use clap::{Command, CommandFactory};
 use clap_complete::Shell;
 use clap_mangen::Man;
 
-use crate::cli::Cli;
-use crate::screen::print::print;
+use crate::program::cli::Cli;
+use crate::program::screen::print::print;
 
 /// Prints a completion script.
-pub fn completions(shell: Shell) -> anyhow::Result<ExitCode> {
+pub fn completions(shell: Shell) -> anyhow::Result<u8> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "mpm", &mut script);
     print(&String::from_utf8(script)?)
 }
 
 /// Prints the manual page of the program, or that of one of its commands.
-pub fn man(name: Option<&str>) -> anyhow::Result<ExitCode> {
+pub fn man(name: Option<&str>) -> anyhow::Result<u8> {
     let mut program = Cli::command();
     // Completes the definition, for example with the names of commands in the synopsis.
     program.build();

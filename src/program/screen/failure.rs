@@ -1,6 +1,6 @@
 //! Formatting of errors.
 
-/// An error whose code is explained in [`mpm::codes`].
+/// An error whose code is explained in [`crate::codes`].
 #[derive(Debug, thiserror::Error)]
 #[error("{reason}")]
 pub struct Coded {

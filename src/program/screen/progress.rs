@@ -5,21 +5,20 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
-use mpm::deck::advice;
-use mpm::model::Model;
-use mpm::output::checkpoint::Checkpoint;
-use mpm::output::results::Results;
-use mpm::output::status::{Progress, Status, StatusFile};
-use mpm::output::summary::Start;
-use mpm::points::{Points, coordinates};
-use mpm::solver::{
+use crate::deck::advice;
+use crate::model::Model;
+use crate::output::checkpoint::Checkpoint;
+use crate::output::results::Results;
+use crate::output::status::{Progress, Status, StatusFile};
+use crate::output::summary::Start;
+use crate::points::{Points, coordinates};
+use crate::program::screen::closing::Closing;
+use crate::program::screen::log::LogFile;
+use crate::program::screen::quantities::{bytes, duration, rate, significant};
+use crate::solver::{
     Diagnosis, FailedAttempt, InitialState, Observer, Reached, SolveError, Step, StepReport, Summary,
 };
-
-use crate::screen::closing::Closing;
-use crate::screen::log::LogFile;
-use crate::screen::quantities::{bytes, duration, rate, significant};
+use indicatif::{ProgressBar, ProgressStyle};
 
 /// Amount of output during a run.
 pub enum View {

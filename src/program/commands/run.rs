@@ -1,23 +1,24 @@
 //! `mpm run` and `mpm check`: one deck.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::time::Instant;
 
+use crate::memory::in_words;
+use crate::output::summary::Start;
+use crate::program::commands::analysis::{
+    self, Begin, Ended, describe_failure, prepare_and_report, run_into,
+};
+use crate::program::commands::arguments::{DeckArgs, Format};
+use crate::program::exit::{DONE, FAILED, INTERRUPTED, USAGE};
+use crate::program::interrupt::stop_on_interrupt;
+use crate::program::screen::closing::counted;
+use crate::program::screen::log::{self, LogFile};
+use crate::program::screen::print::print;
+use crate::program::screen::progress::View;
+use crate::solver::SolveError;
+use crate::timing::{Phase, Timings};
 use clap::Args;
-use mpm::memory::in_words;
-use mpm::output::summary::Start;
-use mpm::solver::SolveError;
-use mpm::timing::{Phase, Timings};
-
-use crate::commands::analysis::{self, Begin, Ended, describe_failure, prepare_and_report, run_into};
-use crate::commands::arguments::{DeckArgs, Format};
-use crate::exit::{FAILED, INTERRUPTED, USAGE};
-use crate::interrupt::stop_on_interrupt;
-use crate::screen::closing::counted;
-use crate::screen::log::{self, LogFile};
-use crate::screen::print::print;
-use crate::screen::progress::View;
 
 /// Arguments of `mpm run`.
 #[derive(Args)]
@@ -41,8 +42,8 @@ pub struct RunArgs {
     timings: bool,
 }
 
-/// Runs a deck; `began` is the start of the program.
-pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
+/// Runs a deck; `command_line` is that of the program, which started at `began`.
+pub fn run(args: RunArgs, command_line: &[OsString], began: Instant) -> anyhow::Result<u8> {
     analysis::start_threads(args.threads)?;
     let directory = args.out.clone().unwrap_or_else(|| default_directory(&args.deck.deck));
     if let Some(log) = &args.log {
@@ -53,11 +54,11 @@ pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
     let log_text = |text: &str| {
         let _ = log.as_ref().map(|log| log.line(text));
     };
-    log_text(&heading(&args.deck));
+    log_text(&heading(&args.deck, command_line));
     let mut timings = Timings::default();
     let prepared = timings.measure(Phase::SetUp, || prepare_and_report(&args.deck, &log_text));
     let Some(ready) = prepared? else {
-        return Ok(ExitCode::from(USAGE));
+        return Ok(USAGE);
     };
     let stop = stop_on_interrupt()?;
     let view = View::Run { log: log.clone() };
@@ -65,7 +66,7 @@ pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
     let begin = if args.resume { Begin::AtCheckpoint } else { Begin::Anew };
     let ended = run_into(&directory, ready, start, timings.clone(), view, &stop, begin)?;
     let Some(Ended { outcome, closing }) = ended else {
-        return Ok(ExitCode::SUCCESS);
+        return Ok(DONE);
     };
     let mut is_shown = true;
     if let Some(closing) = closing {
@@ -101,15 +102,15 @@ pub fn run(args: RunArgs, began: Instant) -> anyhow::Result<ExitCode> {
     if outcome.is_err() {
         log_text(&text);
     }
-    Ok(ExitCode::from(if is_shown { code } else { code.max(FAILED) }))
+    Ok(if is_shown { code } else { code.max(FAILED) })
 }
 
 /// First lines of a log.
-fn heading(deck: &DeckArgs) -> String {
+fn heading(deck: &DeckArgs, command_line: &[OsString]) -> String {
     let version = env!("CARGO_PKG_VERSION");
     let now = jiff::Timestamp::now();
     // Names of files need not be UTF-8.
-    let command: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+    let command: Vec<String> = command_line.iter().map(|word| word.to_string_lossy().into_owned()).collect();
     format!(
         "mpm {version}, {now:.0}\n{}\ndeck: {}, threads: {}",
         command.join(" "),
@@ -156,13 +157,13 @@ fn timings_table(timings: &Timings) -> String {
 }
 
 /// Does everything up to the first load step and prints the size of the analysis.
-pub fn check(args: &DeckArgs) -> anyhow::Result<ExitCode> {
+pub fn check(args: &DeckArgs) -> anyhow::Result<u8> {
     analysis::start_threads(None)?;
     let Some(ready) = prepare_and_report(args, &|_| ())? else {
-        return Ok(ExitCode::from(USAGE));
+        return Ok(USAGE);
     };
     if args.format == Format::Json {
-        return Ok(ExitCode::SUCCESS);
+        return Ok(DONE);
     }
     let extent = ready.extent;
     print(&format!(

@@ -38,7 +38,7 @@ mod unix {
     use signal_hook::consts::{SIGABRT, SIGXFSZ};
     use signal_hook::low_level::{self, pipe};
 
-    use crate::exit::FAILED;
+    use crate::program::exit::FAILED;
 
     const NO_MEMORY: &[u8] = b"error[S008]: not enough memory: the system refused an allocation\n  results up \
         to the last equilibrated step are in the results directory\n  help: use larger cells or fewer points, run on a machine \

@@ -43,7 +43,7 @@ pub fn rate(points_per_second: f64) -> String {
 
 /// Formats an amount of memory.
 pub fn bytes(bytes: u64) -> String {
-    mpm::memory::in_words(bytes as f64)
+    crate::memory::in_words(bytes as f64)
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Output to standard output.
 
 use std::io::Write;
-use std::process::ExitCode;
 
 use super::message;
+use crate::program::exit::DONE;
 
 /// A JSON document as text.
 pub fn json_text(document: &impl serde::Serialize) -> anyhow::Result<String> {
@@ -11,19 +11,19 @@ pub fn json_text(document: &impl serde::Serialize) -> anyhow::Result<String> {
 }
 
 /// Writes a JSON document to standard output.
-pub fn print_json(document: &impl serde::Serialize) -> anyhow::Result<ExitCode> {
+pub fn print_json(document: &impl serde::Serialize) -> anyhow::Result<u8> {
     // Programs read it and need every character.
     write_out(&json_text(document)?)
 }
 
 /// Writes a text to standard output without control characters; a closed pipe is not an error.
-pub fn print(text: &str) -> anyhow::Result<ExitCode> {
+pub fn print(text: &str) -> anyhow::Result<u8> {
     write_out(&message::clean(text))
 }
 
-fn write_out(text: &str) -> anyhow::Result<ExitCode> {
+fn write_out(text: &str) -> anyhow::Result<u8> {
     match std::io::stdout().write_all(text.as_bytes()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
-        _ => Ok(ExitCode::SUCCESS),
+        _ => Ok(DONE),
     }
 }

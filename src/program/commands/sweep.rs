@@ -3,27 +3,25 @@
 use std::collections::BTreeSet;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::Context;
-use clap::Args;
-use mpm::deck::diagnostic::Diagnostic;
-use mpm::deck::load::{self, LoadFailure, load_text};
-use mpm::output::summary::Start;
-use mpm::solver::SolveError;
-use mpm::study::{Axis, Member, Outcome, Record, Row, Study, may_be_replaced, write_table};
-use mpm::timing::{Phase, Timings};
-
-use crate::commands::analysis::{
+use crate::deck::diagnostic::Diagnostic;
+use crate::deck::load::{self, LoadFailure, load_text};
+use crate::output::summary::Start;
+use crate::program::commands::analysis::{
     self, Begin, Ended, describe_failure, messages, not_writable, prepare, print_messages, run_into,
 };
-use crate::commands::arguments::DeckArgs;
-use crate::exit::{FAILED, INTERRUPTED, USAGE};
-use crate::interrupt::stop_on_interrupt;
-use crate::screen::failure::{Coded, as_error, in_words};
-use crate::screen::progress::View;
+use crate::program::commands::arguments::DeckArgs;
+use crate::program::exit::{FAILED, INTERRUPTED, USAGE};
+use crate::program::interrupt::stop_on_interrupt;
+use crate::program::screen::failure::{Coded, as_error, in_words};
+use crate::program::screen::progress::View;
+use crate::solver::SolveError;
+use crate::study::{Axis, Member, Outcome, Record, Row, Study, may_be_replaced, write_table};
+use crate::timing::{Phase, Timings};
+use anyhow::Context;
+use clap::Args;
 
 /// Arguments of `mpm sweep`.
 #[derive(Args)]
@@ -45,7 +43,7 @@ pub struct SweepArgs {
 }
 
 /// Runs all members of the study that were not completed earlier.
-pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
+pub fn sweep(args: SweepArgs) -> anyhow::Result<u8> {
     let study = Study::new(args.over, args.deck.set)?;
     let path = args.deck.deck;
     let name = path.display().to_string();
@@ -54,7 +52,7 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
         Ok(read) => read,
         Err(failure) => {
             message!("{}", failure.render(std::io::stderr().is_terminal()).trim_end());
-            return Ok(ExitCode::from(USAGE));
+            return Ok(USAGE);
         }
     };
     study.check_names(&known)?;
@@ -77,7 +75,7 @@ pub fn sweep(args: SweepArgs) -> anyhow::Result<ExitCode> {
     let mut sweep = Sweep { study, name, text, directory, stop, begin, rows, printed };
     sweep.take_completed();
     sweep.write_table()?;
-    Ok(ExitCode::from(sweep.run_members()))
+    Ok(sweep.run_members())
 }
 
 /// Name of the table of a study.

@@ -2,14 +2,12 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
+use crate::deck::quoting::list;
+use crate::deck::schema::deck_schema;
+use crate::program::screen::print::{json_text, print};
 use anyhow::{Context, bail};
 use clap::Args;
-use mpm::deck::quoting::list;
-use mpm::deck::schema::deck_schema;
-
-use crate::screen::print::{json_text, print};
 
 /// Arguments of `mpm new`.
 #[derive(Args)]
@@ -39,12 +37,12 @@ macro_rules! example {
     ($name:literal $(, $file:literal)*) => {
         Example {
             name: $name,
-            deck: include_str!(concat!("../../inputs/new/", $name, ".yaml")),
-            files: &[$(($file, include_bytes!(concat!("../../inputs/new/", $file)))),*],
+            deck: include_str!(concat!("../../../inputs/new/", $name, ".yaml")),
+            files: &[$(($file, include_bytes!(concat!("../../../inputs/new/", $file)))),*],
         }
     };
     (inputs: $name:literal) => {
-        Example { name: $name, deck: include_str!(concat!("../../inputs/", $name, ".yaml")), files: &[] }
+        Example { name: $name, deck: include_str!(concat!("../../../inputs/", $name, ".yaml")), files: &[] }
     };
 }
 
@@ -76,7 +74,7 @@ impl Example {
 }
 
 /// Writes an example, or lists all examples.
-pub fn new(args: &NewArgs) -> anyhow::Result<ExitCode> {
+pub fn new(args: &NewArgs) -> anyhow::Result<u8> {
     let Some(name) = &args.name else { return print(&listing()) };
     let Some(example) = EXAMPLES.iter().find(|example| example.name == name) else {
         bail!(

@@ -1,5 +1,7 @@
-//! Exit codes other than 0.
+//! Exit codes.
 
+/// All went well.
+pub const DONE: u8 = 0;
 /// The analysis failed.
 pub const FAILED: u8 = 1;
 /// The deck or the command line is wrong.

@@ -8,7 +8,7 @@ macro_rules! message {
     ($($part:tt)*) => {{
         use std::io::Write as _;
         let text = format!($($part)*);
-        let _ = writeln!(std::io::stderr(), "{}", $crate::screen::message::clean(&text));
+        let _ = writeln!(std::io::stderr(), "{}", $crate::program::screen::message::clean(&text));
     }};
 }
 

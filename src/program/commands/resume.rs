@@ -3,14 +3,14 @@
 use std::io::ErrorKind;
 use std::path::Path;
 
+use crate::deck::Deck;
+use crate::deck::changes::{changes, is_end, step_at};
+use crate::deck::load::LoadedDeck;
+use crate::deck::ready::Analysis;
+use crate::output::checkpoint::{Checkpoint, latest};
+use crate::output::{directory, status};
+use crate::solver::{Pace, Reached, Step, resume_stage};
 use anyhow::{Context, bail};
-use mpm::deck::Deck;
-use mpm::deck::changes::{changes, is_end, step_at};
-use mpm::deck::load::LoadedDeck;
-use mpm::deck::ready::Analysis;
-use mpm::output::checkpoint::{Checkpoint, latest};
-use mpm::output::{directory, status};
-use mpm::solver::{Pace, Reached, Step, resume_stage};
 use serde::Deserialize;
 
 /// Remedy if a run cannot be resumed.
