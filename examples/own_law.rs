@@ -35,7 +35,7 @@ impl Stiffening {
 }
 
 impl Material for Stiffening {
-    fn state_fields(&self) -> &'static [StateField] {
+    fn state_fields(&self) -> &[StateField] {
         &[]
     }
 

@@ -13,7 +13,7 @@ use mpm::model::Model;
 use mpm::points::Points;
 use mpm::solver::{Silent, SolveError, Stepper};
 use mpm::step::{At, Nodal, StepContext};
-use mpm::terms::{BeginError, PointFailure, Term};
+use mpm::terms::{BeginError, EvaluateError, Term};
 
 /// A point force that moves with the time of the analysis.
 struct Trolley {
@@ -77,7 +77,7 @@ impl Term<2> for Trolley {
         _: At<2>,
         _: Wanted,
         sum: &mut System<2>,
-    ) -> Result<(), PointFailure> {
+    ) -> Result<(), EvaluateError> {
         add(sum.external_force_mut(), &self.at_end);
         Ok(())
     }

@@ -17,7 +17,7 @@ use mpm::model::{BuildError, Builder, Fill, Model};
 use mpm::points::Points;
 use mpm::solver::{Silent, Stepper, Summary};
 use mpm::step::{At, StepContext};
-use mpm::terms::{BeginError, Ledger, NamedForce, PointFailure, Term};
+use mpm::terms::{BeginError, EvaluateError, Ledger, NamedForce, Term};
 
 /// A wall. Points x with normal·x < offset are behind it; it pushes them back with a force per volume of `stiffness`
 /// times their distance from the wall.
@@ -66,7 +66,7 @@ impl Term<2> for Wall {
         at: At<2>,
         wanted: Wanted,
         sum: &mut System<2>,
-    ) -> Result<(), PointFailure> {
+    ) -> Result<(), EvaluateError> {
         (self.force, self.stored) = ([0.0; 2], 0.0);
         for group in 0..step.links.n_groups() {
             let nodes = step.links.nodes_of(group);

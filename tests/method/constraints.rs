@@ -9,7 +9,7 @@ use mpm::points::Points;
 use mpm::solver::{Fields, Kernels, Observer, Silent, SolveError, StepReport, Stepper, Summary};
 use mpm::step::{At, StepContext};
 use mpm::stress::PlaneStrain;
-use mpm::terms::{BeginError, FURTHER, PointFailure, Term};
+use mpm::terms::{BeginError, EvaluateError, FURTHER, Term};
 
 /// A block of 2 m × 2 m on a grid of 3 m × 3 m, under its own weight.
 const BLOCK: &str = "
@@ -273,7 +273,7 @@ impl Term<2> for Lid {
         at: At<2>,
         wanted: Wanted,
         sum: &mut System<2>,
-    ) -> Result<(), PointFailure> {
+    ) -> Result<(), EvaluateError> {
         let force = self.share * self.force;
         let Some(k) = self.spring else {
             sum.external_force_mut()[self.nodes[0]][1] += force;
@@ -382,7 +382,7 @@ impl Term<2, 3> for Conduction {
         at: At<3>,
         wanted: Wanted,
         sum: &mut System<3>,
-    ) -> Result<(), PointFailure> {
+    ) -> Result<(), EvaluateError> {
         self.at_end.clear();
         for (active, value) in at.delta_d.iter().enumerate() {
             let place = step.model.grid.node_position(step.links.active_nodes()[active] as usize);

@@ -15,7 +15,7 @@ use mpm::output::summary::{Account, Start};
 use mpm::points::{FieldKind, PointFieldSpec, Points};
 use mpm::solver::{Silent, Stepper};
 use mpm::step::{At, StepContext};
-use mpm::terms::{BeginError, PointFailure, Term};
+use mpm::terms::{BeginError, EvaluateError, Term};
 use mpm::timing::Timings;
 use vtkio::IOBuffer;
 use vtkio::model::Attribute;
@@ -47,7 +47,7 @@ impl Term<2> for Way {
         at: At<2>,
         _: Wanted,
         _: &mut System<2>,
-    ) -> Result<(), PointFailure> {
+    ) -> Result<(), EvaluateError> {
         let (way, age) = (points.further.handle("way").unwrap(), points.further.handle("age").unwrap());
         for group in 0..step.links.n_groups() {
             let nodes = step.links.nodes_of(group);

@@ -4,6 +4,7 @@
 #![allow(clippy::print_stdout, reason = "the measured numbers are part of the verification")]
 
 mod assembly;
+mod batched;
 mod constraints;
 mod failure;
 mod further_fields;

@@ -12,7 +12,7 @@ mod sum;
 pub mod surface;
 mod term;
 
-pub use failure::{BeginError, LoadNotFinite, PointFailure, SurfaceLost};
+pub use failure::{BeginError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost};
 pub use sum::{Sum, Terms, of_model, restore};
 pub use surface::Surfaces;
 pub use term::{FURTHER, Ledger, NamedForce, SurfaceReaction, Term};

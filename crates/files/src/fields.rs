@@ -343,9 +343,9 @@ fn names_of_components(components: usize) -> &'static [&'static str] {
 }
 
 /// Names of the history variables of all laws, except the one that is a [`PointField`].
-fn other_history<const D: usize>(model: &Model<D>) -> Vec<&'static str> {
+fn other_history<const D: usize>(model: &Model<D>) -> Vec<&str> {
     let mut names: Vec<&str> =
-        model.materials.iter().flat_map(|m| m.law.state_fields()).map(|f| f.name).collect();
+        model.materials.iter().flat_map(|m| m.law.state_fields()).map(|f| f.name.as_ref()).collect();
     names.sort_unstable();
     names.dedup();
     names.retain(|name| *name != EQUIVALENT_PLASTIC_STRAIN);

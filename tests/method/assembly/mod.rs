@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::needless_range_loop, reason = "index notation, as in the paper")]
 
+pub mod batched;
 mod eigenvalues;
 mod kernel;
 mod oracle;

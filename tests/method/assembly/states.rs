@@ -54,7 +54,7 @@ impl Skewed {
 }
 
 impl Material for Skewed {
-    fn state_fields(&self) -> &'static [StateField] {
+    fn state_fields(&self) -> &[StateField] {
         &[]
     }
 

@@ -19,7 +19,7 @@ impl Hencky {
 }
 
 impl Material for Hencky {
-    fn state_fields(&self) -> &'static [StateField] {
+    fn state_fields(&self) -> &[StateField] {
         &[]
     }
 

@@ -6,26 +6,41 @@
 //! nor the dimension nor the load step, and its result depends only on its arguments.
 
 mod at_rest;
+mod batch;
+pub mod conformance;
 mod hencky;
 mod neo_hookean;
+#[cfg(test)]
+pub(crate) mod tests;
 mod von_mises;
+
+use std::borrow::Cow;
 
 use crate::tensor::{Lane, Lanes, Sym3, Tangent, dyad};
 
 pub use at_rest::{axial_modulus_at_rest, shear_modulus_at_rest};
+pub(crate) use batch::respond_to_batch;
+pub use batch::{BatchError, BatchLaw, respond_alone};
 pub use hencky::Hencky;
 pub use neo_hookean::NeoHookean;
 pub use von_mises::VonMises;
 
 /// A history variable of a law.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct StateField {
     /// Name in result files.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// Unit as text.
-    pub unit: &'static str,
+    pub unit: Cow<'static, str>,
     /// Initial value.
     pub initial: f64,
+}
+
+impl StateField {
+    /// A history variable of a law in Rust, whose name and unit are constants.
+    pub const fn new(name: &'static str, unit: &'static str, initial: f64) -> Self {
+        StateField { name: Cow::Borrowed(name), unit: Cow::Borrowed(unit), initial }
+    }
 }
 
 /// Strain measure in which a law is formulated. All measures are zero in the undeformed state and agree at small
@@ -129,13 +144,19 @@ pub enum MaterialError {
     /// No elastic strain of the law gives the stress.
     #[error("no elastic strain gives this stress")]
     NoStrain,
+    /// The law has no response to the trial strain.
+    #[error("the law has no response to the trial elastic strain")]
+    NoResponse,
+    /// The law cannot be evaluated.
+    #[error("the evaluation of the law has failed")]
+    Failed,
 }
 
 /// An isotropic constitutive law: Kirchhoff stress as a function of elastic strain.
 pub trait Material: Send + Sync + std::fmt::Debug {
     /// History variables with names, units and initial values; their order is the layout of `old` and `new` in
     /// [`Material::update`].
-    fn state_fields(&self) -> &'static [StateField];
+    fn state_fields(&self) -> &[StateField];
 
     /// Strain measure in which the law is formulated.
     fn strain_measure(&self) -> StrainMeasure {
@@ -165,6 +186,12 @@ pub trait Material: Send + Sync + std::fmt::Debug {
 
     /// The vectorised form of the law, if it has one.
     fn vectorised(&self) -> Option<&dyn VectorisedLaw> {
+        None
+    }
+
+    /// The law for batches of points, if the solver is to evaluate it in this way only. [`Material::update`] is then used
+    /// for single points outside the iterations; [`respond_alone`] implements it.
+    fn batch(&self) -> Option<&dyn BatchLaw> {
         None
     }
 
@@ -240,204 +267,5 @@ impl Elasticity {
     /// Stored energy ½ ε : D : ε per initial volume, [energy/volume].
     pub fn energy(&self, strain: &Sym3) -> f64 {
         0.5 * self.stress(strain).dot(strain)
-    }
-}
-
-/// Conformance test of all properties that the solver relies on. A new law adds one line to the list.
-#[cfg(test)]
-pub(crate) mod conformance {
-    use super::*;
-    use crate::tensor::{Mat3, exp_derivative};
-    use proptest::prelude::*;
-
-    /// The laws that this test and the test of the weak forms cover.
-    pub(crate) fn laws() -> Vec<Box<dyn Material>> {
-        vec![
-            Box::new(Hencky::new(12e6, 0.2)),
-            Box::new(NeoHookean::new(12e6, 0.2)),
-            Box::new(NeoHookean::new(1e3, -0.4)),
-            Box::new(VonMises::new(1e6, 0.3, 20e3)),
-            Box::new(VonMises::new(1e6, 0.3, 20e3).hardening(0.4e6)),
-        ]
-    }
-
-    /// Converts a logarithmic strain to the measure of a law.
-    fn in_measure(law: &dyn Material, logarithmic: &Sym3) -> Sym3 {
-        match law.strain_measure() {
-            StrainMeasure::Logarithmic => *logarithmic,
-            StrainMeasure::LeftCauchyGreen => {
-                (logarithmic.map_eigenvalues(|e| (2.0 * e).exp()) - Sym3::IDENTITY) * 0.5
-            }
-        }
-    }
-
-    fn check(law: &dyn Material, logarithmic: Sym3) {
-        let old: Vec<f64> = law.state_fields().iter().map(|f| f.initial).collect();
-        let trial = in_measure(law, &logarithmic);
-        let back = law.strain_measure().logarithmic(&trial);
-        assert!((back - logarithmic).norm() < 1e-15 + 1e-14 * logarithmic.norm());
-
-        let mut new = old.clone();
-        let response = law.update(&trial, &old, &mut new).unwrap();
-        let mut again = old.clone();
-        assert_eq!(response, law.update(&trial, &old, &mut again).unwrap(), "not a pure function");
-        assert_eq!(new, again);
-
-        let tau = |strain: &Sym3| law.update(strain, &old, &mut old.clone()).unwrap().tau;
-        let h = 1e-7;
-        let numeric = Tangent::from_fn(|r, c| {
-            let (mut p, mut m) = (trial, trial);
-            p.0[c] += h;
-            m.0[c] -= h;
-            (tau(&p).0[r] - tau(&m).0[r]) / (2.0 * h)
-        });
-        // A law may have no stiffness in some states, such as at the apex of a cone.
-        let at_rest = law.update(&Sym3::ZERO, &old, &mut old.clone()).unwrap().tangent.norm();
-        let scale = Some(response.tangent.norm()).filter(|norm| *norm > 0.0).unwrap_or(at_rest);
-        assert!((numeric - response.tangent).norm() < 1e-6 * scale, "{numeric}{}", response.tangent);
-        if law.tangent_is_symmetric() {
-            let (tangent, tolerance) = match law.strain_measure() {
-                StrainMeasure::Logarithmic => (response.tangent, 1e-15),
-                StrainMeasure::LeftCauchyGreen => {
-                    (response.tangent * exp_derivative(&(logarithmic * 2.0)), 1e-14)
-                }
-            };
-            assert!((tangent - tangent.transpose()).norm() <= tolerance * tangent.norm());
-        }
-        if let Some(moduli) = law.isotropic_moduli() {
-            let b = law.strain_measure().left_cauchy_green(&trial);
-            let spatial = moduli.respond(&b).unwrap();
-            assert!((spatial.tau - response.tau).norm() <= 1e-14 * scale);
-            assert!((spatial.elastic_strain - response.elastic_strain).norm() <= 1e-15);
-            // Rates at a velocity gradient l: ḃ = l b + b lᵀ, and the Oldroyd rate τ̇ − l τ − τ lᵀ of τ.
-            let l = Mat3::from_fn(|i, j| ((3 * i + 2 * j) as f64).sin());
-            let sheared = |t: &Sym3| Sym3::symmetric_part(&(l * t.to_matrix())) * 2.0;
-            let rate = (sheared(&b) * 0.5).contract(&response.tangent) - sheared(&response.tau);
-            let d = Sym3::symmetric_part(&l);
-            let by_moduli = Sym3::IDENTITY * (spatial.lambda * d.trace()) + d * (2.0 * spatial.mu);
-            assert!((by_moduli - rate).norm() < 1e-13 * scale, "{by_moduli:?} {rate:?}");
-        }
-        if let Some(law) = law.vectorised() {
-            check_vectorised(law, &response, &trial, &old, &new);
-        }
-        // The returned strain is admissible: a second update gives the same stress and no further flow.
-        let settled = law.update(&response.elastic_strain, &new, &mut again).unwrap();
-        assert!((settled.tau - response.tau).norm() <= 1e-12 * response.tau.norm());
-        // The inverse of the elastic law; far from zero strain, another strain may have the same stress.
-        let inverse = law.elastic_strain(&response.tau);
-        if logarithmic.norm() < 0.02 {
-            let error = (inverse.unwrap() - response.elastic_strain).norm();
-            assert!(error <= 1e-14 * response.elastic_strain.norm() + 1e-17, "{error:e}");
-        } else if let Ok(strain) = inverse {
-            let again = law.update(&strain, &new, &mut again).unwrap().tau;
-            assert!((again - response.tau).norm() <= 1e-13 * at_rest, "{again:?} {:?}", response.tau);
-        }
-        // In the elastic range, the energy is the potential of the stress.
-        let elastic = law.strain_measure().logarithmic(&response.elastic_strain) * 0.5;
-        let energy = |by: f64| law.energy(&in_measure(law, &(elastic + logarithmic * by)));
-        let slope = (energy(1e-6) - energy(-1e-6)) / 2e-6;
-        let tau = law.update(&in_measure(law, &elastic), &new, &mut again).unwrap().tau;
-        let work = tau.dot(&logarithmic);
-        assert!((slope - work).abs() <= 1e-7 * scale * logarithmic.dot(&logarithmic), "{slope} {work}");
-    }
-
-    /// The vectorised form, evaluated with other strains in the other lanes, agrees with the response in the plane.
-    fn check_vectorised(law: &dyn VectorisedLaw, alone: &Response, trial: &Sym3, old: &[f64], new: &[f64]) {
-        if !trial.is_plane() {
-            return;
-        }
-        let trial = [0, 1, 2, 5].map(|c| Lanes([0.0, 1e-3, trial.0[c], f64::NAN]));
-        let mut history: Vec<Lanes> = old.iter().map(|h| Lanes::splat(*h)).collect();
-        let short = law.respond(&trial, &mut history);
-        for (a, c) in [0, 1, 2, 5].into_iter().enumerate() {
-            assert_eq!(short.tau[a].0[2].to_bits(), alone.tau.0[c].to_bits());
-            assert_eq!(short.elastic_strain[a].0[2].to_bits(), alone.elastic_strain.0[c].to_bits());
-            for (b, d) in [0, 1, 2, 5].into_iter().enumerate() {
-                let [lambda, mu, along] = [short.lambda, short.mu, short.along].map(|x| x.0[2]);
-                let normal = if a < 3 && b < 3 { lambda } else { 0.0 };
-                let diagonal = if a == b { 2.0 * mu } else { 0.0 };
-                let entry = normal + diagonal - along * short.n[a].0[2] * short.n[b].0[2];
-                assert!((entry - alone.tangent[(c, d)]).abs() <= 1e-15 * alone.tangent.norm());
-            }
-        }
-        assert!((0..4).any(|c| short.tau[c].0[3].is_nan()), "NaN must propagate");
-        assert!(history.iter().map(|h| h.0[2]).eq(new.iter().copied()));
-    }
-
-    proptest! {
-        #[test]
-        fn every_law_conforms(e in prop::array::uniform6(-0.3..0.3f64)) {
-            for law in laws() {
-                check(law.as_ref(), Sym3(e));
-                check(law.as_ref(), Sym3([e[0], e[1], e[2], 0.0, 0.0, e[5]]));
-                check(law.as_ref(), Sym3(e) * 1e-2);
-            }
-        }
-    }
-
-    #[test]
-    fn small_strains_have_the_stiffness_of_linear_elasticity() {
-        let linear = Elasticity::from_young_poisson(12e6, 0.2);
-        for law in laws().iter().take(2) {
-            let at_rest = law.update(&Sym3::ZERO, &[], &mut []).unwrap();
-            assert_eq!(at_rest.tau, Sym3::ZERO);
-            assert!((at_rest.tangent - linear.tangent()).norm() < 1e-15 * linear.tangent().norm());
-        }
-    }
-
-    #[test]
-    fn a_strain_that_is_no_number_is_an_error() {
-        for law in laws() {
-            let old: Vec<f64> = law.state_fields().iter().map(|f| f.initial).collect();
-            let bad = Sym3([f64::NAN, 0.0, 0.0, 0.0, 0.0, 0.0]);
-            assert_eq!(law.update(&bad, &old, &mut old.clone()), Err(MaterialError::NotFinite));
-        }
-        let inside_out = Sym3([-0.6, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        let law = NeoHookean::new(1.0, 0.3);
-        assert_eq!(law.update(&inside_out, &[], &mut []), Err(MaterialError::NotFinite));
-    }
-
-    /// Uniaxial stress: Kirchhoff stress σ and plastic logarithmic strain κ along x, by bisection in the transverse
-    /// strain. Beyond yield, σ grows by √(3/2) H per unit of κ.
-    #[test]
-    fn hardening_is_linear_in_uniaxial_tension() {
-        let (young, poisson, radius, modulus) = (1e6, 0.3, 20e3, 0.4e6);
-        let law = VonMises::new(young, poisson, radius).hardening(modulus);
-        for axial in [0.03, 0.05, 0.2, 0.5] {
-            let at = |across: f64| {
-                let mut kappa = [0.0];
-                let trial = Sym3([axial, across, across, 0.0, 0.0, 0.0]);
-                let response = law.update(&trial, &[0.0], &mut kappa).unwrap();
-                (response.tau, kappa[0])
-            };
-            let (mut low, mut high) = (-axial, 0.0);
-            for _ in 0..200 {
-                let middle = 0.5 * (low + high);
-                *if at(middle).0.0[1] > 0.0 { &mut high } else { &mut low } = middle;
-            }
-            let (tau, kappa) = at(low);
-            let expected = 1.5f64.sqrt() * (radius + modulus * kappa);
-            assert!(kappa > 0.0 && (tau.0[0] / expected - 1.0).abs() < 1e-10, "{tau:?} {kappa}");
-            assert!(
-                (axial - kappa - tau.0[0] / young).abs() < 1e-10,
-                "elastic and plastic strain make up the whole"
-            );
-        }
-    }
-
-    /// One large step equals many small ones if the flow direction is constant: the return mapping is then exact.
-    #[test]
-    fn proportional_flow_does_not_depend_on_the_steps() {
-        let law = VonMises::new(1e6, 0.3, 20e3).hardening(0.4e6);
-        let direction = Sym3([0.1, -0.03, -0.07, 0.02, 0.01, -0.04]);
-        let mut whole = [0.0];
-        let one = law.update(&direction, &[0.0], &mut whole).unwrap();
-        let (mut elastic, mut old) = (Sym3::ZERO, [0.0]);
-        for _ in 0..10 {
-            let mut new = [0.0];
-            elastic = law.update(&(elastic + direction * 0.1), &old, &mut new).unwrap().elastic_strain;
-            old = new;
-        }
-        assert!((old[0] - whole[0]).abs() < 1e-14 && (elastic - one.elastic_strain).norm() < 1e-15);
     }
 }

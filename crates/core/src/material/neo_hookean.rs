@@ -65,7 +65,7 @@ fn inverse(e: &Sym3) -> Sym3 {
 }
 
 impl Material for NeoHookean {
-    fn state_fields(&self) -> &'static [StateField] {
+    fn state_fields(&self) -> &[StateField] {
         &[]
     }
 

@@ -105,8 +105,8 @@ impl VonMises {
 const EQUIVALENT: f64 = 0.816_496_580_927_726;
 
 impl Material for VonMises {
-    fn state_fields(&self) -> &'static [StateField] {
-        &[StateField { name: "equivalent_plastic_strain", unit: "-", initial: 0.0 }]
+    fn state_fields(&self) -> &[StateField] {
+        const { &[StateField::new("equivalent_plastic_strain", "-", 0.0)] }
     }
 
     fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {

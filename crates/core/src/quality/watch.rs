@@ -169,7 +169,9 @@ impl Quality {
 /// Energy of all points under the strain of round-off, [energy].
 fn work_of_round_off<const D: usize>(model: &Model<D>, points: &Points<D>) -> f64 {
     let strain = Sym3([STRAIN_OF_ROUND_OFF, STRAIN_OF_ROUND_OFF, STRAIN_OF_ROUND_OFF, 0.0, 0.0, 0.0]);
-    (0..points.len()).map(|p| model.law(points, p).energy(&strain) * points.original_volume[p]).sum()
+    let energies: Vec<f64> = model.materials.iter().map(|material| material.law.energy(&strain)).collect();
+    let energy = |p: usize| energies[model.bodies[points.body[p] as usize].material];
+    (0..points.len()).map(|p| energy(p) * points.original_volume[p]).sum()
 }
 
 fn hidden_residuals<const D: usize>(model: &Model<D>, report: &StepReport<D>) -> Vec<(usize, Warning)> {

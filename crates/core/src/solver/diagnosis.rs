@@ -374,6 +374,7 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
         | SolveError::OutOfMemory { .. }
         | SolveError::Interrupted { .. }
         | SolveError::Term { .. }
+        | SolveError::Law { .. }
         | SolveError::InitialState { .. }
         | SolveError::GridMotion { .. }
         | SolveError::Output(_) => Kind::Setting,
@@ -419,6 +420,7 @@ fn named_place(error: &SolveError) -> (Option<Vec<f64>>, Option<&PointPlace>) {
         | SolveError::OffGrid { place, .. }
         | SolveError::Domain { place, .. }
         | SolveError::Collapsed { place, .. } => (None, Some(place)),
+        SolveError::Law { place, .. } => (None, place.as_ref()),
         _ => (None, None),
     }
 }

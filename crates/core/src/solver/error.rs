@@ -13,7 +13,7 @@ use crate::memory::in_words;
 use crate::model::{GridMotionError, Model};
 use crate::points::{Points, coordinates};
 use crate::stress::PointError;
-use crate::terms::{BeginError, LoadNotFinite, PointFailure, SurfaceLost};
+use crate::terms::{BeginError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost};
 
 use super::control::NoPath;
 use super::equations::Place as Equation;
@@ -107,6 +107,18 @@ pub enum SolveError {
         error: PointError,
         /// Residual of every evaluation so far, [-].
         residuals: Vec<f64>,
+    },
+    /// A law that is evaluated in batches cannot be evaluated.
+    #[error("step {step}: the law of material `{material}` has failed{}: {message}", at_point(place))]
+    Law {
+        /// Number of the step.
+        step: usize,
+        /// Name of the material.
+        material: String,
+        /// The point, if one is to blame.
+        place: Option<PointPlace>,
+        /// The reason.
+        message: String,
     },
     /// A point is outside the grid.
     #[error("step {step}: {place} is outside the grid")]
@@ -268,6 +280,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("S016", "a surface that has left the material"),
     ("S017", "an initial state out of balance"),
     ("S018", "a grid that cannot move as prescribed"),
+    ("S019", "a law that cannot be evaluated"),
 ];
 
 fn worst_node(worst: &Option<(Vec<f64>, Vec<f64>)>) -> String {
@@ -284,6 +297,10 @@ fn exponents(force: &[f64]) -> String {
 
 fn of_size(needed: &Option<u64>) -> String {
     needed.map_or(String::new(), |bytes| format!(": it takes {}", in_words(bytes as f64)))
+}
+
+fn at_point(place: &Option<PointPlace>) -> String {
+    place.as_ref().map_or(String::new(), |place| format!(" at {place}"))
 }
 
 fn at_node(node: &Option<(Vec<f64>, usize)>) -> String {
@@ -321,6 +338,7 @@ impl SolveError {
             SolveError::Term { .. } => "S015",
             SolveError::InitialState { .. } => "S017",
             SolveError::GridMotion { .. } => "S018",
+            SolveError::Law { .. } => "S019",
             SolveError::Interrupted { .. } => return None,
         })
     }
@@ -520,21 +538,25 @@ fn place<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize, positio
     }
 }
 
-/// The error that names the point of a failure during assembly.
+/// The error that names the point or the law of a failure during assembly.
 pub(super) fn locate_failure<const D: usize>(
-    failure: PointFailure,
+    failure: EvaluateError,
     model: &Model<D>,
     points: &Points<D>,
     step: Step,
     iteration: usize,
     residuals: &[f64],
 ) -> SolveError {
-    let position = points.converged.position[failure.point];
-    SolveError::Point {
-        step: step.index,
-        iteration,
-        place: place(model, points, failure.point, position),
-        error: failure.error,
-        residuals: residuals.to_vec(),
+    let step = step.index;
+    let place = |p: usize| place(model, points, p, points.converged.position[p]);
+    match failure {
+        EvaluateError::Point(PointFailure { point, error }) => {
+            SolveError::Point { step, iteration, place: place(point), error, residuals: residuals.to_vec() }
+        }
+        EvaluateError::Law(failure) => {
+            let LawFailure { material, point, message } = *failure;
+            let material = model.materials[material].name.clone();
+            SolveError::Law { step, material, place: point.map(place), message }
+        }
     }
 }

@@ -4,7 +4,7 @@
 use crate::assembly::Wanted;
 use crate::model::StiffnessUpdate;
 use crate::step::StepContext;
-use crate::terms::PointFailure;
+use crate::terms::EvaluateError;
 use crate::timing::Phase;
 
 use super::damping::MOST_TRIALS;
@@ -26,12 +26,14 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     /// Evaluates the iterate, and records its residual, eq. (40).
     pub(super) fn evaluate_iterate(&mut self, iteration: usize) -> Result<f64, SolveError> {
         let mut measured = match self.try_forces_only() {
-            Some(residual) => Ok(Measured { residual, round_off: RoundOff::NoMatter }),
-            None => self.evaluate(iteration),
+            Ok(Some(residual)) => Ok(Measured { residual, round_off: RoundOff::NoMatter }),
+            Ok(None) => self.evaluate(iteration),
+            Err(failure) => Err(failure),
         };
         // Better than Δd = 0, where the iterations have begun.
         let is_better = |found: &Measured| found.residual < self.course.residuals[0];
-        if self.is_predicted && !measured.as_ref().is_ok_and(is_better) {
+        let may_be_evaluated = !matches!(measured, Err(EvaluateError::Law(_)));
+        if self.is_predicted && may_be_evaluated && !measured.as_ref().is_ok_and(is_better) {
             self.unknowns.start_again();
             measured = self.evaluate(iteration);
         }
@@ -51,28 +53,35 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
 
     /// Evaluates the forces without K if quadratic convergence predicts that this iterate meets the tolerance. `None` if no such
     /// prediction is made, or if it is wrong. Kept tangents allow no prediction.
-    fn try_forces_only(&mut self) -> Option<f64> {
+    ///
+    /// # Errors
+    /// [`EvaluateError::Law`].
+    fn try_forces_only(&mut self) -> Result<Option<f64>, EvaluateError> {
         let tolerance = self.context.model.newton.tolerance;
         let is_last = self.context.model.newton.tangent == StiffnessUpdate::Fresh
             && !self.is_damped()
             && self.course.forecast(&self.forcing, self.summary.last_iterations) <= tolerance
             && self.has_reached_constraints();
         if !is_last {
-            return None;
+            return Ok(None);
         }
-        self.evaluate_terms(Wanted::Force).ok()?;
+        match self.evaluate_terms(Wanted::Force) {
+            Ok(()) => {}
+            Err(EvaluateError::Point(_)) => return Ok(None),
+            Err(failure) => return Err(failure),
+        }
         let (system, unknowns) = (self.system.sum.system(), &self.unknowns);
         let forces = unknowns.forces(&self.course.out_of_balance, system);
         let of_globals = system.border.relative_residual();
         let residual = forces
             .balanced(&self.system.parts, system.internal_force(), tolerance)
-            .filter(|_| of_globals <= tolerance)?;
-        Some(residual.max(of_globals))
+            .filter(|_| of_globals <= tolerance);
+        Ok(residual.map(|residual| residual.max(of_globals)))
     }
 
     /// Evaluates forces, K and the residual of eq. (40). δd is halved if a point cannot follow it; a line search shortens it if
     /// the potential rises again at its end.
-    fn evaluate(&mut self, iteration: usize) -> Result<Measured, PointFailure> {
+    fn evaluate(&mut self, iteration: usize) -> Result<Measured, EvaluateError> {
         let [most_halvings, most_searches] =
             if self.is_damped() { [MOST_TRIALS; 2] } else { [MOST_HALVINGS, MOST_SEARCHES] };
         let (mut halvings, mut searches) = (0, 0);
@@ -80,7 +89,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             self.course.shortened = halvings + searches > 0; // adapts the damping
             let may_shorten = iteration > 0 && !self.unknowns.prescribes;
             match self.evaluate_terms(Wanted::Stiffness) {
-                Err(_) if may_shorten && halvings < most_halvings => {
+                Err(EvaluateError::Point(_)) if may_shorten && halvings < most_halvings => {
                     halvings += 1;
                     self.unknowns.shorten(0.5);
                     continue;
@@ -102,7 +111,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
 
     /// Evaluates all terms at Δd (trial stresses and strains, f_int, f_ext and, if wanted, K), moves forces on ties, and forms
     /// the out-of-balance force of eq. (28).
-    fn evaluate_terms(&mut self, wanted: Wanted) -> Result<(), PointFailure> {
+    fn evaluate_terms(&mut self, wanted: Wanted) -> Result<(), EvaluateError> {
         let LoadStep { context, points, system, unknowns, course, summary, .. } = self;
         summary.evaluations += 1;
         let evaluate = || system.sum.evaluate(context, points, unknowns.at(), wanted);

@@ -1,6 +1,6 @@
 use super::*;
 use crate::material::Hencky;
-use crate::material::conformance::laws;
+use crate::material::tests::laws;
 use crate::tensor::{Tensor4, log_derivative, mandel_entry};
 use proptest::prelude::*;
 

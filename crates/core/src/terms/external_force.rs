@@ -6,7 +6,7 @@ use crate::model::{Action, Control, Load, Model};
 use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 
-use super::failure::{BeginError, LoadNotFinite, PointFailure};
+use super::failure::{BeginError, EvaluateError, LoadNotFinite};
 use super::term::{NamedForce, Term};
 
 /// Name of the force that a stage releases.
@@ -273,7 +273,7 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
         at: At<N>,
         _: Wanted,
         sum: &mut System<N>,
-    ) -> Result<(), PointFailure> {
+    ) -> Result<(), EvaluateError> {
         self.set_factor(at.factor);
         add(&mut sum.external, &self.end);
         if let Some(released) = &self.released {

@@ -68,6 +68,33 @@ pub struct LoadNotFinite {
     pub value: f64,
 }
 
+/// The reason why a term cannot be evaluated.
+#[non_exhaustive]
+#[derive(Debug, Clone, PartialEq)]
+pub enum EvaluateError {
+    /// A point could not follow the increment; a smaller one may succeed.
+    Point(PointFailure),
+    /// A law that is evaluated in batches cannot be evaluated.
+    Law(Box<LawFailure>),
+}
+
+impl From<PointFailure> for EvaluateError {
+    fn from(failure: PointFailure) -> Self {
+        EvaluateError::Point(failure)
+    }
+}
+
+/// A law that is evaluated in batches cannot be evaluated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LawFailure {
+    /// Number of its material.
+    pub material: usize,
+    /// Index of the point, if one is to blame.
+    pub point: Option<usize>,
+    /// The reason.
+    pub message: String,
+}
+
 /// A point failed during assembly.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointFailure {

@@ -24,7 +24,7 @@ use crate::model::{Model, Stabilisation, StabilisationMode};
 use crate::points::Points;
 use crate::step::{At, StepContext};
 
-use super::failure::{BeginError, PointFailure};
+use super::failure::{BeginError, EvaluateError};
 use super::held_material::HeldMaterial;
 use super::term::{Ledger, Term};
 
@@ -215,7 +215,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         at: At<N>,
         wanted: Wanted,
         sum: &mut System<N>,
-    ) -> Result<(), PointFailure> {
+    ) -> Result<(), EvaluateError> {
         if wanted == Wanted::Stiffness {
             if self.places.is_empty() {
                 self.places = self.places_in(sum);

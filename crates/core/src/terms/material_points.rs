@@ -6,6 +6,7 @@
 //! and the order of every sum is fixed: the result has the same bits for any number of threads.
 #![allow(non_snake_case)]
 
+mod batched;
 mod cell_room;
 mod dilatation;
 mod evaluation;
@@ -18,13 +19,15 @@ use rayon::prelude::*;
 use crate::assembly::{NodePairs, System, UNCOUPLED, Wanted};
 use crate::basis::{Connectivity, LinkBuffer};
 use crate::linear::Block;
+use crate::material::Material;
 use crate::points::{PIECE, Points};
 use crate::step::{At, StepContext, displacement};
 use crate::stress::{Mechanics, StartOfStep, Volumetric};
 
-use super::failure::{BeginError, PointFailure};
+use super::failure::{BeginError, EvaluateError, PointFailure};
 use super::term::{Ledger, Term};
 
+use batched::{Batch, batches, laws_that_answer, laws_that_note};
 use evaluation::{Task, Trial, Work};
 
 /// Groups are evaluated in batches of about this many node-pair blocks, so that the dense blocks stay in cache.
@@ -49,6 +52,8 @@ pub struct MaterialPoints<const D: usize, M> {
     /// For each group, true if it has several points of a body with [`Volumetric::MeanDilatation`]; empty without such a
     /// body.
     averaged: Vec<bool>,
+    /// The points of laws that are evaluated in batches.
+    batched: Vec<Batch>,
     mechanics: PhantomData<M>,
 }
 
@@ -62,6 +67,7 @@ impl<const D: usize, M> Default for MaterialPoints<D, M> {
             gradient: Vec::new(),
             mapped: Vec::new(),
             averaged: Vec::new(),
+            batched: Vec::new(),
             mechanics: PhantomData,
         }
     }
@@ -98,6 +104,100 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
     }
 }
 
+/// One evaluation of all points.
+struct Pass<'a> {
+    /// The law of each point, if they are not those of the model.
+    laws: Option<&'a [&'a dyn Material]>,
+    /// True if the points add force and stiffness to the system.
+    adds: bool,
+    wanted: Wanted,
+}
+
+impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
+    /// Evaluates all points in the order of their groups, and writes their trial state.
+    fn pass<const N: usize>(
+        &mut self,
+        step: &StepContext<D>,
+        points: &mut Points<D>,
+        at: At<N>,
+        Pass { laws, adds, wanted }: Pass,
+        sum: &mut System<N>,
+    ) -> Result<(), PointFailure> {
+        let StepContext { model, links, .. } = *step;
+        let System { pairs, blocks, internal, .. } = sum;
+        let MaterialPoints { start, batches, dense, value, gradient, mapped, .. } = self;
+        let [mut in_hand, mut before] = dense.each_mut();
+        let mut merged = 0..0;
+        let delta_d = displacement(at.delta_d);
+        let dilated = model.bodies.iter().any(|body| body.volumetric != Volumetric::Standard);
+        for batch in batches.iter().cloned() {
+            let task = Task::<D, M> {
+                model,
+                body: &points.body,
+                cell: &points.cell,
+                position: &points.converged.position,
+                half_lengths: &points.converged.half_lengths,
+                history_len: points.history_len,
+                old_history: &points.converged.history,
+                start,
+                links,
+                pairs,
+                delta_d: &delta_d,
+                dilated,
+                wanted,
+                laws,
+                mechanics: PhantomData,
+            };
+            let first = links.points_of(batch.start).start;
+            let last = links.points_of(batch.end - 1).end;
+            let n = points.history_len;
+            let trial = Trial {
+                first,
+                elastic_strain: &mut points.trial.elastic_strain[first..last],
+                kirchhoff_stress: &mut points.trial.kirchhoff_stress[first..last],
+                history: &mut points.trial.history[first * n..last * n],
+                mapped,
+            };
+            let room = LinkBuffer { value, gradient };
+            let work = Work { trial, dense: &mut in_hand.blocks, force: &mut in_hand.force, room };
+            let (outcome, ()) = rayon::join(
+                || task.run(batch.clone(), work),
+                || merge(pairs, links, merged.clone(), before, blocks, internal, wanted),
+            );
+            outcome?;
+            if adds {
+                merged = batch;
+            }
+            std::mem::swap(&mut in_hand, &mut before);
+        }
+        merge(pairs, links, merged, before, blocks, internal, wanted);
+        Ok(())
+    }
+
+    /// Evaluates the points of a model with laws that are evaluated in batches, each of which is called once, in the order
+    /// of the materials.
+    fn evaluate_batched<const N: usize>(
+        &mut self,
+        step: &StepContext<D>,
+        points: &mut Points<D>,
+        at: At<N>,
+        wanted: Wanted,
+        sum: &mut System<N>,
+        batched: &mut [Batch],
+    ) -> Result<(), EvaluateError> {
+        let model = step.model;
+        let noting: Vec<_> = batched.iter().map(|batch| batch.noting(model)).collect();
+        let laws = laws_that_note(batched, &noting, points.len());
+        self.pass(step, points, at, Pass { laws: Some(&laws), adds: false, wanted: Wanted::Force }, sum)?;
+        for (batch, noted) in batched.iter_mut().zip(&noting) {
+            batch.evaluate(model, noted)?;
+        }
+        let answering: Vec<_> = batched.iter().map(|batch| batch.answering(model)).collect();
+        let laws = laws_that_answer(model, points, batched, &answering);
+        Ok(self.pass(step, points, at, Pass { laws: Some(&laws), adds: true, wanted }, sum)?)
+    }
+}
+
 impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoints<D, M> {
     fn name(&self) -> &'static str {
         "material points"
@@ -126,6 +226,7 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
             }
         });
         start.collect_into_vec(&mut self.start);
+        self.batched = batches(model, points);
         self.averaged.clear();
         if model.bodies.iter().any(|body| body.volumetric == Volumetric::MeanDilatation) {
             let takes_mean = |body: u16| model.bodies[body as usize].volumetric == Volumetric::MeanDilatation;
@@ -144,62 +245,31 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         at: At<N>,
         wanted: Wanted,
         sum: &mut System<N>,
-    ) -> Result<(), PointFailure> {
-        let StepContext { model, links, .. } = *step;
-        let System { pairs, blocks, internal, .. } = sum;
+    ) -> Result<(), EvaluateError> {
         if self.batches.is_empty() {
-            self.make_room(links, pairs);
+            self.make_room(step.links, &sum.pairs);
         }
-        let MaterialPoints { start, batches, dense, value, gradient, mapped, .. } = self;
-        let [mut in_hand, mut before] = dense.each_mut();
-        let mut merged = 0..0;
-        let delta_d = displacement(at.delta_d);
-        let dilated = model.bodies.iter().any(|body| body.volumetric != Volumetric::Standard);
-        for batch in batches.iter().cloned() {
-            let task = Task::<D, M> {
-                model,
-                body: &points.body,
-                cell: &points.cell,
-                position: &points.converged.position,
-                half_lengths: &points.converged.half_lengths,
-                history_len: points.history_len,
-                old_history: &points.converged.history,
-                start,
-                links,
-                pairs,
-                delta_d: &delta_d,
-                dilated,
-                wanted,
-                mechanics: PhantomData,
-            };
-            let first = links.points_of(batch.start).start;
-            let last = links.points_of(batch.end - 1).end;
-            let n = points.history_len;
-            let trial = Trial {
-                first,
-                elastic_strain: &mut points.trial.elastic_strain[first..last],
-                kirchhoff_stress: &mut points.trial.kirchhoff_stress[first..last],
-                history: &mut points.trial.history[first * n..last * n],
-                mapped,
-            };
-            let room = LinkBuffer { value, gradient };
-            let work = Work { trial, dense: &mut in_hand.blocks, force: &mut in_hand.force, room };
-            let (outcome, ()) = rayon::join(
-                || task.run(batch.clone(), work),
-                || merge(pairs, links, merged.clone(), before, blocks, internal, wanted),
-            );
-            outcome?;
-            merged = batch;
-            std::mem::swap(&mut in_hand, &mut before);
+        if self.batched.is_empty() {
+            return Ok(self.pass(step, points, at, Pass { laws: None, adds: true, wanted }, sum)?);
         }
-        merge(pairs, links, merged, before, blocks, internal, wanted);
-        Ok(())
+        let mut batched = std::mem::take(&mut self.batched);
+        let outcome = self.evaluate_batched(step, points, at, wanted, sum, &mut batched);
+        self.batched = batched;
+        outcome
     }
 
     fn ledger(&self, step: &StepContext<D>, points: &Points<D>, _: At<N>) -> Ledger {
         let mut ledger = Ledger::default();
+        for batch in batches(step.model, points) {
+            let [stored, plastic] = batch.energies(step.model, points);
+            ledger.stored += stored;
+            ledger.plastic += plastic;
+        }
         for p in 0..points.len() {
             let law = step.model.law(points, p);
+            if law.batch().is_some() {
+                continue;
+            }
             let history = &points.trial.history[p * points.history_len..][..law.state_fields().len()];
             ledger.stored += law.energy(&points.trial.elastic_strain[p]) * points.original_volume[p];
             ledger.plastic += law.plastic_work(history) * points.original_volume[p];
@@ -208,6 +278,7 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
     }
 
     fn conclude(&mut self) {
+        self.batched = Vec::new();
         if size_of_val(self.start.as_slice()) > KEPT {
             self.start = Vec::new();
         }

@@ -13,7 +13,7 @@ use crate::stress::Mechanics;
 use crate::surface::SurfaceFields;
 
 use super::external_force::ExternalForces;
-use super::failure::{BeginError, PointFailure};
+use super::failure::{BeginError, EvaluateError};
 use super::ghost::Ghost;
 use super::material_points::MaterialPoints;
 use super::surface::Surfaces;
@@ -97,14 +97,14 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     /// Evaluates all terms.
     ///
     /// # Errors
-    /// The first point that could not follow the increment.
+    /// [`EvaluateError`]: the first point that could not follow the increment, or a law that failed.
     pub fn evaluate(
         &mut self,
         step: &StepContext<D>,
         points: &mut Points<D>,
         at: At<N>,
         wanted: Wanted,
-    ) -> Result<(), PointFailure> {
+    ) -> Result<(), EvaluateError> {
         self.system.clear(wanted);
         let Sum { terms, system } = self;
         for term in terms {

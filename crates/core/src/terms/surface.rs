@@ -15,7 +15,7 @@ use crate::region::area_vector;
 use crate::step::{At, Nodal, StepContext};
 use crate::surface::{Carried, SurfaceFields, centre, unit};
 
-use super::failure::{BeginError, PointFailure, SurfaceLost};
+use super::failure::{BeginError, EvaluateError, SurfaceLost};
 use super::term::{SurfaceReaction, Term};
 use condition::Condition;
 use load::SurfaceLoad;
@@ -154,7 +154,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         at: At<N>,
         wanted: Wanted,
         sum: &mut System<N>,
-    ) -> Result<(), PointFailure> {
+    ) -> Result<(), EvaluateError> {
         self.carried.iter_mut().for_each(|carried| carried.follow(at.delta_d));
         self.renew_fields(step.model);
         for load in &mut self.loads {

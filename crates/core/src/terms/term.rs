@@ -5,7 +5,7 @@ use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 use crate::surface::SurfaceFields;
 
-use super::failure::{BeginError, PointFailure};
+use super::failure::{BeginError, EvaluateError};
 use crate::dofs::{ConstraintError, Constraints};
 
 /// A force on the bodies with the name under which it is reported.
@@ -89,7 +89,7 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Adds its force, and if wanted its stiffness, at these unknowns. It may write only the trial state of the points.
     ///
     /// # Errors
-    /// The first point that could not follow the increment.
+    /// [`EvaluateError`]: the first point that could not follow the increment, or a law that failed.
     fn evaluate(
         &mut self,
         step: &StepContext<D>,
@@ -97,7 +97,7 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         at: At<N>,
         wanted: Wanted,
         sum: &mut System<N>,
-    ) -> Result<(), PointFailure>;
+    ) -> Result<(), EvaluateError>;
 
     /// Adds the external force of the state that the step starts from to `force` on the active nodes, [force].
     fn force_at_start(&self, _force: &mut Nodal<N>) {}

@@ -41,6 +41,8 @@ pub(super) struct Task<'a, const D: usize, M> {
     /// True if a body does not have [`Volumetric::Standard`](crate::stress::Volumetric::Standard).
     pub(super) dilated: bool,
     pub(super) wanted: Wanted,
+    /// The law of each point, if some are stand-ins for laws that are evaluated in batches.
+    pub(super) laws: Option<&'a [&'a dyn Material]>,
     pub(super) mechanics: std::marker::PhantomData<M>,
 }
 
@@ -193,6 +195,9 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
 
     #[inline]
     pub(super) fn law(&self, p: usize) -> &dyn Material {
+        if let Some(laws) = self.laws {
+            return laws[p];
+        }
         let body = &self.model.bodies[self.body[p] as usize];
         self.model.materials[body.material].law.as_ref()
     }

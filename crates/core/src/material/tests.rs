@@ -1,0 +1,159 @@
+//! All laws have the properties on which the solver relies. A new law adds one line to the list.
+
+use proptest::prelude::*;
+
+use super::conformance::{Deviation, Property, check, deviations};
+use super::*;
+
+/// The laws that this test and the test of the weak forms cover.
+pub(crate) fn laws() -> Vec<Box<dyn Material>> {
+    vec![
+        Box::new(Hencky::new(12e6, 0.2)),
+        Box::new(NeoHookean::new(12e6, 0.2)),
+        Box::new(NeoHookean::new(1e3, -0.4)),
+        Box::new(VonMises::new(1e6, 0.3, 20e3)),
+        Box::new(VonMises::new(1e6, 0.3, 20e3).hardening(0.4e6)),
+    ]
+}
+
+fn conforms_to_round_off(law: &dyn Material, strain: Sym3) {
+    let found = deviations(law, &strain);
+    for Deviation { property, error, round_off } in &found {
+        assert!(error <= round_off, "{property:?} of {law:?} at {strain:?}: {error:e}");
+    }
+    // Laws need no inverse, but these have one.
+    let has_inverse = found.iter().any(|deviation| deviation.property == Property::Inverse);
+    assert!(has_inverse || strain.norm() > 0.02);
+}
+
+proptest! {
+    #[test]
+    fn both_measures_of_a_strain_agree(e in prop::array::uniform6(-0.3..0.3f64)) {
+        let strain = Sym3(e);
+        let b = StrainMeasure::Logarithmic.left_cauchy_green(&strain);
+        let back = StrainMeasure::LeftCauchyGreen.logarithmic(&((b - Sym3::IDENTITY) * 0.5));
+        prop_assert!((back - strain).norm() < 1e-15 + 1e-14 * strain.norm());
+    }
+
+    #[test]
+    fn every_law_conforms(e in prop::array::uniform6(-0.3..0.3f64)) {
+        for law in laws() {
+            conforms_to_round_off(law.as_ref(), Sym3(e));
+            conforms_to_round_off(law.as_ref(), Sym3([e[0], e[1], e[2], 0.0, 0.0, e[5]]));
+            conforms_to_round_off(law.as_ref(), Sym3(e) * 1e-2);
+        }
+    }
+}
+
+#[test]
+fn the_check_of_a_law_finds_nothing_in_those_of_the_library() {
+    for law in laws() {
+        assert_eq!(check(law.as_ref(), 0.3), [], "{law:?}");
+    }
+}
+
+/// A law with an error in most of what it states.
+#[derive(Debug)]
+struct Wrong(Hencky);
+
+impl Material for Wrong {
+    fn state_fields(&self) -> &[StateField] {
+        &[]
+    }
+
+    fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
+        let mut response = self.0.update(trial, old, new)?;
+        response.tangent[(0, 1)] *= 1.01;
+        response.tau.0[2] *= 1.01;
+        Ok(response)
+    }
+
+    fn elastic_strain(&self, tau: &Sym3) -> Result<Sym3, MaterialError> {
+        self.0.elastic_strain(tau)
+    }
+
+    fn energy(&self, elastic_strain: &Sym3) -> f64 {
+        self.0.energy(elastic_strain)
+    }
+}
+
+#[test]
+fn the_check_of_a_law_names_what_is_wrong() {
+    let found = check(&Wrong(Hencky::new(12e6, 0.2)), 0.1);
+    let properties: Vec<Property> = found.iter().map(|finding| finding.property).collect();
+    for property in
+        [Property::Tangent, Property::Symmetry, Property::Isotropy, Property::Inverse, Property::Potential]
+    {
+        assert!(properties.contains(&property), "{property:?} in {properties:?}");
+    }
+    assert_eq!(properties.len(), 5, "{properties:?}");
+    let tangent = found.iter().find(|finding| finding.property == Property::Tangent).unwrap();
+    assert!(tangent.error > 1e-4 && tangent.error < 1e-2, "{tangent}");
+    assert!(tangent.to_string().starts_with("Tangent at the logarithmic strain ["), "{tangent}");
+}
+
+#[test]
+fn small_strains_have_the_stiffness_of_linear_elasticity() {
+    let linear = Elasticity::from_young_poisson(12e6, 0.2);
+    for law in laws().iter().take(2) {
+        let at_rest = law.update(&Sym3::ZERO, &[], &mut []).unwrap();
+        assert_eq!(at_rest.tau, Sym3::ZERO);
+        assert!((at_rest.tangent - linear.tangent()).norm() < 1e-15 * linear.tangent().norm());
+    }
+}
+
+#[test]
+fn a_strain_that_is_no_number_is_an_error() {
+    for law in laws() {
+        let old: Vec<f64> = law.state_fields().iter().map(|f| f.initial).collect();
+        let bad = Sym3([f64::NAN, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!(law.update(&bad, &old, &mut old.clone()), Err(MaterialError::NotFinite));
+    }
+    let inside_out = Sym3([-0.6, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let law = NeoHookean::new(1.0, 0.3);
+    assert_eq!(law.update(&inside_out, &[], &mut []), Err(MaterialError::NotFinite));
+}
+
+/// Uniaxial stress: Kirchhoff stress σ and plastic logarithmic strain κ along x, by bisection in the transverse
+/// strain. Beyond yield, σ grows by √(3/2) H per unit of κ.
+#[test]
+fn hardening_is_linear_in_uniaxial_tension() {
+    let (young, poisson, radius, modulus) = (1e6, 0.3, 20e3, 0.4e6);
+    let law = VonMises::new(young, poisson, radius).hardening(modulus);
+    for axial in [0.03, 0.05, 0.2, 0.5] {
+        let at = |across: f64| {
+            let mut kappa = [0.0];
+            let trial = Sym3([axial, across, across, 0.0, 0.0, 0.0]);
+            let response = law.update(&trial, &[0.0], &mut kappa).unwrap();
+            (response.tau, kappa[0])
+        };
+        let (mut low, mut high) = (-axial, 0.0);
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            *if at(middle).0.0[1] > 0.0 { &mut high } else { &mut low } = middle;
+        }
+        let (tau, kappa) = at(low);
+        let expected = 1.5f64.sqrt() * (radius + modulus * kappa);
+        assert!(kappa > 0.0 && (tau.0[0] / expected - 1.0).abs() < 1e-10, "{tau:?} {kappa}");
+        assert!(
+            (axial - kappa - tau.0[0] / young).abs() < 1e-10,
+            "elastic and plastic strain make up the whole"
+        );
+    }
+}
+
+/// One large step equals many small ones if the flow direction is constant: the return mapping is then exact.
+#[test]
+fn proportional_flow_does_not_depend_on_the_steps() {
+    let law = VonMises::new(1e6, 0.3, 20e3).hardening(0.4e6);
+    let direction = Sym3([0.1, -0.03, -0.07, 0.02, 0.01, -0.04]);
+    let mut whole = [0.0];
+    let one = law.update(&direction, &[0.0], &mut whole).unwrap();
+    let (mut elastic, mut old) = (Sym3::ZERO, [0.0]);
+    for _ in 0..10 {
+        let mut new = [0.0];
+        elastic = law.update(&(elastic + direction * 0.1), &old, &mut new).unwrap().elastic_strain;
+        old = new;
+    }
+    assert!((old[0] - whole[0]).abs() < 1e-14 && (elastic - one.elastic_strain).norm() < 1e-15);
+}

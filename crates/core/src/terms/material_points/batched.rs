@@ -1,0 +1,221 @@
+//! Points of laws that are evaluated in batches.
+//!
+//! Such a law is not asked point by point. The points are evaluated twice, with stand-ins in its place: the first take note
+//! of the trial strain about which a point asks, then the law is evaluated once for all of them, and the second answer
+//! with its responses. So the strains come from the same kinematics as those of any law.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::material::{
+    BatchError, Material, MaterialError, Response, StateField, StrainMeasure, respond_to_batch,
+};
+use crate::model::Model;
+use crate::points::Points;
+use crate::stress::PointError;
+use crate::tensor::{Sym3, Tangent};
+use crate::terms::failure::{EvaluateError, LawFailure, PointFailure};
+
+/// The points of a law that is evaluated in batches, in their present order.
+pub(super) struct Batch {
+    /// Number of the material.
+    material: usize,
+    points: Vec<usize>,
+    trial: Vec<Sym3>,
+    /// History variables at the start and at the end of the step, point after point.
+    old: Vec<f64>,
+    new: Vec<f64>,
+    responses: Vec<Response>,
+}
+
+/// The batches of a model in a step; none if no material has such a law.
+pub(super) fn batches<const D: usize>(model: &Model<D>, points: &Points<D>) -> Vec<Batch> {
+    let has_batch = |number: &usize| model.materials[*number].law.batch().is_some();
+    let batch = |material: usize| {
+        let is_of = |p: &usize| model.bodies[points.body[*p] as usize].material == material;
+        let of_material: Vec<usize> = (0..points.len()).filter(is_of).collect();
+        let kept = model.materials[material].law.state_fields().len();
+        let history = |p: &usize| &points.converged.history[p * points.history_len..][..kept];
+        let old = of_material.iter().flat_map(history).copied().collect();
+        let (trial, new, responses) = Default::default();
+        Batch { material, points: of_material, trial, old, new, responses }
+    };
+    let batches = (0..model.materials.len()).filter(has_batch).map(batch);
+    batches.filter(|batch| !batch.points.is_empty()).collect()
+}
+
+/// A law that takes note of the strain about which a point asks.
+#[derive(Debug)]
+pub(super) struct Noting<'a> {
+    law: &'a dyn Material,
+    /// The bits of the trial strain; each point has one thread at a time.
+    trial: [AtomicU64; 6],
+}
+
+/// A law that answers a point with a response that is known.
+#[derive(Debug)]
+pub(super) struct Answering<'a> {
+    law: &'a dyn Material,
+    response: &'a Response,
+    new: &'a [f64],
+}
+
+/// A law whose answer is of no interest.
+#[derive(Debug)]
+struct Mute;
+
+impl Batch {
+    /// A stand-in that takes note of the strain of each point.
+    pub(super) fn noting<'a, const D: usize>(&self, model: &'a Model<D>) -> Vec<Noting<'a>> {
+        let law = model.materials[self.material].law.as_ref();
+        let unknown = || std::array::from_fn(|_| AtomicU64::new(f64::NAN.to_bits()));
+        self.points.iter().map(|_| Noting { law, trial: unknown() }).collect()
+    }
+
+    /// Evaluates the law at the strains of which these stand-ins have taken note.
+    ///
+    /// # Errors
+    /// [`EvaluateError`] if the law refuses a strain, or cannot be evaluated.
+    pub(super) fn evaluate<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        noted: &[Noting],
+    ) -> Result<(), EvaluateError> {
+        let Batch { material, points, trial, old, new, responses } = self;
+        let Some(law) = model.materials[*material].law.batch() else { return Ok(()) };
+        trial.clear();
+        trial.extend(noted.iter().map(Noting::strain));
+        respond_to_batch(law, trial, old, new, responses).map_err(|error| match error {
+            BatchError::Refused { point, error } if point < points.len() => {
+                PointFailure { point: points[point], error: PointError::Material(error) }.into()
+            }
+            BatchError::Failed { point, message } => {
+                let point = point.and_then(|point| points.get(point).copied());
+                EvaluateError::Law(Box::new(LawFailure { material: *material, point, message }))
+            }
+            refused => {
+                let message = refused.to_string();
+                EvaluateError::Law(Box::new(LawFailure { material: *material, point: None, message }))
+            }
+        })
+    }
+
+    /// Stored elastic energy and plastic work of the points in their trial state, [energy].
+    pub(super) fn energies<const D: usize>(&self, model: &Model<D>, points: &Points<D>) -> [f64; 2] {
+        let Some(law) = model.materials[self.material].law.batch() else { return [0.0; 2] };
+        let kept = model.materials[self.material].law.state_fields().len();
+        let strain: Vec<Sym3> = self.points.iter().map(|&p| points.trial.elastic_strain[p]).collect();
+        let volume: Vec<f64> = self.points.iter().map(|&p| points.original_volume[p]).collect();
+        let history = |p: &usize| &points.trial.history[p * points.history_len..][..kept];
+        let history: Vec<f64> = self.points.iter().flat_map(history).copied().collect();
+        law.energies(&strain, &history, &volume)
+    }
+
+    /// A stand-in that answers each point with its response.
+    pub(super) fn answering<'a, const D: usize>(&'a self, model: &'a Model<D>) -> Vec<Answering<'a>> {
+        let law = model.materials[self.material].law.as_ref();
+        let kept = law.state_fields().len();
+        let answer = |(k, response)| Answering { law, response, new: &self.new[k * kept..][..kept] };
+        self.responses.iter().enumerate().map(answer).collect()
+    }
+}
+
+/// The laws of all points, of which those in batches have stand-ins and the others are mute.
+pub(super) fn laws_that_note<'a>(
+    batches: &[Batch],
+    stand_ins: &'a [Vec<Noting>],
+    n_points: usize,
+) -> Vec<&'a dyn Material> {
+    let mut laws: Vec<&dyn Material> = vec![&Mute; n_points];
+    replace(&mut laws, batches, stand_ins);
+    laws
+}
+
+/// The laws of all points, of which those in batches have stand-ins.
+pub(super) fn laws_that_answer<'a, const D: usize>(
+    model: &'a Model<D>,
+    points: &Points<D>,
+    batches: &[Batch],
+    stand_ins: &'a [Vec<Answering>],
+) -> Vec<&'a dyn Material> {
+    let mut laws: Vec<&dyn Material> = (0..points.len()).map(|p| model.law(points, p)).collect();
+    replace(&mut laws, batches, stand_ins);
+    laws
+}
+
+fn replace<'a, L: Material>(laws: &mut [&'a dyn Material], batches: &[Batch], stand_ins: &'a [Vec<L>]) {
+    for (batch, stand_ins) in batches.iter().zip(stand_ins) {
+        for (&p, stand_in) in batch.points.iter().zip(stand_ins) {
+            laws[p] = stand_in;
+        }
+    }
+}
+
+impl Noting<'_> {
+    fn strain(&self) -> Sym3 {
+        Sym3(self.trial.each_ref().map(|bits| f64::from_bits(bits.load(Ordering::Relaxed))))
+    }
+}
+
+/// The response without stress.
+fn no_stress(trial: &Sym3) -> Response {
+    Response { tau: Sym3::ZERO, elastic_strain: *trial, tangent: Tangent::zeros() }
+}
+
+impl Material for Noting<'_> {
+    fn state_fields(&self) -> &[StateField] {
+        self.law.state_fields()
+    }
+
+    fn strain_measure(&self) -> StrainMeasure {
+        self.law.strain_measure()
+    }
+
+    fn update(&self, trial: &Sym3, _: &[f64], _: &mut [f64]) -> Result<Response, MaterialError> {
+        for (bits, x) in self.trial.iter().zip(&trial.0) {
+            bits.store(x.to_bits(), Ordering::Relaxed);
+        }
+        Ok(no_stress(trial))
+    }
+
+    fn energy(&self, elastic_strain: &Sym3) -> f64 {
+        self.law.energy(elastic_strain)
+    }
+}
+
+impl Material for Answering<'_> {
+    fn state_fields(&self) -> &[StateField] {
+        self.law.state_fields()
+    }
+
+    fn strain_measure(&self) -> StrainMeasure {
+        self.law.strain_measure()
+    }
+
+    fn update(&self, _: &Sym3, _: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
+        new.copy_from_slice(self.new);
+        Ok(*self.response)
+    }
+
+    fn energy(&self, elastic_strain: &Sym3) -> f64 {
+        self.law.energy(elastic_strain)
+    }
+}
+
+impl Material for Mute {
+    fn state_fields(&self) -> &[StateField] {
+        &[]
+    }
+
+    /// The measure that takes the least work.
+    fn strain_measure(&self) -> StrainMeasure {
+        StrainMeasure::LeftCauchyGreen
+    }
+
+    fn update(&self, trial: &Sym3, _: &[f64], _: &mut [f64]) -> Result<Response, MaterialError> {
+        Ok(no_stress(trial))
+    }
+
+    fn energy(&self, _: &Sym3) -> f64 {
+        0.0
+    }
+}
