@@ -7,8 +7,7 @@ use mpm_core::basis::{Connectivity, DomainKind};
 use mpm_core::model::Model;
 use mpm_core::points::Points;
 use mpm_core::solver::{
-    Diagnosis, FailedAttempt, GridFields, Observer, Reached, ReactionMoment, SolveError, Step, StepReport,
-    Summary,
+    Diagnosis, FailedAttempt, GridFields, Observer, Reached, SolveError, Step, StepReport, Summary,
 };
 use mpm_core::terms::Surfaces;
 
@@ -21,35 +20,17 @@ use super::failed;
 use super::fields::PointField;
 use super::findings::{Extremes, Findings};
 use super::frames::{Frame, Frames};
+use super::history::{
+    CONVERGENCE, QUALITY, columns_of_history, row_of_attempt, row_of_convergence, row_of_history,
+    row_of_quality,
+};
 use super::lock::Lock;
 use super::rows;
 use super::series::Series;
 use super::summary::{Account, Outcome};
-use super::table::{Entry, Table};
+use super::table::Table;
 use super::vtu::Precision;
 use super::writer::Writer;
-
-/// Columns of `quality.csv`.
-const QUALITY: [&str; 15] = [
-    "step",
-    "partition_of_unity_loss",
-    "domain_outside_grid",
-    "domain_volume_excess",
-    "smallest_cell_filling",
-    "smallest_det_f",
-    "largest_det_f",
-    "mass",
-    "volume",
-    "plastic_work",
-    "regridding_work",
-    "stabilisation_work",
-    "energy_error",
-    "force_error",
-    "moment_error",
-];
-
-/// Columns of `convergence.csv`.
-const CONVERGENCE: [&str; 3] = ["step", "iteration", "residual"];
 
 /// Files that a run writes in addition to the tables, and how often.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -221,6 +202,11 @@ impl Results {
         Ok(())
     }
 
+    /// Changes the facts about the run, such as its deck.
+    pub fn restate(&mut self, change: impl FnOnce(&mut Account)) {
+        change(&mut self.account);
+    }
+
     /// The directory.
     pub fn directory(&self) -> &Path {
         &self.directory
@@ -261,83 +247,6 @@ impl Results {
         self.written = shown.or(self.written);
         Ok(())
     }
-
-    fn write_history<const D: usize>(
-        &mut self,
-        model: &Model<D>,
-        points: &Points<D>,
-        report: &StepReport<D>,
-        summary: &Summary,
-    ) -> io::Result<()> {
-        let residual = report.residuals.last().copied().unwrap_or(0.0);
-        let mut row: Vec<Entry> = vec![
-            (report.step.index as i64).into(),
-            report.step.end.into(),
-            (report.residuals.len() as i64 - 1).into(),
-            residual.into(),
-            (report.linear_iterations as i64).into(),
-            1.into(),
-            i64::from(report.rounding_limited).into(),
-        ];
-        if !model.stages.is_empty() {
-            row.push((model.present.stage as i64 + 1).into());
-        }
-        row.extend(report.load_factor.map(Entry::from));
-        for (number, reaction) in report.reactions.iter().enumerate() {
-            row.extend(reaction.map(Entry::from));
-            let moment = report.moments.as_ref().and_then(|moments| moments.get(number));
-            row.extend(moment.iter().flat_map(|of| of.components()).map(|m| Entry::from(*m)));
-        }
-        row.extend(report.loads.iter().flatten().map(|f| Entry::from(*f)));
-        let places = points.places();
-        for probe in &model.probes {
-            let present = |id: &u32| places.get(*id as usize).copied().flatten();
-            let moved: Vec<[f64; D]> =
-                probe.points.iter().filter_map(present).map(|p| points.displacement(p)).collect();
-            for d in 0..D {
-                let sum: f64 = moved.iter().map(|moved| moved[d]).sum();
-                // A probe in a body that is not there has no displacement.
-                row.push(if moved.is_empty() { Entry::Missing } else { (sum / moved.len() as f64).into() });
-            }
-        }
-        row.extend([Entry::from(summary.external_work), Entry::from(summary.strain_energy)]);
-        self.history.push(&row)?;
-        let of = &summary.quality.latest;
-        let measures = [
-            of.partition_of_unity_loss,
-            of.domain_outside_grid,
-            of.domain_volume_excess,
-            of.smallest_cell_filling,
-            of.det_f[0],
-            of.det_f[1],
-            of.mass,
-            of.volume,
-            summary.plastic_work,
-            summary.regridding_work,
-            summary.stabilisation_work,
-            summary.energy_error(),
-            self.findings.force_error(),
-            report.moment_error.unwrap_or(0.0),
-        ];
-        let mut row = vec![Entry::from(report.step.index as i64)];
-        row.extend(measures.map(Entry::from));
-        self.quality.push(&row)
-    }
-
-    /// Writes the row of a failed attempt; entries without a value stay empty.
-    fn write_attempt<const D: usize>(&mut self, attempt: &FailedAttempt<D>) -> io::Result<()> {
-        let residual = attempt.residuals.last().copied().filter(|r| r.is_finite());
-        let mut row: Vec<Entry> = vec![
-            (attempt.step.index as i64).into(),
-            attempt.step.end.into(),
-            (attempt.residuals.len().saturating_sub(1) as i64).into(),
-            residual.into(),
-            (attempt.linear_iterations as i64).into(),
-            0.into(),
-        ];
-        row.resize(self.history.width(), Entry::Missing);
-        self.history.push(&row)
-    }
 }
 
 /// The error of a file that a run would replace although no run has written it.
@@ -373,33 +282,6 @@ pub struct Picture {
     pub file: PathBuf,
 }
 
-fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
-    let axes = &["x", "y", "z"][..D];
-    let mut columns: Vec<String> =
-        ["step", "time", "iterations", "residual", "linear_iterations", "converged", "rounding_limited"]
-            .map(String::from)
-            .to_vec();
-    if !model.stages.is_empty() {
-        columns.push("stage".to_owned());
-    }
-    if model.has_one_load_factor() {
-        columns.push("load_factor".to_owned());
-    }
-    for condition in &model.boundary_conditions {
-        columns.extend(axes.iter().map(|axis| format!("{}_r{axis}", condition.name)));
-        let turns = if model.revolved { &[] } else { ReactionMoment::<D>::AXES };
-        columns.extend(turns.iter().map(|axis| format!("{}_m{axis}", condition.name)));
-    }
-    for load in &model.loads {
-        columns.extend(axes.iter().map(|axis| format!("{}_f{axis}", load.name)));
-    }
-    for probe in &model.probes {
-        columns.extend(axes.iter().map(|axis| format!("{}_u{axis}", probe.name)));
-    }
-    columns.extend(["external_work", "strain_energy"].map(String::from));
-    columns
-}
-
 fn all_have_domains<const D: usize>(model: &Model<D>) -> bool {
     model.bodies.iter().all(|b| b.method.domain() != DomainKind::None)
 }
@@ -425,8 +307,7 @@ impl<const D: usize> Observer<D> for Results {
 
     fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
         if residual.is_finite() && self.failure.is_none() {
-            let row = [Entry::from(step.index as i64), Entry::from(iteration as i64), Entry::from(residual)];
-            self.failure = self.convergence.push(&row).err();
+            self.failure = self.convergence.push(&row_of_convergence(step, iteration, residual)).err();
         }
     }
 
@@ -453,7 +334,8 @@ impl<const D: usize> Observer<D> for Results {
         } else if !self.writer.is_at_work() {
             self.settle()?;
         }
-        self.write_history(model, points, report, summary)?;
+        self.history.push(&row_of_history(model, points, report, summary))?;
+        self.quality.push(&row_of_quality(report, summary, &self.findings))?;
         if self.checkpoints.is_some_and(|every| report.step.index.is_multiple_of(every)) {
             self.write_checkpoint(points)?;
         }
@@ -470,7 +352,7 @@ impl<const D: usize> Observer<D> for Results {
         if let Some(error) = self.failure.take() {
             return Err(error);
         }
-        self.write_attempt(attempt)?;
+        self.history.push(&row_of_attempt(self.history.width(), attempt))?;
         match ended {
             Some((cause, _)) if self.every > 0 => failed::write(&self.directory, model, points, cause),
             _ => Ok(()),
@@ -505,11 +387,7 @@ impl<const D: usize> Observer<D> for Results {
         let written = lost.and(rows).and(mesh).and(checkpoint).and(tables);
         // The summary comes last: if it reports a completed run, nothing is missing.
         let lost = written.as_ref().err().map(SolveError::output);
-        let outcome = match error.or(lost.as_ref()) {
-            None => Outcome::Completed,
-            Some(SolveError::Interrupted { .. }) => Outcome::Interrupted,
-            Some(error) => Outcome::Failed { code: error.code(), reason: error.to_string() },
-        };
+        let outcome = Outcome::of(error.or(lost.as_ref()));
         self.findings.extremes = Extremes::new(model, points);
         let path = self.directory.join("summary.json");
         let told = self.account.write(&path, model, points, summary, &self.findings, &outcome);

@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 use mpm_core::model::{Model, Stepping};
 use mpm_core::points::Points;
 use mpm_core::quality::{Balance, Quality, Warning, Worst};
-use mpm_core::solver::{Diagnosis, InitialState, Summary};
+use mpm_core::solver::{Diagnosis, InitialState, SolveError, Summary};
 use mpm_core::timing::{Phase, Spent, Timings};
 
 /// Version of the program, as it appears in the results.
@@ -35,6 +35,17 @@ pub enum Outcome {
         /// Message of the error.
         reason: String,
     },
+}
+
+impl Outcome {
+    /// The outcome of a run that has ended with this error, or without.
+    pub fn of(error: Option<&SolveError>) -> Outcome {
+        match error {
+            None => Outcome::Completed,
+            Some(SolveError::Interrupted { .. }) => Outcome::Interrupted,
+            Some(error) => Outcome::Failed { code: error.code(), reason: error.to_string() },
+        }
+    }
 }
 
 /// Origin of the times of a run.
@@ -111,6 +122,21 @@ impl Account {
         outcome: &Outcome,
     ) -> io::Result<()> {
         check(path, summary, findings)?;
+        let document = self.document(model, points, summary, findings, outcome);
+        let mut text = serde_json::to_string_pretty(&document).map_err(io::Error::other)?;
+        text.push('\n');
+        super::replace::replace_file(path, |out| out.write_all(text.as_bytes()))
+    }
+
+    /// The document of `summary.json`.
+    pub(super) fn document<const D: usize>(
+        &self,
+        model: &Model<D>,
+        points: &Points<D>,
+        summary: &Summary,
+        findings: &Findings,
+        outcome: &Outcome,
+    ) -> Value {
         let mut timings = self.set_up.clone();
         timings.add(&summary.timings);
         let (word, code, reason) = match outcome {
@@ -192,9 +218,7 @@ impl Account {
         document["damped_steps"] = summary.damped.into();
         document["damping_work"] = summary.damping_work.into();
         document["replaced_domains"] = summary.replaced_domains.into();
-        let mut text = serde_json::to_string_pretty(&document).map_err(io::Error::other)?;
-        text.push('\n');
-        super::replace::replace_file(path, |out| out.write_all(text.as_bytes()))
+        document
     }
 }
 

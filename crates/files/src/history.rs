@@ -1,0 +1,148 @@
+//! The rows of the tables of a run: of the history, of the quality, and of the convergence of its iterations.
+
+use mpm_core::model::Model;
+use mpm_core::points::Points;
+use mpm_core::solver::{FailedAttempt, ReactionMoment, Step, StepReport, Summary};
+
+use super::findings::Findings;
+use super::table::Entry;
+
+/// Columns of `quality.csv`.
+pub const QUALITY: [&str; 15] = [
+    "step",
+    "partition_of_unity_loss",
+    "domain_outside_grid",
+    "domain_volume_excess",
+    "smallest_cell_filling",
+    "smallest_det_f",
+    "largest_det_f",
+    "mass",
+    "volume",
+    "plastic_work",
+    "regridding_work",
+    "stabilisation_work",
+    "energy_error",
+    "force_error",
+    "moment_error",
+];
+
+/// Columns of `convergence.csv`.
+pub const CONVERGENCE: [&str; 3] = ["step", "iteration", "residual"];
+
+/// Columns of `history.csv`.
+pub fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
+    let axes = &["x", "y", "z"][..D];
+    let mut columns: Vec<String> =
+        ["step", "time", "iterations", "residual", "linear_iterations", "converged", "rounding_limited"]
+            .map(String::from)
+            .to_vec();
+    if !model.stages.is_empty() {
+        columns.push("stage".to_owned());
+    }
+    if model.has_one_load_factor() {
+        columns.push("load_factor".to_owned());
+    }
+    for condition in &model.boundary_conditions {
+        columns.extend(axes.iter().map(|axis| format!("{}_r{axis}", condition.name)));
+        let turns = if model.revolved { &[] } else { ReactionMoment::<D>::AXES };
+        columns.extend(turns.iter().map(|axis| format!("{}_m{axis}", condition.name)));
+    }
+    for load in &model.loads {
+        columns.extend(axes.iter().map(|axis| format!("{}_f{axis}", load.name)));
+    }
+    for probe in &model.probes {
+        columns.extend(axes.iter().map(|axis| format!("{}_u{axis}", probe.name)));
+    }
+    columns.extend(["external_work", "strain_energy"].map(String::from));
+    columns
+}
+
+/// The row of `history.csv` of a step in equilibrium.
+pub fn row_of_history<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    report: &StepReport<D>,
+    summary: &Summary,
+) -> Vec<Entry> {
+    let residual = report.residuals.last().copied().unwrap_or(0.0);
+    let mut row: Vec<Entry> = vec![
+        (report.step.index as i64).into(),
+        report.step.end.into(),
+        (report.residuals.len() as i64 - 1).into(),
+        residual.into(),
+        (report.linear_iterations as i64).into(),
+        1.into(),
+        i64::from(report.rounding_limited).into(),
+    ];
+    if !model.stages.is_empty() {
+        row.push((model.present.stage as i64 + 1).into());
+    }
+    row.extend(report.load_factor.map(Entry::from));
+    for (number, reaction) in report.reactions.iter().enumerate() {
+        row.extend(reaction.map(Entry::from));
+        let moment = report.moments.as_ref().and_then(|moments| moments.get(number));
+        row.extend(moment.iter().flat_map(|of| of.components()).map(|m| Entry::from(*m)));
+    }
+    row.extend(report.loads.iter().flatten().map(|f| Entry::from(*f)));
+    let places = points.places();
+    for probe in &model.probes {
+        let present = |id: &u32| places.get(*id as usize).copied().flatten();
+        let moved: Vec<[f64; D]> =
+            probe.points.iter().filter_map(present).map(|p| points.displacement(p)).collect();
+        for d in 0..D {
+            let sum: f64 = moved.iter().map(|moved| moved[d]).sum();
+            // A probe in a body that is not there has no displacement.
+            row.push(if moved.is_empty() { Entry::Missing } else { (sum / moved.len() as f64).into() });
+        }
+    }
+    row.extend([Entry::from(summary.external_work), Entry::from(summary.strain_energy)]);
+    row
+}
+
+/// The row of `quality.csv` of a step in equilibrium.
+pub fn row_of_quality<const D: usize>(
+    report: &StepReport<D>,
+    summary: &Summary,
+    findings: &Findings,
+) -> Vec<Entry> {
+    let of = &summary.quality.latest;
+    let measures = [
+        of.partition_of_unity_loss,
+        of.domain_outside_grid,
+        of.domain_volume_excess,
+        of.smallest_cell_filling,
+        of.det_f[0],
+        of.det_f[1],
+        of.mass,
+        of.volume,
+        summary.plastic_work,
+        summary.regridding_work,
+        summary.stabilisation_work,
+        summary.energy_error(),
+        findings.force_error(),
+        report.moment_error.unwrap_or(0.0),
+    ];
+    let mut row = vec![Entry::from(report.step.index as i64)];
+    row.extend(measures.map(Entry::from));
+    row
+}
+
+/// The row of `history.csv` of a failed attempt; entries without a value stay empty.
+pub fn row_of_attempt<const D: usize>(width: usize, attempt: &FailedAttempt<D>) -> Vec<Entry> {
+    let residual = attempt.residuals.last().copied().filter(|r| r.is_finite());
+    let mut row: Vec<Entry> = vec![
+        (attempt.step.index as i64).into(),
+        attempt.step.end.into(),
+        (attempt.residuals.len().saturating_sub(1) as i64).into(),
+        residual.into(),
+        (attempt.linear_iterations as i64).into(),
+        0.into(),
+    ];
+    row.resize(width, Entry::Missing);
+    row
+}
+
+/// The row of `convergence.csv` of an evaluation.
+pub fn row_of_convergence(step: Step, iteration: usize, residual: f64) -> [Entry; 3] {
+    [Entry::from(step.index as i64), Entry::from(iteration as i64), Entry::from(residual)]
+}
