@@ -138,11 +138,7 @@ where
                 return None;
             }
         }
-        let materials: Vec<NamedMaterial> = deck
-            .materials
-            .iter()
-            .map(|(name, m)| NamedMaterial { name: name.clone(), law: m.law() })
-            .collect();
+        let materials = self.loaded.materials();
         let bodies = self.bodies();
         let revolved = deck.analysis.idealisation == Idealisation::Axisymmetric;
         let mut seeds = self.seeds(grid.as_ref(), &materials, &bodies, (&regions, &groups));

@@ -36,6 +36,33 @@ pub fn changes(old: &Deck, new: &Deck, time: f64) -> Vec<String> {
     found
 }
 
+/// Changes of a deck with which a run cannot go on, each as a sentence. The parameters of materials may change, values and
+/// curves of loads and boundary conditions, the control of steps and iterations, titles and the output of files.
+pub fn changes_during_run(old: &Deck, new: &Deck) -> Vec<String> {
+    let of = |deck: &Deck| {
+        let mut value = essential(deck);
+        let Some(map) = value.as_object_mut() else { return value };
+        map.remove("parameters"); // their values are already inserted
+        let keep = |entry: &mut Value, keys: &[&str]| {
+            entry.as_object_mut().map(|entry| entry.retain(|key, _| keys.contains(&key.as_str())))
+        };
+        for material in
+            map.get_mut("materials").and_then(Value::as_object_mut).into_iter().flat_map(Map::values_mut)
+        {
+            keep(material, &["model", "density"]);
+        }
+        for section in ["boundary_conditions", "loads"] {
+            for entry in map.get_mut(section).and_then(Value::as_array_mut).into_iter().flatten() {
+                keep(entry, &["name", "type", "surface"]);
+            }
+        }
+        value
+    };
+    let mut found = Vec::new();
+    compare("", &of(old), &of(new), &mut found);
+    found
+}
+
 /// The number in this deck of the step that ends at a time: its own number or, if larger, that of the requested step
 /// that ends there, so that no file of an earlier step is overwritten. `None` after the end of the analysis.
 pub fn step_at(deck: &Deck, time: f64, own: usize) -> Option<usize> {

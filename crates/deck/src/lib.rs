@@ -37,6 +37,7 @@ pub use stages::{Reset, StageDeck, ThenDeck};
 pub use steps::{ControlDeck, StepsDeck};
 pub use surfaces::{HalfSpaceDeck, PartDeck, SurfaceDeck};
 
+mod account;
 pub mod advice;
 mod axisymmetry;
 mod boundary_conditions;

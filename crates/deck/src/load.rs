@@ -4,13 +4,18 @@ use std::collections::{BTreeMap, HashSet};
 use std::fmt;
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde_json::Value;
 
 use super::diagnostic::{self, Diagnostic, Gate};
 use super::quoting::quote;
 use super::references::dangling;
 use super::source::Source;
-use super::{Deck, GridDeck, Parameter, parameters, shape, validate};
+use super::{Deck, GridDeck, MaterialDeck, Parameter, parameters, shape, validate};
 use mpm_core::formula::closest;
+use mpm_core::material::Material;
+use mpm_core::model::NamedMaterial;
 
 /// A deck that passed all checks that need no mesh.
 #[derive(Debug, Clone)]
@@ -25,9 +30,34 @@ pub struct LoadedDeck {
     pub source: Source,
     /// Warnings and notes, in the order of their locations.
     pub notes: Vec<Diagnostic>,
+    /// Laws that take the place of those of materials, by the names of these.
+    pub laws: BTreeMap<String, OwnLaw>,
+}
+
+/// A law that a deck cannot describe.
+#[derive(Clone)]
+pub struct OwnLaw(pub Arc<dyn Fn() -> Box<dyn Material> + Send + Sync>);
+
+impl fmt::Debug for OwnLaw {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0().fmt(f)
+    }
 }
 
 impl LoadedDeck {
+    /// The laws of all materials with their names.
+    pub(super) fn materials(&self) -> Vec<NamedMaterial> {
+        let law = |name: &String, of_deck: &MaterialDeck| match self.laws.get(name) {
+            Some(own) => own.0(),
+            None => of_deck.law(),
+        };
+        self.deck
+            .materials
+            .iter()
+            .map(|(name, of)| NamedMaterial { name: name.clone(), law: law(name, of) })
+            .collect()
+    }
+
     /// A hash of the text of the deck, of the final values of its parameters and of the files it names: decks with the
     /// same hash describe the same analysis. It is the same for all builds of the program.
     pub fn hash(&self) -> String {
@@ -160,6 +190,19 @@ pub fn parameter_names(name: &str, text: &[u8]) -> Result<Vec<String>, Box<LoadF
     Ok(parameters.map_or_else(Vec::new, |parameters| parameters.keys().cloned().collect()))
 }
 
+/// The keys and values of a deck as they are written, parameters and formulas not inserted; `name` stands for the file in
+/// messages.
+///
+/// # Errors
+/// If the text is not YAML. Nothing else is checked.
+pub fn values(name: &str, text: &[u8]) -> Result<Value, Box<LoadFailure>> {
+    let (source, value, diagnostics) = Source::read(name, text);
+    match value {
+        Some(value) if !diagnostics.iter().any(Diagnostic::is_error) => Ok(value),
+        _ => Err(Box::new(LoadFailure { source, diagnostics })),
+    }
+}
+
 /// Reads at most one byte more than the largest deck: a device never ends.
 fn read_bounded(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut text = Vec::new();
@@ -209,7 +252,7 @@ pub fn load_text(
         Some(deck) if !diagnostics.iter().any(Diagnostic::is_error) => {
             let directory = Path::new(name).parent().map(Path::to_path_buf).unwrap_or_default();
             let parameters = deck.parameters.clone();
-            Ok(LoadedDeck { parameters, deck, directory, source, notes: diagnostics })
+            Ok(LoadedDeck { parameters, deck, directory, source, notes: diagnostics, laws: BTreeMap::new() })
         }
         _ => Err(Box::new(LoadFailure { source, diagnostics })),
     }

@@ -1,9 +1,9 @@
 //! From a deck to an analysis that is ready to run, in the plane or in space.
 
 use super::build::{Built, built};
-use super::diagnostic::Diagnostic;
+use super::diagnostic::{self, Diagnostic};
 use super::first_step::{FirstStep, first_step};
-use super::load::LoadedDeck;
+use super::load::{LoadFailure, LoadedDeck};
 use super::region::OfDeck;
 use mpm_core::memory::Memory;
 use mpm_core::model::Model;
@@ -48,26 +48,66 @@ pub struct Ready {
     pub notes: Vec<Diagnostic>,
 }
 
+/// A deck and the analysis built from it.
+#[derive(Debug)]
+pub struct Prepared {
+    /// The deck, with all warnings and notes about it.
+    pub loaded: LoadedDeck,
+    /// The model and its points.
+    pub analysis: Analysis,
+    /// Size of the analysis.
+    pub extent: Extent,
+}
+
+/// As [`ready`], with all messages about the deck in one list. With `deny_warnings`, warnings are errors.
+///
+/// # Errors
+/// All messages, if one of them is an error.
+pub fn prepare(
+    mut loaded: LoadedDeck,
+    memory: Option<Memory>,
+    deny_warnings: bool,
+) -> Result<Prepared, Box<LoadFailure>> {
+    let built = ready(&loaded, memory);
+    let mut diagnostics = std::mem::take(&mut loaded.notes);
+    let built = match built {
+        Ok(Ready { analysis, extent, notes }) => {
+            diagnostics.extend(notes);
+            Some((analysis, extent))
+        }
+        Err(found) => {
+            diagnostics.extend(found);
+            None
+        }
+    };
+    diagnostic::sort(&mut diagnostics);
+    let denied = deny_warnings && diagnostic::deny_warnings(&mut diagnostics);
+    match built {
+        Some((analysis, extent)) if !denied => {
+            loaded.notes = diagnostics;
+            Ok(Prepared { loaded, analysis, extent })
+        }
+        _ => Err(Box::new(LoadFailure { source: loaded.source, diagnostics })),
+    }
+}
+
 /// Builds the model of a deck and checks its first load step. An analysis that does not fit into `memory` is refused.
 ///
 /// # Errors
 /// All faults that prevent the first load step from being solved, with warnings and notes.
 pub fn ready(loaded: &LoadedDeck, memory: Option<Memory>) -> Result<Ready, Vec<Diagnostic>> {
     Ok(if loaded.deck.dimensions() == 3 {
-        let (parts, extent, notes) = prepare::<3>(loaded, memory)?;
+        let (parts, extent, notes) = of_size::<3>(loaded, memory)?;
         Ready { analysis: Analysis::Solid(Box::new(parts)), extent, notes }
     } else {
-        let (parts, extent, notes) = prepare::<2>(loaded, memory)?;
+        let (parts, extent, notes) = of_size::<2>(loaded, memory)?;
         Ready { analysis: Analysis::Plane(Box::new(parts)), extent, notes }
     })
 }
 
-type Prepared<const D: usize> = ((Model<D>, Points<D>), Extent, Vec<Diagnostic>);
+type OfSize<const D: usize> = ((Model<D>, Points<D>), Extent, Vec<Diagnostic>);
 
-fn prepare<const D: usize>(
-    loaded: &LoadedDeck,
-    memory: Option<Memory>,
-) -> Result<Prepared<D>, Vec<Diagnostic>>
+fn of_size<const D: usize>(loaded: &LoadedDeck, memory: Option<Memory>) -> Result<OfSize<D>, Vec<Diagnostic>>
 where
     Region<D>: OfDeck<D>,
 {

@@ -5,16 +5,16 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use crate::deck::advice::{self, WORDING};
+use crate::deck::advice;
 use crate::deck::diagnostic::{self, Diagnostic, as_json, render_all};
 use crate::deck::load::{LoadFailure, LoadedDeck, load};
-use crate::deck::ready::{self, Analysis, Extent, ready};
+use crate::deck::ready::{self, Analysis, Prepared};
 use crate::deck::source::Source;
 use crate::memory::Memory;
 use crate::output::checkpoint::last_step;
 use crate::output::lock::Lock;
 use crate::output::results::Results;
-use crate::output::summary::{Account, Start};
+use crate::output::summary::Start;
 use crate::solver::{SolveError, Summary};
 use crate::timing::Timings;
 use anyhow::{anyhow, bail};
@@ -29,56 +29,26 @@ use crate::program::screen::print::print_json;
 use crate::program::screen::progress::{View, Watch};
 use crate::program::system_limits::wait_for_lack_of_memory;
 
-/// A deck and the analysis built from it.
-pub struct Ready {
-    /// The deck.
-    pub loaded: LoadedDeck,
-    /// The model and its points.
-    analysis: Analysis,
-    /// The size of the analysis.
-    pub extent: Extent,
-}
-
-/// Builds the model of a deck up to the first load step. With `deny_warnings`, warnings about the deck are errors.
+/// Reads and builds the model of a deck up to the first load step.
 pub fn prepare(
     loaded: Result<LoadedDeck, Box<LoadFailure>>,
     deny_warnings: bool,
-) -> Result<Ready, Box<LoadFailure>> {
-    let mut loaded = loaded?;
-    let built = rayon::scope(|_| ready(&loaded, Memory::of_this_machine())); // as the analysis itself
-    let mut diagnostics = std::mem::take(&mut loaded.notes);
-    let built = match built {
-        Ok(ready::Ready { analysis, extent, notes }) => {
-            diagnostics.extend(notes);
-            Some((analysis, extent))
-        }
-        Err(found) => {
-            diagnostics.extend(found);
-            None
-        }
-    };
-    diagnostic::sort(&mut diagnostics);
-    let denied = deny_warnings && diagnostic::deny_warnings(&mut diagnostics);
-    match built {
-        Some((analysis, extent)) if !denied => {
-            loaded.notes = diagnostics;
-            Ok(Ready { loaded, analysis, extent })
-        }
-        _ => Err(Box::new(LoadFailure { source: loaded.source, diagnostics })),
-    }
+) -> Result<Prepared, Box<LoadFailure>> {
+    // On a worker thread, as the analysis itself.
+    rayon::scope(|_| ready::prepare(loaded?, Memory::of_this_machine(), deny_warnings))
 }
 
 /// The source of a deck and the messages about it.
-fn findings(prepared: &Result<Ready, Box<LoadFailure>>) -> (&Source, &[Diagnostic]) {
+fn findings(prepared: &Result<Prepared, Box<LoadFailure>>) -> (&Source, &[Diagnostic]) {
     match prepared {
-        Ok(Ready { loaded, .. }) => (&loaded.source, &loaded.notes),
+        Ok(Prepared { loaded, .. }) => (&loaded.source, &loaded.notes),
         Err(failure) => (&failure.source, &failure.diagnostics),
     }
 }
 
 /// Reads and builds a deck; prints the messages about it and passes them to `log_text`. `None` if the deck cannot be
 /// used.
-pub fn prepare_and_report(args: &DeckArgs, log_text: &dyn Fn(&str)) -> anyhow::Result<Option<Ready>> {
+pub fn prepare_and_report(args: &DeckArgs, log_text: &dyn Fn(&str)) -> anyhow::Result<Option<Prepared>> {
     let prepared = prepare(load(&args.deck, &args.set), args.deny_warnings);
     let plain = messages(&prepared, false);
     if !plain.is_empty() {
@@ -100,7 +70,7 @@ pub fn prepare_and_report(args: &DeckArgs, log_text: &dyn Fn(&str)) -> anyhow::R
 }
 
 /// Writes messages about a deck to standard error, in colour on a terminal.
-pub fn print_messages(prepared: &Result<Ready, Box<LoadFailure>>) {
+pub fn print_messages(prepared: &Result<Prepared, Box<LoadFailure>>) {
     let plain = messages(prepared, false);
     // Colours need escape sequences, which are allowed only if the text itself contains none.
     if io::stderr().is_terminal() && clean(&plain) == plain {
@@ -111,7 +81,7 @@ pub fn print_messages(prepared: &Result<Ready, Box<LoadFailure>>) {
 }
 
 /// All messages about a deck, without the last line break; empty if there are none.
-pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>, colour: bool) -> String {
+pub fn messages(prepared: &Result<Prepared, Box<LoadFailure>>, colour: bool) -> String {
     let (source, diagnostics) = findings(prepared);
     let text = render_all(source, diagnostics, colour);
     match diagnostic::count(diagnostics) {
@@ -121,10 +91,10 @@ pub fn messages(prepared: &Result<Ready, Box<LoadFailure>>, colour: bool) -> Str
 }
 
 /// All messages about a deck as JSON, with the size of the analysis if it can be run.
-fn as_document(prepared: &Result<Ready, Box<LoadFailure>>) -> Value {
+fn as_document(prepared: &Result<Prepared, Box<LoadFailure>>) -> Value {
     let (source, diagnostics) = findings(prepared);
     let mut report = as_json(source, diagnostics);
-    report["size"] = prepared.as_ref().map_or(Value::Null, |Ready { extent, .. }| {
+    report["size"] = prepared.as_ref().map_or(Value::Null, |Prepared { extent, .. }| {
         json!({
             "bodies": extent.bodies,
             "points": extent.points,
@@ -164,14 +134,14 @@ pub enum Begin {
 /// If the directory cannot be written, another run writes there, or no checkpoint can be resumed.
 pub fn run_into(
     directory: &Path,
-    ready: Ready,
+    ready: Prepared,
     start: Start,
     set_up: Timings,
     view: View,
     stop: &Arc<AtomicBool>,
     begin: Begin,
 ) -> anyhow::Result<Option<Ended>> {
-    let Ready { loaded, mut analysis, .. } = ready;
+    let Prepared { loaded, mut analysis, .. } = ready;
     let from = match begin {
         Begin::Anew => None,
         Begin::AtCheckpoint | Begin::AtCheckpointIfAny => {
@@ -189,18 +159,7 @@ pub fn run_into(
         }
     };
     let asked = loaded.deck.request();
-    let account = Account {
-        start,
-        deck_file: loaded.source.name().to_owned(),
-        deck_text: loaded.source.text().to_owned(),
-        deck_hash: loaded.hash(),
-        files_hash: loaded.hash_of_files(),
-        deck: Some(serde_json::to_value(&loaded.deck)?),
-        parameters: loaded.parameters.into_iter().map(|(name, value)| (name, value.into())).collect(),
-        set_up,
-        threads: rayon::current_num_threads(),
-        wording: WORDING,
-    };
+    let account = loaded.account(start, set_up, rayon::current_num_threads())?;
     let (results, from) = match from {
         None => {
             let created = match &analysis {

@@ -1,0 +1,38 @@
+//! The account of a run that a deck describes.
+
+use serde_json::Value;
+
+use super::advice::WORDING;
+use super::load::LoadedDeck;
+use mpm_core::timing::Timings;
+use mpm_files::summary::{Account, Start};
+
+impl LoadedDeck {
+    /// The facts about this deck that the files of a run state. The run began at `start`; `set_up` is the time spent on
+    /// reading and building so far.
+    ///
+    /// # Errors
+    /// If the deck cannot be written as JSON.
+    pub fn account(&self, start: Start, set_up: Timings, threads: usize) -> serde_json::Result<Account> {
+        let values = self.parameters.iter().map(|(name, value)| (name.clone(), Value::from(value.clone())));
+        Ok(Account {
+            start,
+            deck_file: self.source.name().to_owned(),
+            deck_text: self.source.text().to_owned(),
+            deck_hash: self.hash(),
+            files_hash: self.hash_of_files(),
+            deck: Some(serde_json::to_value(&self.deck)?),
+            parameters: values.collect(),
+            set_up,
+            threads,
+            wording: WORDING,
+        })
+    }
+
+    /// Makes an account state this deck in place of the one with which the run began.
+    pub fn restate(&self, account: &mut Account) {
+        if let Ok(of_this) = self.account(account.start, account.set_up.clone(), account.threads) {
+            *account = of_this;
+        }
+    }
+}
