@@ -60,7 +60,7 @@ pub use fields::Fields;
 pub use motion::Motion;
 pub use observer::{Observer, Silent};
 pub use pace::Pace;
-pub use stages::{resume_stage, run_stages};
+pub use stages::{Change, resume_stage, run_stages, run_with_changes};
 pub use stepper::{Kernels, Stepper};
 pub use summary::{Reached, StageReached, Summary};
 

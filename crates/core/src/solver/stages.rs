@@ -172,8 +172,30 @@ pub fn resume_stage<const D: usize>(
 pub fn run_stages<const D: usize>(
     model: &mut Model<D>,
     points: &mut Points<D>,
+    reached: Reached,
+    observer: &mut dyn Observer<D>,
+) -> Result<Summary, SolveError>
+where
+    Model<D>: Solvable<D>,
+{
+    run_with_changes(model, points, reached, observer, &mut |_, _, _| Ok(false))
+}
+
+/// A change of a model between two steps, given the points and the last step in equilibrium.
+pub type Change<'a, const D: usize> =
+    &'a mut dyn FnMut(&mut Model<D>, &Points<D>, &Reached) -> Result<bool, SolveError>;
+
+/// As [`run_stages`]; whenever the observer has interrupted the run between two steps, `change` may alter the model, and the
+/// run goes on if it returns true. The points, the grid and the terms of equilibrium stay as they are.
+///
+/// # Errors
+/// As [`run_stages`], and those of `change`.
+pub fn run_with_changes<const D: usize>(
+    model: &mut Model<D>,
+    points: &mut Points<D>,
     mut reached: Reached,
     observer: &mut dyn Observer<D>,
+    change: Change<'_, D>,
 ) -> Result<Summary, SolveError>
 where
     Model<D>: Solvable<D>,
@@ -183,7 +205,14 @@ where
     // A grid that cannot move is reported when its step begins.
     let _ = model.place_grid(reached.step.end);
     let started = start(model, points, &mut reached, observer);
-    let outcome = started.and_then(|()| all_stages(model, points, &mut reached, observer));
+    let outcome = started.and_then(|()| {
+        loop {
+            match all_stages(model, points, &mut reached, observer) {
+                Err(SolveError::Interrupted { .. }) if change(model, points, &reached)? => {}
+                outcome => return outcome,
+            }
+        }
+    });
     finish(model, points, reached, outcome, observer)
 }
 
