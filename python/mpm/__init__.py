@@ -1,0 +1,40 @@
+"""The implicit material point method: decks, runs, laws and results.
+
+>>> import mpm
+>>> deck = mpm.Deck.load("inputs/footing.yaml", steps=2)
+>>> result = deck.run(progress=False)
+>>> result.summary["outcome"]
+'completed'
+"""
+
+from mpm import testing
+from mpm._deck import Deck
+from mpm._errors import DeckError, Diagnostic, MpmError, ResultsError, SolveError, UsageError
+from mpm._laws import BuiltInLaw, Law
+from mpm._mpm import VERSION as __version__
+from mpm._run import Frame, Points, Result, Run, Step, Table, read
+from mpm._study import Member, Study, sweep
+
+__all__ = [
+    "BuiltInLaw",
+    "Deck",
+    "DeckError",
+    "Diagnostic",
+    "Frame",
+    "Law",
+    "Member",
+    "MpmError",
+    "Points",
+    "Result",
+    "ResultsError",
+    "Run",
+    "SolveError",
+    "Step",
+    "Study",
+    "Table",
+    "UsageError",
+    "__version__",
+    "read",
+    "sweep",
+    "testing",
+]

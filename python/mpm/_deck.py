@@ -1,0 +1,281 @@
+"""Decks: descriptions of analyses."""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, MutableMapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpm import _mpm
+from mpm._errors import Diagnostic, UsageError, diagnostics_of
+from mpm._laws import Law, adapters
+
+if TYPE_CHECKING:
+    from mpm._run import Result, Run
+
+StrPath = str | os.PathLike[str]
+Value = str | int | float | bool
+Overrides = list[tuple[str, str]]
+
+_NAME = re.compile(r"[A-Za-z_]\w*\Z")
+
+
+class Deck(MutableMapping[str, Any]):
+    """A deck: the description of an analysis, with the same keys as a file.
+
+    A deck is a mapping, of nested dictionaries and lists, whose keys
+    `docs/deck.md <https://github.com/>`_ lists. Change it in place; checks are made by :meth:`check` and when a run
+    begins.
+
+    Args:
+        data: The keys and values. They are copied.
+        directory: Directory to which the paths in the deck, such as that of a mesh, are relative.
+
+    Example:
+        >>> import mpm
+        >>> deck = mpm.Deck({
+        ...     "version": 1,
+        ...     "grid": {"type": "structured", "origin": [0, 0], "size": [1, 2], "spacing": 0.5},
+        ...     "materials": {"clay": {"model": "hencky", "young": 1e6, "poisson": 0.3, "density": 2000}},
+        ...     "bodies": [{"name": "column", "material": "clay", "points_per_cell": 2,
+        ...                 "shape": {"type": "box", "min": [0, 0], "max": [1, 1]}}],
+        ...     "boundary_conditions": [{"name": "floor", "nodes": {"y": 0}, "fix": ["x", "y"]}],
+        ...     "loads": [{"name": "weight", "type": "gravity", "acceleration": [0, -9.81]}],
+        ... })
+        >>> deck["loads"][0]["acceleration"] = [0, -5]
+        >>> [found.code for found in deck.check() if found.severity == "error"]
+        []
+        >>> result = deck.run(threads=1, progress=False)
+        >>> round(result.history["floor_ry"][-1])
+        10000
+    """
+
+    def __init__(self, data: Mapping[str, Any], *, directory: StrPath = ".") -> None:
+        if not isinstance(data, Mapping):
+            raise UsageError(f"a deck is a mapping of keys to values, not {type(data).__name__}; Deck.load reads a file")
+        self._data: dict[str, Any] = _plain(data, "")
+        self._name = os.path.join(directory, "deck")
+        self._text: bytes | None = None
+        self._overrides: Overrides = []
+        self._original: str | None = None
+
+    @classmethod
+    def load(cls, path: StrPath, **parameters: Value) -> Deck:
+        """Reads a deck from a YAML file.
+
+        Args:
+            path: The file.
+            parameters: Values of parameters that the deck defines, in place of those in the file.
+
+        Raises:
+            DeckError: The file cannot be read or is not YAML. Other faults are found by :meth:`check`.
+            UsageError: The deck has no parameter of this name, or the value is no number or word.
+        """
+        text, document = _mpm.read(os.fspath(path))
+        data = json.loads(document)
+        deck = cls(data if isinstance(data, dict) else {})
+        deck._name, deck._text = os.fspath(path), text
+        if not isinstance(data, dict):
+            deck._original = _document(deck._data)  # the check reports that it is no mapping
+            return deck
+        defined = deck._data.get("parameters")
+        names = list(defined) if isinstance(defined, dict) else []
+        for name, value in parameters.items():
+            if name not in names:
+                known = ", ".join(names) or "none"
+                raise UsageError(f"the deck has no parameter {name!r}; it has {known}")
+            if not isinstance(value, (str, bool, int, float)):
+                raise UsageError(f"the parameter {name!r} is a number or a word, not {type(value).__name__}")
+            deck._overrides.append((name, value if isinstance(value, str) else json.dumps(value)))
+            deck._data["parameters"][name] = value
+        deck._original = _document(deck._data)
+        return deck
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The keys and values, to be read and changed."""
+        return self._data
+
+    @property
+    def text(self) -> str:
+        """The deck as YAML: the text of its file, comments included, as long as nothing was changed."""
+        text, _ = self._source()
+        return text.decode(errors="replace")
+
+    def __getitem__(self, key: str) -> Any:
+        return self._data[key]
+
+    def __setitem__(self, key: str, value: Any) -> None:
+        self._data[key] = value
+
+    def __delitem__(self, key: str) -> None:
+        del self._data[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._data)
+
+    def __len__(self) -> int:
+        return len(self._data)
+
+    def __repr__(self) -> str:
+        return f"<Deck {self._data.get('title') or self._name!r}>"
+
+    def copy(self) -> Deck:
+        """A deck of its own with the same content."""
+        return copy.deepcopy(self)
+
+    def with_parameters(self, **parameters: Value) -> Deck:
+        """A copy with other values of parameters.
+
+        Raises:
+            UsageError: The deck has no parameter of this name, or the value is no number or word.
+        """
+        changed = self.copy()
+        defined = changed._data.get("parameters")
+        for name, value in parameters.items():
+            if not isinstance(defined, dict) or name not in defined:
+                known = ", ".join(defined) if isinstance(defined, dict) else "none"
+                raise UsageError(f"the deck has no parameter {name!r}; it has {known}")
+            if not isinstance(value, (str, bool, int, float)):
+                raise UsageError(f"the parameter {name!r} is a number or a word, not {type(value).__name__}")
+            defined[name] = value
+        if self._is_original():
+            kept = [entry for entry in self._overrides if entry[0] not in parameters]
+            new = [(name, v if isinstance(v, str) else json.dumps(v)) for name, v in parameters.items()]
+            changed._overrides, changed._original = kept + new, _document(changed._data)
+        return changed
+
+    def save(self, path: StrPath) -> None:
+        """Writes the deck to a YAML file, which ``mpm run`` takes. Paths in it stay as they are."""
+        text, overrides = self._source()
+        if overrides:
+            text = _mpm.dump(_document(self._data)).encode()
+        Path(path).write_bytes(text)
+
+    def check(self) -> list[Diagnostic]:
+        """Does everything up to the first load step, as ``mpm check``, and returns all messages. Raises none of them."""
+        text, overrides = self._source()
+        document, _ = _mpm.check(self._name, text, overrides)
+        return diagnostics_of(document)
+
+    def start(
+        self,
+        *,
+        threads: int | None = None,
+        out: StrPath | None = None,
+        laws: Mapping[str, Law] | None = None,
+        on_iteration: Callable[[int, int, float], None] | None = None,
+    ) -> Run:
+        """Begins a run, to be stepped by iterating over it. Nothing is written unless ``out`` is given.
+
+        Args:
+            threads: Number of threads; by default, one per core. Results are the same for any number.
+            out: Directory for the files that ``mpm run`` writes. Earlier results in it are replaced.
+            laws: Laws written in Python, by the names of the materials whose laws they replace; see
+                :class:`mpm.Law`. The density and everything else stays as the deck states it.
+            on_iteration: Called after every evaluation of the out-of-balance force with the number of the step, that
+                of the iteration, and the residual. An exception in it interrupts the waiting, not the run.
+
+        Raises:
+            DeckError: The deck cannot be used.
+            ResultsError: The directory cannot be written, or another run writes there.
+        """
+        from mpm._run import Run
+
+        return Run._begin(self.copy(), threads, out, laws, on_iteration)
+
+    def run(
+        self,
+        out: StrPath | None = None,
+        *,
+        threads: int | None = None,
+        laws: Mapping[str, Law] | None = None,
+        progress: bool | None = None,
+    ) -> Result:
+        """Runs the analysis to its end.
+
+        Args:
+            out: Directory for the files that ``mpm run`` writes; without it, nothing is written.
+            threads: Number of threads; by default, one per core.
+            laws: Laws written in Python, as for :meth:`start`.
+            progress: Whether to show a bar; by default, on terminals and in notebooks.
+
+        Raises:
+            DeckError: The deck cannot be used.
+            SolveError: The analysis ended early.
+            ResultsError: The directory cannot be written, or another run writes there.
+        """
+        from mpm._progress import Bar
+
+        with self.start(threads=threads, out=out, laws=laws) as run, Bar(progress, run) as bar:
+            for step in run:
+                bar.show(step)
+            return run.result()
+
+    def _is_original(self) -> bool:
+        return self._text is not None and self._original == _document(self._data)
+
+    def _source(self) -> tuple[bytes, Overrides]:
+        """Text and overrides: those of the file as long as nothing was changed, so that messages name its lines."""
+        if self._text is not None and self._is_original():
+            return self._text, self._overrides
+        return _mpm.dump(_document(self._data)).encode(), []
+
+    def _begin(
+        self,
+        threads: int | None,
+        out: StrPath | None,
+        laws: Mapping[str, Law] | None,
+        on_iteration: Callable[[int, int, float], None] | None,
+    ) -> _mpm.Session:
+        text, overrides = self._source()
+        directory = None if out is None else os.fspath(out)
+        return _mpm.Session(
+            self._name,
+            text,
+            overrides,
+            threads=threads,
+            out=directory,
+            laws=adapters(laws or {}),
+            on_iteration=on_iteration,
+        )
+
+
+def _document(data: dict[str, Any]) -> str:
+    """The deck as JSON.
+
+    Raises:
+        UsageError: A value is no number, word, list or mapping.
+    """
+    try:
+        return json.dumps(_plain(data, ""), allow_nan=True)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"the deck cannot be written: {error}") from None
+
+
+def _plain(value: Any, place: str) -> Any:
+    """A copy of a value that consists of mappings with words as keys, lists, numbers and words; NumPy's become plain."""
+    if value is None or isinstance(value, (str, bool, int, float)):
+        return value if type(value) in (type(None), str, bool, int, float) else _simple(value)
+    if isinstance(value, Mapping):
+        for key in value:
+            if not isinstance(key, str):
+                raise UsageError(f"the key {key!r} of {place or 'the deck'} is no word")
+        return {key: _plain(entry, f"{place}/{key}") for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry, f"{place}/{index}") for index, entry in enumerate(value)]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist(), place)
+    raise UsageError(f"{place or 'the deck'} holds a {type(value).__name__}; a deck holds numbers, words, lists and mappings")
+
+
+def _simple(value: Any) -> Any:
+    """The plain number or word of a subclass."""
+    for kind in (bool, int, float, str):
+        if isinstance(value, kind):
+            return kind(value)
+    return value

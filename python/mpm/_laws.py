@@ -1,0 +1,161 @@
+"""Constitutive laws written in Python."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol, cast, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from mpm import _mpm
+from mpm._errors import UsageError
+
+Array = npt.NDArray[np.float64]
+
+#: What :meth:`Law.update` returns: ``(stress, tangent)`` of an elastic law, or
+#: ``(stress, tangent, elastic_strain, history)``.
+Response = tuple[Any, Any] | tuple[Any, Any, Any, Any]
+
+
+@runtime_checkable
+class Law(Protocol):
+    """A constitutive law: Kirchhoff stress as a function of elastic strain, for a batch of points.
+
+    Any object with a method ``update`` is a law. The attributes and the other methods below are optional.
+
+    Symmetric tensors are rows ``xx, yy, zz, √2 xy, √2 yz, √2 xz``. In this layout the product of two rows is the product
+    of the tensors, the norm of a row is that of the tensor, and tangents are matrices.
+
+    The law is called once per evaluation with all points of its material. The response of a point depends neither on
+    the other points nor on their order, and nothing is kept between calls: iterations are repeated.
+
+    Attributes:
+        state: Names of the history variables with their initial values, such as ``{"hardening": 0.0}``; none by default.
+        measure: Strain measure: ``"logarithmic"``, ½ ln b, which is the default, or ``"left-cauchy-green"``, ½ (b − I).
+        symmetric: Whether tangents are symmetric, which is the default; otherwise equations are solved by LU.
+    """
+
+    def update(self, strain: Array, history: Array) -> Response:
+        """The response to trial elastic strains.
+
+        Args:
+            strain: Trial elastic strain, shape (n, 6), [-].
+            history: History variables at the start of the step, shape (n, number of variables).
+
+        Returns:
+            The Kirchhoff stress, shape (n, 6), and the algorithmic tangent, its derivative with respect to the trial
+            strain, shape (n, 6, 6), both in units of stress; laws that flow also return the elastic strain after the
+            return mapping, shape (n, 6), and the history variables at the end of the step. A row that is not finite
+            refuses a strain: the step is then cut.
+        """
+        ...
+
+
+class _Adapter:
+    """A law as the library calls it: contiguous arrays of the right shapes."""
+
+    def __init__(self, name: str, law: Law) -> None:
+        if not callable(getattr(law, "update", None)):
+            raise UsageError(f"the law of {name!r} has no method `update`")
+        state = getattr(law, "state", None) or {}
+        if not isinstance(state, Mapping):
+            raise UsageError(f"`state` of the law of {name!r} is a mapping of names to initial values")
+        self._name, self._law = name, law
+        self.fields = [(str(key), "-", float(value)) for key, value in state.items()]
+        measure = getattr(law, "measure", "logarithmic")
+        if measure not in ("logarithmic", "left-cauchy-green"):
+            raise UsageError(f"`measure` of the law of {name!r} is 'logarithmic' or 'left-cauchy-green', not {measure!r}")
+        self.is_logarithmic = measure == "logarithmic"
+        self.is_symmetric = bool(getattr(law, "symmetric", True))
+
+    def respond(self, strain: Array, history: Array) -> tuple[Array, Array, Array, Array]:
+        strain.flags.writeable = False
+        history.flags.writeable = False
+        found = self._law.update(strain, history)
+        if not isinstance(found, tuple) or len(found) not in (2, 4):
+            raise UsageError(
+                f"`update` of the law of {self._name!r} returns (stress, tangent) or "
+                f"(stress, tangent, elastic_strain, history)"
+            )
+        n = len(strain)
+        stress, tangent = found[0], found[1]
+        elastic, new = (found[2], found[3]) if len(found) == 4 else (strain, history)
+        return (
+            self._shaped("stress", stress, (n, 6)),
+            self._shaped("elastic_strain", elastic, (n, 6)),
+            self._shaped("tangent", tangent, (n, 6, 6)),
+            self._shaped("history", new, (n, len(self.fields))),
+        )
+
+    def _shaped(self, what: str, value: Any, shape: tuple[int, ...]) -> Array:
+        array = np.ascontiguousarray(value, dtype=np.float64)
+        if array.shape != shape:
+            raise UsageError(f"{what} of the law of {self._name!r} has shape {array.shape}, not {shape}")
+        return array
+
+    def energies(self, strain: Array, history: Array) -> tuple[Array, Array]:
+        """Stored energy and plastic work per initial volume."""
+        n = len(strain)
+        energy = getattr(self._law, "energy", None)
+        if energy is None:
+            # ½ τ : ε, exact for linear elasticity.
+            stress = self.respond(strain, history)[0]
+            stored = 0.5 * np.einsum("pi,pi->p", stress, strain)
+        else:
+            stored = self._shaped("energy", energy(strain), (n,))
+        work = getattr(self._law, "plastic_work", None)
+        spent = np.zeros(n) if work is None else self._shaped("plastic_work", work(history), (n,))
+        return np.ascontiguousarray(stored), spent
+
+
+def adapters(laws: Mapping[str, Law]) -> dict[str, _Adapter]:
+    """The laws as the library calls them."""
+    if not isinstance(laws, Mapping):
+        raise UsageError("laws is a mapping of names of materials to laws")
+    return {name: _Adapter(name, law) for name, law in laws.items()}
+
+
+class BuiltInLaw:
+    """A law of the library, for points in Python; itself a :class:`Law`.
+
+    Args:
+        model: Its name in decks, such as ``"von-mises"``.
+        parameters: Its parameters in decks, such as ``young=1e6, poisson=0.3``.
+
+    Example:
+        >>> import numpy as np
+        >>> law = mpm.BuiltInLaw("hencky", young=1e6, poisson=0.25)
+        >>> stress, tangent, _, _ = law.update(np.array([[1e-3, 0, 0, 0, 0, 0]]), np.zeros((1, 0)))
+        >>> stress[0, :3].round()
+        array([1200.,  400.,  400.])
+    """
+
+    def __init__(self, model: str, **parameters: float) -> None:
+        self._law = _mpm.BuiltIn(json.dumps({"model": model, **parameters}))
+        self.state = {name: initial for name, _, initial in self._law.fields()}
+        self.measure = "logarithmic" if self._law.is_logarithmic() else "left-cauchy-green"
+        self.symmetric: bool = self._law.is_symmetric()
+
+    def update(self, strain: Array, history: Array) -> tuple[Array, Array, Array, Array]:
+        """Stress, tangent, elastic strain and history; shapes and units as :meth:`Law.update`."""
+        arrays = self._law.respond(_rows(strain, 6), _rows(history, len(self.state)))
+        stress, elastic, tangent, new = cast("Sequence[Array]", arrays)
+        return stress, tangent, elastic, new
+
+    def energy(self, strain: Array) -> Array:
+        """Stored energy per initial volume, shape (n,), of points with this elastic strain, shape (n, 6)."""
+        return self._law.energy(_rows(strain, 6))
+
+    def plastic_work(self, history: Array) -> Array:
+        """Plastic work per initial volume, shape (n,), of points with this history."""
+        rows = _rows(history, len(self.state))
+        return self._law.plastic_work(rows, len(rows))
+
+
+def _rows(values: Any, width: int) -> Array:
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != width:
+        raise UsageError(f"an array has shape {array.shape}, not (n, {width})")
+    return array

@@ -1,0 +1,59 @@
+"""A bar that shows how far a run is, on terminals and in notebooks."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+from mpm._run import Run, Step
+
+_WIDTH = 24
+#: Shortest time between two redraws, [s].
+_FRAME = 0.1
+
+
+class Bar:
+    """A bar for a run; nothing if there is neither a terminal nor a notebook."""
+
+    def __init__(self, wanted: bool | None, run: Run) -> None:
+        self._run = run
+        self._handle: Any = None
+        self._began = time.monotonic()
+        self._drawn = 0.0
+        in_notebook = "ipykernel" in sys.modules
+        self._is_shown = wanted if wanted is not None else in_notebook or sys.stderr.isatty()
+        self._in_notebook = in_notebook
+
+    def __enter__(self) -> Bar:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._is_shown and not self._in_notebook and self._drawn:
+            print(file=sys.stderr)
+
+    def show(self, step: Step) -> None:
+        """Draws the bar after a step, if it is due."""
+        now = time.monotonic()
+        ends = step.time >= step.end_time
+        if not self._is_shown or (now - self._drawn < _FRAME and not ends):
+            return
+        self._drawn = now
+        part = min(1.0, step.time / step.end_time)
+        filled = round(part * _WIDTH)
+        left = (now - self._began) * (1 - part) / part if part > 0 else 0.0
+        stage = f"  {step.stage}" if step.stage else ""
+        text = (
+            f"{'█' * filled}{'░' * (_WIDTH - filled)} {100 * part:5.1f} %  step {step.index}{stage}  "
+            f"residual {step.residual:.1e}  {left:.0f} s left"
+        )
+        if not self._in_notebook:
+            print(f"\r{text:<78}", end="", file=sys.stderr, flush=True)
+            return
+        from IPython.display import display
+
+        bundle = {"text/plain": text}
+        if self._handle is None:
+            self._handle = display(bundle, raw=True, display_id=True)
+        else:
+            self._handle.update(bundle, raw=True)

@@ -1,0 +1,503 @@
+"""Runs and their results."""
+
+from __future__ import annotations
+
+import atexit
+import json
+import weakref
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from mpm import _mpm
+from mpm._errors import Diagnostic, ResultsError, UsageError, diagnostics_of
+from mpm._laws import Law
+
+if TYPE_CHECKING:
+    import pandas
+    import pyvista
+
+    from mpm._deck import Deck, StrPath
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Step:
+    """A load step in equilibrium.
+
+    Attributes:
+        index: Its number, from 1.
+        start: Time at its start.
+        time: Time at its end.
+        stage: Name of the stage, or ``None`` without stages.
+        iterations: Number of Newton iterations.
+        residuals: Relative out-of-balance force of every evaluation, [-]; the first precedes any iteration.
+        load_factor: Load factor at its end, or ``None`` if loads do not share one, [-].
+        reactions: Reaction of each boundary condition, one component per axis, [force].
+        loads: Resultant of each load, one component per axis, [force].
+        unknowns: Number of free degrees of freedom.
+        external_work: Work of loads and reactions so far, [energy].
+        strain_energy: Stored elastic energy, [energy].
+        plastic_work: Plastic work so far, [energy].
+        rounding_limited: Whether round-off kept it from the tolerance.
+        damped: Whether only damped iterations found the equilibrium.
+        end_time: Time at the end of the analysis or stage.
+        warnings: Warnings that this step has raised.
+    """
+
+    index: int
+    start: float
+    time: float
+    stage: str | None
+    residuals: Array
+    load_factor: float | None
+    reactions: dict[str, Array]
+    loads: dict[str, Array]
+    unknowns: int
+    external_work: float
+    strain_energy: float
+    plastic_work: float
+    rounding_limited: bool
+    damped: bool
+    end_time: float
+    warnings: tuple[Diagnostic, ...]
+
+    @property
+    def iterations(self) -> int:
+        """Number of Newton iterations."""
+        return len(self.residuals) - 1
+
+    @property
+    def residual(self) -> float:
+        """Relative out-of-balance force at its end, [-]."""
+        return float(self.residuals[-1])
+
+
+def _step(document: str) -> Step:
+    data: dict[str, Any] = json.loads(document)
+    data["residuals"] = np.array(data["residuals"], dtype=float)
+    for key in ("reactions", "loads"):
+        data[key] = {name: np.array(force) for name, force in data[key].items()}
+    data["warnings"] = tuple(
+        Diagnostic(of["code"], "warning", of["message"], help=of["help"]) for of in data["warnings"]
+    )
+    return Step(**data)
+
+
+class Table(Mapping[str, Array]):
+    """A table: columns by their names, shape (rows,). Missing entries are not a number."""
+
+    def __init__(self, columns: Mapping[str, Array]) -> None:
+        self._columns = dict(columns)
+
+    def __getitem__(self, name: str) -> Array:
+        try:
+            return self._columns[name]
+        except KeyError:
+            raise KeyError(f"there is no column {name!r}; the columns are {', '.join(self._columns)}") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+    def __repr__(self) -> str:
+        rows = len(next(iter(self._columns.values()), ()))
+        return f"<Table of {rows} rows: {', '.join(self._columns)}>"
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The table as a data frame, where pandas is installed."""
+        return _package("pandas").DataFrame(self._columns)
+
+
+class Points(Mapping[str, Array]):
+    """Arrays of the material points in the order of their permanent numbers.
+
+    Arrays are copies, which stay as they are when the run goes on. Vectors have one component per axis. Matrices are
+    stored by rows, xx, xy, xz, yx, yy, yz, zx, zy, zz; symmetric tensors as xx, yy, zz, xy, yz, xz without factors.
+    The names are those of attributes, of history variables of laws, and of fields in VTU files.
+    """
+
+    #: Names of the arrays that all points have.
+    NAMES = (
+        "position",
+        "displacement",
+        "deformation_gradient",
+        "kirchhoff_stress",
+        "cauchy_stress",
+        "elastic_strain",
+        "volume",
+        "mass",
+        "body",
+    )
+
+    def __init__(self, array: Callable[[str], Array | None]) -> None:
+        self._array = array
+
+    def __getitem__(self, name: str) -> Array:
+        found = self._array(name) if isinstance(name, str) else None
+        if found is None:
+            raise KeyError(f"the points have no array {name!r}; all points have {', '.join(self.NAMES)}")
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.NAMES)
+
+    def __len__(self) -> int:
+        return len(self.NAMES)
+
+    @property
+    def position(self) -> Array:
+        """Position, shape (n, axes), [length]."""
+        return self["position"]
+
+    @property
+    def displacement(self) -> Array:
+        """Current minus original position, shape (n, axes), [length]."""
+        return self["displacement"]
+
+    @property
+    def deformation_gradient(self) -> Array:
+        """Deformation gradient, shape (n, 9), [-]."""
+        return self["deformation_gradient"]
+
+    @property
+    def kirchhoff_stress(self) -> Array:
+        """Kirchhoff stress, tension positive, shape (n, 6), [stress]."""
+        return self["kirchhoff_stress"]
+
+    @property
+    def cauchy_stress(self) -> Array:
+        """Cauchy stress, tension positive, shape (n, 6), [stress]."""
+        return self["cauchy_stress"]
+
+    @property
+    def elastic_strain(self) -> Array:
+        """Elastic logarithmic strain, shape (n, 6), [-]."""
+        return self["elastic_strain"]
+
+    @property
+    def volume(self) -> Array:
+        """Volume, shape (n,), [volume]."""
+        return self["volume"]
+
+    @property
+    def mass(self) -> Array:
+        """Mass, shape (n,), [mass]."""
+        return self["mass"]
+
+    @property
+    def body(self) -> Array:
+        """Number of the body, shape (n,)."""
+        return self["body"]
+
+    def __repr__(self) -> str:
+        return f"<Points: {len(self['mass'])}>"
+
+    def to_pyvista(self) -> pyvista.PolyData:
+        """The points with all arrays, where PyVista is installed; missing axes are zero."""
+        position = self.position
+        places = np.zeros((len(position), 3))
+        places[:, : position.shape[1]] = position
+        mesh = _package("pyvista").PolyData(places)
+        for name in self.NAMES:
+            mesh.point_data[name] = self[name]
+        return cast("pyvista.PolyData", mesh)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """One row per point and one column per component, such as ``cauchy_stress_xx``, where pandas is installed."""
+        columns: dict[str, Array] = {}
+        for name in self.NAMES:
+            array = self[name]
+            if array.ndim == 1:
+                columns[name] = array
+                continue
+            for number, component in enumerate(_COMPONENTS[array.shape[1]]):
+                columns[f"{name}_{component}"] = array[:, number]
+        return _package("pandas").DataFrame(columns)
+
+
+_COMPONENTS = {
+    2: ("x", "y"),
+    3: ("x", "y", "z"),
+    6: ("xx", "yy", "zz", "xy", "yz", "xz"),
+    9: ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"),
+}
+
+
+class Run:
+    """A run between whose steps Python decides: an iterator over :class:`Step`.
+
+    :meth:`mpm.Deck.start` begins it. Between steps, :attr:`points` and :attr:`history` hold the state of the last
+    step in equilibrium. After Ctrl-C the step under way goes on, and iterating again returns it. Use it as a context
+    manager, or :meth:`close` it, to release its threads and memory early.
+
+    Example:
+        >>> with mpm.Deck.load("inputs/footing.yaml", steps=4).start(threads=1) as run:
+        ...     for step in run:
+        ...         if step.index == 2:
+        ...             run.stop()
+        >>> run.step.index
+        2
+    """
+
+    _live: weakref.WeakSet[Run] = weakref.WeakSet()
+
+    def __init__(self) -> None:
+        raise UsageError("Deck.start begins a run")
+
+    @classmethod
+    def _begin(
+        cls,
+        deck: Deck,
+        threads: int | None,
+        out: StrPath | None,
+        laws: Mapping[str, Law] | None,
+        on_iteration: Callable[[int, int, float], None] | None,
+    ) -> Run:
+        if threads is not None and (not isinstance(threads, int) or isinstance(threads, bool)):
+            raise UsageError(f"threads is a whole number, not {threads!r}")
+        if threads is not None and not 1 <= threads <= 1024:
+            raise UsageError("threads is a number from 1 to 1024")
+        if on_iteration is not None and not callable(on_iteration):
+            raise UsageError("on_iteration is a function of step, iteration and residual")
+        run = cls.__new__(cls)
+        run._deck = deck
+        run._session = deck._begin(threads, out, laws, on_iteration)
+        run._step = None
+        run._directory = run._session.directory
+        cls._live.add(run)
+        return run
+
+    _deck: Deck
+    _session: _mpm.Session
+    _step: Step | None
+    _directory: Path | None
+
+    def __iter__(self) -> Iterator[Step]:
+        return self
+
+    def __next__(self) -> Step:
+        document = self._session.step()
+        if document is None:
+            raise StopIteration
+        self._step = _step(document)
+        return self._step
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def __reduce__(self) -> Any:
+        raise TypeError("a run cannot be pickled; save the deck, or read its results with mpm.read")
+
+    def __repr__(self) -> str:
+        step = "before its first step" if self._step is None else f"after step {self._step.index}"
+        return f"<Run of {self._deck!r} {step}>"
+
+    @property
+    def deck(self) -> Deck:
+        """The deck of the run. Change it and call :meth:`change`."""
+        return self._deck
+
+    @property
+    def notes(self) -> list[Diagnostic]:
+        """Warnings and notes about the deck."""
+        return diagnostics_of(self._session.notes)
+
+    @property
+    def step(self) -> Step | None:
+        """The last step in equilibrium, or ``None`` before the first."""
+        return self._step
+
+    @property
+    def points(self) -> Points:
+        """The material points in the state of the last step in equilibrium."""
+        return Points(self._session.array)
+
+    @property
+    def history(self) -> Table:
+        """The rows of ``history.csv`` so far."""
+        return Table(self._session.table("history"))
+
+    @property
+    def quality(self) -> Table:
+        """The rows of ``quality.csv`` so far."""
+        return Table(self._session.table("quality"))
+
+    @property
+    def convergence(self) -> Table:
+        """The rows of ``convergence.csv`` so far."""
+        return Table(self._session.table("convergence"))
+
+    @property
+    def ended(self) -> bool:
+        """Whether the run has ended."""
+        return self._session.has_ended()
+
+    def change(self) -> None:
+        """Goes on with the deck as it is now: loads, boundary conditions, parameters of materials, steps.
+
+        The next step begins from the present state of the points with the changed loads; a load stands where its
+        curve is at that time. The model is built again, which takes as long as the beginning of the run. Grid,
+        bodies and the names of loads and boundary conditions cannot change.
+
+        Raises:
+            DeckError: The changed deck cannot be used; the run can go on as it was.
+            UsageError: Something has changed that cannot.
+        """
+        text, overrides = self._deck._source()
+        self._session.change(self._deck._name, text, overrides)
+
+    def stop(self) -> None:
+        """Ends the run in the state of the last step; nothing happens if it has ended. A step under way is awaited."""
+        self._session.stop()
+
+    def close(self) -> None:
+        """Ends the run and releases its threads and its memory; its points and tables can be read no more."""
+        self._session.close()
+
+    def result(self) -> Result:
+        """The result of a run that has ended.
+
+        Raises:
+            UsageError: The run has not ended.
+        """
+        summary = self._session.summary()
+        if summary is None:
+            raise UsageError("the run has not ended; iterate over it, or stop it")
+        tables = {name: Table(self._session.table(name)) for name in ("history", "quality", "convergence")}
+        return Result(
+            directory=self._directory, summary=json.loads(summary), points=self.points, **tables
+        )
+
+
+@atexit.register
+def _abandon() -> None:
+    """Lets no analysis call Python while it ends."""
+    for run in list(Run._live):
+        run._session.abandon()
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Files of one time of a run."""
+
+    #: Time.
+    time: float
+    #: The file of the points.
+    path: Path
+
+    @property
+    def points(self) -> Points:
+        """The fields of the points in the file, in the order of the permanent numbers."""
+        return Points(_fields(self.path).get)
+
+    @property
+    def fields(self) -> dict[str, Array]:
+        """All fields of the points in the file by their names."""
+        return _fields(self.path)
+
+    def to_pyvista(self) -> pyvista.DataSet:
+        """The mesh of the file, where PyVista is installed."""
+        return cast("pyvista.DataSet", _package("pyvista").read(self.path))
+
+
+def _fields(path: Path) -> dict[str, Array]:
+    points, _ = _mpm.mesh(str(path))
+    fields = {name: array for name, array in points.items() if name}
+    fields["position"] = points[""]
+    order = fields.get("point_id")
+    if order is not None and np.any(np.diff(order) < 0):
+        places = np.argsort(order)
+        fields = {name: array[places] for name, array in fields.items()}
+    return fields
+
+
+@dataclass(frozen=True)
+class Result:
+    """The result of a run.
+
+    Attributes:
+        history: The rows of ``history.csv``: time, reactions, loads, probes, work.
+        quality: The rows of ``quality.csv``.
+        convergence: The rows of ``convergence.csv``.
+        summary: The document of ``summary.json``.
+        directory: The directory of the files, or ``None`` if nothing was written.
+    """
+
+    history: Table
+    quality: Table
+    convergence: Table
+    summary: dict[str, Any]
+    directory: Path | None
+    points: Points | None
+    """The points at the end: of the run in memory, or of the last file; ``None`` without files of points."""
+
+    def __reduce__(self) -> Any:
+        # The points belong to the run; a copy has them if files do.
+        tables = (self.history, self.quality, self.convergence)
+        return _restored, (tables, self.summary, self.directory)
+
+    def __repr__(self) -> str:
+        title = self.summary.get("title") or "untitled"
+        return f"<Result of {title!r}: {self.summary['outcome']}, {self.summary['steps']} steps>"
+
+    @property
+    def frames(self) -> list[Frame]:
+        """The files of the points, one for each time that was written; empty if there are none."""
+        return [] if self.directory is None else _frames(self.directory)
+
+
+def _restored(
+    tables: tuple[Table, Table, Table], summary: dict[str, Any], directory: Path | None
+) -> Result:
+    return Result(*tables, summary, directory, None if directory is None else _last_points(directory))
+
+
+def _frames(directory: Path) -> list[Frame]:
+    series = directory / "points.pvd"
+    if not series.exists():
+        return []
+    return [Frame(time, Path(path)) for time, path in _mpm.series(str(series))]
+
+
+def _last_points(directory: Path) -> Points | None:
+    frames = _frames(directory)
+    return frames[-1].points if frames else None
+
+
+def read(directory: StrPath) -> Result:
+    """Reads the results of a run from its directory.
+
+    Raises:
+        ResultsError: There are no results, or the run has not ended.
+    """
+    folder = Path(directory)
+    try:
+        summary = json.loads((folder / "summary.json").read_text())
+    except FileNotFoundError:
+        raise ResultsError(f"`{folder}` has no `summary.json`: no run has ended there") from None
+    except (OSError, ValueError) as error:
+        raise ResultsError(f"`{folder / 'summary.json'}` cannot be read: {error}") from None
+    names = ("history", "quality", "convergence")
+    tables = [Table(_mpm.table(str(folder / f"{name}.csv"))) for name in names]
+    return Result(*tables, summary, folder, _last_points(folder))
+
+
+def _package(name: str) -> Any:
+    """A package that need not be installed."""
+    import importlib
+
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise ImportError(f"this needs the package {name}: pip install {name}") from None

@@ -1,0 +1,126 @@
+"""Parameter studies in processes."""
+
+from __future__ import annotations
+
+import itertools
+import multiprocessing
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpm._deck import Deck, StrPath, Value
+from mpm._errors import MpmError, UsageError
+from mpm._run import Result, _package
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True)
+class Member:
+    """A member of a study.
+
+    Attributes:
+        parameters: Its parameters.
+        result: Its result, or ``None`` if it failed.
+        error: The message of its failure, or ``None``.
+    """
+
+    parameters: dict[str, Value]
+    result: Result | None
+    error: str | None
+
+
+class Study(Sequence[Member]):
+    """The members of a study, the last parameter varying fastest."""
+
+    def __init__(self, members: Sequence[Member]) -> None:
+        self._members = list(members)
+
+    def __getitem__(self, index):  # type: ignore[no-untyped-def, override]
+        return self._members[index]
+
+    def __iter__(self) -> Iterator[Member]:
+        return iter(self._members)
+
+    def __len__(self) -> int:
+        return len(self._members)
+
+    def __repr__(self) -> str:
+        failed = sum(member.result is None for member in self._members)
+        return f"<Study of {len(self)} members, {failed} failed>"
+
+    def column(self, name: str) -> list[float | None]:
+        """The last value of a column of the history of each member; ``None`` for those that failed."""
+        return [None if of.result is None else float(of.result.history[name][-1]) for of in self]
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """One row per member: parameters, last row of the history, and error. Needs pandas."""
+        rows = []
+        for member in self:
+            last = {} if member.result is None else {k: float(v[-1]) for k, v in member.result.history.items()}
+            rows.append({**member.parameters, **last, "error": member.error})
+        return _package("pandas").DataFrame(rows)
+
+
+def _solve(work: tuple[Deck, dict[str, Value], int, Path | None]) -> tuple[Result | None, str | None]:
+    deck, parameters, threads, out = work
+    try:
+        return deck.with_parameters(**parameters).run(out, threads=threads, progress=False), None
+    except MpmError as error:
+        return None, str(error)
+
+
+def sweep(
+    deck: Deck,
+    over: Mapping[str, Sequence[Value]],
+    *,
+    processes: int | None = None,
+    threads: int = 1,
+    out: StrPath | None = None,
+) -> Study:
+    """Runs a deck for every combination of parameters, several at a time in processes of their own.
+
+    Members that fail do not end the study; they carry the message.
+
+    Args:
+        deck: The deck; it defines the parameters.
+        over: Values by the names of parameters.
+        processes: Number of processes; by default, one per core.
+        threads: Number of threads of each.
+        out: Directory with a directory of results for each member, named as by ``mpm sweep``; without it, nothing is
+            written, and results have no points.
+
+    Example:
+        >>> study = mpm.sweep(mpm.Deck.load("inputs/beam.yaml", steps=5), {"h": [1, 0.5]}, processes=1)
+        >>> [round(value, 2) for value in study.column("tip_uy")]
+        [-6.5, -6.7]
+    """
+    if not isinstance(deck, Deck):
+        raise UsageError(f"a study needs a Deck, not {type(deck).__name__}")
+    if not isinstance(over, Mapping) or not over:
+        raise UsageError("over is a mapping of names of parameters to lists of values")
+    for name, values in over.items():
+        if isinstance(values, (str, bytes)) or not isinstance(values, Sequence) or not values:
+            raise UsageError(f"the values of {name!r} are a list")
+    combinations = [dict(zip(over, values)) for values in itertools.product(*over.values())]
+    for parameters in combinations[:1]:
+        deck.with_parameters(**parameters)  # unknown names are found here, not in every process
+    folder = None if out is None else Path(out)
+    work = [(deck, chosen, threads, folder and folder / _name(chosen)) for chosen in combinations]
+    count = min(processes or os.cpu_count() or 1, len(work))
+    if count == 1:
+        outcomes = [_solve(entry) for entry in work]
+    else:
+        # A fresh interpreter: the threads of this one do not survive a fork.
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(count, mp_context=context) as pool:
+            outcomes = list(pool.map(_solve, work))
+    return Study([Member(chosen, *outcome) for chosen, outcome in zip(combinations, outcomes)])
+
+
+def _name(parameters: Mapping[str, Value]) -> str:
+    return ",".join(f"{name}={value}" for name, value in parameters.items())

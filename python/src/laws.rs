@@ -1,0 +1,364 @@
+//! Constitutive laws that the interpreter evaluates, and laws of the library for the interpreter.
+//!
+//! Strains and stresses cross the border as rows xx, yy, zz, √2 xy, √2 yz, √2 xz: in this layout the product of two rows is
+//! the product of the tensors, and a tangent is a symmetric matrix.
+
+use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+
+use mpm::deck::MaterialDeck;
+use mpm::deck::load::{LoadedDeck, OwnLaw};
+use mpm::material::conformance::check;
+use mpm::material::{
+    BatchError, BatchLaw, Material, MaterialError, Response, StateField, StrainMeasure, respond_alone,
+};
+use mpm::tensor::{Sym3, Tangent};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::matrix;
+use crate::errors::Raised;
+
+/// Place in the library of each component: its order is xx, yy, zz, √2 yz, √2 xz, √2 xy.
+const PLACE: [usize; 6] = [0, 1, 2, 5, 3, 4];
+
+fn row(tensor: &Sym3) -> [f64; 6] {
+    PLACE.map(|place| tensor.0[place])
+}
+
+fn tensor(row: &[f64]) -> Sym3 {
+    let mut tensor = Sym3::ZERO;
+    PLACE.iter().zip(row).for_each(|(place, value)| tensor.0[*place] = *value);
+    tensor
+}
+
+/// The facts that a law of the interpreter states once.
+#[derive(Debug, Clone)]
+struct Facts {
+    fields: Vec<StateField>,
+    measure: StrainMeasure,
+    is_symmetric: bool,
+}
+
+impl Facts {
+    fn new(adapter: &Bound<'_, PyAny>) -> PyResult<Facts> {
+        let fields: Vec<(String, String, f64)> = adapter.getattr("fields")?.extract()?;
+        let is_logarithmic: bool = adapter.getattr("is_logarithmic")?.extract()?;
+        let field = |(name, unit, initial): (String, String, f64)| StateField {
+            name: name.into(),
+            unit: unit.into(),
+            initial,
+        };
+        Ok(Facts {
+            fields: fields.into_iter().map(field).collect(),
+            measure: if is_logarithmic { StrainMeasure::Logarithmic } else { StrainMeasure::LeftCauchyGreen },
+            is_symmetric: adapter.getattr("is_symmetric")?.extract()?,
+        })
+    }
+}
+
+/// The laws of a run by the names of their materials: adapters of the package around the objects of users.
+#[derive(Clone)]
+pub struct Laws {
+    list: Vec<(String, Facts, Arc<Py<PyAny>>)>,
+    calls: Calls,
+}
+
+/// What the calls of laws share.
+#[derive(Clone, Default)]
+struct Calls {
+    /// The first exception.
+    raised: Arc<Mutex<Option<PyErr>>>,
+    /// True once the interpreter must not be called any more.
+    are_over: Arc<AtomicBool>,
+}
+
+impl Laws {
+    /// From a dictionary of adapters.
+    pub fn new(laws: &Bound<'_, PyDict>) -> PyResult<Laws> {
+        let law = |(name, adapter): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+            Ok((name.extract()?, Facts::new(&adapter)?, Arc::new(adapter.unbind())))
+        };
+        Ok(Laws { list: laws.iter().map(law).collect::<PyResult<_>>()?, calls: Calls::default() })
+    }
+
+    /// Puts the laws in place of those of a deck.
+    pub fn replace(&self, deck: &mut LoadedDeck) -> Result<(), Raised> {
+        for (name, facts, adapter) in &self.list {
+            if !deck.deck.materials.contains_key(name) {
+                let known: Vec<&str> = deck.deck.materials.keys().map(String::as_str).collect();
+                let known = known.join(", ");
+                return Err(Raised::misuse(format!(
+                    "there is no material {name:?}; the materials are {known}"
+                )));
+            }
+            let law =
+                PythonLaw { facts: facts.clone(), adapter: Arc::clone(adapter), calls: self.calls.clone() };
+            deck.laws.insert(name.clone(), OwnLaw(Arc::new(move || Box::new(law.clone()))));
+        }
+        Ok(())
+    }
+
+    /// The first exception that a law has raised.
+    pub fn take_raised(&self) -> Option<PyErr> {
+        self.calls.raised.lock().ok()?.take()
+    }
+
+    /// No law is called any more: the interpreter ends.
+    pub fn end_calls(&self) {
+        self.calls.are_over.store(true, Ordering::SeqCst);
+    }
+}
+
+/// The answer of a law.
+struct Answer {
+    stress: Vec<f64>,
+    elastic_strain: Vec<f64>,
+    tangent: Vec<f64>,
+    history: Vec<f64>,
+}
+
+/// Calls an adapter, which returns contiguous arrays of the right shapes.
+fn call(py: Python<'_>, adapter: &Py<PyAny>, strain: &[f64], history: &[f64]) -> PyResult<Answer> {
+    let found = adapter.call_method1(py, "respond", rows(py, strain, history)?)?;
+    let arrays: [PyReadonlyArrayDyn<'_, f64>; 4] = found.extract(py)?;
+    let [stress, elastic_strain, tangent, history] =
+        arrays.map(|array| array.as_slice().map(<[f64]>::to_vec));
+    Ok(Answer { stress: stress?, elastic_strain: elastic_strain?, tangent: tangent?, history: history? })
+}
+
+/// A law that the interpreter evaluates. It is called from the thread of the analysis, while that of the interpreter waits.
+#[derive(Clone)]
+struct PythonLaw {
+    facts: Facts,
+    adapter: Arc<Py<PyAny>>,
+    calls: Calls,
+}
+
+impl fmt::Debug for PythonLaw {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("PythonLaw").field("facts", &self.facts).finish_non_exhaustive()
+    }
+}
+
+impl PythonLaw {
+    /// Holds the interpreter during a call; an exception is kept, and its message returned.
+    fn with_interpreter<T>(&self, call: impl FnOnce(Python<'_>) -> PyResult<T>) -> Result<T, String> {
+        if self.calls.are_over.load(Ordering::SeqCst) {
+            return Err("the interpreter has ended".to_owned());
+        }
+        Python::attach(|py| {
+            call(py).map_err(|error| {
+                let message = error.to_string();
+                if let Ok(mut raised) = self.calls.raised.lock() {
+                    raised.get_or_insert(error);
+                }
+                message
+            })
+        })
+    }
+}
+
+impl Material for PythonLaw {
+    fn state_fields(&self) -> &[StateField] {
+        &self.facts.fields
+    }
+
+    fn strain_measure(&self) -> StrainMeasure {
+        self.facts.measure
+    }
+
+    fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
+        respond_alone(self, trial, old, new)
+    }
+
+    fn batch(&self) -> Option<&dyn BatchLaw> {
+        Some(self)
+    }
+
+    fn energy(&self, elastic_strain: &Sym3) -> f64 {
+        let initial: Vec<f64> = self.facts.fields.iter().map(|field| field.initial).collect();
+        self.energies(std::slice::from_ref(elastic_strain), &initial, &[1.0])[0]
+    }
+
+    fn tangent_is_symmetric(&self) -> bool {
+        self.facts.is_symmetric
+    }
+}
+
+impl BatchLaw for PythonLaw {
+    fn respond(
+        &self,
+        trial: &[Sym3],
+        old: &[f64],
+        new: &mut [f64],
+        responses: &mut [Response],
+    ) -> Result<(), BatchError> {
+        let failed = |message: String| BatchError::Failed { point: None, message };
+        let strain: &[f64] = &trial.iter().flat_map(row).collect::<Vec<_>>();
+        let Answer { stress, elastic_strain, tangent, history } =
+            self.with_interpreter(|py| call(py, &self.adapter, strain, old)).map_err(failed)?;
+        if [stress.len(), elastic_strain.len(), tangent.len(), history.len()]
+            != [6 * trial.len(), 6 * trial.len(), 36 * trial.len(), new.len()]
+        {
+            return Err(failed("its arrays have other numbers of entries than points".to_owned()));
+        }
+        new.copy_from_slice(&history);
+        for (p, response) in responses.iter_mut().enumerate() {
+            let of_point = &tangent[36 * p..36 * (p + 1)];
+            let mut matrix = Tangent::zeros();
+            for i in 0..6 {
+                for j in 0..6 {
+                    matrix[(PLACE[i], PLACE[j])] = of_point[6 * i + j];
+                }
+            }
+            *response = Response {
+                tau: tensor(&stress[6 * p..6 * (p + 1)]),
+                elastic_strain: tensor(&elastic_strain[6 * p..6 * (p + 1)]),
+                tangent: matrix,
+            };
+        }
+        Ok(())
+    }
+
+    fn energies(&self, elastic_strain: &[Sym3], history: &[f64], volume: &[f64]) -> [f64; 2] {
+        let strain: &[f64] = &elastic_strain.iter().flat_map(row).collect::<Vec<_>>();
+        match self.with_interpreter(|py| call_energies(py, &self.adapter, strain, history)) {
+            Ok(of_points) => of_points.map(|of| of.iter().zip(volume).map(|(e, v)| e * v).sum()),
+            // A run does not go on with energies that are no numbers.
+            Err(_) => [f64::NAN; 2],
+        }
+    }
+}
+
+/// Calls an adapter for stored energy and plastic work per initial volume of each point.
+fn call_energies(
+    py: Python<'_>,
+    adapter: &Py<PyAny>,
+    strain: &[f64],
+    history: &[f64],
+) -> PyResult<[Vec<f64>; 2]> {
+    let found = adapter.call_method1(py, "energies", rows(py, strain, history)?)?;
+    let arrays: [PyReadonlyArrayDyn<'_, f64>; 2] = found.extract(py)?;
+    let [stored, plastic] = arrays.map(|array| array.as_slice().map(<[f64]>::to_vec));
+    Ok([stored?, plastic?])
+}
+
+/// Strains and histories of points as arrays.
+fn rows<'py>(
+    py: Python<'py>,
+    strain: &[f64],
+    history: &[f64],
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+    let n = strain.len() / 6;
+    let kept = history.len() / n.max(1);
+    let strain = PyArray1::from_slice(py, strain).reshape([n, 6])?;
+    Ok((strain, PyArray1::from_slice(py, history).reshape([n, kept])?))
+}
+
+/// A law of the library.
+#[pyclass(frozen, module = "mpm._mpm")]
+pub struct BuiltIn {
+    law: Box<dyn Material>,
+}
+
+#[pymethods]
+impl BuiltIn {
+    /// The law of a material of a deck, given as JSON.
+    #[new]
+    fn new(material: &str) -> PyResult<BuiltIn> {
+        let read: Result<MaterialDeck, _> = serde_json::from_str(material);
+        let law =
+            read.map_err(|error| Raised::misuse(format!("the material cannot be used: {error}")))?.law();
+        Ok(BuiltIn { law })
+    }
+
+    /// Names, units and initial values of the history variables.
+    fn fields(&self) -> Vec<(String, String, f64)> {
+        let fields = self.law.state_fields().iter();
+        fields.map(|field| (field.name.to_string(), field.unit.to_string(), field.initial)).collect()
+    }
+
+    /// True if strains are logarithmic, false if they are ½ (b − I).
+    fn is_logarithmic(&self) -> bool {
+        self.law.strain_measure() == StrainMeasure::Logarithmic
+    }
+
+    /// True if the tangent is symmetric.
+    fn is_symmetric(&self) -> bool {
+        self.law.tangent_is_symmetric()
+    }
+
+    /// Stress, elastic strain, tangent and history of points.
+    fn respond<'py>(
+        &self,
+        py: Python<'py>,
+        strain: PyReadonlyArrayDyn<'py, f64>,
+        history: PyReadonlyArrayDyn<'py, f64>,
+    ) -> PyResult<[Bound<'py, PyAny>; 4]> {
+        let (strain, old) = (strain.as_slice()?, history.as_slice()?);
+        let kept = self.law.state_fields().len();
+        let n = strain.len() / 6;
+        if strain.len() != 6 * n || old.len() != kept * n {
+            return Err(Raised::misuse(format!("strain has shape (n, 6), history (n, {kept})")).into());
+        }
+        let mut new = old.to_vec();
+        let (mut stress, mut elastic, mut tangent) = (Vec::new(), Vec::new(), Vec::new());
+        for p in 0..n {
+            let history = p * kept..(p + 1) * kept;
+            let trial = tensor(&strain[6 * p..6 * (p + 1)]);
+            let response = self.law.update(&trial, &old[history.clone()], &mut new[history]);
+            let response = response.map_err(|error| Raised::misuse(format!("row {p}: {error}")))?;
+            stress.extend(row(&response.tau));
+            elastic.extend(row(&response.elastic_strain));
+            tangent.extend(PLACE.iter().flat_map(|i| PLACE.map(|j| response.tangent[(*i, j)])));
+        }
+        let tangent = PyArray1::from_vec(py, tangent).reshape([n, 6, 6])?.into_any();
+        let new = PyArray1::from_vec(py, new).reshape([n, kept])?.into_any();
+        Ok([matrix(py, stress, 6)?, matrix(py, elastic, 6)?, tangent, new])
+    }
+
+    /// Stored energy per initial volume of points with this elastic strain.
+    fn energy<'py>(
+        &self,
+        py: Python<'py>,
+        strain: PyReadonlyArrayDyn<'py, f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let energies = strain.as_slice()?.chunks_exact(6).map(|strain| self.law.energy(&tensor(strain)));
+        matrix(py, energies.collect(), 1)
+    }
+
+    /// Plastic work per initial volume of points with this history.
+    fn plastic_work<'py>(
+        &self,
+        py: Python<'py>,
+        history: PyReadonlyArrayDyn<'py, f64>,
+        points: usize,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let kept = self.law.state_fields().len();
+        let history = history.as_slice()?;
+        if history.len() != kept * points {
+            return Err(Raised::misuse(format!("history has shape (n, {kept})")).into());
+        }
+        let work = (0..points).map(|p| self.law.plastic_work(&history[p * kept..(p + 1) * kept]));
+        matrix(py, work.collect(), 1)
+    }
+}
+
+/// The properties that a law lacks: name, strain, relative error, and what is tolerated. `law` is an adapter.
+#[pyfunction]
+pub fn conformance(law: &Bound<'_, PyAny>, largest: f64) -> PyResult<Vec<(String, Vec<f64>, f64, f64)>> {
+    let adapter = Arc::new(law.clone().unbind());
+    let law = PythonLaw { facts: Facts::new(law)?, adapter, calls: Calls::default() };
+    let findings = check(&law, largest).into_iter();
+    if let Some(raised) = law.calls.raised.lock().ok().and_then(|mut raised| raised.take()) {
+        return Err(raised);
+    }
+    Ok(findings
+        .map(|found| {
+            (format!("{:?}", found.property), row(&found.strain).to_vec(), found.error, found.tolerance)
+        })
+        .collect())
+}

@@ -1,0 +1,41 @@
+//! The Python module `mpm._mpm`: decks, runs, laws and results of the material point method, for the package `mpm`.
+//!
+//! The package wraps it in classes with documentation; nothing here is meant to be called by users. Structured data cross
+//! the border as JSON, arrays as NumPy arrays. The analysis runs on a thread of its own, which never holds the lock of the
+//! interpreter.
+
+mod arrays;
+mod decks;
+mod errors;
+mod files;
+mod laws;
+mod link;
+mod session;
+mod worker;
+
+use std::ffi::OsString;
+
+use pyo3::prelude::*;
+
+/// Runs the program `mpm` with these arguments, the first of which is its name; returns the exit code.
+#[pyfunction]
+fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+    py.detach(|| mpm::program::main(&arguments))
+}
+
+#[pymodule]
+mod _mpm {
+    #[pymodule_export]
+    use super::decks::{check, dump, read, schema, text_of_code};
+    #[pymodule_export]
+    use super::files::{mesh, series, table};
+    #[pymodule_export]
+    use super::laws::{BuiltIn, conformance};
+    #[pymodule_export]
+    use super::main;
+    #[pymodule_export]
+    use super::session::Session;
+
+    #[pymodule_export]
+    const VERSION: &str = mpm::output::summary::VERSION;
+}

@@ -1,0 +1,77 @@
+//! The messages between the thread of the interpreter and that of an analysis.
+
+use std::sync::mpsc::{Receiver, Sender};
+
+use mpm::deck::load::LoadedDeck;
+use mpm::deck::ready::Analysis;
+use mpm::output::record::Rows;
+use serde_json::Value;
+
+/// A request of the interpreter to an analysis that waits between two steps.
+pub enum Request {
+    /// Solve the next step.
+    Go,
+    /// End the run before the next step.
+    Stop,
+    /// An array of the points; none without an array of this name.
+    Array(String, Sender<Option<Array>>),
+    /// A table.
+    Table(Name, Sender<Rows>),
+    /// Go on with the loads, conditions, materials and steps of another deck, which is built already.
+    Change(Box<Changed>, Sender<Result<(), String>>),
+}
+
+/// Another deck for a run, and the model built from it.
+pub struct Changed {
+    pub loaded: LoadedDeck,
+    pub analysis: Analysis,
+}
+
+/// The tables of a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Name {
+    History,
+    Quality,
+    Convergence,
+}
+
+/// An array of the points in the order of their permanent numbers.
+pub struct Array {
+    /// Numbers per point.
+    pub components: usize,
+    pub values: Vec<f64>,
+}
+
+/// An event of a run.
+pub enum Event {
+    /// An evaluation of the out-of-balance force.
+    Iteration { step: usize, iteration: usize, residual: f64 },
+    /// The run has begun, or a step is in equilibrium; the analysis waits for a request.
+    Paused(Option<Box<Value>>),
+    /// The run has ended; the analysis waits for requests, but for no more steps.
+    Ended(Box<Ended>),
+}
+
+/// The end of a run.
+pub struct Ended {
+    /// The document of `summary.json`.
+    pub summary: Option<Value>,
+    /// The error, if the run has not completed.
+    pub failure: Option<Failure>,
+}
+
+/// An error that has ended a run.
+pub struct Failure {
+    pub code: Option<&'static str>,
+    pub message: String,
+    pub help: Option<String>,
+    /// Residual of every evaluation of the step that failed.
+    pub residuals: Vec<f64>,
+    pub is_interruption: bool,
+}
+
+/// The end of the link at the analysis.
+pub struct Link {
+    pub events: Sender<Event>,
+    pub requests: Receiver<Request>,
+}

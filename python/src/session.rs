@@ -1,0 +1,363 @@
+//! A run that the interpreter steps: the end of the link that Python holds.
+
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use mpm::deck::load::LoadedDeck;
+use mpm::deck::ready::{self, Analysis, Prepared};
+use mpm::memory::Memory;
+use mpm::output::record::Record;
+use mpm::output::results::Results;
+use mpm::output::status::{Progress, StatusFile};
+use mpm::output::summary::Start;
+use mpm::timing::{Phase, Timings};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::arrays::{dictionary, matrix};
+use crate::decks::loaded;
+use crate::errors::{Raised, exception};
+use crate::laws::Laws;
+use crate::link::{Changed, Ended, Event, Failure, Link, Name, Request};
+use crate::worker::{Files, Worker};
+
+/// Largest number of threads.
+const MOST_THREADS: usize = 1024;
+
+/// Longest time between two looks for signals such as Ctrl-C.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Threads of their own for a run; by default, one per core.
+pub fn pool(threads: Option<usize>) -> Result<ThreadPool, Raised> {
+    if threads.is_some_and(|n| !(1..=MOST_THREADS).contains(&n)) {
+        return Err(Raised::misuse(format!("threads is a number from 1 to {MOST_THREADS}")));
+    }
+    let built = ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
+    built.map_err(|error| Raised::misuse(format!("the threads cannot be started: {error}")))
+}
+
+/// Builds the model of a deck up to the first load step.
+pub fn prepared(loaded: LoadedDeck, pool: &ThreadPool) -> Result<Prepared, Raised> {
+    let built = pool.install(|| ready::prepare(loaded, Memory::of_this_machine(), false));
+    built.map_err(Raised::Deck)
+}
+
+/// The parts of a run that its methods change.
+struct Running {
+    events: Receiver<Event>,
+    requests: Option<Sender<Request>>,
+    /// The next event is that of a step which is being solved.
+    is_under_way: bool,
+    ended: Option<Box<Ended>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// A run between whose steps the interpreter decides.
+#[pyclass(frozen, module = "mpm._mpm")]
+pub struct Session {
+    running: Mutex<Running>,
+    laws: Laws,
+    on_iteration: Option<Py<PyAny>>,
+    threads: Option<usize>,
+    /// The process that began the run: after a fork its thread does not exist.
+    process: u32,
+    /// Messages about the deck, as JSON.
+    #[pyo3(get)]
+    notes: String,
+    /// The directory of the results.
+    #[pyo3(get)]
+    directory: Option<PathBuf>,
+}
+
+#[pymethods]
+impl Session {
+    /// Begins a run of a deck and pauses it before the first step.
+    #[new]
+    #[pyo3(signature = (name, text, overrides, *, threads, out, laws, on_iteration))]
+    #[expect(clippy::too_many_arguments, reason = "they are the keywords of a function in Python")]
+    fn new(
+        py: Python<'_>,
+        name: &str,
+        text: &[u8],
+        overrides: Vec<(String, String)>,
+        threads: Option<usize>,
+        out: Option<PathBuf>,
+        laws: &Bound<'_, PyDict>,
+        on_iteration: Option<Py<PyAny>>,
+    ) -> PyResult<Session> {
+        let laws = Laws::new(laws)?;
+        let (events, received) = mpsc::channel();
+        let (requests, link) = mpsc::channel();
+        let link = Link { events, requests: link };
+        let tells_iterations = on_iteration.is_some();
+        let begun = py
+            .detach(|| begin((name, text, &overrides), threads, out.clone(), &laws, link, tells_iterations));
+        let (thread, notes) = begun?;
+        let running = Running {
+            events: received,
+            requests: Some(requests),
+            is_under_way: true,
+            ended: None,
+            thread: Some(thread),
+        };
+        let process = std::process::id();
+        let session = Session {
+            running: Mutex::new(running),
+            laws,
+            on_iteration,
+            threads,
+            process,
+            notes,
+            directory: out,
+        };
+        session.wait(py, &mut *session.lock()?)?;
+        Ok(session)
+    }
+
+    /// Solves the next step and returns it as JSON; none at the end of the run.
+    fn step(&self, py: Python<'_>) -> PyResult<Option<String>> {
+        let running = &mut *self.lock()?;
+        if running.ended.is_some() {
+            return Ok(None);
+        }
+        if !running.is_under_way {
+            self.send(running, Request::Go)?;
+            running.is_under_way = true;
+        }
+        self.wait(py, running)
+    }
+
+    /// Ends the run before the next step, in the state of the last one; the step under way is awaited.
+    fn stop(&self, py: Python<'_>) -> PyResult<()> {
+        let running = &mut *self.lock()?;
+        while running.is_under_way && running.ended.is_none() {
+            self.wait(py, running)?;
+        }
+        if running.ended.is_none() {
+            self.send(running, Request::Stop)?;
+            running.is_under_way = true;
+            self.wait(py, running)?;
+        }
+        Ok(())
+    }
+
+    /// Ends the run and releases its thread and its memory; nothing can be asked afterwards.
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        let mut running = self.lock()?;
+        running.requests = None;
+        let thread = running.thread.take();
+        drop(running);
+        if self.process == std::process::id()
+            && let Some(thread) = thread
+        {
+            py.detach(|| drop(thread.join()));
+        }
+        Ok(())
+    }
+
+    /// Ends all calls of laws, since the interpreter is about to end.
+    fn abandon(&self) {
+        self.laws.end_calls();
+    }
+
+    /// True if the run has ended.
+    fn has_ended(&self) -> PyResult<bool> {
+        Ok(self.lock()?.ended.is_some())
+    }
+
+    /// The document of `summary.json`, as JSON; none before the end of the run.
+    fn summary(&self) -> PyResult<Option<String>> {
+        let running = self.lock()?;
+        let summary = running.ended.as_ref().and_then(|ended| ended.summary.as_ref());
+        Ok(summary.map(ToString::to_string))
+    }
+
+    /// An array of the points in the order of their permanent numbers.
+    fn array<'py>(&self, py: Python<'py>, name: String) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let found = self.ask(py, |reply| Request::Array(name, reply))?;
+        found.map(|array| matrix(py, array.values, array.components)).transpose()
+    }
+
+    /// A table of the run: a dictionary of columns.
+    fn table<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyDict>> {
+        let name = match name {
+            "history" => Name::History,
+            "quality" => Name::Quality,
+            "convergence" => Name::Convergence,
+            other => return Err(Raised::misuse(format!("there is no table {other:?}")).into()),
+        };
+        let rows = self.ask(py, |reply| Request::Table(name, reply))?;
+        let columns = rows.columns.iter().enumerate().map(|(k, name)| (name.as_str(), rows.column(k)));
+        dictionary(py, columns)
+    }
+
+    /// Goes on with the loads, conditions, materials and steps of another deck.
+    fn change(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        text: &[u8],
+        overrides: Vec<(String, String)>,
+    ) -> PyResult<()> {
+        let changed = py.detach(|| -> Result<Changed, Raised> {
+            let pool = pool(self.threads)?;
+            let mut deck = loaded(name, text, &overrides)?;
+            self.laws.replace(&mut deck)?;
+            let Prepared { loaded, analysis, .. } = prepared(deck, &pool)?;
+            Ok(Changed { loaded, analysis })
+        })?;
+        let running = &mut *self.lock()?;
+        self.is_paused(running)?;
+        let (reply, answer) = mpsc::channel();
+        self.send(running, Request::Change(Box::new(changed), reply))?;
+        let outcome = received(py, answer)?;
+        outcome.map_err(|reason| Raised::misuse(reason).into())
+    }
+}
+
+impl Session {
+    /// The run, for one thread of the interpreter at a time.
+    fn lock(&self) -> Result<std::sync::MutexGuard<'_, Running>, Raised> {
+        if self.process != std::process::id() {
+            return Err(Raised::misuse(
+                "this run belongs to another process; begin it in the process that steps it",
+            ));
+        }
+        self.running.try_lock().map_err(|_| {
+            Raised::misuse(
+                "the run is solving a step, for another thread or for the function that called this one",
+            )
+        })
+    }
+
+    fn send(&self, running: &Running, request: Request) -> Result<(), Raised> {
+        let closed = || Raised::misuse("the run is closed");
+        running.requests.as_ref().ok_or_else(closed)?.send(request).map_err(|_| closed())
+    }
+
+    fn is_paused(&self, running: &Running) -> Result<(), Raised> {
+        if running.is_under_way && running.ended.is_none() {
+            return Err(Raised::misuse("a step is under way: it was interrupted; take the next step first"));
+        }
+        Ok(())
+    }
+
+    /// Asks for something while the run is paused, or has ended.
+    fn ask<T: Send>(&self, py: Python<'_>, request: impl FnOnce(Sender<T>) -> Request) -> PyResult<T> {
+        let running = &*self.lock()?;
+        self.is_paused(running)?;
+        let (reply, answer) = mpsc::channel();
+        self.send(running, request(reply))?;
+        received(py, answer)
+    }
+
+    /// Waits until the run pauses or ends; the report of the step as JSON, if there is one.
+    fn wait(&self, py: Python<'_>, running: &mut Running) -> PyResult<Option<String>> {
+        loop {
+            let events = Mutex::new(&mut running.events);
+            let received = py.detach(|| events.lock().ok().map(|events| events.recv_timeout(LOOK)));
+            match received {
+                Some(Ok(Event::Paused(report))) => {
+                    running.is_under_way = false;
+                    return Ok(report.map(|report| report.to_string()));
+                }
+                Some(Ok(Event::Ended(ended))) => return self.end(py, running, ended),
+                Some(Ok(event)) => self.respond(py, event)?,
+                Some(Err(RecvTimeoutError::Timeout)) => py.check_signals()?,
+                _ => return Err(Raised::misuse("the run is closed").into()),
+            }
+        }
+    }
+
+    /// Responds to an event amid a step.
+    fn respond(&self, py: Python<'_>, event: Event) -> PyResult<()> {
+        match event {
+            Event::Iteration { step, iteration, residual } => {
+                if let Some(callback) = &self.on_iteration {
+                    callback.call1(py, (step, iteration, residual))?;
+                }
+            }
+            Event::Paused(_) | Event::Ended(_) => {}
+        }
+        py.check_signals()
+    }
+
+    /// Keeps the end of a run, and raises its error.
+    fn end(&self, py: Python<'_>, running: &mut Running, ended: Box<Ended>) -> PyResult<Option<String>> {
+        let failure = ended.failure.as_ref().filter(|failure| !failure.is_interruption);
+        let error = failure.map(|Failure { code, message, help, residuals, .. }| {
+            exception(py, "SolveError", (message.clone(), *code, help.clone(), residuals.clone()))
+        });
+        running.is_under_way = false;
+        running.ended = Some(ended);
+        match (self.laws.take_raised(), error) {
+            (Some(raised), Some(error)) => {
+                error.set_cause(py, Some(raised));
+                Err(error)
+            }
+            (None, Some(error)) => Err(error),
+            _ => Ok(None),
+        }
+    }
+}
+
+/// The answer to a request.
+fn received<T: Send>(py: Python<'_>, answer: Receiver<T>) -> PyResult<T> {
+    py.detach(move || answer.recv().ok()).ok_or_else(|| Raised::misuse("the run is closed").into())
+}
+
+/// Reads and builds a deck, opens its files and begins its run on a new thread; returns that and the messages about the
+/// deck.
+fn begin(
+    (name, text, overrides): (&str, &[u8], &[(String, String)]),
+    threads: Option<usize>,
+    out: Option<PathBuf>,
+    laws: &Laws,
+    link: Link,
+    tells_iterations: bool,
+) -> Result<(JoinHandle<()>, String), Raised> {
+    let start = Start::now();
+    let pool = pool(threads)?;
+    let mut set_up = Timings::default();
+    let prepared = set_up.measure(Phase::SetUp, || {
+        let mut deck = loaded(name, text, overrides)?;
+        laws.replace(&mut deck)?;
+        prepared(deck, &pool)
+    })?;
+    let Prepared { loaded, analysis, .. } = prepared;
+    let notes = mpm::deck::diagnostic::as_json(&loaded.source, &loaded.notes).to_string();
+    let account = loaded
+        .account(start, set_up, pool.current_num_threads())
+        .map_err(|error| Raised::misuse(error.to_string()))?;
+    let asked = loaded.deck.request();
+    let not_writable = |directory: &std::path::Path, error: std::io::Error| Raised::Results {
+        code: Some("R001"),
+        message: format!("the results directory `{}` cannot be written: {error}", directory.display()),
+    };
+    let files = match &out {
+        None => None,
+        Some(directory) => {
+            let created = match &analysis {
+                Analysis::Plane(parts) => Results::create(directory, &asked, &parts.0, account.clone())
+                    .map(|results| (results, Progress::new(&parts.0, &parts.1, start))),
+                Analysis::Solid(parts) => Results::create(directory, &asked, &parts.0, account.clone())
+                    .map(|results| (results, Progress::new(&parts.0, &parts.1, start))),
+            };
+            let (results, progress) = created.map_err(|error| not_writable(directory, error))?;
+            Some(Files { status: StatusFile::new(results.directory()), results, progress })
+        }
+    };
+    let record = match &analysis {
+        Analysis::Plane(parts) => Record::new(&parts.0, account),
+        Analysis::Solid(parts) => Record::new(&parts.0, account),
+    };
+    let worker = Worker { link, record, files, tells_iterations };
+    let builder = std::thread::Builder::new().name("mpm".to_owned());
+    let thread = builder.spawn(move || pool.install(|| worker.run(analysis, loaded)));
+    let thread = thread.map_err(|error| Raised::misuse(format!("the threads cannot be started: {error}")))?;
+    Ok((thread, notes))
+}

@@ -1,0 +1,345 @@
+//! The analysis on its own thread: an observer that pauses after every step and answers requests.
+
+use std::cell::RefCell;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use mpm::deck::advice;
+use mpm::deck::changes::changes_during_run;
+use mpm::deck::load::LoadedDeck;
+use mpm::deck::ready::Analysis;
+use mpm::model::Model;
+use mpm::output::record::Record;
+use mpm::output::results::Results;
+use mpm::output::status::{Progress, StatusFile};
+use mpm::points::Points;
+use mpm::solver::{
+    Change, Diagnosis, FailedAttempt, Observer, Reached, Solvable, SolveError, Step, StepReport, Summary,
+    resume_stage, run_with_changes,
+};
+use serde_json::{Map, Value, json};
+
+use crate::link::{Array, Changed, Ended, Event, Failure, Link, Name, Request};
+
+/// Writes the files of a run, and its status.
+pub struct Files {
+    pub results: Results,
+    pub progress: Progress,
+    pub status: StatusFile,
+}
+
+impl Files {
+    /// The status serves only to watch a run, which goes on without it.
+    fn tell(&mut self) {
+        let _ = self.status.update(&self.progress);
+    }
+}
+
+/// A run on its thread.
+pub struct Worker {
+    pub link: Link,
+    pub record: Record,
+    pub files: Option<Files>,
+    /// True if the interpreter wants to hear of every iteration.
+    pub tells_iterations: bool,
+}
+
+/// What the interpreter has decided while the analysis was paused.
+enum Decision {
+    Go,
+    Stop,
+    Change(Box<Changed>, std::sync::mpsc::Sender<Result<(), String>>),
+}
+
+/// The observer of a run.
+struct Follower<'a> {
+    worker: &'a mut Worker,
+    /// Decided, but not yet carried out: anything but [`Decision::Go`].
+    decided: Option<Decision>,
+}
+
+/// An access to the points, whatever the number of axes.
+trait State {
+    fn array(&self, name: &str) -> Option<Array>;
+}
+
+impl<const D: usize> State for (&Model<D>, &Points<D>) {
+    fn array(&self, name: &str) -> Option<Array> {
+        let (model, points) = self;
+        let found = model.array(points, name)?;
+        Some(Array { components: found.components, values: found.values })
+    }
+}
+
+impl Worker {
+    /// Tells an event. If the interpreter has dropped the run, nobody listens, and the next pause ends it.
+    fn tell(&self, event: Event) {
+        let _ = self.link.events.send(event);
+    }
+
+    /// Answers requests until a decision is made. Without an interpreter the run stops.
+    fn pause(&self, state: &dyn State) -> Decision {
+        loop {
+            match self.link.requests.recv() {
+                Ok(Request::Go) => return Decision::Go,
+                Ok(Request::Stop) | Err(_) => return Decision::Stop,
+                Ok(Request::Change(changed, reply)) => return Decision::Change(changed, reply),
+                Ok(Request::Array(name, reply)) => drop(reply.send(state.array(&name))),
+                Ok(Request::Table(name, reply)) => {
+                    let rows = match name {
+                        Name::History => &self.record.history,
+                        Name::Quality => &self.record.quality,
+                        Name::Convergence => &self.record.convergence,
+                    };
+                    drop(reply.send(rows.clone()));
+                }
+            }
+        }
+    }
+
+    /// Makes the files and the summary state another deck.
+    fn account_for(&mut self, deck: &LoadedDeck) {
+        self.record.restate(|account| deck.restate(account));
+        if let Some(files) = &mut self.files {
+            files.results.restate(|account| deck.restate(account));
+        }
+    }
+
+    /// Runs an analysis to its end, and then answers requests until the interpreter drops the run.
+    pub fn run(mut self, mut analysis: Analysis, loaded: LoadedDeck) {
+        let reached = analysis.beginning();
+        match &mut analysis {
+            Analysis::Plane(parts) => self.run_in(&mut parts.0, &mut parts.1, reached, loaded, |a| match a {
+                Analysis::Plane(parts) => Some(parts.0),
+                Analysis::Solid(_) => None,
+            }),
+            Analysis::Solid(parts) => self.run_in(&mut parts.0, &mut parts.1, reached, loaded, |a| match a {
+                Analysis::Solid(parts) => Some(parts.0),
+                Analysis::Plane(_) => None,
+            }),
+        }
+    }
+
+    fn run_in<const D: usize>(
+        &mut self,
+        model: &mut Model<D>,
+        points: &mut Points<D>,
+        reached: Reached,
+        loaded: LoadedDeck,
+        model_of: fn(Analysis) -> Option<Model<D>>,
+    ) where
+        Model<D>: Solvable<D>,
+    {
+        let outcome = catch_unwind(AssertUnwindSafe(|| {
+            let follower = RefCell::new(Follower { worker: self, decided: None });
+            let mut deck = loaded;
+            let change: Change<'_, D> = &mut |model, points, reached| {
+                follower.borrow_mut().carry_out(model, points, reached, &mut deck, model_of)
+            };
+            run_with_changes(model, points, reached, &mut Shared(&follower), change)
+        }));
+        let failure = match outcome {
+            Ok(outcome) => outcome.err().map(|error| Failure {
+                code: error.code(),
+                message: error.to_string(),
+                help: advice::on_error(&error).map(str::to_owned),
+                residuals: error.residuals().to_vec(),
+                is_interruption: matches!(error, SolveError::Interrupted { .. }),
+            }),
+            Err(_) => Some(Failure {
+                code: None,
+                message: "the program has a fault: it has panicked; see standard error, and report it"
+                    .to_owned(),
+                help: None,
+                residuals: Vec::new(),
+                is_interruption: false,
+            }),
+        };
+        self.files = None; // releases the directory
+        let summary = self.record.summary.clone();
+        self.tell(Event::Ended(Box::new(Ended { summary, failure })));
+        loop {
+            match self.pause(&(&*model, &*points)) {
+                Decision::Go => {}
+                Decision::Change(_, reply) => drop(reply.send(Err("the run has ended".to_owned()))),
+                Decision::Stop => return,
+            }
+        }
+    }
+}
+
+impl Follower<'_> {
+    /// Pauses between two steps.
+    fn pause(&mut self, state: &dyn State, report: Option<Value>) {
+        self.worker.tell(Event::Paused(report.map(Box::new)));
+        self.wait(state);
+    }
+
+    fn wait(&mut self, state: &dyn State) {
+        self.decided = match self.worker.pause(state) {
+            Decision::Go => None,
+            other => Some(other),
+        };
+    }
+
+    /// Carries out a change that was decided; returns whether the run goes on.
+    fn carry_out<const D: usize>(
+        &mut self,
+        model: &mut Model<D>,
+        points: &Points<D>,
+        reached: &Reached,
+        deck: &mut LoadedDeck,
+        model_of: fn(Analysis) -> Option<Model<D>>,
+    ) -> Result<bool, SolveError> {
+        let Some(Decision::Change(changed, reply)) = self.decided.take() else { return Ok(false) };
+        let outcome = exchange(model, reached, deck, *changed, model_of).map(|next| *deck = next);
+        if outcome.is_ok() {
+            self.worker.account_for(deck);
+        }
+        drop(reply.send(outcome));
+        self.wait(&(&*model, points));
+        Ok(!matches!(self.decided, Some(Decision::Stop)))
+    }
+}
+
+/// Puts the model of another deck in place of the present one.
+///
+/// # Errors
+/// A reason, if the other deck describes other bodies, another grid or other tables.
+fn exchange<const D: usize>(
+    model: &mut Model<D>,
+    reached: &Reached,
+    deck: &LoadedDeck,
+    changed: Changed,
+    model_of: fn(Analysis) -> Option<Model<D>>,
+) -> Result<LoadedDeck, String> {
+    let fixed = changes_during_run(&deck.deck, &changed.loaded.deck);
+    if !fixed.is_empty() {
+        return Err(format!("these cannot change during a run: {}", fixed.join("; ")));
+    }
+    let mut next = model_of(changed.analysis).ok_or("the number of axes cannot change during a run")?;
+    // The points stay; only the model must know its stage.
+    resume_stage(&mut next, &mut Points::new(&[]), reached)?;
+    *model = next;
+    Ok(changed.loaded)
+}
+
+/// The follower, which the change between steps uses too.
+struct Shared<'a, 'b>(&'a RefCell<Follower<'b>>);
+
+impl<const D: usize> Observer<D> for Shared<'_, '_> {
+    fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
+        let mut follower = self.0.borrow_mut();
+        if let Some(files) = &mut follower.worker.files {
+            files.results.started(model, points)?;
+            files.tell();
+        }
+        follower.pause(&(model, points), None);
+        Ok(())
+    }
+
+    fn initial_state(&mut self, state: &mpm::solver::InitialState) {
+        if let Some(files) = &mut self.0.borrow_mut().worker.files {
+            Observer::<D>::initial_state(&mut files.results, state);
+        }
+    }
+
+    fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
+        let worker = &mut *self.0.borrow_mut().worker;
+        Observer::<D>::iteration(&mut worker.record, step, iteration, residual);
+        if let Some(files) = &mut worker.files {
+            Observer::<D>::iteration(&mut files.results, step, iteration, residual);
+            files.progress.iteration(step, iteration, residual);
+            files.tell();
+        }
+        if worker.tells_iterations {
+            worker.tell(Event::Iteration { step: step.index, iteration, residual });
+        }
+    }
+
+    fn converged(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        report: &StepReport<D>,
+        summary: &Summary,
+    ) -> io::Result<()> {
+        let mut follower = self.0.borrow_mut();
+        let worker = &mut *follower.worker;
+        worker.record.converged(model, points, report, summary)?;
+        if let Some(files) = &mut worker.files {
+            files.results.converged(model, points, report, summary)?;
+            files.progress.converged(report, summary);
+            files.tell();
+        }
+        follower.pause(&(model, points), Some(step_document(model, report, summary)));
+        Ok(())
+    }
+
+    fn failed(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        attempt: &FailedAttempt<D>,
+        ended: Option<(&FailedAttempt<D>, &Diagnosis)>,
+    ) -> io::Result<()> {
+        let worker = &mut *self.0.borrow_mut().worker;
+        worker.record.failed(model, points, attempt, ended)?;
+        match &mut worker.files {
+            Some(files) => files.results.failed(model, points, attempt, ended),
+            None => Ok(()),
+        }
+    }
+
+    fn interrupted(&self) -> bool {
+        self.0.borrow().decided.is_some()
+    }
+
+    fn finished(
+        &mut self,
+        model: &Model<D>,
+        points: &Points<D>,
+        summary: &Summary,
+        error: Option<&SolveError>,
+    ) -> io::Result<()> {
+        let worker = &mut *self.0.borrow_mut().worker;
+        let recorded = worker.record.finished(model, points, summary, error);
+        let Some(files) = &mut worker.files else { return recorded };
+        let written = files.results.finished(model, points, summary, error);
+        let lost = written.as_ref().err().map(SolveError::output);
+        files.progress.finished(error.or(lost.as_ref()));
+        files.tell();
+        written.and(recorded)
+    }
+}
+
+/// A step in equilibrium as a document.
+fn step_document<const D: usize>(model: &Model<D>, report: &StepReport<D>, summary: &Summary) -> Value {
+    let named = |names: &mut dyn Iterator<Item = &String>, forces: &[[f64; D]]| {
+        let entries = names.zip(forces).map(|(name, force)| (name.clone(), json!(force.to_vec())));
+        Value::Object(entries.collect::<Map<_, _>>())
+    };
+    let stage = model.stages.get(model.present.stage).map(|stage| &stage.name);
+    let before = summary.warnings.iter().filter(|of| of.step == report.step.index);
+    let warnings: Vec<Value> = before
+        .map(|of| json!({"code": of.code, "message": of.message, "help": advice::on_warning(of)}))
+        .collect();
+    json!({
+        "index": report.step.index,
+        "start": report.step.start,
+        "time": report.step.end,
+        "stage": stage,
+        "residuals": report.residuals,
+        "rounding_limited": report.rounding_limited,
+        "damped": report.damped,
+        "load_factor": report.load_factor,
+        "reactions": named(&mut model.boundary_conditions.iter().map(|c| &c.name), &report.reactions),
+        "loads": named(&mut model.loads.iter().map(|load| &load.name), &report.loads),
+        "unknowns": report.unknowns,
+        "external_work": summary.external_work,
+        "strain_energy": summary.strain_energy,
+        "plastic_work": summary.plastic_work,
+        "end_time": model.end_time(),
+        "warnings": warnings,
+    })
+}
