@@ -122,7 +122,7 @@ struct Answer {
 
 /// Calls an adapter, which returns contiguous arrays of the right shapes.
 fn call(py: Python<'_>, adapter: &Py<PyAny>, strain: &[f64], history: &[f64]) -> PyResult<Answer> {
-    let found = adapter.call_method1(py, "respond", rows(py, strain, history)?)?;
+    let found = adapter.call_method1(py, "respond", <(_, _)>::from(rows(py, strain, history)?))?;
     let arrays: [PyReadonlyArrayDyn<'_, f64>; 4] = found.extract(py)?;
     let [stress, elastic_strain, tangent, history] =
         arrays.map(|array| array.as_slice().map(<[f64]>::to_vec));
@@ -240,22 +240,18 @@ fn call_energies(
     strain: &[f64],
     history: &[f64],
 ) -> PyResult<[Vec<f64>; 2]> {
-    let found = adapter.call_method1(py, "energies", rows(py, strain, history)?)?;
+    let found = adapter.call_method1(py, "energies", <(_, _)>::from(rows(py, strain, history)?))?;
     let arrays: [PyReadonlyArrayDyn<'_, f64>; 2] = found.extract(py)?;
     let [stored, plastic] = arrays.map(|array| array.as_slice().map(<[f64]>::to_vec));
     Ok([stored?, plastic?])
 }
 
 /// Strains and histories of points as arrays.
-fn rows<'py>(
-    py: Python<'py>,
-    strain: &[f64],
-    history: &[f64],
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+fn rows<'py>(py: Python<'py>, strain: &[f64], history: &[f64]) -> PyResult<[Bound<'py, PyArray2<f64>>; 2]> {
     let n = strain.len() / 6;
     let kept = history.len() / n.max(1);
     let strain = PyArray1::from_slice(py, strain).reshape([n, 6])?;
-    Ok((strain, PyArray1::from_slice(py, history).reshape([n, kept])?))
+    Ok([strain, PyArray1::from_slice(py, history).reshape([n, kept])?])
 }
 
 /// A law of the library.
@@ -347,9 +343,12 @@ impl BuiltIn {
     }
 }
 
-/// The properties that a law lacks: name, strain, relative error, and what is tolerated. `law` is an adapter.
+/// The name of a property, a strain, the relative error there, and what is tolerated.
+type Finding = (String, Vec<f64>, f64, f64);
+
+/// The properties that a law lacks. `law` is an adapter.
 #[pyfunction]
-pub fn conformance(law: &Bound<'_, PyAny>, largest: f64) -> PyResult<Vec<(String, Vec<f64>, f64, f64)>> {
+pub fn conformance(law: &Bound<'_, PyAny>, largest: f64) -> PyResult<Vec<Finding>> {
     let adapter = Arc::new(law.clone().unbind());
     let law = PythonLaw { facts: Facts::new(law)?, adapter, calls: Calls::default() };
     let findings = check(&law, largest).into_iter();
