@@ -1,7 +1,7 @@
 """The implicit material point method: decks, runs, laws and results.
 
 >>> import mpm
->>> deck = mpm.Deck.load("inputs/footing.yaml", steps=2)
+>>> deck = mpm.Deck.load("inputs/footing.yaml", h=0.5)
 >>> result = deck.run(progress=False)
 >>> result.summary["outcome"]
 'completed'

@@ -27,13 +27,16 @@ _NAME = re.compile(r"[A-Za-z_]\w*\Z")
 class Deck(MutableMapping[str, Any]):
     """A deck: the description of an analysis, with the same keys as a file.
 
-    A deck is a mapping, of nested dictionaries and lists, whose keys
-    `docs/deck.md <https://github.com/>`_ lists. Change it in place; checks are made by :meth:`check` and when a run
-    begins.
+    A deck is a mapping of nested dictionaries and lists; ``docs/deck.md`` lists the keys. Change it in place, then
+    :meth:`check`, :meth:`save`, :meth:`start` or :meth:`run` it. Values may be numbers of NumPy, and expressions and
+    formulas as text, as in a file. Units are those of the deck: any that are consistent.
 
     Args:
         data: The keys and values. They are copied.
         directory: Directory to which the paths in the deck, such as that of a mesh, are relative.
+
+    Raises:
+        UsageError: The data are no mapping, or hold something other than numbers, words, lists and mappings.
 
     Example:
         >>> import mpm
@@ -45,6 +48,7 @@ class Deck(MutableMapping[str, Any]):
         ...                 "shape": {"type": "box", "min": [0, 0], "max": [1, 1]}}],
         ...     "boundary_conditions": [{"name": "floor", "nodes": {"y": 0}, "fix": ["x", "y"]}],
         ...     "loads": [{"name": "weight", "type": "gravity", "acceleration": [0, -9.81]}],
+        ...     "steps": {"count": 10},
         ... })
         >>> deck["loads"][0]["acceleration"] = [0, -5]
         >>> [found.code for found in deck.check() if found.severity == "error"]
@@ -67,13 +71,21 @@ class Deck(MutableMapping[str, Any]):
     def load(cls, path: StrPath, **parameters: Value) -> Deck:
         """Reads a deck from a YAML file.
 
+        Messages about the deck name lines of the file, as long as nothing but parameters is changed.
+
         Args:
-            path: The file.
-            parameters: Values of parameters that the deck defines, in place of those in the file.
+            path: The file. Paths in the deck are relative to its directory.
+            parameters: Values of parameters that the deck defines, in place of those in the file, as ``--set`` of
+                ``mpm run``. Text is a word or an expression, such as ``"2*h"``.
 
         Raises:
             DeckError: The file cannot be read or is not YAML. Other faults are found by :meth:`check`.
             UsageError: The deck has no parameter of this name, or the value is no number or word.
+
+        Example:
+            >>> deck = mpm.Deck.load("inputs/beam.yaml", h=0.25)
+            >>> deck["parameters"]["h"], deck["grid"]["spacing"]
+            (0.25, '${h}')
         """
         text, document = _mpm.read(os.fspath(path))
         data = json.loads(document)
@@ -125,14 +137,22 @@ class Deck(MutableMapping[str, Any]):
         return f"<Deck {self._data.get('title') or self._name!r}>"
 
     def copy(self) -> Deck:
-        """A deck of its own with the same content."""
+        """A deck with the same content. A change of one of them does not change the other."""
         return copy.deepcopy(self)
 
     def with_parameters(self, **parameters: Value) -> Deck:
         """A copy with other values of parameters.
 
+        Args:
+            parameters: Values by the names of parameters, as for :meth:`load`.
+
         Raises:
             UsageError: The deck has no parameter of this name, or the value is no number or word.
+
+        Example:
+            >>> deck = mpm.Deck.load("inputs/beam.yaml")
+            >>> [deck.with_parameters(h=h)["parameters"]["h"] for h in (1, 0.5)]
+            [1, 0.5]
         """
         changed = self.copy()
         defined = changed._data.get("parameters")
@@ -150,14 +170,32 @@ class Deck(MutableMapping[str, Any]):
         return changed
 
     def save(self, path: StrPath) -> None:
-        """Writes the deck to a YAML file, which ``mpm run`` takes. Paths in it stay as they are."""
+        """Writes the deck to a YAML file, which ``mpm run`` takes.
+
+        The text of the file that was loaded is kept, comments included, if nothing was changed. Paths in the deck stay
+        as they are: save it in the directory to which they are relative.
+
+        Args:
+            path: The file. An existing one is replaced.
+        """
         text, overrides = self._source()
         if overrides:
             text = _mpm.dump(_document(self._data)).encode()
         Path(path).write_bytes(text)
 
     def check(self) -> list[Diagnostic]:
-        """Does everything up to the first load step, as ``mpm check``, and returns all messages. Raises none of them."""
+        """Does everything up to the first load step, as ``mpm check``, and returns all messages. Raises none of them.
+
+        Returns:
+            Errors, warnings and notes, in the order of the deck; none if nothing is to be said.
+
+        Example:
+            >>> deck = mpm.Deck.load("inputs/footing.yaml")
+            >>> deck["materials"]["clay"]["poisson"] = 0.6
+            >>> found = deck.check()[0]
+            >>> found.code, found.message
+            ('D009', '0.6 is not below 0.5')
+        """
         text, overrides = self._source()
         document, _ = _mpm.check(self._name, text, overrides)
         return diagnostics_of(document)
@@ -173,16 +211,30 @@ class Deck(MutableMapping[str, Any]):
         """Begins a run, to be stepped by iterating over it. Nothing is written unless ``out`` is given.
 
         Args:
-            threads: Number of threads; by default, one per core. Results are the same for any number.
+            threads: Number of threads, from 1 to 1024; by default, one per core. Results are the same for any number.
             out: Directory for the files that ``mpm run`` writes. Earlier results in it are replaced.
             laws: Laws written in Python, by the names of the materials whose laws they replace; see
                 :class:`mpm.Law`. The density and everything else stays as the deck states it.
-            on_iteration: Called after every evaluation of the out-of-balance force with the number of the step, that
-                of the iteration, and the residual. An exception in it interrupts the waiting, not the run.
+            on_iteration: Called after every evaluation of the out-of-balance force with the number of the step, from 1,
+                that of the iteration, from 0, and the relative residual, [-]. It is called in the thread that waits for
+                the step, while the analysis goes on. An exception in it interrupts the waiting, not the run: the next
+                step is this one.
+
+        Returns:
+            The run, before its first step. It holds a copy of the deck.
 
         Raises:
             DeckError: The deck cannot be used.
             ResultsError: The directory cannot be written, or another run writes there.
+            UsageError: The deck has no material with the name of a law, or an argument is of another kind.
+
+        Example:
+            >>> residuals = []
+            >>> deck = mpm.Deck.load("inputs/beam.yaml", steps=10)
+            >>> with deck.start(on_iteration=lambda step, iteration, r: residuals.append(r)) as run:
+            ...     step = next(run)
+            >>> step.iterations, len(residuals)
+            (7, 8)
         """
         from mpm._run import Run
 
@@ -199,15 +251,28 @@ class Deck(MutableMapping[str, Any]):
         """Runs the analysis to its end.
 
         Args:
-            out: Directory for the files that ``mpm run`` writes; without it, nothing is written.
-            threads: Number of threads; by default, one per core.
+            out: Directory for the files that ``mpm run`` writes. Earlier results in it are replaced; without it,
+                nothing is written.
+            threads: Number of threads; by default, one per core. Results are the same for any number.
             laws: Laws written in Python, as for :meth:`start`.
             progress: Whether to show a bar; by default, on terminals and in notebooks.
 
+        Returns:
+            The result. Its points stay in memory as long as it is kept.
+
         Raises:
             DeckError: The deck cannot be used.
-            SolveError: The analysis ended early.
+            SolveError: The analysis ended early. To keep the steps before, use :meth:`start` and catch the error around
+                the loop.
             ResultsError: The directory cannot be written, or another run writes there.
+            UsageError: As for :meth:`start`.
+
+        Example:
+            >>> result = mpm.Deck.load("inputs/beam.yaml", steps=10).run("results/beam", progress=False)
+            >>> f'{result.history["tip_uy"][-1]:.2f}'
+            '-8.17'
+            >>> [path.name for path in sorted(result.directory.glob("*.csv"))]
+            ['convergence.csv', 'history.csv', 'quality.csv']
         """
         from mpm._progress import Bar
 

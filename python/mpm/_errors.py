@@ -21,6 +21,13 @@ class Diagnostic:
         column: Column in that line, from 1, or ``None``.
         help: The remedy, or ``None``.
         notes: Further facts.
+
+    Example:
+        >>> deck = mpm.Deck.load("inputs/footing.yaml")
+        >>> deck["steps"]["cuont"] = deck["steps"].pop("count")
+        >>> found = deck.check()[0]
+        >>> found.code, found.severity, found.message
+        ('D006', 'error', 'unknown key `cuont`')
     """
 
     code: str
@@ -74,6 +81,13 @@ class DeckError(MpmError):
 
     Attributes:
         diagnostics: All messages about it; at least one is an error.
+
+    Example:
+        >>> try:
+        ...     mpm.Deck({"version": 1}).run()
+        ... except mpm.DeckError as error:
+        ...     print(error.code, len(error.diagnostics), error.diagnostics[0].message)
+        D007 3 missing key `bodies` at the top of the deck
     """
 
     def __init__(self, document: str, text: str) -> None:
@@ -91,8 +105,21 @@ class DeckError(MpmError):
 class SolveError(MpmError):
     """An analysis that ended early. The points are in the state of the last step in equilibrium.
 
+    The cause (``__cause__``) is the exception that a law in Python has raised, if one has.
+
     Attributes:
-        residuals: Residual of every evaluation of the step that failed.
+        residuals: Relative out-of-balance force of every evaluation of the step that failed, [-].
+
+    Example:
+        >>> deck = mpm.Deck.load("inputs/footing.yaml", h=0.5)
+        >>> deck["steps"]["smallest"], deck["solver"] = 1, {"max_iterations": 2}
+        >>> with deck.start() as run:
+        ...     try:
+        ...         for step in run:
+        ...             pass
+        ...     except mpm.SolveError as error:
+        ...         print(error.code, len(error.residuals))
+        S001 3
     """
 
     def __init__(

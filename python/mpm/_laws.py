@@ -23,32 +23,62 @@ Response = tuple[Any, Any] | tuple[Any, Any, Any, Any]
 class Law(Protocol):
     """A constitutive law: Kirchhoff stress as a function of elastic strain, for a batch of points.
 
-    Any object with a method ``update`` is a law. The attributes and the other methods below are optional.
+    Any object with a method :meth:`update` is a law; give it to :meth:`Deck.start` or :meth:`Deck.run` in ``laws``. The
+    attributes are optional, and so are two methods more, which only serve the columns of energy in the tables:
 
-    Symmetric tensors are rows ``xx, yy, zz, √2 xy, √2 yz, √2 xz``. In this layout the product of two rows is the product
-    of the tensors, the norm of a row is that of the tensor, and tangents are matrices.
+    - ``energy(strain)``: stored energy per initial volume, shape (n,), of elastic strains, shape (n, 6). The default, half
+      the product of stress and strain, is exact for linear elasticity.
+    - ``plastic_work(history)``: plastic work per initial volume, shape (n,), at these history variables. The default is
+      zero.
+
+    Symmetric tensors are rows ``xx, yy, zz, √2 xy, √2 yz, √2 xz``. In this layout the product of two rows is that of the
+    tensors, the norm of a row is that of the tensor, and tangents are matrices. (Arrays of :class:`Points` have the
+    same order without √2.) Plane strain and bodies of revolution use it, too: there yz and xz are zero.
 
     The law is called once per evaluation with all points of its material. The response of a point depends neither on
     the other points nor on their order, and nothing is kept between calls: iterations are repeated.
+    :func:`mpm.testing.check_material` checks that and more. An exception in a law ends the run with a
+    :class:`SolveError` whose cause it is.
 
     Attributes:
-        state: Names of the history variables with their initial values, such as ``{"hardening": 0.0}``; none by default.
+        state: Names of the history variables with their initial values, such as ``{"hardening": 0.0}``; none by
+            default. :class:`Points` have them by these names.
         measure: Strain measure: ``"logarithmic"``, ½ ln b, which is the default, or ``"left-cauchy-green"``, ½ (b − I).
         symmetric: Whether tangents are symmetric, which is the default; otherwise equations are solved by LU.
+
+    Example:
+        Linear elasticity in the logarithmic strain, the law ``hencky`` of decks:
+
+        >>> class Hencky:
+        ...     def __init__(self, bulk, shear):
+        ...         one = np.array([1.0, 1, 1, 0, 0, 0])
+        ...         volumetric = np.outer(one, one) / 3
+        ...         self.stiffness = 3 * bulk * volumetric + 2 * shear * (np.eye(6) - volumetric)
+        ...     def update(self, strain, history):
+        ...         return strain @ self.stiffness, np.broadcast_to(self.stiffness, (len(strain), 6, 6))
+        >>> law = Hencky(bulk=12e6 / 1.8, shear=12e6 / 2.4)
+        >>> mpm.testing.check_material(law)
+        []
+        >>> deck = mpm.Deck.load("inputs/beam.yaml", steps=10)
+        >>> own = deck.run(laws={"steel": law}, progress=False)
+        >>> built_in = deck.run(progress=False)
+        >>> bool(np.allclose(own.points.position, built_in.points.position, rtol=1e-12))
+        True
     """
 
     def update(self, strain: Array, history: Array) -> Response:
         """The response to trial elastic strains.
 
         Args:
-            strain: Trial elastic strain, shape (n, 6), [-].
-            history: History variables at the start of the step, shape (n, number of variables).
+            strain: Trial elastic strain, shape (n, 6), [-]: that of the whole step as if it were elastic. Read only.
+            history: History variables at the start of the step, shape (n, number of variables). Read only.
 
         Returns:
-            The Kirchhoff stress, shape (n, 6), and the algorithmic tangent, its derivative with respect to the trial
-            strain, shape (n, 6, 6), both in units of stress; laws that flow also return the elastic strain after the
-            return mapping, shape (n, 6), and the history variables at the end of the step. A row that is not finite
-            refuses a strain: the step is then cut.
+            The tuple (stress, tangent), or (stress, tangent, elastic strain, history) of laws that flow: the Kirchhoff
+            stress, shape (n, 6), [stress]; the algorithmic tangent, its derivative with respect to the trial strain,
+            shape (n, 6, 6), [stress]; the elastic strain after the return mapping, shape (n, 6), [-]; and the history
+            variables at the end of the step, shape (n, number of variables). A row that is not finite refuses a strain:
+            the step is then cut.
         """
         ...
 
@@ -122,10 +152,17 @@ class BuiltInLaw:
 
     Args:
         model: Its name in decks, such as ``"von-mises"``.
-        parameters: Its parameters in decks, such as ``young=1e6, poisson=0.3``.
+        parameters: Its parameters in decks, such as ``young=1e6, poisson=0.3``. Stresses are in units of these.
+
+    Attributes:
+        state: Names of the history variables with their initial values.
+        measure: Strain measure, as for :class:`Law`.
+        symmetric: Whether tangents are symmetric.
+
+    Raises:
+        UsageError: There is no such law, or its parameters are others.
 
     Example:
-        >>> import numpy as np
         >>> law = mpm.BuiltInLaw("hencky", young=1e6, poisson=0.25)
         >>> stress, tangent, _, _ = law.update(np.array([[1e-3, 0, 0, 0, 0, 0]]), np.zeros((1, 0)))
         >>> stress[0, :3].round()
@@ -139,17 +176,21 @@ class BuiltInLaw:
         self.symmetric: bool = self._law.is_symmetric()
 
     def update(self, strain: Array, history: Array) -> tuple[Array, Array, Array, Array]:
-        """Stress, tangent, elastic strain and history; shapes and units as :meth:`Law.update`."""
+        """Stress, tangent, elastic strain and history; shapes and units as :meth:`Law.update`.
+
+        Raises:
+            UsageError: An array has another shape, or the law has no response to a strain.
+        """
         arrays = self._law.respond(_rows(strain, 6), _rows(history, len(self.state)))
         stress, elastic, tangent, new = cast("Sequence[Array]", arrays)
         return stress, tangent, elastic, new
 
     def energy(self, strain: Array) -> Array:
-        """Stored energy per initial volume, shape (n,), of points with this elastic strain, shape (n, 6)."""
+        """Stored energy per initial volume, shape (n,), [stress], of elastic strains, shape (n, 6), [-]."""
         return self._law.energy(_rows(strain, 6))
 
     def plastic_work(self, history: Array) -> Array:
-        """Plastic work per initial volume, shape (n,), of points with this history."""
+        """Plastic work per initial volume, shape (n,), [stress], at history variables, shape (n, number of them)."""
         rows = _rows(history, len(self.state))
         return self._law.plastic_work(rows, len(rows))
 

@@ -31,15 +31,15 @@ class Step:
     """A load step in equilibrium.
 
     Attributes:
-        index: Its number, from 1.
+        index: Its number, from 1. A step that was cut counts once for each part.
         start: Time at its start.
         time: Time at its end.
         stage: Name of the stage, or ``None`` without stages.
-        iterations: Number of Newton iterations.
-        residuals: Relative out-of-balance force of every evaluation, [-]; the first precedes any iteration.
+        residuals: Relative out-of-balance force of every evaluation, [-], shape (iterations + 1,); the first precedes
+            any iteration.
         load_factor: Load factor at its end, or ``None`` if loads do not share one, [-].
-        reactions: Reaction of each boundary condition, one component per axis, [force].
-        loads: Resultant of each load, one component per axis, [force].
+        reactions: Reaction of each boundary condition by its name: the force on the bodies, shape (axes,), [force].
+        loads: Resultant of each load by its name, shape (axes,), [force].
         unknowns: Number of free degrees of freedom.
         external_work: Work of loads and reactions so far, [energy].
         strain_energy: Stored elastic energy, [energy].
@@ -48,6 +48,14 @@ class Step:
         damped: Whether only damped iterations found the equilibrium.
         end_time: Time at the end of the analysis or stage.
         warnings: Warnings that this step has raised.
+
+    Example:
+        >>> with mpm.Deck.load("inputs/footing.yaml", h=0.5).start(threads=1) as run:
+        ...     step = next(run)
+        >>> step.index, step.iterations, step.residual < 1e-9
+        (1, 5, True)
+        >>> sorted(step.reactions), step.reactions["ram"].round(-3)
+        (['axis', 'base', 'ram', 'side'], array([     0., -32000.]))
     """
 
     index: int
@@ -90,7 +98,20 @@ def _step(document: str) -> Step:
 
 
 class Table(Mapping[str, Array]):
-    """A table: columns by their names, shape (rows,). Missing entries are not a number."""
+    """A table: a mapping of the names of its columns to arrays, shape (rows,). Missing entries are not a number (NaN).
+
+    ``docs/output.md`` lists the columns of ``history``, ``quality`` and ``convergence``.
+
+    Args:
+        columns: The columns by their names.
+
+    Example:
+        >>> history = mpm.Deck.load("inputs/beam.yaml", steps=4).run(progress=False).history
+        >>> history["time"]
+        array([0.25, 0.5 , 0.75, 1.  ])
+        >>> [name for name in history if name.startswith("tip")]
+        ['tip_fx', 'tip_fy', 'tip_ux', 'tip_uy']
+    """
 
     def __init__(self, columns: Mapping[str, Array]) -> None:
         self._columns = dict(columns)
@@ -112,16 +133,28 @@ class Table(Mapping[str, Array]):
         return f"<Table of {rows} rows: {', '.join(self._columns)}>"
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """The table as a data frame, where pandas is installed."""
+        """The table as a data frame, one row per row. Needs pandas."""
         return _package("pandas").DataFrame(self._columns)
 
 
 class Points(Mapping[str, Array]):
-    """Arrays of the material points in the order of their permanent numbers.
+    """Arrays of the n material points, in the order of their permanent numbers.
 
-    Arrays are copies, which stay as they are when the run goes on. Vectors have one component per axis. Matrices are
-    stored by rows, xx, xy, xz, yx, yy, yz, zx, zy, zz; symmetric tensors as xx, yy, zz, xy, yz, xz without factors.
-    The names are those of attributes, of history variables of laws, and of fields in VTU files.
+    ``points[name]`` is a copy, which stays as it is when the run goes on, with one row per point. Vectors have one
+    component per axis. Matrices are stored by rows, xx, xy, xz, yx, yy, yz, zx, zy, zz; symmetric tensors as xx, yy,
+    zz, xy, yz, xz, without factors. The properties below name the arrays of a run. History variables of laws have their
+    names, too, such as ``equivalent_plastic_strain`` of von Mises plasticity. Points of files have the fields that the
+    deck writes (``output: {fields: ...}``) and no others; :attr:`Frame.fields` lists them.
+
+    Example:
+        >>> points = mpm.Deck.load("inputs/beam.yaml", steps=10).run(progress=False).points
+        >>> points
+        <Points: 1440>
+        >>> points.position.shape, points.cauchy_stress.shape
+        ((1440, 2), (1440, 6))
+        >>> xx, yy, zz, xy, yz, xz = points.cauchy_stress.T
+        >>> print(f"largest bending stress {xx.max() / 1e6:.1f} MPa, lowest point {points.position[:, 1].min():.2f} m")
+        largest bending stress 2.0 MPa, lowest point 1.27 m
     """
 
     #: Names of the arrays that all points have.
@@ -194,14 +227,20 @@ class Points(Mapping[str, Array]):
 
     @property
     def body(self) -> Array:
-        """Number of the body, shape (n,)."""
+        """Number of the body in the deck, from 0, shape (n,)."""
         return self["body"]
 
     def __repr__(self) -> str:
         return f"<Points: {len(self['mass'])}>"
 
     def to_pyvista(self) -> pyvista.PolyData:
-        """The points with all arrays, where PyVista is installed; missing axes are zero."""
+        """The points as a mesh of vertices with all arrays; coordinates of missing axes are zero. Needs PyVista.
+
+        Example:
+            >>> mesh = mpm.Deck.load("inputs/footing.yaml", h=0.5).start().points.to_pyvista()
+            >>> mesh.n_points, mesh.point_data["cauchy_stress"].shape
+            (664, (664, 6))
+        """
         position = self.position
         places = np.zeros((len(position), 3))
         places[:, : position.shape[1]] = position
@@ -211,7 +250,13 @@ class Points(Mapping[str, Array]):
         return cast("pyvista.PolyData", mesh)
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """One row per point and one column per component, such as ``cauchy_stress_xx``, where pandas is installed."""
+        """One row per point and one column per component, such as ``cauchy_stress_xx``. Needs pandas.
+
+        Example:
+            >>> frame = mpm.Deck.load("inputs/footing.yaml", h=0.5).start().points.to_dataframe()
+            >>> frame.groupby("body")["volume"].sum().to_list()
+            [40.0, 1.0, 0.5]
+        """
         columns: dict[str, Array] = {}
         for name in self.NAMES:
             array = self[name]
@@ -234,17 +279,25 @@ _COMPONENTS = {
 class Run:
     """A run between whose steps Python decides: an iterator over :class:`Step`.
 
-    :meth:`mpm.Deck.start` begins it. Between steps, :attr:`points` and :attr:`history` hold the state of the last
-    step in equilibrium. After Ctrl-C the step under way goes on, and iterating again returns it. Use it as a context
-    manager, or :meth:`close` it, to release its threads and memory early.
+    :meth:`Deck.start` begins it. The analysis has a thread of its own, which waits between steps: :attr:`points` and
+    the tables then hold the state of the last step in equilibrium, and :meth:`change` changes what follows.
+
+    - Iterating solves the next step. It ends at the end of the analysis, and raises :class:`SolveError` if a step has
+      no equilibrium; points, tables and :meth:`result` can be read after both.
+    - At the end of a ``with`` block the run ends, as by :meth:`stop`; its points and tables can still be read.
+      :meth:`close` releases its threads and its memory.
+    - After Ctrl-C, or an exception in ``on_iteration``, the step under way goes on; the next iteration returns it.
+    - A run belongs to the process that began it, cannot be pickled, and serves one thread at a time.
 
     Example:
-        >>> with mpm.Deck.load("inputs/footing.yaml", steps=4).start(threads=1) as run:
+        >>> with mpm.Deck.load("inputs/footing.yaml", h=0.5).start(threads=1) as run:
         ...     for step in run:
-        ...         if step.index == 2:
-        ...             run.stop()
-        >>> run.step.index
-        2
+        ...         if -step.reactions["ram"][1] > 65e3:
+        ...             break
+        >>> run.step.index, run.ended, run.result().summary["outcome"]
+        (7, True, 'interrupted')
+        >>> run.points.cauchy_stress.shape
+        (664, 6)
     """
 
     _live: weakref.WeakSet[Run] = weakref.WeakSet()
@@ -305,12 +358,12 @@ class Run:
 
     @property
     def deck(self) -> Deck:
-        """The deck of the run. Change it and call :meth:`change`."""
+        """The deck of the run, a copy of the one that began it. Change it, then call :meth:`change`."""
         return self._deck
 
     @property
     def notes(self) -> list[Diagnostic]:
-        """Warnings and notes about the deck."""
+        """Warnings and notes about the deck, found before the first step."""
         return diagnostics_of(self._session.notes)
 
     @property
@@ -320,45 +373,67 @@ class Run:
 
     @property
     def points(self) -> Points:
-        """The material points in the state of the last step in equilibrium."""
+        """The material points in the state of the last step in equilibrium; before the first step, as they begin.
+
+        Arrays are copied when they are asked for. The property itself follows the run: keep arrays, not points, of
+        several steps.
+        """
         return Points(self._session.array)
 
     @property
     def history(self) -> Table:
-        """The rows of ``history.csv`` so far."""
+        """The rows of ``history.csv`` so far: one per attempt at a step. Those that failed have ``converged`` 0."""
         return Table(self._session.table("history"))
 
     @property
     def quality(self) -> Table:
-        """The rows of ``quality.csv`` so far."""
+        """The rows of ``quality.csv`` so far: measures of the quality of each step."""
         return Table(self._session.table("quality"))
 
     @property
     def convergence(self) -> Table:
-        """The rows of ``convergence.csv`` so far."""
+        """The rows of ``convergence.csv`` so far: one per evaluation of the out-of-balance force."""
         return Table(self._session.table("convergence"))
 
     @property
     def ended(self) -> bool:
-        """Whether the run has ended."""
+        """Whether the run has ended: at the end of the analysis, by an error, or by :meth:`stop`."""
         return self._session.has_ended()
 
     def change(self) -> None:
-        """Goes on with the deck as it is now: loads, boundary conditions, parameters of materials, steps.
+        """Goes on with the deck as it is now.
 
-        The next step begins from the present state of the points with the changed loads; a load stands where its
-        curve is at that time. The model is built again, which takes as long as the beginning of the run. Grid,
-        bodies and the names of loads and boundary conditions cannot change.
+        Loads, boundary conditions, parameters of materials, the control of steps and iterations, and the output may
+        change. Grid, bodies, models and densities of materials, laws in Python, and the names of loads and boundary
+        conditions may not.
+
+        The next step begins from the present state of the points. A load is its new value times its new curve at the
+        end of that step: it jumps there if the new course does not meet the old one. A prescribed displacement grows
+        by the new value times the growth of the curve. The model is built again, which takes as long as the beginning
+        of the run.
 
         Raises:
             DeckError: The changed deck cannot be used; the run can go on as it was.
-            UsageError: Something has changed that cannot.
+            UsageError: Something has changed that cannot, a step is under way, or the run has ended.
+
+        Example:
+            The footing is pressed in until its reaction reaches 60 kN, then lifted:
+
+            >>> deck = mpm.Deck.load("inputs/footing.yaml", h=0.5, depth=0.1)
+            >>> with deck.start(threads=1) as run:
+            ...     for step in run:
+            ...         if -step.reactions["ram"][1] > 60e3:
+            ...             ram = run.deck["boundary_conditions"][3]
+            ...             ram["curve"] = [[0, 0], [step.time, step.time], [1, 0]]
+            ...             run.change()
+            >>> print(f'{run.history["footing_uy"].min():.3f}')
+            -0.033
         """
         text, overrides = self._deck._source()
         self._session.change(self._deck._name, text, overrides)
 
     def stop(self) -> None:
-        """Ends the run in the state of the last step; nothing happens if it has ended. A step under way is awaited."""
+        """Ends the run in the state of the last step. A step under way is awaited; a run that has ended stays so."""
         self._session.stop()
 
     def close(self) -> None:
@@ -366,10 +441,10 @@ class Run:
         self._session.close()
 
     def result(self) -> Result:
-        """The result of a run that has ended.
+        """The result of a run that has ended, also by :meth:`stop` or an error; ``summary["outcome"]`` says which.
 
         Raises:
-            UsageError: The run has not ended.
+            UsageError: The run has not ended, or is closed.
         """
         summary = self._session.summary()
         if summary is None:
@@ -389,25 +464,31 @@ def _abandon() -> None:
 
 @dataclass(frozen=True)
 class Frame:
-    """Files of one time of a run."""
+    """Files of one time of a run.
 
-    #: Time.
+    Attributes:
+        time: Time.
+        path: The file of the points, ``points_*.vtu``.
+    """
+
     time: float
-    #: The file of the points.
     path: Path
 
     @property
     def points(self) -> Points:
-        """The fields of the points in the file, in the order of the permanent numbers."""
+        """The fields of the points in the file, in the order of the permanent numbers. Other arrays are missing."""
         return Points(_fields(self.path).get)
 
     @property
     def fields(self) -> dict[str, Array]:
-        """All fields of the points in the file by their names."""
+        """All fields of the points in the file by their names, in the order of the permanent numbers.
+
+        ``docs/output.md`` lists their shapes and units. In these files all vectors have three components.
+        """
         return _fields(self.path)
 
     def to_pyvista(self) -> pyvista.DataSet:
-        """The mesh of the file, where PyVista is installed."""
+        """The mesh of the file, with all fields in the order of the file. Needs PyVista."""
         return cast("pyvista.DataSet", _package("pyvista").read(self.path))
 
 
@@ -426,12 +507,26 @@ def _fields(path: Path) -> dict[str, Array]:
 class Result:
     """The result of a run.
 
+    :meth:`Deck.run`, :meth:`Run.result` and :func:`read` return it. A result can be pickled; a copy has points only if
+    files do.
+
     Attributes:
-        history: The rows of ``history.csv``: time, reactions, loads, probes, work.
-        quality: The rows of ``quality.csv``.
-        convergence: The rows of ``convergence.csv``.
-        summary: The document of ``summary.json``.
+        history: The rows of ``history.csv``, one per attempt at a step: time, reactions, loads, probes, work and
+            energy. An attempt that failed, after which the step was cut, has ``converged`` 0 and no forces.
+        quality: The rows of ``quality.csv``: measures of the quality of every step.
+        convergence: The rows of ``convergence.csv``: the residual of every evaluation.
+        summary: The document of ``summary.json``: outcome, counts, processor time, memory, warnings.
         directory: The directory of the files, or ``None`` if nothing was written.
+        points: The points at the end: of the run in memory, or of the last file; ``None`` without files of points.
+
+    Example:
+        >>> result = mpm.Deck.load("inputs/beam.yaml", steps=10).run(progress=False)
+        >>> result
+        <Result of 'Elastic cantilever, Coombs et al. (2020), section 7.3': completed, 10 steps>
+        >>> result.summary["outcome"], result.summary["points"]
+        ('completed', 1440)
+        >>> result.history["time"][:3]
+        array([0.1, 0.2, 0.3])
     """
 
     history: Table
@@ -476,10 +571,22 @@ def _last_points(directory: Path) -> Points | None:
 
 
 def read(directory: StrPath) -> Result:
-    """Reads the results of a run from its directory.
+    """Reads the results of a run from its directory, whether ``mpm run`` or this package wrote them.
+
+    Args:
+        directory: The directory, as given to ``--out`` or ``out``.
 
     Raises:
         ResultsError: There are no results, or the run has not ended.
+
+    Example:
+        >>> deck = mpm.Deck.load("inputs/footing.yaml", h=0.5, every=10)
+        >>> written = deck.run("results/footing", progress=False)
+        >>> result = mpm.read("results/footing")
+        >>> bool((result.history["ram_ry"] == written.history["ram_ry"]).all())
+        True
+        >>> [frame.time for frame in result.frames][-1], result.points.cauchy_stress.shape
+        (1.0, (664, 6))
     """
     folder = Path(directory)
     try:

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Member:
-    """A member of a study.
+    """One combination of parameters of a study, and what came of it.
 
     Attributes:
         parameters: Its parameters.
         result: Its result, or ``None`` if it failed.
-        error: The message of its failure, or ``None``.
+        error: The message of its failure, or ``None``; the run before it is not kept.
     """
 
     parameters: dict[str, Value]
@@ -35,7 +35,10 @@ class Member:
 
 
 class Study(Sequence[Member]):
-    """The members of a study, the last parameter varying fastest."""
+    """The members of a study: a sequence of :class:`Member`, the last parameter varying fastest.
+
+    :func:`sweep` returns it.
+    """
 
     def __init__(self, members: Sequence[Member]) -> None:
         self._members = list(members)
@@ -54,7 +57,11 @@ class Study(Sequence[Member]):
         return f"<Study of {len(self)} members, {failed} failed>"
 
     def column(self, name: str) -> list[float | None]:
-        """The last value of a column of the history of each member; ``None`` for those that failed."""
+        """The last value of a column of the history of each member; ``None`` for those that failed.
+
+        Args:
+            name: Name of the column, such as that of a probe.
+        """
         return [None if of.result is None else float(of.result.history[name][-1]) for of in self]
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -84,20 +91,32 @@ def sweep(
 ) -> Study:
     """Runs a deck for every combination of parameters, several at a time in processes of their own.
 
-    Members that fail do not end the study; they carry the message.
+    Members that fail do not end the study; they carry the message. With one process, members run in this one.
+
+    A script that uses several processes must have its code under ``if __name__ == "__main__":``, since each process
+    imports the script; notebooks need nothing.
 
     Args:
         deck: The deck; it defines the parameters.
         over: Values by the names of parameters.
-        processes: Number of processes; by default, one per core.
+        processes: Number of processes; by default, one per core, and at most one per member.
         threads: Number of threads of each.
         out: Directory with a directory of results for each member, named as by ``mpm sweep``; without it, nothing is
-            written, and results have no points.
+            written, and results of several processes have no points.
+
+    Returns:
+        The members, in the order of the combinations; the last parameter varies fastest.
+
+    Raises:
+        UsageError: The deck has no parameter of a name, or the values are no list.
 
     Example:
-        >>> study = mpm.sweep(mpm.Deck.load("inputs/beam.yaml", steps=5), {"h": [1, 0.5]}, processes=1)
-        >>> [round(value, 2) for value in study.column("tip_uy")]
-        [-6.5, -6.7]
+        >>> deck = mpm.Deck.load("inputs/beam.yaml", steps=10)
+        >>> study = mpm.sweep(deck, {"h": [0.5, 0.25], "n": [3, 6]}, processes=1)
+        >>> [of.parameters for of in study][:2]
+        [{'h': 0.5, 'n': 3}, {'h': 0.5, 'n': 6}]
+        >>> [round(value, 3) for value in study.column("tip_uy")]
+        [-8.177, -8.167, -8.25, -8.25]
     """
     if not isinstance(deck, Deck):
         raise UsageError(f"a study needs a Deck, not {type(deck).__name__}")

@@ -20,9 +20,9 @@ class Finding:
     Attributes:
         property: ``"Response"``, ``"Purity"``, ``"Tangent"``, ``"Symmetry"``, ``"Isotropy"``, ``"Admissibility"``,
             ``"Inverse"``, ``"Potential"``, ``"Batch"`` or ``"NotFinite"``.
-        strain: Logarithmic trial strain where the error is largest, shape (6,).
-        error: Relative error there.
-        tolerance: The largest permissible error.
+        strain: Logarithmic trial strain where the error is largest, in the layout of :class:`mpm.Law`, shape (6,), [-].
+        error: Relative error there, [-]; infinite where nothing can be compared.
+        tolerance: The largest permissible error, [-].
     """
 
     property: str
@@ -40,18 +40,32 @@ class Finding:
 def check_material(law: Law, *, largest: float = 0.05) -> list[Finding]:
     """The properties that a law lacks, by the test that the laws of the library pass; empty if there are none.
 
-    The tangent is compared with central differences, symmetry with what the law states; the law is a function of its
-    arguments alone; the returned elastic strain gives the returned stress; the energy is the potential of the stress;
-    a point has the same response in every batch; a rotated strain has the rotated stress.
+    - ``Response``: the law responds to the strains, also to none.
+    - ``Purity``: equal arguments give equal results.
+    - ``Tangent``: the tangent is the derivative of the stress, by central differences.
+    - ``Symmetry``: the tangent is symmetric, if the law states so.
+    - ``Isotropy``: a rotated strain has the rotated stress.
+    - ``Admissibility``: the returned elastic strain gives the returned stress.
+    - ``Potential``: in the elastic range, the energy is the potential of the stress.
+    - ``Batch``: a point has the same response in every batch.
+    - ``NotFinite``: a strain that is not finite is refused.
+
+    The 72 strains are always the same: in space and in the plane, with the initial history variables.
 
     Args:
         law: The law.
         largest: Bound of the components of the strains, [-]; a tenth and a hundredth of it are tried, too.
 
+    Raises:
+        UsageError: The law has no method ``update``, or its arrays have other shapes.
+
     Example:
-        >>> from mpm.testing import check_material
-        >>> check_material(mpm.BuiltInLaw("von-mises", young=1e6, poisson=0.3, deviatoric_yield_stress=2e4))
-        []
+        >>> class Wrong:
+        ...     def update(self, strain, history):
+        ...         return 1e6 * strain, np.broadcast_to(2e6 * np.eye(6), (len(strain), 6, 6))
+        >>> for found in mpm.testing.check_material(Wrong()):
+        ...     print(f"{found.property}: relative error {found.error:.2f}")
+        Tangent: relative error 0.50
     """
     findings = _mpm.conformance(_Adapter("law", law), largest)
     return [Finding(name, np.array(strain), error, tolerance) for name, strain, error, tolerance in findings]
