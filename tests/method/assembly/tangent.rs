@@ -72,8 +72,8 @@ fn check_derivative<const D: usize, M: Mechanics<D>>(
                 columns.push(column);
             }
             let scale = columns.iter().map(|c| largest(c)).fold(0.0, f64::max);
-            // In space every seventh column, which are columns of every axis, so that the test stays short.
-            for (b, column) in columns.iter().enumerate().step_by(if D == 3 { 7 } else { 1 }) {
+            // Not every column, so that the test stays short, but columns of every axis.
+            for (b, column) in columns.iter().enumerate().step_by(if D == 3 { 11 } else { 3 }) {
                 let mut shifted = |by: f64| {
                     let mut delta_d = base.clone();
                     delta_d[b / D][b % D] += by;

@@ -73,6 +73,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let (mut before, mut after) = (0.0, 0.0);
         let task = self.task;
         room.moved.clear();
+        room.moved.reserve(task.links.points_of(self.group).len());
         for p in points {
             let motion = Motion::new(p, self.increment(p))?;
             let volume = task.start[p].volume_n;
@@ -84,9 +85,12 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         if let [(p, _)] = moved[..] {
             return self.add_alone(p); // its own mean
         }
+        // Growth in steps would copy the responses again and again.
+        let n = moved.len();
         let theta = after / before;
         if UPDATED {
             updated.clear();
+            updated.reserve(n);
             for (p, motion) in moved.iter() {
                 let (barred, factor) = barred::<D, M>(motion, theta);
                 let (old, new) = self.histories(*p);
@@ -99,6 +103,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
             self.add_responses(moved, after, isotropic, coupling);
         } else {
             averaging.clear();
+            averaging.reserve(n);
             for some in moved.chunks(Lanes::WIDTH) {
                 if self.respond_side_by_side(some, theta, averaging) {
                     continue;
@@ -124,6 +129,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         responses: &mut Vec<Responded<M::AveragingIsotropic>>,
     ) -> Result<bool, PointFailure> {
         responses.clear();
+        responses.reserve(moved.len());
         for (p, motion) in moved {
             let (barred, factor) = barred::<D, M>(motion, theta);
             let (start, law) = (&self.task.start[*p], self.task.law(*p));
