@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import os
-import re
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from mpm import _mpm
 from mpm._errors import Diagnostic, UsageError, diagnostics_of
@@ -20,8 +22,6 @@ if TYPE_CHECKING:
 StrPath = str | os.PathLike[str]
 Value = str | int | float | bool
 Overrides = list[tuple[str, str]]
-
-_NAME = re.compile(r"[A-Za-z_]\w*\Z")
 
 
 class Deck(MutableMapping[str, Any]):
@@ -60,9 +60,9 @@ class Deck(MutableMapping[str, Any]):
 
     def __init__(self, data: Mapping[str, Any], *, directory: StrPath = ".") -> None:
         if not isinstance(data, Mapping):
-            raise UsageError(f"a deck is a mapping of keys to values, not {type(data).__name__}; Deck.load reads a file")
+            raise UsageError(f"a deck is a mapping, not {type(data).__name__}; Deck.load reads a file")
         self._data: dict[str, Any] = _plain(data, "")
-        self._name = os.path.join(directory, "deck")
+        self._name = os.path.join(os.fsdecode(directory), "deck")
         self._text: bytes | None = None
         self._overrides: Overrides = []
         self._original: str | None = None
@@ -87,10 +87,11 @@ class Deck(MutableMapping[str, Any]):
             >>> deck["parameters"]["h"], deck["grid"]["spacing"]
             (0.25, '${h}')
         """
-        text, document = _mpm.read(os.fspath(path))
+        name = os.fsdecode(path)
+        text, document = _mpm.read(name)
         data = json.loads(document)
         deck = cls(data if isinstance(data, dict) else {})
-        deck._name, deck._text = os.fspath(path), text
+        deck._name, deck._text = name, text
         if not isinstance(data, dict):
             deck._original = _document(deck._data)  # the check reports that it is no mapping
             return deck
@@ -100,10 +101,9 @@ class Deck(MutableMapping[str, Any]):
             if name not in names:
                 known = ", ".join(names) or "none"
                 raise UsageError(f"the deck has no parameter {name!r}; it has {known}")
-            if not isinstance(value, (str, bool, int, float)):
-                raise UsageError(f"the parameter {name!r} is a number or a word, not {type(value).__name__}")
-            deck._overrides.append((name, value if isinstance(value, str) else json.dumps(value)))
-            deck._data["parameters"][name] = value
+            plain = _parameter(name, value)
+            deck._overrides.append((name, _setting(plain)))
+            deck._data["parameters"][name] = plain
         deck._original = _document(deck._data)
         return deck
 
@@ -140,6 +140,9 @@ class Deck(MutableMapping[str, Any]):
         """A deck with the same content. A change of one of them does not change the other."""
         return copy.deepcopy(self)
 
+    def __copy__(self) -> Deck:
+        return self.copy()
+
     def with_parameters(self, **parameters: Value) -> Deck:
         """A copy with other values of parameters.
 
@@ -156,16 +159,15 @@ class Deck(MutableMapping[str, Any]):
         """
         changed = self.copy()
         defined = changed._data.get("parameters")
+        chosen: dict[str, Value] = {}
         for name, value in parameters.items():
             if not isinstance(defined, dict) or name not in defined:
                 known = ", ".join(defined) if isinstance(defined, dict) else "none"
                 raise UsageError(f"the deck has no parameter {name!r}; it has {known}")
-            if not isinstance(value, (str, bool, int, float)):
-                raise UsageError(f"the parameter {name!r} is a number or a word, not {type(value).__name__}")
-            defined[name] = value
+            defined[name] = chosen[name] = _parameter(name, value)
         if self._is_original():
             kept = [entry for entry in self._overrides if entry[0] not in parameters]
-            new = [(name, v if isinstance(v, str) else json.dumps(v)) for name, v in parameters.items()]
+            new = [(name, _setting(value)) for name, value in chosen.items()]
             changed._overrides, changed._original = kept + new, _document(changed._data)
         return changed
 
@@ -181,7 +183,7 @@ class Deck(MutableMapping[str, Any]):
         text, overrides = self._source()
         if overrides:
             text = _mpm.dump(_document(self._data)).encode()
-        Path(path).write_bytes(text)
+        Path(os.fsdecode(path)).write_bytes(text)
 
     def check(self) -> list[Diagnostic]:
         """Does everything up to the first load step, as ``mpm check``, and returns all messages. Raises none of them.
@@ -298,14 +300,16 @@ class Deck(MutableMapping[str, Any]):
         on_iteration: Callable[[int, int, float], None] | None,
     ) -> _mpm.Session:
         text, overrides = self._source()
-        directory = None if out is None else os.fspath(out)
+        directory = None if out is None else os.fsdecode(out)
+        if directory == "":
+            raise UsageError("out is the name of a directory, not an empty word")
         return _mpm.Session(
             self._name,
             text,
             overrides,
             threads=threads,
             out=directory,
-            laws=adapters(laws or {}),
+            laws=adapters({} if laws is None else laws),
             on_iteration=on_iteration,
         )
 
@@ -317,30 +321,56 @@ def _document(data: dict[str, Any]) -> str:
         UsageError: A value is no number, word, list or mapping.
     """
     try:
-        return json.dumps(_plain(data, ""), allow_nan=True)
+        return json.dumps(_plain(data, ""), allow_nan=False)
+    except UsageError:
+        raise
     except (TypeError, ValueError) as error:
         raise UsageError(f"the deck cannot be written: {error}") from None
 
 
-def _plain(value: Any, place: str) -> Any:
-    """A copy of a value that consists of mappings with words as keys, lists, numbers and words; NumPy's become plain."""
+#: Most levels of lists and mappings; decks have fewer than ten.
+_DEEPEST = 100
+
+
+def _plain(value: Any, place: str, depth: int = 0) -> Any:
+    """A copy of a value, as mappings with words as keys, lists, numbers and words; those of NumPy become plain."""
     if value is None or isinstance(value, (str, bool, int, float)):
-        return value if type(value) in (type(None), str, bool, int, float) else _simple(value)
+        plain = value if type(value) in (type(None), str, bool, int, float) else _simple(value)
+        if isinstance(plain, float) and not math.isfinite(plain):
+            raise UsageError(f"{place or 'the deck'} is {plain}; numbers in a deck are finite")
+        return plain
+    if depth > _DEEPEST:
+        raise UsageError(f"{place[:40]}… has more than {_DEEPEST} levels; does a list or a mapping hold itself?")
     if isinstance(value, Mapping):
         for key in value:
             if not isinstance(key, str):
                 raise UsageError(f"the key {key!r} of {place or 'the deck'} is no word")
-        return {key: _plain(entry, f"{place}/{key}") for key, entry in value.items()}
+        return {_simple(key): _plain(entry, f"{place}/{key}", depth + 1) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(entry, f"{place}/{index}") for index, entry in enumerate(value)]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist(), place)
-    raise UsageError(f"{place or 'the deck'} holds a {type(value).__name__}; a deck holds numbers, words, lists and mappings")
+        return [_plain(entry, f"{place}/{index}", depth + 1) for index, entry in enumerate(value)]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return _plain(value.tolist(), place, depth + 1)
+    raise UsageError(
+        f"{place or 'the deck'} holds a {type(value).__name__}; a deck holds numbers, words, lists and mappings"
+    )
+
+
+def _parameter(name: str, value: Any) -> Value:
+    """The value of a parameter; numbers of NumPy become plain."""
+    found = value.item() if isinstance(value, np.generic) else value
+    if not isinstance(found, (str, bool, int, float)):
+        raise UsageError(f"the parameter {name!r} is a number or a word, not {type(value).__name__}")
+    plain: Value = _plain(found, f"the parameter {name!r}")
+    return plain
+
+
+def _setting(value: Value) -> str:
+    """A value of a parameter as in ``--set name=value``."""
+    return value if isinstance(value, str) else json.dumps(value)
 
 
 def _simple(value: Any) -> Any:
     """The plain number or word of a subclass."""
-    for kind in (bool, int, float, str):
-        if isinstance(value, kind):
-            return kind(value)
-    return value
+    if isinstance(value, str):
+        return str.__str__(value)  # not the name of a member of an enumeration
+    return int(value) if isinstance(value, int) else float(value)

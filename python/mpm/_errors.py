@@ -51,14 +51,13 @@ def diagnostics_of(document: str) -> list[Diagnostic]:
 
 
 def _diagnostic(entry: dict[str, Any]) -> Diagnostic:
-    start = (entry.get("span") or {}).get("start") or {}
     return Diagnostic(
         code=entry["code"],
         severity=entry["severity"],
         message=entry["message"],
-        pointer=entry.get("pointer"),
-        line=start.get("line"),
-        column=start.get("column"),
+        pointer=entry.get("path"),
+        line=entry.get("line"),
+        column=entry.get("column"),
         help=entry.get("help"),
         notes=tuple(entry.get("notes") or ()),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, cast, runtime_checkable
 
@@ -24,12 +25,14 @@ class Law(Protocol):
     """A constitutive law: Kirchhoff stress as a function of elastic strain, for a batch of points.
 
     Any object with a method :meth:`update` is a law; give it to :meth:`Deck.start` or :meth:`Deck.run` in ``laws``. The
-    attributes are optional, and so are two methods more, which only serve the columns of energy in the tables:
+    attributes are optional, and so are three more methods, of which the first two only serve the columns of energy:
 
     - ``energy(strain)``: stored energy per initial volume, shape (n,), of elastic strains, shape (n, 6). The default, half
       the product of stress and strain, is exact for linear elasticity.
     - ``plastic_work(history)``: plastic work per initial volume, shape (n,), at these history variables. The default is
       zero.
+    - ``elastic_strain(stress)``: elastic strain, shape (n, 6), of Kirchhoff stresses, shape (n, 6): the inverse of the
+      elastic law, which bodies with an initial stress need.
 
     Symmetric tensors are rows ``xx, yy, zz, √2 xy, √2 yz, √2 xz``. In this layout the product of two rows is that of the
     tensors, the norm of a row is that of the tensor, and tangents are matrices. (Arrays of :class:`Points` have the
@@ -89,20 +92,51 @@ class _Adapter:
     def __init__(self, name: str, law: Law) -> None:
         if not callable(getattr(law, "update", None)):
             raise UsageError(f"the law of {name!r} has no method `update`")
-        state = getattr(law, "state", None) or {}
+        state = getattr(law, "state", None)
+        state = {} if state is None else state
         if not isinstance(state, Mapping):
             raise UsageError(f"`state` of the law of {name!r} is a mapping of names to initial values")
         self._name, self._law = name, law
-        self.fields = [(str(key), "-", float(value)) for key, value in state.items()]
+        self._raised: BaseException | None = None
+        self.fields = [(str(key), "-", self._initial(key, value)) for key, value in state.items()]
         measure = getattr(law, "measure", "logarithmic")
-        if measure not in ("logarithmic", "left-cauchy-green"):
-            raise UsageError(f"`measure` of the law of {name!r} is 'logarithmic' or 'left-cauchy-green', not {measure!r}")
+        if not isinstance(measure, str) or measure not in ("logarithmic", "left-cauchy-green"):
+            words = "'logarithmic' or 'left-cauchy-green'"
+            raise UsageError(f"`measure` of the law of {name!r} is {words}, not {measure!r}")
         self.is_logarithmic = measure == "logarithmic"
-        self.is_symmetric = bool(getattr(law, "symmetric", True))
+        symmetric = getattr(law, "symmetric", True)
+        if not isinstance(symmetric, (bool, np.bool_)):
+            raise UsageError(f"`symmetric` of the law of {self._name!r} is True or False, not {symmetric!r}")
+        self.is_symmetric = bool(symmetric)
+
+    def _initial(self, key: str, value: Any) -> float:
+        try:
+            initial = float(value)
+        except (TypeError, ValueError, OverflowError):
+            initial = math.nan
+        if not math.isfinite(initial):
+            raise UsageError(f"the initial value of {key!r} of the law of {self._name!r} is no number: {value!r}")
+        return initial
+
+    def try_out(self) -> None:
+        """Evaluates the law at one point without strain, so that mistakes are found before the run."""
+        history = np.array([[initial for _, _, initial in self.fields]])
+        self.respond(np.zeros((1, 6)), history)
+        self.energies(np.zeros((1, 6)), history)
 
     def respond(self, strain: Array, history: Array) -> tuple[Array, Array, Array, Array]:
         strain.flags.writeable = False
         history.flags.writeable = False
+        if self._raised is not None:
+            raise self._raised
+        try:
+            return self._response(strain, history)
+        except BaseException as error:
+            # Some calls are for diagnostics alone and survive an exception; the next one that matters does not.
+            self._raised = error
+            raise
+
+    def _response(self, strain: Array, history: Array) -> tuple[Array, Array, Array, Array]:
         found = self._law.update(strain, history)
         if not isinstance(found, tuple) or len(found) not in (2, 4):
             raise UsageError(
@@ -119,7 +153,14 @@ class _Adapter:
             self._shaped("history", new, (n, len(self.fields))),
         )
 
+    def invert(self, stress: Array) -> Array | None:
+        """The elastic strain that gives a stress; ``None`` if the law does not say."""
+        inverse = getattr(self._law, "elastic_strain", None)
+        return None if inverse is None else self._shaped("elastic_strain", inverse(stress), stress.shape)
+
     def _shaped(self, what: str, value: Any, shape: tuple[int, ...]) -> Array:
+        if value is None or np.iscomplexobj(value):
+            raise UsageError(f"{what} of the law of {self._name!r} is no array of real numbers")
         array = np.ascontiguousarray(value, dtype=np.float64)
         if array.shape != shape:
             raise UsageError(f"{what} of the law of {self._name!r} has shape {array.shape}, not {shape}")
@@ -144,7 +185,13 @@ def adapters(laws: Mapping[str, Law]) -> dict[str, _Adapter]:
     """The laws as the library calls them."""
     if not isinstance(laws, Mapping):
         raise UsageError("laws is a mapping of names of materials to laws")
-    return {name: _Adapter(name, law) for name, law in laws.items()}
+    for name in laws:
+        if not isinstance(name, str):
+            raise UsageError(f"laws has the key {name!r}, which is no name of a material")
+    found = {name: _Adapter(name, law) for name, law in laws.items()}
+    for adapter in found.values():
+        adapter.try_out()
+    return found
 
 
 class BuiltInLaw:
@@ -170,10 +217,21 @@ class BuiltInLaw:
     """
 
     def __init__(self, model: str, **parameters: float) -> None:
-        self._law = _mpm.BuiltIn(json.dumps({"model": model, **parameters}))
+        if not isinstance(model, str):
+            raise UsageError(f"model is the name of a law, not {model!r}")
+        numbers = {name: _number(name, value) for name, value in parameters.items()}
+        self._made_of: dict[str, Any] = {"model": model, **numbers}
+        self._law = _mpm.BuiltIn(json.dumps(self._made_of))
         self.state = {name: initial for name, _, initial in self._law.fields()}
         self.measure = "logarithmic" if self._law.is_logarithmic() else "left-cauchy-green"
         self.symmetric: bool = self._law.is_symmetric()
+
+    def __reduce__(self) -> Any:
+        return _made, (self._made_of,)
+
+    def __repr__(self) -> str:
+        model, *rest = self._made_of.items()
+        return f"BuiltInLaw({model[1]!r}, {', '.join(f'{name}={value!r}' for name, value in rest)})"
 
     def update(self, strain: Array, history: Array) -> tuple[Array, Array, Array, Array]:
         """Stress, tangent, elastic strain and history; shapes and units as :meth:`Law.update`.
@@ -185,6 +243,10 @@ class BuiltInLaw:
         stress, elastic, tangent, new = cast("Sequence[Array]", arrays)
         return stress, tangent, elastic, new
 
+    def elastic_strain(self, stress: Array) -> Array:
+        """Elastic strain, shape (n, 6), of Kirchhoff stresses, shape (n, 6); not a number where no strain gives one."""
+        return self._law.elastic_strain(_rows(stress, 6))
+
     def energy(self, strain: Array) -> Array:
         """Stored energy per initial volume, shape (n,), [stress], of elastic strains, shape (n, 6), [-]."""
         return self._law.energy(_rows(strain, 6))
@@ -195,8 +257,27 @@ class BuiltInLaw:
         return self._law.plastic_work(rows, len(rows))
 
 
+def _made(made_of: dict[str, Any]) -> BuiltInLaw:
+    return BuiltInLaw(**made_of)
+
+
+def _number(name: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if isinstance(value, (str, bytes)) or not math.isfinite(number):
+        raise UsageError(f"{name} is a finite number, not {value!r}")
+    return number
+
+
 def _rows(values: Any, width: int) -> Array:
-    array = np.ascontiguousarray(values, dtype=np.float64)
+    if np.iscomplexobj(values):
+        raise UsageError("this is no array of real numbers")
+    try:
+        array = np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise UsageError(f"this is no array of numbers: {error}") from None
     if array.ndim != 2 or array.shape[1] != width:
         raise UsageError(f"an array has shape {array.shape}, not (n, {width})")
     return array

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import atexit
 import json
+import os
+import time
 import weakref
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -14,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mpm import _mpm
-from mpm._errors import Diagnostic, ResultsError, UsageError, diagnostics_of
+from mpm._errors import Diagnostic, MpmError, ResultsError, UsageError, diagnostics_of
 from mpm._laws import Law
 
 if TYPE_CHECKING:
@@ -25,8 +27,11 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+#: Most hundredths of a second for which a thread is awaited that uses a run which is given up.
+_PATIENCE = 1000
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Step:
     """A load step in equilibrium.
 
@@ -128,6 +133,16 @@ class Table(Mapping[str, Array]):
     def __len__(self) -> int:
         return len(self._columns)
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all entries are equal; missing ones are equal to each other."""
+        if not isinstance(other, Table):
+            return NotImplemented
+        return self._columns.keys() == other._columns.keys() and all(
+            np.array_equal(column, other[name], equal_nan=True) for name, column in self.items()
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
     def __repr__(self) -> str:
         rows = len(next(iter(self._columns.values()), ()))
         return f"<Table of {rows} rows: {', '.join(self._columns)}>"
@@ -143,8 +158,9 @@ class Points(Mapping[str, Array]):
     ``points[name]`` is a copy, which stays as it is when the run goes on, with one row per point. Vectors have one
     component per axis. Matrices are stored by rows, xx, xy, xz, yx, yy, yz, zx, zy, zz; symmetric tensors as xx, yy,
     zz, xy, yz, xz, without factors. The properties below name the arrays of a run. History variables of laws have their
-    names, too, such as ``equivalent_plastic_strain`` of von Mises plasticity. Points of files have the fields that the
-    deck writes (``output: {fields: ...}``) and no others; :attr:`Frame.fields` lists them.
+    names, too, such as ``equivalent_plastic_strain`` of von Mises plasticity; they are zero for points of other laws.
+    Points of files have the names of the fields that the deck writes
+    (``output: {fields: ...}``) and no others.
 
     Example:
         >>> points = mpm.Deck.load("inputs/beam.yaml", steps=10).run(progress=False).points
@@ -157,8 +173,8 @@ class Points(Mapping[str, Array]):
         largest bending stress 2.0 MPa, lowest point 1.27 m
     """
 
-    #: Names of the arrays that all points have.
-    NAMES = (
+    #: Names of the arrays that the points of every run have.
+    NAMES: tuple[str, ...] = (
         "position",
         "displacement",
         "deformation_gradient",
@@ -170,20 +186,27 @@ class Points(Mapping[str, Array]):
         "body",
     )
 
-    def __init__(self, array: Callable[[str], Array | None]) -> None:
-        self._array = array
+    def __init__(self, array: Callable[[str], Array | None], names: Sequence[str]) -> None:
+        self._array, self._names = array, tuple(names)
 
     def __getitem__(self, name: str) -> Array:
         found = self._array(name) if isinstance(name, str) else None
         if found is None:
-            raise KeyError(f"the points have no array {name!r}; all points have {', '.join(self.NAMES)}")
+            raise KeyError(f"the points have no array {name!r}; the arrays are {', '.join(self._names)}")
         return found
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.NAMES)
+        return iter(self._names)
 
     def __len__(self) -> int:
-        return len(self.NAMES)
+        return len(self._names)
+
+    # Points are equal to themselves alone: a comparison of arrays has many answers.
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
+
+    def __reduce__(self) -> Any:
+        return _points, (dict(self),)
 
     @property
     def position(self) -> Array:
@@ -231,7 +254,7 @@ class Points(Mapping[str, Array]):
         return self["body"]
 
     def __repr__(self) -> str:
-        return f"<Points: {len(self['mass'])}>"
+        return f"<Points: {len(self['position'])}>"
 
     def to_pyvista(self) -> pyvista.PolyData:
         """The points as a mesh of vertices with all arrays; coordinates of missing axes are zero. Needs PyVista.
@@ -245,7 +268,7 @@ class Points(Mapping[str, Array]):
         places = np.zeros((len(position), 3))
         places[:, : position.shape[1]] = position
         mesh = _package("pyvista").PolyData(places)
-        for name in self.NAMES:
+        for name in self:
             mesh.point_data[name] = self[name]
         return cast("pyvista.PolyData", mesh)
 
@@ -258,14 +281,19 @@ class Points(Mapping[str, Array]):
             [40.0, 1.0, 0.5]
         """
         columns: dict[str, Array] = {}
-        for name in self.NAMES:
+        for name in self:
             array = self[name]
             if array.ndim == 1:
                 columns[name] = array
                 continue
-            for number, component in enumerate(_COMPONENTS[array.shape[1]]):
+            width = array.shape[1]
+            for number, component in enumerate(_COMPONENTS.get(width, tuple(map(str, range(width))))):
                 columns[f"{name}_{component}"] = array[:, number]
         return _package("pandas").DataFrame(columns)
+
+
+def _points(arrays: dict[str, Array]) -> Points:
+    return Points(arrays.get, tuple(arrays))
 
 
 _COMPONENTS = {
@@ -323,8 +351,14 @@ class Run:
         run = cls.__new__(cls)
         run._deck = deck
         run._session = deck._begin(threads, out, laws, on_iteration)
+        run._process = os.getpid()
+        run._has_laws, run._is_under_way = bool(laws), False
         run._step = None
         run._directory = run._session.directory
+        run._closed = False
+        declared = [name for law in (laws or {}).values() for name in getattr(law, "state", None) or ()]
+        known = dict.fromkeys(("equivalent_plastic_strain", *declared))
+        run._names = (*Points.NAMES, *(name for name in known if run._session.array(name) is not None))
         cls._live.add(run)
         return run
 
@@ -332,12 +366,20 @@ class Run:
     _session: _mpm.Session
     _step: Step | None
     _directory: Path | None
+    _names: tuple[str, ...]
+    _closed: bool
+    _process: int
+    _has_laws: bool
+    #: A step has begun, and nobody has heard of its end.
+    _is_under_way: bool
 
     def __iter__(self) -> Iterator[Step]:
         return self
 
     def __next__(self) -> Step:
+        self._is_under_way = True
         document = self._session.step()
+        self._is_under_way = False
         if document is None:
             raise StopIteration
         self._step = _step(document)
@@ -346,8 +388,16 @@ class Run:
     def __enter__(self) -> Run:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.stop()
+    def __exit__(self, kind: object, *_: object) -> None:
+        try:
+            self.stop()
+        except MpmError:
+            if kind is None:
+                raise  # otherwise the first exception tells more
+
+    def __del__(self) -> None:
+        if getattr(self, "_session", None) is not None:
+            self._abandon()
 
     def __reduce__(self) -> Any:
         raise TypeError("a run cannot be pickled; save the deck, or read its results with mpm.read")
@@ -378,7 +428,7 @@ class Run:
         Arrays are copied when they are asked for. The property itself follows the run: keep arrays, not points, of
         several steps.
         """
-        return Points(self._session.array)
+        return Points(self._session.array, self._names)
 
     @property
     def history(self) -> Table:
@@ -410,7 +460,7 @@ class Run:
         The next step begins from the present state of the points. A load is its new value times its new curve at the
         end of that step: it jumps there if the new course does not meet the old one. A prescribed displacement grows
         by the new value times the growth of the curve. The model is built again, which takes as long as the beginning
-        of the run.
+        of the run. Nothing happens after the last step.
 
         Raises:
             DeckError: The changed deck cannot be used; the run can go on as it was.
@@ -430,15 +480,41 @@ class Run:
             -0.033
         """
         text, overrides = self._deck._source()
+        step = self._step
+        if step is not None and step.time >= step.end_time * (1 - 1e-12) and not (self._closed or self.ended):
+            return  # the analysis has taken its last step, and goes on only to end
         self._session.change(self._deck._name, text, overrides)
 
     def stop(self) -> None:
         """Ends the run in the state of the last step. A step under way is awaited; a run that has ended stays so."""
-        self._session.stop()
+        if self._closed:
+            return
+        self._is_under_way = True
+        document = self._session.stop()
+        self._is_under_way = False
+        if document is not None:
+            self._step = _step(document)
 
     def close(self) -> None:
         """Ends the run and releases its threads and its memory; its points and tables can be read no more."""
         self._session.close()
+        self._closed = True
+
+    def _abandon(self) -> None:
+        """Ends all calls of laws: that of a step which nobody awaits any more must not outlive the interpreter.
+
+        The call that is being made is awaited, then the step under way fails. Without laws, the step goes on alone.
+        """
+        if self._process != os.getpid():
+            return  # the thread of the analysis belongs to another process
+        self._session.abandon()
+        for _ in range(_PATIENCE):
+            try:
+                if self._has_laws and self._is_under_way and not self._session.has_ended():
+                    self._session.close()
+                return
+            except UsageError:
+                time.sleep(0.01)  # another thread of Python awaits the step, which is about to fail
 
     def result(self) -> Result:
         """The result of a run that has ended, also by :meth:`stop` or an error; ``summary["outcome"]`` says which.
@@ -459,7 +535,7 @@ class Run:
 def _abandon() -> None:
     """Lets no analysis call Python while it ends."""
     for run in list(Run._live):
-        run._session.abandon()
+        run._abandon()
 
 
 @dataclass(frozen=True)
@@ -476,8 +552,11 @@ class Frame:
 
     @property
     def points(self) -> Points:
-        """The fields of the points in the file, in the order of the permanent numbers. Other arrays are missing."""
-        return Points(_fields(self.path).get)
+        """The points in the file, in the order of the permanent numbers; vectors have three components."""
+        fields = _fields(self.path)
+        if "body_id" in fields:
+            fields.setdefault("body", fields["body_id"])
+        return _points(fields)
 
     @property
     def fields(self) -> dict[str, Array]:
@@ -503,7 +582,7 @@ def _fields(path: Path) -> dict[str, Array]:
     return fields
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Result:
     """The result of a run.
 
@@ -588,16 +667,23 @@ def read(directory: StrPath) -> Result:
         >>> [frame.time for frame in result.frames][-1], result.points.cauchy_stress.shape
         (1.0, (664, 6))
     """
-    folder = Path(directory)
+    folder = Path(os.fsdecode(directory))
     try:
         summary = json.loads((folder / "summary.json").read_text())
     except FileNotFoundError:
         raise ResultsError(f"`{folder}` has no `summary.json`: no run has ended there") from None
     except (OSError, ValueError) as error:
         raise ResultsError(f"`{folder / 'summary.json'}` cannot be read: {error}") from None
-    names = ("history", "quality", "convergence")
-    tables = [Table(_mpm.table(str(folder / f"{name}.csv"))) for name in names]
-    return Result(*tables, summary, folder, _last_points(folder))
+    if not isinstance(summary, dict) or not {"outcome", "steps"} <= summary.keys():
+        raise ResultsError(f"`{folder / 'summary.json'}` is no summary of a run")
+    history, quality, convergence = (_table(folder / f"{name}.csv") for name in ("history", "quality", "convergence"))
+    return Result(history, quality, convergence, summary, folder, _last_points(folder))
+
+
+def _table(path: Path) -> Table:
+    if not path.is_file():
+        raise ResultsError(f"`{path}` is missing")
+    return Table(_mpm.table(str(path)))
 
 
 def _package(name: str) -> Any:

@@ -9,9 +9,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
-from mpm._deck import Deck, StrPath, Value
+import numpy as np
+
+from mpm._deck import Deck, StrPath, Value, _parameter
 from mpm._errors import MpmError, UsageError
 from mpm._run import Result, _package
 
@@ -43,8 +45,14 @@ class Study(Sequence[Member]):
     def __init__(self, members: Sequence[Member]) -> None:
         self._members = list(members)
 
-    def __getitem__(self, index):  # type: ignore[no-untyped-def, override]
-        return self._members[index]
+    @overload
+    def __getitem__(self, index: int) -> Member: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Study: ...
+
+    def __getitem__(self, index: int | slice) -> Member | Study:
+        return Study(self._members[index]) if isinstance(index, slice) else self._members[index]
 
     def __iter__(self) -> Iterator[Member]:
         return iter(self._members)
@@ -123,12 +131,18 @@ def sweep(
     if not isinstance(over, Mapping) or not over:
         raise UsageError("over is a mapping of names of parameters to lists of values")
     for name, values in over.items():
-        if isinstance(values, (str, bytes)) or not isinstance(values, Sequence) or not values:
+        if not isinstance(name, str):
+            raise UsageError(f"over has the key {name!r}, which is no name of a parameter")
+        is_list = isinstance(values, (Sequence, np.ndarray)) and not isinstance(values, (str, bytes))
+        if not is_list or getattr(values, "ndim", 1) != 1 or len(values) == 0:
             raise UsageError(f"the values of {name!r} are a list")
-    combinations = [dict(zip(over, values)) for values in itertools.product(*over.values())]
+    if processes is not None and (isinstance(processes, bool) or not isinstance(processes, int) or processes < 1):
+        raise UsageError(f"processes is a whole number above 0, not {processes!r}")
+    lists = [[_parameter(name, value) for value in values] for name, values in over.items()]
+    combinations = [dict(zip(over, values)) for values in itertools.product(*lists)]
     for parameters in combinations[:1]:
         deck.with_parameters(**parameters)  # unknown names are found here, not in every process
-    folder = None if out is None else Path(out)
+    folder = None if out is None else Path(os.fsdecode(out))
     work = [(deck, chosen, threads, folder and folder / _name(chosen)) for chosen in combinations]
     count = min(processes or os.cpu_count() or 1, len(work))
     if count == 1:

@@ -8,12 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from mpm import _mpm
+from mpm._errors import UsageError
 from mpm._laws import Law, _Adapter
 
 __all__ = ["Finding", "check_material"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Finding:
     """A property that a law lacks.
 
@@ -54,7 +55,7 @@ def check_material(law: Law, *, largest: float = 0.05) -> list[Finding]:
 
     Args:
         law: The law.
-        largest: Bound of the components of the strains, [-]; a tenth and a hundredth of it are tried, too.
+        largest: Bound, above 0, of the components of the strains, [-]; a tenth and a hundredth of it are tried, too.
 
     Raises:
         UsageError: The law has no method ``update``, or its arrays have other shapes.
@@ -67,5 +68,7 @@ def check_material(law: Law, *, largest: float = 0.05) -> list[Finding]:
         ...     print(f"{found.property}: relative error {found.error:.2f}")
         Tangent: relative error 0.50
     """
+    if isinstance(largest, bool) or not isinstance(largest, (int, float)) or not 0 < largest < np.inf:
+        raise UsageError(f"largest is a finite number above 0, not {largest!r}")
     findings = _mpm.conformance(_Adapter("law", law), largest)
     return [Finding(name, np.array(strain), error, tolerance) for name, strain, error, tolerance in findings]

@@ -174,6 +174,21 @@ impl Material for PythonLaw {
         respond_alone(self, trial, old, new)
     }
 
+    fn elastic_strain(&self, tau: &Sym3) -> Result<Sym3, MaterialError> {
+        let inverse = self.with_interpreter(|py| {
+            let stress = PyArray1::from_slice(py, &row(tau)).reshape([1, 6])?;
+            let found: Option<PyReadonlyArrayDyn<'_, f64>> =
+                self.adapter.call_method1(py, "invert", (stress,))?.extract(py)?;
+            found.map(|strain| Ok(tensor(strain.as_slice()?))).transpose()
+        });
+        match inverse {
+            Ok(Some(strain)) if strain.norm().is_finite() => Ok(strain),
+            Ok(Some(_)) => Err(MaterialError::NoStrain),
+            Ok(None) => Err(MaterialError::NoInverse),
+            Err(_) => Err(MaterialError::Failed),
+        }
+    }
+
     fn batch(&self) -> Option<&dyn BatchLaw> {
         Some(self)
     }
@@ -306,7 +321,12 @@ impl BuiltIn {
             let history = p * kept..(p + 1) * kept;
             let trial = tensor(&strain[6 * p..6 * (p + 1)]);
             let response = self.law.update(&trial, &old[history.clone()], &mut new[history]);
-            let response = response.map_err(|error| Raised::misuse(format!("row {p}: {error}")))?;
+            // A strain is refused as by the laws of users: by a row that is not finite.
+            let response = response.unwrap_or(Response {
+                tau: Sym3([f64::NAN; 6]),
+                elastic_strain: Sym3([f64::NAN; 6]),
+                tangent: Tangent::from_element(f64::NAN),
+            });
             stress.extend(row(&response.tau));
             elastic.extend(row(&response.elastic_strain));
             tangent.extend(PLACE.iter().flat_map(|i| PLACE.map(|j| response.tangent[(*i, j)])));
@@ -314,6 +334,17 @@ impl BuiltIn {
         let tangent = PyArray1::from_vec(py, tangent).reshape([n, 6, 6])?.into_any();
         let new = PyArray1::from_vec(py, new).reshape([n, kept])?.into_any();
         Ok([matrix(py, stress, 6)?, matrix(py, elastic, 6)?, tangent, new])
+    }
+
+    /// Elastic strain of points with this stress; not a number where none gives it.
+    fn elastic_strain<'py>(
+        &self,
+        py: Python<'py>,
+        stress: PyReadonlyArrayDyn<'py, f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let strain =
+            |stress: &[f64]| self.law.elastic_strain(&tensor(stress)).map_or([f64::NAN; 6], |e| row(&e));
+        matrix(py, stress.as_slice()?.chunks_exact(6).flat_map(strain).collect(), 6)
     }
 
     /// Stored energy per initial volume of points with this elastic strain.

@@ -131,18 +131,19 @@ impl Session {
         self.wait(py, running)
     }
 
-    /// Ends the run before the next step, in the state of the last one; the step under way is awaited.
-    fn stop(&self, py: Python<'_>) -> PyResult<()> {
+    /// Ends the run before the next step, in the state of the last one; the step under way is awaited, and returned.
+    fn stop(&self, py: Python<'_>) -> PyResult<Option<String>> {
         let running = &mut *self.lock()?;
+        let mut last = None;
         while running.is_under_way && running.ended.is_none() {
-            self.wait(py, running)?;
+            last = self.wait(py, running)?.or(last);
         }
         if running.ended.is_none() {
             self.send(running, Request::Stop)?;
             running.is_under_way = true;
             self.wait(py, running)?;
         }
-        Ok(())
+        Ok(last)
     }
 
     /// Ends the run and releases its thread and its memory; nothing can be asked afterwards.
@@ -216,6 +217,13 @@ impl Session {
         self.send(running, Request::Change(Box::new(changed), reply))?;
         let outcome = received(py, answer)?;
         outcome.map_err(|reason| Raised::misuse(reason).into())
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        // Nobody awaits the step under way.
+        self.laws.end_calls();
     }
 }
 
@@ -300,7 +308,14 @@ impl Session {
                 Err(error)
             }
             (None, Some(error)) => Err(error),
-            _ => Ok(None),
+            // Some calls serve diagnostics alone, and the last step goes on without them.
+            (Some(raised), None) => {
+                let message = format!("a law has failed: {raised}");
+                let error = exception(py, "SolveError", (message, "S019"));
+                error.set_cause(py, Some(raised));
+                Err(error)
+            }
+            (None, None) => Ok(None),
         }
     }
 }

@@ -82,7 +82,7 @@ def test_sources_are_known(packages, rules):
     known = {f"registry+{url}" for url in rules["sources"]["allow-registry"]}
     assert {p["source"] for p in packages} - known == {None}, "only the program itself is here"
     own = {p["name"] for p in packages if p["source"] is None}
-    assert own == {"mpm", "mpm-core", "mpm-deck", "mpm-files", "mpm-report"}
+    assert own == {"mpm", "mpm-core", "mpm-deck", "mpm-files", "mpm-python", "mpm-report"}
 
 
 def test_the_program_has_no_unsafe_code():

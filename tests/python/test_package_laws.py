@@ -1,0 +1,396 @@
+"""Laws written in Python: the answers of those of the library, and what happens to bad ones."""
+
+import traceback
+
+import numpy as np
+import pytest
+
+from laws_in_python import Hencky, VonMises
+from package import assert_same_points, column, load, mpm, worst
+
+ELASTIC = {"young": 1e6, "poisson": 0.3}
+PLASTIC = ELASTIC | {"deviatoric_yield_stress": 2e4, "hardening_modulus": 2e5}
+PARAMETERS = {"hencky": ELASTIC, "von-mises": PLASTIC}
+
+
+def law(kind, model, parameters=None):
+    """A law in NumPy, one compiled by Numba, or that of the library as a law in Python."""
+    parameters = parameters or PARAMETERS[model]
+    if kind == "library":
+        return mpm.BuiltInLaw(model, **parameters)
+    if kind == "numba":
+        pytest.importorskip("numba")
+        import laws_in_numba
+
+        classes = {"hencky": laws_in_numba.CompiledHencky, "von-mises": laws_in_numba.CompiledVonMises}
+    else:
+        classes = {"hencky": Hencky, "von-mises": VonMises}
+    return classes[model](**parameters)
+
+
+@pytest.mark.parametrize("kind", ["numpy", "numba"])
+@pytest.mark.parametrize("model", ["hencky", "von-mises"])
+def test_laws_respond_alike(kind, model):
+    some, other = law(kind, model), law("library", model)
+    random = np.random.default_rng(7)
+    history = random.random((5000, len(other.state))) * 0.1
+    for size in (1e-6, 1e-4, 1e-2, 0.1):
+        strain = random.normal(size=(5000, 6)) * size
+        expected = other.update(strain, history)
+        for values, reference in zip(some.update(strain, history), expected):
+            scale = np.abs(reference).reshape(5000, -1).max(axis=1, initial=0.0)
+            difference = np.abs(values - reference).reshape(5000, -1).max(axis=1, initial=0.0)
+            assert (difference <= 1e-14 * scale).all(), (size, (difference / scale.clip(1e-300)).max())
+        if model == "von-mises":
+            _, _, elastic, new = expected
+            np.testing.assert_allclose(some.energy(elastic), other.energy(elastic), rtol=1e-13)
+            np.testing.assert_allclose(some.plastic_work(new), other.plastic_work(new), rtol=1e-13)
+            assert (new > history).any() == (size > 1e-3)
+
+
+def block(idealisation, volumetric, model, **body):
+    """A block on a rough base that is pressed flat. Hardening and stabilisation keep its equations well conditioned, so
+    that they do not amplify the round-off in which two laws differ; a perfectly plastic block would, at its limit load.
+    """
+    axes = "xyz" if idealisation == "solid" else "xy"
+    up, count = axes[-1], len(axes)
+    conditions = [
+        {"name": "axis", "nodes": {"x": 0}, "fix": ["x"]},
+        {"name": "base", "nodes": {up: 0}, "fix": list(axes)},
+        {"name": "press", "nodes": {up: 1}, f"u{up}": -0.05},
+    ]
+    if idealisation == "solid":
+        conditions.append({"name": "back", "nodes": {"y": 0}, "fix": ["y"]})
+    shape = {"type": "box", "min": [0] * count, "max": [1] * count}
+    method = {"method": "gimp", "points_per_cell": 2, **body}
+    return mpm.Deck(
+        {
+            "version": 1,
+            "analysis": {"stabilisation": {"mode": "auto"}, "idealisation": idealisation},
+            "grid": {
+                "type": "structured",
+                "origin": [0] * count,
+                "size": [2] * (count - 1) + [1.5],
+                "spacing": 0.5 if idealisation == "solid" else 0.25,
+            },
+            "materials": {"metal": {"model": model, "density": 1000, **PARAMETERS[model]}},
+            "bodies": [{"name": "block", "material": "metal", "volumetric": volumetric, "shape": shape, **method}],
+            "boundary_conditions": conditions,
+            "loads": [{"name": "weight", "type": "gravity", "acceleration": [0] * (count - 1) + [-10]}],
+            "steps": {"count": 5},
+            "solver": {"tolerance": 1e-11},
+        }
+    )
+
+
+BLOCKS = [
+    (idealisation, volumetric, model, method)
+    for idealisation in ("plane-strain", "axisymmetric", "solid")
+    for volumetric in ("standard", "mean-dilatation", "f-bar")
+    for model in ("hencky", "von-mises")
+    for method in ("gimp", "mpm")
+    if (idealisation, volumetric) != ("solid", "f-bar")
+]
+
+
+@pytest.mark.parametrize(("idealisation", "volumetric", "model", "method"), BLOCKS)
+def test_runs_with_laws_in_python_are_alike(idealisation, volumetric, model, method):
+    deck = block(idealisation, volumetric, model, method=method)
+    expected = deck.run(threads=1)
+    for kind, threads in (("numpy", 1), ("library", 2)):
+        found = deck.run(laws={"metal": law(kind, model)}, threads=threads)
+        assert found.summary["iterations"] == expected.summary["iterations"]
+        assert worst(found.points, expected.points, "position") < 1e-12
+        assert worst(found.points, expected.points, "cauchy_stress") < 1e-12
+        for name in ("external_work", "strain_energy"):
+            np.testing.assert_allclose(found.history[name], expected.history[name], rtol=1e-11)
+        for name in ("plastic_work", "strain_energy"):
+            assert found.summary[name] == pytest.approx(expected.summary[name], rel=1e-11)
+        # In the plane, the library never forms the tangent of von Mises: the two products round otherwise.
+        if kind == "library" and (model, idealisation) != ("von-mises", "plane-strain"):
+            assert_same_points(found.points, expected.points)
+            assert found.history == expected.history
+    if model == "von-mises":
+        assert expected.points["equivalent_plastic_strain"].max() > 0.02
+
+
+DECKS = [
+    ("beam", {"steps": 10}, {"steel": ("hencky", {"young": 12e6, "poisson": 0.2})}),
+    ("annulus", {}, {"rubber": ("hencky", {"young": 1, "poisson": 0})}),
+    ("compaction", {}, {"soil": ("hencky", {"young": 1e6, "poisson": 0})}),
+    (
+        "cylinder",
+        {},
+        {"metal": ("von-mises", dict(young=1, poisson=0.3, deviatoric_yield_stress=0.2, hardening_modulus=0.1))},
+    ),
+    ("shear", {"yield": 1e3}, {"sample": ("von-mises", dict(young=1e4, poisson=0.3, deviatoric_yield_stress=1e3))}),
+    (
+        "collapse",
+        {"h": 1, "n": 3, "steps": 20},
+        {"clay": ("von-mises", dict(young=1e6, poisson=0.3, deviatoric_yield_stress=20e3))},
+    ),
+]
+
+
+@pytest.mark.parametrize("kind", ["numpy", "numba"])
+@pytest.mark.parametrize(("name", "parameters", "laws"), DECKS, ids=[name for name, *_ in DECKS])
+def test_decks_run_with_laws_in_python(kind, name, parameters, laws):
+    """Decks whose equations do not amplify round-off: none is at a limit load or of nearly incompressible material."""
+    deck = load(name, **parameters)
+    expected = deck.run(threads=2)
+    found = deck.run(threads=2, laws={material: law(kind, *of) for material, of in laws.items()})
+    assert found.summary["iterations"] == expected.summary["iterations"]
+    assert worst(found.points, expected.points, "position") < 1e-12
+    assert worst(found.points, expected.points, "cauchy_stress") < 1e-12
+
+
+def test_threads_do_not_change_the_bits_of_a_law():
+    deck = block("plane-strain", "mean-dilatation", "von-mises")
+    some, others = (deck.run(threads=n, laws={"metal": law("numpy", "von-mises")}) for n in (1, 2))
+    assert_same_points(some.points, others.points)
+    assert some.history == others.history
+
+
+def test_a_law_is_called_once_per_evaluation_with_all_its_points():
+    sizes = []
+
+    class Counting(Hencky):
+        def update(self, strain, history):
+            sizes.append((strain.shape, history.shape, strain.flags.writeable, history.flags.writeable))
+            return super().update(strain, history)
+
+    deck = load("footing", steps=1, depth=1e-4)
+    run = deck.start(laws={"concrete": Counting(young=1e9, poisson=0.2)})
+    bodies = run.points.body
+    steps = list(run)
+    concrete = int((bodies > 0).sum())
+    # Single points are for the stiffness of the material, before the run.
+    calls = [of for of in sizes if of != ((1, 6), (1, 0), False, False)]
+    assert set(calls) == {((concrete, 6), (concrete, 0), False, False)}
+    assert len(calls) == sum(len(step.residuals) for step in steps)
+
+
+def test_tensors_are_rows_in_the_stated_order():
+    """Stress and strain of a law have the components of the points, apart from the factors √2."""
+    seen = []
+
+    class Watched(Hencky):
+        def update(self, strain, history):
+            response = super().update(strain, history)
+            seen.append((strain.copy(), response[0]))
+            return response
+
+    deck = block("solid", "standard", "hencky")
+    run = deck.start(laws={"metal": Watched(**ELASTIC)}, threads=1)
+    for _ in run:
+        pass
+    factors = np.sqrt([1, 1, 1, 2, 2, 2])
+    for rows, name in zip(zip(*seen[-3:]), ("elastic_strain", "kirchhoff_stress")):
+        points = run.points[name] * factors
+        gaps = [np.abs(np.sort(row, axis=0) - np.sort(points, axis=0)).max() for row in rows]
+        assert min(gaps) < 1e-9 * np.abs(points).max(), (name, gaps)
+
+
+class Faulty(VonMises):
+    """A law with a fault that a subclass plants."""
+
+    def __init__(self):
+        super().__init__(**PLASTIC)
+        self.calls = 0
+
+    def update(self, strain, history):
+        self.calls += 1
+        return self.spoil(strain, *map(np.array, super().update(strain, history)))
+
+
+class WrongTangent(Faulty):
+    def spoil(self, strain, stress, tangent, elastic, history):
+        return stress, tangent * (1 + 1e-5), elastic, history
+
+
+class Asymmetric(Faulty):
+    def spoil(self, strain, stress, tangent, elastic, history):
+        tangent[:, 0, 1] *= 1 + 1e-8
+        return stress, tangent, elastic, history
+
+
+class KeepsState(Faulty):
+    def spoil(self, strain, stress, tangent, elastic, history):
+        return stress * (1 + 1e-12 * self.calls), tangent, elastic, history
+
+
+class DependsOnBatch(Faulty):
+    def spoil(self, strain, stress, tangent, elastic, history):
+        return stress * (1 + 1e-9 * (len(strain) - 1)), tangent, elastic, history
+
+
+class DependsOnNeighbours(Faulty):
+    def spoil(self, strain, stress, tangent, elastic, history):
+        return stress, tangent, elastic, history + 1e-9 * (len(strain) > 1)
+
+
+class WrongEnergy(Faulty):
+    def spoil(self, *response):
+        return response[1:]
+
+    def energy(self, strain):
+        return super().energy(strain) * 1.001
+
+
+class Anisotropic(Faulty):
+    def spoil(self, strain, stress, tangent, elastic, history):
+        stress[:, 0] *= 1.01
+        tangent[:, 0, :] *= 1.01
+        return stress, tangent, elastic, history
+
+
+class WrongElasticStrain(Faulty):
+    def spoil(self, strain, stress, tangent, elastic, history):
+        return stress, tangent, elastic * 1.0001, history
+
+
+class Silent(Faulty):
+    def spoil(self, strain, stress, tangent, elastic, history):
+        return stress * np.nan, tangent, elastic, history
+
+
+FAULTS = [
+    (WrongTangent, "Tangent"),
+    (Asymmetric, "Symmetry"),
+    (KeepsState, "Purity"),
+    (DependsOnBatch, "Batch"),
+    (DependsOnNeighbours, "Batch"),
+    (WrongEnergy, "Potential"),
+    (Anisotropic, "Isotropy"),
+    (WrongElasticStrain, "Admissibility"),
+    (Silent, "Response"),
+]
+
+
+@pytest.mark.parametrize(("faulty", "lacks"), FAULTS, ids=[faulty.__name__ for faulty, _ in FAULTS])
+def test_the_check_finds_planted_faults(faulty, lacks):
+    findings = mpm.testing.check_material(faulty())
+    assert lacks in [found.property for found in findings], [str(found) for found in findings]
+    found = next(found for found in findings if found.property == lacks)
+    assert found.error > found.tolerance and found.strain.shape == (6,) and lacks in str(found)
+
+
+@pytest.mark.parametrize("kind", ["numpy", "numba", "library"])
+@pytest.mark.parametrize("model", ["hencky", "von-mises"])
+def test_the_check_passes_good_laws(kind, model):
+    assert mpm.testing.check_material(law(kind, model)) == []
+
+
+def test_the_check_passes_the_other_strain_measure():
+    rubber = mpm.BuiltInLaw("neo-hookean", young=1e6, poisson=0.3)
+    assert rubber.measure == "left-cauchy-green" and mpm.testing.check_material(rubber) == []
+    deck = column()
+    deck["materials"]["clay"]["model"] = "neo-hookean"
+    expected = deck.run()
+    found = deck.run(laws={"clay": rubber})
+    assert worst(found.points, expected.points, "position") < 1e-12
+    assert worst(found.points, expected.points, "cauchy_stress") < 1e-12
+
+
+def test_an_asymmetric_law_may_say_so():
+    class Open(Asymmetric):
+        symmetric = False
+
+    assert "Symmetry" not in [found.property for found in mpm.testing.check_material(Open())]
+    assert block("plane-strain", "standard", "von-mises").run(laws={"metal": Open()}).summary["outcome"] == "completed"
+
+
+class Failing(Hencky):
+    """A law that fails at one call, and not at those before and after it."""
+
+    def __init__(self, at, fail):
+        super().__init__(**ELASTIC)
+        self.left, self.fail = at, fail
+
+    def update(self, strain, history):
+        self.left -= 1
+        return self.fail(*super().update(strain, history)) if self.left == 0 else super().update(strain, history)
+
+
+def raising(stress, tangent):
+    raise LookupError("the table ends here")
+
+
+WRONG = {
+    "exception": (raising, LookupError, "the table ends here"),
+    "shape of the stress": (lambda s, t: (s[:-1], t), mpm.UsageError, "stress .* has shape"),
+    "flat tangent": (lambda s, t: (s, t.reshape(-1, 36)), mpm.UsageError, "tangent .* has shape"),
+    "three results": (lambda s, t: (s, t, s), mpm.UsageError, "returns"),
+    "a list": (lambda s, t: [s, t], mpm.UsageError, "returns"),
+    "nothing": (lambda s, t: None, mpm.UsageError, "returns"),
+    "no stress": (lambda s, t: (None, t), mpm.UsageError, "stress .* no array"),
+    "words": (lambda s, t: ("word", t), ValueError, "word"),
+    "complex": (lambda s, t: (s * 1j, t), mpm.UsageError, "real"),
+    "history without variables": (lambda s, t: (s, t, s, np.zeros((len(s), 1))), mpm.UsageError, "history .* shape"),
+}
+
+
+@pytest.mark.parametrize("call", [7, 10])  # of one point for diagnostics, of all points amid a step
+@pytest.mark.parametrize("name", WRONG)
+def test_a_law_that_fails_ends_the_run_with_its_cause(name, call):
+    fail, kind, text = WRONG[name]
+    run = column().start(laws={"clay": Failing(call, fail)})
+    with pytest.raises(mpm.SolveError) as raised:
+        list(run)
+    cause = raised.value.__cause__
+    assert isinstance(cause, kind)
+    pytest.raises(kind, lambda: (_ for _ in ()).throw(cause)).match(text)
+    if kind is LookupError:
+        assert "raising" in "".join(traceback.format_exception(raised.value))
+    # It is over; the last state in equilibrium stays.
+    assert run.ended and list(run) == [] and run.result().summary["outcome"] == "failed"
+    assert len(run.points.position) == 8 and len(run.history) > 0
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_law_that_fails_at_once_is_heard_before_the_run(tmp_path, name):
+    fail, kind, text = WRONG[name]
+    with pytest.raises(kind, match=text):
+        column().start(laws={"clay": Failing(1, fail)}, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_row_that_is_no_number_cuts_the_step():
+    class Refusing(Hencky):
+        """Refuses strains that grow by more than 1 % in a step: a point remembers its strain."""
+
+        state = {"size": 0.0}
+
+        def update(self, strain, history):
+            stress, tangent = super().update(strain, history)
+            size = np.linalg.norm(strain, axis=1)
+            stress[size > history[:, 0] + 0.01] = np.nan
+            return stress, tangent, strain, size[:, None]
+
+    deck = column(steps={"count": 1})
+    run = deck.start(laws={"clay": Refusing(**ELASTIC)})
+    sizes = [0.0] + [run.points["size"].max() for _ in run]
+    result = run.result()
+    assert len(sizes) > 2 and result.summary["failed_attempts"] > 0 and result.summary["outcome"] == "completed"
+    assert np.diff(sizes).max() <= 0.01 < sizes[-1]
+    # Two halves of the step, as if the deck had asked for them.
+    assert run.history["time"][-2:].tolist() == [0.5, 1]
+    expected = column(steps={"count": 2}).run().points
+    np.testing.assert_allclose(run.points.position, expected.position, rtol=1e-12)
+    assert "size" in dict(run.points)
+
+
+def test_laws_are_refused_before_the_run():
+    deck = column()
+    with pytest.raises(mpm.UsageError, match="no material \"iron\"; the materials are clay"):
+        deck.start(laws={"iron": law("numpy", "hencky")})
+    for bad, text in [
+        (None, "no method `update`"),
+        (type("Law", (), {"update": 3})(), "no method `update`"),
+        (type("Law", (Hencky,), {"state": ["a"]})(**ELASTIC), "state"),
+        (type("Law", (Hencky,), {"state": {"a": "b"}})(**ELASTIC), "initial value of 'a'"),
+        (type("Law", (Hencky,), {"state": {"a": np.nan}})(**ELASTIC), "initial value of 'a'"),
+        (type("Law", (Hencky,), {"measure": "green"})(**ELASTIC), "measure"),
+    ]:
+        with pytest.raises(mpm.UsageError, match=text):
+            deck.start(laws={"clay": bad})

@@ -1,0 +1,398 @@
+"""Runs of the Python package under the control of Python: changes, callbacks, interruptions, studies and pickles."""
+
+import copy
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import numpy as np
+import pytest
+
+from conftest import ROOT
+from package import assert_same_points, column, load, mpm
+
+
+def after(run, steps):
+    """Takes steps; the number of the last one."""
+    for _ in range(steps):
+        last = next(run)
+    return last.index
+
+
+SHORT = [("beam", {"steps": 8}), ("collapse", {"h": 1, "n": 3, "steps": 8})]
+
+
+@pytest.mark.parametrize(("name", "parameters"), SHORT)
+def test_a_change_to_the_same_deck_changes_nothing(tmp_path, name, parameters):
+    deck = load(name, **parameters)
+    expected = deck.run(out=tmp_path / "plain", threads=1)
+    run = deck.start(out=tmp_path / "changed", threads=2)
+    run.change()
+    for _ in run:
+        run.change()
+    assert run.result().summary["outcome"] == "completed"
+    assert run.history == expected.history
+    assert_same_points(run.points, expected.points)
+    with pytest.raises(mpm.UsageError, match="has ended"):
+        run.change()
+    for name_of in ("history.csv", "quality.csv"):
+        assert (tmp_path / "changed" / name_of).read_bytes() == (tmp_path / "plain" / name_of).read_bytes()
+
+
+def test_changes_of_stages_to_the_same_deck_change_nothing():
+    deck = load("excavation", h=0.5)
+    expected = deck.run()
+    run = deck.start()
+    for _ in run:
+        run.change()
+    assert run.history == expected.history
+    assert_same_points(run.points, expected.points)
+
+
+def test_a_load_halved_amid_the_run_is_that_of_a_curve():
+    """Up to t = ½ the load follows its ramp; then it stands at half of it. All factors are exact: powers of two."""
+    curve = [[0, 0], [0.5, 0.5], [0.5625, 0.25], [1, 0.25]]
+    given = load("beam", steps=16)
+    given["loads"][0]["curve"] = curve
+    expected = given.run(threads=1)
+
+    ramp = load("beam", steps=16)
+    ramp["loads"][0]["curve"] = [[0, 0], [1, 1]]
+    run = ramp.start(threads=1)
+    assert after(run, 8) == 8
+    half = [force / 2 for force in run.deck["loads"][0]["total"]]
+    run.deck["loads"][0].update(total=half, curve=[[0, 0], [0.5, 1], [0.5625, 0.5], [1, 0.5]])
+    run.change()
+    for _ in run:
+        pass
+    for name in ("time", "tip_uy", "root_rx", "strain_energy"):
+        np.testing.assert_array_equal(run.history[name], expected.history[name], err_msg=name)
+    assert_same_points(run.points, expected.points)
+
+
+def test_the_solver_may_change_at_every_step():
+    """What has no effect on the answer may change in each step, also where nodes are moved."""
+    deck = load("footing", steps=6, h=0.5)
+    expected = deck.run()
+    run = deck.start()
+    for _ in run:
+        run.deck["solver"] = {"max_iterations": 20 + run.step.index % 2}
+        run.change()
+    assert_same_points(run.points, expected.points)
+
+
+def test_a_yield_stress_changed_between_steps_acts_from_the_next_step_on():
+    deck = load("collapse", h=1, n=3, steps=8)
+    softer = deck.copy()
+    softer["materials"]["clay"]["deviatoric_yield_stress"] = 19e3
+    results, histories = {}, {}
+    for name, of in (("as it is", None), ("softer at once", 0), ("softer later", 6)):
+        run = deck.start()
+        if of == 0:
+            run.deck.update(softer)
+            run.change()
+        for step in run:
+            if step.index == of:
+                before = run.points.position
+                run.deck["materials"]["clay"]["deviatoric_yield_stress"] = 19e3
+                run.change()
+                np.testing.assert_array_equal(run.points.position, before)
+        results[name], histories[name] = run.points, run.history["base_ry"]
+    assert_same_points(results["softer at once"], softer.run().points)
+    same = histories["as it is"][:6] == histories["softer later"][:6]
+    assert same.all() and not (histories["as it is"][6:7] == histories["softer later"][6:7]).any()
+    stress = np.array([[1, 1, 1, 2, 2, 2]]) * results["softer later"].kirchhoff_stress ** 2
+    mean = results["softer later"].kirchhoff_stress[:, :3].mean(axis=1)
+    radius = np.sqrt(stress.sum(axis=1) - 3 * mean**2)
+    assert radius.max() == pytest.approx(19e3, rel=1e-9)
+
+
+FORBIDDEN = {
+    "grid": lambda deck: deck["grid"].update(spacing=0.5),
+    "bodies": lambda deck: deck["bodies"][0].update(points_per_cell=3),
+    "name of a load": lambda deck: deck["loads"][0].update(name="gravity"),
+    "one condition less": lambda deck: deck["boundary_conditions"].pop(),
+    "model": lambda deck: deck["materials"]["clay"].update(model="neo-hookean"),
+    "density": lambda deck: deck["materials"]["clay"].update(density=2),
+    "probes": lambda deck: deck.update(output={"probes": [{"name": "p", "body": "column", "nearest": [0, 0]}]}),
+}
+
+
+@pytest.mark.parametrize("what", FORBIDDEN)
+def test_forbidden_changes_leave_the_run_as_it_was(what):
+    expected = column().run()
+    run = column().start()
+    next(run)
+    FORBIDDEN[what](run.deck)
+    with pytest.raises(mpm.UsageError, match="cannot change during a run"):
+        run.change()
+    for _ in run:
+        pass
+    assert run.history == expected.history
+    assert_same_points(run.points, expected.points)
+
+
+def test_a_change_to_a_bad_deck_leaves_the_run_as_it_was():
+    run = column().start()
+    next(run)
+    run.deck["materials"]["clay"]["young"] = -1
+    with pytest.raises(mpm.DeckError, match="D009"):
+        run.change()
+    run.deck["materials"]["clay"]["young"] = {1}
+    with pytest.raises(mpm.UsageError, match="/materials/clay/young holds a set"):
+        run.change()
+    assert len(list(run)) == 3 and run.history == column().run().history
+    with pytest.raises(mpm.MpmError):
+        run.change()
+
+
+def test_every_evaluation_is_told():
+    told = []
+    run = load("collapse", h=1, n=3, steps=5).start(on_iteration=lambda *of: told.append(of))
+    steps = list(run)
+    expected = [(step.index, k, float(r)) for step in steps for k, r in enumerate(step.residuals)]
+    assert told == expected
+    assert run.history == load("collapse", h=1, n=3, steps=5).run().history
+
+
+def test_an_exception_of_the_callback_interrupts_the_waiting_alone():
+    expected = load("beam", steps=4).run()
+    left = [3, 8, 9]
+
+    def callback(step, iteration, residual):
+        told.append(step)
+        if len(told) in left:
+            raise LookupError(f"call {len(told)}")
+
+    told, steps = [], []
+    run, interruptions = load("beam", steps=4).start(on_iteration=callback), 0
+    while not run.ended:
+        try:
+            steps.extend([next(run)])
+        except StopIteration:
+            break
+        except LookupError as error:
+            interruptions += 1
+            assert f"call {len(told)}" in str(error)
+            if not run.ended:
+                with pytest.raises(mpm.UsageError, match="under way"):
+                    run.points.position  # noqa: B018
+                with pytest.raises(mpm.UsageError, match="under way"):
+                    run.change()
+    assert interruptions == len(left) and [step.index for step in steps] == [1, 2, 3, 4]
+    assert run.history == expected.history
+
+
+def test_a_run_that_is_stopped_amid_a_step_ends_after_it():
+    def callback(step, iteration, residual):
+        if (step, iteration) == (2, 1):
+            raise LookupError
+
+    run = load("beam", steps=4).start(on_iteration=callback)
+    with pytest.raises(LookupError):
+        list(run)
+    run.stop()
+    assert run.ended and run.result().summary["steps"] == 2 and run.step.index == 2
+    assert run.result().summary["outcome"] == "interrupted"
+    run.stop()
+    run.close()
+    with run:
+        pass
+
+
+def test_the_callback_cannot_touch_the_run_amid_a_step():
+    errors = []
+
+    def callback(step, iteration, residual):
+        for call in (lambda: run.points.position, lambda: next(run), run.stop, run.change, lambda: run.history):
+            try:
+                call()
+            except mpm.UsageError as error:
+                errors.append(str(error))
+
+    run = column().start(on_iteration=callback)
+    assert len(list(run)) == 4
+    assert len(errors) % 5 == 0 and len(errors) >= 20 and all("solving a step" in text for text in errors)
+
+
+INTERRUPTED = """
+    import mpm
+    deck = mpm.Deck.load({deck!r}, h=0.125, steps=500)
+    run, steps, interruptions = deck.start(threads=1), [], 0
+    while interruptions == 0:
+        try:
+            for step in run:
+                steps.append(step.index)
+                print("ready", flush=True)
+        except KeyboardInterrupt:
+            print("interrupted", flush=True)
+            interruptions += 1
+    for _ in range(2):
+        steps.append(next(run).index)
+    run.stop()
+    again = deck.start(threads=2)
+    [next(again) for _ in steps]
+    again.stop()
+    print(steps == list(range(1, len(steps) + 1)), run.history == again.history, flush=True)
+"""
+
+INTERRUPTED_WITH_FILES = """
+    import mpm
+    try:
+        mpm.Deck.load({deck!r}, h=0.125, steps=500).run(out={out!r}, threads=1)
+    except KeyboardInterrupt:
+        result = mpm.read({out!r})
+        print("interrupted", result.summary["outcome"], result.summary["steps"] == len(result.history["step"]))
+"""
+
+
+def interpreter(source, tmp_path):
+    text = textwrap.dedent(source).format(deck=str(ROOT / "inputs/footing.yaml"), out=str(tmp_path / "out"))
+    return subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def test_ctrl_c_leaves_a_run_that_can_go_on(tmp_path):
+    with interpreter(INTERRUPTED, tmp_path) as process:
+        assert process.stdout.readline() == "ready\n", process.stderr.read()
+        process.send_signal(signal.SIGINT)
+        rest, errors = process.communicate(timeout=120)
+    assert process.returncode == 0, errors
+    assert [line for line in rest.splitlines() if line != "ready"] == ["interrupted", "True True"]
+
+
+def test_ctrl_c_leaves_results_that_can_be_read(tmp_path):
+    table = tmp_path / "out" / "history.csv"
+    with interpreter(INTERRUPTED_WITH_FILES, tmp_path) as process:
+        while process.poll() is None and not (table.exists() and table.read_bytes().count(b"\n") > 1):
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        rest, errors = process.communicate(timeout=120)
+    assert (process.returncode, rest) == (0, "interrupted interrupted True\n"), errors
+
+
+LEAVING = [
+    "del run",
+    "pass",
+    "run.close()",
+    "table = run.deck; del run",
+    "keep = [run]; keep.append(keep)",
+    "threading.Thread(target=go_on, daemon=True).start(); time.sleep(0.03)",
+    "child = os.fork(); assert child == 0 or os.waitpid(child, 0)[1] == 0",
+]
+
+
+@pytest.mark.parametrize("leave", LEAVING)
+def test_an_interpreter_may_end_amid_a_step(leave):
+    """No law is called by an interpreter that has ended, however the run was left."""
+    source = """
+        import os, sys, threading, time
+        import mpm
+        sys.path.insert(0, {tests!r})
+        from laws_in_python import Hencky
+        class Slow(Hencky):
+            def update(self, strain, history):
+                time.sleep(0.02)
+                return super().update(strain, history)
+        def callback(step, iteration, residual):
+            if step == 2:
+                raise LookupError
+        deck = mpm.Deck.load({deck!r}, steps=20)
+        run = deck.start(on_iteration=callback, laws={{"steel": Slow(young=12e6, poisson=0.2)}})
+        try:
+            list(run)
+        except LookupError:
+            print("left", flush=True)
+        def go_on():
+            while True:
+                try:
+                    next(run)
+                except LookupError:
+                    pass
+                except (mpm.MpmError, StopIteration):
+                    return
+        {leave}
+    """
+    text = textwrap.dedent(source).format(
+        tests=str(ROOT / "tests/python"), deck=str(ROOT / "inputs/beam.yaml"), leave=leave
+    )
+    for _ in range(3):
+        done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=60)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "left\n", "")
+
+
+def test_sweeps_take_every_combination(tmp_path):
+    study = mpm.sweep(load("beam", steps=3), {"n": np.array([2, 3]), "h": [0.5, 0.25]}, processes=2, out=tmp_path)
+    assert [member.parameters for member in study] == [{"n": n, "h": h} for n in (2, 3) for h in (0.5, 0.25)]
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["n=2,h=0.25", "n=2,h=0.5", "n=3,h=0.25", "n=3,h=0.5"]
+    for member in study:
+        alone = load("beam", steps=3, **member.parameters).run()
+        assert member.error is None and member.result.history == alone.history
+        np.testing.assert_array_equal(member.result.points.cauchy_stress, alone.points.cauchy_stress)
+    again = pickle.loads(pickle.dumps(study))
+    assert [of.result.history for of in again] == [of.result.history for of in study]
+    assert isinstance(study[1:], mpm.Study) and len(study[1:]) == 3 and study[-1].parameters["h"] == 0.25
+    assert study.column("tip_uy")[0] == study[0].result.history["tip_uy"][-1]
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_members_that_fail_do_not_end_the_study(tmp_path, processes):
+    (tmp_path / "h=0.25").write_text("in the way")
+    study = mpm.sweep(load("beam", steps=2), {"h": [0.5, 0.3, 0.25, -1]}, processes=processes, out=tmp_path)
+    assert [member.result is None for member in study] == [False, True, True, True]
+    assert "D0" in study[1].error and "results directory" in study[2].error and "D009" in study[3].error
+    assert study.column("tip_uy")[1:] == [None] * 3 and "3 failed" in repr(study)
+    if pytest.importorskip("pandas"):
+        frame = study.to_dataframe()
+        assert list(frame["h"]) == [0.5, 0.3, 0.25, -1] and frame["error"].notna().sum() == 3
+
+
+def leaving():
+    """A deck of a block so weak that it flows beyond the grid."""
+    deck = load("collapse", h=1, n=3, steps=8)
+    deck["materials"]["clay"]["deviatoric_yield_stress"] = 15e3
+    return deck
+
+
+def test_decks_results_and_errors_survive_pickling(tmp_path):
+    deck = load("annulus", steps=2).with_parameters(n=1)
+    result = deck.run(out=tmp_path / "out")
+    for again in (pickle.loads(pickle.dumps(deck)), copy.deepcopy(deck), copy.copy(deck)):
+        assert again == deck and again.text == deck.text and again.run().history == result.history
+    restored = pickle.loads(pickle.dumps(result))
+    assert restored.history == result.history and restored.summary == result.summary
+    np.testing.assert_array_equal(restored.points.cauchy_stress, result.points.cauchy_stress)
+    assert pickle.loads(pickle.dumps(deck.run())).points is None
+    assert_same_points(pickle.loads(pickle.dumps(result.points)), result.points)
+    step = pickle.loads(pickle.dumps(next(deck.start())))
+    assert step.index == 1 and step.iterations > 0
+    law = pickle.loads(pickle.dumps(mpm.BuiltInLaw("hencky", young=1e6, poisson=0.3)))
+    assert repr(law) == "BuiltInLaw('hencky', young=1000000.0, poisson=0.3)"
+    for make in (
+        lambda: mpm.Deck({}).run(),
+        lambda: mpm.read(tmp_path),
+        lambda: deck.start(threads=0),
+        leaving().run,
+    ):
+        with pytest.raises(mpm.MpmError) as raised:
+            make()
+        again = pickle.loads(pickle.dumps(raised.value))
+        assert (type(again), str(again), again.code, again.help) == (
+            type(raised.value), str(raised.value), raised.value.code, raised.value.help,
+        )
+
+
+def test_an_analysis_that_fails_says_why(tmp_path):
+    deck = leaving()
+    with pytest.raises(mpm.SolveError) as raised:
+        deck.run(out=tmp_path / "out")
+    assert raised.value.code and raised.value.help
+    result = mpm.read(tmp_path / "out")
+    assert result.summary["outcome"] == "failed" and result.summary["code"] == raised.value.code
+    assert json.loads((tmp_path / "out" / "summary.json").read_text()) == result.summary
+    assert os.environ.get("MPM") is None or result.summary["version"] == mpm.__version__
