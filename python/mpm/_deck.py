@@ -68,7 +68,7 @@ class Deck(MutableMapping[str, Any]):
         self._original: str | None = None
 
     @classmethod
-    def load(cls, path: StrPath, **parameters: Value) -> Deck:
+    def load(cls, path: StrPath, /, **parameters: Value) -> Deck:
         """Reads a deck from a YAML file.
 
         Messages about the deck name lines of the file, as long as nothing but parameters is changed.

@@ -216,7 +216,7 @@ class BuiltInLaw:
         array([1200.,  400.,  400.])
     """
 
-    def __init__(self, model: str, **parameters: float) -> None:
+    def __init__(self, model: str, /, **parameters: float) -> None:
         if not isinstance(model, str):
             raise UsageError(f"model is the name of a law, not {model!r}")
         numbers = {name: _number(name, value) for name, value in parameters.items()}

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import itertools
-import multiprocessing
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
-from mpm._deck import Deck, StrPath, Value, _parameter
+from mpm._deck import Deck, StrPath, Value, _parameter, _setting
 from mpm._errors import MpmError, UsageError
 from mpm._run import Result, _package
 
@@ -148,6 +146,9 @@ def sweep(
     if count == 1:
         outcomes = [_solve(entry) for entry in work]
     else:
+        import multiprocessing
+        from concurrent.futures import ProcessPoolExecutor
+
         # A fresh interpreter: the threads of this one do not survive a fork.
         context = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(count, mp_context=context) as pool:
@@ -156,4 +157,14 @@ def sweep(
 
 
 def _name(parameters: Mapping[str, Value]) -> str:
-    return ",".join(f"{name}={value}" for name, value in parameters.items())
+    """Name of the directory of a member, as ``mpm sweep`` gives it.
+
+    Characters that a file system might not accept are written as ``%`` and the hexadecimal value of the byte.
+    """
+    return ",".join(f"{name}={_escaped(_setting(value))}" for name, value in parameters.items())
+
+
+def _escaped(value: str) -> str:
+    return "".join(
+        chr(byte) if chr(byte).isalnum() and byte < 128 or byte in b"._+-" else f"%{byte:02X}" for byte in value.encode()
+    )

@@ -344,6 +344,7 @@ def test_sweeps_take_every_combination(tmp_path):
 def test_members_that_fail_do_not_end_the_study(tmp_path, processes):
     (tmp_path / "h=0.25").write_text("in the way")
     study = mpm.sweep(load("beam", steps=2), {"h": [0.5, 0.3, 0.25, -1]}, processes=processes, out=tmp_path)
+    assert (tmp_path / "h=0.5" / "summary.json").exists()
     assert [member.result is None for member in study] == [False, True, True, True]
     assert "D0" in study[1].error and "results directory" in study[2].error and "D009" in study[3].error
     assert study.column("tip_uy")[1:] == [None] * 3 and "3 failed" in repr(study)

@@ -13,8 +13,8 @@ pub enum Choice {
     Auto,
     /// Factorisation.
     Direct,
-    /// Conjugate gradients, or GMRES if the stiffness is not positive definite, with a multigrid preconditioner; only
-    /// on a structured grid.
+    /// Conjugate gradients, or GMRES if the stiffness is unsymmetric or not positive definite, with a multigrid
+    /// preconditioner; only on a structured grid.
     Iterative,
 }
 

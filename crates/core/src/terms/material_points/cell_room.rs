@@ -2,11 +2,11 @@
 #![allow(non_snake_case)]
 
 use crate::kinematics::Increment;
-use crate::stress::{Mechanics, PointError, PointResponse};
+use crate::stress::{Mechanics, PointError};
 use crate::terms::failure::PointFailure;
 
-/// The response of a point to a multiple of its increment, and the factor.
-pub(super) type Responded<R> = (PointResponse<R>, f64);
+/// The weak form of a point at a multiple of its increment, and the factor.
+pub(super) type Responded<R> = (R, f64);
 
 /// Working space for the points of a material in a cell.
 pub(super) struct CellRoom<const D: usize, M: Mechanics<D>> {

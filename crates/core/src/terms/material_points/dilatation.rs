@@ -10,7 +10,7 @@ use crate::assembly::{Coupling, Dense, Wanted};
 use crate::basis::{Links, PointGeometry};
 use crate::grid::CellBasis;
 use crate::kinematics::Increment;
-use crate::stress::{Averaged, Averaging, Centred, Centring, Mechanics, Volumetric, WeakForm};
+use crate::stress::{Averaged, Averaging, Centred, Centring, Mechanics, PointResponse, Volumetric, WeakForm};
 use crate::tensor::Lanes;
 use crate::terms::failure::PointFailure;
 
@@ -88,6 +88,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         // Growth in steps would copy the responses again and again.
         let n = moved.len();
         let theta = after / before;
+        let mut sum = 0.0;
         if UPDATED {
             updated.clear();
             updated.reserve(n);
@@ -96,26 +97,30 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
                 let (old, new) = self.histories(*p);
                 let response = M::respond_updated(&task.start[*p], &barred, task.law(*p), old, new);
                 let response = response.map_err(|error| PointFailure { point: *p, error })?;
-                updated.push((response.map(|weak| M::AveragingUpdated::from(&weak)), factor));
+                let weak = M::AveragingUpdated::from(&response.weak);
+                sum += self.keep(*p, &response);
+                updated.push((weak, factor));
             }
-            self.add_responses(moved, after, updated, coupling);
-        } else if self.respond_isotropic(moved, theta, isotropic)? {
-            self.add_responses(moved, after, isotropic, coupling);
+            self.add_responses(moved, after, sum, updated, coupling);
+        } else if self.respond_isotropic(moved, theta, &mut sum, isotropic)? {
+            self.add_responses(moved, after, sum, isotropic, coupling);
         } else {
             averaging.clear();
             averaging.reserve(n);
             for some in moved.chunks(Lanes::WIDTH) {
-                if self.respond_side_by_side(some, theta, averaging) {
+                if self.respond_side_by_side(some, theta, &mut sum, averaging) {
                     continue;
                 }
                 for (p, motion) in some {
                     let (barred, factor) = barred::<D, M>(motion, theta);
                     let (old, new) = self.histories(*p);
                     let response = M::respond_averaging(&task.start[*p], &barred, task.law(*p), old, new);
-                    averaging.push((response.map_err(|error| PointFailure { point: *p, error })?, factor));
+                    let response = response.map_err(|error| PointFailure { point: *p, error })?;
+                    sum += self.keep(*p, &response);
+                    averaging.push((response.weak, factor));
                 }
             }
-            self.add_responses(moved, after, averaging, coupling);
+            self.add_responses(moved, after, sum, averaging, coupling);
         }
         Ok(())
     }
@@ -126,6 +131,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         &mut self,
         moved: &[(usize, Motion<D>)],
         theta: f64,
+        sum: &mut f64,
         responses: &mut Vec<Responded<M::AveragingIsotropic>>,
     ) -> Result<bool, PointFailure> {
         responses.clear();
@@ -136,9 +142,21 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
             let Some(response) = M::respond_averaging_isotropic(start, &barred, law) else {
                 return Ok(false);
             };
-            responses.push((response.map_err(|error| PointFailure { point: *p, error })?, factor));
+            let response = response.map_err(|error| PointFailure { point: *p, error })?;
+            *sum += self.keep(*p, &response);
+            responses.push((response.weak, factor));
         }
         Ok(true)
+    }
+
+    /// Keeps stress and strain of a point, and returns its part of Σ V⁰π n over its cell.
+    #[inline(always)]
+    fn keep<W>(&mut self, p: usize, response: &PointResponse<W>) -> f64 {
+        self.trial.keep(p, response);
+        let start = &self.task.start[p];
+        let [xx, yy, zz, ..] = response.tau.0;
+        let trace = if M::DILATED == 2 { xx + yy } else { xx + yy + zz };
+        start.volume_n / start.J_n * trace
     }
 
     /// Responds at several points at once, if their law supports this; returns whether it did.
@@ -147,6 +165,7 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         &mut self,
         moved: &[(usize, Motion<D>)],
         theta: f64,
+        sum: &mut f64,
         responses: &mut Vec<Responded<M::Averaging>>,
     ) -> bool {
         let task = self.task;
@@ -173,12 +192,14 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         else {
             return false;
         };
-        for (l, (response, (p, _))) in found.into_iter().zip(moved).enumerate() {
+        // By reference: responses are large, and each move is a copy.
+        for (l, (p, _)) in moved.iter().enumerate() {
             let here = p - self.trial.first;
             for (h, lanes) in history[..kept].iter().enumerate() {
                 self.trial.history[here * n + h] = lanes.0[l];
             }
-            responses.push((response, factors[l]));
+            *sum += self.keep(*p, &found[l]);
+            responses.push((found[l].weak, factors[l]));
         }
         true
     }
@@ -192,25 +213,18 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         (&task.old_history[p * n..][..kept], &mut self.trial.history[here * n..][..kept])
     }
 
-    /// Adds these points, whose volume is `volume`, under their common pressure.
+    /// Adds these points, whose volume is `volume`, under their common pressure; `sum` is Σ V⁰π n.
     #[inline(always)]
     fn add_responses<R: Averaging<D>>(
         &mut self,
         moved: &[(usize, Motion<D>)],
         volume: f64,
+        sum: f64,
         responses: &[Responded<R>],
         coupling: &mut CouplingRoom<D>,
     ) {
         let Vectorised { task, group, trial, room, force, dense, .. } = self;
-        // Σ V⁰π.
-        let mut mean = 0.0;
-        for ((p, _), (response, _)) in moved.iter().zip(responses) {
-            let start = &task.start[*p];
-            let [xx, yy, zz, ..] = response.tau.0;
-            let trace = if M::DILATED == 2 { xx + yy } else { xx + yy + zz };
-            mean += start.volume_n / start.J_n * trace;
-        }
-        mean /= M::DILATED as f64;
+        let mean = sum / M::DILATED as f64;
         let couples = task.wanted == Wanted::Stiffness;
         let symmetric = task.pairs.symmetric();
         let n = if couples { task.links.nodes_of(*group).len() } else { 0 };
@@ -220,10 +234,9 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
             nodal.resize(n, [0.0; D]);
         }
         let mut modulus = -mean;
-        for ((p, motion), (response, factor)) in moved.iter().zip(responses) {
-            trial.keep(*p, response);
+        for ((p, motion), (weak, factor)) in moved.iter().zip(responses) {
             let part = task.start[*p].volume_n * motion.dJ / volume;
-            let weak = response.weak.averaged(*factor, part * mean);
+            let weak = weak.averaged(*factor, part * mean);
             let links = task.links.links(*p, room);
             let mapped = match weak.inverse() {
                 None => links.gradient,
