@@ -4,9 +4,9 @@ use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
 
 #[test]
 fn the_module_is_built() {
-    // target/debug/deps/module-… stands beside target/debug/lib_mpm.so.
+    // Both are in target/debug/deps.
     let test = std::env::current_exe().expect("the path of this test");
-    let folder = test.ancestors().nth(2).expect("the folder of the build");
+    let folder = test.parent().expect("the folder of the build");
     let library = folder.join(format!("{DLL_PREFIX}_mpm{DLL_SUFFIX}"));
     let bytes = std::fs::read(&library).unwrap_or_else(|error| panic!("{}: {error}", library.display()));
     let entry = b"PyInit__mpm";
