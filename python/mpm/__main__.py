@@ -1,5 +1,6 @@
 """The command ``mpm``."""
 
+import signal
 import sys
 
 
@@ -7,6 +8,9 @@ def main() -> int:
     """Runs the program with the arguments of the process and returns its exit code."""
     from mpm._mpm import main as program
 
+    # The program handles Ctrl-C itself; Python would raise KeyboardInterrupt at its end.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     return program(["mpm", *sys.argv[1:]])
 
 

@@ -76,7 +76,7 @@ class Deck(MutableMapping[str, Any]):
         Args:
             path: The file. Paths in the deck are relative to its directory.
             parameters: Values of parameters that the deck defines, in place of those in the file, as ``--set`` of
-                ``mpm run``. Text is a word or an expression, such as ``"2*h"``.
+                ``mpm run``. Text is a word or an expression, such as ``"${2*h}"``.
 
         Raises:
             DeckError: The file cannot be read or is not YAML. Other faults are found by :meth:`check`.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, cast, runtime_checkable
 
@@ -86,6 +87,16 @@ class Law(Protocol):
         ...
 
 
+_WORD = re.compile(r"[A-Za-z_]\w*\Z")
+
+#: Names of other fields of points.
+_TAKEN = frozenset(
+    """position displacement deformation_gradient kirchhoff_stress cauchy_stress elastic_strain volume mass body body_id
+    point_id J pressure pressure_smoothed von_mises_stress plastic_strain original_position half_lengths corners history
+    reaction displacement_increment displacement_datum""".split()
+)
+
+
 class _Adapter:
     """A law as the library calls it: contiguous arrays of the right shapes."""
 
@@ -98,7 +109,10 @@ class _Adapter:
             raise UsageError(f"`state` of the law of {name!r} is a mapping of names to initial values")
         self._name, self._law = name, law
         self._raised: BaseException | None = None
-        self.fields = [(str(key), "-", self._initial(key, value)) for key, value in state.items()]
+        for key in state:
+            if not isinstance(key, str) or not _WORD.match(key) or key in _TAKEN:
+                raise UsageError(f"a history variable of the law of {name!r} cannot be named {key!r}")
+        self.fields = [(key, "-", self._initial(key, value)) for key, value in state.items()]
         measure = getattr(law, "measure", "logarithmic")
         if not isinstance(measure, str) or measure not in ("logarithmic", "left-cauchy-green"):
             words = "'logarithmic' or 'left-cauchy-green'"
@@ -207,7 +221,7 @@ class BuiltInLaw:
         symmetric: Whether tangents are symmetric.
 
     Raises:
-        UsageError: There is no such law, or its parameters are others.
+        UsageError: There is no such law, or its parameters have other names. Their ranges are not checked.
 
     Example:
         >>> law = mpm.BuiltInLaw("hencky", young=1e6, poisson=0.25)
@@ -237,7 +251,9 @@ class BuiltInLaw:
         """Stress, tangent, elastic strain and history; shapes and units as :meth:`Law.update`.
 
         Raises:
-            UsageError: An array has another shape, or the law has no response to a strain.
+            UsageError: An array has another shape.
+
+        Where the law has no response to a strain, the row is not a number.
         """
         arrays = self._law.respond(_rows(strain, 6), _rows(history, len(self.state)))
         stress, elastic, tangent, new = cast("Sequence[Array]", arrays)
@@ -258,7 +274,8 @@ class BuiltInLaw:
 
 
 def _made(made_of: dict[str, Any]) -> BuiltInLaw:
-    return BuiltInLaw(**made_of)
+    parameters = dict(made_of)
+    return BuiltInLaw(parameters.pop("model"), **parameters)
 
 
 def _number(name: str, value: Any) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
 from typing import Any
@@ -13,6 +14,15 @@ _WIDTH = 24
 _FRAME = 0.1
 
 
+def _is_notebook() -> bool:
+    """Whether a kernel shows what cells display."""
+    if "IPython" not in sys.modules:
+        return False
+    from IPython import get_ipython
+
+    return getattr(get_ipython(), "kernel", None) is not None
+
+
 class Bar:
     """A bar for a run; nothing if there is neither a terminal nor a notebook."""
 
@@ -21,8 +31,10 @@ class Bar:
         self._handle: Any = None
         self._began = time.monotonic()
         self._drawn = 0.0
-        in_notebook = "ipykernel" in sys.modules
-        self._is_shown = wanted if wanted is not None else in_notebook or sys.stderr.isatty()
+        in_notebook = _is_notebook()
+        on_terminal = sys.stderr is not None and getattr(sys.stderr, "isatty", bool)()
+        self._is_shown = wanted if wanted is not None else in_notebook or on_terminal
+        self._is_shown = self._is_shown and (in_notebook or sys.stderr is not None)
         self._in_notebook = in_notebook
 
     def __enter__(self) -> Bar:
@@ -48,7 +60,8 @@ class Bar:
             f"residual {step.residual:.1e}  {left:.0f} s left"
         )
         if not self._in_notebook:
-            print(f"\r{text:<78}", end="", file=sys.stderr, flush=True)
+            width = shutil.get_terminal_size().columns - 1
+            print(f"\r{text[:width]:<{min(width, 78)}}", end="", file=sys.stderr, flush=True)
             return
         from IPython.display import display
 

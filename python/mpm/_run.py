@@ -354,7 +354,8 @@ class Run:
         run._process = os.getpid()
         run._has_laws, run._is_under_way = bool(laws), False
         run._step = None
-        run._directory = run._session.directory
+        # Absolute, since the process may go to another directory.
+        run._directory = None if run._session.directory is None else run._session.directory.absolute()
         run._closed = False
         declared = [name for law in (laws or {}).values() for name in getattr(law, "state", None) or ()]
         known = dict.fromkeys(("equivalent_plastic_strain", *declared))

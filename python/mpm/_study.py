@@ -7,9 +7,10 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
+import numpy.typing as npt
 
 from mpm._deck import Deck, StrPath, Value, _parameter, _setting
 from mpm._errors import MpmError, UsageError
@@ -89,7 +90,7 @@ def _solve(work: tuple[Deck, dict[str, Value], int, Path | None]) -> tuple[Resul
 
 def sweep(
     deck: Deck,
-    over: Mapping[str, Sequence[Value]],
+    over: Mapping[str, Sequence[Value] | npt.NDArray[Any]],
     *,
     processes: int | None = None,
     threads: int = 1,
@@ -148,11 +149,24 @@ def sweep(
     else:
         import multiprocessing
         from concurrent.futures import ProcessPoolExecutor
+        from concurrent.futures.process import BrokenProcessPool
 
         # A fresh interpreter: the threads of this one do not survive a fork.
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(count, mp_context=context) as pool:
+        pool = ProcessPoolExecutor(count, mp_context=context)
+        try:
             outcomes = list(pool.map(_solve, work))
+        except BrokenProcessPool:
+            raise UsageError(
+                "the processes of the study have died; a script that calls sweep needs the guard "
+                "`if __name__ == '__main__':`, since each process imports it"
+            ) from None
+        except BaseException:  # Ctrl-C: members that run or wait are given up
+            for process in (pool._processes or {}).values():
+                process.terminate()
+            raise
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
     return Study([Member(chosen, *outcome) for chosen, outcome in zip(combinations, outcomes)])
 
 

@@ -15,6 +15,7 @@ use mpm::material::{
 };
 use mpm::tensor::{Sym3, Tangent};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn};
+use pyo3::gc::{PyTraverseError, PyVisit};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -99,6 +100,16 @@ impl Laws {
             deck.laws.insert(name.clone(), OwnLaw(Arc::new(move || Box::new(law.clone()))));
         }
         Ok(())
+    }
+
+    /// True without laws.
+    pub fn are_none(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    /// Shows the objects of users to the collector of cycles.
+    pub fn traverse(&self, visit: &PyVisit<'_>) -> Result<(), PyTraverseError> {
+        self.list.iter().try_for_each(|(_, _, adapter)| visit.call(adapter.as_ref()))
     }
 
     /// The first exception that a law has raised.

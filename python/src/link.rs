@@ -4,7 +4,9 @@ use std::sync::mpsc::{Receiver, Sender};
 
 use mpm::deck::load::LoadedDeck;
 use mpm::deck::ready::Analysis;
-use mpm::output::record::Rows;
+use mpm::model::Model;
+use mpm::output::record::{Record, Rows};
+use mpm::points::Points;
 use serde_json::Value;
 
 /// A request of the interpreter to an analysis that waits between two steps.
@@ -35,11 +37,40 @@ pub enum Name {
     Convergence,
 }
 
+impl Name {
+    /// The table of this name.
+    pub fn of(self, record: &Record) -> &Rows {
+        match self {
+            Name::History => &record.history,
+            Name::Quality => &record.quality,
+            Name::Convergence => &record.convergence,
+        }
+    }
+}
+
 /// An array of the points in the order of their permanent numbers.
 pub struct Array {
     /// Numbers per point.
     pub components: usize,
     pub values: Vec<f64>,
+}
+
+impl Array {
+    /// An array of a model; none without an array of this name.
+    pub fn of<const D: usize>(model: &Model<D>, points: &Points<D>, name: &str) -> Option<Array> {
+        let found = model.array(points, name)?;
+        Some(Array { components: found.components, values: found.values })
+    }
+}
+
+impl Ended {
+    /// An array of the points in their last state.
+    pub fn array(&self, name: &str) -> Option<Array> {
+        match &self.analysis {
+            Analysis::Plane(parts) => Array::of(&parts.0, &parts.1, name),
+            Analysis::Solid(parts) => Array::of(&parts.0, &parts.1, name),
+        }
+    }
 }
 
 /// An event of a run.
@@ -48,14 +79,16 @@ pub enum Event {
     Iteration { step: usize, iteration: usize, residual: f64 },
     /// The run has begun, or a step is in equilibrium; the analysis waits for a request.
     Paused(Option<Box<Value>>),
-    /// The run has ended; the analysis waits for requests, but for no more steps.
+    /// The run has ended, and so does its thread.
     Ended(Box<Ended>),
 }
 
 /// The end of a run.
 pub struct Ended {
-    /// The document of `summary.json`.
-    pub summary: Option<Value>,
+    /// The model and its points in their last state.
+    pub analysis: Analysis,
+    /// The tables, and the document of `summary.json`.
+    pub record: Record,
     /// The error, if the run has not completed.
     pub failure: Option<Failure>,
 }

@@ -14,6 +14,7 @@ use mpm::output::results::Results;
 use mpm::output::status::{Progress, StatusFile};
 use mpm::output::summary::Start;
 use mpm::timing::{Phase, Timings};
+use pyo3::gc::{PyTraverseError, PyVisit};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -61,7 +62,7 @@ struct Running {
 pub struct Session {
     running: Mutex<Running>,
     laws: Laws,
-    on_iteration: Option<Py<PyAny>>,
+    on_iteration: Mutex<Option<Py<PyAny>>>,
     threads: Option<usize>,
     /// The process that began the run: after a fork its thread does not exist.
     process: u32,
@@ -108,7 +109,7 @@ impl Session {
         let session = Session {
             running: Mutex::new(running),
             laws,
-            on_iteration,
+            on_iteration: Mutex::new(on_iteration),
             threads,
             process,
             notes,
@@ -136,12 +137,12 @@ impl Session {
         let running = &mut *self.lock()?;
         let mut last = None;
         while running.is_under_way && running.ended.is_none() {
-            last = self.wait(py, running)?.or(last);
+            last = self.wait_until(py, running, None)?.or(last);
         }
         if running.ended.is_none() {
             self.send(running, Request::Stop)?;
             running.is_under_way = true;
-            self.wait(py, running)?;
+            self.wait_until(py, running, None)?;
         }
         Ok(last)
     }
@@ -149,7 +150,7 @@ impl Session {
     /// Ends the run and releases its thread and its memory; nothing can be asked afterwards.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         let mut running = self.lock()?;
-        running.requests = None;
+        running.requests = None; // what has ended is released with the run
         let thread = running.thread.take();
         drop(running);
         if self.process == std::process::id()
@@ -165,6 +166,28 @@ impl Session {
         self.laws.end_calls();
     }
 
+    fn __traverse__(&self, visit: PyVisit<'_>) -> Result<(), PyTraverseError> {
+        if let Ok(heard) = self.on_iteration.try_lock()
+            && let Some(heard) = heard.as_ref()
+        {
+            visit.call(heard)?;
+        }
+        self.laws.traverse(&visit)
+    }
+
+    fn __clear__(&self) {
+        // The analysis holds the laws: it ends, and is released.
+        self.laws.end_calls();
+        let mut running = self.running.try_lock();
+        if let Ok(running) = &mut running {
+            running.requests = None;
+            running.ended = None;
+        }
+        drop(running);
+        let heard = self.on_iteration.try_lock().ok().and_then(|mut heard| heard.take());
+        drop(heard);
+    }
+
     /// True if the run has ended.
     fn has_ended(&self) -> PyResult<bool> {
         Ok(self.lock()?.ended.is_some())
@@ -173,13 +196,17 @@ impl Session {
     /// The document of `summary.json`, as JSON; none before the end of the run.
     fn summary(&self) -> PyResult<Option<String>> {
         let running = self.lock()?;
-        let summary = running.ended.as_ref().and_then(|ended| ended.summary.as_ref());
+        let summary = running.ended.as_ref().and_then(|ended| ended.record.summary.as_ref());
         Ok(summary.map(ToString::to_string))
     }
 
     /// An array of the points in the order of their permanent numbers.
     fn array<'py>(&self, py: Python<'py>, name: String) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let found = self.ask(py, |reply| Request::Array(name, reply))?;
+        let at_end = self.at_end(|ended| ended.array(&name))?;
+        let found = match at_end {
+            Some(found) => found,
+            None => self.ask(py, |reply| Request::Array(name, reply))?,
+        };
         found.map(|array| matrix(py, array.values, array.components)).transpose()
     }
 
@@ -191,7 +218,10 @@ impl Session {
             "convergence" => Name::Convergence,
             other => return Err(Raised::misuse(format!("there is no table {other:?}")).into()),
         };
-        let rows = self.ask(py, |reply| Request::Table(name, reply))?;
+        let rows = match self.at_end(|ended| name.of(&ended.record).clone())? {
+            Some(rows) => rows,
+            None => self.ask(py, |reply| Request::Table(name, reply))?,
+        };
         let columns = rows.columns.iter().enumerate().map(|(k, name)| (name.as_str(), rows.column(k)));
         dictionary(py, columns)
     }
@@ -213,6 +243,9 @@ impl Session {
         })?;
         let running = &mut *self.lock()?;
         self.is_paused(running)?;
+        if running.ended.is_some() {
+            return Err(Raised::misuse("the run has ended").into());
+        }
         let (reply, answer) = mpsc::channel();
         self.send(running, Request::Change(Box::new(changed), reply))?;
         let outcome = received(py, answer)?;
@@ -254,7 +287,16 @@ impl Session {
         Ok(())
     }
 
-    /// Asks for something while the run is paused, or has ended.
+    /// What a run that has ended holds; none before its end.
+    fn at_end<T>(&self, of: impl FnOnce(&Ended) -> T) -> PyResult<Option<T>> {
+        let running = self.lock()?;
+        if running.requests.is_none() {
+            return Err(Raised::misuse("the run is closed").into());
+        }
+        Ok(running.ended.as_deref().map(of))
+    }
+
+    /// Asks for something while the run is paused.
     fn ask<T: Send>(&self, py: Python<'_>, request: impl FnOnce(Sender<T>) -> Request) -> PyResult<T> {
         let running = &*self.lock()?;
         self.is_paused(running)?;
@@ -265,6 +307,17 @@ impl Session {
 
     /// Waits until the run pauses or ends; the report of the step as JSON, if there is one.
     fn wait(&self, py: Python<'_>, running: &mut Running) -> PyResult<Option<String>> {
+        let hears = self.on_iteration.lock().ok().and_then(|heard| heard.as_ref().map(|f| f.clone_ref(py)));
+        self.wait_until(py, running, hears.as_ref())
+    }
+
+    /// The same; `hears` is told of every iteration.
+    fn wait_until(
+        &self,
+        py: Python<'_>,
+        running: &mut Running,
+        hears: Option<&Py<PyAny>>,
+    ) -> PyResult<Option<String>> {
         loop {
             let events = Mutex::new(&mut running.events);
             let received = py.detach(|| events.lock().ok().map(|events| events.recv_timeout(LOOK)));
@@ -274,24 +327,16 @@ impl Session {
                     return Ok(report.map(|report| report.to_string()));
                 }
                 Some(Ok(Event::Ended(ended))) => return self.end(py, running, ended),
-                Some(Ok(event)) => self.respond(py, event)?,
+                Some(Ok(Event::Iteration { step, iteration, residual })) => {
+                    if let Some(hears) = hears {
+                        hears.call1(py, (step, iteration, residual))?;
+                    }
+                    py.check_signals()?;
+                }
                 Some(Err(RecvTimeoutError::Timeout)) => py.check_signals()?,
                 _ => return Err(Raised::misuse("the run is closed").into()),
             }
         }
-    }
-
-    /// Responds to an event amid a step.
-    fn respond(&self, py: Python<'_>, event: Event) -> PyResult<()> {
-        match event {
-            Event::Iteration { step, iteration, residual } => {
-                if let Some(callback) = &self.on_iteration {
-                    callback.call1(py, (step, iteration, residual))?;
-                }
-            }
-            Event::Paused(_) | Event::Ended(_) => {}
-        }
-        py.check_signals()
     }
 
     /// Keeps the end of a run, and raises its error.
@@ -345,9 +390,12 @@ fn begin(
     })?;
     let Prepared { loaded, analysis, .. } = prepared;
     let notes = mpm::deck::diagnostic::as_json(&loaded.source, &loaded.notes).to_string();
-    let account = loaded
+    let mut account = loaded
         .account(start, set_up, pool.current_num_threads())
         .map_err(|error| Raised::misuse(error.to_string()))?;
+    if !laws.are_none() {
+        account.deck = None; // no checkpoint: the program could not go on with these laws
+    }
     let asked = loaded.deck.request();
     let not_writable = |directory: &std::path::Path, error: std::io::Error| Raised::Results {
         code: Some("R001"),

@@ -19,7 +19,7 @@ use mpm::solver::{
 };
 use serde_json::{Map, Value, json};
 
-use crate::link::{Array, Changed, Ended, Event, Failure, Link, Name, Request};
+use crate::link::{Array, Changed, Ended, Event, Failure, Link, Request};
 
 /// Writes the files of a run, and its status.
 pub struct Files {
@@ -65,9 +65,7 @@ trait State {
 
 impl<const D: usize> State for (&Model<D>, &Points<D>) {
     fn array(&self, name: &str) -> Option<Array> {
-        let (model, points) = self;
-        let found = model.array(points, name)?;
-        Some(Array { components: found.components, values: found.values })
+        Array::of(self.0, self.1, name)
     }
 }
 
@@ -86,12 +84,7 @@ impl Worker {
                 Ok(Request::Change(changed, reply)) => return Decision::Change(changed, reply),
                 Ok(Request::Array(name, reply)) => drop(reply.send(state.array(&name))),
                 Ok(Request::Table(name, reply)) => {
-                    let rows = match name {
-                        Name::History => &self.record.history,
-                        Name::Quality => &self.record.quality,
-                        Name::Convergence => &self.record.convergence,
-                    };
-                    drop(reply.send(rows.clone()));
+                    drop(reply.send(name.of(&self.record).clone()));
                 }
             }
         }
@@ -105,10 +98,10 @@ impl Worker {
         }
     }
 
-    /// Runs an analysis to its end, and then answers requests until the interpreter drops the run.
+    /// Runs an analysis to its end, and hands it over.
     pub fn run(mut self, mut analysis: Analysis, loaded: LoadedDeck) {
         let reached = analysis.beginning();
-        match &mut analysis {
+        let failure = match &mut analysis {
             Analysis::Plane(parts) => self.run_in(&mut parts.0, &mut parts.1, reached, loaded, |a| match a {
                 Analysis::Plane(parts) => Some(parts.0),
                 Analysis::Solid(_) => None,
@@ -117,7 +110,10 @@ impl Worker {
                 Analysis::Solid(parts) => Some(parts.0),
                 Analysis::Plane(_) => None,
             }),
-        }
+        };
+        self.files = None; // releases the directory
+        let Worker { link, record, .. } = self;
+        let _ = link.events.send(Event::Ended(Box::new(Ended { analysis, record, failure })));
     }
 
     fn run_in<const D: usize>(
@@ -127,7 +123,8 @@ impl Worker {
         reached: Reached,
         loaded: LoadedDeck,
         model_of: fn(Analysis) -> Option<Model<D>>,
-    ) where
+    ) -> Option<Failure>
+    where
         Model<D>: Solvable<D>,
     {
         let outcome = catch_unwind(AssertUnwindSafe(|| {
@@ -138,7 +135,7 @@ impl Worker {
             };
             run_with_changes(model, points, reached, &mut Shared(&follower), change)
         }));
-        let failure = match outcome {
+        match outcome {
             Ok(outcome) => outcome.err().map(|error| Failure {
                 code: error.code(),
                 message: error.to_string(),
@@ -154,16 +151,6 @@ impl Worker {
                 residuals: Vec::new(),
                 is_interruption: false,
             }),
-        };
-        self.files = None; // releases the directory
-        let summary = self.record.summary.clone();
-        self.tell(Event::Ended(Box::new(Ended { summary, failure })));
-        loop {
-            match self.pause(&(&*model, &*points)) {
-                Decision::Go => {}
-                Decision::Change(_, reply) => drop(reply.send(Err("the run has ended".to_owned()))),
-                Decision::Stop => return,
-            }
         }
     }
 }

@@ -32,7 +32,9 @@ impl LoadedDeck {
     /// Makes an account state this deck in place of the one with which the run began.
     pub fn restate(&self, account: &mut Account) {
         if let Ok(of_this) = self.account(account.start, account.set_up.clone(), account.threads) {
-            *account = of_this;
+            // Without its deck a run writes no checkpoints, and goes on so.
+            let deck = account.deck.is_some().then_some(of_this.deck).flatten();
+            *account = Account { deck, ..of_this };
         }
     }
 }
