@@ -216,7 +216,8 @@ class Deck(MutableMapping[str, Any]):
             threads: Number of threads, from 1 to 1024; by default, one per core. Results are the same for any number.
             out: Directory for the files that ``mpm run`` writes. Earlier results in it are replaced.
             laws: Laws written in Python, by the names of the materials whose laws they replace; see
-                :class:`mpm.Law`. The density and everything else stays as the deck states it.
+                :class:`mpm.Law`. The density and everything else stays as the deck states it. Runs
+                with them write no checkpoints, as the program could not go on with them.
             on_iteration: Called after every evaluation of the out-of-balance force with the number of the step, from 1,
                 that of the iteration, from 0, and the relative residual, [-]. It is called in the thread that waits for
                 the step, while the analysis goes on. An exception in it interrupts the waiting, not the run: the next

@@ -232,13 +232,13 @@ INTERRUPTED = """
         except KeyboardInterrupt:
             print("interrupted", flush=True)
             interruptions += 1
-    for _ in range(2):
-        steps.append(next(run).index)
+    # The interrupt may have come between a step and the body of the loop, so that the list lacks it.
+    first, second = next(run).index, next(run).index
     run.stop()
     again = deck.start(threads=2)
-    [next(again) for _ in steps]
+    [next(again) for _ in range(second)]
     again.stop()
-    print(steps == list(range(1, len(steps) + 1)), run.history == again.history, flush=True)
+    print(second == first + 1 >= len(steps) + 2, run.history == again.history, flush=True)
 """
 
 INTERRUPTED_WITH_FILES = """
