@@ -250,10 +250,10 @@ class BuiltInLaw:
     def update(self, strain: Array, history: Array) -> tuple[Array, Array, Array, Array]:
         """Stress, tangent, elastic strain and history; shapes and units as :meth:`Law.update`.
 
+        A row is not a number where the law has no response to the strain.
+
         Raises:
             UsageError: An array has another shape.
-
-        Where the law has no response to a strain, the row is not a number.
         """
         arrays = self._law.respond(_rows(strain, 6), _rows(history, len(self.state)))
         stress, elastic, tangent, new = cast("Sequence[Array]", arrays)
