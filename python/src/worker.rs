@@ -225,12 +225,6 @@ impl<const D: usize> Observer<D> for Shared<'_, '_> {
         Ok(())
     }
 
-    fn initial_state(&mut self, state: &mpm::solver::InitialState) {
-        if let Some(files) = &mut self.0.borrow_mut().worker.files {
-            Observer::<D>::initial_state(&mut files.results, state);
-        }
-    }
-
     fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
         let worker = &mut *self.0.borrow_mut().worker;
         Observer::<D>::iteration(&mut worker.record, step, iteration, residual);
