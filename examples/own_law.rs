@@ -53,7 +53,7 @@ impl Material for Stiffening {
         })
     }
 
-    fn energy(&self, strain: &Sym3) -> f64 {
+    fn energy(&self, strain: &Sym3, _: &[f64]) -> f64 {
         let (a, volume) = (self.growth, strain.trace());
         let deviator = *strain - Sym3::IDENTITY * (volume / 3.0);
         self.bulk * (volume + ((-a * volume).exp() - 1.0) / a) / a + self.shear * deviator.dot(&deviator)
@@ -154,7 +154,7 @@ mod tests {
                 shifted
             };
             let (high, low) = (shifted(step), shifted(-step));
-            let stress = (LAW.energy(&high) - LAW.energy(&low)) / (2.0 * step);
+            let stress = (LAW.energy(&high, &[]) - LAW.energy(&low, &[])) / (2.0 * step);
             assert!((stress - at(&strain).tau.0[c]).abs() < 1e-7 * LAW.bulk);
             for r in 0..6 {
                 let entry = (at(&high).tau.0[r] - at(&low).tau.0[r]) / (2.0 * step);

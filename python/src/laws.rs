@@ -185,7 +185,7 @@ impl Material for PythonLaw {
         respond_alone(self, trial, old, new)
     }
 
-    fn elastic_strain(&self, tau: &Sym3) -> Result<Sym3, MaterialError> {
+    fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {
         let inverse = self.with_interpreter(|py| {
             let stress = PyArray1::from_slice(py, &row(tau)).reshape([1, 6])?;
             let found: Option<PyReadonlyArrayDyn<'_, f64>> =
@@ -204,9 +204,8 @@ impl Material for PythonLaw {
         Some(self)
     }
 
-    fn energy(&self, elastic_strain: &Sym3) -> f64 {
-        let initial: Vec<f64> = self.facts.fields.iter().map(|field| field.initial).collect();
-        self.energies(std::slice::from_ref(elastic_strain), &initial, &[1.0])[0]
+    fn energy(&self, elastic_strain: &Sym3, history: &[f64]) -> f64 {
+        self.energies(std::slice::from_ref(elastic_strain), history, &[1.0])[0]
     }
 
     fn tangent_is_symmetric(&self) -> bool {
@@ -353,8 +352,10 @@ impl BuiltIn {
         py: Python<'py>,
         stress: PyReadonlyArrayDyn<'py, f64>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let strain =
-            |stress: &[f64]| self.law.elastic_strain(&tensor(stress)).map_or([f64::NAN; 6], |e| row(&e));
+        let initial = self.law.initial_history();
+        let strain = |stress: &[f64]| {
+            self.law.elastic_strain(&tensor(stress), &initial).map_or([f64::NAN; 6], |e| row(&e))
+        };
         matrix(py, stress.as_slice()?.chunks_exact(6).flat_map(strain).collect(), 6)
     }
 
@@ -364,7 +365,9 @@ impl BuiltIn {
         py: Python<'py>,
         strain: PyReadonlyArrayDyn<'py, f64>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let energies = strain.as_slice()?.chunks_exact(6).map(|strain| self.law.energy(&tensor(strain)));
+        let initial = self.law.initial_history();
+        let energy = |strain: &[f64]| self.law.energy(&tensor(strain), &initial);
+        let energies = strain.as_slice()?.chunks_exact(6).map(energy);
         matrix(py, energies.collect(), 1)
     }
 

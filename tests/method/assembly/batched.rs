@@ -63,7 +63,7 @@ impl BatchLaw for InBatches {
         let n = self.law.state_fields().len();
         let mut sums = [0.0; 2];
         for (p, (strain, volume)) in elastic_strain.iter().zip(volume).enumerate() {
-            sums[0] += self.law.energy(strain) * volume;
+            sums[0] += self.law.energy(strain, &history[p * n..(p + 1) * n]) * volume;
             sums[1] += self.law.plastic_work(&history[p * n..(p + 1) * n]) * volume;
         }
         sums
@@ -83,16 +83,16 @@ impl Material for InBatches {
         respond_alone(self, trial, old, new)
     }
 
-    fn elastic_strain(&self, tau: &Sym3) -> Result<Sym3, MaterialError> {
-        self.law.elastic_strain(tau)
+    fn elastic_strain(&self, tau: &Sym3, history: &[f64]) -> Result<Sym3, MaterialError> {
+        self.law.elastic_strain(tau, history)
     }
 
     fn batch(&self) -> Option<&dyn BatchLaw> {
         Some(self)
     }
 
-    fn energy(&self, elastic_strain: &Sym3) -> f64 {
-        self.law.energy(elastic_strain)
+    fn energy(&self, elastic_strain: &Sym3, history: &[f64]) -> f64 {
+        self.law.energy(elastic_strain, history)
     }
 
     fn plastic_work(&self, history: &[f64]) -> f64 {

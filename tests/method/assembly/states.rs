@@ -62,7 +62,7 @@ impl Material for Skewed {
         Ok(Response { tau: trial.contract(&self.0), elastic_strain: *trial, tangent: self.0 })
     }
 
-    fn energy(&self, _: &Sym3) -> f64 {
+    fn energy(&self, _: &Sym3, _: &[f64]) -> f64 {
         0.0 // this law has no energy
     }
 

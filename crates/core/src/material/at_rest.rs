@@ -19,7 +19,7 @@ const SMALL_STRAIN: f64 = 1e-9;
 
 /// Magnitude of the stress at a small strain, relative to that strain, [stress].
 fn stiffness_at_rest(law: &dyn Material, strain: Sym3) -> f64 {
-    let old: Vec<f64> = law.state_fields().iter().map(|field| field.initial).collect();
+    let old = law.initial_history();
     let response = law.update(&strain, &old, &mut old.clone());
     response.map_or(0.0, |response| response.tau.norm() / strain.norm())
 }

@@ -107,7 +107,8 @@ impl Deviation {
 /// The errors of a law at a logarithmic trial strain, with initial history.
 pub(super) fn deviations(law: &dyn Material, logarithmic: &Sym3) -> Vec<Deviation> {
     let not_finite = Sym3([f64::NAN, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    let refuses = Deviation::unless(update(law, &not_finite, &initial(law)).is_none(), Property::NotFinite);
+    let refuses =
+        Deviation::unless(update(law, &not_finite, &law.initial_history()).is_none(), Property::NotFinite);
     let Some(at) = At::new(law, logarithmic) else {
         return vec![Deviation::unless(false, Property::Response), refuses];
     };
@@ -153,11 +154,6 @@ fn in_measure(law: &dyn Material, logarithmic: &Sym3) -> Sym3 {
     }
 }
 
-/// History variables of the undeformed state.
-fn initial(law: &dyn Material) -> Vec<f64> {
-    law.state_fields().iter().map(|field| field.initial).collect()
-}
-
 /// Response and trial history.
 fn update(law: &dyn Material, trial: &Sym3, old: &[f64]) -> Option<(Response, Vec<f64>)> {
     let mut new = old.to_vec();
@@ -186,7 +182,7 @@ struct At<'a> {
 
 impl<'a> At<'a> {
     fn new(law: &'a dyn Material, logarithmic: &Sym3) -> Option<Self> {
-        let old = initial(law);
+        let old = law.initial_history();
         let trial = in_measure(law, logarithmic);
         let (response, new) = update(law, &trial, &old)?;
         let at_rest = update(law, &Sym3::ZERO, &old)?.0.tangent.norm();
@@ -248,7 +244,7 @@ impl<'a> At<'a> {
 
     /// The inverse of the elastic law, if it has one; far from zero strain, another strain may have the same stress.
     fn inverse(&self) -> Option<Deviation> {
-        let strain = self.law.elastic_strain(&self.response.tau).ok()?;
+        let strain = self.law.elastic_strain(&self.response.tau, &self.new).ok()?;
         if self.logarithmic.norm() < 0.02 {
             let expected = self.response.elastic_strain;
             let error = (strain - expected).norm() / (expected.norm() + 1e-3);
@@ -264,7 +260,7 @@ impl<'a> At<'a> {
         let At { law, logarithmic, response, new, .. } = self;
         let elastic = law.strain_measure().logarithmic(&response.elastic_strain) * 0.5;
         let direction = *logarithmic * (1.0 / logarithmic.norm().max(f64::MIN_POSITIVE));
-        let energy = |by: f64| law.energy(&in_measure(*law, &(elastic + direction * by)));
+        let energy = |by: f64| law.energy(&in_measure(*law, &(elastic + direction * by)), new);
         let slope = (energy(1e-6) - energy(-1e-6)) / 2e-6;
         let work = stress(*law, &in_measure(*law, &elastic), new).dot(&direction);
         Deviation::new(Property::Potential, (slope - work).abs() / self.elastic_stress(), 1e-7)

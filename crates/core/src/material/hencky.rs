@@ -31,7 +31,7 @@ impl Material for Hencky {
         Ok(Response { tau, elastic_strain: *trial, tangent: self.tangent })
     }
 
-    fn elastic_strain(&self, tau: &Sym3) -> Result<Sym3, MaterialError> {
+    fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {
         self.elasticity.strain(tau)
     }
 
@@ -39,7 +39,7 @@ impl Material for Hencky {
         Some(self)
     }
 
-    fn energy(&self, elastic_strain: &Sym3) -> f64 {
+    fn energy(&self, elastic_strain: &Sym3, _: &[f64]) -> f64 {
         self.elasticity.energy(elastic_strain)
     }
 }

@@ -170,12 +170,21 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// [`MaterialError`] if the strain is not finite or the return mapping fails.
     fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError>;
 
+    /// History variables of a point without initial stress.
+    fn initial_history(&self) -> Vec<f64> {
+        self.state_fields().iter().map(|field| field.initial).collect()
+    }
+
+    /// Adapts the initial history variables of a point to its initial elastic strain, in the measure of the law, and its
+    /// volume ratio J.
+    fn start_from(&self, _elastic_strain: &Sym3, _volume_ratio: f64, _history: &mut [f64]) {}
+
     /// Elastic strain, in the measure of the law, whose Kirchhoff stress is `tau`: the inverse of the elastic law. Yield
     /// plays no part; a stress outside the yield surface has a strain, too.
     ///
     /// # Errors
     /// [`MaterialError::NoInverse`] if the law has no inverse, [`MaterialError::NoStrain`] if no strain gives the stress.
-    fn elastic_strain(&self, _tau: &Sym3) -> Result<Sym3, MaterialError> {
+    fn elastic_strain(&self, _tau: &Sym3, _history: &[f64]) -> Result<Sym3, MaterialError> {
         Err(MaterialError::NoInverse)
     }
 
@@ -196,7 +205,7 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     }
 
     /// Stored elastic energy per initial volume, [energy/volume].
-    fn energy(&self, elastic_strain: &Sym3) -> f64;
+    fn energy(&self, elastic_strain: &Sym3, history: &[f64]) -> f64;
 
     /// Plastic work per initial volume, from the history variables, [energy/volume]. It includes the energy stored by
     /// hardening.

@@ -93,7 +93,7 @@ impl Material for NeoHookean {
     /// τ = μ (b − I) + λ ln J I gives b for a given ℓ = ln J, so that ½ ln det b(ℓ) − ℓ = 0 remains. This function is
     /// concave, and its root of falling slope, to which Newton's method converges, is the state that a path from the
     /// undeformed one reaches.
-    fn elastic_strain(&self, tau: &Sym3) -> Result<Sym3, MaterialError> {
+    fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {
         let strain = |log_j: f64| (*tau - Sym3::IDENTITY * (self.lambda * log_j)) * (0.5 / self.mu);
         // μ times the smallest eigenvalue of b at ℓ = 0.
         let smallest = self.mu + tau.spectrum().values.into_iter().fold(f64::INFINITY, f64::min);
@@ -130,7 +130,7 @@ impl Material for NeoHookean {
         Some(self)
     }
 
-    fn energy(&self, elastic_strain: &Sym3) -> f64 {
+    fn energy(&self, elastic_strain: &Sym3, _: &[f64]) -> f64 {
         let log_j = log_volume_ratio(elastic_strain);
         self.mu * (elastic_strain.trace() - log_j) + 0.5 * self.lambda * log_j * log_j
     }

@@ -68,12 +68,12 @@ impl Material for Wrong {
         Ok(response)
     }
 
-    fn elastic_strain(&self, tau: &Sym3) -> Result<Sym3, MaterialError> {
-        self.0.elastic_strain(tau)
+    fn elastic_strain(&self, tau: &Sym3, history: &[f64]) -> Result<Sym3, MaterialError> {
+        self.0.elastic_strain(tau, history)
     }
 
-    fn energy(&self, elastic_strain: &Sym3) -> f64 {
-        self.0.energy(elastic_strain)
+    fn energy(&self, elastic_strain: &Sym3, history: &[f64]) -> f64 {
+        self.0.energy(elastic_strain, history)
     }
 }
 

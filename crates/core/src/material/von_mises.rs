@@ -125,7 +125,7 @@ impl Material for VonMises {
         Ok(Response { tau: Sym3(response.tau), elastic_strain: Sym3(response.elastic_strain), tangent })
     }
 
-    fn elastic_strain(&self, tau: &Sym3) -> Result<Sym3, MaterialError> {
+    fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {
         self.elasticity.strain(tau)
     }
 
@@ -133,7 +133,7 @@ impl Material for VonMises {
         Some(self)
     }
 
-    fn energy(&self, elastic_strain: &Sym3) -> f64 {
+    fn energy(&self, elastic_strain: &Sym3, _: &[f64]) -> f64 {
         self.elasticity.energy(elastic_strain)
     }
 

@@ -27,7 +27,7 @@ const RETURNED: f64 = 1e-13;
 
 impl<const D: usize> Model<D> {
     /// Stresses a point of the initial configuration, in the converged and the trial state: F = I, b^e from the inverse
-    /// of the elastic law, and the history variables at their initial values. `stress` is the Kirchhoff stress τ, which
+    /// of the elastic law, and the history variables adapted to it. `stress` is the Kirchhoff stress τ, which
     /// equals the Cauchy stress at F = I, [stress]. A stress outside the yield surface is replaced by that to which the
     /// law returns it, without plastic strain. Returns the stress of the point, [stress].
     ///
@@ -40,16 +40,20 @@ impl<const D: usize> Model<D> {
         stress: &Sym3,
     ) -> Result<Sym3, MaterialError> {
         let law = self.law(points, p);
-        let first = p * points.history_len;
-        let history = &points.converged.history[first..first + law.state_fields().len()];
-        let mut flowed = history.to_vec();
-        let mut strain = law.elastic_strain(stress)?;
+        let own = p * points.history_len..p * points.history_len + law.state_fields().len();
+        let mut history = points.converged.history[own.clone()].to_vec();
+        let volume_ratio = points.converged.deformation_gradient[p].determinant();
+        let mut flowed = history.clone();
+        let mut strain = law.elastic_strain(stress, &history)?;
+        law.start_from(&strain, volume_ratio, &mut history);
         for _ in 0..MOST_RETURNS {
-            let response = law.update(&strain, history, &mut flowed)?;
+            let response = law.update(&strain, &history, &mut flowed)?;
             let change = (response.elastic_strain - strain).norm();
             strain = response.elastic_strain;
             if change <= RETURNED * strain.norm() {
+                law.start_from(&strain, volume_ratio, &mut history);
                 for state in [&mut points.converged, &mut points.trial] {
+                    state.history[own.clone()].copy_from_slice(&history);
                     state.elastic_strain[p] = strain;
                     state.kirchhoff_stress[p] = response.tau;
                 }

@@ -11,6 +11,7 @@ use super::warning::{Code, Detail, Location, Warning};
 use super::{Quality, Worst, contrast, gaps, holding};
 use crate::equilibrium::StepReport;
 use crate::linear::Factorisation;
+use crate::material::Material;
 use crate::model::{Body, Control, Model};
 use crate::points::{Points, coordinates};
 use crate::tensor::Sym3;
@@ -169,7 +170,8 @@ impl Quality {
 /// Energy of all points under the strain of round-off, [energy].
 fn work_of_round_off<const D: usize>(model: &Model<D>, points: &Points<D>) -> f64 {
     let strain = Sym3([STRAIN_OF_ROUND_OFF, STRAIN_OF_ROUND_OFF, STRAIN_OF_ROUND_OFF, 0.0, 0.0, 0.0]);
-    let energies: Vec<f64> = model.materials.iter().map(|material| material.law.energy(&strain)).collect();
+    let energy = |law: &dyn Material| law.energy(&strain, &law.initial_history());
+    let energies: Vec<f64> = model.materials.iter().map(|material| energy(material.law.as_ref())).collect();
     let energy = |p: usize| energies[model.bodies[points.body[p] as usize].material];
     (0..points.len()).map(|p| energy(p) * points.original_volume[p]).sum()
 }

@@ -124,7 +124,8 @@ impl Amount {
         let energy = |p: usize| {
             let law = model.law(points, p);
             let history = &points.converged.history[p * n..][..law.state_fields().len()];
-            let density = law.energy(&points.converged.elastic_strain[p]) + law.plastic_work(history);
+            let density =
+                law.energy(&points.converged.elastic_strain[p], history) + law.plastic_work(history);
             density * points.original_volume[p]
         };
         Amount {

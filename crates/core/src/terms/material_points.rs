@@ -271,7 +271,7 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
                 continue;
             }
             let history = &points.trial.history[p * points.history_len..][..law.state_fields().len()];
-            ledger.stored += law.energy(&points.trial.elastic_strain[p]) * points.original_volume[p];
+            ledger.stored += law.energy(&points.trial.elastic_strain[p], history) * points.original_volume[p];
             ledger.plastic += law.plastic_work(history) * points.original_volume[p];
         }
         ledger

@@ -177,8 +177,8 @@ impl Material for Noting<'_> {
         Ok(no_stress(trial))
     }
 
-    fn energy(&self, elastic_strain: &Sym3) -> f64 {
-        self.law.energy(elastic_strain)
+    fn energy(&self, elastic_strain: &Sym3, history: &[f64]) -> f64 {
+        self.law.energy(elastic_strain, history)
     }
 }
 
@@ -196,8 +196,8 @@ impl Material for Answering<'_> {
         Ok(*self.response)
     }
 
-    fn energy(&self, elastic_strain: &Sym3) -> f64 {
-        self.law.energy(elastic_strain)
+    fn energy(&self, elastic_strain: &Sym3, history: &[f64]) -> f64 {
+        self.law.energy(elastic_strain, history)
     }
 }
 
@@ -215,7 +215,7 @@ impl Material for Mute {
         Ok(no_stress(trial))
     }
 
-    fn energy(&self, _: &Sym3) -> f64 {
+    fn energy(&self, _: &Sym3, _: &[f64]) -> f64 {
         0.0
     }
 }
