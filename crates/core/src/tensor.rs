@@ -16,7 +16,10 @@ use std::ops::{Add, Mul, Sub};
 use nalgebra::{Matrix3, SMatrix, SVector};
 
 pub use lane::{Lane, Lanes};
-pub use spectral::{Spectrum, exp_derivative, log_derivative, log_divided_difference, log_with_derivative};
+pub use spectral::{
+    PrincipalDerivative, Spectrum, exp_derivative, log_derivative, log_divided_difference,
+    log_with_derivative,
+};
 
 /// A general second-order tensor.
 pub type Mat3 = Matrix3<f64>;

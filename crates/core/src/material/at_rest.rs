@@ -17,9 +17,13 @@ pub fn axial_modulus_at_rest(law: &dyn Material) -> f64 {
 /// Strain at which the initial moduli are evaluated, [-].
 const SMALL_STRAIN: f64 = 1e-9;
 
-/// Magnitude of the stress at a small strain, relative to that strain, [stress].
+/// Magnitude of the change of stress by a small strain, relative to that strain, [stress]. Some laws have a stress at zero
+/// strain.
 fn stiffness_at_rest(law: &dyn Material, strain: Sym3) -> f64 {
     let old = law.initial_history();
-    let response = law.update(&strain, &old, &mut old.clone());
-    response.map_or(0.0, |response| response.tau.norm() / strain.norm())
+    let stress = |strain: &Sym3| law.update(strain, &old, &mut old.clone()).map(|response| response.tau);
+    match (stress(&strain), stress(&Sym3::ZERO)) {
+        (Ok(strained), Ok(at_rest)) => (strained - at_rest).norm() / strain.norm(),
+        _ => 0.0,
+    }
 }

@@ -8,11 +8,19 @@
 mod at_rest;
 mod batch;
 pub mod conformance;
+mod drucker_prager;
 mod hencky;
+mod modified_cam_clay;
+mod mohr_coulomb;
 mod neo_hookean;
+mod principal;
+mod softening;
+mod strength;
 #[cfg(test)]
 pub(crate) mod tests;
+mod tresca;
 mod von_mises;
+mod wedge;
 
 use std::borrow::Cow;
 
@@ -21,8 +29,15 @@ use crate::tensor::{Lane, Lanes, Sym3, Tangent, dyad};
 pub use at_rest::{axial_modulus_at_rest, shear_modulus_at_rest};
 pub(crate) use batch::respond_to_batch;
 pub use batch::{BatchError, BatchLaw, respond_alone};
+pub use drucker_prager::{DruckerPrager, Match};
 pub use hencky::Hencky;
+pub use modified_cam_clay::{CamClay, ModifiedCamClay};
+pub use mohr_coulomb::{Friction, MohrCoulomb};
 pub use neo_hookean::NeoHookean;
+pub use principal::{PrincipalLaw, PrincipalResponse, update_in_principal_axes};
+pub use softening::Softening;
+pub use strength::StrengthMeasure;
+pub use tresca::Tresca;
 pub use von_mises::VonMises;
 
 /// A history variable of a law.
@@ -211,6 +226,12 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// hardening.
     fn plastic_work(&self, _history: &[f64]) -> f64 {
         0.0
+    }
+
+    /// The law with its shear strength divided by a factor, cohesion and the tangent of the friction angle; `None` if it
+    /// has no such strength.
+    fn with_strength_divided(&self, _factor: f64) -> Option<Box<dyn Material>> {
+        None
     }
 
     /// True if Ã always has major symmetry, which requires that D^alg, with respect to the logarithmic strain, has it.

@@ -1,5 +1,7 @@
 //! All laws have the properties on which the solver relies. A new law adds one line to the list.
 
+mod return_mapping;
+
 use proptest::prelude::*;
 
 use super::conformance::{Deviation, Property, check, deviations};
@@ -13,7 +15,41 @@ pub(crate) fn laws() -> Vec<Box<dyn Material>> {
         Box::new(NeoHookean::new(1e3, -0.4)),
         Box::new(VonMises::new(1e6, 0.3, 20e3)),
         Box::new(VonMises::new(1e6, 0.3, 20e3).hardening(0.4e6)),
+        Box::new(Tresca::new(1e6, 0.3, 20e3)),
+        Box::new(Tresca::new(1e6, 0.3, 20e3).limiting(StrengthMeasure::Cauchy)),
+        Box::new(Tresca::new(1e6, 0.3, 20e3).softening(5e3, Softening::over(0.4))),
+        Box::new(MohrCoulomb::new(1e6, 0.2, CLAY).limiting(StrengthMeasure::Kirchhoff)),
+        Box::new(MohrCoulomb::new(1e6, 0.3, Friction { dilation_angle: 0.0, ..CLAY })),
+        Box::new(MohrCoulomb::new(1e6, 0.3, Friction { dilation_angle: 10.0, ..CLAY }).tensile_strength(5e3)),
+        Box::new(softening_sand()),
+        Box::new(DruckerPrager::new(1e6, 0.3, CLAY, Match::Compression).limiting(StrengthMeasure::Kirchhoff)),
+        Box::new(DruckerPrager::new(1e6, 0.3, Friction { dilation_angle: 5.0, ..CLAY }, Match::PlaneStrain)),
     ]
+}
+
+const CLAY: Friction = Friction { cohesion: 10e3, friction_angle: 25.0, dilation_angle: 25.0 };
+
+/// All that the surface of Mohr and Coulomb may have: dilation, a cut-off, softening, and the Cauchy stress.
+fn softening_sand() -> MohrCoulomb {
+    let peak = Friction { cohesion: 20e3, friction_angle: 35.0, dilation_angle: 12.0 };
+    let residual = Friction { cohesion: 2e3, friction_angle: 28.0, dilation_angle: 0.0 };
+    MohrCoulomb::new(1e6, 0.3, peak).tensile_strength(8e3).softening(residual, Softening::over(0.5))
+}
+
+/// Cam-clays with constant shear modulus and with one that grows with the pressure.
+fn cam_clays() -> Vec<ModifiedCamClay> {
+    let constant = CamClay {
+        compression_index: 0.09,
+        swelling_index: 0.02,
+        critical_state_ratio: 1.05,
+        shear_modulus: 3e6,
+        shear_modulus_ratio: 0.0,
+        overconsolidation_ratio: 1.0,
+        reference_pressure: 100e3,
+    };
+    let growing =
+        CamClay { shear_modulus: 1e6, shear_modulus_ratio: 8.0, overconsolidation_ratio: 2.5, ..constant };
+    [constant, growing].map(ModifiedCamClay::new).into()
 }
 
 fn conforms_to_round_off(law: &dyn Material, strain: Sym3) {
@@ -37,6 +73,10 @@ proptest! {
 
     #[test]
     fn every_law_conforms(e in prop::array::uniform6(-0.3..0.3f64)) {
+        for law in cam_clays() {
+            conforms_to_round_off(&law, Sym3(e) * 0.2);
+            conforms_to_round_off(&law, Sym3([e[0], e[1], e[2], 0.0, 0.0, e[5]]) * 0.1);
+        }
         for law in laws() {
             conforms_to_round_off(law.as_ref(), Sym3(e));
             conforms_to_round_off(law.as_ref(), Sym3([e[0], e[1], e[2], 0.0, 0.0, e[5]]));
@@ -49,6 +89,9 @@ proptest! {
 fn the_check_of_a_law_finds_nothing_in_those_of_the_library() {
     for law in laws() {
         assert_eq!(check(law.as_ref(), 0.3), [], "{law:?}");
+    }
+    for law in cam_clays() {
+        assert_eq!(check(&law, 0.06), [], "{law:?}");
     }
 }
 

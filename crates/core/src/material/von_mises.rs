@@ -1,13 +1,8 @@
 //! Von Mises plasticity.
 
+use super::strength::{EQUIVALENT, ON_SURFACE};
 use super::{CompactResponse, Elasticity, Material, MaterialError, Response, StateField, VectorisedLaw};
 use crate::tensor::{Lane, Lanes, Sym3, Tangent, dyad};
-
-/// Relative tolerance of the yield surface: stresses beyond it by less than this are elastic.
-///
-/// A point that has yielded starts the next step on the surface up to round-off. Without a tolerance, round-off would
-/// select its elastic or plastic tangent and so change the course of the Newton iterations.
-const ON_SURFACE: f64 = 1e-10;
 
 /// Von Mises plasticity with linear isotropic hardening: f = ρ − (ρ_y + H κ) with ρ = √(2 J₂) of the Kirchhoff stress,
 /// eq. (43), and the equivalent plastic strain κ.
@@ -101,9 +96,6 @@ impl VonMises {
     }
 }
 
-/// √(2/3): growth of the equivalent plastic strain per norm of the plastic strain increment.
-const EQUIVALENT: f64 = 0.816_496_580_927_726;
-
 impl Material for VonMises {
     fn state_fields(&self) -> &[StateField] {
         const { &[StateField::new("equivalent_plastic_strain", "-", 0.0)] }
@@ -135,6 +127,15 @@ impl Material for VonMises {
 
     fn energy(&self, elastic_strain: &Sym3, _: &[f64]) -> f64 {
         self.elasticity.energy(elastic_strain)
+    }
+
+    fn with_strength_divided(&self, factor: f64) -> Option<Box<dyn Material>> {
+        let reduced = VonMises {
+            yield_radius: self.yield_radius / factor,
+            hardening: self.hardening / factor,
+            ..self.clone()
+        };
+        Some(Box::new(reduced))
     }
 
     /// ∫ ρ |dε^p| with ρ = ρ_y + H κ and |dε^p| = dκ/√(2/3).

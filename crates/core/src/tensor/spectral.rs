@@ -21,6 +21,15 @@ pub struct Spectrum {
     pub vectors: [[f64; 3]; 3],
 }
 
+/// Derivative of an isotropic tensor function in the eigenbasis of its argument.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PrincipalDerivative {
+    /// Derivative of eigenvalue `i` of the function with respect to eigenvalue `j` of the argument, `[i][j]`.
+    pub normal: [[f64; 3]; 3],
+    /// Divided differences for the pairs (1, 2), (0, 2) and (0, 1).
+    pub across: [f64; 3],
+}
+
 impl Spectrum {
     /// Decomposes a tensor. The error is of the order of round-off in its largest entry; NaN gives NaN.
     ///
@@ -71,6 +80,37 @@ impl Spectrum {
         let mut sum = Sym3::ZERO;
         for (f, n) in f.iter().zip(&self.vectors) {
             sum = sum + square(n) * *f;
+        }
+        sum
+    }
+
+    /// The same with the eigenvalues in descending order.
+    #[inline]
+    pub fn descending(mut self) -> Spectrum {
+        for (a, b) in [(0, 1), (1, 2), (0, 1)] {
+            if self.values[a] < self.values[b] {
+                self.values.swap(a, b);
+                self.vectors.swap(a, b);
+            }
+        }
+        self
+    }
+
+    /// Derivative of an isotropic tensor function whose eigenvalues each depend on all eigenvalues of the argument.
+    #[inline]
+    pub fn full_derivative(&self, derivative: &PrincipalDerivative) -> Tangent {
+        let squares = [square(&self.vectors[0]), square(&self.vectors[1]), square(&self.vectors[2])];
+        let mut sum = Tangent::zeros();
+        for (row, e) in derivative.normal.iter().zip(&squares) {
+            let across = squares[0] * row[0] + squares[1] * row[1] + squares[2] * row[2];
+            for (mut column, entry) in sum.column_iter_mut().zip(across.0) {
+                for (sum, x) in column.iter_mut().zip(e.0) {
+                    *sum += x * entry;
+                }
+            }
+        }
+        for ((a, b), across) in PAIRS.into_iter().zip(derivative.across) {
+            add_dyad(&mut sum, &product(&self.vectors[a], &self.vectors[b]), across);
         }
         sum
     }

@@ -1,0 +1,93 @@
+//! Laws in principal axes: isotropic laws in the logarithmic strain, whose stress has the principal axes of the trial
+//! strain.
+
+use super::{Elasticity, MaterialError, Response};
+use crate::tensor::{PrincipalDerivative, Sym3};
+
+/// Response of a law to the principal values of a trial elastic strain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PrincipalResponse {
+    /// Principal Kirchhoff stresses, [stress].
+    pub tau: [f64; 3],
+    /// Principal elastic strains after the return mapping, [-].
+    pub elastic_strain: [f64; 3],
+    /// Derivative of stress `i` with respect to trial strain `j`, `[i][j]`, [stress].
+    pub modulus: [[f64; 3]; 3],
+}
+
+/// A law in the logarithmic strain that is stated in principal axes.
+pub trait PrincipalLaw {
+    /// Principal form of [`Material::update`](super::Material::update). The trial strains are in descending order; the
+    /// stresses belong to the same axes.
+    ///
+    /// # Errors
+    /// [`MaterialError`] if the strain is not finite or the return mapping fails.
+    fn respond(
+        &self,
+        trial: [f64; 3],
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PrincipalResponse, MaterialError>;
+}
+
+/// [`Material::update`](super::Material::update) of a law in principal axes: D^alg consists of the modulus on the normal
+/// components n_a ⊗ n_a, and of the divided differences (τ_a − τ_b)/(ε_a − ε_b) on the shears.
+///
+/// # Errors
+/// Those of the law.
+pub fn update_in_principal_axes(
+    law: &impl PrincipalLaw,
+    trial: &Sym3,
+    old: &[f64],
+    new: &mut [f64],
+) -> Result<Response, MaterialError> {
+    let spectrum = trial.spectrum().descending();
+    if !spectrum.values.iter().all(|e| e.is_finite()) {
+        return Err(MaterialError::NotFinite);
+    }
+    let PrincipalResponse { tau, elastic_strain, modulus } = law.respond(spectrum.values, old, new)?;
+    let across = [(1, 2), (0, 2), (0, 1)].map(|(a, b)| {
+        let [e_a, e_b] = [spectrum.values[a], spectrum.values[b]];
+        divided_difference([tau[a], tau[b]], [e_a, e_b], || {
+            0.5 * (modulus[a][a] - modulus[a][b] - modulus[b][a] + modulus[b][b])
+        })
+    });
+    Ok(Response {
+        tau: spectrum.compose(tau),
+        elastic_strain: spectrum.compose(elastic_strain),
+        tangent: spectrum.full_derivative(&PrincipalDerivative { normal: modulus, across }),
+    })
+}
+
+/// Strains closer than this to each other, relative to the larger of both, are taken for equal, [-].
+const EQUAL: f64 = 1e-8;
+
+/// (τ_a − τ_b)/(ε_a − ε_b), or its limit where the difference of the strains is round-off.
+fn divided_difference(tau: [f64; 2], strain: [f64; 2], limit: impl Fn() -> f64) -> f64 {
+    let gap = strain[0] - strain[1];
+    if gap.abs() <= EQUAL * strain[0].abs().max(strain[1].abs()) { limit() } else { (tau[0] - tau[1]) / gap }
+}
+
+impl Elasticity {
+    /// As [`Elasticity::stress`] in principal axes.
+    #[inline]
+    pub fn principal_stress(&self, strain: [f64; 3]) -> [f64; 3] {
+        self.stress_components(&strain)
+    }
+
+    /// As [`Elasticity::strain`] in principal axes; not finite if the stress is not.
+    #[inline]
+    pub fn principal_strain(&self, stress: [f64; 3]) -> [f64; 3] {
+        let mean = (stress[0] + stress[1] + stress[2]) / 3.0;
+        stress.map(|tau| (tau - mean) * (0.5 / self.shear) + mean / (3.0 * self.bulk))
+    }
+
+    /// The modulus in principal axes, λ + 2G δ_ij, [stress].
+    #[inline]
+    pub fn principal_modulus(&self) -> [[f64; 3]; 3] {
+        let lambda = self.lambda();
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| if i == j { lambda + 2.0 * self.shear } else { lambda })
+        })
+    }
+}

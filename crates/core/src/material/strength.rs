@@ -1,0 +1,21 @@
+//! Shear strength: the stress that it limits, and its reduction in analyses of safety.
+
+/// The stress that a strength limits. They differ by the volume ratio J, σ = τ/J.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum StrengthMeasure {
+    /// The Cauchy stress σ, force per present area, as measured in the field. The strength in terms of the Kirchhoff
+    /// stress is J times the property, which makes the tangent unsymmetric.
+    Cauchy,
+    /// The Kirchhoff stress τ. The strength in terms of the Cauchy stress is the property divided by J.
+    #[default]
+    Kirchhoff,
+}
+
+/// Stresses beyond the yield surface by less than this, relative to the strength, are elastic, [-].
+///
+/// A point that has yielded starts the next step on the surface up to round-off. Without a tolerance, round-off would
+/// select its elastic or plastic tangent and so change the course of the Newton iterations.
+pub(super) const ON_SURFACE: f64 = 1e-10;
+
+/// √(2/3): growth of the equivalent plastic strain per norm of the deviatoric plastic strain increment, [-].
+pub(super) const EQUIVALENT: f64 = 0.816_496_580_927_726;

@@ -1,0 +1,179 @@
+//! Plasticity with the surface of Mohr and Coulomb, of which that of Tresca is a part: history, softening and the stress
+//! that the strength limits.
+
+mod return_mapping;
+
+use super::strength::{EQUIVALENT, ON_SURFACE};
+use super::{Elasticity, MaterialError, PrincipalResponse, StateField, StrengthMeasure};
+use return_mapping::Returned;
+pub(super) use return_mapping::Strength;
+
+/// History variables of these laws.
+pub(super) const FIELDS: [StateField; 3] = [
+    StateField::new("equivalent_plastic_strain", "-", 0.0),
+    StateField::new("plastic_volumetric_strain", "-", 0.0),
+    StateField::new("plastic_work", "energy/volume", 0.0),
+];
+
+/// Place of the plastic work among them.
+pub(super) const PLASTIC_WORK: usize = 2;
+
+/// Largest number of iterations for the softened strength.
+const MOST_ITERATIONS: usize = 60;
+
+/// The plastic volumetric strain of a point whose elastic strain has this trace at a volume ratio J: tr ε^e + ε_v^p = ln J
+/// then holds in every state, so that the law knows J.
+pub(super) fn start_from(trace: f64, volume_ratio: f64, history: &mut [f64]) {
+    history[1] = volume_ratio.ln() - trace;
+}
+
+/// A law with this surface.
+pub(super) struct Wedge<S> {
+    pub elasticity: Elasticity,
+    pub measure: StrengthMeasure,
+    pub softens: bool,
+    /// The strength at an equivalent plastic strain, and its derivative with respect to it.
+    pub strength: S,
+}
+
+/// The strength at a trial state, in terms of the Kirchhoff stress.
+struct AtTrial {
+    strength: Strength,
+    /// Its derivatives with respect to the equivalent plastic strain and to ln J.
+    rates: [Strength; 2],
+}
+
+/// The stress at an equivalent plastic strain κ.
+struct Flowed {
+    returned: Returned<2>,
+    elastic_strain: [f64; 3],
+    /// The equivalent plastic strain that the flow leads to.
+    kappa: f64,
+    /// Direction of the deviatoric plastic strain increment times √(2/3), zero without one.
+    direction: [f64; 3],
+    /// Derivative of `kappa` with respect to the assumed κ.
+    slope: f64,
+}
+
+impl<S: Fn(f64) -> [Strength; 2]> Wedge<S> {
+    /// Principal stresses, elastic strains and modulus at ordered trial strains.
+    ///
+    /// # Errors
+    /// [`MaterialError::NoResponse`] if the material softens so fast that the flow has no solution.
+    pub fn respond(
+        &self,
+        trial: [f64; 3],
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PrincipalResponse, MaterialError> {
+        new.copy_from_slice(old);
+        let elasticity = &self.elasticity;
+        let tau = elasticity.principal_stress(trial);
+        let trace = trial[0] + trial[1] + trial[2];
+        let factor = match self.measure {
+            StrengthMeasure::Kirchhoff => 1.0,
+            StrengthMeasure::Cauchy => (trace + old[1]).exp(),
+        };
+        let at = self.at(old[0], factor);
+        let scale = tau[0].abs().max(tau[2].abs()).max(at.strength.compressive);
+        if at.strength.excess(&tau) <= ON_SURFACE * scale {
+            let modulus = elasticity.principal_modulus();
+            return Ok(PrincipalResponse { tau, elastic_strain: trial, modulus });
+        }
+        let flowed = self.flow(&trial, &tau, old[0], factor, at)?;
+        let Flowed { returned: Returned { tau, modulus, by_parameter }, elastic_strain, .. } = &flowed;
+        let plastic: [f64; 3] = std::array::from_fn(|i| trial[i] - elastic_strain[i]);
+        new[0] = flowed.kappa;
+        new[1] += plastic[0] + plastic[1] + plastic[2];
+        new[PLASTIC_WORK] += tau[0] * plastic[0] + tau[1] * plastic[1] + tau[2] * plastic[2];
+        let mut modulus = *modulus;
+        let [by_kappa, by_volume] = by_parameter;
+        if self.measure == StrengthMeasure::Cauchy {
+            for (row, change) in modulus.iter_mut().zip(by_volume) {
+                row.iter_mut().for_each(|entry| *entry += change);
+            }
+        }
+        if self.softens {
+            let of_strain = flowed.growth(elasticity, &modulus);
+            for (row, change) in modulus.iter_mut().zip(by_kappa) {
+                row.iter_mut().zip(of_strain).for_each(|(entry, growth)| *entry += change * growth);
+            }
+        }
+        Ok(PrincipalResponse { tau: *tau, elastic_strain: *elastic_strain, modulus })
+    }
+
+    /// The strength and its derivatives, times `factor`.
+    fn at(&self, kappa: f64, factor: f64) -> AtTrial {
+        let [strength, rate] = (self.strength)(kappa);
+        let scaled = |strength: Strength| Strength {
+            compressive: factor * strength.compressive,
+            tensile: factor * strength.tensile,
+            ..strength
+        };
+        let strength = scaled(strength);
+        let by_volume = Strength { ratio: 0.0, flow_ratio: 0.0, ..strength };
+        AtTrial { strength, rates: [scaled(rate), by_volume] }
+    }
+
+    /// The stress beyond yield. With softening, the strength at the end of the flow determines it, and is found by Newton's
+    /// method between bounds.
+    fn flow(
+        &self,
+        trial: &[f64; 3],
+        tau: &[f64; 3],
+        kappa_n: f64,
+        factor: f64,
+        at: AtTrial,
+    ) -> Result<Flowed, MaterialError> {
+        let mut flowed = self.flowed(trial, tau, kappa_n, at);
+        if !self.softens {
+            return Ok(flowed);
+        }
+        let (mut kappa, mut bounds) = (kappa_n, [kappa_n, f64::INFINITY]);
+        for _ in 0..MOST_ITERATIONS {
+            let error = flowed.kappa - kappa;
+            if error.abs() <= 1e-15 + 1e-14 * flowed.kappa {
+                let is_stable = flowed.slope < 1.0;
+                return if is_stable { Ok(flowed) } else { Err(MaterialError::NoResponse) };
+            }
+            bounds[usize::from(error < 0.0)] = kappa;
+            let [low, high] = bounds;
+            let next = kappa + error / (1.0 - flowed.slope);
+            let is_between = next > low && next < high;
+            kappa = match high.is_finite() {
+                _ if is_between && flowed.slope < 1.0 => next,
+                true => 0.5 * (low + high),
+                false => kappa + 2.0 * error,
+            };
+            flowed = self.flowed(trial, tau, kappa_n, self.at(kappa, factor));
+        }
+        Err(MaterialError::NoResponse)
+    }
+
+    /// The stress returned to the surface of this strength.
+    fn flowed(&self, trial: &[f64; 3], tau: &[f64; 3], kappa_n: f64, at: AtTrial) -> Flowed {
+        let elasticity = &self.elasticity;
+        let returned = at.strength.returned(elasticity, tau, &at.rates);
+        let elastic_strain = elasticity.principal_strain(returned.tau);
+        let mut flow: [f64; 3] = std::array::from_fn(|i| trial[i] - elastic_strain[i]);
+        let mean = (flow[0] + flow[1] + flow[2]) / 3.0;
+        flow.iter_mut().for_each(|x| *x -= mean);
+        let length = (flow[0] * flow[0] + flow[1] * flow[1] + flow[2] * flow[2]).sqrt();
+        let direction = if length > 0.0 { flow.map(|x| x * (EQUIVALENT / length)) } else { [0.0; 3] };
+        let of_kappa = elasticity.principal_strain(returned.by_parameter[0]);
+        let slope = -(0..3).map(|i| direction[i] * of_kappa[i]).sum::<f64>();
+        Flowed { returned, elastic_strain, kappa: kappa_n + EQUIVALENT * length, direction, slope }
+    }
+}
+
+impl Flowed {
+    /// Derivative of the equivalent plastic strain with respect to the trial strains. `modulus` is that of the stress at
+    /// constant equivalent plastic strain.
+    fn growth(&self, elasticity: &Elasticity, modulus: &[[f64; 3]; 3]) -> [f64; 3] {
+        std::array::from_fn(|j| {
+            let elastic = elasticity.principal_strain([modulus[0][j], modulus[1][j], modulus[2][j]]);
+            let along = |x: &[f64; 3]| (0..3).map(|i| self.direction[i] * x[i]).sum::<f64>();
+            (self.direction[j] - along(&elastic)) / (1.0 - self.slope)
+        })
+    }
+}
