@@ -291,8 +291,8 @@ impl BuiltIn {
     #[new]
     fn new(material: &str) -> PyResult<BuiltIn> {
         let read: Result<MaterialDeck, _> = serde_json::from_str(material);
-        let law =
-            read.map_err(|error| Raised::misuse(format!("the material cannot be used: {error}")))?.law();
+        let law = read.map_err(|error| error.to_string()).and_then(|material| material.law_alone());
+        let law = law.map_err(|error| Raised::misuse(format!("the material cannot be used: {error}")))?;
         Ok(BuiltIn { law })
     }
 

@@ -15,9 +15,16 @@ use serde_json::Value;
 use crate::deck_text::{DeckText, last, misspelt, place, root};
 
 /// Decks that together have every key.
-fn decks() -> [DeckText; 5] {
-    ["every_key", "every_key_of_a_mesh", "every_key_in_space", "every_key_of_a_path", "every_key_of_stages"]
-        .map(|name| DeckText::read(&format!("tests/decks/{name}.good.yaml")))
+fn decks() -> [DeckText; 6] {
+    [
+        "every_key",
+        "every_key_of_a_mesh",
+        "every_key_in_space",
+        "every_key_of_a_path",
+        "every_key_of_stages",
+        "every_key_of_materials",
+    ]
+    .map(|name| DeckText::read(&format!("tests/decks/{name}.good.yaml")))
 }
 
 /// A key of the schema in a deck.
@@ -118,7 +125,7 @@ fn declared() -> BTreeSet<String> {
 }
 
 /// Every key of the schema at its first occurrence in the decks, in their order.
-fn keys(decks: &[DeckText; 5]) -> Vec<Key<'_>> {
+fn keys(decks: &[DeckText; 6]) -> Vec<Key<'_>> {
     let mut seen = BTreeSet::new();
     let mut keys = Vec::new();
     for deck in decks {

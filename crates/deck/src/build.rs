@@ -2,6 +2,7 @@
 
 mod initial_stress;
 mod magnitudes;
+mod materials;
 mod moving_grid;
 mod nearest;
 mod nodes;
@@ -21,8 +22,9 @@ use super::quoting::quote;
 use super::region::{FromFiles, Groups, OfDeck, Refusal, region};
 use super::seeding::{Filled, Filling};
 use super::size::Size;
-use super::{Deck, GridDeck, Idealisation};
+use super::{Deck, Expression, GridDeck, Idealisation};
 use super::{axisymmetry, placing};
+use materials::MaterialOfPoints;
 use mpm_core::formula::Formula;
 use mpm_core::grid::gmsh::{self, GmshError};
 use mpm_core::grid::{Axis, CoincidentLines, Grid, Mesh, Structured};
@@ -138,10 +140,13 @@ where
                 return None;
             }
         }
-        let materials = self.loaded.materials();
+        let laws = self.laws(grid.as_ref(), &regions);
+        if laws.len() < deck.materials.len() {
+            return None;
+        }
         let bodies = self.bodies();
         let revolved = deck.analysis.idealisation == Idealisation::Axisymmetric;
-        let mut seeds = self.seeds(grid.as_ref(), &materials, &bodies, (&regions, &groups));
+        let mut seeds = self.seeds(grid.as_ref(), &laws, &bodies, (&regions, &groups));
         if revolved {
             axisymmetry::revolve(&mut seeds);
         }
@@ -170,7 +175,7 @@ where
             formulation: deck.analysis.formulation,
             point_volume: deck.analysis.point_volume,
             stabilisation: deck.analysis.stabilisation,
-            materials,
+            materials: laws.into_iter().map(|m| NamedMaterial { name: m.name, law: m.law }).collect(),
             bodies,
             surfaces,
             boundary_conditions,
@@ -319,27 +324,28 @@ where
     fn seeds(
         &mut self,
         grid: &dyn Grid<D>,
-        materials: &[NamedMaterial],
+        materials: &[MaterialOfPoints],
         bodies: &[Body],
         (regions, groups): (&[Region<D>], &Groups),
     ) -> Vec<Seed<D>> {
         let mut seeds = Vec::new();
         for (number, deck) in self.deck.bodies.iter().enumerate() {
             let body = &bodies[number];
-            let fields = materials[body.material].law.state_fields();
-            let mut history: Vec<f64> = fields.iter().map(|f| f.initial).collect();
+            let density = self.deck.materials[&deck.material].density().and_then(Expression::as_number);
+            let mut history = materials[body.material].law.initial_history();
             // Room for the variables of materials that stages give the body.
             let later = self.deck.stages.iter().filter_map(|stage| stage.material.get(&deck.name));
             let later = materials.iter().filter(|material| later.clone().any(|name| *name == material.name));
             let most = later.map(|material| material.law.state_fields().len()).max().unwrap_or(0);
-            history.resize(history.len().max(most), 0.0);
+            let room = history.len().max(most);
+            history.resize(room, 0.0);
             let filling = Filling {
                 grid,
                 region: &regions[number],
                 groups,
                 body: number as u16,
                 method: body.method,
-                density: self.deck.materials[&deck.material].density().unwrap_or(0.0),
+                density: density.unwrap_or(0.0),
                 history,
             };
             let filled = filling.fill(deck).and_then(|filled| {
@@ -347,7 +353,8 @@ where
                 Ok(filled)
             });
             match filled {
-                Ok(filled) => {
+                Ok(mut filled) => {
+                    self.furnish(&deck.name, &materials[body.material], room, &mut filled.seeds);
                     self.report_volume(number, deck, &filled);
                     if seeds.is_empty() {
                         seeds = filled.seeds;

@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use super::initial_stress::curve_of;
 use super::loads::load_curve;
 use super::quoting::quote;
-use super::{Deck, Expression};
+use super::{Deck, Expression, MaterialDeck};
 use mpm_core::formula::names;
 use mpm_core::model::LoadCurve;
 
@@ -46,10 +46,17 @@ pub fn changes_during_run(old: &Deck, new: &Deck) -> Vec<String> {
         let keep = |entry: &mut Value, keys: &[&str]| {
             entry.as_object_mut().map(|entry| entry.retain(|key, _| keys.contains(&key.as_str())))
         };
-        for material in
-            map.get_mut("materials").and_then(Value::as_object_mut).into_iter().flat_map(Map::values_mut)
+        for (name, material) in map.get_mut("materials").and_then(Value::as_object_mut).into_iter().flatten()
         {
-            keep(material, &["model", "density"]);
+            // The points keep the values of properties that vary.
+            let varies = |deck: &Deck| {
+                let material = deck.materials.get(name);
+                let mut properties = material.map(MaterialDeck::properties).into_iter().flatten();
+                properties.any(|(_, property)| matches!(property, Expression::Formula(_)))
+            };
+            if !varies(old) && !varies(new) {
+                keep(material, &["model", "density"]);
+            }
         }
         for section in ["boundary_conditions", "loads"] {
             for entry in map.get_mut(section).and_then(Value::as_array_mut).into_iter().flatten() {
@@ -92,8 +99,8 @@ pub fn is_end(deck: &Deck, time: f64) -> bool {
 /// A deck without the parts that may change.
 fn essential(deck: &Deck) -> Value {
     let mut value = serde_json::to_value(deck).unwrap_or_default();
-    let used: BTreeSet<&str> =
-        formulas(deck).into_iter().flat_map(|text| names(text)).map(|(_, n)| n).collect();
+    let formulas = formulas(deck);
+    let used: BTreeSet<&str> = formulas.iter().flat_map(|text| names(text)).map(|(_, n)| n).collect();
     if let Some(map) = value.as_object_mut() {
         for key in ["title", "solver", "checkpoint"] {
             map.remove(key);
@@ -127,10 +134,13 @@ fn essential(deck: &Deck) -> Value {
 }
 
 /// Texts of all formulas that are evaluated during a run.
-fn formulas(deck: &Deck) -> Vec<&str> {
+fn formulas(deck: &Deck) -> Vec<String> {
+    let properties = deck.materials.values().flat_map(MaterialDeck::properties).map(|(_, property)| property);
     super::validate::expressions(deck)
+        .cloned()
+        .chain(properties)
         .filter_map(|expression| match expression {
-            Expression::Formula(text) => Some(text.as_str()),
+            Expression::Formula(text) => Some(text),
             Expression::Number(_) => None,
         })
         .collect()

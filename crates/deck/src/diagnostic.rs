@@ -139,6 +139,10 @@ pub const CODES: &[(&str, &str)] = &[
     ("D054", "grid lines that cannot follow a boundary condition"),
     ("D055", "F-bar for a method or for cells without it"),
     ("D056", "plastic flow at constant volume in cells that lock"),
+    ("D057", "properties of a material that do not fit together"),
+    ("D058", "a property of a material out of its range at a point"),
+    ("D059", "a material that needs an initial stress"),
+    ("D060", "softening that depends on the size of the cells"),
 ];
 
 impl Diagnostic {

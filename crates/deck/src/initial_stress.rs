@@ -151,7 +151,7 @@ pub(crate) fn gravity_on<'a>(
 
 /// Weight per volume of a body at time 0, downwards along the last axis, [force/volume].
 pub(crate) fn unit_weight(deck: &Deck, body: &BodyDeck) -> f64 {
-    let density = deck.materials.get(&body.material).and_then(|material| material.density());
+    let density = deck.materials.get(&body.material).and_then(|material| material.density()?.as_number());
     let last = deck.dimensions() - 1;
     let down = |acceleration: &Vec<f64>| -acceleration.get(last).copied().unwrap_or(0.0);
     density.unwrap_or(0.0) * gravity_on(deck, body).map(|(_, _, a)| down(&a)).sum::<f64>()

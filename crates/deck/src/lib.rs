@@ -18,11 +18,13 @@ pub use boundary_conditions::{
 pub use grid::{AxisSpacing, FollowDeck, GridDeck, IntervalDeck, SpacingDeck};
 pub use initial_stress::{InitialStressDeck, StressDeck};
 pub use loads::{HydrostaticDeck, LoadCurve, LoadDeck, Per, PointSelector};
+pub use material::{
+    BuiltLaw, CellSize, CohesionSofteningDeck, FrictionSofteningDeck, MaterialDeck, Surroundings,
+};
 pub use mpm_core::basis::Method;
 pub use mpm_core::domain::DomainUpdate;
 use mpm_core::formula::Formula;
 pub use mpm_core::linear::Choice as LinearChoice;
-use mpm_core::material::{Hencky, Material, NeoHookean, VonMises};
 pub use mpm_core::model::InitialImbalance;
 use mpm_core::model::Newton;
 pub use mpm_core::model::Stabilisation;
@@ -52,6 +54,7 @@ pub mod holding;
 mod initial_stress;
 pub mod load;
 mod loads;
+mod material;
 mod parameters;
 mod per_axis;
 mod placing;
@@ -263,102 +266,6 @@ pub enum PerAxis<T> {
     Each(#[schemars(length(min = 2, max = 3))] Vec<T>),
 }
 
-/// A constitutive law and its parameters.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "model", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum MaterialDeck {
-    /// Hencky elasticity: Kirchhoff stress linear in the logarithmic strain.
-    Hencky {
-        /// Young's modulus E, [stress].
-        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [12e6]))]
-        young: f64,
-        /// Poisson's ratio ν, [-].
-        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
-        poisson: f64,
-        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        #[schemars(range(min = 0.0), extend("examples" = [2000]))]
-        density: Option<f64>,
-    },
-    /// Compressible neo-Hookean elasticity: W = μ/2 (tr b − 3) − μ ln J + λ/2 (ln J)², with λ and μ from E and ν.
-    NeoHookean {
-        /// Young's modulus E of small strains, [stress].
-        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1e6]))]
-        young: f64,
-        /// Poisson's ratio ν of small strains, [-].
-        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
-        poisson: f64,
-        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        #[schemars(range(min = 0.0), extend("examples" = [2000]))]
-        density: Option<f64>,
-    },
-    /// Von Mises plasticity with linear isotropic hardening: f = √(2 J₂) − (ρ_y + H κ) on the Kirchhoff stress, κ the
-    /// equivalent plastic strain.
-    VonMises {
-        /// Young's modulus E, [stress].
-        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [12e6]))]
-        young: f64,
-        /// Poisson's ratio ν, [-].
-        #[schemars(extend("exclusiveMinimum" = -1.0, "exclusiveMaximum" = 0.5, "examples" = [0.3]))]
-        poisson: f64,
-        /// Deviatoric yield stress ρ_y = √(2 J₂) at yield, [stress]; √(2/3) times the uniaxial yield stress.
-        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [20e3]))]
-        deviatoric_yield_stress: f64,
-        /// Hardening modulus H, the increase of ρ_y per unit of equivalent plastic strain, [stress]; √(2/3) times the
-        /// slope of the uniaxial stress over the plastic strain. 0 is perfect plasticity.
-        #[serde(default)]
-        #[schemars(range(min = 0.0))]
-        hardening_modulus: f64,
-        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        #[schemars(range(min = 0.0), extend("examples" = [2000]))]
-        density: Option<f64>,
-    },
-}
-
-impl MaterialDeck {
-    /// Young's modulus, [stress], Poisson's ratio, [-], and the density, if it is stated.
-    fn common(&self) -> (f64, f64, Option<f64>) {
-        match *self {
-            MaterialDeck::Hencky { young, poisson, density }
-            | MaterialDeck::NeoHookean { young, poisson, density }
-            | MaterialDeck::VonMises { young, poisson, density, .. } => (young, poisson, density),
-        }
-    }
-
-    /// Young's modulus E, [stress].
-    pub fn young(&self) -> f64 {
-        self.common().0
-    }
-
-    /// Poisson's ratio ν, [-].
-    pub fn poisson(&self) -> f64 {
-        self.common().1
-    }
-
-    /// The density, if it is stated.
-    pub fn density(&self) -> Option<f64> {
-        self.common().2
-    }
-
-    /// True if it flows plastically at constant volume.
-    pub fn flows_at_constant_volume(&self) -> bool {
-        matches!(self, MaterialDeck::VonMises { .. })
-    }
-
-    /// The constitutive law.
-    pub fn law(&self) -> Box<dyn Material> {
-        match *self {
-            MaterialDeck::Hencky { young, poisson, .. } => Box::new(Hencky::new(young, poisson)),
-            MaterialDeck::NeoHookean { young, poisson, .. } => Box::new(NeoHookean::new(young, poisson)),
-            MaterialDeck::VonMises { young, poisson, deviatoric_yield_stress, hardening_modulus, .. } => {
-                Box::new(VonMises::new(young, poisson, deviatoric_yield_stress).hardening(hardening_modulus))
-            }
-        }
-    }
-}
-
 /// A body: a region filled with material points of one material.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -429,6 +336,14 @@ pub enum Expression {
 }
 
 impl Expression {
+    /// Its value, if it is a number.
+    pub fn as_number(&self) -> Option<f64> {
+        match self {
+            Expression::Number(value) => Some(*value),
+            Expression::Formula(_) => None,
+        }
+    }
+
     /// True if it is zero everywhere.
     pub fn is_zero(&self) -> bool {
         match self {

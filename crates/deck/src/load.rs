@@ -12,10 +12,9 @@ use super::diagnostic::{self, Diagnostic, Gate};
 use super::quoting::quote;
 use super::references::dangling;
 use super::source::Source;
-use super::{Deck, GridDeck, MaterialDeck, Parameter, parameters, shape, validate};
+use super::{Deck, GridDeck, Parameter, Surroundings, parameters, shape, validate};
 use mpm_core::formula::closest;
 use mpm_core::material::Material;
-use mpm_core::model::NamedMaterial;
 
 /// A deck that passed all checks that need no mesh.
 #[derive(Debug, Clone)]
@@ -45,17 +44,19 @@ impl fmt::Debug for OwnLaw {
 }
 
 impl LoadedDeck {
-    /// The laws of all materials with their names.
-    pub(super) fn materials(&self) -> Vec<NamedMaterial> {
-        let law = |name: &String, of_deck: &MaterialDeck| match self.laws.get(name) {
-            Some(own) => own.0(),
-            None => of_deck.law(),
+    /// The law of a material, for a point outside the grid: its softening is not adapted to cells. `None` if there is no
+    /// such material.
+    pub fn law(&self, material: &str) -> Option<Box<dyn Material>> {
+        let of_deck = self.deck.materials.get(material)?;
+        if let Some(own) = self.laws.get(material) {
+            return Some(own.0());
+        }
+        let surroundings = Surroundings {
+            parameters: Some(&self.deck.parameters),
+            dimensions: self.deck.dimensions(),
+            ..Surroundings::default()
         };
-        self.deck
-            .materials
-            .iter()
-            .map(|(name, of)| NamedMaterial { name: name.clone(), law: law(name, of) })
-            .collect()
+        of_deck.law(&surroundings).ok().map(|built| built.law)
     }
 
     /// A hash of the text of the deck, of the final values of its parameters and of the files it names: decks with the

@@ -28,6 +28,8 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`spacing` of a graded grid, each interval", "IntervalDeck"),
     ("`follow`, each group of lines", "FollowDeck"),
     ("`materials`, each by its name", "MaterialDeck"),
+    ("`softening` of Tresca's material", "CohesionSofteningDeck"),
+    ("`softening` of Mohr and Coulomb's material", "FrictionSofteningDeck"),
     ("`bodies`, each", "BodyDeck"),
     ("`shape` of a body", "Shape"),
     ("`initial_stress` of a body", "InitialStressDeck"),
@@ -124,7 +126,10 @@ fn table(text: &mut String, section: &Value, tag: Option<&str>) {
             None if required.contains(&key.as_str()) => "required".into(),
             None => "–".into(),
         };
-        let range = range_in_words(target).map(|range| format!(", {range}")).unwrap_or_default();
+        let range = range_in_words(property)
+            .or_else(|| range_in_words(target))
+            .map(|range| format!(", {range}"))
+            .unwrap_or_default();
         let _ = writeln!(
             text,
             "| `{key}` | {}{range} | {default} | {} |",

@@ -223,7 +223,7 @@ fn admit_expressions(schema: &mut Value) {
 }
 
 /// The range that a schema allows, in words such as "above 0 and below 1".
-pub(super) fn range_in_words(schema: &Value) -> Option<String> {
+pub(crate) fn range_in_words(schema: &Value) -> Option<String> {
     // The largest number of the type is not a meaningful bound.
     let stated = |key: &str| schema.get(key).filter(|limit| **limit != json!(u32::MAX));
     let bound = |key: &str, words: &str| stated(key).map(|limit| format!("{words} {}", shortest(limit)));

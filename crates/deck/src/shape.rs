@@ -23,6 +23,8 @@ use super::source::Source;
 use super::span::escape;
 use mpm_core::formula::closest;
 
+pub(crate) use words::written_number;
+
 /// Number of passes over a deck with misspelt keys.
 const PASSES: usize = 3;
 /// Most unknown keys that are corrected; in a deck with more, most of them have one cause.

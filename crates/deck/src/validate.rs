@@ -10,6 +10,7 @@ mod grid;
 mod initial_stress;
 mod loading;
 mod locking;
+mod materials;
 mod prescribed_motion;
 mod shape;
 mod stages;
@@ -35,6 +36,7 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     let mut check = Check { deck, source, found: Vec::new() };
     let grid = check.grid();
     check.bodies(grid.as_ref());
+    check.materials();
     check.surfaces();
     check.boundary_conditions();
     check.follow();

@@ -9,9 +9,8 @@ use super::{
 use crate::tensor::Sym3;
 
 /// The states of stress for which the cone has the strength of Mohr and Coulomb.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[derive(serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Match {
     /// Triaxial compression: the cone through the outer corners of the hexagon, the strongest one.

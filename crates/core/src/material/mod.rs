@@ -19,6 +19,7 @@ mod strength;
 #[cfg(test)]
 pub(crate) mod tests;
 mod tresca;
+mod varying;
 mod von_mises;
 mod wedge;
 
@@ -38,6 +39,7 @@ pub use principal::{PrincipalLaw, PrincipalResponse, update_in_principal_axes};
 pub use softening::Softening;
 pub use strength::StrengthMeasure;
 pub use tresca::Tresca;
+pub use varying::{PropertiesAt, Property, Varying};
 pub use von_mises::VonMises;
 
 /// A history variable of a law.
@@ -188,6 +190,11 @@ pub trait Material: Send + Sync + std::fmt::Debug {
     /// History variables of a point without initial stress.
     fn initial_history(&self) -> Vec<f64> {
         self.state_fields().iter().map(|field| field.initial).collect()
+    }
+
+    /// The same at an original position, for laws whose properties vary in space.
+    fn initial_history_at(&self, _position: &[f64; 3]) -> Vec<f64> {
+        self.initial_history()
     }
 
     /// Adapts the initial history variables of a point to its initial elastic strain, in the measure of the law, and its

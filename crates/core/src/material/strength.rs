@@ -1,7 +1,9 @@
 //! Shear strength: the stress that it limits, and its reduction in analyses of safety.
 
 /// The stress that a strength limits. They differ by the volume ratio J, σ = τ/J.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
 pub enum StrengthMeasure {
     /// The Cauchy stress σ, force per present area, as measured in the field. The strength in terms of the Kirchhoff
     /// stress is J times the property, which makes the tangent unsymmetric.

@@ -7,6 +7,7 @@ use crate::grid::{Grid, Structured};
 use crate::material::Material;
 use crate::points::{Points, Seed};
 use crate::stress::Volumetric;
+use crate::tensor::padded;
 
 use super::{Action, Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, NodeSet, Stepping};
 
@@ -157,8 +158,7 @@ impl<const D: usize> Builder<D> {
         let n = fill.points_per_cell;
         let first = self.grid.node_position(self.grid.corners(cell).nodes()[0] as usize);
         let half = self.grid.sides(self.grid.cell_index(cell)).map(|side| 0.5 * side / n as f64);
-        let history = self.model.materials[material].law.state_fields().iter().map(|field| field.initial);
-        let history: Vec<f64> = history.collect();
+        let law = &self.model.materials[material].law;
         for number in 0..n.pow(D as u32) {
             let index = |d: usize| (number / n.pow(d as u32) % n) as f64;
             let position: [f64; D] = std::array::from_fn(|d| first[d] + (2.0 * index(d) + 1.0) * half[d]);
@@ -182,7 +182,7 @@ impl<const D: usize> Builder<D> {
                 volume,
                 mass: fill.density * volume,
                 outer_layer: false,
-                history: history.clone(),
+                history: law.initial_history_at(&padded(&position)),
             });
         }
     }

@@ -4,6 +4,7 @@
 use crate::model::{Control, Model, Present};
 use crate::points::Points;
 use crate::step::Step;
+use crate::tensor::padded;
 
 use super::Solvable;
 use super::control::Path;
@@ -36,10 +37,11 @@ fn keep_stress<const D: usize>(
 ) -> Result<(), SolveError> {
     for &(body, material) in &model.stages[number].materials {
         for p in (0..points.len()).filter(|&p| points.body[p] as usize == body).collect::<Vec<_>>() {
+            let initial =
+                model.materials[material].law.initial_history_at(&padded(&points.original_position[p]));
             let history = points.history_of(p);
             history.fill(0.0);
-            let fields = model.materials[material].law.state_fields();
-            history.iter_mut().zip(fields).for_each(|(value, field)| *value = field.initial);
+            history.iter_mut().zip(initial).for_each(|(value, initial)| *value = initial);
             let stress = points.converged.kirchhoff_stress[p];
             model.set_initial_stress(points, p, &stress).map_err(|error| {
                 let (stage, body) = (&model.stages[number].name, &model.bodies[body].name);

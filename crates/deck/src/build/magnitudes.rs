@@ -27,7 +27,7 @@ where
         };
         let deck = self.deck;
         for (name, material) in &deck.materials {
-            let young = material.young();
+            let Some(young) = material.young() else { continue };
             for (length, what) in [(cell, "a cell"), (whole, "the grid")] {
                 let powers = [length.powi(D as i32 - 1), length.powi(D as i32)];
                 let out =

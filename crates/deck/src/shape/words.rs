@@ -52,7 +52,11 @@ pub(super) fn range_help(error: &ValidationError<'_>) -> Option<String> {
 
 /// Help for a text that was probably meant as a number.
 pub(super) fn number_help(value: &Value, code: &str) -> Option<String> {
-    let text = value.as_str().filter(|_| code == "D008")?;
+    written_number(value.as_str().filter(|_| code == "D008")?)
+}
+
+/// Help for a text that is a number with separators.
+pub(crate) fn written_number(text: &str) -> Option<String> {
     let bare = text.replace(['_', ' ', '\''], "").replace(',', ".");
     bare.parse::<f64>().ok().filter(|value| value.is_finite()).map(|_| format!("write the number as {bare}"))
 }

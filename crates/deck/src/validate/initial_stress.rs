@@ -3,7 +3,7 @@
 use super::Check;
 use crate::initial_stress::{InitialStressDeck, gravity_on, is_stressed, unit_weight};
 use crate::quoting::quote;
-use crate::{AXES, BodyDeck, ControlDeck};
+use crate::{AXES, BodyDeck, ControlDeck, Expression};
 
 impl Check<'_> {
     /// Checks the initial stress of a body.
@@ -61,7 +61,16 @@ impl Check<'_> {
                 self.error("D051", &format!("/loads/{number}/acceleration/{axis}"), message, help);
             }
         }
-        let has_density = deck.materials.get(&body.material).is_some_and(|m| m.density().is_some());
+        let density = deck.materials.get(&body.material).and_then(|m| m.density());
+        if matches!(density, Some(Expression::Formula(_))) {
+            let message = format!(
+                "the body {name} has a geostatic stress, but the density of its material varies from point to point"
+            );
+            let help = "use one body and one number for each layer, or give the stress by its `components`";
+            self.error("D051", pointer, message, help);
+            return;
+        }
+        let has_density = density.is_some();
         if !has_gravity {
             let message = format!("the body {name} has a geostatic stress, but no gravity acts on it");
             let help = "add a load of type `gravity`, or give the stress by its `components`";

@@ -7,6 +7,7 @@ use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::{Displacement, Fault, at_nodes, at_places, at_points};
 use crate::gates::Checks;
 use crate::quoting::quote;
+use crate::shape::written_number;
 use crate::{Expression, LoadCurve, LoadDeck, NodeSelector};
 
 impl Checks for Check<'_> {
@@ -164,7 +165,7 @@ impl Check<'_> {
             let at = format!("{pointer}/{}", fault.key);
             let place = (fault.text.as_str(), fault.error.offset, fault.error.length);
             let mut diagnostic = Diagnostic::inside(self.source, "D021", &at, place, fault.error.message);
-            diagnostic.help = fault.error.help;
+            diagnostic.help = written_number(&fault.text).or(fault.error.help);
             self.found.push(diagnostic);
         }
     }
@@ -245,7 +246,7 @@ impl Check<'_> {
                     let help = format!("add `density` to the material {material_name}");
                     self.error("D024", &at, message, help);
                 }
-                Some(0.0) => {
+                Some(Expression::Number(0.0)) => {
                     let message =
                         format!("the load {load} has no effect on the body {body}, whose density is 0");
                     let diagnostic = Diagnostic::at(self.source, "D024", pointer, message);

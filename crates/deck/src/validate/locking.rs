@@ -16,7 +16,7 @@ impl Check<'_> {
     pub(super) fn locking(&mut self) {
         let deck = self.deck;
         for (name, material) in &deck.materials {
-            let poisson = material.poisson();
+            let poisson = material.poisson().unwrap_or(0.0);
             let bodies = standard_bodies(deck, name);
             if poisson >= NEARLY_INCOMPRESSIBLE
                 && bodies.iter().any(|(_, body)| self.key_of_single_points(body).is_none())

@@ -6,7 +6,7 @@ use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::quoting::quote;
 use crate::span::escape;
-use crate::{BoundaryConditionDeck, Deck, Expression, InitialStressDeck, LoadCurve, LoadDeck};
+use crate::{BoundaryConditionDeck, Deck, Expression, InitialStressDeck, LoadCurve, LoadDeck, MaterialDeck};
 use mpm_core::formula::names;
 
 /// Tolerance above which a step is not really in equilibrium.
@@ -47,8 +47,14 @@ impl Check<'_> {
             let message = format!("no body uses the material {}", quote(name));
             self.warn_at_key("D037", &format!("/materials/{}", escape(name)), message, "remove it");
         }
+        let properties: Vec<Expression> = deck
+            .materials
+            .values()
+            .flat_map(MaterialDeck::properties)
+            .map(|(_, property)| property)
+            .collect();
         let mut in_formulas: BTreeSet<&str> = BTreeSet::new();
-        for expression in expressions(deck) {
+        for expression in expressions(deck).chain(&properties) {
             if let Expression::Formula(text) = expression {
                 in_formulas.extend(names(text).into_iter().map(|(_, name)| name));
             }

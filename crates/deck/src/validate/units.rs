@@ -6,7 +6,7 @@ use super::Check;
 use super::extent::Extent;
 use crate::quoting::quote;
 use crate::span::escape;
-use crate::{BodyDeck, GridDeck, LoadDeck};
+use crate::{BodyDeck, Expression, GridDeck, LoadDeck};
 
 /// Acceleration of gravity in m/s², exact or rounded.
 const GRAVITY_IN_METRES: std::ops::RangeInclusive<f64> = 9.5..=10.5;
@@ -36,8 +36,8 @@ impl Check<'_> {
                 if !checked.insert(&body.material) {
                     continue;
                 }
-                let young = material.young();
-                let density = material.density().unwrap_or(0.0);
+                let Some(young) = material.young() else { continue };
+                let density = material.density().and_then(Expression::as_number).unwrap_or(0.0);
                 if density > 0.0 && gravity > 0.0 {
                     self.units_of(&body.material, young, density, gravity, self.height(body));
                 }
@@ -99,7 +99,8 @@ impl Check<'_> {
         let densities: Vec<(&str, f64)> = (self.deck.materials.iter())
             .filter(|(name, _)| used.contains(name.as_str()))
             .filter_map(|(name, material)| {
-                Some((name.as_str(), material.density().filter(|rho| *rho > 0.0)?))
+                let density = material.density().and_then(Expression::as_number);
+                Some((name.as_str(), density.filter(|rho| *rho > 0.0)?))
             })
             .collect();
         let least = densities.iter().min_by(|a, b| a.1.total_cmp(&b.1));

@@ -19,14 +19,16 @@ impl Random {
     }
 }
 
+/// A yield function of principal Kirchhoff stresses, history variables and J, relative to the strength.
+type Yields = Box<dyn Fn([f64; 3], &[f64], f64) -> f64>;
+
 /// A law with its history variables at the start.
 struct Case {
     law: Box<dyn PrincipalLaw>,
     old: Vec<f64>,
     /// Size of the strains, [-].
     size: f64,
-    /// The yield function at principal Kirchhoff stresses and history variables, relative to the strength, given J.
-    yields: Box<dyn Fn([f64; 3], &[f64], f64) -> f64>,
+    yields: Yields,
     is_associated: bool,
 }
 

@@ -1,0 +1,140 @@
+//! Laws whose properties vary in space.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use super::{Material, MaterialError, Response, StateField};
+use crate::tensor::Sym3;
+
+/// A property of a law that varies in space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Property {
+    /// Name in result files.
+    pub name: Cow<'static, str>,
+    /// Unit as text.
+    pub unit: Cow<'static, str>,
+    /// A typical value, which stands for all of them where a stiffness serves as a scale.
+    pub typical: f64,
+}
+
+/// The values of all properties at an original position.
+pub type PropertiesAt = dyn Fn(&[f64; 3]) -> Vec<f64> + Send + Sync;
+
+/// A law of one kind whose properties vary in space: every point has its own, by its original position. They follow the
+/// history variables of the law and never change.
+pub struct Varying<L> {
+    /// History variables of the law, then properties.
+    fields: Vec<StateField>,
+    n_properties: usize,
+    at: Arc<PropertiesAt>,
+    law: Arc<dyn Fn(&[f64]) -> L + Send + Sync>,
+    /// The law with the typical properties.
+    typical: L,
+    /// The strength is divided by this factor.
+    divided_by: f64,
+}
+
+impl<L: Material> Varying<L> {
+    /// The law whose properties, in the order of `properties`, are those of `at`; `law` is the law with given properties.
+    pub fn new(
+        properties: &[Property],
+        at: Arc<PropertiesAt>,
+        law: impl Fn(&[f64]) -> L + Send + Sync + 'static,
+    ) -> Self {
+        let values: Vec<f64> = properties.iter().map(|property| property.typical).collect();
+        let typical = law(&values);
+        let field = |property: &Property| StateField {
+            name: property.name.clone(),
+            unit: property.unit.clone(),
+            initial: property.typical,
+        };
+        let fields = typical.state_fields().iter().cloned().chain(properties.iter().map(field)).collect();
+        Varying { fields, n_properties: properties.len(), at, law: Arc::new(law), typical, divided_by: 1.0 }
+    }
+
+    /// History variables of the law, and properties.
+    fn split<'a>(&self, history: &'a [f64]) -> (&'a [f64], &'a [f64]) {
+        history.split_at(history.len() - self.n_properties)
+    }
+
+    /// Evaluates the law of a point.
+    fn with<T>(&self, properties: &[f64], evaluate: impl FnOnce(&dyn Material) -> T) -> T {
+        let law = (self.law)(properties);
+        if self.divided_by == 1.0 {
+            return evaluate(&law);
+        }
+        match law.with_strength_divided(self.divided_by) {
+            Some(divided) => evaluate(divided.as_ref()),
+            None => evaluate(&law),
+        }
+    }
+}
+
+impl<L: std::fmt::Debug> std::fmt::Debug for Varying<L> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let properties = &self.fields[self.fields.len() - self.n_properties..];
+        let names: Vec<&str> = properties.iter().map(|field| field.name.as_ref()).collect();
+        f.debug_struct("Varying").field("typical", &self.typical).field("properties", &names).finish()
+    }
+}
+
+impl<L: Material + Clone + 'static> Material for Varying<L> {
+    fn state_fields(&self) -> &[StateField] {
+        &self.fields
+    }
+
+    fn strain_measure(&self) -> super::StrainMeasure {
+        self.typical.strain_measure()
+    }
+
+    fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
+        let (own, properties) = self.split(old);
+        let (new_own, kept) = new.split_at_mut(own.len());
+        kept.copy_from_slice(properties);
+        self.with(properties, |law| law.update(trial, own, new_own))
+    }
+
+    fn initial_history_at(&self, position: &[f64; 3]) -> Vec<f64> {
+        let properties = (self.at)(position);
+        let mut history = self.with(&properties, |law| law.initial_history_at(position));
+        history.extend(properties);
+        history
+    }
+
+    fn start_from(&self, elastic_strain: &Sym3, volume_ratio: f64, history: &mut [f64]) {
+        let (own, properties) = history.split_at_mut(history.len() - self.n_properties);
+        self.with(properties, |law| law.start_from(elastic_strain, volume_ratio, own));
+    }
+
+    fn elastic_strain(&self, tau: &Sym3, history: &[f64]) -> Result<Sym3, MaterialError> {
+        let (own, properties) = self.split(history);
+        self.with(properties, |law| law.elastic_strain(tau, own))
+    }
+
+    fn energy(&self, elastic_strain: &Sym3, history: &[f64]) -> f64 {
+        let (own, properties) = self.split(history);
+        self.with(properties, |law| law.energy(elastic_strain, own))
+    }
+
+    fn plastic_work(&self, history: &[f64]) -> f64 {
+        let (own, properties) = self.split(history);
+        self.with(properties, |law| law.plastic_work(own))
+    }
+
+    fn with_strength_divided(&self, factor: f64) -> Option<Box<dyn Material>> {
+        self.typical.with_strength_divided(factor)?;
+        Some(Box::new(Varying {
+            fields: self.fields.clone(),
+            n_properties: self.n_properties,
+            at: self.at.clone(),
+            law: self.law.clone(),
+            typical: self.typical.clone(),
+            divided_by: self.divided_by * factor,
+        }))
+    }
+
+    /// The symmetry may depend on the properties, such as equal angles of friction and dilation.
+    fn tangent_is_symmetric(&self) -> bool {
+        self.typical.tangent_is_symmetric()
+    }
+}

@@ -1,0 +1,197 @@
+//! The laws of materials, and the properties of their points.
+
+use super::Builder;
+use crate::diagnostic::{Diagnostic, Severity};
+use crate::formulas::at_start;
+use crate::material::{BuiltLaw, CellSize, Consistency, MaterialDeck, Surroundings, Varying};
+use crate::quoting::quote;
+use crate::region::OfDeck;
+use crate::span::escape;
+use mpm_core::formula::Formula;
+use mpm_core::grid::Grid;
+use mpm_core::material::Material;
+use mpm_core::points::Seed;
+use mpm_core::region::Region;
+use mpm_core::tensor::padded;
+
+/// The law of a material, and what its points need.
+pub(super) struct MaterialOfPoints {
+    /// Name.
+    pub name: String,
+    /// The law.
+    pub law: Box<dyn Material>,
+    /// Properties that vary, and their consistency; none for a law that the deck does not describe.
+    varying: Vec<Varying>,
+    consistency: Option<Consistency>,
+    /// Initial density, if it varies.
+    density: Option<Formula>,
+}
+
+impl<const D: usize> Builder<'_, D>
+where
+    Region<D>: OfDeck<D>,
+{
+    /// The laws of all materials, in the order of their names.
+    pub(super) fn laws(&mut self, grid: &dyn Grid<D>, regions: &[Region<D>]) -> Vec<MaterialOfPoints> {
+        let deck = self.deck;
+        let cells = size_of_cells(grid);
+        let mut laws = Vec::new();
+        for (name, material) in &deck.materials {
+            let body = deck.bodies.iter().position(|body| body.material == *name);
+            let surroundings = Surroundings {
+                parameters: Some(&deck.parameters),
+                dimensions: D,
+                typical: body.and_then(|body| regions.get(body)).map_or([0.0; 3], centre),
+                cells: cells.clone(),
+            };
+            let density = material.density().map(|density| vec![("density".to_owned(), density)]);
+            let density = density.and_then(|density| at_start(density, &deck.parameters, D).ok()?.pop());
+            let density = density.filter(|density| density.as_constant().is_none());
+            let name = name.clone();
+            if let Some(own) = self.loaded.laws.get(&name) {
+                laws.push(MaterialOfPoints {
+                    name,
+                    law: own.0(),
+                    varying: Vec::new(),
+                    consistency: None,
+                    density,
+                });
+                continue;
+            }
+            self.softening(&name, material, &cells);
+            match material.law(&surroundings) {
+                Ok(BuiltLaw { law, varying, consistency }) => {
+                    let consistency = Some(consistency);
+                    laws.push(MaterialOfPoints { name, law, varying, consistency, density });
+                }
+                Err(faults) => {
+                    for fault in faults {
+                        let at = format!("/materials/{}/{}", escape(&name), fault.key);
+                        self.error("D021", &at, fault.error.message, fault.error.help.unwrap_or_default());
+                    }
+                }
+            }
+        }
+        laws
+    }
+
+    /// Says that softening depends on the cells, or how it is adapted to them.
+    fn softening(&mut self, name: &str, material: &MaterialDeck, cells: &CellSize) {
+        let Some(band) = material.softening() else { return };
+        let name_in_quotes = quote(name);
+        let (message, help) = match (band, cells) {
+            (Some(band), CellSize::Even(size)) => (
+                format!(
+                    "the material {name_in_quotes} softens; its softening strain is multiplied by {:.3}, the width {band} of \
+                     the band over the size {size:.3} of the cells, so that the displacement across a band of one cell is \
+                     that of the band",
+                    band / size
+                ),
+                "compare two grids: the direction and the number of bands may still depend on them",
+            ),
+            (Some(band), _) => (
+                format!(
+                    "the material {name_in_quotes} softens; its softening strain is multiplied by the width {band} of the \
+                     band over the size of the cell in which each point starts, the field `cell_size`"
+                ),
+                "compare two grids: the direction and the number of bands may still depend on them",
+            ),
+            (None, _) => (
+                format!(
+                    "the material {name_in_quotes} softens without `band`: bands become as narrow as cells, and results \
+                     depend on their size"
+                ),
+                "add `band` to `softening`, the width of the shear band to which `strain` belongs, and compare two grids",
+            ),
+        };
+        let at = format!("/materials/{}/softening", escape(name));
+        let found = Diagnostic::at(&self.loaded.source, "D060", &at, message).severity(Severity::Note);
+        self.found.push(found.help(help));
+    }
+
+    /// Gives points the properties of their places, and checks them. `room` is the number of history variables that each
+    /// point keeps.
+    pub(super) fn furnish(
+        &mut self,
+        body: &str,
+        material: &MaterialOfPoints,
+        room: usize,
+        seeds: &mut [Seed<D>],
+    ) {
+        let MaterialOfPoints { name, law, varying, consistency, density } = material;
+        let own = law.state_fields().len() - varying.len();
+        let deck = &self.deck.materials[name];
+        let ranges: Vec<_> = varying.iter().map(|varying| deck.range(&varying.key)).collect();
+        let density_range = density.as_ref().map(|_| deck.range("density"));
+        // The first fault of each property.
+        let mut faults: Vec<(String, &str, String, String)> = Vec::new();
+        let mut fault = |key: &str, code, message: String, help: String| {
+            if !faults.iter().any(|(other, ..)| other == key) {
+                faults.push((key.to_owned(), code, message, help));
+            }
+        };
+        for seed in seeds {
+            let place = || format!("at the point {:?} of the body {}", seed.position, quote(body));
+            if let (Some(density), Some(range)) = (density, &density_range) {
+                let value = density.evaluate(&seed.position);
+                if range.contains(value) {
+                    seed.mass = value * seed.volume;
+                } else {
+                    let message = format!("the density of {} is {value} {}", quote(name), place());
+                    fault("density", "D058", message, format!("let it be {}", range.in_words()));
+                }
+            }
+            if varying.is_empty() {
+                continue;
+            }
+            let mut history = law.initial_history_at(&padded(&seed.position));
+            let properties = &history[own..];
+            let mut is_in_range = true;
+            for ((varying, value), range) in varying.iter().zip(properties).zip(&ranges) {
+                if !range.contains(*value) {
+                    is_in_range = false;
+                    let key = &varying.key;
+                    let message = format!("`{key}` of the material {} is {value} {}", quote(name), place());
+                    fault(
+                        key,
+                        "D058",
+                        message,
+                        format!("let the formula be {} in the whole body", range.in_words()),
+                    );
+                }
+            }
+            if let Some(found) =
+                consistency.as_ref().filter(|_| is_in_range).and_then(|check| check(properties))
+            {
+                let message = format!("material {}: {} {}", quote(name), found.message, place());
+                fault(&found.key, "D057", message, found.help);
+            }
+            history.resize(room, 0.0);
+            seed.history = history;
+        }
+        for (key, code, message, help) in faults {
+            self.error(code, &format!("/materials/{}/{key}", escape(name)), message, help);
+        }
+    }
+}
+
+/// The centre of a region.
+fn centre<const D: usize>(region: &Region<D>) -> [f64; 3] {
+    let bounds = region.bounds();
+    padded(&std::array::from_fn::<f64, D, _>(|d| 0.5 * (bounds[0][d] + bounds[1][d])))
+}
+
+/// Size of the cells: of a mesh, their mean.
+fn size_of_cells<const D: usize>(grid: &dyn Grid<D>) -> CellSize {
+    match grid.structured() {
+        Some(grid) if grid.is_even() => {
+            let sides: f64 = grid.sides([0; D]).iter().product();
+            CellSize::Even(sides.powf(1.0 / D as f64))
+        }
+        Some(grid) => CellSize::Graded(grid.axes().to_vec()),
+        None => {
+            let n = grid.n_cells();
+            CellSize::Even((0..n).map(|cell| grid.size(cell)).sum::<f64>() / n.max(1) as f64)
+        }
+    }
+}

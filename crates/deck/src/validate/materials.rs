@@ -1,0 +1,53 @@
+//! The properties of materials.
+
+use super::Check;
+use crate::gates::Checks;
+use crate::material::{MaterialDeck, Surroundings};
+use crate::quoting::quote;
+use crate::span::escape;
+
+impl Check<'_> {
+    /// Checks the properties of all materials, as far as they do not vary from point to point.
+    pub(super) fn materials(&mut self) {
+        let deck = self.deck;
+        for (name, material) in &deck.materials {
+            let pointer = format!("/materials/{}", escape(name));
+            let surroundings = Surroundings {
+                parameters: Some(&deck.parameters),
+                dimensions: self.dimensions(),
+                ..Surroundings::default()
+            };
+            if let Some(density) = material.density() {
+                let density = vec![("density".to_owned(), density)];
+                let faults = crate::formulas::at_start(density, &deck.parameters, self.dimensions()).err();
+                self.formulas(&pointer, faults.unwrap_or_default());
+            }
+            match material.law(&surroundings) {
+                Err(faults) => self.formulas(&pointer, faults),
+                Ok(built) if built.varying.is_empty() => {
+                    if let Some(found) = (built.consistency)(&[]) {
+                        let message = format!("material {}: {}", quote(name), found.message);
+                        if found.key.is_empty() {
+                            self.error_at_key("D057", &pointer, message, &found.help);
+                        } else {
+                            self.error("D057", &format!("{pointer}/{}", found.key), message, found.help);
+                        }
+                    }
+                }
+                Ok(_) => {}
+            }
+        }
+        for (number, body) in deck.bodies.iter().enumerate() {
+            let material = deck.materials.get(&body.material);
+            if material.is_some_and(MaterialDeck::needs_initial_stress) && body.initial_stress.is_none() {
+                let message = format!(
+                    "the body {} has no `initial_stress`, but its material {} has no state without stress",
+                    quote(&body.name),
+                    quote(&body.material)
+                );
+                let help = "add `initial_stress: {type: geostatic, ...}` or `{type: components, ...}`, with compression everywhere";
+                self.error("D059", &format!("/bodies/{number}"), message, help);
+            }
+        }
+    }
+}
