@@ -12,8 +12,8 @@
 //! Each depends only on those above it in this list. Only the last prints or exits.
 
 pub use mpm_core::{
-    assembly, basis, dofs, domain, equilibrium, formula, grid, kinematics, linear, material, memory, model,
-    points, quality, region, solver, step, stress, surface, tensor, terms, timing,
+    assembly, basis, dofs, domain, element_test, equilibrium, formula, grid, kinematics, linear, material,
+    memory, model, points, quality, region, solver, step, stress, surface, tensor, terms, timing,
 };
 pub use mpm_deck as deck;
 pub use mpm_files as output;

@@ -16,7 +16,7 @@ use crate::deck::schema::deck_schema;
 use clap::Parser;
 
 use cli::{Cli, Command};
-use commands::{explain, manual, new, report, run, status, sweep};
+use commands::{element, explain, manual, new, report, run, status, sweep};
 use exit::USAGE;
 use screen::failure::as_error;
 use screen::message;
@@ -44,6 +44,7 @@ fn run_command(arguments: &[OsString], began: Instant) -> anyhow::Result<u8> {
         Command::Status(args) => status::status(&args),
         Command::Sweep(args) => sweep::sweep(args),
         Command::Report(args) => report::report(args),
+        Command::Element(args) => element::element(args),
         Command::Explain { code } => explain::explain(code.as_deref()),
         Command::Schema => print_json(&deck_schema()),
         Command::Completions { shell } => manual::completions(shell),

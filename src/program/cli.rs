@@ -4,7 +4,7 @@ use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
 use crate::program::commands::arguments::DeckArgs;
-use crate::program::commands::{new, report, run, status, sweep};
+use crate::program::commands::{element, new, report, run, status, sweep};
 
 /// Implicit, quasi-static, finite-deformation material point method.
 #[derive(Parser)]
@@ -42,6 +42,10 @@ pub enum Command {
     Sweep(sweep::SweepArgs),
     /// Write a report on results as a single HTML page; several results are compared.
     Report(report::ReportArgs),
+    /// Take one material point along a path of strain or stress, as in a laboratory test.
+    ///
+    /// For example: mpm element clay.yaml --material clay --path triaxial-drained --confining 100e3 --to 0.2
+    Element(element::ElementArgs),
     /// Explain a message by its code, such as D014, or list all codes.
     Explain {
         /// The code; without it, all codes are listed.

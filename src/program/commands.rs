@@ -2,9 +2,11 @@
 
 mod analysis;
 pub mod arguments;
+pub mod element;
 pub mod explain;
 pub mod manual;
 pub mod new;
+mod overwriting;
 pub mod report;
 mod resume;
 pub mod run;

@@ -27,6 +27,7 @@
 //! | Background grid | [`grid`]: the trait [`grid::Grid`] locates cells and provides their linear basis; [`grid::Structured`] is a grid of rectangles or bricks, whose lines along each [`grid::Axis`] are even or graded and may move between steps ([`model::MovingGrid`]), [`grid::Mesh`] an unstructured mesh, read by [`grid::gmsh`] |
 //! | Basis functions | [`basis`]: one file per material point method (MPM, GIMP, CPDI); [`domain`]: update of GIMP domains. The corners of CPDI domains, [`points::State::corners`], are moved by [`solver`] at the end of a step |
 //! | Kernel of a point | [`kinematics`]: deformation increment; [`material`]: constitutive laws; [`stress`]: stress P̃ and tangent Ã in three dimensions ([`stress::Solid`]), plane strain ([`stress::PlaneStrain`]) and axisymmetry ([`stress::Axisymmetric`]); [`tensor`]: tensors and their spectral functions |
+//! | Element tests | [`element_test`]: one point of a law along a path of strain or stress, as in the laboratory |
 //! | Equilibrium equations | [`terms`]: the material points (f^int and K, eqs. (19)-(23), gradients mapped by eq. (8)), external forces and ghost stabilisation, each of which adds force and stiffness to the [`assembly::System`]; [`dofs`]: displacements prescribed along axes or inclined directions, ties, free degrees of freedom |
 //! | Linear solvers | [`linear`]: the trait [`linear::Backend`], the direct and the multigrid backend |
 //! | Quality of results | [`quality`]: measures of numerical quality, and the warnings derived from them |
@@ -81,6 +82,7 @@ pub mod assembly;
 pub mod basis;
 pub mod dofs;
 pub mod domain;
+pub mod element_test;
 pub mod equilibrium;
 pub mod formula;
 pub mod grid;

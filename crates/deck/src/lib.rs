@@ -62,7 +62,7 @@ pub mod quoting;
 mod read;
 pub mod ready;
 pub mod reference;
-mod references;
+pub mod references;
 mod region;
 pub mod schema;
 mod seeding;

@@ -12,7 +12,7 @@ use super::diagnostic::{self, Diagnostic, Gate};
 use super::quoting::quote;
 use super::references::dangling;
 use super::source::Source;
-use super::{Deck, GridDeck, Parameter, Surroundings, parameters, shape, validate};
+use super::{BuiltLaw, Deck, GridDeck, Parameter, Surroundings, parameters, shape, validate};
 use mpm_core::formula::closest;
 use mpm_core::material::Material;
 
@@ -46,17 +46,17 @@ impl fmt::Debug for OwnLaw {
 impl LoadedDeck {
     /// The law of a material, for a point outside the grid: its softening is not adapted to cells. `None` if there is no
     /// such material.
-    pub fn law(&self, material: &str) -> Option<Box<dyn Material>> {
+    pub fn built_law(&self, material: &str) -> Option<BuiltLaw> {
         let of_deck = self.deck.materials.get(material)?;
         if let Some(own) = self.laws.get(material) {
-            return Some(own.0());
+            return Some(BuiltLaw::constant(own.0()));
         }
         let surroundings = Surroundings {
             parameters: Some(&self.deck.parameters),
             dimensions: self.deck.dimensions(),
             ..Surroundings::default()
         };
-        of_deck.law(&surroundings).ok().map(|built| built.law)
+        of_deck.law(&surroundings).ok()
     }
 
     /// A hash of the text of the deck, of the final values of its parameters and of the files it names: decks with the

@@ -7,6 +7,20 @@ use super::quoting::{list, quote};
 use super::source::Source;
 use mpm_core::formula::closest;
 
+/// Help for a name that refers to none of the entries of a deck that it should refer to: the entries, singular and
+/// plural, and the most similar name.
+pub fn known_names((one, several): (&str, &str), name: &str, names: &[&str]) -> String {
+    match (closest(name, names.iter().copied()), names.len()) {
+        (_, 0) => format!("the deck has no {several}"),
+        (Some(best), 1) => format!("did you mean {}?", quote(best)),
+        (Some(best), _) => {
+            format!("did you mean {}? the {several} are {}", quote(best), list(names.iter().copied()))
+        }
+        (None, 1) => format!("the only {one} is {}", list(names.iter().copied())),
+        (None, _) => format!("the {several} are {}", list(names.iter().copied())),
+    }
+}
+
 /// Message about a name that refers to none of the entries it should refer to.
 pub(super) fn unknown_reference(
     source: &Source,
@@ -15,15 +29,7 @@ pub(super) fn unknown_reference(
     name: &str,
     names: Vec<&str>,
 ) -> Diagnostic {
-    let help = match (closest(name, names.iter().copied()), names.len()) {
-        (_, 0) => format!("the deck has no {several}"),
-        (Some(best), 1) => format!("did you mean {}?", quote(best)),
-        (Some(best), _) => {
-            format!("did you mean {}? the {several} are {}", quote(best), list(names.iter().copied()))
-        }
-        (None, 1) => format!("the only {one} is {}", list(names.iter().copied())),
-        (None, _) => format!("the {several} are {}", list(names.iter().copied())),
-    };
+    let help = known_names((one, several), name, &names);
     let message = format!("there is no {one} {}", quote(name));
     let mut diagnostic = Diagnostic::at(source, "D018", pointer, message).help(help);
     if !names.is_empty() {

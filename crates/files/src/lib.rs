@@ -7,6 +7,7 @@
 
 pub mod checkpoint;
 pub mod directory;
+pub mod element_test;
 mod failed;
 pub mod fields;
 pub mod findings;

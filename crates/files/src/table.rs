@@ -1,11 +1,14 @@
 //! Comma-separated tables that grow by whole rows: writing and reading.
 
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 use super::replace::replace_file;
 use super::{invalid, shortest};
+
+/// Largest size of a table of another origin, [byte].
+const LARGEST_FOREIGN: u64 = 64 << 20;
 
 /// An entry of a table.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,14 +85,9 @@ impl Table {
     pub fn create(path: impl AsRef<Path>, columns: &[impl AsRef<str>]) -> io::Result<Table> {
         let path = path.as_ref().to_owned();
         let columns: Vec<String> = columns.iter().map(|name| name.as_ref().to_owned()).collect();
-        if columns.is_empty() {
-            return Err(invalid(format!("{} would have no column", path.display())));
-        }
-        if let Some(index) = (1..columns.len()).find(|&i| columns[..i].contains(&columns[i])) {
-            return Err(invalid(format!("{} would have two columns `{}`", path.display(), columns[index])));
-        }
-        let header: Vec<String> = columns.iter().map(|name| quoted(name)).collect();
-        Table::begin(path, columns, &format!("{}\n", header.join(",")))
+        let header =
+            header(&columns).map_err(|what| invalid(format!("{} would have {what}", path.display())))?;
+        Table::begin(path, columns, &header)
     }
 
     /// Creates a file with this text, to be extended; a killed run leaves no file without header.
@@ -165,25 +163,8 @@ impl Table {
     /// Errors: those of the file system; `InvalidInput` if the number of entries is wrong or one is not finite. Nothing
     /// of the row is then in the file.
     pub fn push(&mut self, row: &[Entry]) -> io::Result<()> {
-        if row.len() != self.columns.len() {
-            let (path, wanted) = (self.path.display(), self.columns.len());
-            return Err(invalid(format!("{path} has {wanted} columns, the row has {}", row.len())));
-        }
-        let mut line = String::new();
-        for (number, (entry, column)) in row.iter().zip(&self.columns).enumerate() {
-            if number > 0 {
-                line.push(',');
-            }
-            match entry {
-                Entry::Integer(value) => line.push_str(&value.to_string()),
-                Entry::Missing => {}
-                Entry::Number(value) if value.is_finite() => line.push_str(&shortest(*value)),
-                Entry::Number(value) => {
-                    return Err(invalid(format!("{value} for column `{column}` of {}", self.path.display())));
-                }
-            }
-        }
-        line.push('\n');
+        let line =
+            line(row, &self.columns).map_err(|what| invalid(format!("{what} of {}", self.path.display())))?;
         // One unbuffered write per row, so that the file has whole rows at all times.
         if let Err(error) = self.file.write_all(line.as_bytes()) {
             // A full disk may take the first bytes of a row. If they cannot be removed either, the first error is
@@ -194,6 +175,52 @@ impl Table {
         self.length += line.len() as u64;
         Ok(())
     }
+}
+
+/// A table as text, for output other than a file that grows.
+///
+/// # Errors
+/// `InvalidInput` if there is no column or two have the same name, a row has another number of entries, or one is not
+/// finite.
+pub fn text_of(columns: &[String], rows: impl IntoIterator<Item = Vec<Entry>>) -> io::Result<String> {
+    let mut text = header(columns).map_err(|what| invalid(format!("the table would have {what}")))?;
+    for row in rows {
+        text.push_str(&line(&row, columns).map_err(|what| invalid(format!("{what} of the table")))?);
+    }
+    Ok(text)
+}
+
+/// The line of the names of columns.
+fn header(columns: &[String]) -> Result<String, String> {
+    if columns.is_empty() {
+        return Err("no column".to_owned());
+    }
+    if let Some(index) = (1..columns.len()).find(|&i| columns[..i].contains(&columns[i])) {
+        return Err(format!("two columns `{}`", columns[index]));
+    }
+    let names: Vec<String> = columns.iter().map(|name| quoted(name)).collect();
+    Ok(names.join(",") + "\n")
+}
+
+/// The line of a row.
+fn line(row: &[Entry], columns: &[String]) -> Result<String, String> {
+    if row.len() != columns.len() {
+        return Err(format!("{} entries for the {} columns", row.len(), columns.len()));
+    }
+    let mut line = String::new();
+    for (number, (entry, column)) in row.iter().zip(columns).enumerate() {
+        if number > 0 {
+            line.push(',');
+        }
+        match entry {
+            Entry::Integer(value) => line.push_str(&value.to_string()),
+            Entry::Missing => {}
+            Entry::Number(value) if value.is_finite() => line.push_str(&shortest(*value)),
+            Entry::Number(value) => return Err(format!("{value} for column `{column}`")),
+        }
+    }
+    line.push('\n');
+    Ok(line)
 }
 
 /// True if two sets of metadata are of the same file.
@@ -235,6 +262,31 @@ impl Columns {
         let text = fs::read_to_string(path)?;
         Columns::parse(&text)
             .map_err(|what| io::Error::new(io::ErrorKind::InvalidData, format!("{}: {what}", path.display())))
+    }
+
+    /// Reads a table of any origin, such as a spreadsheet: entries may have spaces around them, lines may end in CR LF,
+    /// and the last one need not end.
+    ///
+    /// Errors: as [`Columns::read`]; `InvalidData` also if the file is larger than 64 MiB or not UTF-8.
+    pub fn read_foreign(path: &Path) -> io::Result<Columns> {
+        let damaged =
+            |what: &str| io::Error::new(io::ErrorKind::InvalidData, format!("{}: {what}", path.display()));
+        let mut bytes = Vec::new();
+        File::open(path)?.take(LARGEST_FOREIGN + 1).read_to_end(&mut bytes)?;
+        if bytes.len() as u64 > LARGEST_FOREIGN {
+            return Err(damaged("the file is larger than 64 MiB"));
+        }
+        let text = String::from_utf8(bytes).map_err(|_| damaged("the file is not UTF-8 text"))?;
+        let trimmed = |line: &str| line.split(',').map(str::trim).collect::<Vec<_>>().join(",");
+        let lines: Vec<String> =
+            text.trim_start_matches('\u{feff}').trim_end().lines().map(trimmed).collect();
+        match lines.first() {
+            None => Err(damaged("the file is empty")),
+            Some(names) if names.contains(';') && !names.contains(',') => {
+                Err(damaged("line 1: entries are separated by semicolons; separate them by commas"))
+            }
+            Some(_) => Columns::parse(&(lines.join("\n") + "\n")).map_err(|what| damaged(&what)),
+        }
     }
 
     fn parse(text: &str) -> Result<Columns, String> {
@@ -334,6 +386,33 @@ mod tests {
         assert_eq!(read.column("a, \"b\""), Some(&[1.0 / 3.0, -5e-324, 12e6][..]));
         assert_eq!(read.column("b"), None);
         assert_eq!(read.iter().last(), Some(("a, \"b\"", &[1.0 / 3.0, -5e-324, 12e6][..])));
+    }
+
+    #[test]
+    fn tables_of_spreadsheets_are_read() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("t.csv");
+        for text in ["\u{feff}a, b\r\n1 ,-2e3\r\n3,\r\n\r\n", "a,b\n1,-2000\n3,"] {
+            fs::write(&path, text).unwrap();
+            let read = Columns::read_foreign(&path).unwrap();
+            assert_eq!(
+                (read.names(), read.column("a")),
+                (&["a".into(), "b".into()][..], Some(&[1.0, 3.0][..]))
+            );
+            assert!(matches!(read.column("b"), Some([-2000.0, missing]) if missing.is_nan()));
+        }
+        for (bytes, complaint) in [
+            (&b""[..], "t.csv: the file is empty"),
+            (b" \r\n\r\n", "the file is empty"),
+            (b"a;b\n1,5;2\n", "line 1: entries are separated by semicolons"),
+            (b"a\n1\nx\n", "line 3: \"x\" is not a number"),
+            (b"a\n\xff", "the file is not UTF-8 text"),
+        ] {
+            fs::write(&path, bytes).unwrap();
+            let error = Columns::read_foreign(&path).unwrap_err();
+            assert_eq!(error.kind(), io::ErrorKind::InvalidData);
+            assert!(error.to_string().contains(complaint), "{error}");
+        }
     }
 
     #[test]

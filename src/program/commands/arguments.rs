@@ -28,7 +28,8 @@ pub enum Format {
     Json,
 }
 
-fn assignment(text: &str) -> Result<(String, String), String> {
+/// Reads NAME=VALUE.
+pub fn assignment(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().to_owned(), value.to_owned())),
         _ => Err("expected NAME=VALUE, for example h=0.25".to_owned()),

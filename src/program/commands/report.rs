@@ -1,19 +1,13 @@
 //! `mpm report`: an HTML page about results.
 
-use std::fs::File;
-use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crate::appendix::{self, FieldChoice, Options, StepChoice, Units};
 use crate::program::commands::analysis::start_threads;
+use crate::program::commands::overwriting::{REPORT, may_be_replaced};
 use crate::program::exit::DONE;
 use anyhow::bail;
 use clap::Args;
-
-/// Bytes at the beginning of a page that contain the tag of its generator.
-const FIRST: u64 = 1000;
-/// Beginning of that tag.
-const GENERATOR: &str = r#"<meta name="generator" content="mpm "#;
 
 /// Arguments of `mpm report`.
 #[derive(Args)]
@@ -45,20 +39,10 @@ pub fn report(args: ReportArgs) -> anyhow::Result<u8> {
         [directory] => directory.join("report.html"),
         _ => PathBuf::from("comparison.html"),
     });
-    if !may_be_replaced(&path) {
+    if !may_be_replaced(&path, REPORT) {
         bail!("`{}` exists and is not a report of mpm; choose another name with `--out`", path.display());
     }
     appendix::write(&path, &page)?;
     message!("the report is {}", path.display());
     Ok(DONE)
-}
-
-/// True if a path does not exist, or is an empty file or a report.
-fn may_be_replaced(path: &Path) -> bool {
-    let Ok(about) = std::fs::metadata(path) else { return true };
-    let mut first = Vec::new();
-    // An unreadable file may be anything.
-    let read =
-        about.is_file() && File::open(path).and_then(|file| file.take(FIRST).read_to_end(&mut first)).is_ok();
-    read && (first.is_empty() || String::from_utf8_lossy(&first).contains(GENERATOR))
 }

@@ -105,6 +105,10 @@ impl Material for NeoHookean {
             smallest if self.lambda < 0.0 => smallest / self.lambda + 1.0,
             _ => return Err(MaterialError::NoStrain),
         };
+        // Beside a stress of many orders of magnitude above the moduli, the 1 above is round-off.
+        if !is_positive(log_j) {
+            return Err(MaterialError::NoStrain);
+        }
         for _ in 0..MOST_ITERATIONS {
             let e = strain(log_j);
             let slope = -1.0 - 0.5 * self.lambda / self.mu * inverse(&e).trace();

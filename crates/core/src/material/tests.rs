@@ -157,6 +157,17 @@ fn a_strain_that_is_no_number_is_an_error() {
     assert_eq!(law.update(&inside_out, &[], &mut []), Err(MaterialError::NotFinite));
 }
 
+#[test]
+fn a_stress_far_above_the_moduli_has_no_strain() {
+    for poisson in [0.2, -0.4] {
+        let law = NeoHookean::new(1.0, poisson);
+        for stress in [1e300, -1e300, -1e40] {
+            let found = law.elastic_strain(&(Sym3::IDENTITY * stress), &[]);
+            assert_eq!(found, Err(MaterialError::NoStrain), "{poisson} {stress}");
+        }
+    }
+}
+
 /// Uniaxial stress: Kirchhoff stress σ and plastic logarithmic strain κ along x, by bisection in the transverse
 /// strain. Beyond yield, σ grows by √(3/2) H per unit of κ.
 #[test]

@@ -20,6 +20,9 @@ pub struct Property {
 /// The values of all properties at an original position.
 pub type PropertiesAt = dyn Fn(&[f64; 3]) -> Vec<f64> + Send + Sync;
 
+/// The law with given properties.
+type LawOf<L> = dyn Fn(&[f64]) -> L + Send + Sync;
+
 /// A law of one kind whose properties vary in space: every point has its own, by its original position. They follow the
 /// history variables of the law and never change.
 pub struct Varying<L> {
@@ -27,7 +30,7 @@ pub struct Varying<L> {
     fields: Vec<StateField>,
     n_properties: usize,
     at: Arc<PropertiesAt>,
-    law: Arc<dyn Fn(&[f64]) -> L + Send + Sync>,
+    law: Arc<LawOf<L>>,
     /// The law with the typical properties.
     typical: L,
     /// The strength is divided by this factor.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Model;
-use crate::material::MaterialError;
+use crate::material::{InitialState, MaterialError, initial_state};
 use crate::points::Points;
 use crate::tensor::Sym3;
 
@@ -18,12 +18,6 @@ pub enum InitialImbalance {
     /// The first step brings the bodies into equilibrium, and moves them.
     Equilibrate,
 }
-
-/// Largest number of returns to the yield surface of the undeformed state; with hardening, each is a fixed fraction of
-/// the one before.
-const MOST_RETURNS: usize = 200;
-/// A return that changes the strain by less than this, relative to it, is round-off, [-].
-const RETURNED: f64 = 1e-13;
 
 impl<const D: usize> Model<D> {
     /// Stresses a point of the initial configuration, in the converged and the trial state: F = I, b^e from the inverse
@@ -41,25 +35,14 @@ impl<const D: usize> Model<D> {
     ) -> Result<Sym3, MaterialError> {
         let law = self.law(points, p);
         let own = p * points.history_len..p * points.history_len + law.state_fields().len();
-        let mut history = points.converged.history[own.clone()].to_vec();
         let volume_ratio = points.converged.deformation_gradient[p].determinant();
-        let mut flowed = history.clone();
-        let mut strain = law.elastic_strain(stress, &history)?;
-        law.start_from(&strain, volume_ratio, &mut history);
-        for _ in 0..MOST_RETURNS {
-            let response = law.update(&strain, &history, &mut flowed)?;
-            let change = (response.elastic_strain - strain).norm();
-            strain = response.elastic_strain;
-            if change <= RETURNED * strain.norm() {
-                law.start_from(&strain, volume_ratio, &mut history);
-                for state in [&mut points.converged, &mut points.trial] {
-                    state.history[own.clone()].copy_from_slice(&history);
-                    state.elastic_strain[p] = strain;
-                    state.kirchhoff_stress[p] = response.tau;
-                }
-                return Ok(response.tau);
-            }
+        let began = &points.converged.history[own.clone()];
+        let InitialState { tau, elastic_strain, history } = initial_state(law, stress, volume_ratio, began)?;
+        for state in [&mut points.converged, &mut points.trial] {
+            state.history[own.clone()].copy_from_slice(&history);
+            state.elastic_strain[p] = elastic_strain;
+            state.kirchhoff_stress[p] = tau;
         }
-        Err(MaterialError::NoStrain)
+        Ok(tau)
     }
 }

@@ -23,6 +23,13 @@ pub struct BuiltLaw {
     pub consistency: Consistency,
 }
 
+impl BuiltLaw {
+    /// A law without varying properties.
+    pub fn constant(law: Box<dyn Material>) -> BuiltLaw {
+        BuiltLaw { law, varying: Vec::new(), consistency: Box::new(|_| None) }
+    }
+}
+
 /// Size of the cells in which a material softens, [length].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum CellSize {
@@ -214,6 +221,17 @@ impl Decay {
 }
 
 impl MaterialDeck {
+    /// The first property out of its range, or the first contradiction, where the varying properties have these values.
+    pub fn fault_at(&self, built: &BuiltLaw, properties: &[f64]) -> Option<String> {
+        for (varying, value) in built.varying.iter().zip(properties) {
+            let range = self.range(&varying.key);
+            if !range.contains(*value) {
+                return Some(format!("`{}` is {value}; it must be {}", varying.key, range.in_words()));
+            }
+        }
+        (built.consistency)(properties).map(|found| found.message)
+    }
+
     /// The law of the material on its own: its properties must not vary.
     ///
     /// # Errors

@@ -5,12 +5,13 @@
 //!
 //! `run` reads a directory. `chart` (with `scale`) draws curves, `picture` (with `scene`, `view`, `raster` and
 //! `colour`) the points; `page` numbers sections, figures and tables. `single` (with `stages`) and `comparison` define
-//! the content of the pages.
+//! the content of the pages about runs, and `element_test` that of the page about an element test.
 
 mod chart;
 mod colour;
 mod comparison;
 mod curves;
+mod element_test;
 mod error;
 mod field;
 mod number;
@@ -31,6 +32,7 @@ use std::path::{Path, PathBuf};
 
 use mpm_files::replace::replace_file;
 
+pub use element_test::{ElementReport, element_page};
 pub use error::{NoResults, ReportError};
 pub use field::{FieldChoice, StepChoice};
 pub use options::Options;

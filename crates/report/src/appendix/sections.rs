@@ -109,6 +109,19 @@ pub(super) fn started(run: &Run) -> Option<String> {
     run.text("/started").map(date)
 }
 
+/// The current date and time, in HTML.
+pub(super) fn now() -> String {
+    date(&jiff::Timestamp::now().to_string())
+}
+
+/// A sentence about the units of a page, after a space; empty if the user gave them.
+pub(super) fn units_in_words(naming: &Naming) -> &'static str {
+    match &naming.units {
+        Some(_) => "",
+        None => " Units are those of the deck; words in brackets name the kind of quantity.",
+    }
+}
+
 /// Date and time of a timestamp, to the minute.
 fn date(timestamp: &str) -> String {
     match (timestamp.get(..10), timestamp.get(11..16)) {
@@ -149,11 +162,7 @@ pub(super) fn foot(runs: &[Run], naming: &Naming) -> String {
         .map(|run| format!("<code>{}</code>", escape(&run.directory.display().to_string())))
         .collect();
     let sources = sources.join(", ");
-    let now = date(&jiff::Timestamp::now().to_string());
-    let units = match &naming.units {
-        Some(_) => String::new(),
-        None => " Units are those of the deck; words in brackets name the kind of quantity.".to_owned(),
-    };
+    let (now, units) = (now(), units_in_words(naming));
     let thickness = match (naming.per_thickness, runs.iter().any(Run::is_revolved)) {
         (true, _) => " Plane strain: forces, energies, volumes and masses are per unit thickness.",
         (_, true) => {

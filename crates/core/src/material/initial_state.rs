@@ -1,0 +1,49 @@
+//! The state of a point with an initial stress.
+
+use super::{Material, MaterialError};
+use crate::tensor::Sym3;
+
+/// Largest number of returns to the yield surface of the undeformed state; with hardening, each is a fixed fraction of
+/// the one before.
+const MOST_RETURNS: usize = 200;
+/// A return that changes the strain by less than this, relative to it, is round-off, [-].
+const RETURNED: f64 = 1e-13;
+
+/// The state of a point with an initial stress.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InitialState {
+    /// Kirchhoff stress τ, on the yield surface or within it, [stress].
+    pub tau: Sym3,
+    /// Elastic strain, in the measure of the law, [-].
+    pub elastic_strain: Sym3,
+    /// History variables.
+    pub history: Vec<f64>,
+}
+
+/// The state of a point whose Kirchhoff stress is `tau`, [stress]: b^e from the inverse of the elastic law, and `history`
+/// adapted to it. A stress outside the yield surface is replaced by that to which the law returns it, without plastic
+/// strain.
+///
+/// # Errors
+/// As [`Material::elastic_strain`] and [`Material::update`]; [`MaterialError::NoStrain`] if the returns do not settle.
+pub fn initial_state(
+    law: &dyn Material,
+    tau: &Sym3,
+    volume_ratio: f64,
+    history: &[f64],
+) -> Result<InitialState, MaterialError> {
+    let mut history = history.to_vec();
+    let mut flowed = history.clone();
+    let mut strain = law.elastic_strain(tau, &history)?;
+    law.start_from(&strain, volume_ratio, &mut history);
+    for _ in 0..MOST_RETURNS {
+        let response = law.update(&strain, &history, &mut flowed)?;
+        let change = (response.elastic_strain - strain).norm();
+        strain = response.elastic_strain;
+        if change <= RETURNED * strain.norm() {
+            law.start_from(&strain, volume_ratio, &mut history);
+            return Ok(InitialState { tau: response.tau, elastic_strain: strain, history });
+        }
+    }
+    Err(MaterialError::NoStrain)
+}
