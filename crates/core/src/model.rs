@@ -143,7 +143,8 @@ impl<const D: usize> Model<D> {
 
     /// True if one load factor governs all loads and prescribed motions.
     pub fn has_one_load_factor(&self) -> bool {
-        self.stages.is_empty() && (self.stepping.control != Control::Load || self.common_curve().is_some())
+        self.stages.is_empty()
+            && (self.stepping.control.has_unknown_factor() || self.common_curve().is_some())
     }
 
     /// True if a boundary condition acts in the present stage.

@@ -65,12 +65,32 @@ pub enum ControlDeck {
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.5]))]
         length: Option<f64>,
     },
+    /// Strength reduction: the cohesion and the tangent of the friction angle of all materials are divided by a factor F that
+    /// grows in proportion to time, until no equilibrium is found. The factor of safety lies between the last F with
+    /// equilibrium and the first one without; the stage then ends. Loads stay constant.
+    StrengthReduction {
+        /// Factor at the start, [-].
+        #[serde(default = "whole")]
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1]))]
+        from: f64,
+        /// Factor at which the search ends, [-].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [3]))]
+        to: f64,
+        /// Largest distance between the factors with and without equilibrium, [-].
+        #[serde(default = "half_percent")]
+        #[schemars(range(min = 1e-6, max = 1.0))]
+        tolerance: f64,
+    },
 }
 
 impl Default for ControlDeck {
     fn default() -> Self {
         ControlDeck::Load {}
     }
+}
+
+fn half_percent() -> f64 {
+    0.005
 }
 
 fn unit_time() -> f64 {

@@ -42,6 +42,9 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
     if model.has_one_load_factor() {
         columns.push("load_factor".to_owned());
     }
+    if model.reduces_strength() {
+        columns.push("strength_factor".to_owned());
+    }
     for condition in &model.boundary_conditions {
         columns.extend(axes.iter().map(|axis| format!("{}_r{axis}", condition.name)));
         let turns = if model.revolved { &[] } else { ReactionMoment::<D>::AXES };
@@ -78,6 +81,9 @@ pub fn row_of_history<const D: usize>(
         row.push((model.present.stage as i64 + 1).into());
     }
     row.extend(report.load_factor.map(Entry::from));
+    if model.reduces_strength() {
+        row.push(report.strength_factor.unwrap_or(1.0).into());
+    }
     for (number, reaction) in report.reactions.iter().enumerate() {
         row.extend(reaction.map(Entry::from));
         let moment = report.moments.as_ref().and_then(|moments| moments.get(number));

@@ -9,7 +9,7 @@ use jiff::{Timestamp, Unit};
 use serde::{Deserialize, Serialize};
 
 use mpm_core::memory;
-use mpm_core::model::{Control, LoadCurve, Model};
+use mpm_core::model::{LoadCurve, Model};
 use mpm_core::points::Points;
 use mpm_core::solver::{Reached, SolveError, Step, StepReport, Summary};
 
@@ -166,7 +166,7 @@ impl Progress {
         };
         let began = Instant::now();
         let stages = model.stages.iter().map(|stage| stage.name.clone()).collect();
-        let curve = model.common_curve().filter(|_| model.stepping.control == Control::Load).cloned();
+        let curve = model.common_curve().filter(|_| !model.stepping.control.has_unknown_factor()).cloned();
         Progress { start, status, curve, stages, began, recent: VecDeque::from([(0.0, began)]) }
     }
 

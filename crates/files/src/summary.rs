@@ -212,6 +212,9 @@ impl Account {
         if !model.stages.is_empty() {
             document["stages"] = stages(model, summary);
         }
+        if let Some(bracket) = &summary.strength {
+            document["strength_reduction"] = json!({"stands": bracket.stands, "fails": bracket.fails});
+        }
         if let Some(state) = &summary.initial_state {
             document["initial_state"] = initial_state(state);
         }

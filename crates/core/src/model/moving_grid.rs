@@ -8,7 +8,7 @@ use crate::formula::Formula;
 use crate::grid::{Axis, CarriedLines, CarryError, ON_LINE, Structured};
 
 use super::boundary_condition::displacement_at;
-use super::{BoundaryCondition, Control, Model, Stepping};
+use super::{BoundaryCondition, Model, Stepping};
 
 /// Fewest and most times of a stage at which the motion of the grid is checked before a run, besides those of the curves.
 const TIMES: [usize; 2] = [100, 10_000];
@@ -226,7 +226,7 @@ impl<const D: usize> Model<D> {
     /// [`GridMotionError`] if it cannot move there.
     pub fn grid_at(&self, time: f64) -> Result<Option<Structured<D>>, GridMotionError> {
         let Some(moving) = &self.moving_grid else { return Ok(None) };
-        if self.stepping.control != Control::Load {
+        if self.stepping.control.has_unknown_factor() {
             return Err(GridMotionError::UnknownFactor);
         }
         let factor = |condition: usize| self.boundary_conditions[condition].curve.factor(time);
@@ -262,7 +262,7 @@ impl<const D: usize> Model<D> {
             stages => stages.iter().map(|stage| &stage.stepping).collect(),
         };
         for (number, stepping) in of_stages.into_iter().enumerate() {
-            if stepping.control != Control::Load {
+            if stepping.control.has_unknown_factor() {
                 return Err(GridMotionError::UnknownFactor);
             }
             let (from, to) = (stepping.start_time, stepping.end_time);

@@ -73,7 +73,7 @@ impl<const D: usize> Model<D> {
     pub fn factors_at_end(&self, unknown: f64) -> Factors {
         let Stepping { start_time, end_time, .. } = self.stepping;
         let reached = |load: &Load<D>| match self.stepping.control {
-            Control::Load => load.curve.factor(end_time),
+            Control::Load | Control::StrengthReduction { .. } => load.curve.factor(end_time),
             _ => {
                 let stood = load.curve.factor(start_time);
                 stood + unknown * (load.curve.factor(end_time) - stood)
@@ -108,6 +108,12 @@ impl<const D: usize> Model<D> {
     /// Time at the end of the analysis, [time].
     pub fn end_time(&self) -> f64 {
         self.stages.last().map_or(self.stepping.end_time, |stage| stage.stepping.end_time)
+    }
+
+    /// True if a stage reduces the strength of the materials.
+    pub fn reduces_strength(&self) -> bool {
+        let of_stages = self.stages.iter().map(|stage| &stage.stepping);
+        of_stages.chain([&self.stepping]).any(|stepping| stepping.strength_factor(0.0).is_some())
     }
 
     /// Number of requested steps of the analysis.

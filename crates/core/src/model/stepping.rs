@@ -48,6 +48,22 @@ pub enum Control {
         /// the first step is load-controlled and its arc length sets the size of all others.
         length: Option<f64>,
     },
+    /// The strength of the materials is divided by a factor that grows in proportion to time, until no equilibrium is found
+    /// ([`Material::with_strength_divided`](crate::material::Material::with_strength_divided)). Loads and boundary
+    /// displacements follow their curves.
+    StrengthReduction {
+        /// Factor at the start, [-].
+        from: f64,
+        /// Factor at the end, [-].
+        to: f64,
+    },
+}
+
+impl Control {
+    /// True if a common factor of all loads follows from equilibrium.
+    pub fn has_unknown_factor(&self) -> bool {
+        matches!(self, Control::Displacement { .. } | Control::ArcLength { .. })
+    }
 }
 
 impl Stepping {
@@ -81,6 +97,12 @@ impl Stepping {
     /// True if damped iterations may be used as a last resort: steps may be cut and all loads are prescribed.
     pub fn may_damp(&self) -> bool {
         self.damping && self.smallest < 1.0 && self.control == Control::Load
+    }
+
+    /// Factor by which the strength of the materials is divided at a time, [-]; `None` at full strength.
+    pub fn strength_factor(&self, time: f64) -> Option<f64> {
+        let Control::StrengthReduction { from, to } = self.control else { return None };
+        Some(from + (to - from) * ((time - self.start_time) / self.duration()))
     }
 
     /// Duration of all steps, [time].

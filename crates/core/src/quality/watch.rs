@@ -12,7 +12,7 @@ use super::{Quality, Worst, contrast, gaps, holding};
 use crate::equilibrium::StepReport;
 use crate::linear::Factorisation;
 use crate::material::Material;
-use crate::model::{Body, Control, Model};
+use crate::model::{Body, Model};
 use crate::points::{Points, coordinates};
 use crate::tensor::Sym3;
 
@@ -57,7 +57,7 @@ impl Quality {
         let flows = report.energy.plastic_work > ELASTIC * report.energy.strain_energy;
         // Indefinite stiffnesses are expected beyond a limit point of a path that is followed, and in bodies that flow.
         // If the stiffness has never been definite, round-off decides its sign.
-        if self.was_stable && model.stepping.control == Control::Load && !flows {
+        if self.was_stable && !model.stepping.control.has_unknown_factor() && !flows {
             found.extend((!is_definite(report.factorisations.last())).then(|| (0, unstable(step))));
         }
         found.extend(replaced_domains(model, points, report).map(|warning| (0, warning)));

@@ -71,6 +71,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             energy,
             moment_error: moment_error(model, links, &delta_d, (f_ext, &reaction)),
             load_factor,
+            strength_factor: model.stepping.strength_factor(step.end),
             unknowns: dofs.n_free(),
             stabilised_faces: sum.stabilised_faces(),
             grid: GridFields {
@@ -131,7 +132,9 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             return None;
         }
         match context.model.stepping.control {
-            Control::Load => context.model.common_curve().map(|curve| curve.factor(context.step.end)),
+            Control::Load | Control::StrengthReduction { .. } => {
+                context.model.common_curve().map(|curve| curve.factor(context.step.end))
+            }
             Control::Displacement { .. } | Control::ArcLength { .. } => Some(self.unknowns.factor),
         }
     }

@@ -101,7 +101,7 @@ impl<const D: usize, const N: usize> Condition<D, N> {
     ) -> Option<Self> {
         let share = (step.end - step.start) / model.stepping.duration();
         match model.stepping.control {
-            Control::Load => None,
+            Control::Load | Control::StrengthReduction { .. } => None,
             Control::Displacement { probe, axis, to } => {
                 let axis = axis.min(D - 1); // decks with any other axis are refused
                 let mut weight = vec![[0.0; N]; links.n_active()];

@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Control, Model, Newton, StabilisationMode, Stepping};
+use crate::model::{Model, Newton, StabilisationMode, Stepping};
 use crate::points::{Points, coordinates};
 use crate::quality::oscillation;
 use crate::stress::Volumetric;
@@ -223,7 +223,7 @@ impl Diagnosis {
         let around = at.as_ref().and_then(cell_at);
         let circumstances = Circumstances {
             is_stabilised: model.stabilisation.mode != StabilisationMode::Off,
-            is_driven: model.stepping.control != Control::Load
+            is_driven: model.stepping.control.has_unknown_factor()
                 || model.boundary_conditions.iter().any(|condition| condition.moves()),
             has_one_material: model.materials.len() == 1,
             has_few_points: evidence::mean_points_per_cell(points) < FEW,

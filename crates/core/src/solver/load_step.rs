@@ -1,7 +1,7 @@
 //! One attempt at a load step: sections 5 and 6.3.
 
 use crate::basis::{Connectivity, SupportError, SupportFailure};
-use crate::model::{Body, Control, Model, Predictor};
+use crate::model::{Body, Model, Predictor};
 use crate::points::Points;
 use crate::step::{Step, StepContext};
 use crate::stress::{Mechanics, Volumetric};
@@ -118,7 +118,7 @@ impl<'a, const D: usize, const N: usize> LoadStep<'a, D, N> {
         let mut unknowns = Unknowns::new(model, factor, links.n_active(), system.sum.system().border.len());
         let damped = summary.pace.is_damped();
         let uses_predictor =
-            model.newton.predictor == Predictor::LastStep && model.stepping.control == Control::Load;
+            model.newton.predictor == Predictor::LastStep && !model.stepping.control.has_unknown_factor();
         if uses_predictor && !damped {
             unknowns.predicted = summary.path.motion.extrapolate(links, step);
         }

@@ -109,6 +109,9 @@ fn enter<const D: usize>(
     });
     reached.summary.pace = Pace::default();
     reached.summary.path = Path::default();
+    if model.stepping.strength_factor(time).is_some() {
+        reached.summary.strength = None;
+    }
     Ok(())
 }
 

@@ -25,6 +25,7 @@ use super::error::SolveError;
 use super::fields::Fields;
 use super::observer::Observer;
 use super::release::balancing_forces;
+use super::strength::StrengthBracket;
 use super::summary::{Reached, Summary};
 
 /// An analysis, load step by load step.
@@ -250,6 +251,10 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// The step that follows the last one in equilibrium; `None` at the end of the analysis.
     fn next_interval(&self) -> Option<Step> {
         let Reached { step: Step { index, end: start, .. }, summary } = &self.reached;
+        let is_reduced = self.model.stepping.strength_factor(*start).is_some();
+        if is_reduced && summary.strength.is_some_and(|bracket| bracket.fails.is_some()) {
+            return None;
+        }
         let end = summary.pace.end_of_step(&self.model.stepping, *start)?;
         Some(Step { index: index + 1, start: *start, end })
     }
@@ -332,6 +337,9 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             (self.terms.iter()).filter_map(|term| Some((term.name().to_owned(), term.save()?))).collect();
         *step = report.step;
         summary.path = path;
+        if let Some(stands) = report.strength_factor {
+            summary.strength = Some(StrengthBracket { stands: Some(stands), fails: None });
+        }
         self.cause = None;
         self.lost_points = None;
         summary.kept = self.equations.kept();
@@ -372,6 +380,12 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
                 None => {}
             }
             return observed;
+        }
+        if let Some(fails) = model.stepping.strength_factor(end).filter(|_| failed.may_succeed_if_smaller) {
+            let stands = summary.strength.and_then(|bracket| bracket.stands);
+            summary.strength = Some(StrengthBracket { stands, fails: Some(fails) });
+            let observe = || observer.failed(model, points, &failed, None);
+            return summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
         }
         let cause = self.cause.take().filter(|_| was_last_resort);
         let ended = match (&cause, &diagnosis) {

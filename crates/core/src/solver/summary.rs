@@ -16,6 +16,7 @@ use crate::timing::Timings;
 use super::control::Path;
 use super::diagnosis::Diagnosis;
 use super::pace::Pace;
+use super::strength::StrengthBracket;
 
 /// The stage of a run, as checkpoints store it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -57,6 +58,9 @@ pub struct Summary {
     /// The present stage; `None` in the first one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stage: Option<StageReached>,
+    /// The factors of the last stage in which the strength is reduced; `None` before it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strength: Option<StrengthBracket>,
     /// The sparsity pattern that later steps may reuse.
     #[serde(default, serialize_with = "save_kept", deserialize_with = "load_kept")]
     pub kept: Option<Arc<Named>>,

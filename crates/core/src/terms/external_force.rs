@@ -2,7 +2,7 @@
 
 use crate::assembly::{System, Wanted, add};
 use crate::basis::Connectivity;
-use crate::model::{Action, Control, Load, Model};
+use crate::model::{Action, Load, Model};
 use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 
@@ -249,7 +249,7 @@ impl<const D: usize, const N: usize> Term<D, N> for ExternalForces<D> {
     fn begin(&mut self, context: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
         let StepContext { model, links, step, .. } = *context;
         self.released = not_yet_released(model, links, step.end);
-        if model.stepping.control != Control::Load {
+        if model.stepping.control.has_unknown_factor() {
             return Ok(self.begin_unknown(context, points)?);
         }
         let load = |time| external_force(model, points, links, time); // (24), (25), (29)

@@ -54,6 +54,8 @@ pub struct MaterialPoints<const D: usize, M> {
     averaged: Vec<bool>,
     /// The points of laws that are evaluated in batches.
     batched: Vec<Batch>,
+    /// The laws of the materials with reduced strength; empty at full strength, and `None` for laws without strength.
+    reduced: Vec<Option<Box<dyn Material>>>,
     mechanics: PhantomData<M>,
 }
 
@@ -68,6 +70,7 @@ impl<const D: usize, M> Default for MaterialPoints<D, M> {
             mapped: Vec::new(),
             averaged: Vec::new(),
             batched: Vec::new(),
+            reduced: Vec::new(),
             mechanics: PhantomData,
         }
     }
@@ -125,7 +128,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
     ) -> Result<(), PointFailure> {
         let StepContext { model, links, .. } = *step;
         let System { pairs, blocks, internal, .. } = sum;
-        let MaterialPoints { start, batches, dense, value, gradient, mapped, .. } = self;
+        let MaterialPoints { start, batches, dense, value, gradient, mapped, reduced, .. } = self;
         let [mut in_hand, mut before] = dense.each_mut();
         let mut merged = 0..0;
         let delta_d = displacement(at.delta_d);
@@ -146,6 +149,7 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
                 dilated,
                 wanted,
                 laws,
+                reduced,
                 mechanics: PhantomData,
             };
             let first = links.points_of(batch.start).start;
@@ -193,8 +197,12 @@ impl<const D: usize, M: Mechanics<D>> MaterialPoints<D, M> {
             batch.evaluate(model, noted)?;
         }
         let answering: Vec<_> = batched.iter().map(|batch| batch.answering(model)).collect();
-        let laws = laws_that_answer(model, points, batched, &answering);
-        Ok(self.pass(step, points, at, Pass { laws: Some(&laws), adds: true, wanted }, sum)?)
+        let reduced = std::mem::take(&mut self.reduced);
+        let laws = laws_that_answer(model, points, &reduced, batched, &answering);
+        let outcome = self.pass(step, points, at, Pass { laws: Some(&laws), adds: true, wanted }, sum);
+        drop(laws);
+        self.reduced = reduced;
+        Ok(outcome?)
     }
 }
 
@@ -227,6 +235,10 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         });
         start.collect_into_vec(&mut self.start);
         self.batched = batches(model, points);
+        let reduced =
+            |factor| model.materials.iter().map(move |material| material.law.with_strength_divided(factor));
+        let factor = model.stepping.strength_factor(step.step.end);
+        self.reduced = factor.into_iter().flat_map(reduced).collect();
         self.averaged.clear();
         if model.bodies.iter().any(|body| body.volumetric == Volumetric::MeanDilatation) {
             let takes_mean = |body: u16| model.bodies[body as usize].volumetric == Volumetric::MeanDilatation;

@@ -29,6 +29,9 @@ where
             largest,
             stops: every.max(1) as usize,
             control: match control {
+                ControlDeck::StrengthReduction { from, to, .. } => {
+                    Control::StrengthReduction { from: *from, to: *to }
+                }
                 ControlDeck::Load {} => Control::Load,
                 ControlDeck::ArcLength { length } => Control::ArcLength { length: *length },
                 ControlDeck::Displacement { probe, axis, to } => Control::Displacement {
@@ -39,6 +42,10 @@ where
             },
             ..Stepping::fixed(count as usize, end_time)
         };
+        if let ControlDeck::StrengthReduction { from, to, tolerance } = control {
+            // A step that fails is halved unless it is below twice the smallest.
+            stepping.smallest = (0.5 * tolerance * stepping.count as f64 / (to - from)).min(1.0);
+        }
         // Without intermediate output, steps may grow freely.
         if every == 0 {
             stepping.stops = stepping.count;

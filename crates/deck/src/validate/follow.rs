@@ -27,7 +27,7 @@ impl Check<'_> {
         }
         let courses = if follow.is_empty() { Vec::new() } else { deck.courses() };
         for (pointer, steps) in courses {
-            if !matches!(steps.control, ControlDeck::Load {}) {
+            if matches!(steps.control, ControlDeck::Displacement { .. } | ControlDeck::ArcLength { .. }) {
                 let message = "the grid follows prescribed displacements, so the load factor must be known";
                 let help = "remove `control`, or remove `follow` from the grid";
                 self.error("D054", &format!("{pointer}/control"), message, help);

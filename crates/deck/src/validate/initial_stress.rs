@@ -27,7 +27,9 @@ impl Check<'_> {
             }
         }
         let first = self.deck.courses().into_iter().next();
-        if first.is_some_and(|(_, steps)| !matches!(steps.control, ControlDeck::Load {})) {
+        if first.is_some_and(|(_, steps)| {
+            matches!(steps.control, ControlDeck::Displacement { .. } | ControlDeck::ArcLength { .. })
+        }) {
             let message = format!(
                 "the body {} has an initial stress, but `steps: {{control: ...}}` makes the factor of its loads an unknown",
                 quote(&body.name)

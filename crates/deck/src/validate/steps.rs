@@ -3,7 +3,7 @@
 use super::Check;
 use crate::formulas::Displacement;
 use crate::quoting::{list, quote};
-use crate::{ControlDeck, Expression, GridDeck, LoadCurve, StageDeck};
+use crate::{ControlDeck, Expression, GridDeck, LoadCurve, MaterialDeck, StageDeck};
 use mpm_core::formula::names;
 
 /// A displacement below this share of the grid size is round-off, [-].
@@ -27,7 +27,11 @@ impl Check<'_> {
             if !matches!(steps.control, ControlDeck::Load {}) {
                 self.quantity(&format!("{pointer}/control"), &steps.control);
                 let stage = self.deck.stages.get(number).map(|stage| (stage, times));
-                self.common_factor(&format!("{pointer}/control"), stage);
+                if matches!(steps.control, ControlDeck::StrengthReduction { .. }) {
+                    self.constant_loads(&format!("{pointer}/control"), stage);
+                } else {
+                    self.common_factor(&format!("{pointer}/control"), stage);
+                }
             }
             start = times[1];
         }
@@ -63,6 +67,53 @@ impl Check<'_> {
                 }
             }
             ControlDeck::ArcLength { .. } => {}
+            ControlDeck::StrengthReduction { from, to, tolerance } => {
+                if to - from < *tolerance {
+                    let message = format!("the factor of the strength cannot grow from {from} to {to}");
+                    let help = format!("give a factor `to` of at least {}", from + tolerance);
+                    self.error("D049", &format!("{pointer}/to"), message, help);
+                }
+            }
+        }
+    }
+
+    /// Checks that loads and motions stay constant in an analysis, or in a stage between two times, while the strength is
+    /// reduced.
+    fn constant_loads(&mut self, control: &str, stage: Option<(&StageDeck, [f64; 2])>) {
+        let deck = self.deck;
+        let stays = |name: &str, curve: Option<&LoadCurve>| match (stage, curve) {
+            (Some((stage, _)), _) if stage.factors.contains_key(name) => false,
+            (Some((_, times)), Some(curve)) => stands_still(curve, times),
+            (Some(_), None) => true,
+            (None, Some(curve)) => stands_still(curve, [0.0, deck.end_time()]),
+            (None, None) => false,
+        };
+        let changing_load = deck.loads.iter().find(|load| {
+            let is_held = stage.is_none() && crate::initial_stress::initial_factor(deck, load) == 1.0;
+            !load.magnitude().1 && !stays(load.name(), load.curve()) && !(is_held && load.curve().is_none())
+        });
+        let moves = |condition: &&crate::BoundaryConditionDeck| {
+            let is_zero = |moved: &Displacement| moved.value.is_zero();
+            !condition.displacements().iter().all(is_zero)
+                && !stays(&condition.name, condition.curve.as_ref())
+        };
+        let changing_condition = deck.boundary_conditions.iter().find(moves);
+        let name = changing_load.map(|load| ("load", load.name()));
+        let name =
+            name.or(changing_condition.map(|condition| ("boundary condition", condition.name.as_str())));
+        if let Some((kind, name)) = name {
+            let message = format!("the {kind} {} changes while the strength is reduced", quote(name));
+            let help = "apply it in a stage before this one, or let its curve stand still";
+            self.error("D049", control, message, help);
+        }
+        let has_strength = |material: &MaterialDeck| {
+            let law = material.law_alone().ok();
+            law.is_none_or(|law| law.with_strength_divided(1.0).is_some())
+        };
+        if !deck.materials.values().any(has_strength) {
+            let message = "no material has a strength that could be reduced";
+            let help = "use `tresca`, `mohr-coulomb`, `drucker-prager` or `von-mises`";
+            self.error("D049", control, message, help);
         }
     }
 

@@ -75,7 +75,7 @@ impl Check<'_> {
     fn predictor_without_effect(&mut self) {
         let Some(steps) = &self.deck.steps else { return };
         let control = match &steps.control {
-            ControlDeck::Load {} => return,
+            ControlDeck::Load {} | ControlDeck::StrengthReduction { .. } => return,
             ControlDeck::Displacement { .. } => "displacement",
             ControlDeck::ArcLength { .. } => "arc-length",
         };
@@ -94,6 +94,7 @@ impl Check<'_> {
             ControlDeck::Load {} => {
                 ("with `smallest: 1`, which ends a run at the first failure", "/steps/smallest")
             }
+            ControlDeck::StrengthReduction { .. } => ("where the strength is reduced", "/steps/control/type"),
             _ => ("where the load factor is unknown", "/steps/control/type"),
         };
         let at = "/steps/damping";

@@ -188,7 +188,9 @@ impl Run {
     /// True if all loads grow in proportion to time, so that time divided by end time is the load factor.
     pub fn is_ramp(&self) -> bool {
         let Some(deck) = &self.deck else { return false };
-        let is_load_control = |steps: &StepsDeck| matches!(steps.control, ControlDeck::Load {});
+        let is_load_control = |steps: &StepsDeck| {
+            matches!(steps.control, ControlDeck::Load {} | ControlDeck::StrengthReduction { .. })
+        };
         if !deck.steps.as_ref().is_some_and(is_load_control) {
             return false;
         }

@@ -130,14 +130,19 @@ pub(super) fn laws_that_note<'a>(
     laws
 }
 
-/// The laws of all points, of which those in batches have stand-ins.
+/// The laws of all points, of which those in batches have stand-ins and others may have a reduced strength.
 pub(super) fn laws_that_answer<'a, const D: usize>(
     model: &'a Model<D>,
     points: &Points<D>,
+    reduced: &'a [Option<Box<dyn Material>>],
     batches: &[Batch],
     stand_ins: &'a [Vec<Answering>],
 ) -> Vec<&'a dyn Material> {
-    let mut laws: Vec<&dyn Material> = (0..points.len()).map(|p| model.law(points, p)).collect();
+    let law = |p: usize| match reduced.get(model.bodies[points.body[p] as usize].material) {
+        Some(Some(reduced)) => reduced.as_ref(),
+        _ => model.law(points, p),
+    };
+    let mut laws: Vec<&dyn Material> = (0..points.len()).map(law).collect();
     replace(&mut laws, batches, stand_ins);
     laws
 }

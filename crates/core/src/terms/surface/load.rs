@@ -12,7 +12,7 @@
 //! symmetric only for a constant pressure on a closed surface.
 
 use crate::assembly::{System, Wanted};
-use crate::model::{Action, Control, Load, Model, Pressure};
+use crate::model::{Action, Load, Model, Pressure};
 use crate::region::{area_derivative, area_vector};
 use crate::step::{At, Nodal, StepContext};
 use crate::surface::{Carried, Surface, SurfaceFields, centre};
@@ -167,7 +167,7 @@ impl<const D: usize> SurfaceLoad<D> {
                 carried.spread(sample, &on.force.map(|f| share * f), start);
             }
         };
-        if model.stepping.control == Control::Load {
+        if !model.stepping.control.has_unknown_factor() {
             self.values = at(load.curve.factor(step.step.end))?;
             // Without initial stress, nothing is loaded yet at time 0, whatever the values of the curves.
             if step.step.start > 0.0 || model.initial_imbalance.is_some() {
