@@ -3,6 +3,7 @@
 //! This crate is the program; it re-exports the libraries it is built from:
 //!
 //! - the method (`mpm-core`): [`solver`] and its parts; start with the page of that crate;
+//! - [`foreign`] (`mpm-foreign`): laws from shared libraries;
 //! - [`deck`] (`mpm-deck`): from YAML to a [`model::Model`] and [`points::Points`], with messages that name the line;
 //! - [`output`] (`mpm-files`): from there to result files;
 //! - [`appendix`] and [`study`] (`mpm-report`): reports of results, and a deck run for many parameters;
@@ -17,6 +18,7 @@ pub use mpm_core::{
 };
 pub use mpm_deck as deck;
 pub use mpm_files as output;
+pub use mpm_foreign as foreign;
 pub use mpm_report::{appendix, study};
 
 pub mod codes;

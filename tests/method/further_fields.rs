@@ -90,6 +90,7 @@ fn account() -> Account {
     Account {
         deck: Some(serde_json::json!({"version": 1})),
         files_hash: String::new(),
+        law_libraries: Vec::new(),
         start: Start::now(),
         deck_hash: String::new(),
         deck_file: String::new(),

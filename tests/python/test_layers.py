@@ -11,6 +11,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 CRATES = {
     "mpm_core": ROOT / "crates/core/src/lib.rs",
     "mpm_files": ROOT / "crates/files/src/lib.rs",
+    "mpm_foreign": ROOT / "crates/foreign/src/lib.rs",
     "mpm_deck": ROOT / "crates/deck/src/lib.rs",
     "mpm_report": ROOT / "crates/report/src/lib.rs",
     "mpm": ROOT / "src/lib.rs",

@@ -21,6 +21,7 @@ impl LoadedDeck {
             deck_text: self.source.text().to_owned(),
             deck_hash: self.hash(),
             files_hash: self.hash_of_files(),
+            law_libraries: self.law_libraries(),
             deck: Some(serde_json::to_value(&self.deck)?),
             parameters: values.collect(),
             set_up,

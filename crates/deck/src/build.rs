@@ -118,7 +118,6 @@ where
         }
         self.body_numbers = deck.bodies.iter().enumerate().map(|(k, body)| (body.name.as_str(), k)).collect();
         let grid = self.grid()?;
-        self.magnitudes(grid.as_ref());
         let (regions, groups) = self.regions(grid.as_ref())?;
         let size = Size::of(deck, grid.as_ref(), &regions);
         self.memory_needed = size.memory();
@@ -144,6 +143,7 @@ where
         if laws.len() < deck.materials.len() {
             return None;
         }
+        self.magnitudes(grid.as_ref(), &laws);
         let bodies = self.bodies();
         let revolved = deck.analysis.idealisation == Idealisation::Axisymmetric;
         let mut seeds = self.seeds(grid.as_ref(), &laws, &bodies, (&regions, &groups));

@@ -55,7 +55,7 @@ pub fn changes_during_run(old: &Deck, new: &Deck) -> Vec<String> {
                 properties.any(|(_, property)| matches!(property, Expression::Formula(_)))
             };
             if !varies(old) && !varies(new) {
-                keep(material, &["model", "density"]);
+                keep(material, &["model", "density", "file"]);
             }
         }
         for section in ["boundary_conditions", "loads"] {

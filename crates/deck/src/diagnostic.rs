@@ -143,6 +143,9 @@ pub const CODES: &[(&str, &str)] = &[
     ("D058", "a property of a material out of its range at a point"),
     ("D059", "a material that needs an initial stress"),
     ("D060", "softening that depends on the size of the cells"),
+    ("D061", "a library whose law cannot be used"),
+    ("D062", "parameters that do not fit the law of a library"),
+    ("D063", "a law of a library that lacks a property"),
 ];
 
 impl Diagnostic {

@@ -9,12 +9,15 @@ use std::sync::Arc;
 use serde_json::Value;
 
 use super::diagnostic::{self, Diagnostic, Gate};
+use super::hash::hex;
+use super::law_library::OfLibrary;
 use super::quoting::quote;
 use super::references::dangling;
 use super::source::Source;
-use super::{BuiltLaw, Deck, GridDeck, Parameter, Surroundings, parameters, shape, validate};
+use super::{BuiltLaw, Deck, GridDeck, MaterialDeck, Parameter, Surroundings, parameters, shape, validate};
 use mpm_core::formula::closest;
 use mpm_core::material::Material;
+use mpm_files::summary::LawLibrary;
 
 /// A deck that passed all checks that need no mesh.
 #[derive(Debug, Clone)]
@@ -46,17 +49,45 @@ impl fmt::Debug for OwnLaw {
 impl LoadedDeck {
     /// The law of a material, for a point outside the grid: its softening is not adapted to cells. `None` if there is no
     /// such material.
-    pub fn built_law(&self, material: &str) -> Option<BuiltLaw> {
+    ///
+    /// # Errors
+    /// The faults of the library that the law comes from.
+    pub fn built_law(&self, material: &str) -> Option<Result<BuiltLaw, Vec<Diagnostic>>> {
         let of_deck = self.deck.materials.get(material)?;
         if let Some(own) = self.laws.get(material) {
-            return Some(BuiltLaw::constant(own.0()));
+            return Some(Ok(BuiltLaw::constant(own.0())));
+        }
+        if let MaterialDeck::Library { file, parameters, .. } = of_deck {
+            let (source, directory) = (&self.source, self.directory.as_path());
+            let library = OfLibrary { source, directory, name: material, file, parameters };
+            return Some(library.law().map(BuiltLaw::constant));
         }
         let surroundings = Surroundings {
             parameters: Some(&self.deck.parameters),
             dimensions: self.deck.dimensions(),
             ..Surroundings::default()
         };
-        of_deck.law(&surroundings).ok()
+        // Faults of formulas have been reported when the deck was read.
+        Some(of_deck.law(&surroundings).map_err(|_| Vec::new()))
+    }
+
+    /// True if the law of a material comes from a library.
+    pub(super) fn is_from_library(&self, material: &str) -> bool {
+        let of_deck = self.deck.materials.get(material);
+        !self.laws.contains_key(material) && of_deck.is_some_and(|of_deck| of_deck.library().is_some())
+    }
+
+    /// The libraries that laws come from, with the hashes of their files.
+    pub fn law_libraries(&self) -> Vec<LawLibrary> {
+        let library = |(name, of_deck): (&String, &MaterialDeck)| match of_deck {
+            MaterialDeck::Library { file, .. } if self.is_from_library(name) => {
+                let path = self.directory.join(file);
+                let hash = hex(&std::fs::read(&path).unwrap_or_default());
+                Some(LawLibrary { material: name.clone(), file: path.display().to_string(), hash })
+            }
+            _ => None,
+        };
+        self.deck.materials.iter().filter_map(library).collect()
     }
 
     /// A hash of the text of the deck, of the final values of its parameters and of the files it names: decks with the
@@ -68,20 +99,21 @@ impl LoadedDeck {
         bytes.push(0);
         bytes.extend(parameters.as_bytes());
         self.add_files(&mut bytes);
-        format!("{:032x}", fnv1a(&bytes))
+        hex(&bytes)
     }
 
     /// A hash of the files that the deck names.
     pub fn hash_of_files(&self) -> String {
         let mut bytes = Vec::new();
         self.add_files(&mut bytes);
-        format!("{:032x}", fnv1a(&bytes))
+        hex(&bytes)
     }
 
     fn add_files(&self, bytes: &mut Vec<u8>) {
         let surfaces = self.deck.bodies.iter().flat_map(|body| body.shape.files());
-        let surfaces = surfaces.map(|file| self.directory.join(file));
-        for file in self.mesh_path().into_iter().chain(surfaces).filter(|path| path.is_file()) {
+        let libraries = self.deck.materials.values().filter_map(MaterialDeck::library);
+        let named = surfaces.chain(libraries).map(|file| self.directory.join(file));
+        for file in self.mesh_path().into_iter().chain(named).filter(|path| path.is_file()) {
             bytes.push(0);
             // A file that cannot be read is skipped: without it no analysis runs that could be confused with another.
             bytes.extend(std::fs::read(file).unwrap_or_default());
@@ -95,14 +127,6 @@ impl LoadedDeck {
             GridDeck::Structured { .. } => None,
         }
     }
-}
-
-/// The 128-bit hash FNV-1a: short and stable, which the standard library does not promise, and long enough that two
-/// decks never share it by chance.
-fn fnv1a(bytes: &[u8]) -> u128 {
-    const BASIS: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
-    const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;
-    bytes.iter().fold(BASIS, |hash, byte| (hash ^ u128::from(*byte)).wrapping_mul(PRIME))
 }
 
 /// A deck that cannot be used.
@@ -262,12 +286,6 @@ pub fn load_text(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn fnv1a_is_the_published_one() {
-        assert_eq!(fnv1a(b""), 0x6c62272e07bb014262b821756295c58d);
-        assert_eq!(fnv1a(b"a"), 0xd228cb696f1a8caf78912b704e4a8964);
-    }
 
     #[test]
     fn hash_depends_on_text_and_values() {

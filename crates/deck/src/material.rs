@@ -1,5 +1,7 @@
 //! Materials: constitutive laws and their properties, which may vary in space.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +16,7 @@ pub(crate) use consistency::Consistency;
 pub use law::{BuiltLaw, CellSize, Surroundings};
 pub use property::Varying;
 
-/// A constitutive law and its properties. Each number may also be a formula of X, Y (in space also Z), the original
+/// A constitutive law and its properties. Each number of the laws of the program may also be a formula of X, Y (in space also Z), the original
 /// position, and of the parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "model", rename_all = "kebab-case", deny_unknown_fields)]
@@ -198,6 +200,21 @@ pub enum MaterialDeck {
         #[schemars(extend("minimum" = 0.0, "examples" = [1800]))]
         density: Option<Expression>,
     },
+    /// A law of your own in a shared library, written in C, Fortran or another compiled language; its code runs as part of the
+    /// program.
+    Library {
+        /// Path of the library, relative to the deck.
+        #[schemars(extend("examples" = ["./law.so"]))]
+        file: String,
+        /// Values of the parameters of the law, by the names that the library gives them, in the units that it states.
+        #[serde(default)]
+        #[schemars(extend("examples" = [{"young": 12e6, "poisson": 0.3}]))]
+        parameters: BTreeMap<String, f64>,
+        /// Initial mass density ρ₀, [mass/volume]; needed where gravity acts.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("minimum" = 0.0, "examples" = [2000]))]
+        density: Option<Expression>,
+    },
 }
 
 /// Loss of undrained strength: s_u = s_r + (s_p − s_r) e^(−3κ/κ₉₅) with the equivalent plastic strain κ.
@@ -277,12 +294,14 @@ impl MaterialDeck {
             | MaterialDeck::Tresca { density, .. }
             | MaterialDeck::MohrCoulomb { density, .. }
             | MaterialDeck::DruckerPrager { density, .. }
-            | MaterialDeck::ModifiedCamClay { density, .. } => density.as_ref(),
+            | MaterialDeck::ModifiedCamClay { density, .. }
+            | MaterialDeck::Library { density, .. } => density.as_ref(),
         }
     }
 
     fn number(&self, key: &str) -> Option<f64> {
-        self.properties().into_iter().find(|(name, _)| name == key)?.1.as_number()
+        let is_own = |(name, _): &(String, Expression)| name == key && self.library().is_none();
+        self.properties().into_iter().find(is_own)?.1.as_number()
     }
 
     /// True if it flows plastically at constant volume.
@@ -293,6 +312,14 @@ impl MaterialDeck {
             MaterialDeck::MohrCoulomb { dilation_angle, .. }
             | MaterialDeck::DruckerPrager { dilation_angle, .. } => is_zero(dilation_angle),
             _ => false,
+        }
+    }
+
+    /// Path of the library of the law, relative to the deck; `None` for the laws of the program.
+    pub fn library(&self) -> Option<&str> {
+        match self {
+            MaterialDeck::Library { file, .. } => Some(file),
+            _ => None,
         }
     }
 

@@ -21,7 +21,7 @@ impl Account {
         points: &Points<D>,
     ) -> io::Result<()> {
         let began = jiff::Timestamp::now() - self.start.elapsed().wall;
-        let document = json!({
+        let mut document = json!({
             "title": model.title,
             "version": VERSION,
             "build": if cfg!(debug_assertions) { "debug" } else { "release" },
@@ -40,6 +40,9 @@ impl Account {
             "threads": self.threads,
             "machine": machine(),
         });
+        if !self.law_libraries.is_empty() {
+            document["law_libraries"] = json!(self.law_libraries);
+        }
         let mut text = serde_json::to_string_pretty(&document).map_err(io::Error::other)?;
         text.push('\n');
         replace_file(path, |out| out.write_all(text.as_bytes()))

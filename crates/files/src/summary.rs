@@ -1,11 +1,13 @@
 //! `summary.json`: the results of a run, their quality, and the cost.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::io;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use cpu_time::ProcessTime;
+use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use mpm_core::model::{Model, Stepping};
@@ -86,6 +88,24 @@ pub struct Wording {
     pub on_warning: fn(&Warning) -> String,
 }
 
+/// A shared library from which the law of a material comes.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct LawLibrary {
+    /// Name of the material.
+    pub material: String,
+    /// Path of the library.
+    pub file: String,
+    /// Hash of the file.
+    pub hash: String,
+}
+
+impl fmt::Display for LawLibrary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let LawLibrary { material, file, hash } = self;
+        write!(f, "the law of the material `{material}` comes from the library `{file}`, hash {hash}")
+    }
+}
+
 /// Facts that are known before the run.
 #[derive(Debug, Clone)]
 pub struct Account {
@@ -101,6 +121,8 @@ pub struct Account {
     pub deck: Option<Value>,
     /// Hash of the files that it names.
     pub files_hash: String,
+    /// The libraries from which laws come.
+    pub law_libraries: Vec<LawLibrary>,
     /// Parameters of the deck with their final values.
     pub parameters: BTreeMap<String, Value>,
     /// Time spent so far, reading the deck and building the model.
@@ -209,6 +231,9 @@ impl Account {
             "warnings": warnings,
             "bodies": bodies(model, points),
         });
+        if !self.law_libraries.is_empty() {
+            document["law_libraries"] = json!(self.law_libraries);
+        }
         if !model.stages.is_empty() {
             document["stages"] = stages(model, summary);
         }

@@ -160,6 +160,7 @@ pub fn run_into(
     };
     let asked = loaded.deck.request();
     let account = loaded.account(start, set_up, rayon::current_num_threads())?;
+    let law_libraries = account.law_libraries.clone();
     let (results, from) = match from {
         None => {
             let created = match &analysis {
@@ -190,6 +191,7 @@ pub fn run_into(
         Analysis::Plane(parts) => Watch::new(results, &parts.0, &parts.1, start, view, stop),
         Analysis::Solid(parts) => Watch::new(results, &parts.0, &parts.1, start, view, stop),
     };
+    watch.law_libraries(&law_libraries);
     let reached = match from {
         Some((checkpoint, reached)) => {
             watch.resumed(&checkpoint, &reached);

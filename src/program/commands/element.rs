@@ -4,6 +4,7 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use crate::appendix::{self, ElementReport, Units};
+use crate::deck::diagnostic::render_all;
 use crate::deck::load::{LoadedDeck, load};
 use crate::deck::quoting::{list, quote};
 use crate::deck::references::known_names;
@@ -16,7 +17,7 @@ use crate::program::commands::overwriting::{REPORT, may_be_replaced};
 use crate::program::exit::{DONE, FAILED, USAGE};
 use crate::program::screen::print::print;
 use crate::tensor::Sym3;
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::{Args, ValueEnum};
 
 /// Most steps up to a turning point.
@@ -204,6 +205,8 @@ fn beginning(
 ) -> anyhow::Result<(Box<dyn Material>, Vec<f64>)> {
     let built =
         loaded.built_law(material).with_context(|| format!("there is no material {}", quote(material)))?;
+    let built = built
+        .map_err(|faults| anyhow!("{}", render_all(&loaded.source, &faults, false).trim_end().to_owned()))?;
     let n = loaded.deck.dimensions();
     let position = match at {
         None if !built.varying.is_empty() => {

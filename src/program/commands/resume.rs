@@ -49,7 +49,7 @@ pub fn find(directory: &Path, loaded: &LoadedDeck, analysis: &mut Analysis) -> a
     };
     let mut changed = changes(&of_checkpoint, &loaded.deck, end);
     if checkpoint.head.files != loaded.hash_of_files() {
-        changed.push("a mesh or surface file that it names has changed".to_owned());
+        changed.push("a mesh, surface or library that it names has changed".to_owned());
     }
     if !changed.is_empty() {
         bail!(

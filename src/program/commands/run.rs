@@ -166,9 +166,11 @@ pub fn check(args: &DeckArgs) -> anyhow::Result<u8> {
         return Ok(DONE);
     }
     let extent = ready.extent;
+    let libraries = ready.loaded.law_libraries();
+    let libraries: String = libraries.iter().map(|library| format!("  {library}\n")).collect();
     print(&format!(
         "{}: ready\n  {} points in {}, {} cells, {} active nodes, {} unknowns in the first of {} steps, \
-         about {} of memory\n",
+         about {} of memory\n{libraries}",
         ready.loaded.source.name(),
         extent.points,
         counted(extent.bodies, "body", "bodies"),

@@ -10,7 +10,7 @@ use crate::model::Model;
 use crate::output::checkpoint::Checkpoint;
 use crate::output::results::Results;
 use crate::output::status::{Progress, Status, StatusFile};
-use crate::output::summary::Start;
+use crate::output::summary::{LawLibrary, Start};
 use crate::points::{Points, coordinates};
 use crate::program::screen::closing::Closing;
 use crate::program::screen::log::LogFile;
@@ -118,6 +118,13 @@ impl Watch {
             ));
         }
         watch
+    }
+
+    /// Reports the libraries from which laws come.
+    pub fn law_libraries(&mut self, libraries: &[LawLibrary]) {
+        if let View::Run { .. } = self.view {
+            libraries.iter().for_each(|library| self.say(&library.to_string()));
+        }
     }
 
     /// Reports that the run resumes from a checkpoint.

@@ -95,6 +95,7 @@ fn account(loaded: &LoadedDeck) -> Account {
         deck_hash: loaded.hash(),
         deck: Some(serde_json::to_value(&loaded.deck).unwrap()),
         files_hash: loaded.hash_of_files(),
+        law_libraries: Vec::new(),
         parameters: BTreeMap::new(),
         set_up: Timings::default(),
         threads: 1,

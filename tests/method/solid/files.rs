@@ -39,6 +39,7 @@ fn results(
     let account = Account {
         deck: None,
         files_hash: String::new(),
+        law_libraries: Vec::new(),
         start: Start::now(),
         deck_hash: String::new(),
         deck_file: String::new(),

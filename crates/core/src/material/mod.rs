@@ -166,6 +166,9 @@ pub enum MaterialError {
     /// The law has no response to the trial strain.
     #[error("the law has no response to the trial elastic strain")]
     NoResponse,
+    /// The law refuses the trial strain with a number of its own.
+    #[error("the law refuses the trial elastic strain with the error number {0}")]
+    Refused(i32),
     /// The law cannot be evaluated.
     #[error("the evaluation of the law has failed")]
     Failed,

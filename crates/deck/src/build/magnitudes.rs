@@ -1,9 +1,12 @@
 //! Units in which forces and energies leave the range of floating-point numbers.
 
 use super::Builder;
+use super::materials::MaterialOfPoints;
 use crate::quoting::quote;
 use crate::region::OfDeck;
+use crate::span::escape;
 use mpm_core::grid::Grid;
+use mpm_core::material::axial_modulus_at_rest;
 use mpm_core::region::Region;
 
 /// Range in which forces and energies, and their product with a tolerance, can be squared.
@@ -15,7 +18,7 @@ where
 {
     /// Refuses materials whose forces on a cell or on the whole grid leave that range. Within it, results do not depend
     /// on the units: they are the same to the last bit in units that differ by powers of four.
-    pub(super) fn magnitudes(&mut self, grid: &dyn Grid<D>) {
+    pub(super) fn magnitudes(&mut self, grid: &dyn Grid<D>, materials: &[MaterialOfPoints]) {
         let [low, high] = grid.bounds();
         let whole = low.iter().chain(&high).fold(0.0, |most: f64, x| most.max(x.abs()));
         let cell = match grid.structured() {
@@ -26,15 +29,24 @@ where
             None => (0..grid.n_cells()).map(|cell| grid.size(cell)).fold(f64::INFINITY, f64::min),
         };
         let deck = self.deck;
-        for (name, material) in &deck.materials {
-            let Some(young) = material.young() else { continue };
+        for MaterialOfPoints { name, law, .. } in materials {
+            let of_deck = &deck.materials[name];
+            let (stiffness, key) = match of_deck.young() {
+                Some(young) => (young, "young"),
+                None => (axial_modulus_at_rest(law.as_ref()), "model"),
+            };
+            // A law may have no stiffness, or no response, where nothing confines it.
+            if stiffness == 0.0 {
+                continue;
+            }
+            let what_is = if key == "young" { "Young's modulus" } else { "the stiffness" };
             for (length, what) in [(cell, "a cell"), (whole, "the grid")] {
                 let powers = [length.powi(D as i32 - 1), length.powi(D as i32)];
                 let out =
-                    powers.map(|power| young * power).into_iter().find(|force| !POSSIBLE.contains(force));
+                    powers.map(|power| stiffness * power).into_iter().find(|force| !POSSIBLE.contains(force));
                 let Some(force) = out else { continue };
                 let message = format!(
-                    "Young's modulus {young:e} of the material {} and the size {length:e} of {what} give forces \
+                    "{what_is} {stiffness:e} of the material {} and the size {length:e} of {what} give forces \
                      or energies of {force:e}, beyond the range of floating-point arithmetic",
                     quote(name)
                 );
@@ -43,7 +55,7 @@ where
                     POSSIBLE.start(),
                     POSSIBLE.end()
                 );
-                self.error("D009", &format!("/materials/{name}/young"), message, help);
+                self.error("D009", &format!("/materials/{}/{key}", escape(name)), message, help);
                 break;
             }
         }

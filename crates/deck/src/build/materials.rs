@@ -3,6 +3,7 @@
 use super::Builder;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::at_start;
+use crate::law_library::{self, OfLibrary};
 use crate::material::{BuiltLaw, CellSize, Consistency, MaterialDeck, Surroundings, Varying};
 use crate::quoting::quote;
 use crate::region::OfDeck;
@@ -56,6 +57,23 @@ where
                     consistency: None,
                     density,
                 });
+                continue;
+            }
+            if let MaterialDeck::Library { file, parameters, .. } = material {
+                let (source, directory) = (&self.loaded.source, self.loaded.directory.as_path());
+                match (OfLibrary { source, directory, name: &name, file, parameters }).law() {
+                    Ok(law) => {
+                        self.found.extend(law_library::remarks(source, &name, law.as_ref()));
+                        laws.push(MaterialOfPoints {
+                            name,
+                            law,
+                            varying: Vec::new(),
+                            consistency: None,
+                            density,
+                        });
+                    }
+                    Err(found) => self.found.extend(found),
+                }
                 continue;
             }
             self.softening(&name, material, &cells);

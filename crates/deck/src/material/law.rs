@@ -7,6 +7,7 @@ use super::property::{Setting, Settings, Varying as VaryingProperty};
 use super::{CohesionSofteningDeck, FrictionSofteningDeck, MaterialDeck};
 use crate::formulas::Fault;
 use crate::{Expression, Parameter};
+use mpm_core::formula::FormulaError;
 use mpm_core::grid::Axis;
 use mpm_core::material::{
     CamClay, DruckerPrager, Friction, Hencky, Material, ModifiedCamClay, MohrCoulomb, NeoHookean, Softening,
@@ -429,6 +430,17 @@ impl MaterialDeck {
                 };
                 built!(law, soft)
             }
+            // The deck that names a library loads it.
+            MaterialDeck::Library { file, .. } => Err(vec![Fault {
+                key: "file".to_owned(),
+                text: file.clone(),
+                error: FormulaError {
+                    message: "only a deck can load the law of a library".to_owned(),
+                    offset: 0,
+                    length: 0,
+                    help: None,
+                },
+            }]),
         }
     }
 }

@@ -22,6 +22,9 @@ impl Check<'_> {
                 let faults = crate::formulas::at_start(density, &deck.parameters, self.dimensions()).err();
                 self.formulas(&pointer, faults.unwrap_or_default());
             }
+            if material.library().is_some() {
+                continue;
+            }
             match material.law(&surroundings) {
                 Err(faults) => self.formulas(&pointer, faults),
                 Ok(built) if built.varying.is_empty() => {

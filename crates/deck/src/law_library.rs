@@ -1,0 +1,226 @@
+//! Laws from shared libraries that a deck names: loading, parameters, and a test of the law before the run.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::diagnostic::{Diagnostic, Severity};
+use super::hash::fnv1a;
+use super::quoting::{list, quote};
+use super::source::Source;
+use super::span::escape;
+use mpm_core::formula::closest;
+use mpm_core::material::Material;
+use mpm_core::material::conformance::{Property, check};
+use mpm_foreign::{Described, Kind, Library, LibraryError, LibraryLaw, differs_between_threads};
+
+/// Largest component of the strains at which a law is tested, [-].
+const LARGEST: f64 = 0.01;
+
+/// A material of a deck whose law comes from a library.
+pub(super) struct OfLibrary<'a> {
+    pub(super) source: &'a Source,
+    /// Directory of the deck.
+    pub(super) directory: &'a Path,
+    /// Name of the material.
+    pub(super) name: &'a str,
+    /// Path of the library as the deck states it.
+    pub(super) file: &'a str,
+    pub(super) parameters: &'a BTreeMap<String, f64>,
+}
+
+impl OfLibrary<'_> {
+    /// Loads the library and makes the law.
+    ///
+    /// # Errors
+    /// All faults of the library or, if it can be loaded, of the parameters.
+    pub(super) fn law(&self) -> Result<Box<dyn Material>, Vec<Diagnostic>> {
+        let library = self.open().map_err(|fault| vec![*fault])?;
+        let values = self.values(library.parameters())?;
+        let law = LibraryLaw::new(library, values).map_err(|reason| {
+            let reason: String = reason.chars().filter(|c| !c.is_control()).take(200).collect();
+            let message =
+                format!("the law of the material {} refuses its parameters: {reason}", quote(self.name));
+            vec![
+                Diagnostic::at_key(self.source, "D062", &self.at("parameters"), message)
+                    .help("change the values of `parameters`; the law decides which ones it can have"),
+            ]
+        })?;
+        Ok(Box::new(law))
+    }
+
+    fn at(&self, key: &str) -> String {
+        format!("/materials/{}/{key}", escape(self.name))
+    }
+
+    fn open(&self) -> Result<std::sync::Arc<Library>, Box<Diagnostic>> {
+        let path = self.directory.join(self.file);
+        let fault = |what: String, help: String| {
+            let message = format!("the library {} {what}", quote(self.file));
+            Box::new(Diagnostic::at(self.source, "D061", &self.at("file"), message).help(help))
+        };
+        let unreadable = |why: String| {
+            let help = format!("the path is relative to the deck; here it means `{}`", path.display());
+            fault(format!("cannot be read: {why}"), help)
+        };
+        // A device or a pipe may never end.
+        if path.metadata().map_err(|error| unreadable(error.to_string()))?.is_file() {
+            let contents = std::fs::read(&path).map_err(|error| unreadable(error.to_string()))?;
+            Library::open(&path, fnv1a(&contents)).map_err(|error| {
+                let message = format!("cannot be used: {error}");
+                fault(message, remedy(&error).to_owned())
+            })
+        } else {
+            Err(unreadable("it is not a file".to_owned()))
+        }
+    }
+    /// The values of the parameters in the order of the library.
+    fn values(&self, known: &[Described]) -> Result<Vec<f64>, Vec<Diagnostic>> {
+        let names = || known.iter().map(|parameter| parameter.name.as_str());
+        let all = match known {
+            [] => "the law has no parameters".to_owned(),
+            _ => format!("the parameters of the law are {}", list(names())),
+        };
+        let (mut found, mut meant) = (Vec::new(), Vec::new());
+        for given in self.parameters.keys().filter(|given| !names().any(|name| name == *given)) {
+            let message =
+                format!("the law of the material {} has no parameter {}", quote(self.name), quote(given));
+            let best = closest(given, names());
+            meant.extend(best);
+            let help = match best {
+                Some(best) => format!("did you mean {}? {all}", quote(best)),
+                None => all.clone(),
+            };
+            let at = self.at(&format!("parameters/{}", escape(given)));
+            found.push(Diagnostic::at_key(self.source, "D062", &at, message).help(help));
+        }
+        let mut values = Vec::with_capacity(known.len());
+        for Described { name, unit } in known {
+            match self.parameters.get(name) {
+                Some(value) => values.push(*value),
+                // A misspelt parameter explains a missing one.
+                None if meant.contains(&name.as_str()) => {}
+                None => {
+                    let message = format!(
+                        "the law of the material {} needs the parameter {}",
+                        quote(self.name),
+                        quote(name)
+                    );
+                    let help = format!("add `{name}`, [{unit}], to `parameters`; {all}");
+                    let at = self.at("parameters");
+                    found.push(Diagnostic::at_key(self.source, "D062", &at, message).help(help));
+                }
+            }
+        }
+        if found.is_empty() { Ok(values) } else { Err(found) }
+    }
+}
+
+/// Advice on a library that cannot be used.
+fn remedy(error: &LibraryError) -> &'static str {
+    match error {
+        LibraryError::NotLoaded(_) => {
+            "build a shared library for this computer with everything that it calls, such as `cc -O2 -shared -fPIC law.c -o \
+             law.so -lm`"
+        }
+        LibraryError::NoFunction(_) | LibraryError::Version { .. } | LibraryError::Size { .. } => {
+            "build the library with the header `mpm_law.h` of this version of the program, which describes its functions"
+        }
+        LibraryError::Count { .. } => "correct `mpm_law_sizes` in the source of the library",
+        LibraryError::NoName { kind, .. }
+        | LibraryError::NotText { kind, .. }
+        | LibraryError::NotWord { kind, .. }
+        | LibraryError::Twice { kind, .. } => match kind {
+            Kind::Parameter => "correct `mpm_law_parameter` in the source of the library",
+            Kind::History => "correct `mpm_law_history` in the source of the library",
+        },
+        LibraryError::NotFinite { .. } => "correct `mpm_law_history` in the source of the library",
+        LibraryError::Arithmetic => "build the library without `-ffast-math` and `-Ofast`",
+        LibraryError::Changed => {
+            "start the program, or the Python session, again; or give the new library another name"
+        }
+        _ => "correct the source of the library, and build it again",
+    }
+}
+
+/// Warnings and notes about the law of a library that lacks a property on which the solver relies.
+pub(super) fn remarks(source: &Source, name: &str, law: &dyn Material) -> Vec<Diagnostic> {
+    let at = format!("/materials/{}/file", escape(name));
+    let remark = |severity: Severity, what: String, help: &str| {
+        let message = format!("the law of the material {}: {what}", quote(name));
+        Diagnostic::at(source, "D063", &at, message).severity(severity).help(help)
+    };
+    let mut found = Vec::new();
+    for lacking in check(law, LARGEST) {
+        let (severity, what, help) = in_words(lacking.property);
+        let strain = lacking.strain.to_matrix();
+        let strain = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)].map(|at| format!("{:.2e}", strain[at]));
+        let numbers = match lacking.error.is_finite() {
+            true => format!(
+                ", by a relative error of {:.1e} where {:.1e} is tolerated",
+                lacking.error, lacking.tolerance
+            ),
+            false => String::new(),
+        };
+        let place = format!("at the logarithmic strain xx, yy, zz, yz, xz, xy = {}", strain.join(", "));
+        found.push(remark(severity, format!("{what}{numbers}, {place}"), help));
+    }
+    if differs_between_threads(law, LARGEST) {
+        let what = "its results change when several threads evaluate it at once".to_owned();
+        let help = "use local variables only: no static or global ones and, in Fortran, no SAVE, COMMON, DATA or initialised \
+            local variables, with the option `-frecursive`";
+        found.push(remark(Severity::Warning, what, help));
+    }
+    found
+}
+
+/// How serious it is that a law lacks a property, what that means, and the remedy.
+fn in_words(property: Property) -> (Severity, &'static str, &'static str) {
+    use Severity::{Note, Warning};
+    match property {
+        Property::Response => (
+            Note,
+            "it has no response to some small strains",
+            "this may be intended, for example without stiffness in tension; steps in which it happens are cut",
+        ),
+        Property::Purity => (
+            Warning,
+            "equal arguments give different results",
+            "let results depend on the arguments alone: iterations are repeated, and points are evaluated in any order",
+        ),
+        Property::Tangent => (
+            Warning,
+            "its tangent is not the derivative of the stress",
+            "correct the tangent, including its shear components, or iterations converge slowly or fail",
+        ),
+        Property::Symmetry => (
+            Warning,
+            "its tangent is not symmetric, although it states so",
+            "let `mpm_law_tangent_is_symmetric` return 0, or correct the tangent",
+        ),
+        Property::Isotropy => (
+            Warning,
+            "a rotated strain does not give the rotated stress",
+            "correct the stress, including its shear components; laws must be isotropic",
+        ),
+        Property::Inverse => (
+            Warning,
+            "`mpm_law_elastic_strain` is not the inverse of the elastic law",
+            "correct it: the stress of the returned strain is the given one",
+        ),
+        Property::Admissibility => (
+            Note,
+            "a second update from the returned elastic strain gives another stress",
+            "check the elastic strain and the history variables that it returns; return mappings that are not exact drift",
+        ),
+        Property::Potential => (
+            Note,
+            "the energy is not the potential of the stress",
+            "add or correct `mpm_law_energy`; without it, the columns of energy are those of linear elasticity",
+        ),
+        _ => (
+            Warning,
+            "it lacks a property on which the solver relies",
+            "compare it with the header `mpm_law.h`",
+        ),
+    }
+}

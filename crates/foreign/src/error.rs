@@ -1,0 +1,112 @@
+//! Reasons why a library cannot be used.
+
+use std::fmt;
+
+/// A kind of quantity that a library describes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A parameter of the law.
+    Parameter,
+    /// A history variable of the law.
+    History,
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Kind::Parameter => "parameter",
+            Kind::History => "history variable",
+        })
+    }
+}
+
+/// Failure to load a library, or a fault in what it states about its law. Messages are fragments about the library.
+#[non_exhaustive]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum LibraryError {
+    /// The system does not load it.
+    #[error("it cannot be loaded: {0}")]
+    NotLoaded(String),
+    /// A required function is missing.
+    #[error("it has no function `{0}`")]
+    NoFunction(&'static str),
+    /// It implements another version of the interface.
+    #[error("it implements version {found} of the interface; this program needs version {needed}")]
+    Version {
+        /// Version of the library.
+        found: i32,
+        /// Version of this program.
+        needed: i32,
+    },
+    /// Its structure of sizes differs.
+    #[error("its structure `mpm_sizes` has {found} bytes; this program needs {expected}")]
+    Size {
+        /// Size that the library states, [byte].
+        found: i64,
+        /// Size of this program, [byte].
+        expected: i64,
+    },
+    /// A count is out of range.
+    #[error("it states {count} {kind}s; there can be 0 to {most}")]
+    Count {
+        /// What is counted.
+        kind: Kind,
+        /// The count.
+        count: i64,
+        /// The largest count.
+        most: i64,
+    },
+    /// A name is missing.
+    #[error("{kind} {number} has no name")]
+    NoName {
+        /// What has no name.
+        kind: Kind,
+        /// Its number, from 0.
+        number: usize,
+    },
+    /// A name or unit is not UTF-8.
+    #[error("the name or the unit of {kind} {number} is not UTF-8")]
+    NotText {
+        /// What the text is about.
+        kind: Kind,
+        /// Its number, from 0.
+        number: usize,
+    },
+    /// A name is no word.
+    #[error(
+        "{kind} {number} cannot be named {name:?}: a name consists of letters, digits and `_`, the first a letter"
+    )]
+    NotWord {
+        /// What has the name.
+        kind: Kind,
+        /// Its number, from 0.
+        number: usize,
+        /// The name.
+        name: String,
+    },
+    /// A name occurs twice.
+    #[error("two {kind}s are named {name:?}")]
+    Twice {
+        /// What has the name.
+        kind: Kind,
+        /// The name.
+        name: String,
+    },
+    /// An initial value is not finite.
+    #[error("the initial value of the history variable {name:?} is {value}")]
+    NotFinite {
+        /// The variable.
+        name: String,
+        /// The value.
+        value: f64,
+    },
+    /// The strain measure is unknown.
+    #[error("`mpm_law_measure` returns {0}; strain measures are 0 and 1")]
+    Measure(i32),
+    /// Loading it has changed the arithmetic of the program.
+    #[error("it switches off small numbers for the whole program, which changes results")]
+    Arithmetic,
+    /// The file has changed since it was loaded.
+    #[error("it has changed since this program loaded it")]
+    Changed,
+}
