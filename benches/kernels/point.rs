@@ -4,7 +4,10 @@
 use std::hint::black_box;
 
 use mpm::kinematics::Increment;
-use mpm::material::{Hencky, Material, NeoHookean, VonMises};
+use mpm::material::{
+    CamClay, DruckerPrager, Friction, Hencky, Match, Material, ModifiedCamClay, MohrCoulomb, NeoHookean,
+    Tresca, VonMises,
+};
 use mpm::stress::{Axisymmetric, Mechanics, PlaneStrain, Solid, StartOfStep};
 use mpm::tensor::{Lanes, Sym3, exp_derivative, log_with_derivative, plane};
 use pulp::{Arch, Simd, WithSimd};
@@ -73,11 +76,29 @@ fn functions() {
 }
 
 fn laws() {
-    let laws: [(&str, Box<dyn Material>); 4] = [
+    let weak = Friction { cohesion: 1.0, friction_angle: 25.0, dilation_angle: 5.0 };
+    let strong = Friction { cohesion: 1e9, ..weak };
+    let clay = CamClay {
+        compression_index: 0.2,
+        swelling_index: 0.1,
+        critical_state_ratio: 1.0,
+        shear_modulus: 1e6,
+        shear_modulus_ratio: 0.0,
+        overconsolidation_ratio: 1.0,
+        reference_pressure: 1e6,
+    };
+    let laws: [(&str, Box<dyn Material>); 11] = [
         ("Hencky", Box::new(Hencky::new(1e6, 0.3))),
         ("neo-Hookean", Box::new(NeoHookean::new(1e6, 0.3))),
         ("von Mises, elastic", Box::new(VonMises::new(1e6, 0.3, 1e9))),
         ("von Mises, yielding", Box::new(VonMises::new(1e6, 0.3, 1.0).hardening(1e5))),
+        ("Tresca, elastic", Box::new(Tresca::new(1e6, 0.3, 1e9))),
+        ("Tresca, yielding", Box::new(Tresca::new(1e6, 0.3, 1.0))),
+        ("Mohr-Coulomb, elastic", Box::new(MohrCoulomb::new(1e6, 0.3, strong))),
+        ("Mohr-Coulomb, yielding", Box::new(MohrCoulomb::new(1e6, 0.3, weak))),
+        ("Drucker-Prager, elastic", Box::new(DruckerPrager::new(1e6, 0.3, strong, Match::PlaneStrain))),
+        ("Drucker-Prager, yielding", Box::new(DruckerPrager::new(1e6, 0.3, weak, Match::PlaneStrain))),
+        ("Cam-clay", Box::new(ModifiedCamClay::new(clay))),
     ];
     for (name, law) in &laws {
         let law = law.as_ref();
@@ -110,7 +131,7 @@ fn states<const D: usize>(in_plane: bool) -> (Vec<StartOfStep>, Vec<Increment<D>
 
 fn kernel<const D: usize, M: Mechanics<D>>(name: &str, law: &dyn Material, in_plane: bool) {
     let (starts, increments) = states::<D>(in_plane);
-    let old = vec![0.0; law.state_fields().len()];
+    let old = law.initial_history();
     let mut new = old.clone();
     if M::respond_isotropic(&starts[0], &increments[0], law).is_some() {
         row(name, |p| M::respond_isotropic(&starts[p], &increments[p], law));

@@ -16,6 +16,7 @@ use std::ops::{Add, Mul, Sub};
 use nalgebra::{Matrix3, SMatrix, SVector};
 
 pub use lane::{Lane, Lanes};
+pub(crate) use logarithm::ln;
 pub use spectral::{
     PrincipalDerivative, Spectrum, exp_derivative, log_derivative, log_divided_difference,
     log_with_derivative,

@@ -37,6 +37,7 @@ pub use initial_state::{InitialState, initial_state};
 pub use modified_cam_clay::{CamClay, ModifiedCamClay};
 pub use mohr_coulomb::{Friction, MohrCoulomb};
 pub use neo_hookean::NeoHookean;
+pub(crate) use principal::divided_difference;
 pub use principal::{PrincipalLaw, PrincipalResponse, update_in_principal_axes};
 pub use softening::Softening;
 pub use strength::StrengthMeasure;
@@ -217,6 +218,11 @@ pub trait Material: Send + Sync + std::fmt::Debug {
 
     /// The spatial moduli of the law if they are isotropic, which allows a cheaper evaluation in three dimensions.
     fn isotropic_moduli(&self) -> Option<&dyn IsotropicModuli> {
+        None
+    }
+
+    /// The law in principal axes, if it is stated so, which allows a cheaper evaluation.
+    fn principal(&self) -> Option<&dyn PrincipalLaw> {
         None
     }
 

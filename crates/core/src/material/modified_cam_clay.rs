@@ -343,6 +343,10 @@ impl Material for ModifiedCamClay {
         update_in_principal_axes(self, trial, old, new)
     }
 
+    fn principal(&self) -> Option<&dyn PrincipalLaw> {
+        Some(self)
+    }
+
     /// The ellipse through the stress, times the overconsolidation ratio.
     fn start_from(&self, elastic_strain: &Sym3, volume_ratio: f64, history: &mut [f64]) {
         let volumetric = elastic_strain.trace();

@@ -16,7 +16,7 @@ pub struct PrincipalResponse {
 }
 
 /// A law in the logarithmic strain that is stated in principal axes.
-pub trait PrincipalLaw {
+pub trait PrincipalLaw: Send + Sync {
     /// Principal form of [`Material::update`](super::Material::update). The trial strains are in descending order; the
     /// stresses belong to the same axes.
     ///
@@ -63,7 +63,8 @@ pub fn update_in_principal_axes(
 const EQUAL: f64 = 1e-8;
 
 /// (τ_a − τ_b)/(ε_a − ε_b), or its limit where the difference of the strains is round-off.
-fn divided_difference(tau: [f64; 2], strain: [f64; 2], limit: impl Fn() -> f64) -> f64 {
+#[inline(always)]
+pub(crate) fn divided_difference(tau: [f64; 2], strain: [f64; 2], limit: impl Fn() -> f64) -> f64 {
     let gap = strain[0] - strain[1];
     if gap.abs() <= EQUAL * strain[0].abs().max(strain[1].abs()) { limit() } else { (tau[0] - tau[1]) / gap }
 }

@@ -84,6 +84,10 @@ impl Material for Tresca {
         update_in_principal_axes(self, trial, old, new)
     }
 
+    fn principal(&self) -> Option<&dyn PrincipalLaw> {
+        Some(self)
+    }
+
     fn start_from(&self, elastic_strain: &Sym3, volume_ratio: f64, history: &mut [f64]) {
         wedge::start_from(elastic_strain.trace(), volume_ratio, history);
     }

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::{Material, MaterialError, Response, StateField};
+use super::{Material, MaterialError, PrincipalLaw, PrincipalResponse, Response, StateField};
 use crate::tensor::Sym3;
 
 /// A property of a law that varies in space.
@@ -81,6 +81,22 @@ impl<L: std::fmt::Debug> std::fmt::Debug for Varying<L> {
     }
 }
 
+impl<L: Material + Clone + 'static> PrincipalLaw for Varying<L> {
+    fn respond(
+        &self,
+        trial: [f64; 3],
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PrincipalResponse, MaterialError> {
+        let (own, properties) = self.split(old);
+        let (new_own, kept) = new.split_at_mut(own.len());
+        kept.copy_from_slice(properties);
+        // Laws of one kind are all stated in principal axes, or none is.
+        self.with(properties, |law| law.principal().map(|law| law.respond(trial, own, new_own)))
+            .unwrap_or(Err(MaterialError::NoResponse))
+    }
+}
+
 impl<L: Material + Clone + 'static> Material for Varying<L> {
     fn state_fields(&self) -> &[StateField] {
         &self.fields
@@ -95,6 +111,10 @@ impl<L: Material + Clone + 'static> Material for Varying<L> {
         let (new_own, kept) = new.split_at_mut(own.len());
         kept.copy_from_slice(properties);
         self.with(properties, |law| law.update(trial, own, new_own))
+    }
+
+    fn principal(&self) -> Option<&dyn PrincipalLaw> {
+        self.typical.principal().map(|_| self as &dyn PrincipalLaw)
     }
 
     fn initial_history_at(&self, position: &[f64; 3]) -> Vec<f64> {

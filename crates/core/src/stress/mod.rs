@@ -15,6 +15,7 @@ mod dilated;
 mod in_plane;
 mod isotropic;
 mod plane_strain;
+mod principal;
 mod products;
 mod solid;
 #[cfg(test)]

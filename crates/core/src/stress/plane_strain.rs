@@ -6,6 +6,7 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
+use super::principal::{self, InPlaneAnswer};
 use super::{
     Contribution, Current, InPlane, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse,
     StartOfStep,
@@ -72,6 +73,11 @@ fn answer(
     let trial = Trial::new(&plane::components(&start.b_n), dF);
     if trial.dJ.is_nan() || trial.dJ <= 0.0 {
         return Err(PointError::Inverted { determinant: trial.dJ });
+    }
+    if let Some(law) = material.principal() {
+        let InPlaneAnswer { tau, elastic_strain, C } = principal::in_plane(law, &trial.b, old, new)?;
+        let in_plane = in_plane(&plane::components(&tau));
+        return Ok(Answer { trial, law: (tau, elastic_strain), C, tau: in_plane });
     }
     let measure = material.strain_measure();
     let (strain, L) = match measure {

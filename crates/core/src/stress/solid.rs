@@ -1,5 +1,6 @@
 //! The kernel in three dimensions.
 
+use super::principal;
 use super::products::{MANDEL_INDEX, full, times};
 use super::{
     Contribution, Current, Isotropic, Lane, Lanes, MeanDilatation, Mechanics, PointError, PointResponse,
@@ -139,6 +140,9 @@ fn answer(
     old: &[f64],
     new: &mut [f64],
 ) -> Result<(Sym3, Sym3, [[f64; 6]; 6]), PointError> {
+    if let Some(law) = material.principal() {
+        return principal::in_space(law, b, old, new);
+    }
     match material.strain_measure() {
         StrainMeasure::Logarithmic => {
             let (log_b, L) = log_with_derivative(b);

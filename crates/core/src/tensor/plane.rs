@@ -31,6 +31,27 @@ fn mohr<T: Lane>(b: &[T; 4]) -> (T, T, T, T) {
     (m, d, s, (d * d + s * s).sqrt())
 }
 
+/// Eigenvalues and axes of a tensor in the plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Axes {
+    /// The larger and the smaller eigenvalue in the plane, and zz.
+    pub values: [f64; 3],
+    /// Cosine of twice the angle from x to the axis of the larger one; 1 if both are equal.
+    pub cosine: f64,
+    /// Its sine.
+    pub sine: f64,
+}
+
+impl Axes {
+    /// Decomposes a tensor with components `xx, yy, zz, √2 xy`. The error is of the order of round-off in its largest entry.
+    #[inline(always)]
+    pub fn new(b: &[f64; 4]) -> Axes {
+        let (m, d, s, r) = mohr(b);
+        let (cosine, sine) = if r > 0.0 { (d / r, s / r) } else { (1.0, 0.0) };
+        Axes { values: [m + r, m - r, b[2]], cosine, sine }
+    }
+}
+
 /// exp(e).
 #[inline]
 pub fn exp(e: &Sym3) -> Sym3 {
