@@ -45,6 +45,10 @@ impl Slopes {
     }
 }
 
+/// No change.
+const STILL: Slopes = Slopes { cohesion: 0.0, friction: 0.0, dilation: 0.0 };
+const NONE: Strength = Strength { ratio: 0.0, flow_ratio: 0.0, compressive: 0.0, tensile: 0.0 };
+
 /// √N = tan φ + 1/cos φ and its derivative with respect to tan φ.
 fn root_of_ratio(slope: f64) -> [f64; 2] {
     let secant = (1.0 + slope * slope).sqrt();
@@ -63,6 +67,8 @@ pub struct MohrCoulomb {
     /// The strength in the end, and the way there.
     softening: Option<(Slopes, Softening)>,
     measure: StrengthMeasure,
+    /// The strength at the peak.
+    at_peak: Strength,
 }
 
 impl MohrCoulomb {
@@ -75,13 +81,21 @@ impl MohrCoulomb {
             tensile: f64::INFINITY,
             softening: None,
             measure: StrengthMeasure::Cauchy,
+            at_peak: NONE,
         }
+        .prepared()
+    }
+
+    /// The law with the strength at the peak as the properties have it.
+    fn prepared(self) -> Self {
+        let [at_peak, _] = self.strength_of(&self.peak, &STILL);
+        MohrCoulomb { at_peak, ..self }
     }
 
     /// Principal stresses do not exceed this tensile strength, [stress], zero or positive. It has no effect where it
     /// exceeds that of the cone, c cot φ. With softening, it decays with the cohesion.
     pub fn tensile_strength(self, tensile: f64) -> Self {
-        MohrCoulomb { tensile, ..self }
+        MohrCoulomb { tensile, ..self }.prepared()
     }
 
     /// The strength decays to this residual: cohesion and the tangents of both angles.
@@ -101,33 +115,26 @@ impl MohrCoulomb {
             softening: self.softening.map(|(residual, softening)| (residual.divided(factor), softening)),
             ..*self
         }
+        .prepared()
     }
 
     /// Strength and its derivative with respect to the equivalent plastic strain.
     fn strength(&self, kappa: f64) -> [Strength; 2] {
-        let (peak, still) = (&self.peak, Slopes { cohesion: 0.0, friction: 0.0, dilation: 0.0 });
-        let (now, rate) = match &self.softening {
-            None => (*peak, still),
-            Some((residual, softening)) => {
-                let [share, rate] = softening.share(kappa);
-                let lost = Slopes {
-                    cohesion: peak.cohesion - residual.cohesion,
-                    friction: peak.friction - residual.friction,
-                    dilation: peak.dilation - residual.dilation,
-                };
-                let now = Slopes {
-                    cohesion: residual.cohesion + share * lost.cohesion,
-                    friction: residual.friction + share * lost.friction,
-                    dilation: residual.dilation + share * lost.dilation,
-                };
-                let rate = Slopes {
-                    cohesion: rate * lost.cohesion,
-                    friction: rate * lost.friction,
-                    dilation: rate * lost.dilation,
-                };
-                (now, rate)
-            }
+        let (peak, Some((residual, softening))) = (&self.peak, &self.softening) else {
+            return [self.at_peak, NONE];
         };
+        let [share, rate] = softening.share(kappa);
+        let between = |share: f64, from: &Slopes| Slopes {
+            cohesion: from.cohesion + share * (peak.cohesion - residual.cohesion),
+            friction: from.friction + share * (peak.friction - residual.friction),
+            dilation: from.dilation + share * (peak.dilation - residual.dilation),
+        };
+        self.strength_of(&between(share, residual), &between(rate, &STILL))
+    }
+
+    /// Strength with these properties, and its derivative where these are the derivatives of the properties.
+    fn strength_of(&self, now: &Slopes, rate: &Slopes) -> [Strength; 2] {
+        let peak = &self.peak;
         let [root, root_by_slope] = root_of_ratio(now.friction);
         let [flow_root, flow_root_by_slope] = root_of_ratio(now.dilation);
         let root_rate = root_by_slope * rate.friction;

@@ -153,15 +153,20 @@ impl<S: Fn(f64) -> [Strength; 2]> Wedge<S> {
     /// The stress returned to the surface of this strength.
     fn flowed(&self, trial: &[f64; 3], tau: &[f64; 3], kappa_n: f64, at: AtTrial) -> Flowed {
         let elasticity = &self.elasticity;
-        let returned = at.strength.returned(elasticity, tau, &at.rates);
+        let is_constant = self.measure == StrengthMeasure::Kirchhoff && !self.softens;
+        let returned = at.strength.returned(elasticity, tau, (!is_constant).then_some(&at.rates));
         let elastic_strain = elasticity.principal_strain(returned.tau);
         let mut flow: [f64; 3] = std::array::from_fn(|i| trial[i] - elastic_strain[i]);
         let mean = (flow[0] + flow[1] + flow[2]) / 3.0;
         flow.iter_mut().for_each(|x| *x -= mean);
         let length = (flow[0] * flow[0] + flow[1] * flow[1] + flow[2] * flow[2]).sqrt();
         let direction = if length > 0.0 { flow.map(|x| x * (EQUIVALENT / length)) } else { [0.0; 3] };
-        let of_kappa = elasticity.principal_strain(returned.by_parameter[0]);
-        let slope = -(0..3).map(|i| direction[i] * of_kappa[i]).sum::<f64>();
+        let slope = if self.softens {
+            let of_kappa = elasticity.principal_strain(returned.by_parameter[0]);
+            -(0..3).map(|i| direction[i] * of_kappa[i]).sum::<f64>()
+        } else {
+            0.0
+        };
         Flowed { returned, elastic_strain, kappa: kappa_n + EQUIVALENT * length, direction, slope }
     }
 }

@@ -40,27 +40,19 @@ enum Plane {
     Tension(usize),
 }
 
-/// The faces and edges in an ordered sector and on its borders.
-const CANDIDATES: [&[Plane]; 6] = [
-    &[Plane::Shear(0, 2)],
-    &[Plane::Shear(0, 2), Plane::Shear(1, 2)],
-    &[Plane::Shear(0, 2), Plane::Shear(0, 1)],
-    &[Plane::Tension(0)],
-    &[Plane::Shear(0, 2), Plane::Tension(0)],
-    &[Plane::Tension(0), Plane::Tension(1)],
-];
-
 /// Relative error of stresses and flow up to which a face or edge is accepted at once, [-].
 const ACCEPTED: f64 = 1e-13;
 
 type Vector = [f64; 3];
 
+#[inline(always)]
 fn dot(a: &Vector, b: &Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 impl Plane {
     /// Its gradient.
+    #[inline(always)]
     fn normal(self, ratio: f64) -> Vector {
         let mut normal = [0.0; 3];
         match self {
@@ -70,6 +62,7 @@ impl Plane {
         normal
     }
 
+    #[inline(always)]
     fn limit(self, strength: &Strength) -> f64 {
         match self {
             Plane::Shear(..) => strength.compressive,
@@ -78,6 +71,7 @@ impl Plane {
     }
 
     /// Derivative of the gradient with respect to a parameter, given that of the ratio.
+    #[inline(always)]
     fn normal_rate(self, ratio_rate: f64) -> Vector {
         let mut rate = [0.0; 3];
         if let Plane::Shear(i, _) = self {
@@ -89,22 +83,26 @@ impl Plane {
 
 impl Strength {
     /// Without friction there is no limit to the tension on all sides.
+    #[inline(always)]
     fn apex(&self) -> f64 {
         if self.ratio > 1.0 { self.compressive / (self.ratio - 1.0) } else { f64::INFINITY }
     }
 
     /// True if the tension cut-off cuts the cone.
+    #[inline(always)]
     fn is_cut(&self) -> bool {
         self.tensile < self.apex()
     }
 
     /// By how much ordered stresses violate the strength, [stress]; negative inside.
+    #[inline(always)]
     pub fn excess(&self, tau: &Vector) -> f64 {
         let shear = self.ratio * tau[0] - tau[2] - self.compressive;
         if self.is_cut() { shear.max(tau[0] - self.tensile) } else { shear }
     }
 
     /// The same for stresses in any order.
+    #[inline(always)]
     fn excess_unordered(&self, tau: &Vector) -> f64 {
         let largest = tau[0].max(tau[1]).max(tau[2]);
         let smallest = tau[0].min(tau[1]).min(tau[2]);
@@ -112,140 +110,151 @@ impl Strength {
     }
 
     /// Returns ordered trial stresses beyond the surface to it. `rates` are the derivatives of the strength with respect to
-    /// the parameters.
+    /// the parameters, if those of the stresses are wanted.
     pub fn returned<const R: usize>(
         &self,
         elasticity: &Elasticity,
         trial: &Vector,
-        rates: &[Strength; R],
+        rates: Option<&[Strength; R]>,
     ) -> Returned<R> {
+        use Plane::{Shear, Tension};
         let scale = trial[0].abs().max(trial[2].abs()).max(self.compressive);
-        let mut best: Option<(f64, Face)> = None;
-        for planes in CANDIDATES {
-            if planes.iter().any(|plane| matches!(plane, Plane::Tension(_))) && !self.is_cut() {
-                continue;
-            }
-            let face = Face::new(self, elasticity, trial, planes);
-            let error = face.violation(self) / scale;
-            if error <= ACCEPTED {
-                return face.finish(self, elasticity, rates);
-            }
-            if best.as_ref().is_none_or(|(least, _)| error < *least) {
-                best = Some((error, face));
-            }
+        let (mut least, mut best) = (f64::INFINITY, 0);
+        // Each face and edge is compiled on its own. The last round returns the one with the least error.
+        macro_rules! attempt {
+            ($number:literal, $planes:expr, $is_last:expr) => {
+                let face = Face::new(self, elasticity, trial, $planes);
+                let error = face.violation(self, elasticity) / scale;
+                if error <= ACCEPTED || $is_last && best == $number {
+                    return face.finish(elasticity, rates);
+                }
+                if error < least {
+                    (least, best) = (error, $number);
+                }
+            };
         }
-        // With round-off, an edge may fail by a little where a vertex fails by more.
-        let vertex = Vertex::nearest(self, elasticity, trial);
-        match best {
-            Some((error, face)) if error < vertex.violation / scale => face.finish(self, elasticity, rates),
-            _ => vertex.finish(self, rates),
+        let is_cut = self.is_cut();
+        let mut is_last = false;
+        loop {
+            attempt!(1, [Shear(0, 2)], is_last);
+            attempt!(2, [Shear(0, 2), Shear(1, 2)], is_last);
+            attempt!(3, [Shear(0, 2), Shear(0, 1)], is_last);
+            if is_cut {
+                attempt!(4, [Tension(0)], is_last);
+                attempt!(5, [Shear(0, 2), Tension(0)], is_last);
+                attempt!(6, [Tension(0), Tension(1)], is_last);
+            }
+            // With round-off, an edge may fail by a little where a vertex fails by more.
+            let vertex = Vertex::nearest(self, elasticity, trial);
+            if is_last || vertex.violation / scale <= least {
+                return vertex.finish(self, rates);
+            }
+            is_last = true;
         }
     }
 }
 
-/// The stress returned to one or two planes.
-struct Face {
-    planes: &'static [Plane],
+/// The stress returned to `M` planes, one or two.
+struct Face<const M: usize> {
+    planes: [Plane; M],
     tau: Vector,
-    /// Multipliers of the flow on each plane, [-]; zero beyond the number of planes.
-    flow: [f64; 2],
-    /// Multipliers times the shear modulus, [stress].
-    weighted_flow: [f64; 2],
+    /// Multipliers of the flow on each plane, [-].
+    flow: [f64; M],
+    /// D A and D G, [stress].
+    normal_stress: [Vector; M],
+    flow_stress: [Vector; M],
     /// Inverse of Aᵀ D G, A the normals and G the directions of flow.
-    inverse: [[f64; 2]; 2],
+    inverse: [[f64; M]; M],
 }
 
-impl Face {
-    fn new(strength: &Strength, elasticity: &Elasticity, trial: &Vector, planes: &'static [Plane]) -> Face {
-        let mut flow_stress = [[0.0; 3]; 2];
-        let mut normals = [[0.0; 3]; 2];
-        let mut excess = [0.0; 2];
-        for (k, plane) in planes.iter().enumerate() {
-            normals[k] = plane.normal(strength.ratio);
-            flow_stress[k] = elasticity.principal_stress(plane.normal(strength.flow_ratio));
-            excess[k] = dot(&normals[k], trial) - plane.limit(strength);
-        }
-        let entry = |i: usize, j: usize| dot(&normals[i], &flow_stress[j]);
-        let inverse = if planes.len() == 1 {
-            [[1.0 / entry(0, 0), 0.0], [0.0, 0.0]]
-        } else {
-            let [a, b, c, d] = [entry(0, 0), entry(0, 1), entry(1, 0), entry(1, 1)];
-            let per_determinant = 1.0 / (a * d - b * c);
-            [[d * per_determinant, -b * per_determinant], [-c * per_determinant, a * per_determinant]]
-        };
-        let flow = inverse.map(|row| row[0] * excess[0] + row[1] * excess[1]);
+impl<const M: usize> Face<M> {
+    #[inline(always)]
+    fn new(strength: &Strength, elasticity: &Elasticity, trial: &Vector, planes: [Plane; M]) -> Face<M> {
+        let normals = planes.map(|plane| plane.normal(strength.ratio));
+        let normal_stress = normals.map(|normal| elasticity.principal_stress(normal));
+        let flow_stress = planes.map(|plane| elasticity.principal_stress(plane.normal(strength.flow_ratio)));
+        let excess: [f64; M] = std::array::from_fn(|k| dot(&normals[k], trial) - planes[k].limit(strength));
+        let inverse =
+            inverted(std::array::from_fn(|i| std::array::from_fn(|j| dot(&normals[i], &flow_stress[j]))));
+        let flow: [f64; M] =
+            std::array::from_fn(|a| (0..M).fold(0.0, |sum, b| sum + inverse[a][b] * excess[b]));
         let mut tau: Vector =
-            std::array::from_fn(|i| trial[i] - flow_stress[0][i] * flow[0] - flow_stress[1][i] * flow[1]);
-        if let [Plane::Shear(_, j), Plane::Shear(_, l)] = planes {
+            std::array::from_fn(|i| (0..M).fold(trial[i], |tau, k| tau - flow_stress[k][i] * flow[k]));
+        if let [Plane::Shear(_, j), Plane::Shear(_, l)] = planes.as_slice() {
             // The two stresses that are equal on this edge are so to the last bit.
             let (a, b) = if j == l { (0, 1) } else { (1, 2) };
             let mean = 0.5 * (tau[a] + tau[b]);
             (tau[a], tau[b]) = (mean, mean);
         }
-        for plane in planes {
+        for plane in &planes {
             if let Plane::Tension(i) = plane {
                 tau[*i] = strength.tensile;
             }
         }
-        Face { planes, tau, flow, weighted_flow: flow.map(|x| x * elasticity.shear), inverse }
+        Face { planes, tau, flow, normal_stress, flow_stress, inverse }
     }
 
-    /// The largest of the stress beyond other planes and of flow against its direction, [stress]; not a number counts as
-    /// infinite.
-    fn violation(&self, strength: &Strength) -> f64 {
-        let back = -self.weighted_flow[0].min(self.weighted_flow[1]);
-        let beyond = strength.excess_unordered(&self.tau);
-        let violation = back.max(beyond);
-        if violation.is_nan() { f64::INFINITY } else { violation }
+    /// The largest of the stress beyond other planes and of flow against its direction, [stress]; infinite if it is no
+    /// number.
+    #[inline(always)]
+    fn violation(&self, strength: &Strength, elasticity: &Elasticity) -> f64 {
+        let back = self.flow.iter().fold(f64::NEG_INFINITY, |most, flow| most.max(-elasticity.shear * flow));
+        let violation = back.max(strength.excess_unordered(&self.tau));
+        if violation.is_nan() || self.tau[0].is_nan() { f64::INFINITY } else { violation }
     }
 
     /// Stress with the derivatives. With the multipliers Λ = (AᵀDG)⁻¹ (Aᵀτ^tr − b), τ = τ^tr − D G Λ, a change of the
     /// parameters changes τ by −D G (AᵀDG)⁻¹ (A'ᵀτ − b' − AᵀDG'Λ) − D G'Λ.
-    fn finish<const R: usize>(
-        &self,
-        strength: &Strength,
-        elasticity: &Elasticity,
-        rates: &[Strength; R],
-    ) -> Returned<R> {
-        let planes = self.planes;
-        let normals: [Vector; 2] =
-            std::array::from_fn(|k| planes.get(k).map_or([0.0; 3], |plane| plane.normal(strength.ratio)));
-        let directions = std::array::from_fn(|k| {
-            planes.get(k).map_or([0.0; 3], |plane| plane.normal(strength.flow_ratio))
-        });
-        let [normal_stress, flow_stress] =
-            [normals, directions].map(|vectors| vectors.map(|v| elasticity.principal_stress(v)));
+    #[inline(always)]
+    fn finish<const R: usize>(&self, elasticity: &Elasticity, rates: Option<&[Strength; R]>) -> Returned<R> {
+        let Face { planes, flow, normal_stress, flow_stress, inverse, tau } = self;
         let mut modulus = elasticity.principal_modulus();
-        for (a, row) in self.inverse.iter().enumerate() {
-            for (b, inverse) in row.iter().enumerate() {
+        for a in 0..M {
+            for b in 0..M {
                 for i in 0..3 {
                     for j in 0..3 {
-                        modulus[i][j] -= flow_stress[a][i] * inverse * normal_stress[b][j];
+                        modulus[i][j] -= flow_stress[a][i] * inverse[a][b] * normal_stress[b][j];
                     }
                 }
             }
         }
-        let by_parameter = rates.map(|rate| {
+        let mut by_parameter = [[0.0; 3]; R];
+        for (change, rate) in by_parameter.iter_mut().zip(rates.into_iter().flatten()) {
             let mut turned = [0.0; 3]; // G'Λ
-            for (k, plane) in planes.iter().enumerate() {
+            for (plane, flow) in planes.iter().zip(flow) {
                 let of_plane = plane.normal_rate(rate.flow_ratio);
-                (0..3).for_each(|i| turned[i] += of_plane[i] * self.flow[k]);
+                (0..3).for_each(|i| turned[i] += of_plane[i] * flow);
             }
-            let turned_stress = elasticity.principal_stress(turned);
-            let right: [f64; 2] = std::array::from_fn(|k| {
-                planes.get(k).map_or(0.0, |plane| {
-                    dot(&plane.normal_rate(rate.ratio), &self.tau)
-                        - plane.limit(&rate)
-                        - dot(&normals[k], &turned_stress)
-                })
+            let right: [f64; M] = std::array::from_fn(|k| {
+                let of_plane = planes[k];
+                dot(&of_plane.normal_rate(rate.ratio), tau)
+                    - of_plane.limit(rate)
+                    - dot(&normal_stress[k], &turned)
             });
-            let change = self.inverse.map(|row| row[0] * right[0] + row[1] * right[1]);
-            std::array::from_fn(|i| {
-                -flow_stress[0][i] * change[0] - flow_stress[1][i] * change[1] - turned_stress[i]
-            })
-        });
-        Returned { tau: self.tau, modulus, by_parameter }
+            let of_flow: [f64; M] =
+                std::array::from_fn(|a| (0..M).fold(0.0, |sum, b| sum + inverse[a][b] * right[b]));
+            let turned_stress = elasticity.principal_stress(turned);
+            *change = std::array::from_fn(|i| {
+                (0..M).fold(-turned_stress[i], |sum, k| sum - flow_stress[k][i] * of_flow[k])
+            });
+        }
+        Returned { tau: *tau, modulus, by_parameter }
     }
+}
+
+/// The inverse of a matrix of one or two rows.
+#[inline(always)]
+fn inverted<const M: usize>(matrix: [[f64; M]; M]) -> [[f64; M]; M] {
+    let mut inverse = matrix;
+    if M == 1 {
+        inverse[0][0] = 1.0 / matrix[0][0];
+    } else {
+        let [a, b, c, d] = [matrix[0][0], matrix[0][1], matrix[1][0], matrix[1][1]];
+        let per_determinant = 1.0 / (a * d - b * c);
+        (inverse[0][0], inverse[0][1]) = (d * per_determinant, -b * per_determinant);
+        (inverse[1][0], inverse[1][1]) = (-c * per_determinant, a * per_determinant);
+    }
+    inverse
 }
 
 /// A vertex of the surface.
@@ -299,8 +308,10 @@ impl Vertex {
         better(better(a, b), c)
     }
 
-    fn finish<const R: usize>(&self, strength: &Strength, rates: &[Strength; R]) -> Returned<R> {
-        let by_parameter = rates.map(|rate| self.place.stress_rate(strength, &rate));
+    fn finish<const R: usize>(&self, strength: &Strength, rates: Option<&[Strength; R]>) -> Returned<R> {
+        let rate =
+            |k| rates.map_or([0.0; 3], |rates: &[Strength; R]| self.place.stress_rate(strength, &rates[k]));
+        let by_parameter = std::array::from_fn(rate);
         Returned { tau: self.tau, modulus: [[0.0; 3]; 3], by_parameter }
     }
 }
