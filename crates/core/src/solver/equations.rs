@@ -132,12 +132,12 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let choice = place.model.newton.linear;
         // Coarser grids do not support turned and tied nodes.
         let is_regular = place.model.grid.structured().is_some() && place.dofs.is_plain();
-        // GMRES, for a matrix that is not symmetric, only where asked for.
-        let possible = is_regular && system.matrix().symmetric;
+        // In the plane, GMRES needs many iterations where an unsymmetric material flows, and LU is affordable.
+        let suits_auto = is_regular && (system.matrix().symmetric || D == 3);
         let iterative = match choice {
             Choice::Direct => false,
             Choice::Iterative => is_regular,
-            Choice::Auto => possible && place.extent(system).is_large::<D>(),
+            Choice::Auto => suits_auto && place.extent(system).is_large::<D>(),
         };
         if choice == Choice::Iterative && !is_regular {
             self.turned.get_or_insert(LinearError::Turned);
@@ -146,7 +146,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             return self.prepare_with(Method::Iterative, place, system);
         }
         match self.prepare_with(Method::Direct, place, system) {
-            Err(LinearError::OutOfMemory { .. }) if possible && choice == Choice::Auto => {
+            Err(LinearError::OutOfMemory { .. }) if is_regular && choice == Choice::Auto => {
                 self.prepare_with(Method::Iterative, place, system)
             }
             outcome => outcome,
