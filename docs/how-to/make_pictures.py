@@ -1,4 +1,4 @@
-"""Makes the pictures of `paraview.md`, `stages.md`, `footing.md` and `report.md`.
+"""Makes the pictures of `paraview.md`, `stages.md`, `footing.md`, `slope.md`, `bearing.md`, `triaxial.md` and `report.md`.
 
     python docs/how-to/make_pictures.py target/debug/mpm
 
@@ -20,6 +20,9 @@ ROOT = HERE.parent.parent
 IMAGES = HERE.parent / "images"
 # The deck whose results each page shows.
 PAGES = {"paraview.md": "beam", "stages.md": "excavation", "footing.md": "footing_stages"}
+PAGES |= {"slope.md": "slope", "bearing.md": "bearing", "triaxial.md": "triaxial"}
+# What the pictures need besides the results of the deck.
+FURTHER = {"triaxial.md": "element inputs/triaxial.yaml --material clay --path triaxial-drained --confining 100e3 --to 0.2 --steps 40"}
 BLOCK = re.compile(r"<!-- picture: (\S+) -->\n```python\n(.*?)```", re.S)
 
 
@@ -30,6 +33,8 @@ def main():
         environment = dict(os.environ, PYVISTA_OFF_SCREEN="true", MPLBACKEND="Agg")
         for page, deck in PAGES.items():
             subprocess.run([program, "run", f"inputs/{deck}.yaml"], check=True, cwd=folder)
+            if page in FURTHER:
+                subprocess.run([program, *FURTHER[page].split()], check=True, cwd=folder)
             for name, code in BLOCK.findall((HERE / page).read_text()):
                 subprocess.run([sys.executable, "-c", code], cwd=folder, env=environment, check=True)
                 (IMAGES / name).write_bytes((Path(folder) / name).read_bytes())

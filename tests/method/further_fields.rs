@@ -96,6 +96,7 @@ fn account() -> Account {
         deck_file: String::new(),
         deck_text: String::new(),
         parameters: BTreeMap::new(),
+        messages: Vec::new(),
         set_up: Timings::default(),
         threads: 1,
         wording: WORDING,

@@ -20,6 +20,7 @@ mod solid;
 mod stabilisation;
 mod stages;
 mod stepping;
+mod strength_reduction;
 mod surfaces;
 mod threads;
 mod vtu;

@@ -29,10 +29,10 @@ impl Observer<2> for Every {
 
 /// A run, in its state at the end.
 pub struct Run {
-    model: Model<2>,
+    pub model: Model<2>,
     pub points: Points<2>,
     pub every: Every,
-    summary: Summary,
+    pub summary: Summary,
 }
 
 /// Runs a deck given as text.
@@ -295,7 +295,8 @@ pub fn resumes(deck: &str) {
         resume_stage(&mut model, &mut points, &reached).unwrap();
         assert_eq!(points.len(), kept.len(), "the points of the stage");
         let mut points = kept;
-        run_stages(&mut model, &mut points, reached, &mut Silent).unwrap();
+        let summary = run_stages(&mut model, &mut points, reached, &mut Silent).unwrap();
+        assert_eq!(summary.strength, whole.summary.strength, "after step {after}");
         for array in [PointArray::Position, PointArray::CauchyStress, PointArray::Displacement] {
             assert_eq!(points.array(array).values, whole.points.array(array).values, "after step {after}");
         }

@@ -14,6 +14,7 @@ import yaml
 from results import Results
 
 EXAMPLES = {"annulus", "beam", "collapse", "column", "excavation", "footing", "footing_stages", "shear"}
+EXAMPLES |= {"bearing", "slope", "triaxial"}
 
 
 @pytest.fixture
@@ -53,7 +54,10 @@ def test_an_example_runs_as_it_is_written(here, name):
 
     process = here("check", f"{name}.yaml")
     assert process.returncode == 0, process.stderr
-    assert not process.stderr, "no warnings"
+    # The factor of safety of a slope that does not dilate depends on the grid, which its comments say.
+    codes = re.findall(r"^(?:note|warning)\[(D\d+)\]", process.stderr, re.M)
+    assert codes == (["D064"] if name == "slope" else []), process.stderr
+    assert name == "slope" or not process.stderr, "no warnings"
     began = time.monotonic()
     process = here("run", f"{name}.yaml")
     assert process.returncode == 0, process.stderr
@@ -61,7 +65,10 @@ def test_an_example_runs_as_it_is_written(here, name):
     results = Results(here.folder / "results" / name)
     summary = results.summary
     assert summary["outcome"] == "completed"
-    assert summary["steps"] == summary["steps_requested"]
+    if name == "slope":
+        assert summary["strength_reduction"]["fails"] > summary["strength_reduction"]["stands"]
+    else:
+        assert summary["steps"] == summary["steps_requested"]
     assert (results.history["residual"] <= 1e-9).all()
     # Where domains of GIMP reach beyond the grid, their share is missing.
     lost = summary["quality"]["domain_outside_grid"]

@@ -3,9 +3,10 @@
 use serde_json::Value;
 
 use super::advice::WORDING;
+use super::diagnostic::Diagnostic;
 use super::load::LoadedDeck;
 use mpm_core::timing::Timings;
-use mpm_files::summary::{Account, Start};
+use mpm_files::summary::{Account, DeckMessage, Start};
 
 impl LoadedDeck {
     /// The facts about this deck that the files of a run state. The run began at `start`; `set_up` is the time spent on
@@ -24,6 +25,7 @@ impl LoadedDeck {
             law_libraries: self.law_libraries(),
             deck: Some(serde_json::to_value(&self.deck)?),
             parameters: values.collect(),
+            messages: self.notes.iter().map(in_files).collect(),
             set_up,
             threads,
             wording: WORDING,
@@ -37,5 +39,15 @@ impl LoadedDeck {
             let deck = account.deck.is_some().then_some(of_this.deck).flatten();
             *account = Account { deck, ..of_this };
         }
+    }
+}
+
+/// A message about the deck as the files of a run state it.
+fn in_files(message: &Diagnostic) -> DeckMessage {
+    DeckMessage {
+        code: message.code.to_owned(),
+        severity: message.severity.name().to_owned(),
+        message: message.message.clone(),
+        help: message.help.clone(),
     }
 }

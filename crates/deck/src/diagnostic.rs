@@ -146,6 +146,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D061", "a library whose law cannot be used"),
     ("D062", "parameters that do not fit the law of a library"),
     ("D063", "a law of a library that lacks a property"),
+    ("D064", "a factor of safety that depends on the size of the cells"),
 ];
 
 impl Diagnostic {

@@ -315,6 +315,23 @@ impl MaterialDeck {
         }
     }
 
+    /// True unless the dilation angle differs from the friction angle at the peak or after softening. Factors of safety of
+    /// other materials depend on the size of the cells.
+    pub fn is_associated(&self) -> bool {
+        match self {
+            MaterialDeck::MohrCoulomb { friction_angle, dilation_angle, softening, .. } => {
+                let is_same_after = softening.as_ref().is_none_or(|softening| {
+                    softening.residual_friction_angle == softening.residual_dilation_angle
+                });
+                friction_angle == dilation_angle && is_same_after
+            }
+            MaterialDeck::DruckerPrager { friction_angle, dilation_angle, .. } => {
+                friction_angle == dilation_angle
+            }
+            _ => true,
+        }
+    }
+
     /// Path of the library of the law, relative to the deck; `None` for the laws of the program.
     pub fn library(&self) -> Option<&str> {
         match self {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Deck, SolverDeck, StepsDeck};
+use super::{ControlDeck, Deck, SolverDeck, StepsDeck};
 
 /// A stage of an analysis. It begins in the state in which the stage before it ends, and names only what changes. What removed
 /// bodies, released boundary conditions and exchanged materials carried is released over the stage, and the weight of added
@@ -87,6 +87,23 @@ impl Deck {
     /// Time at the end of the analysis, [time].
     pub fn end_time(&self) -> f64 {
         self.courses().iter().map(|(_, steps)| steps.end_time).sum()
+    }
+
+    /// True if a stage, or the analysis, reduces the strength of the materials.
+    pub fn reduces_strength(&self) -> bool {
+        let reduces = |steps: &StepsDeck| matches!(steps.control, ControlDeck::StrengthReduction { .. });
+        self.courses().iter().any(|(_, steps)| reduces(steps))
+    }
+
+    /// Names of the materials of bodies whose flow is not associated, if their strength is reduced.
+    pub fn nonassociated_with_reduced_strength(&self) -> Vec<&str> {
+        let of_bodies = self.bodies.iter().map(|body| &body.material);
+        let used: Vec<&String> =
+            of_bodies.chain(self.stages.iter().flat_map(|stage| stage.material.values())).collect();
+        let found = self.materials.iter().filter(|(name, material)| {
+            self.reduces_strength() && !material.is_associated() && used.contains(name)
+        });
+        found.map(|(name, _)| name.as_str()).collect()
     }
 
     /// Number of requested load steps.

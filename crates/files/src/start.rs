@@ -43,6 +43,9 @@ impl Account {
         if !self.law_libraries.is_empty() {
             document["law_libraries"] = json!(self.law_libraries);
         }
+        if !self.messages.is_empty() {
+            document["messages"] = json!(self.messages);
+        }
         let mut text = serde_json::to_string_pretty(&document).map_err(io::Error::other)?;
         text.push('\n');
         replace_file(path, |out| out.write_all(text.as_bytes()))

@@ -9,7 +9,7 @@ use jiff::{Timestamp, Unit};
 use serde::{Deserialize, Serialize};
 
 use mpm_core::memory;
-use mpm_core::model::{LoadCurve, Model};
+use mpm_core::model::{LoadCurve, Model, Stepping};
 use mpm_core::points::Points;
 use mpm_core::solver::{Reached, SolveError, Step, StepReport, Summary};
 
@@ -91,6 +91,9 @@ pub struct Status {
     pub end_time: f64,
     /// Load factor at the end of the current step, if all loads and prescribed motions share one, [-].
     pub load_factor: Option<f64>,
+    /// Factor by which the strength of the materials is divided at the end of the current step, [-]; none at full strength.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strength_factor: Option<f64>,
     /// Name of the present stage; none in an analysis without stages.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stage: Option<String>,
@@ -122,6 +125,8 @@ pub struct Progress {
     start: Start,
     status: Status,
     curve: Option<LoadCurve>,
+    /// Steps that reduce the strength of the materials.
+    reductions: Vec<Stepping>,
     /// Names of the stages.
     stages: Vec<String>,
     /// Start of the first step.
@@ -152,6 +157,7 @@ impl Progress {
             time: 0.0,
             end_time: model.end_time(),
             load_factor: model.has_one_load_factor().then_some(0.0),
+            strength_factor: None,
             stage: model.stages.first().map(|stage| stage.name.clone()),
             points: points.len(),
             unknowns: 0,
@@ -167,7 +173,18 @@ impl Progress {
         let began = Instant::now();
         let stages = model.stages.iter().map(|stage| stage.name.clone()).collect();
         let curve = model.common_curve().filter(|_| !model.stepping.control.has_unknown_factor()).cloned();
-        Progress { start, status, curve, stages, began, recent: VecDeque::from([(0.0, began)]) }
+        let of_stages = model.stages.iter().map(|stage| &stage.stepping);
+        let all: Vec<&Stepping> =
+            if model.stages.is_empty() { vec![&model.stepping] } else { of_stages.collect() };
+        let reduces = |stepping: &&Stepping| stepping.strength_factor(stepping.start_time).is_some();
+        let reductions = all.into_iter().filter(reduces).cloned().collect();
+        Progress { start, status, curve, reductions, stages, began, recent: VecDeque::from([(0.0, began)]) }
+    }
+
+    /// Factor of the strength in a step that ends at a time; `None` at full strength.
+    fn strength_factor(&self, end: f64) -> Option<f64> {
+        let is_in = |stepping: &&Stepping| stepping.start_time < end && end <= stepping.end_time;
+        self.reductions.iter().find(is_in)?.strength_factor(end)
     }
 
     fn set_stage(&mut self, summary: &Summary) {
@@ -182,6 +199,7 @@ impl Progress {
         self.status.step = reached.step.index;
         self.status.time = end;
         self.status.load_factor = reached.summary.load_factor;
+        self.status.strength_factor = self.strength_factor(end);
         self.set_stage(&reached.summary);
         self.status.warnings = reached.summary.warnings.len();
         self.recent = VecDeque::from([(end, self.began)]);
@@ -189,6 +207,7 @@ impl Progress {
 
     /// Records an evaluation of the out-of-balance force.
     pub fn iteration(&mut self, step: Step, iteration: usize, residual: f64) {
+        self.status.strength_factor = self.strength_factor(step.end);
         let status = &mut self.status;
         status.step = step.index;
         status.iteration = iteration;
@@ -206,6 +225,7 @@ impl Progress {
         self.status.steps = summary.steps;
         self.status.unknowns = report.unknowns;
         self.status.load_factor = report.load_factor;
+        self.status.strength_factor = report.strength_factor;
         self.set_stage(summary);
         self.status.warnings = summary.warnings.len();
         self.recent.push_back((report.step.end, Instant::now()));

@@ -106,6 +106,19 @@ impl fmt::Display for LawLibrary {
     }
 }
 
+/// A warning or note about a deck.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct DeckMessage {
+    /// Its code.
+    pub code: String,
+    /// `warning` or `note`.
+    pub severity: String,
+    /// The fact.
+    pub message: String,
+    /// The remedy.
+    pub help: Option<String>,
+}
+
 /// Facts that are known before the run.
 #[derive(Debug, Clone)]
 pub struct Account {
@@ -125,6 +138,8 @@ pub struct Account {
     pub law_libraries: Vec<LawLibrary>,
     /// Parameters of the deck with their final values.
     pub parameters: BTreeMap<String, Value>,
+    /// Warnings and notes about the deck.
+    pub messages: Vec<DeckMessage>,
     /// Time spent so far, reading the deck and building the model.
     pub set_up: Timings,
     /// Number of threads.

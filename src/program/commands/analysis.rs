@@ -201,7 +201,9 @@ pub fn run_into(
     };
     // On a worker thread, so that work need not be handed over to the pool.
     let outcome = rayon::scope(|_| analysis.run(reached, &mut watch));
-    Ok(Some(Ended { outcome, closing: watch.end() }))
+    let nonassociated = loaded.deck.nonassociated_with_reduced_strength();
+    let closing = watch.end().map(|closing| closing.with_nonassociated(&nonassociated));
+    Ok(Some(Ended { outcome, closing }))
 }
 
 /// Locks a directory and restores the points from its last checkpoint. `None` if the run may start over instead.

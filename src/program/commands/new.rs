@@ -56,6 +56,9 @@ const EXAMPLES: &[Example] = &[
     example!("annulus", "annulus.msh", "annulus.geo"),
     example!(inputs: "excavation"),
     example!(inputs: "footing_stages"),
+    example!(inputs: "slope"),
+    example!(inputs: "bearing"),
+    example!(inputs: "triaxial"),
 ];
 
 /// The schema, for editors; the first line of every deck names it.

@@ -73,6 +73,9 @@ fn in_words(directory: &Path, status: &Status) -> String {
     }
     rows.push(("time", format!("{} of {}", significant(status.time, 6), significant(status.end_time, 6))));
     rows.extend(status.load_factor.map(|factor| ("load factor", significant(factor, 6))));
+    rows.extend(
+        status.strength_factor.map(|factor| ("strength", format!("divided by {}", significant(factor, 6)))),
+    );
     let mut elapsed = duration(status.elapsed_seconds);
     if let Some(left) = status.seconds_left {
         elapsed.push_str(&format!(", about {} left", duration(left)));

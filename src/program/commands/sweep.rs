@@ -18,7 +18,9 @@ use crate::program::interrupt::stop_on_interrupt;
 use crate::program::screen::failure::{Coded, as_error, in_words};
 use crate::program::screen::progress::View;
 use crate::solver::SolveError;
-use crate::study::{Axis, Member, Outcome, Record, Row, Study, may_be_replaced, write_table};
+use crate::study::{
+    Axis, Member, Outcome, Record, Row, Study, dependence_on_cells, may_be_replaced, write_table,
+};
 use crate::timing::{Phase, Timings};
 use anyhow::Context;
 use clap::Args;
@@ -165,6 +167,9 @@ impl Sweep {
                     summary.evaluations,
                     start.elapsed().wall.as_secs_f64()
                 );
+                if let Some(bracket) = summary.strength {
+                    message!("  factor of safety {bracket}");
+                }
                 Outcome::Completed
             }
             Ok(Some(Ended { outcome: Err(SolveError::Interrupted { step }), .. })) => {
@@ -197,6 +202,9 @@ impl Sweep {
         let open = self.rows.iter().filter(|row| row.is_none()).count();
         if open > 0 {
             counts.push(format!("{open} not started"));
+        }
+        for sentence in dependence_on_cells(&self.study, self.rows.iter().flatten()) {
+            message!("{sentence}");
         }
         message!("{}; the table is {}", counts.join(", "), self.directory.join(TABLE).display());
         if open > 0 || count("interrupted") > 0 {

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
+use crate::deck::quoting::list;
 use crate::model::Model;
 use crate::output::findings::{Extreme, Findings, ForceBalance};
 use crate::output::results::{Picture, Results};
@@ -39,6 +40,10 @@ pub struct Closing {
     balance: BalanceSoFar,
     warnings: usize,
     findings: Findings,
+    /// The factor of safety in words, if the strength was reduced.
+    safety: Option<String>,
+    /// Materials whose flow is not associated, while their strength is reduced.
+    nonassociated: Vec<String>,
     directory: PathBuf,
     picture: Option<Picture>,
     asks_for_pictures: bool,
@@ -93,6 +98,8 @@ impl Closing {
             balance: summary.balance(),
             warnings: summary.warnings.len(),
             findings: results.findings().clone(),
+            safety: summary.strength.map(|bracket| bracket.to_string()),
+            nonassociated: Vec::new(),
             directory: results.directory().to_owned(),
             picture: results.last_picture(),
             asks_for_pictures: results.asks_for_pictures(),
@@ -100,11 +107,17 @@ impl Closing {
         })
     }
 
+    /// States that the factor of safety of these materials depends on the grid.
+    pub fn with_nonassociated(self, materials: &[&str]) -> Closing {
+        Closing { nonassociated: materials.iter().map(|name| (*name).to_owned()).collect(), ..self }
+    }
+
     /// Formats the table, with a line break at the end; `seconds` is the duration of the run.
     pub fn table(&self, seconds: f64) -> String {
         let mut table = Table::default();
         table.row("", &self.title);
         table.row("outcome", &format!("{}, {}", self.outcome, duration(seconds)));
+        self.safety(&mut table);
         table.row(
             "model",
             &format!(
@@ -143,6 +156,16 @@ impl Closing {
         }
         self.files(&mut table);
         table.text
+    }
+
+    fn safety(&self, table: &mut Table) {
+        let Some(safety) = &self.safety else { return };
+        table.row("factor of safety", safety);
+        if !self.nonassociated.is_empty() {
+            let names = list(self.nonassociated.iter().map(String::as_str));
+            let text = "the factor depends on the size of the cells: compare another grid";
+            table.row(" ", &format!("flow of {names} is not associated, so that {text}"));
+        }
     }
 
     fn convergence(&self, table: &mut Table) {

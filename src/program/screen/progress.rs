@@ -343,7 +343,8 @@ fn step_of(status: &Status) -> String {
 fn in_equilibrium<const D: usize>(report: &StepReport<D>, status: &Status) -> String {
     let solves = report.residuals.len().saturating_sub(1);
     let residual = report.residuals.last().copied().unwrap_or(0.0);
-    format!("{}: {solves} iterations, residual {residual:.2e}", step_of(status))
+    let factor = status.strength_factor.map(|factor| format!(", strength factor {}", significant(factor, 5)));
+    format!("{}{}: {solves} iterations, residual {residual:.2e}", step_of(status), factor.unwrap_or_default())
 }
 
 /// Text beside the bar: two lines, each shorter than 80 columns with the bar.
@@ -355,6 +356,7 @@ fn on_the_bar(status: &Status) -> String {
     let mut second = vec![format!("{} elapsed", duration(status.elapsed_seconds))];
     second.extend(status.seconds_left.map(|left| format!("{} left", duration(left))));
     second.extend(status.load_factor.map(|factor| format!("load factor {}", significant(factor, 3))));
+    second.extend(status.strength_factor.map(|factor| format!("strength factor {}", significant(factor, 5))));
     second.extend(status.points_per_second.map(rate));
     second.extend(status.memory_bytes.map(bytes));
     format!("{first}\n{}", second.join("  "))

@@ -107,6 +107,8 @@ fn enter<const D: usize>(
         began,
         released_forces: model.present.released_forces.iter().map(|(node, f)| (*node, f.to_vec())).collect(),
     });
+    // A reduction of strength ends its stage where equilibrium ceases, before the time of its end.
+    reached.step.end = time;
     reached.summary.pace = Pace::default();
     reached.summary.path = Path::default();
     if model.stepping.strength_factor(time).is_some() {

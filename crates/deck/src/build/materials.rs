@@ -77,6 +77,7 @@ where
                 continue;
             }
             self.softening(&name, material, &cells);
+            self.factor_of_safety(&name);
             match material.law(&surroundings) {
                 Ok(BuiltLaw { law, varying, consistency }) => {
                     let consistency = Some(consistency);
@@ -124,6 +125,23 @@ where
         };
         let at = format!("/materials/{}/softening", escape(name));
         let found = Diagnostic::at(&self.loaded.source, "D060", &at, message).severity(Severity::Note);
+        self.found.push(found.help(help));
+    }
+
+    /// Says that a factor of safety depends on the cells, where flow is not associated.
+    fn factor_of_safety(&mut self, name: &str) {
+        if !self.deck.nonassociated_with_reduced_strength().contains(&name) {
+            return;
+        }
+        let message = format!(
+            "the flow of the material {} is not associated; the factor of safety of non-associated material depends on \
+             the size of the cells",
+            quote(name)
+        );
+        let help = "compare two grids, for example by `mpm sweep` over the size of the cells, and look at displacement \
+                    against the factor";
+        let at = format!("/materials/{}/dilation_angle", escape(name));
+        let found = Diagnostic::at(&self.loaded.source, "D064", &at, message).severity(Severity::Note);
         self.found.push(found.help(help));
     }
 

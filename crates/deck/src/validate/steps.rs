@@ -90,7 +90,7 @@ impl Check<'_> {
         };
         let changing_load = deck.loads.iter().find(|load| {
             let is_held = stage.is_none() && crate::initial_stress::initial_factor(deck, load) == 1.0;
-            !load.magnitude().1 && !stays(load.name(), load.curve()) && !(is_held && load.curve().is_none())
+            !(load.magnitude().1 || stays(load.name(), load.curve()) || is_held && load.curve().is_none())
         });
         let moves = |condition: &&crate::BoundaryConditionDeck| {
             let is_zero = |moved: &Displacement| moved.value.is_zero();

@@ -53,6 +53,14 @@ impl FieldChoice {
         Ok(FieldChoice { name: names.first().copied().unwrap_or("volume").to_owned(), component: None })
     }
 
+    /// The fields that show a mechanism, as far as a state has them: displacement and equivalent plastic strain.
+    pub(super) fn of_mechanism(snapshot: &Snapshot) -> Result<Vec<FieldChoice>, ReportError> {
+        let mesh = read_mesh(&snapshot.path)?;
+        let is_there = |name: &&str| mesh.arrays(Section::PointData).any(|array| array.name == *name);
+        let names = ["displacement", "equivalent_plastic_strain"].into_iter().filter(is_there);
+        Ok(names.map(|name| FieldChoice { name: name.to_owned(), component: None }).collect())
+    }
+
     /// Name of the field in words.
     pub(super) fn title(&self) -> String {
         let words = match self.name.as_str() {

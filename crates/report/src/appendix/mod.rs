@@ -25,6 +25,7 @@ mod scene;
 mod sections;
 mod single;
 mod stages;
+mod strength;
 mod units;
 mod view;
 

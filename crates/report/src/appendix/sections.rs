@@ -84,6 +84,27 @@ pub(super) fn warnings(page: &mut Page, run: &Run) {
     }
 }
 
+/// The warnings and notes about the deck of a run as a list.
+pub(super) fn messages(page: &mut Page, run: &Run) {
+    let messages: Vec<&Value> = run.start["messages"].as_array().into_iter().flatten().collect();
+    if !messages.is_empty() {
+        page.push("<ul class=\"notes\">\n");
+        for message in messages {
+            page.push(&format!("<li>{}</li>\n", of_deck_in_a_line(message)));
+        }
+        page.push("</ul>\n");
+    }
+}
+
+/// A message about a deck in HTML.
+fn of_deck_in_a_line(message: &Value) -> String {
+    let text = |key: &str| escape(message[key].as_str().unwrap_or_default());
+    let kind = if message["severity"] == "warning" { "Warning" } else { "Note" };
+    let help = text("help");
+    let help = if help.is_empty() { help } else { format!(" <i>{help}</i>") };
+    format!("<b>{kind} {}.</b> Deck: {}.{help}", text("code"), text("message"))
+}
+
 /// A warning in HTML.
 fn in_a_line(warning: &Value) -> String {
     let text = |key: &str| escape(warning[key].as_str().unwrap_or_default());

@@ -15,10 +15,11 @@ use super::picture::Gallery;
 use super::run::Run;
 use super::scene::Scene;
 use super::sections::{
-    banner, foot, in_words, largest_residual, machine, naming, program, started, steps_in_words, title_block,
-    wall_time, warnings, with_unit,
+    banner, foot, in_words, largest_residual, machine, messages, naming, program, started, steps_in_words,
+    title_block, wall_time, warnings, with_unit,
 };
 use super::stages;
+use super::strength;
 use super::units::{Naming, Quantity};
 
 /// Writes the page.
@@ -28,6 +29,7 @@ pub(super) fn page(run: &Run, options: &Options) -> Result<String, ReportError> 
     outcome(&mut page, run, &naming);
     model(&mut page, run);
     load_and_displacement(&mut page, run, &naming);
+    strength::section(&mut page, run, &naming)?;
     deformed_points(&mut page, run, options, &naming)?;
     convergence(&mut page, run, &naming);
     quality(&mut page, run, &naming);
@@ -54,12 +56,16 @@ fn outcome(page: &mut Page, run: &Run, naming: &Naming) {
     page.section("Outcome");
     banner(page, run, None);
     warnings(page, run);
+    messages(page, run);
     let mut table = Table::new(["", "#Value", "Remark"]);
     let mut row = |name: &str, value: Option<String>, remark: String| {
         if let Some(value) = value {
             table.row([Cell::text(name), Cell::Html(value), Cell::Html(remark)]);
         }
     };
+    if let Some((words, remark)) = strength::key_number(run) {
+        row("Factor of safety", Some(words), remark);
+    }
     row("Load steps in equilibrium", Some(steps_in_words(run)), String::new());
     let tolerance = run.deck.as_ref().map(|deck| format!("tolerance {}", html(deck.solver.tolerance, 3)));
     let residual = largest_residual(run).map(|residual| html(residual, 3));

@@ -13,11 +13,11 @@ use super::sections::in_words;
 /// A stage of the deck, and the part of the history that belongs to it.
 #[derive(Debug)]
 pub(super) struct Stage<'a> {
-    deck: &'a StageDeck,
+    pub deck: &'a StageDeck,
     /// Times at its start and end, [time].
     times: [f64; 2],
     /// Rows of `history.csv`; none if the run has not reached it.
-    rows: std::ops::Range<usize>,
+    pub rows: std::ops::Range<usize>,
 }
 
 /// The stages of a run; none in an analysis without stages, or if this version does not understand the deck.

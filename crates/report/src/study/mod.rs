@@ -3,6 +3,7 @@
 //! This module has the members of a study, their results, and the table of all; running them is left to the caller.
 
 mod record;
+mod strength;
 mod table;
 
 use std::fmt::{self, Write};
@@ -13,6 +14,7 @@ use mpm_deck::Parameter;
 use mpm_deck::quoting::{list, quote};
 
 pub use record::Record;
+pub use strength::dependence_on_cells;
 pub use table::{Outcome, Row, may_be_replaced, write_table};
 
 /// An invalid study.

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
+use mpm_core::solver::StrengthBracket;
 use mpm_deck::load::LoadedDeck;
 use mpm_files::shortest;
 use mpm_files::summary::VERSION;
@@ -21,6 +22,9 @@ pub(super) const MEASURES: [(&str, &str); 7] = [
     ("cpu_seconds", "/cpu_seconds/total"),
     ("peak_memory_bytes", "/peak_memory_bytes"),
 ];
+
+/// Columns of the factors of a reduction of strength.
+pub(super) const FACTORS: [&str; 2] = ["strength_factor_stands", "strength_factor_fails"];
 
 /// Columns of `history.csv` that describe the step rather than the state it reached.
 const STEP_COLUMNS: [&str; 6] = ["step", "time", "iterations", "residual", "linear_iterations", "converged"];
@@ -73,6 +77,17 @@ impl Record {
             }
         }
         found
+    }
+
+    /// The factors of a reduction of strength with and without equilibrium; `None` if the run has reduced none.
+    pub(super) fn strength(&self) -> Option<StrengthBracket> {
+        serde_json::from_value(self.summary.get("strength_reduction")?.clone()).ok()
+    }
+
+    /// The entries in [`FACTORS`]; empty where there is no such factor.
+    pub(super) fn factors(&self) -> [String; 2] {
+        let bracket = self.strength().unwrap_or_default();
+        [bracket.stands, bracket.fails].map(|factor| factor.map_or_else(String::new, shortest))
     }
 
     /// Columns and last values of `history.csv`.

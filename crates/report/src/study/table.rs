@@ -7,7 +7,7 @@ use std::path::Path;
 use mpm_files::replace::replace_file;
 use mpm_files::table::quoted;
 
-use super::record::MEASURES;
+use super::record::{FACTORS, MEASURES};
 use super::{Member, Record, Study};
 
 /// Outcome of a member of a study.
@@ -54,7 +54,7 @@ pub struct Row {
 }
 
 /// Writes the table of a study, in the order of `rows`. Its columns are the varied parameters, the outcome, the
-/// measures, the extents of the bodies, the final values of those columns of `history.csv` that all members have,
+/// measures, the factors of a reduction of strength if a member has made one, the extents of the bodies, the final values of those columns of `history.csv` that all members have,
 /// and the reason of a failure; an entry is empty where a member has no such value.
 ///
 /// # Errors
@@ -71,6 +71,8 @@ pub fn write_table<'a>(
 
     let mut results = vec!["outcome"];
     results.extend(MEASURES.map(|(name, _)| name));
+    let reduces = records.iter().any(|record| record.strength().is_some());
+    results.extend(FACTORS.into_iter().filter(|_| reduces));
     results.extend(extents.iter().chain(&history).map(String::as_str));
     results.push("reason");
     let mut columns: Vec<String> = study.names().map(|name| heading(name, &results)).collect();
@@ -78,7 +80,7 @@ pub fn write_table<'a>(
 
     let mut text = line(&columns);
     for row in rows {
-        text.push_str(&line(&entries(row, &extents, &history)));
+        text.push_str(&line(&entries(row, reduces, &extents, &history)));
     }
     replace_file(path, |out| out.write_all(text.as_bytes()))
 }
@@ -93,17 +95,22 @@ pub fn may_be_replaced(path: &Path) -> bool {
     read && (header.is_empty() || has("outcome") && header.trim_end().ends_with(",reason"))
 }
 
-fn entries(row: &Row, extents: &[String], history: &[String]) -> Vec<String> {
+fn entries(row: &Row, reduces: bool, extents: &[String], history: &[String]) -> Vec<String> {
     let mut entries: Vec<String> = row.member.settings.iter().map(|(_, value)| value.clone()).collect();
     entries.push(row.outcome.word().to_owned());
     match &row.record {
         Some(record) => {
             entries.extend(record.measures());
+            entries.extend(record.factors().into_iter().filter(|_| reduces));
             let pairs = record.extents().into_iter().chain(record.history().iter().cloned());
             let mut values: BTreeMap<String, String> = pairs.collect();
             entries.extend(extents.iter().chain(history).map(|name| values.remove(name).unwrap_or_default()));
         }
-        None => entries.resize(entries.len() + MEASURES.len() + extents.len() + history.len(), String::new()),
+        None => {
+            let of_strength = if reduces { FACTORS.len() } else { 0 };
+            let results = MEASURES.len() + of_strength + extents.len() + history.len();
+            entries.resize(entries.len() + results, String::new());
+        }
     }
     entries.push(row.outcome.reason().to_owned());
     entries

@@ -1,0 +1,180 @@
+//! The reduction of strength: the factor of safety, displacement against the factor, and the mechanism.
+
+use mpm_core::solver::StrengthBracket;
+use mpm_deck::ControlDeck;
+
+use super::chart::{Axis, Band, Chart, Curve, Look};
+use super::curves::{Component, components};
+use super::error::ReportError;
+use super::field::{FieldChoice, StepChoice};
+use super::number::{html, plain};
+use super::page::{Page, escape};
+use super::picture::Gallery;
+use super::run::Run;
+use super::scene::Scene;
+use super::stages::stages;
+use super::units::{Naming, Quantity};
+
+/// Most curves in one chart.
+const MOST_CURVES: usize = 12;
+
+/// The factors between which equilibrium ceases; `None` if the run has not reduced the strength.
+fn bracket(run: &Run) -> Option<StrengthBracket> {
+    serde_json::from_value(run.summary.get("strength_reduction")?.clone()).ok()
+}
+
+/// The factor of safety as a key number, and a remark, both in HTML.
+pub(super) fn key_number(run: &Run) -> Option<(String, String)> {
+    let found = bracket(run)?;
+    let (value, remark) = match (found.stands, found.fails) {
+        (Some(stands), Some(fails)) => (
+            format!("{} to\u{a0}{}", html(stands, 5), html(fails, 5)),
+            "the largest factor in equilibrium, and one without",
+        ),
+        (Some(stands), None) => {
+            (format!("at least {}", html(stands, 5)), "the largest factor that was tried")
+        }
+        (None, Some(fails)) => (format!("below {}", html(fails, 5)), "no factor was in equilibrium"),
+        (None, None) => return None,
+    };
+    Some((value, format!("{remark}{}", dependence(run).map_or_else(String::new, |text| format!("; {text}")))))
+}
+
+/// Why the factor of safety depends on the grid, in HTML; `None` if the flow of all materials is associated.
+fn dependence(run: &Run) -> Option<String> {
+    let materials = run.deck.iter().flat_map(|deck| deck.nonassociated_with_reduced_strength());
+    let names: Vec<String> = materials.map(|name| format!("<code>{}</code>", escape(name))).collect();
+    let names = (!names.is_empty()).then(|| names.join(", "))?;
+    Some(format!("it depends on the size of the cells, because the flow of {names} is not associated"))
+}
+
+/// The part of a run that reduced the strength.
+struct Reduction {
+    /// Its rows of `history.csv`.
+    rows: std::ops::Range<usize>,
+    /// True if it began at full strength.
+    begins_whole: bool,
+    /// True if displacements count from its start.
+    begins_at_rest: bool,
+}
+
+/// The last stage that reduced the strength, whose factors the summary has; `None` if there is none.
+fn reduction(run: &Run) -> Option<Reduction> {
+    let deck = run.deck.as_ref()?;
+    let from = |control: &ControlDeck| match control {
+        ControlDeck::StrengthReduction { from, .. } => Some(*from),
+        _ => None,
+    };
+    if let Some(steps) = &deck.steps {
+        let begins_whole = from(&steps.control)? == 1.0;
+        return Some(Reduction { rows: 0..run.steps(), begins_whole, begins_at_rest: true });
+    }
+    let stages = stages(run);
+    let number = stages
+        .iter()
+        .rposition(|stage| from(&stage.deck.steps.control).is_some() && !stage.rows.is_empty())?;
+    Some(Reduction {
+        rows: stages[number].rows.clone(),
+        begins_whole: from(&stages[number].deck.steps.control) == Some(1.0),
+        begins_at_rest: number == 0 || stages[number - 1].deck.then.is_some(),
+    })
+}
+
+/// Displacements of the probes against the factor, in charts of at most [`MOST_CURVES`] curves.
+fn charts(run: &Run, reduction: &Reduction) -> Vec<Chart> {
+    let Reduction { rows, begins_whole, begins_at_rest } = reduction;
+    let factors = run.column("strength_factor").get(rows.clone()).unwrap_or_default();
+    let Some(first) = factors.first() else { return Vec::new() };
+    let curve = |(number, component): (usize, &Component)| {
+        let values = run.column(&component.column);
+        let before = rows.start.checked_sub(1).filter(|_| !begins_at_rest).and_then(|row| values.get(row));
+        let start = begins_whole.then(|| [1.0, before.copied().unwrap_or(0.0)]);
+        let of_rows = values.get(rows.clone()).unwrap_or_default();
+        Curve {
+            name: component.label(),
+            points: start.into_iter().chain(factors.iter().zip(of_rows).map(|(f, u)| [*f, *u])).collect(),
+            look: Look::Number(number),
+        }
+    };
+    let found = bracket(run).unwrap_or_default();
+    let bands = match (found.stands, found.fails) {
+        (Some(stands), Some(fails)) => vec![
+            Band {
+                ends: [if *begins_whole { 1.0 } else { *first }, stands],
+                name: "in equilibrium".to_owned(),
+            },
+            Band { ends: [stands, fails], name: "no equilibrium".to_owned() },
+        ],
+        _ => Vec::new(),
+    };
+    let chart = |group: &[Component]| Chart {
+        description: "displacement of the probes against the factor of the strength".to_owned(),
+        x: Axis {
+            contains: found.fails.into_iter().collect(),
+            ..Axis::new("factor by which the strength is divided", Quantity::Number)
+        },
+        y: Axis { contains: vec![0.0], ..Axis::new("displacement", Quantity::Length) },
+        curves: group.iter().enumerate().map(curve).collect(),
+        levels: Vec::new(),
+        bands: bands.clone(),
+        height: 320.0,
+    };
+    components(std::slice::from_ref(run), 'u').chunks(MOST_CURVES).map(chart).collect()
+}
+
+/// Adds displacement against the factor and the mechanism, if the run has reduced the strength.
+pub(super) fn section(page: &mut Page, run: &Run, naming: &Naming) -> Result<(), ReportError> {
+    let (Some(reduction), Some(bracket)) = (reduction(run), bracket(run)) else { return Ok(()) };
+    page.section("Factor of safety");
+    let dependence = dependence(run);
+    let dependence = dependence.map(|text| format!(" Here {text}: compare another grid."));
+    page.paragraph(&format!(
+        "The factor of safety is {}.{}",
+        escape(&bracket.to_string()),
+        dependence.unwrap_or_default()
+    ));
+    page.paragraph(
+        "Failure shows as a displacement that grows without bound as the factor approaches the last one with \
+         equilibrium. Where it begins to grow well before, the body has found equilibrium in another shape, and the \
+         factor of the original shape lies where the growth begins.",
+    );
+    let charts = charts(run, &reduction);
+    if charts.is_empty() {
+        page.paragraph(
+            "The deck has no probe that moves; one under <code>output: {probes: ...}</code> would show displacement \
+             against the factor.",
+        );
+    }
+    for chart in charts {
+        page.figure(
+            "Displacements of the probes against the factor by which the strength is divided.",
+            &chart.svg(naming),
+        );
+    }
+    mechanism(page, run, naming, &reduction.rows)
+}
+
+/// Adds pictures of the last state of the reduction: displacement and equivalent plastic strain.
+fn mechanism(
+    page: &mut Page,
+    run: &Run,
+    naming: &Naming,
+    rows: &std::ops::Range<usize>,
+) -> Result<(), ReportError> {
+    let steps = run.column("step").get(rows.clone()).unwrap_or_default();
+    let is_of_stage = |step: usize| steps.contains(&(step as f64));
+    let written: Vec<_> = run.points.iter().filter(|snapshot| is_of_stage(snapshot.step)).cloned().collect();
+    let Some(snapshot) = StepChoice::find_all(&[StepChoice::Last], &written)?.into_iter().next() else {
+        return Ok(());
+    };
+    let row = run.column("step").iter().position(|step| *step == snapshot.step as f64);
+    let factor = row.and_then(|row| run.column("strength_factor").get(row)).copied().unwrap_or(1.0);
+    for (number, field) in FieldChoice::of_mechanism(&snapshot)?.iter().enumerate() {
+        let title = format!("Step {}, factor {}", snapshot.step, plain(factor, 5));
+        let scenes = vec![Scene::read(run, &snapshot, field, title)?];
+        let gallery = Gallery::new(&scenes, field);
+        let caption = format!("The mechanism. {}", gallery.caption(naming));
+        page.figure(&caption, &gallery.html(naming, &format!("mechanism-{number}"))?);
+    }
+    Ok(())
+}

@@ -1,0 +1,178 @@
+//! Strength reduction against closed forms, and what the stages before and after it see.
+
+use mpm::points::PointArray;
+use mpm::solver::StrengthBracket;
+
+use super::stages::{Run, resumes, run};
+
+/// A block of one metre in plane strain on a smooth base beside a smooth wall, under a pressure that follows its top.
+fn block(material: &str, pressure: f64, stages: &str) -> Run {
+    run(&format!(
+        "
+version: 1
+grid: {{type: structured, origin: [0, 0], size: [1.5, 1], spacing: 0.5}}
+materials: {{soil: {material}}}
+bodies:
+  - name: block
+    material: soil
+    shape: {{type: box, min: [0, 0], max: [1, 1]}}
+    volumetric: mean-dilatation
+    points_per_cell: 2
+boundary_conditions:
+  - {{name: wall, nodes: {{x: 0}}, fix: [x]}}
+  - {{name: base, nodes: {{y: 0}}, fix: [y]}}
+surfaces:
+  - {{name: top, body: block, part: {{edge: 2}}}}
+loads:
+  - {{name: push, type: pressure, surface: top, pressure: {pressure}}}
+stages:
+  - {{name: load, steps: {{count: 1}}, factors: {{push: 1}}, then: {{reset: [displacement]}}}}
+{stages}"
+    ))
+}
+
+/// A stage that reduces the strength.
+fn reduction(from: f64, to: f64, tolerance: f64) -> String {
+    let control = format!("{{type: strength-reduction, from: {from}, to: {to}, tolerance: {tolerance}}}");
+    format!("  - {{name: safety, steps: {{count: 3, control: {control}}}}}\n")
+}
+
+const CLAY: &str = "{model: tresca, young: 1e11, poisson: 0.3, cohesion: 70e3}";
+/// The factor of safety of a block of this clay under 101 kPa.
+const OF_CLAY: f64 = 2.0 * 70e3 / 101e3;
+
+/// The factor at which 2 c/F tan(45° + φ_F/2) with tan φ_F = tan φ/F is the pressure, by bisection.
+fn factor_with_friction(cohesion: f64, angle: f64, pressure: f64) -> f64 {
+    let strength = |factor: f64| {
+        let reduced = (angle.to_radians().tan() / factor).atan();
+        2.0 * cohesion / factor * (std::f64::consts::FRAC_PI_4 + 0.5 * reduced).tan()
+    };
+    let (mut low, mut high) = (0.1, 10.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        *(if strength(middle) > pressure { &mut low } else { &mut high }) = middle;
+    }
+    low
+}
+
+/// A homogeneous block yields everywhere at once, at the factor for which its strength is the pressure. Its strains are
+/// below 10⁻⁵, and so is the error of the closed form.
+#[test]
+fn the_bracket_of_a_homogeneous_block_contains_its_exact_factor() {
+    let frictional = |model: &str, dilation: f64| {
+        format!(
+            "{{model: {model}, young: 1e11, poisson: 0.3, cohesion: 20e3, friction_angle: 30, dilation_angle: {dilation}}}"
+        )
+    };
+    let of_sand = factor_with_friction(20e3, 30.0, 50e3);
+    for (material, pressure, exact) in [
+        (CLAY.to_owned(), 101e3, OF_CLAY),
+        (frictional("mohr-coulomb", 30.0), 50e3, of_sand),
+        (frictional("mohr-coulomb", 0.0), 50e3, of_sand),
+    ] {
+        for tolerance in [0.05, 0.005, 1e-4] {
+            let Run { summary, every, .. } = block(&material, pressure, &reduction(1.0, 1.6, tolerance));
+            let StrengthBracket { stands: Some(stands), fails: Some(fails) } = summary.strength.unwrap()
+            else {
+                panic!("{material}: {:?}", summary.strength);
+            };
+            println!("{material}: exact {exact:.6}, between {stands:.6} and {fails:.6}");
+            assert!(stands <= exact * (1.0 + 1e-5) && exact * (1.0 - 1e-5) <= fails, "{exact}");
+            assert!(fails > stands && fails - stands <= tolerance, "{}", fails - stands);
+            assert_eq!(every.reports.last().unwrap().strength_factor, Some(stands));
+        }
+    }
+}
+
+#[test]
+fn a_factor_beyond_the_ends_of_the_search_is_left_open() {
+    let above = block(CLAY, 101e3, &reduction(1.5, 2.0, 0.005));
+    let StrengthBracket { stands, fails } = above.summary.strength.unwrap();
+    assert_eq!(stands, None);
+    assert!(fails.is_some_and(|fails| fails > 1.5 && fails <= 1.505), "{fails:?}");
+    assert_eq!(above.summary.steps, 1, "only that of the load");
+    let below = block(CLAY, 101e3, &reduction(1.0, 1.3, 0.005));
+    assert_eq!(below.summary.strength, Some(StrengthBracket { stands: Some(1.3), fails: None }));
+    assert_eq!((below.summary.steps, below.summary.failed_attempts), (4, 0));
+}
+
+/// Between the factor of safety and 1 lies a pressure that only the full strength carries.
+#[test]
+fn the_stage_after_a_reduction_has_the_full_strength() {
+    let after = "  - {name: more, steps: {count: 2}, factors: {push: 1.35}}\n";
+    let Run { summary, every, .. } = block(CLAY, 101e3, &(reduction(1.0, 1.6, 0.005) + after));
+    assert!(summary.strength.unwrap().fails.is_some());
+    let of_stage: Vec<_> = every.reports.iter().filter(|report| report.step.end > 2.0).collect();
+    let intervals: Vec<_> = of_stage.iter().map(|report| [report.step.start, report.step.end]).collect();
+    assert_eq!(intervals, [[2.0, 2.5], [2.5, 3.0]], "the stage begins at its own time");
+    assert!(of_stage.iter().all(|report| report.strength_factor.is_none()));
+    let base = every.reports.last().unwrap().reactions[1][1];
+    assert!((base / (1.35 * 101e3) - 1.0).abs() < 1e-5, "{base}");
+}
+
+#[test]
+fn a_strength_given_as_a_formula_is_reduced_like_a_number() {
+    let formula = "{model: tresca, young: 1e11, poisson: 0.3, cohesion: \"70e3 + 0*Y\"}";
+    let stages = reduction(1.0, 1.6, 0.001);
+    let (constant, varying) = (block(CLAY, 101e3, &stages), block(formula, 101e3, &stages));
+    let history = |run: &Run| run.model.materials[0].law.state_fields().len();
+    assert_eq!(history(&varying), history(&constant) + 1, "every point has its own cohesion");
+    assert_eq!(varying.summary.strength, constant.summary.strength);
+}
+
+/// The block stays elastic up to its factor of safety, so nothing moves after the displacement of the load is forgotten.
+#[test]
+fn displacements_count_from_the_end_of_the_stage_before() {
+    let clay = CLAY.replace("1e11", "1e7");
+    let Run { points, every, .. } = block(&clay, 101e3, &reduction(1.0, 1.3, 0.005));
+    let largest = |values: &[f64]| values.iter().fold(0.0f64, |most, value| most.max(value.abs()));
+    let moved = largest(&points.array(PointArray::Displacement).values);
+    let before = every.reports[0].grid.delta_d.iter().map(|u| largest(u)).fold(0.0, f64::max);
+    println!("{before:e} before, {moved:e} after");
+    // A block whose top has left its grid line finds a slightly different equilibrium on a fresh grid.
+    assert!(before > 0.005 && moved < 0.01 * before, "{before:e} {moved:e}");
+}
+
+/// A slope that yields before it fails, so that the course of the steps matters.
+const SLOPE: &str = "
+version: 1
+grid: {type: structured, origin: [0, 0], size: [18, 6], spacing: 1}
+materials:
+  soil: {model: mohr-coulomb, young: 1e8, poisson: 0.3, cohesion: 5e3, friction_angle: 20, dilation_angle: 0, density: 2000}
+bodies:
+  - name: slope
+    material: soil
+    shape: {type: polygon, vertices: [[0, 0], [16, 0], [6, 5], [0, 5]]}
+    volumetric: mean-dilatation
+    method: gimp
+    points_per_cell: 2
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+loads:
+  - {name: weight, type: gravity, acceleration: [0, -10]}
+stages:
+  - {name: gravity, steps: {count: 2}, factors: {weight: 1}, then: {reset: [displacement]}}
+  - {name: safety, steps: {count: 3, control: {type: strength-reduction, to: 2, tolerance: 0.05}}}
+  - {name: after, steps: {count: 1}, factors: {weight: 0.9}}
+";
+
+#[test]
+fn a_resumed_reduction_finds_the_same_bracket_with_the_same_bits() {
+    resumes(SLOPE);
+}
+
+#[test]
+fn a_reduction_has_the_same_bits_on_one_thread_and_on_two() {
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| run(SLOPE))
+    };
+    let (one, two) = (on(1), on(2));
+    assert!(one.summary.strength.unwrap().fails.is_some(), "{:?}", one.summary.strength);
+    assert_eq!(one.summary.strength, two.summary.strength);
+    for array in [PointArray::Position, PointArray::CauchyStress, PointArray::Displacement] {
+        let bits = |run: &Run| run.points.array(array).values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&one), bits(&two));
+    }
+}

@@ -1,0 +1,136 @@
+"""The decks of soils, a slope, a footing and a triaxial test, against published values, closed forms and `mpm element`."""
+
+import csv
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+
+from conftest import ROOT
+from results import Results
+
+PAGE = ROOT / "docs/how-to"
+
+
+@pytest.fixture(scope="module")
+def slope(analyse):
+    return analyse("inputs/slope.yaml")
+
+
+def test_the_factor_of_the_slope_is_the_published_one(slope):
+    bracket = slope.summary["strength_reduction"]
+    # 1.40 by finite elements of eight nodes, 1.38 by charts (Griffiths and Lane 1999, example 1).
+    assert 1.35 < bracket["stands"] < bracket["fails"] < 1.41
+    assert bracket["fails"] - bracket["stands"] <= 0.005
+    factors = slope.history["strength_factor"]
+    stage = slope.history["stage"]
+    assert (factors[stage == 1] == 1).all() and (np.diff(factors[stage == 2]) > 0).all()
+    assert factors[-1] == bracket["stands"]
+
+
+def test_the_crest_runs_away_at_the_factor_of_safety(slope):
+    reduced = slope.history["stage"] == 2
+    factors, sinks = slope.history["strength_factor"][reduced], -slope.history["crest_uy"][reduced]
+    assert sinks[factors <= 1.3].max() < 0.002, "displacements count from the end of `gravity`"
+    assert sinks[-1] > 10 * sinks[factors <= 1.35].max()
+
+
+def test_the_screen_the_log_and_the_report_state_the_factor(mpm, tmp_path):
+    out, log = tmp_path / "out", tmp_path / "log.txt"
+    process = mpm("run", ROOT / "inputs/slope.yaml", "--out", out, "--log", log, "--set", "h=1")
+    assert process.returncode == 0, process.stderr
+    bracket = json.loads((out / "summary.json").read_text())["strength_reduction"]
+    closing = " ".join(process.stdout.split())
+    words = f"between {bracket['stands']:.3f} (in equilibrium) and {bracket['fails']:.3f} (no equilibrium found)"
+    assert f"factor of safety {words}" in closing
+    assert "flow of `soil` is not associated" in closing and "depends on the size of the cells" in closing
+    assert "strength factor 1.1000" in process.stderr
+    assert "note[D064]" in process.stderr and "note[D064]" in log.read_text()
+    status = json.loads((out / "status.json").read_text())
+    assert status["strength_factor"] > 1.4
+    report = mpm("report", out)
+    assert report.returncode == 0, report.stderr
+    page = (out / "report.html").read_text()
+    for part in ("Note D064.", "<h2", words, "against the factor by which the strength is divided", "no equilibrium"):
+        assert part in page, part
+    assert page.count("The mechanism. Deformed") == 2, "displacement and equivalent plastic strain"
+
+
+@pytest.mark.parametrize(
+    "start, end, words", [(1, 1.1, "at least 1.100, the largest that was tried"), (2, 3, "below 2.0")], ids=["low", "high"]
+)
+def test_a_search_without_end_is_called_so(mpm, tmp_path, start, end, words):
+    text = (ROOT / "inputs/slope.yaml").read_text()
+    assert "from: 1," in text
+    (tmp_path / "slope.yaml").write_text(text.replace("from: 1,", f"from: {start},"))
+    process = mpm("run", tmp_path / "slope.yaml", "--out", tmp_path / "out", "--set", "h=1", "--set", f"to={end}")
+    assert process.returncode == 0, process.stderr
+    assert f"factor of safety {words}" in " ".join(process.stdout.split()), process.stdout
+    report = mpm("report", tmp_path / "out")
+    assert report.returncode == 0, report.stderr
+    assert words.split(",")[0][:9] in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_a_study_compares_the_factors_of_two_grids(mpm, tmp_path):
+    over = ["--over", "h=2,1", "--over", "c=10e3,12e3"]
+    process = mpm("sweep", ROOT / "inputs/slope.yaml", *over, "--out", tmp_path / "out", "--set", "to=2.5")
+    assert process.returncode == 0, process.stderr
+    rows = list(csv.DictReader(open(tmp_path / "out/sweep.csv")))
+    stands = {(row["h"], row["c"]): float(row["strength_factor_stands"]) for row in rows}
+    assert all(float(row["strength_factor_fails"]) > stands[row["h"], row["c"]] for row in rows)
+    for c in ("10e3", "12e3"):
+        coarse, fine = stands["2", c], stands["1", c]
+        percent = 100 * (fine - coarse) / fine
+        assert f"from h=2, c={c} to h=1 the factor of safety changes by {percent:+.1f} %" in process.stderr
+    assert process.stderr.count("the factor of safety changes") == 2
+
+
+def test_the_footing_carries_what_limit_analysis_says(analyse):
+    friction = math.tan(math.radians(20))
+    ratio = math.tan(math.radians(45 + 10)) ** 2
+    exact = 10e3 * (ratio * math.exp(math.pi * friction) - 1) / friction
+    force = {}
+    for h in (0.5, 0.25):
+        history = analyse("inputs/bearing.yaml", h=h).history
+        force[h] = -history["footing_ry"][-1]
+        # It levels off: the last steps add less than a hundredth of what the first adds.
+        assert np.diff(-history["footing_ry"])[-1] < 0.015 * -history["footing_ry"][0]
+    text = (PAGE / "bearing.md").read_text()
+    for h, shown, excess in re.findall(r"^\| ([\d.]+) \| ([\d.]+) kN \| \+(\d+) % \|$", text, re.M):
+        if float(h) in force:
+            assert f"{force[float(h)] / 1e3:.1f}" == shown
+            assert f"{100 * (force[float(h)] / exact - 1):.0f}" == excess
+    assert 1 < force[0.25] / exact < 1.2
+    # The excess is proportional to the size of the cells.
+    assert 2 * force[0.25] - force[0.5] == pytest.approx(exact, rel=0.04)
+
+
+@pytest.mark.parametrize("ocr, steps, difference", [(1.5, 40, 0.002), (8, 160, 0.01)])
+def test_the_triaxial_sample_follows_the_curve_of_one_point(analyse, mpm, tmp_path, ocr, steps, difference):
+    table = tmp_path / "element.csv"
+    path = ["--path", "triaxial-drained", "--confining", "100e3", "--to", "0.2", "--steps", steps]
+    deck = ROOT / "inputs/triaxial.yaml"
+    process = mpm("element", deck, "--material", "clay", *path, "--set", f"ocr={ocr}", "--output", table)
+    assert process.returncode == 0, process.stderr
+    element = {name: np.array(values, float) for name, *values in zip(*csv.reader(open(table)))}
+    results = analyse("inputs/triaxial.yaml", ocr=ocr, steps=steps)
+    strain = -np.log(1 - (1 - math.exp(-0.2)) * results.history["time"])
+    q, volume = (np.interp(strain, element["axial_strain"], element[name]) for name in ("deviatoric_stress", "volumetric_strain"))
+    area = math.pi * 0.019**2 * np.exp(volume + strain)
+    sample = -results.history["plate_ry"] / area - 100e3
+    # The first steps contain the yield point, at a strain that differs between both.
+    assert np.abs(sample / q - 1)[strain > 0.01].max() < difference
+    # It is homogeneous: the volume of each point is that of the element, too.
+    points = results.mesh("points", -1)
+    assert points["J"].mean() == pytest.approx(math.exp(element["volumetric_strain"][-1]), rel=0.005)
+    if ocr == 1.5:
+        text = (PAGE / "triaxial.md").read_text()
+        rows = re.findall(r"^\| (0\.\d+) \| ([\d.]+) kPa \| ([\d.]+) kPa \| −([\d.]+) % \|$", text, re.M)
+        assert len(rows) == 3
+        for shown, of_point, of_sample, less in rows:
+            step = int(np.abs(strain - float(shown)).argmin())
+            assert q[step] / 1e3 == pytest.approx(float(of_point), abs=0.006)
+            assert sample[step] / 1e3 == pytest.approx(float(of_sample), abs=0.006)
+            assert 100 * (1 - sample[step] / q[step]) == pytest.approx(float(less), abs=0.006)
