@@ -37,6 +37,17 @@ def test_the_crest_runs_away_at_the_factor_of_safety(slope):
     assert sinks[-1] > 10 * sinks[factors <= 1.35].max()
 
 
+def test_numbers_of_the_page_of_the_slope(slope, analyse):
+    rows = re.findall(r"^\| ([\d.]+) \| ([\d.]+) \| ([\d.]+) mm \| ([\d.]+) mm \|$", (PAGE / "slope.md").read_text(), re.M)
+    assert [row[0] for row in rows] == ["1", "0.5", "0.25"]
+    for results, (_, stands, before, last) in zip((analyse("inputs/slope.yaml", h=1), slope), rows):
+        history = results.history
+        assert f"{results.summary['strength_reduction']['stands']:.3f}" == stands
+        row = int(np.abs(history["strength_factor"] - 1.3).argmin())
+        assert f"{-1e3 * history['crest_uy'][row]:.1f}" == before
+        assert f"{-1e3 * history['crest_uy'][-1]:.0f}" == last
+
+
 def test_the_screen_the_log_and_the_report_state_the_factor(mpm, tmp_path):
     out, log = tmp_path / "out", tmp_path / "log.txt"
     process = mpm("run", ROOT / "inputs/slope.yaml", "--out", out, "--log", log, "--set", "h=1")

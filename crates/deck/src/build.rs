@@ -24,7 +24,7 @@ use super::seeding::{Filled, Filling};
 use super::size::Size;
 use super::{Deck, Expression, GridDeck, Idealisation};
 use super::{axisymmetry, placing};
-use materials::MaterialOfPoints;
+use crate::material::MaterialOfPoints;
 use mpm_core::formula::Formula;
 use mpm_core::grid::gmsh::{self, GmshError};
 use mpm_core::grid::{Axis, CoincidentLines, Grid, Mesh, Structured};

@@ -8,13 +8,15 @@ use serde::{Deserialize, Serialize};
 use super::Expression;
 use mpm_core::material::{Match, StrengthMeasure};
 
+mod cell_size;
 mod consistency;
 mod law;
+mod of_points;
 mod property;
 
-pub(crate) use consistency::Consistency;
-pub use law::{BuiltLaw, CellSize, Surroundings};
-pub use property::Varying;
+pub use cell_size::CellSize;
+pub use law::{BuiltLaw, Surroundings};
+pub(crate) use of_points::MaterialOfPoints;
 
 /// A constitutive law and its properties. Each number of the laws of the program may also be a formula of X, Y (in space also Z), the original
 /// position, and of the parameters.

@@ -1,7 +1,7 @@
 //! Units in which forces and energies leave the range of floating-point numbers.
 
 use super::Builder;
-use super::materials::MaterialOfPoints;
+use crate::material::MaterialOfPoints;
 use crate::quoting::quote;
 use crate::region::OfDeck;
 use crate::span::escape;

@@ -4,29 +4,14 @@ use super::Builder;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::at_start;
 use crate::law_library::{self, OfLibrary};
-use crate::material::{BuiltLaw, CellSize, Consistency, MaterialDeck, Surroundings, Varying};
+use crate::material::{BuiltLaw, CellSize, MaterialDeck, MaterialOfPoints, Surroundings};
 use crate::quoting::quote;
 use crate::region::OfDeck;
 use crate::span::escape;
-use mpm_core::formula::Formula;
 use mpm_core::grid::Grid;
-use mpm_core::material::Material;
 use mpm_core::points::Seed;
 use mpm_core::region::Region;
 use mpm_core::tensor::padded;
-
-/// The law of a material, and what its points need.
-pub(super) struct MaterialOfPoints {
-    /// Name.
-    pub name: String,
-    /// The law.
-    pub law: Box<dyn Material>,
-    /// Properties that vary, and their consistency; none for a law that the deck does not describe.
-    varying: Vec<Varying>,
-    consistency: Option<Consistency>,
-    /// Initial density, if it varies.
-    density: Option<Formula>,
-}
 
 impl<const D: usize> Builder<'_, D>
 where

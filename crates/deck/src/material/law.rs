@@ -2,13 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use super::cell_size::CellSize;
 use super::consistency::{AtMost, Consistency, Inconsistency};
 use super::property::{Setting, Settings, Varying as VaryingProperty};
 use super::{CohesionSofteningDeck, FrictionSofteningDeck, MaterialDeck};
 use crate::formulas::Fault;
 use crate::{Expression, Parameter};
 use mpm_core::formula::FormulaError;
-use mpm_core::grid::Axis;
 use mpm_core::material::{
     CamClay, DruckerPrager, Friction, Hencky, Material, ModifiedCamClay, MohrCoulomb, NeoHookean, Softening,
     Tresca, Varying, VonMises,
@@ -28,32 +28,6 @@ impl BuiltLaw {
     /// A law without varying properties.
     pub fn constant(law: Box<dyn Material>) -> BuiltLaw {
         BuiltLaw { law, varying: Vec::new(), consistency: Box::new(|_| None) }
-    }
-}
-
-/// Size of the cells in which a material softens, [length].
-#[derive(Debug, Clone, PartialEq, Default)]
-pub enum CellSize {
-    /// No cells are known: softening is not adapted to them.
-    #[default]
-    Unknown,
-    /// The same everywhere.
-    Even(f64),
-    /// That of a structured grid with these axes.
-    Graded(Vec<Axis>),
-}
-
-impl CellSize {
-    /// The size of the cell at a position: the mean of its sides, such that the volume is that of an even cell.
-    pub(super) fn at(&self, position: &[f64; 3]) -> f64 {
-        match self {
-            CellSize::Unknown => f64::NAN,
-            CellSize::Even(size) => *size,
-            CellSize::Graded(axes) => {
-                let sides = axes.iter().zip(position).map(|(axis, x)| axis.size_at(*x));
-                sides.product::<f64>().powf(1.0 / axes.len() as f64)
-            }
-        }
     }
 }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde_json::Value;
 
 use super::MaterialDeck;
-use super::law::CellSize;
+use super::cell_size::CellSize;
 use crate::formulas::{Fault, at_start};
 use crate::schema::{resolve, strict_schema};
 use crate::{Expression, Parameter};

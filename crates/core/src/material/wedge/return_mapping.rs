@@ -6,7 +6,7 @@
 //! planes (Koiter 1953; de Souza Neto, Perić and Owen 2008, chapter 8; Clausen, Damkilde and Andersen 2007,
 //! doi 10.1016/j.compstruc.2006.10.010): nothing iterates.
 
-use super::Elasticity;
+use crate::material::Elasticity;
 
 /// Strength of Mohr and Coulomb with a tension cut-off; also a derivative of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
