@@ -1,0 +1,157 @@
+"""Decks of the studies in `soils.py`, which replaces the words in capitals; `--set` sets the parameters."""
+
+# Half of the ground under a strip of half width 1, which a uniform pressure presses down; the grid widens beyond the strip.
+STRIP = """
+version: 1
+parameters: {n: 2, method: mpm, volumetric: mean-dilatation, steps: 12, to: 0.001, young: 1e9,
+             cohesion: 1e3, phi: 20, psi: 20}
+analysis: {initial_imbalance: equilibrate}    # samples of the surcharge cross lines of the graded grid
+grid: {type: structured, origin: [0, 0], size: [WIDTH, HEIGHT], spacing: [[COLUMNS], [ROWS]]}
+materials:
+  soil: {model: mohr-coulomb, young: "${young}", poisson: 0.3, cohesion: "${cohesion}", friction_angle: "${phi}",
+         dilation_angle: "${psi}"}
+bodies:
+  - {name: soil, material: soil, shape: {type: box, min: [0, 0], max: [WIDTH, DEPTH]}, method: "${method}",
+     points_per_cell: "${n}", volumetric: "${volumetric}" INITIAL}
+boundary_conditions:
+  - {name: axis, nodes: {x: 0}, fix: [x]}
+  - {name: side, nodes: {x: WIDTH}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+FRICTION
+surfaces:
+  - {name: strip, body: soil, part: {box: {min: [0, BELOW], max: [1, ABOVE]}}}
+  - {name: crest, body: soil, part: {box: {min: [0, BELOW], max: [WIDTH, ABOVE]}}}
+loads:
+  - {name: strip, type: traction, surface: strip, traction: [0, -1000]}
+SURCHARGE
+stages:
+  - {name: rest, steps: {count: 1}}
+  - name: push
+    steps: {count: "${steps}", control: {type: displacement, probe: middle, axis: y, to: "${-to}"}}
+    factors: {strip: 1}
+output: {every: 0, probes: [{name: middle, body: soil, nearest: [0, DEPTH]}]}
+"""
+ROUGH = "  - {name: friction, nodes: {box: {min: [0, DEPTH], max: [1, DEPTH]}}, fix: [x]}"
+SURCHARGE = "  - {name: surcharge, type: traction, surface: crest, traction: [0, -1000], curve: [[0, 1], [2, 1]]}"
+INITIAL = ", initial_stress: {type: components, stress: {xx: -1000, yy: -1000, zz: -1000}}"
+
+# Example 1 of Griffiths and Lane (1999), and their undrained slope on a foundation as deep as the slope is high.
+SLOPE = """
+version: 1
+parameters: {h: 0.5, n: 3, method: gimp, volumetric: mean-dilatation, psi: 0, to: 1.6, steps: 60}
+grid: {type: structured, origin: [0, 0], size: [36, 12], spacing: "${h}"}
+materials:
+  soil: {model: mohr-coulomb, young: 1e8, poisson: 0.3, cohesion: 10e3, friction_angle: 20, dilation_angle: "${psi}",
+         density: 2000}
+bodies:
+  - {name: slope, material: soil, shape: {type: polygon, vertices: [[0, 0], [32, 0], [12, 10], [0, 10]]},
+     method: "${method}", points_per_cell: "${n}", volumetric: "${volumetric}"}
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+loads:
+  - {name: weight, type: gravity, acceleration: [0, -10]}
+stages:
+  - {name: gravity, steps: {count: 5}, factors: {weight: 1}, then: {reset: [displacement]}}
+  - name: safety
+    steps: {count: "${steps}", control: {type: strength-reduction, to: "${to}", tolerance: 0.002}}
+output: {every: 0, probes: [{name: crest, body: slope, nearest: [12, 10]}]}
+"""
+CLAY_SLOPE = """
+version: 1
+parameters: {h: 1, n: 2, method: mpm, volumetric: mean-dilatation, ratio: 1, to: 2.4, steps: 70}
+grid: {type: structured, origin: [0, 0], size: [60, 22], spacing: "${h}"}
+materials:
+  clay: {model: tresca, young: 5e9, poisson: 0.3, cohesion: "if(Y < 10, ratio, 1) * 50e3", density: 2000}
+bodies:
+  - {name: slope, material: clay, method: "${method}", points_per_cell: "${n}", volumetric: "${volumetric}",
+     shape: {type: polygon, vertices: [[0, 0], [60, 0], [60, 10], [40, 10], [20, 20], [0, 20]]}}
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: right, nodes: {x: 60}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+loads:
+  - {name: weight, type: gravity, acceleration: [0, -10]}
+stages:
+  - {name: gravity, steps: {count: 5}, factors: {weight: 1}, then: {reset: [displacement]}}
+  - name: safety
+    steps: {count: "${steps}", control: {type: strength-reduction, to: "${to}", tolerance: 0.002}}
+output: {every: 0, probes: [{name: crest, body: slope, nearest: [20, 20]}]}
+"""
+
+# A vertical cut of height 1 in deep clay with c = 1 and the unit weight 2.5, so that the factor of safety is 3.776/2.5.
+CUT = """
+version: 1
+parameters: {h: 0.25, n: 2, method: mpm, volumetric: mean-dilatation, to: 2, steps: 50, young: 1e6}
+grid: {type: structured, origin: [0, 0], size: [3.5, 2.5], spacing: "${h}"}
+materials:
+  clay: {model: tresca, young: "${young}", poisson: 0.49, cohesion: 1, density: 1 SOFTENING}
+bodies:
+  - {name: soil, material: clay, method: "${method}", points_per_cell: "${n}", volumetric: "${volumetric}",
+     shape: {type: polygon, vertices: [[0, 0], [3.5, 0], [3.5, 1], [2, 1], [2, 2], [0, 2]]}}
+boundary_conditions:
+  - {name: back, nodes: {x: 0}, fix: [x]}
+  - {name: front, nodes: {x: 3.5}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [x, y]}
+loads:
+  - {name: weight, type: gravity, acceleration: [0, WEIGHT]}
+STEPS
+output: {every: 0, probes: [{name: crest, body: soil, nearest: [2, 2]}]}
+"""
+REDUCTION = """stages:
+  - {name: gravity, steps: {count: 2}, factors: {weight: 1}, then: {reset: [displacement]}}
+  - name: safety
+    steps: {count: "${steps}", control: {type: strength-reduction, to: "${to}", tolerance: 0.001}}"""
+SETTLEMENT = 'steps: {count: "${steps}", control: {type: displacement, probe: crest, axis: y, to: "${-to}"}}'
+SOFTENING = ", softening: {strain: 0.4, residual_cohesion: 0.5 BAND}"
+
+# A thick-walled cylinder, inner radius 1 and outer radius 3, widened by a pressure that follows its inner surface.
+CYLINDER = """
+version: 1
+parameters: {h: 0.125, n: 2, method: cpdi2, volumetric: mean-dilatation, steps: 20, to: 0.5, phi: 30, psi: 0}
+analysis: {idealisation: axisymmetric}
+grid: {type: structured, origin: [0, 0], size: [4, "${h}"], spacing: "${h}"}
+materials:
+  soil: {MODEL, young: 1e7, poisson: 0.3, cohesion: 1e3}
+bodies:
+  - {name: wall, material: soil, shape: {type: box, min: [1, 0], max: [3, "${h}"]}, method: "${method}",
+     points_per_cell: "${n}", volumetric: "${volumetric}"}
+boundary_conditions:
+  - {name: ends, nodes: {box: {min: [0, 0], max: [4, "${h}"]}}, fix: [y]}
+surfaces:
+  - {name: inside, body: wall, part: {edge: 3}}
+loads:
+  - {name: inside, type: pressure, surface: inside, pressure: 1000}
+steps: {count: "${steps}", control: {type: displacement, probe: inside, axis: x, to: "${to}"}}
+output: {every: 0, probes: [{name: inside, body: wall, nearest: [1, 0]}]}
+"""
+
+# A block of Cam-clay between smooth walls; the grid follows the plates that compress it.
+BLOCK = """
+version: 1
+parameters: {n: 2, method: mpm, volumetric: mean-dilatation, steps: 20, to: 0.2, lateral: 0, ocr: 1.5, k0: 0.6,
+             idealisation: plane-strain}
+analysis: {idealisation: "${idealisation}"}
+grid:
+  type: structured
+  origin: [0, 0]
+  size: [1.5, 1.5]
+  spacing: 0.25
+  follow:
+    - {axis: x, from: 1, condition: right}
+    - {axis: y, from: 1, condition: top}
+materials:
+  clay: {model: modified-cam-clay, compression_index: 0.09, swelling_index: 0.018, critical_state_ratio: 1.05,
+         shear_modulus: 2e6, shear_modulus_ratio: 10, overconsolidation_ratio: "${ocr}", reference_pressure: 100e3}
+bodies:
+  - {name: block, material: clay, shape: {type: box, min: [0, 0], max: [1, 1]}, method: "${method}",
+     points_per_cell: "${n}", volumetric: "${volumetric}",
+     initial_stress: {type: components, stress: {xx: -60e3, yy: "${-60e3/k0}", zz: -60e3}}}
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: right, nodes: {x: 1}, ux: "${-lateral}"}
+  - {name: base, nodes: {y: 0}, fix: [y]}
+  - {name: top, nodes: {y: 1}, uy: "${-to}"}
+steps: {count: "${steps}"}
+output: {every: "${steps}", fields: [cauchy_stress]}
+"""
