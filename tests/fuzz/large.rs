@@ -149,7 +149,11 @@ fn messages_are_written_as_json() {
         ("unknown_key.yaml", "one of the keys `model`, `young`, `poisson` or `density`"),
         ("missing_keys.yaml", "the key `version`"),
         ("wrong_types.yaml", "a number"),
-        ("unknown_model.yaml", "`hencky`, `neo-hookean` or `von-mises`"),
+        (
+            "unknown_model.yaml",
+            "`hencky`, `neo-hookean`, `von-mises`, `tresca`, `mohr-coulomb`, `drucker-prager`, `modified-cam-clay` or \
+             `library`",
+        ),
         ("load_curve_pair.yaml", "2 entries, [time, factor]"),
         ("grid_in_three_dimensions.yaml", "2 entries, one per axis"),
     ] {
