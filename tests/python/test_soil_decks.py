@@ -118,8 +118,11 @@ def test_the_footing_carries_what_limit_analysis_says(analyse):
     assert 2 * force[0.25] - force[0.5] == pytest.approx(exact, rel=0.04)
 
 
-@pytest.mark.parametrize("ocr, steps, difference", [(1.5, 40, 0.002), (8, 160, 0.01)])
-def test_the_triaxial_sample_follows_the_curve_of_one_point(analyse, mpm, tmp_path, ocr, steps, difference):
+# A sample of overconsolidated clay softens, and its strain concentrates in a band once round-off has begun one.
+@pytest.mark.parametrize("ocr, steps, until, difference", [(1.5, 40, 0.2, 0.002), (8, 160, 0.09, 0.01)])
+def test_the_triaxial_sample_follows_the_curve_of_one_point(
+    analyse, mpm, tmp_path, ocr, steps, until, difference
+):
     table = tmp_path / "element.csv"
     path = ["--path", "triaxial-drained", "--confining", "100e3", "--to", "0.2", "--steps", steps]
     deck = ROOT / "inputs/triaxial.yaml"
@@ -132,7 +135,9 @@ def test_the_triaxial_sample_follows_the_curve_of_one_point(analyse, mpm, tmp_pa
     area = math.pi * 0.019**2 * np.exp(volume + strain)
     sample = -results.history["plate_ry"] / area - 100e3
     # The first steps contain the yield point, at a strain that differs between both.
-    assert np.abs(sample / q - 1)[strain > 0.01].max() < difference
+    assert np.abs(sample / q - 1)[(strain > 0.01) & (strain <= until + 1e-9)].max() < difference
+    if ocr > 2:
+        return
     # It is homogeneous: the volume of each point is that of the element, too.
     points = results.mesh("points", -1)
     assert points["J"].mean() == pytest.approx(math.exp(element["volumetric_strain"][-1]), rel=0.005)

@@ -355,6 +355,14 @@ where
             match filled {
                 Ok(mut filled) => {
                     self.furnish(&deck.name, &materials[body.material], room, &mut filled.seeds);
+                    // Materials that stages give the body must suit its points as well.
+                    for stage in &self.deck.stages {
+                        let given = stage.material.get(&deck.name);
+                        let given = given.and_then(|name| materials.iter().find(|m| m.name == *name));
+                        if let Some(given) = given.filter(|given| !given.varying.is_empty()) {
+                            self.furnish(&deck.name, given, room, &mut filled.seeds.clone());
+                        }
+                    }
                     self.report_volume(number, deck, &filled);
                     if seeds.is_empty() {
                         seeds = filled.seeds;

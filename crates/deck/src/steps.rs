@@ -74,7 +74,7 @@ pub enum ControlDeck {
         #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1]))]
         from: f64,
         /// Factor at which the search ends, [-].
-        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [3]))]
+        #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 1000.0, "examples" = [3]))]
         to: f64,
         /// Largest distance between the factors with and without equilibrium, [-].
         #[serde(default = "half_percent")]

@@ -65,6 +65,17 @@ where
             self.factor_of_safety(&name);
             match material.law(&surroundings) {
                 Ok(BuiltLaw { law, varying, consistency }) => {
+                    // With the size of the cells known, softening may be too fast.
+                    let found = if varying.is_empty() { consistency(&[]) } else { None };
+                    if let Some(found) = found {
+                        let message = format!("material {}: {}", quote(&name), found.message);
+                        self.error(
+                            "D057",
+                            &format!("/materials/{}/{}", escape(&name), found.key),
+                            message,
+                            found.help,
+                        );
+                    }
                     let consistency = Some(consistency);
                     laws.push(MaterialOfPoints { name, law, varying, consistency, density });
                 }
@@ -92,6 +103,14 @@ where
                     band / size
                 ),
                 "compare two grids: the direction and the number of bands may still depend on them",
+            ),
+            (Some(band), CellSize::Mean(size)) => (
+                format!(
+                    "the material {name_in_quotes} softens; its softening strain is multiplied by {:.3}, the width {band} of \
+                     the band over {size:.3}, the mean size of the cells of the mesh, also in cells that are larger or smaller",
+                    band / size
+                ),
+                "use cells of even size where bands form, and compare two meshes",
             ),
             (Some(band), _) => (
                 format!(
@@ -212,7 +231,7 @@ fn size_of_cells<const D: usize>(grid: &dyn Grid<D>) -> CellSize {
         Some(grid) => CellSize::Graded(grid.axes().to_vec()),
         None => {
             let n = grid.n_cells();
-            CellSize::Even((0..n).map(|cell| grid.size(cell)).sum::<f64>() / n.max(1) as f64)
+            CellSize::Mean((0..n).map(|cell| grid.size(cell)).sum::<f64>() / n.max(1) as f64)
         }
     }
 }

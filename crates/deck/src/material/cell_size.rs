@@ -10,6 +10,8 @@ pub enum CellSize {
     Unknown,
     /// The same everywhere.
     Even(f64),
+    /// The mean of a mesh, used everywhere.
+    Mean(f64),
     /// That of a structured grid with these axes.
     Graded(Vec<Axis>),
 }
@@ -19,7 +21,7 @@ impl CellSize {
     pub(super) fn at(&self, position: &[f64; 3]) -> f64 {
         match self {
             CellSize::Unknown => f64::NAN,
-            CellSize::Even(size) => *size,
+            CellSize::Even(size) | CellSize::Mean(size) => *size,
             CellSize::Graded(axes) => {
                 let sides = axes.iter().zip(position).map(|(axis, x)| axis.size_at(*x));
                 sides.product::<f64>().powf(1.0 / axes.len() as f64)

@@ -97,7 +97,7 @@ impl<'a> Settings<'a> {
     pub(super) fn cell_size(&mut self, cells: &CellSize) -> Option<Setting> {
         match cells {
             CellSize::Unknown => None,
-            CellSize::Even(size) => Some(Setting::Constant(*size)),
+            CellSize::Even(size) | CellSize::Mean(size) => Some(Setting::Constant(*size)),
             CellSize::Graded(_) => {
                 self.cells = Some(cells.clone());
                 self.varying.push(Varying { key: "cell_size".to_owned(), unit: "length" });
@@ -147,9 +147,10 @@ impl MaterialDeck {
         let branch = variant.and_then(Value::as_array).and_then(|branches| branches.iter().find(is_own));
         let mut schema = branch.and_then(|branch| branch.get("then"));
         for part in key.split('/') {
-            schema = schema.and_then(|of| match of.pointer(&format!("/properties/{part}")) {
-                None => of.pointer("/anyOf/0").map(resolve)?.pointer(&format!("/properties/{part}")),
-                found => found,
+            let key = format!("/properties/{part}");
+            schema = schema.and_then(|of| {
+                let choices = [Some(of), Some(resolve(of)), of.pointer("/anyOf/0").map(resolve)];
+                choices.into_iter().flatten().find_map(|of| of.pointer(&key))
             });
         }
         Range(schema.cloned().unwrap_or_default())

@@ -106,11 +106,27 @@ impl Check<'_> {
             let help = "apply it in a stage before this one, or let its curve stand still";
             self.error("D049", control, message, help);
         }
+        let changed = stage.and_then(|(stage, _)| {
+            let StageDeck { add, remove, release, set, material, .. } = stage;
+            let lists = [("add", add), ("remove", remove), ("release", release), ("set", set)];
+            let key = lists.into_iter().find(|(_, list)| !list.is_empty()).map(|(key, _)| key);
+            key.or((!material.is_empty()).then_some("material"))
+        });
+        if let Some(key) = changed {
+            let message = format!(
+                "the stage reduces the strength, but its `{key}` takes effect over the whole stage, so that the factor would \
+                 belong to a state in between"
+            );
+            let help = format!("move `{key}` to a stage before this one");
+            self.error("D049", control, message, &help);
+        }
         let has_strength = |material: &MaterialDeck| {
             let law = material.law_alone().ok();
             law.is_none_or(|law| law.with_strength_divided(1.0).is_some())
         };
-        if !deck.materials.values().any(has_strength) {
+        let in_stages = deck.stages.iter().flat_map(|stage| stage.material.values());
+        let mut used = deck.bodies.iter().map(|body| &body.material).chain(in_stages);
+        if !used.any(|name| deck.materials.get(name).is_some_and(has_strength)) {
             let message = "no material has a strength that could be reduced";
             let help = "use `tresca`, `mohr-coulomb`, `drucker-prager` or `von-mises`";
             self.error("D049", control, message, help);
