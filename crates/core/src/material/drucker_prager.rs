@@ -77,7 +77,10 @@ impl DruckerPrager {
     pub fn new(young: f64, poisson: f64, friction: Friction, matched: Match) -> Self {
         let sine = |degrees: f64| degrees.to_radians().sin();
         let flow = matched.flow(sine(friction.dilation_angle));
-        let [slope, per_cohesion] = matched.cone(sine(friction.friction_angle), flow);
+        // With associated flow both are the same cone, here to the last bit, and the tangent is symmetric.
+        let is_associated = friction.dilation_angle == friction.friction_angle;
+        let cone = if is_associated && matched == Match::PlaneStrain { Match::Inscribed } else { matched };
+        let [slope, per_cohesion] = cone.cone(sine(friction.friction_angle), flow);
         DruckerPrager {
             elasticity: Elasticity::from_young_poisson(young, poisson),
             given: friction,

@@ -24,6 +24,7 @@ pub(crate) fn laws() -> Vec<Box<dyn Material>> {
         Box::new(softening_sand()),
         Box::new(DruckerPrager::new(1e6, 0.3, CLAY, Match::Compression).limiting(StrengthMeasure::Kirchhoff)),
         Box::new(DruckerPrager::new(1e6, 0.3, Friction { dilation_angle: 5.0, ..CLAY }, Match::PlaneStrain)),
+        Box::new(DruckerPrager::new(1e6, 0.3, CLAY, Match::PlaneStrain).limiting(StrengthMeasure::Kirchhoff)),
     ]
 }
 
@@ -210,4 +211,13 @@ fn proportional_flow_does_not_depend_on_the_steps() {
         old = new;
     }
     assert!((old[0] - whole[0]).abs() < 1e-14 && (elastic - one.elastic_strain).norm() < 1e-15);
+}
+
+#[test]
+fn associated_flow_on_the_kirchhoff_stress_is_symmetric() {
+    for matched in [Match::Compression, Match::Extension, Match::PlaneStrain, Match::Inscribed] {
+        let law = DruckerPrager::new(1e6, 0.3, CLAY, matched);
+        assert!(!law.tangent_is_symmetric());
+        assert!(law.limiting(StrengthMeasure::Kirchhoff).tangent_is_symmetric(), "{matched:?}");
+    }
 }
