@@ -42,7 +42,7 @@ pub use principal::{PrincipalLaw, PrincipalResponse, update_in_principal_axes};
 pub use softening::Softening;
 pub use strength::StrengthMeasure;
 pub use tresca::Tresca;
-pub use varying::{PropertiesAt, Property, Varying};
+pub use varying::{PropertiesAt, Varying, VaryingProperty};
 pub use von_mises::VonMises;
 
 /// A history variable of a law.

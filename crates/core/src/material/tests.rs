@@ -221,3 +221,20 @@ fn associated_flow_on_the_kirchhoff_stress_is_symmetric() {
         assert!(law.limiting(StrengthMeasure::Kirchhoff).tangent_is_symmetric(), "{matched:?}");
     }
 }
+
+/// The solver stores half of a symmetric stiffness, so one point without symmetry decides.
+#[test]
+fn a_varying_law_is_symmetric_only_if_it_is_so_everywhere() {
+    let varying = |law: fn(&[f64]) -> MohrCoulomb| {
+        let property = VaryingProperty { name: "property".into(), unit: "-".into(), typical: 25.0 };
+        Varying::new(&[property], std::sync::Arc::new(|x: &[f64; 3]| vec![25.0 + x[0]]), law)
+    };
+    let associated_at_the_typical_point = varying(|p| {
+        MohrCoulomb::new(1e6, 0.3, Friction { friction_angle: p[0], ..CLAY })
+            .limiting(StrengthMeasure::Kirchhoff)
+    });
+    let associated = varying(|p| {
+        MohrCoulomb::new(1e6, 0.3, Friction { cohesion: p[0], ..CLAY }).limiting(StrengthMeasure::Kirchhoff)
+    });
+    assert!(!associated_at_the_typical_point.tangent_is_symmetric() && associated.tangent_is_symmetric());
+}

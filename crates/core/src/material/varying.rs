@@ -8,7 +8,7 @@ use crate::tensor::Sym3;
 
 /// A property of a law that varies in space.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Property {
+pub struct VaryingProperty {
     /// Name in result files.
     pub name: Cow<'static, str>,
     /// Unit as text.
@@ -35,24 +35,44 @@ pub struct Varying<L> {
     typical: L,
     /// The strength is divided by this factor.
     divided_by: f64,
+    /// True if the tangent is symmetric whatever the properties are.
+    is_symmetric: bool,
 }
+
+/// Relative change of a property that shows whether the symmetry of the tangent depends on it, as on equal angles of friction
+/// and dilation, [-].
+const CHANGE: f64 = 1e-3;
 
 impl<L: Material> Varying<L> {
     /// The law whose properties, in the order of `properties`, are those of `at`; `law` is the law with given properties.
     pub fn new(
-        properties: &[Property],
+        properties: &[VaryingProperty],
         at: Arc<PropertiesAt>,
         law: impl Fn(&[f64]) -> L + Send + Sync + 'static,
     ) -> Self {
         let values: Vec<f64> = properties.iter().map(|property| property.typical).collect();
         let typical = law(&values);
-        let field = |property: &Property| StateField {
+        let stays_symmetric = |changed: usize| {
+            let mut values = values.clone();
+            values[changed] *= 1.0 + CHANGE;
+            law(&values).tangent_is_symmetric()
+        };
+        let is_symmetric = typical.tangent_is_symmetric() && (0..values.len()).all(stays_symmetric);
+        let field = |property: &VaryingProperty| StateField {
             name: property.name.clone(),
             unit: property.unit.clone(),
             initial: property.typical,
         };
         let fields = typical.state_fields().iter().cloned().chain(properties.iter().map(field)).collect();
-        Varying { fields, n_properties: properties.len(), at, law: Arc::new(law), typical, divided_by: 1.0 }
+        Varying {
+            fields,
+            n_properties: properties.len(),
+            at,
+            law: Arc::new(law),
+            typical,
+            divided_by: 1.0,
+            is_symmetric,
+        }
     }
 
     /// History variables of the law, and properties.
@@ -153,11 +173,11 @@ impl<L: Material + Clone + 'static> Material for Varying<L> {
             law: self.law.clone(),
             typical: self.typical.clone(),
             divided_by: self.divided_by * factor,
+            is_symmetric: self.is_symmetric,
         }))
     }
 
-    /// The symmetry may depend on the properties, such as equal angles of friction and dilation.
     fn tangent_is_symmetric(&self) -> bool {
-        self.typical.tangent_is_symmetric()
+        self.is_symmetric
     }
 }

@@ -12,7 +12,7 @@ use crate::formulas::{Fault, at_start};
 use crate::schema::{resolve, strict_schema};
 use crate::{Expression, Parameter};
 use mpm_core::formula::Formula;
-use mpm_core::material::{PropertiesAt, Property};
+use mpm_core::material::{PropertiesAt, VaryingProperty};
 
 /// A property of a law: a number, or the place of its value among the varying properties of a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -107,14 +107,14 @@ impl<'a> Settings<'a> {
     }
 
     /// The properties that vary, and their values at a position.
-    pub(super) fn finish(self) -> (Vec<Varying>, Vec<Property>, Arc<PropertiesAt>) {
+    pub(super) fn finish(self) -> (Vec<Varying>, Vec<VaryingProperty>, Arc<PropertiesAt>) {
         let Settings { formulas, cells, varying, dimensions, typical, .. } = self;
         let at = Arc::new(move |position: &[f64; 3]| -> Vec<f64> {
             let values = formulas.iter().map(|formula| formula.evaluate(&position[..dimensions.min(3)]));
             values.chain(cells.iter().map(|cells| cells.at(position))).collect()
         });
         let values = at(&typical);
-        let property = |(varying, typical): (&Varying, f64)| Property {
+        let property = |(varying, typical): (&Varying, f64)| VaryingProperty {
             name: Cow::Owned(varying.key.replace('/', "_")),
             unit: Cow::Borrowed(varying.unit),
             typical,
