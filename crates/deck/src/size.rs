@@ -12,8 +12,8 @@ use mpm_core::memory::{Bound, Memory, in_words};
 use mpm_core::region::{Accuracy, Region};
 use mpm_files::fields::PointField;
 
-/// Memory of the program itself, [byte].
-const PROGRAM: f64 = 16e6;
+/// Memory of the program itself, [byte]: the peak of an analysis of two points, about 24 MB in a release build.
+const PROGRAM: f64 = 24e6;
 /// Memory per grid node, [byte].
 const PER_NODE: f64 = 10.0;
 /// Memory per unknown of the stiffness and the preconditioner of an iterative solution, [byte]. First in the plane

@@ -19,7 +19,8 @@ impl StrengthBracket {
     fn decimals(&self) -> usize {
         match (self.stands, self.fails) {
             (Some(stands), Some(fails)) if fails > stands => {
-                (-(fails - stands).log10()).ceil().clamp(3.0, 12.0) as usize
+                // The slack keeps round-off in the difference from costing a decimal.
+                (-(fails - stands).log10() - 1e-6).ceil().clamp(3.0, 12.0) as usize
             }
             _ => 3,
         }
