@@ -1,4 +1,5 @@
-//! Sparse Cholesky factorisation LLᵀ by fronts (Duff and Reid, 1983).
+//! Sparse factorisations by fronts (Duff and Reid, 1983): LLᵀ, and LU without pivoting of a matrix with a symmetric
+//! pattern (Duff and Reid, 1984).
 //!
 //! Unknowns with the same neighbours are eliminated together, as the pivots of a front: a small dense matrix on their
 //! rows and on the rows of the later unknowns involved, its border. The update of the border is added to the front of
@@ -10,6 +11,7 @@
 mod dense;
 mod elimination;
 mod fronts;
+mod mirror;
 mod nodes;
 mod substitution;
 mod tasks;
@@ -20,6 +22,7 @@ mod tree;
 use super::{FactorSize, Pattern};
 use elimination::Elimination;
 use fronts::Fronts;
+use mirror::Mirror;
 use nodes::NONE;
 use tasks::Task;
 
@@ -34,13 +37,19 @@ pub(super) struct Multifrontal {
 }
 
 impl Multifrontal {
-    /// Lays out the factor of a symmetric pattern. Unknowns are eliminated in this order, except that independent ones
-    /// may be exchanged. `None` if an index needs more than 32 bits.
+    /// Lays out LLᵀ of a symmetric pattern, or LU of another. Unknowns are eliminated in this order, except that
+    /// independent ones may be exchanged. `None` if an index needs more than 32 bits, or if an entry of a pattern that
+    /// is not stored as symmetric has no mirror image.
     pub fn new(pattern: &Pattern, order: &[usize]) -> Option<Multifrontal> {
         if pattern.n.max(pattern.row.len()) >= NONE as usize {
             return None;
         }
-        let mut fronts = Fronts::new(pattern, order);
+        let mut fronts = if pattern.symmetric {
+            Fronts::new(pattern, order, None)
+        } else {
+            let mirror = Mirror::of(pattern)?;
+            Fronts::new(&mirror.lower, order, Some(&mirror))
+        };
         let task = Task::new(&mut fronts);
         Some(Multifrontal { fronts, task, passed: Vec::new(), solution: Vec::new() })
     }
@@ -55,9 +64,10 @@ impl Multifrontal {
         let mut size = FactorSize::default();
         for front in &self.fronts.front {
             let (k, m) = (front.pivots as f64, front.rows as f64);
-            size.entries += front.pivots * front.rows - front.pivots * (front.pivots.max(1) - 1) / 2;
+            let of_l = front.pivots * front.rows - front.pivots * (front.pivots.max(1) - 1) / 2;
+            size.entries += front.factors * of_l;
             // Column j of the pivots: a root, m − j − 1 quotients, a product and a sum for each entry below and to the right.
-            size.operations += k * m * m - k * k * m + k * k * k / 3.0;
+            size.operations += front.factors as f64 * (k * m * m - k * k * m + k * k * k / 3.0);
         }
         size
     }
@@ -72,7 +82,8 @@ impl Multifrontal {
         self.fronts.unknown.len() + dense::stride(longest.unwrap_or(0))
     }
 
-    /// Writes the factor of the matrix with these values; false if it is not positive definite.
+    /// Writes the factor of the matrix with these values; false if it is not positive definite, for LU if a pivot is
+    /// zero.
     pub fn factorise(&mut self, values: &[f64], factor: &mut [f64]) -> bool {
         if self.passed.len() < self.task.room {
             self.passed = vec![0.0; self.task.room];

@@ -1,14 +1,23 @@
-//! Dense operations on one front: the Cholesky factor of its pivot columns, and their update of the rest of the matrix.
+//! Dense operations on one front: the columns of its pivots in the factors, and their update of the rest of the matrix.
+//!
+//! There is one factor L of LLᵀ, or the factors L and Uᵀ of LU, where L has the pivots and U a diagonal of ones. Both are
+//! lower triangular, and each takes the other (or L itself) from the right: the columns of L are those of the matrix
+//! minus products of rows of L and columns of U, those of Uᵀ the rows of the matrix minus products of rows of Uᵀ and
+//! columns of Lᵀ. So the same operations serve for both factorisations.
 //!
 //! Columns are stored one after the other with a stride that is a multiple of [`PAD`], so that whole vectors of rows
 //! can be read and written; values above the diagonal are arbitrary and never used. Every entry is one sum over the
 //! columns to the left, in order, whatever the width of a vector.
+
+use std::ops::Range;
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, MatMut, MatRef, Par};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
+
+use super::fronts::Front;
 
 /// Strides are multiples of this, and this number of values follows the last column.
 pub(super) const PAD: usize = 8;
@@ -50,35 +59,78 @@ fn is_large(rows: usize, pivots: usize) -> bool {
     pivots > MANY || rows * pivots > MOST
 }
 
-/// Replaces the `pivots` columns of `rows` rows by those of the factor, with the reciprocals of the pivots on the
-/// diagonal; and writes their update of the rest of the matrix, −L Lᵀ, to the lower triangle of `update`. False if a
-/// pivot is not positive.
-pub(super) fn eliminate(panel: &mut [f64], rows: usize, pivots: usize, update: &mut [f64]) -> bool {
-    if !is_large(rows, pivots) {
-        return Arch::new().dispatch(Small { panel, rows, pivots, update });
+/// Replaces the columns of the pivots of a front by those of its factors, with the reciprocals of the pivots on the
+/// diagonal of L; and writes their update of the rest of the matrix, −L Lᵀ or −L U, to the lower triangle of `update`,
+/// for LU followed by its upper triangle, transposed. False if a pivot of LLᵀ is not positive, or one of LU is zero.
+pub(super) fn eliminate(front: &Front, panel: &mut [f64], update: &mut [f64]) -> bool {
+    let (rows, pivots) = (front.rows, front.pivots);
+    if front.factors == 1 {
+        return Dense { panels: [panel], rows, pivots, updates: [update] }.eliminate();
     }
-    let stride = stride(rows);
-    for first in (0..pivots).step_by(BLOCK) {
-        let width = BLOCK.min(pivots - first);
-        let (done, rest) = panel.split_at_mut(first * stride);
-        if first > 0 {
-            let left = MatRef::from_column_major_slice_with_stride(done, stride, first, stride);
-            let left = left.subrows(first, rows - first);
-            let block = MatMut::from_column_major_slice_with_stride_mut(rest, stride, width, stride);
-            let block = block.subrows_mut(first, rows - first);
-            subtract_product(block, left, left.subrows(0, width));
+    let (lower, upper) = panel.split_at_mut(panel.len() / 2);
+    let (below, right) = update.split_at_mut(update.len() / 2);
+    Dense { panels: [lower, upper], rows, pivots, updates: [below, right] }.eliminate()
+}
+
+/// The factor which the factor with this number takes from the right.
+const fn other<const F: usize>(factor: usize) -> usize {
+    F - 1 - factor
+}
+
+/// The columns of the pivots and the updates of one or two factors.
+struct Dense<'a, const F: usize> {
+    panels: [&'a mut [f64]; F],
+    rows: usize,
+    pivots: usize,
+    updates: [&'a mut [f64]; F],
+}
+
+impl<const F: usize> Dense<'_, F> {
+    fn eliminate(self) -> bool {
+        if is_large(self.rows, self.pivots) { self.by_blocks() } else { Arch::new().dispatch(self) }
+    }
+
+    fn by_blocks(self) -> bool {
+        let Dense { mut panels, rows, pivots, updates } = self;
+        let stride = stride(rows);
+        for first in (0..pivots).step_by(BLOCK) {
+            let width = BLOCK.min(pivots - first);
+            let halves = panels.each_mut().map(|panel| {
+                let (done, rest) = panel.split_at_mut(first * stride);
+                (&*done, rest)
+            });
+            let done = halves.each_ref().map(|half| half.0);
+            let rest = halves.map(|half| half.1);
+            if first > 0 {
+                let left = done.map(|done| {
+                    MatRef::from_column_major_slice_with_stride(done, stride, first, stride)
+                        .subrows(first, rows - first)
+                });
+                for factor in 0..F {
+                    let block = &mut *rest[factor];
+                    let block = MatMut::from_column_major_slice_with_stride_mut(block, stride, width, stride);
+                    let block = block.subrows_mut(first, rows - first);
+                    subtract_product(block, left[factor], left[other::<F>(factor)].subrows(0, width));
+                }
+            }
+            let panels = rest.map(|rest| &mut rest[first..]);
+            let block = Columns { panels, stride, rows: stride - first, columns: width };
+            if !Arch::new().dispatch(block) {
+                return false;
+            }
         }
-        let block = Columns { panel: &mut rest[first..], stride, rows: stride - first, columns: width };
-        if !Arch::new().dispatch(block) {
-            return false;
+        let border = rows - pivots;
+        if border > 0 {
+            let below = panels.each_ref().map(|panel| {
+                MatRef::from_column_major_slice_with_stride(panel, stride, pivots, stride)
+                    .subrows(pivots, border)
+            });
+            for (factor, update) in updates.into_iter().enumerate() {
+                take(update, below[factor], below[other::<F>(factor)]);
+            }
         }
+        true
     }
-    let border = rows - pivots;
-    if border > 0 {
-        let left = MatRef::from_column_major_slice_with_stride(panel, stride, pivots, stride);
-        take(update, left.subrows(pivots, border));
-    }
-    true
 }
 
 /// `block` −= `left` `right`ᵀ.
@@ -101,8 +153,8 @@ fn subtract_product(block: MatMut<'_, f64>, left: MatRef<'_, f64>, right: MatRef
     });
 }
 
-/// The lower triangle of `update` = −`left` `left`ᵀ.
-fn take(update: &mut [f64], left: MatRef<'_, f64>) {
+/// The lower triangle of `update` = −`left` `right`ᵀ.
+fn take(update: &mut [f64], left: MatRef<'_, f64>, right: MatRef<'_, f64>) {
     let order = left.nrows();
     let stride = stride(order);
     let tile = |(number, columns): (usize, &mut [f64])| {
@@ -110,20 +162,20 @@ fn take(update: &mut [f64], left: MatRef<'_, f64>) {
         let width = TILE.min(order - first);
         let columns = MatMut::from_column_major_slice_with_stride_mut(columns, stride, width, stride);
         let (square, below) = columns.subrows_mut(first, order - first).split_at_row_mut(width);
-        let own = left.subrows(first, width);
+        let right = right.subrows(first, width).transpose();
         triangular::matmul(
             square,
             BlockStructure::TriangularLower,
             Accum::Replace,
-            own,
+            left.subrows(first, width),
             BlockStructure::Rectangular,
-            own.transpose(),
+            right,
             BlockStructure::Rectangular,
             -1.0,
             Par::Seq,
         );
         let others = left.subrows(first + width, order - first - width);
-        matmul(below, Accum::Replace, others, own.transpose(), -1.0, Par::Seq);
+        matmul(below, Accum::Replace, others, right, -1.0, Par::Seq);
     };
     let update = &mut update[..stride * order];
     if order * order / 2 * left.ncols() < SHARED {
@@ -134,63 +186,35 @@ fn take(update: &mut [f64], left: MatRef<'_, f64>) {
 }
 
 /// A front that is processed in registers only.
-struct Small<'a> {
-    panel: &'a mut [f64],
-    rows: usize,
-    pivots: usize,
-    update: &'a mut [f64],
-}
-
-impl WithSimd for Small<'_> {
+impl<const F: usize> WithSimd for Dense<'_, F> {
     type Output = bool;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let Small { panel, rows, pivots, update } = self;
+        let Dense { mut panels, rows, pivots, updates } = self;
         let stride = stride(rows);
-        let columns = Columns { panel, stride, rows: stride, columns: pivots };
+        let panels_of_columns = panels.each_mut().map(|panel| &mut **panel);
+        let columns = Columns { panels: panels_of_columns, stride, rows: stride, columns: pivots };
         if !columns.with_simd(simd) {
             return false;
         }
         let border = rows - pivots;
         if border > 0 {
-            take_in_registers(simd, panel, stride, pivots, update, border);
+            for (factor, update) in updates.into_iter().enumerate() {
+                let (left, right) = (&*panels[factor], &*panels[other::<F>(factor)]);
+                let product = Product { left, right, stride, terms: pivots, offset: pivots, column: pivots };
+                product.take(simd, update, border);
+            }
         }
         true
     }
 }
 
-/// Writes −L Lᵀ of the rows from `pivots` on, column by column.
-#[inline(always)]
-fn take_in_registers<S: Simd>(
-    simd: S,
-    panel: &[f64],
-    stride: usize,
-    pivots: usize,
-    update: &mut [f64],
-    border: usize,
-) {
-    let height = self::stride(border);
-    let mut column = 0;
-    while column < border {
-        let width = WIDTH.min(border - column);
-        let first = column / S::F64_LANES * S::F64_LANES;
-        let product = Product { panel, stride, terms: pivots, offset: pivots, column: pivots + column };
-        let out = &mut update[column * height..];
-        match width {
-            1 => product.write::<S, 1>(simd, out, height, first),
-            2 => product.write::<S, 2>(simd, out, height, first),
-            3 => product.write::<S, 3>(simd, out, height, first),
-            _ => product.write::<S, WIDTH>(simd, out, height, first),
-        }
-        column += width;
-    }
-}
-
-/// Σ over the first `terms` columns of the panel of row `offset` + r times row `column` + c.
+/// Σ over the first `terms` columns of row `offset` + r on the left times row `column` + c on the right.
 #[derive(Clone, Copy)]
 struct Product<'a> {
-    panel: &'a [f64],
+    left: &'a [f64],
+    right: &'a [f64],
     stride: usize,
     terms: usize,
     offset: usize,
@@ -198,6 +222,26 @@ struct Product<'a> {
 }
 
 impl Product<'_> {
+    /// Writes the sums with their sign changed to the lower triangle of `update`, column by column.
+    #[inline(always)]
+    fn take<S: Simd>(self, simd: S, update: &mut [f64], border: usize) {
+        let height = stride(border);
+        let mut column = 0;
+        while column < border {
+            let width = WIDTH.min(border - column);
+            let first = column / S::F64_LANES * S::F64_LANES;
+            let product = Product { column: self.column + column, ..self };
+            let out = &mut update[column * height..];
+            match width {
+                1 => product.write::<S, 1>(simd, out, height, first),
+                2 => product.write::<S, 2>(simd, out, height, first),
+                3 => product.write::<S, 3>(simd, out, height, first),
+                _ => product.write::<S, WIDTH>(simd, out, height, first),
+            }
+            column += width;
+        }
+    }
+
     /// The sums for `M` vectors of rows from `row` on and `N` columns.
     #[inline(always)]
     fn tile<S: Simd, const M: usize, const N: usize>(self, simd: S, row: usize) -> [[S::f64s; M]; N] {
@@ -205,12 +249,12 @@ impl Product<'_> {
         let mut at = self.offset + row;
         let mut scalar = self.column;
         for _ in 0..self.terms {
-            let left = S::as_simd_f64s(&self.panel[at..at + M * S::F64_LANES]).0;
+            let left = S::as_simd_f64s(&self.left[at..at + M * S::F64_LANES]).0;
             let left: &[S::f64s; M] = match left.try_into() {
                 Ok(left) => left,
                 Err(_) => return sum,
             };
-            let right = &self.panel[scalar..scalar + N];
+            let right = &self.right[scalar..scalar + N];
             for c in 0..N {
                 let factor = simd.splat_f64s(right[c]);
                 for v in 0..M {
@@ -261,15 +305,15 @@ impl Product<'_> {
 }
 
 /// Columns of a front whose topmost square is its diagonal block.
-struct Columns<'a> {
-    panel: &'a mut [f64],
+struct Columns<'a, const F: usize> {
+    panels: [&'a mut [f64]; F],
     stride: usize,
     /// Rows, padding included: a multiple of [`PAD`].
     rows: usize,
     columns: usize,
 }
 
-impl WithSimd for Columns<'_> {
+impl<const F: usize> WithSimd for Columns<'_, F> {
     type Output = bool;
 
     #[inline(always)]
@@ -277,13 +321,13 @@ impl WithSimd for Columns<'_> {
         let mut first = 0;
         while first < self.columns {
             let width = WIDTH.min(self.columns - first);
-            let positive = match width {
+            let is_regular = match width {
                 1 => self.eliminate::<S, 1>(simd, first),
                 2 => self.eliminate::<S, 2>(simd, first),
                 3 => self.eliminate::<S, 3>(simd, first),
                 _ => self.eliminate::<S, WIDTH>(simd, first),
             };
-            if !positive {
+            if !is_regular {
                 return false;
             }
             first += width;
@@ -292,53 +336,90 @@ impl WithSimd for Columns<'_> {
     }
 }
 
-impl Columns<'_> {
+/// A block on the diagonal of the columns of a factor: entry `[c][r]` in column c and row r.
+type Diagonal<const N: usize> = [[f64; N]; N];
+
+impl<const F: usize> Columns<'_, F> {
     /// Completes `N` columns, given those before them.
     #[inline(always)]
     fn eliminate<S: Simd, const N: usize>(&mut self, simd: S, first: usize) -> bool {
+        let start = first / S::F64_LANES * S::F64_LANES;
+        let mut updated = start;
+        for factor in 0..F {
+            updated = self.update_first::<S, N>(simd, factor, first, start);
+        }
+        let Some(diagonal) = self.diagonal::<N>(first) else { return false };
+        for factor in 0..F {
+            self.finish_all::<S, N>(simd, factor, first, start..updated, &diagonal);
+        }
+        true
+    }
+
+    /// Updates the vectors of rows from `start` on that hold the diagonal block, and others below that cost no more;
+    /// returns the row after them.
+    #[inline(always)]
+    fn update_first<S: Simd, const N: usize>(
+        &mut self,
+        simd: S,
+        factor: usize,
+        first: usize,
+        start: usize,
+    ) -> usize {
         let lanes = S::F64_LANES;
-        let start = first / lanes * lanes;
-        // The vectors that hold the diagonal block, and others below that cost no more.
         let mut row = start;
         if S::REGISTER_COUNT >= MANY_REGISTERS && start + 3 * lanes <= self.rows {
-            self.update::<S, 3, N>(simd, first, start);
+            self.update::<S, 3, N>(simd, factor, first, start);
             row += 3 * lanes;
         } else if start + 2 * lanes <= self.rows {
-            self.update::<S, 2, N>(simd, first, start);
+            self.update::<S, 2, N>(simd, factor, first, start);
             row += 2 * lanes;
         }
         while row < first + N {
-            self.update::<S, 1, N>(simd, first, row);
+            self.update::<S, 1, N>(simd, factor, first, row);
             row += lanes;
         }
-        let Some(diagonal) = self.diagonal::<N>(first) else { return false };
-        let updated = row;
-        row = start;
-        while row < updated {
-            let values = self.load::<S, 1, N>(simd, row, first);
-            self.finish::<S, 1, N>(simd, first, row, values, &diagonal);
+        row
+    }
+
+    /// Completes all rows of a factor, of which these are updated, given the diagonal blocks.
+    #[inline(always)]
+    fn finish_all<S: Simd, const N: usize>(
+        &mut self,
+        simd: S,
+        factor: usize,
+        first: usize,
+        updated: Range<usize>,
+        diagonal: &[Diagonal<N>; F],
+    ) {
+        let lanes = S::F64_LANES;
+        let right = &diagonal[other::<F>(factor)];
+        // LLᵀ and Uᵀ are divided by the pivots, which L keeps.
+        let is_divided = factor + 1 == F;
+        let mut row = updated.start;
+        while row < updated.end {
+            let values = self.load::<S, 1, N>(simd, factor, row, first);
+            self.finish::<S, 1, N>(simd, factor, first, row, values, right, is_divided);
             row += lanes;
         }
         for c in 0..N {
             for r in c..N {
-                self.panel[(first + c) * self.stride + first + r] = diagonal[c][r];
+                self.panels[factor][(first + c) * self.stride + first + r] = diagonal[factor][c][r];
             }
         }
         while S::REGISTER_COUNT >= MANY_REGISTERS && row + 3 * lanes <= self.rows {
-            let values = self.reduced::<S, 3, N>(simd, first, row);
-            self.finish::<S, 3, N>(simd, first, row, values, &diagonal);
+            let values = self.reduced::<S, 3, N>(simd, factor, first, row);
+            self.finish::<S, 3, N>(simd, factor, first, row, values, right, is_divided);
             row += 3 * lanes;
         }
         while row + 2 * lanes <= self.rows {
-            let values = self.reduced::<S, 2, N>(simd, first, row);
-            self.finish::<S, 2, N>(simd, first, row, values, &diagonal);
+            let values = self.reduced::<S, 2, N>(simd, factor, first, row);
+            self.finish::<S, 2, N>(simd, factor, first, row, values, right, is_divided);
             row += 2 * lanes;
         }
         if row < self.rows {
-            let values = self.reduced::<S, 1, N>(simd, first, row);
-            self.finish::<S, 1, N>(simd, first, row, values, &diagonal);
+            let values = self.reduced::<S, 1, N>(simd, factor, first, row);
+            self.finish::<S, 1, N>(simd, factor, first, row, values, right, is_divided);
         }
-        true
     }
 
     #[expect(clippy::manual_memcpy, reason = "a copy through memory takes a tenth of the total time")]
@@ -346,13 +427,14 @@ impl Columns<'_> {
     fn load<S: Simd, const M: usize, const N: usize>(
         &self,
         simd: S,
+        factor: usize,
         row: usize,
         first: usize,
     ) -> [[S::f64s; M]; N] {
         let mut values = [[simd.splat_f64s(0.0); M]; N];
         for c in 0..N {
             let place = (first + c) * self.stride + row;
-            let column = S::as_simd_f64s(&self.panel[place..place + M * S::F64_LANES]).0;
+            let column = S::as_simd_f64s(&self.panels[factor][place..place + M * S::F64_LANES]).0;
             for v in 0..M {
                 values[c][v] = column[v];
             }
@@ -364,13 +446,14 @@ impl Columns<'_> {
     #[inline(always)]
     fn store<S: Simd, const M: usize, const N: usize>(
         &mut self,
+        factor: usize,
         row: usize,
         first: usize,
         values: &[[S::f64s; M]; N],
     ) {
         for c in 0..N {
             let place = (first + c) * self.stride + row;
-            let column = S::as_mut_simd_f64s(&mut self.panel[place..place + M * S::F64_LANES]).0;
+            let column = S::as_mut_simd_f64s(&mut self.panels[factor][place..place + M * S::F64_LANES]).0;
             for v in 0..M {
                 column[v] = values[c][v];
             }
@@ -382,13 +465,14 @@ impl Columns<'_> {
     fn reduced<S: Simd, const M: usize, const N: usize>(
         &self,
         simd: S,
+        factor: usize,
         first: usize,
         row: usize,
     ) -> [[S::f64s; M]; N] {
-        let product =
-            Product { panel: self.panel, stride: self.stride, terms: first, offset: 0, column: first };
+        let (left, right) = (&*self.panels[factor], &*self.panels[other::<F>(factor)]);
+        let product = Product { left, right, stride: self.stride, terms: first, offset: 0, column: first };
         let taken = product.tile::<S, M, N>(simd, row);
-        let mut values = self.load::<S, M, N>(simd, row, first);
+        let mut values = self.load::<S, M, N>(simd, factor, row, first);
         for c in 0..N {
             for v in 0..M {
                 values[c][v] = simd.sub_f64s(values[c][v], taken[c][v]);
@@ -398,61 +482,110 @@ impl Columns<'_> {
     }
 
     #[inline(always)]
-    fn update<S: Simd, const M: usize, const N: usize>(&mut self, simd: S, first: usize, row: usize) {
-        let values = self.reduced::<S, M, N>(simd, first, row);
-        self.store::<S, M, N>(row, first, &values);
+    fn update<S: Simd, const M: usize, const N: usize>(
+        &mut self,
+        simd: S,
+        factor: usize,
+        first: usize,
+        row: usize,
+    ) {
+        let values = self.reduced::<S, M, N>(simd, factor, first, row);
+        self.store::<S, M, N>(factor, row, first, &values);
     }
 
-    /// The Cholesky factor of the diagonal block by columns, with reciprocal pivots.
+    /// The diagonal blocks of the factors, with the reciprocals of the pivots in the first.
     #[inline(always)]
-    fn diagonal<const N: usize>(&self, first: usize) -> Option<[[f64; N]; N]> {
-        let mut l = [[0.0; N]; N];
-        for c in 0..N {
-            for r in c..N {
-                l[c][r] = self.panel[(first + c) * self.stride + first + r];
-            }
-        }
-        for c in 0..N {
-            // NaN does not count as positive.
-            if l[c][c] > 0.0 {
-                l[c][c] = 1.0 / l[c][c].sqrt();
-            } else {
-                return None;
-            }
-            for r in c + 1..N {
-                l[c][r] *= l[c][c];
-            }
-            for d in c + 1..N {
-                for r in d..N {
-                    l[d][r] -= l[c][r] * l[c][d];
+    fn diagonal<const N: usize>(&self, first: usize) -> Option<[Diagonal<N>; F]> {
+        let mut blocks = [[[0.0; N]; N]; F];
+        for (block, panel) in blocks.iter_mut().zip(&self.panels) {
+            for c in 0..N {
+                for r in c..N {
+                    block[c][r] = panel[(first + c) * self.stride + first + r];
                 }
             }
         }
-        Some(l)
+        let is_regular = match &mut blocks[..] {
+            [l] => llt(l),
+            [l, u] => lu(l, u),
+            _ => false,
+        };
+        is_regular.then_some(blocks)
     }
 
-    /// Divides rows by the diagonal block and stores them.
+    /// Divides rows of a factor by the diagonal block of the other and stores them.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "all are needed in registers")]
     fn finish<S: Simd, const M: usize, const N: usize>(
         &mut self,
         simd: S,
+        factor: usize,
         first: usize,
         row: usize,
         mut x: [[S::f64s; M]; N],
-        diagonal: &[[f64; N]; N],
+        right: &Diagonal<N>,
+        is_divided: bool,
     ) {
         for c in 0..N {
-            let reciprocal = simd.splat_f64s(diagonal[c][c]);
-            for v in 0..M {
-                x[c][v] = simd.mul_f64s(x[c][v], reciprocal);
+            if is_divided {
+                let reciprocal = simd.splat_f64s(right[c][c]);
+                for v in 0..M {
+                    x[c][v] = simd.mul_f64s(x[c][v], reciprocal);
+                }
             }
             for d in c + 1..N {
-                let factor = simd.splat_f64s(diagonal[c][d]);
+                let factor = simd.splat_f64s(right[c][d]);
                 for v in 0..M {
                     x[d][v] = simd.negate_mul_add_f64s(x[c][v], factor, x[d][v]);
                 }
             }
         }
-        self.store::<S, M, N>(row, first, &x);
+        self.store::<S, M, N>(factor, row, first, &x);
     }
+}
+
+/// Replaces a block by its Cholesky factor, with the reciprocals of the pivots. False if one is not positive.
+#[inline(always)]
+fn llt<const N: usize>(l: &mut Diagonal<N>) -> bool {
+    for c in 0..N {
+        // NaN does not count as positive.
+        if l[c][c] > 0.0 {
+            l[c][c] = 1.0 / l[c][c].sqrt();
+        } else {
+            return false;
+        }
+        for r in c + 1..N {
+            l[c][r] *= l[c][c];
+        }
+        for d in c + 1..N {
+            for r in d..N {
+                l[d][r] -= l[c][r] * l[c][d];
+            }
+        }
+    }
+    true
+}
+
+/// Replaces the lower triangle of a block and its transposed upper triangle by L, with the reciprocals of the pivots,
+/// and Uᵀ. False if a pivot is zero or not finite.
+#[inline(always)]
+fn lu<const N: usize>(l: &mut Diagonal<N>, u: &mut Diagonal<N>) -> bool {
+    for c in 0..N {
+        if !(l[c][c].is_finite() && l[c][c] != 0.0) {
+            return false;
+        }
+        l[c][c] = 1.0 / l[c][c];
+        u[c][c] = 1.0;
+        for r in c + 1..N {
+            u[c][r] *= l[c][c];
+        }
+        for d in c + 1..N {
+            for r in d..N {
+                l[d][r] -= l[c][r] * u[c][d];
+            }
+            for r in d + 1..N {
+                u[d][r] -= u[c][r] * l[c][d];
+            }
+        }
+    }
+    true
 }

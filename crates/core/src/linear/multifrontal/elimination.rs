@@ -1,5 +1,6 @@
 //! Numerical factorisation: the fronts of each task assemble entries of the matrix and the updates of their children,
-//! eliminate their unknowns, and pass their own update on.
+//! eliminate their unknowns, and pass their own update on. With LU, each has the columns and the update of L, and behind
+//! them those of Uᵀ.
 
 use std::ops::Range;
 
@@ -63,29 +64,41 @@ impl Elimination<'_> {
         let (before, rest) = room.split_at_mut(front.update);
         let (update, after) = rest.split_at_mut(front.update_len());
         let passed = Passed { fronts: self.fronts, front, before, after };
-        let fill = |first: usize, columns: &mut [f64]| {
-            columns.fill(0.0);
-            self.take_entries(front, first, columns);
-            passed.add(first, 0, columns);
-        };
-        let border =
-            |first: usize, columns: &mut [f64]| passed.add(front.pivots + first, front.pivots, columns);
-        for_each_column(panel, dense::stride(front.rows), front.pivots, fill);
-        if !dense::eliminate(panel, front.rows, front.pivots, update) {
+        for_each_factor(front, panel, |factor, panel| {
+            for_each_column(panel, dense::stride(front.rows), front.pivots, |first, columns| {
+                columns.fill(0.0);
+                self.take_entries(front, factor, first, columns);
+                passed.add(factor, first, 0, columns);
+            });
+        });
+        if !dense::eliminate(front, panel, update) {
             return false;
         }
-        for_each_column(update, dense::stride(front.border_len()), front.border_len(), border);
+        for_each_factor(front, update, |factor, update| {
+            for_each_column(update, dense::stride(front.border_len()), front.border_len(), |first, columns| {
+                passed.add(factor, front.pivots + first, front.pivots, columns);
+            });
+        });
         true
     }
 
-    /// Adds the entries of the matrix to columns of a front from `first` on.
-    fn take_entries(self, front: &Front, first: usize, columns: &mut [f64]) {
+    /// Adds the entries of the matrix to columns of a factor of a front from `first` on.
+    fn take_entries(self, front: &Front, factor: usize, first: usize, columns: &mut [f64]) {
         let start = &self.fronts.column_start[front.first + first..];
+        let entry = &self.fronts.entry[factor];
         for (column, start) in columns.chunks_exact_mut(dense::stride(front.rows)).zip(start.windows(2)) {
-            for entry in &self.fronts.entry[start[0]..start[1]] {
+            for entry in &entry[start[0]..start[1]] {
                 column[entry.row as usize] = self.values[entry.source as usize];
             }
         }
+    }
+}
+
+/// Calls `work` with the number of each factor and its part of the columns or of the update of a front.
+fn for_each_factor(front: &Front, numbers: &mut [f64], mut work: impl FnMut(usize, &mut [f64])) {
+    let len = numbers.len() / front.factors;
+    if len > 0 {
+        numbers.chunks_exact_mut(len).enumerate().for_each(|(factor, numbers)| work(factor, numbers));
     }
 }
 
@@ -130,19 +143,20 @@ struct Passed<'a> {
 }
 
 impl Passed<'_> {
-    /// The update of a child.
-    fn of(&self, child: &Front) -> &[f64] {
+    /// The update of a factor of a child.
+    fn of(&self, child: &Front, factor: usize) -> &[f64] {
         let len = child.update_len();
-        if child.passed < self.front.update {
+        let update = if child.passed < self.front.update {
             &self.before[child.passed..child.passed + len]
         } else {
             let place = child.passed - self.front.update - self.front.update_len();
             &self.after[place..place + len]
-        }
+        };
+        &update[factor * len / child.factors..(factor + 1) * len / child.factors]
     }
 
-    /// Adds the updates to columns from `first` on, whose first value is in row `offset` of the front.
-    fn add(&self, first: usize, offset: usize, columns: &mut [f64]) {
+    /// Adds the updates to columns of a factor from `first` on, whose first value is in row `offset` of the front.
+    fn add(&self, factor: usize, first: usize, offset: usize, columns: &mut [f64]) {
         let stride = dense::stride(self.front.rows - offset);
         let end = first + columns.len() / stride;
         for &child in &self.fronts.children[self.front.children.clone()] {
@@ -155,7 +169,7 @@ impl Passed<'_> {
                 if column as usize >= end {
                     break;
                 }
-                let source = &self.of(child)[c * height + c..c * height + border];
+                let source = &self.of(child, factor)[c * height + c..c * height + border];
                 let target = &mut columns[(column as usize - first) * stride..][..stride];
                 add_rows(source, &rows[c..], offset, target);
             }

@@ -4,6 +4,7 @@
 use std::ops::Range;
 
 use super::dense;
+use super::mirror::Mirror;
 use super::nodes::{NONE, Nodes};
 use super::tree::{self, Tree};
 use crate::linear::Pattern;
@@ -17,6 +18,8 @@ pub(super) struct Front {
     pub pivots: usize,
     /// Number of rows: pivots and border.
     pub rows: usize,
+    /// Number of factors, each with columns and an update of its own: one for LLᵀ, two for LU.
+    pub factors: usize,
     /// Start of its border in the lists of borders.
     pub border: usize,
     /// Start of its columns in the factor.
@@ -36,9 +39,9 @@ pub(super) struct Front {
 }
 
 impl Front {
-    /// Number of values in its columns.
+    /// Number of values in its columns, those of all factors.
     pub fn panel_len(&self) -> usize {
-        dense::room(self.rows, self.pivots)
+        self.factors * dense::room(self.rows, self.pivots)
     }
 
     /// Rows of its border.
@@ -46,9 +49,9 @@ impl Front {
         self.rows - self.pivots
     }
 
-    /// Number of values in its update.
+    /// Number of values in its update, that of all factors.
     pub fn update_len(&self) -> usize {
-        dense::room(self.border_len(), self.border_len())
+        self.factors * dense::room(self.border_len(), self.border_len())
     }
 }
 
@@ -74,21 +77,23 @@ pub(super) struct Fronts {
     pub relative: Vec<u32>,
     /// Start of the entries of each column.
     pub column_start: Vec<usize>,
-    /// The entries of the matrix by columns.
-    pub entry: Vec<Entry>,
+    /// For each factor, the entries of the matrix by columns: those of L, then those of Uᵀ.
+    pub entry: Vec<Vec<Entry>>,
 }
 
 impl Fronts {
-    pub fn new(pattern: &Pattern, order: &[usize]) -> Fronts {
+    /// The fronts of the lower triangle of a pattern; of LU if the mirror images of its entries are given.
+    pub fn new(pattern: &Pattern, order: &[usize], mirror: Option<&Mirror>) -> Fronts {
         let nodes = Nodes::new(pattern, order);
         let tree = Tree::new(&nodes);
-        let mut fronts = Fronts::lay_out(&nodes, &tree, pattern);
+        let factors = if mirror.is_some() { 2 } else { 1 };
+        let mut fronts = Fronts::lay_out(&nodes, &tree, pattern, factors);
         let borders = Borders::of(&nodes, &tree);
-        fronts.fill(pattern, &nodes, &tree, &borders);
+        fronts.fill(pattern, &nodes, &tree, &borders, mirror);
         fronts
     }
 
-    fn lay_out(nodes: &Nodes, tree: &Tree, pattern: &Pattern) -> Fronts {
+    fn lay_out(nodes: &Nodes, tree: &Tree, pattern: &Pattern, factors: usize) -> Fronts {
         let n = tree.pivots.len();
         let mut front: Vec<Front> = Vec::with_capacity(n);
         let (mut first, mut border, mut panel) = (0, 0, 0);
@@ -101,6 +106,7 @@ impl Fronts {
                 first,
                 pivots,
                 rows,
+                factors,
                 border,
                 panel,
                 parent,
@@ -144,12 +150,19 @@ impl Fronts {
             border: Vec::with_capacity(border),
             relative: vec![0; border],
             column_start: Vec::with_capacity(pattern.n + 1),
-            entry: Vec::with_capacity(n_entries),
+            entry: vec![Vec::with_capacity(n_entries); factors],
         }
     }
 
     /// Lists rows, entries and the rows of updates.
-    fn fill(&mut self, pattern: &Pattern, nodes: &Nodes, tree: &Tree, borders: &Borders) {
+    fn fill(
+        &mut self,
+        pattern: &Pattern,
+        nodes: &Nodes,
+        tree: &Tree,
+        borders: &Borders,
+        mirror: Option<&Mirror>,
+    ) {
         // Row of each node in the front.
         let mut row_of = vec![0u32; nodes.len()];
         // First unknown of each node, by place.
@@ -184,40 +197,57 @@ impl Fronts {
                 }
             }
             for &node in own {
-                self.take_entries(pattern, nodes, node as usize, &row_of);
+                self.take_entries(pattern, nodes, node as usize, &row_of, mirror);
             }
         }
     }
 
     /// Lists the entries of the columns of a node, given the rows of nodes in its front.
-    fn take_entries(&mut self, pattern: &Pattern, nodes: &Nodes, node: usize, row_of: &[u32]) {
+    fn take_entries(
+        &mut self,
+        pattern: &Pattern,
+        nodes: &Nodes,
+        node: usize,
+        row_of: &[u32],
+        mirror: Option<&Mirror>,
+    ) {
         let (first, width) = (nodes.first[node], nodes.width[node]);
         let start = |unknown: u32| pattern.column_start[unknown as usize] as u32;
         for k in 0..width {
             let diagonal = start(first + k);
             for r in k..width {
-                self.entry.push(Entry { row: row_of[node] + r, source: diagonal + r - k });
+                self.take(mirror, row_of[node] + r, diagonal + r - k, false);
             }
             for coupling in nodes.coupled(node) {
                 let later = coupling.later as usize;
                 let row = row_of[later];
                 if nodes.first[later] > first {
-                    // From a column of this node.
                     let source = coupling.entry - start(first) + diagonal - k;
                     for r in 0..nodes.width[later] {
-                        self.entry.push(Entry { row: row + r, source: source + r });
+                        self.take(mirror, row + r, source + r, false);
                     }
                 } else {
-                    // From rows of this node.
                     let column = nodes.first[later];
                     for r in 0..nodes.width[later] {
                         let source = coupling.entry - start(column) + start(column + r) - r + k;
-                        self.entry.push(Entry { row: row + r, source });
+                        self.take(mirror, row + r, source, true);
                     }
                 }
             }
-            self.column_start.push(self.entry.len());
+            self.column_start.push(self.entry[0].len());
         }
+    }
+
+    /// Lists an entry of the lower triangle of the matrix, which is in the row of the later unknown or in its column.
+    fn take(&mut self, mirror: Option<&Mirror>, row: u32, source: u32, is_transposed: bool) {
+        let Some(Mirror { below, above, .. }) = mirror else {
+            self.entry[0].push(Entry { row, source });
+            return;
+        };
+        let (below, above) = (below[source as usize], above[source as usize]);
+        let (of_l, of_u) = if is_transposed { (above, below) } else { (below, above) };
+        self.entry[0].push(Entry { row, source: of_l });
+        self.entry[1].push(Entry { row, source: of_u });
     }
 }
 

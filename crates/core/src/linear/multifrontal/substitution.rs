@@ -1,4 +1,4 @@
-//! Forward and backward substitution, front by front.
+//! Forward and backward substitution, front by front: with L and Lᵀ, or with L and U.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -45,7 +45,7 @@ impl Substitution<'_> {
     #[inline(always)]
     fn forward<S: Simd>(&mut self, simd: S, front: &Front) {
         let stride = dense::stride(front.rows);
-        let panel = &self.factor[front.panel..front.panel + front.panel_len()];
+        let panel = &self.factor[front.panel..front.panel + front.panel_len() / front.factors];
         let y = &mut self.y[..stride];
         y[..front.pivots].copy_from_slice(&self.x[front.first..front.first + front.pivots]);
         y[front.pivots..].fill(0.0);
@@ -71,7 +71,9 @@ impl Substitution<'_> {
     #[inline(always)]
     fn backward<S: Simd>(&mut self, simd: S, front: &Front) {
         let stride = dense::stride(front.rows);
-        let panel = &self.factor[front.panel..front.panel + front.panel_len()];
+        // The columns of the last factor: those of L again, or those of Uᵀ.
+        let end = front.panel + front.panel_len();
+        let panel = &self.factor[end - front.panel_len() / front.factors..end];
         let y = &mut self.y[..stride];
         y[..front.pivots].copy_from_slice(&self.x[front.first..front.first + front.pivots]);
         let border = &self.fronts.border[front.border..front.border + front.border_len()];

@@ -56,7 +56,29 @@ fn coupled(nodes: usize, width: usize, pairs: &[(usize, usize)], numbers: &mut N
     a
 }
 
+/// An unsymmetric matrix with the pattern and the diagonal of a symmetric one.
+fn skewed(a: &DMatrix<f64>, numbers: &mut Numbers) -> DMatrix<f64> {
+    DMatrix::from_fn(a.nrows(), a.nrows(), |i, j| {
+        if i == j { a[(i, j)] } else { a[(i, j)] * 2.0 * numbers.next() }
+    })
+}
+
+/// All entries of a matrix with a symmetric pattern.
+fn full(a: &DMatrix<f64>) -> (Pattern, Vec<f64>) {
+    let mut pattern = Pattern { n: a.nrows(), column_start: vec![0], row: vec![], symmetric: false };
+    let mut values = vec![];
+    for j in 0..pattern.n {
+        for i in (0..pattern.n).filter(|&i| i == j || a[(i, j)] != 0.0 || a[(j, i)] != 0.0) {
+            pattern.row.push(i);
+            values.push(a[(i, j)]);
+        }
+        pattern.column_start.push(values.len());
+    }
+    (pattern, values)
+}
+
 fn check(a: &DMatrix<f64>, order: &[usize]) {
+    check_lu(&skewed(a, &mut Numbers(271828)), order);
     let (pattern, values) = sparse(a);
     let mut llt = Multifrontal::new(&pattern, order).unwrap();
     let mut factor = vec![f64::NAN; llt.factor_len()];
@@ -72,17 +94,55 @@ fn check(a: &DMatrix<f64>, order: &[usize]) {
 
 /// The factor is that of the dense matrix in the order of elimination.
 fn check_factor(llt: &Multifrontal, a: &DMatrix<f64>, factor: &[f64]) {
+    let dense = in_order(llt, a).cholesky().unwrap().unpack();
+    let found = columns(llt, 0, factor);
+    assert!((dense - found).amax() < 1e-13 * a.amax());
+}
+
+fn check_lu(a: &DMatrix<f64>, order: &[usize]) {
+    let (pattern, values) = full(a);
+    let mut lu = Multifrontal::new(&pattern, order).unwrap();
+    let mut factor = vec![f64::NAN; lu.factor_len()];
+    for _ in 0..2 {
+        assert!(lu.factorise(&values, &mut factor));
+        let exact = DVector::from_fn(pattern.n, |i, _| (i as f64).sin());
+        let mut x = a * &exact;
+        lu.solve(&factor, x.as_mut_slice());
+        assert!((&x - &exact).amax() < 1e-11, "{:e}", (&x - &exact).amax());
+    }
+    // L with the pivots, U with a diagonal of ones; none of the pivots is exchanged.
+    let (mut l, mut u) = (in_order(&lu, a), DMatrix::identity(pattern.n, pattern.n));
+    for k in 0..pattern.n {
+        for j in k + 1..pattern.n {
+            u[(k, j)] = l[(k, j)] / l[(k, k)];
+            l[(k, j)] = 0.0;
+            for i in k + 1..pattern.n {
+                l[(i, j)] -= l[(i, k)] * u[(k, j)];
+            }
+        }
+    }
+    assert!((l - columns(&lu, 0, &factor)).amax() < 1e-13 * a.amax());
+    assert!((u.transpose() - columns(&lu, 1, &factor)).amax() < 1e-13);
+}
+
+/// The matrix in the order of elimination.
+fn in_order(llt: &Multifrontal, a: &DMatrix<f64>) -> DMatrix<f64> {
     let unknown = |place: usize| llt.fronts.unknown[place] as usize;
-    let n = a.nrows();
-    let dense = DMatrix::from_fn(n, n, |i, j| a[(unknown(i), unknown(j))]).cholesky().unwrap().unpack();
+    DMatrix::from_fn(a.nrows(), a.nrows(), |i, j| a[(unknown(i), unknown(j))])
+}
+
+/// A factor as a dense matrix.
+fn columns(llt: &Multifrontal, number: usize, factor: &[f64]) -> DMatrix<f64> {
+    let n = llt.fronts.unknown.len();
     let mut found = DMatrix::zeros(n, n);
     for front in &llt.fronts.front {
         let border = &llt.fronts.border[front.border..front.border + front.border_len()];
         assert!(
             border.is_sorted() && border.iter().all(|&place| place as usize >= front.first + front.pivots)
         );
+        let panel = &factor[front.panel + number * dense::room(front.rows, front.pivots)..];
         for c in 0..front.pivots {
-            let column = &factor[front.panel + c * dense::stride(front.rows)..][..front.rows];
+            let column = &panel[c * dense::stride(front.rows)..][..front.rows];
             for r in c..front.pivots {
                 found[(front.first + r, front.first + c)] = column[r];
             }
@@ -92,7 +152,7 @@ fn check_factor(llt: &Multifrontal, a: &DMatrix<f64>, factor: &[f64]) {
             }
         }
     }
-    assert!((dense - found).amax() < 1e-13 * a.amax());
+    found
 }
 
 #[test]
@@ -168,13 +228,36 @@ fn lattice(m: usize, numbers: &mut Numbers) -> (Pattern, Vec<f64>, Vec<usize>) {
     (pattern, values, nodes.iter().flat_map(|&p| (0..3).map(move |d| 3 * p + d)).collect())
 }
 
+/// The same pattern with both triangles, and an unsymmetric matrix.
+fn unsymmetric(pattern: &Pattern, values: &[f64]) -> (Pattern, Vec<f64>) {
+    let mut columns: Vec<Vec<(usize, f64)>> = vec![vec![]; pattern.n];
+    for j in 0..pattern.n {
+        for e in pattern.column_start[j]..pattern.column_start[j + 1] {
+            let i = pattern.row[e];
+            columns[j].push((i, values[e]));
+            if i != j {
+                columns[i].push((j, values[e] * ((i + 2 * j) % 7) as f64 / 3.0));
+            }
+        }
+    }
+    let mut full = Pattern { n: pattern.n, column_start: vec![0], row: vec![], symmetric: false };
+    let mut all = vec![];
+    for column in &mut columns {
+        column.sort_unstable_by_key(|entry| entry.0);
+        full.row.extend(column.iter().map(|entry| entry.0));
+        all.extend(column.iter().map(|entry| entry.1));
+        full.column_start.push(all.len());
+    }
+    (full, all)
+}
+
 fn product(pattern: &Pattern, values: &[f64], x: &[f64]) -> Vec<f64> {
     let mut product = vec![0.0; pattern.n];
     for j in 0..pattern.n {
         for e in pattern.column_start[j]..pattern.column_start[j + 1] {
             let i = pattern.row[e];
             product[i] += values[e] * x[j];
-            if i != j {
+            if pattern.symmetric && i != j {
                 product[j] += values[e] * x[i];
             }
         }
@@ -190,12 +273,18 @@ fn is_shared(task: &Task) -> bool {
 #[test]
 fn the_number_of_threads_does_not_change_a_bit() {
     let (pattern, values, order) = lattice(13, &mut Numbers(4711));
+    check_threads(&pattern, &values, &order);
+    let (pattern, values) = unsymmetric(&pattern, &values);
+    check_threads(&pattern, &values, &order);
+}
+
+fn check_threads(pattern: &Pattern, values: &[f64], order: &[usize]) {
     let exact: Vec<f64> = (0..pattern.n).map(|i| (i as f64).sin()).collect();
-    let rhs = product(&pattern, &values, &exact);
+    let rhs = product(pattern, values, &exact);
     let mut first: Option<(Vec<f64>, Vec<f64>)> = None;
     for threads in [1, 2, 3] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let mut llt = Multifrontal::new(&pattern, &order).unwrap();
+        let mut llt = Multifrontal::new(pattern, order).unwrap();
         // The cases under test: tasks at the same time and one after the other, and shared fronts.
         assert!(!llt.task.apart && llt.task.within.len() > 1);
         assert!(is_shared(&llt.task));
@@ -203,7 +292,7 @@ fn the_number_of_threads_does_not_change_a_bit() {
         let mut factor = vec![0.0; llt.factor_len()];
         let mut x = rhs.clone();
         pool.install(|| {
-            assert!(llt.factorise(&values, &mut factor));
+            assert!(llt.factorise(values, &mut factor));
             llt.solve(&factor, &mut x);
         });
         let error = x.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -235,14 +324,55 @@ fn a_matrix_that_is_not_positive_definite_is_found_wherever_that_shows() {
 }
 
 #[test]
+fn a_zero_pivot_of_an_unsymmetric_matrix_is_found_wherever_it_shows() {
+    let (pattern, values, order) = lattice(9, &mut Numbers(99));
+    let (pattern, values) = unsymmetric(&pattern, &values);
+    let mut lu = Multifrontal::new(&pattern, &order).unwrap();
+    let mut factor = vec![0.0; lu.factor_len()];
+    for place in [0, 1, pattern.n / 3, pattern.n / 2, pattern.n - 100, pattern.n - 1] {
+        let unknown = order[place];
+        let mut without = values.clone();
+        for j in 0..pattern.n {
+            for e in pattern.column_start[j]..pattern.column_start[j + 1] {
+                if j == unknown || pattern.row[e] == unknown {
+                    without[e] = 0.0;
+                }
+            }
+        }
+        assert!(!lu.factorise(&without, &mut factor), "{place}");
+        let mut values = values.clone();
+        values[pattern.column_start[unknown]] = f64::NAN;
+        assert!(!lu.factorise(&values, &mut factor), "{place}");
+    }
+    assert!(lu.factorise(&values, &mut factor), "nothing is left of the failures");
+}
+
+#[test]
+fn a_pattern_without_a_mirror_image_is_refused() {
+    let (pattern, values) = full(&coupled(4, 1, &[(1, 0), (3, 2)], &mut Numbers(3)));
+    let order = [0, 1, 2, 3];
+    assert_eq!(values.len(), 8);
+    assert!(Multifrontal::new(&pattern, &order).is_some());
+    for removed in 0..values.len() {
+        let column = pattern.column_start.iter().rposition(|&start| start <= removed).unwrap();
+        let mut other = pattern.clone();
+        other.row.remove(removed);
+        other.column_start[column + 1..].iter_mut().for_each(|start| *start -= 1);
+        assert!(Multifrontal::new(&other, &order).is_none(), "{removed}");
+    }
+}
+
+#[test]
 fn memory_is_known_before_it_is_taken() {
     for m in [3, 9] {
         let (pattern, values, order) = lattice(m, &mut Numbers(5));
-        let mut llt = Multifrontal::new(&pattern, &order).unwrap();
-        let bytes = llt.bytes();
-        let mut factor = vec![0.0; llt.factor_len()];
-        assert!(llt.factorise(&values, &mut factor));
-        llt.solve(&factor, &mut vec![1.0; pattern.n]);
-        assert_eq!(bytes, 8 * (factor.len() + llt.passed.len() + llt.solution.len()) as u64);
+        for (pattern, values) in [unsymmetric(&pattern, &values), (pattern, values)] {
+            let mut llt = Multifrontal::new(&pattern, &order).unwrap();
+            let bytes = llt.bytes();
+            let mut factor = vec![0.0; llt.factor_len()];
+            assert!(llt.factorise(&values, &mut factor));
+            llt.solve(&factor, &mut vec![1.0; pattern.n]);
+            assert_eq!(bytes, 8 * (factor.len() + llt.passed.len() + llt.solution.len()) as u64);
+        }
     }
 }
