@@ -8,10 +8,12 @@ mod direct;
 mod direct_backend;
 mod krylov;
 mod lattice;
+mod ldlt;
 mod multifrontal;
 mod multigrid;
 mod numbering;
 pub mod ordering;
+mod pivoted_lu;
 mod reduction;
 
 use serde::{Deserialize, Serialize};
@@ -46,7 +48,7 @@ pub enum Factorisation {
     Cholesky,
     /// LDLᵀ: symmetric but not positive definite.
     Ldlt,
-    /// LU with partial pivoting.
+    /// LU: not symmetric, or not to be solved otherwise.
     Lu,
     /// No factorisation: conjugate gradients with a multigrid preconditioner, which found the matrix positive definite.
     Multigrid,
@@ -140,6 +142,15 @@ mod conformance {
         vec![Box::new(Direct::default())]
     }
 
+    /// Every solver, for the lower triangle of a symmetric matrix and for both.
+    fn on_triangles() -> Vec<(Box<dyn LinearSolver>, bool)> {
+        solvers()
+            .into_iter()
+            .map(|solver| (solver, true))
+            .chain(solvers().into_iter().map(|solver| (solver, false)))
+            .collect()
+    }
+
     /// A five-point Laplacian on an m×m grid, shifted, with an optional unsymmetric part.
     fn matrix(m: usize, shift: f64, skew: f64) -> DMatrix<f64> {
         let n = m * m;
@@ -208,10 +219,12 @@ mod conformance {
         let mut a = matrix(5, 0.0, 0.0);
         a.row_mut(7).fill(0.0);
         a.column_mut(7).fill(0.0);
-        let (pattern, values) = sparse(&a, true);
         for mut solver in solvers() {
-            solver.analyse(pattern.clone(), &|| (0..25).collect()).unwrap();
-            assert_eq!(solver.factorise(&values), Err(LinearError::Singular { unknown: Some(7) }));
+            for symmetric in [true, false] {
+                let (pattern, values) = sparse(&a, symmetric);
+                solver.analyse(pattern.clone(), &|| (0..25).collect()).unwrap();
+                assert_eq!(solver.factorise(&values), Err(LinearError::Singular { unknown: Some(7) }));
+            }
         }
     }
 
@@ -236,8 +249,8 @@ mod conformance {
             {
                 a[(i, j)] = value;
             }
-            let (pattern, values) = sparse(&a, true);
-            for mut solver in solvers() {
+            for (mut solver, symmetric) in on_triangles() {
+                let (pattern, values) = sparse(&a, symmetric);
                 solver.analyse(pattern.clone(), &|| (0..n).rev().collect()).unwrap();
                 let some = nalgebra::DVector::from_fn(n, |i, _| (i as f64).sin());
                 let b = &a * &some;
@@ -282,8 +295,8 @@ mod conformance {
                 if loose != n - 2 {
                     a[(n - 1, n - 1)] += 0.5;
                 }
-                let (pattern, values) = sparse(&a, true);
-                for mut solver in solvers() {
+                for (mut solver, symmetric) in on_triangles() {
+                    let (pattern, values) = sparse(&a, symmetric);
                     solver.analyse(pattern.clone(), &|| (0..n).rev().collect()).unwrap();
                     let mut x = vec![1.0; n];
                     let outcome = solver.factorise(&values).and_then(|_| solver.solve(&mut x));

@@ -75,9 +75,14 @@ impl Elimination<'_> {
             return false;
         }
         for_each_factor(front, update, |factor, update| {
-            for_each_column(update, dense::stride(front.border_len()), front.border_len(), |first, columns| {
-                passed.add(factor, front.pivots + first, front.pivots, columns);
-            });
+            for_each_column(
+                update,
+                dense::stride(front.border_len()),
+                front.border_len(),
+                |first, columns| {
+                    passed.add(factor, front.pivots + first, front.pivots, columns);
+                },
+            );
         });
         true
     }

@@ -58,9 +58,13 @@ fn coupled(nodes: usize, width: usize, pairs: &[(usize, usize)], numbers: &mut N
 
 /// An unsymmetric matrix with the pattern and the diagonal of a symmetric one.
 fn skewed(a: &DMatrix<f64>, numbers: &mut Numbers) -> DMatrix<f64> {
-    DMatrix::from_fn(a.nrows(), a.nrows(), |i, j| {
-        if i == j { a[(i, j)] } else { a[(i, j)] * 2.0 * numbers.next() }
-    })
+    DMatrix::from_fn(
+        a.nrows(),
+        a.nrows(),
+        |i, j| {
+            if i == j { a[(i, j)] } else { a[(i, j)] * 2.0 * numbers.next() }
+        },
+    )
 }
 
 /// All entries of a matrix with a symmetric pattern.

@@ -1,0 +1,73 @@
+//! LU with partial pivoting, of the faer library, for matrices that no factorisation without pivoting solves.
+
+use faer::linalg::solvers::SolveCore;
+use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{Conj, MatMut};
+
+use super::{LinearError, Pattern};
+
+/// The factors of a matrix, and the layout of both its triangles.
+pub(super) struct PivotedLu {
+    pattern: Pattern,
+    /// For each entry, its place in the values of the given pattern.
+    source: Vec<usize>,
+    symbolic: SymbolicLu<usize>,
+    factors: Option<Lu<usize, f64>>,
+}
+
+impl PivotedLu {
+    /// Lays out the factors of matrices of this pattern.
+    pub fn new(pattern: &Pattern) -> Result<PivotedLu, LinearError> {
+        let (pattern, source) = both_triangles(pattern);
+        let symbolic =
+            SymbolicLu::try_new(view(&pattern)).map_err(|_| LinearError::OutOfMemory { needed: None })?;
+        Ok(PivotedLu { pattern, source, symbolic, factors: None })
+    }
+
+    /// Factorises the matrix with these values of the given pattern; false if it is singular.
+    pub fn factorise(&mut self, values: &[f64]) -> bool {
+        let values: Vec<f64> = self.source.iter().map(|&s| values[s]).collect();
+        let matrix = SparseColMatRef::new(view(&self.pattern), &values[..]);
+        self.factors = Lu::try_new_with_symbolic(self.symbolic.clone(), matrix).ok();
+        self.factors.is_some()
+    }
+
+    /// Replaces the right-hand side by the solution, or by NaN if there are no factors.
+    pub fn solve(&self, rhs: &mut [f64]) {
+        match &self.factors {
+            Some(lu) => {
+                let rhs = MatMut::from_column_major_slice_mut(rhs, self.pattern.n, 1);
+                lu.solve_in_place_with_conj(Conj::No, rhs);
+            }
+            None => rhs.fill(f64::NAN),
+        }
+    }
+}
+
+fn view(pattern: &Pattern) -> SymbolicSparseColMatRef<'_, usize> {
+    SymbolicSparseColMatRef::new_checked(pattern.n, pattern.n, &pattern.column_start, None, &pattern.row)
+}
+
+/// The full pattern of a matrix, and for each of its entries the place in the given one.
+fn both_triangles(pattern: &Pattern) -> (Pattern, Vec<usize>) {
+    let mut columns: Vec<Vec<(usize, usize)>> = vec![Vec::new(); pattern.n];
+    for j in 0..pattern.n {
+        for e in pattern.column_start[j]..pattern.column_start[j + 1] {
+            let i = pattern.row[e];
+            columns[j].push((i, e));
+            if pattern.symmetric && i != j {
+                columns[i].push((j, e));
+            }
+        }
+    }
+    let mut full = Pattern { n: pattern.n, column_start: vec![0], row: Vec::new(), symmetric: false };
+    let mut source = Vec::new();
+    for column in &mut columns {
+        column.sort_unstable();
+        full.row.extend(column.iter().map(|c| c.0));
+        source.extend(column.iter().map(|c| c.1));
+        full.column_start.push(full.row.len());
+    }
+    (full, source)
+}
