@@ -119,7 +119,10 @@ where
         self.body_numbers = deck.bodies.iter().enumerate().map(|(k, body)| (body.name.as_str(), k)).collect();
         let grid = self.grid()?;
         let (regions, groups) = self.regions(grid.as_ref())?;
-        let size = Size::of(deck, grid.as_ref(), &regions);
+        let laws = self.laws(grid.as_ref(), &regions);
+        let is_symmetric = laws.iter().all(|material| material.law.tangent_is_symmetric())
+            && deck.bodies.iter().all(|body| body.volumetric != Volumetric::FBar);
+        let size = Size::of(deck, grid.as_ref(), &regions, is_symmetric);
         self.memory_needed = size.memory();
         if size.points > f64::from(u32::MAX) {
             let message = format!(
@@ -139,7 +142,6 @@ where
                 return None;
             }
         }
-        let laws = self.laws(grid.as_ref(), &regions);
         if laws.len() < deck.materials.len() {
             return None;
         }

@@ -76,8 +76,14 @@ pub(super) struct Size {
 }
 
 impl Size {
-    /// Estimates the size of a deck from its grid and regions, before any body is filled.
-    pub(super) fn of<const D: usize>(deck: &Deck, grid: &dyn Grid<D>, regions: &[Region<D>]) -> Size {
+    /// Estimates the size of a deck from its grid and regions, before any body is filled. An unsymmetric stiffness and its
+    /// factors have twice the entries of a symmetric one.
+    pub(super) fn of<const D: usize>(
+        deck: &Deck,
+        grid: &dyn Grid<D>,
+        regions: &[Region<D>],
+        is_symmetric: bool,
+    ) -> Size {
         let nodes = grid.n_nodes() as f64;
         let whole = volume(grid);
         let (mut points, mut memory_of_points, mut cells, mut factor) = (0.0, 0.0, 0.0, 0.0_f64);
@@ -121,11 +127,12 @@ impl Size {
             unknowns,
             memory_of_grid: PER_NODE * nodes,
             memory_of_points,
-            memory_of_stiffness: if is_iterative {
-                ITERATIVE[usize::from(D > 2)][usize::from(reach > 1.0)] * unknowns
-            } else {
-                factor * fill
-            },
+            memory_of_stiffness: if is_symmetric { 1.0 } else { 2.0 }
+                * if is_iterative {
+                    ITERATIVE[usize::from(D > 2)][usize::from(reach > 1.0)] * unknowns
+                } else {
+                    factor * fill
+                },
             largest_body: largest.1,
         }
     }
@@ -275,7 +282,7 @@ steps: {count: 1}
         let grid = Structured::<2>::new([0.0; 2], [0.5; 2], [40, 20]);
         let mut given = WithoutFiles { grid: Some(grid.bounds()) };
         let region = region(&deck.bodies[0].shape, "", &mut given).ok().unwrap();
-        Size::of(deck, &grid, &[region])
+        Size::of(deck, &grid, &[region], true)
     }
 
     #[test]
@@ -302,7 +309,7 @@ steps: {count: 1}
             let (model, points) = crate::build::build::<2>(&loaded).unwrap();
             let mut given = WithoutFiles { grid: Some(model.grid.bounds()) };
             let region = region(&loaded.deck.bodies[0].shape, "", &mut given).ok().unwrap();
-            let size = Size::of(&loaded.deck, model.grid.as_ref(), &[region]);
+            let size = Size::of(&loaded.deck, model.grid.as_ref(), &[region], true);
             assert_eq!(points.len() as f64, 9.0 * cells);
             assert!((size.points / (9.0 * cells) - 1.0).abs() < 1e-12, "{size:?}");
         }
