@@ -37,7 +37,15 @@ pub struct Run {
 
 /// Runs a deck given as text.
 pub fn run(text: &str) -> Run {
-    let (mut model, mut points) = build(&load_text("stages.yaml", text.as_bytes(), &[]).unwrap()).unwrap();
+    run_with(text, &[])
+}
+
+/// Runs a deck given as text with these values of its parameters.
+pub fn run_with(text: &str, values: &[(&str, &str)]) -> Run {
+    let values: Vec<_> =
+        values.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+    let (mut model, mut points) =
+        build(&load_text("stages.yaml", text.as_bytes(), &values).unwrap()).unwrap();
     let mut every = Every::default();
     let reached = Reached::nothing(&points);
     let summary = run_stages(&mut model, &mut points, reached, &mut every).unwrap();

@@ -38,11 +38,13 @@ def test_the_crest_runs_away_at_the_factor_of_safety(slope):
 
 
 def test_numbers_of_the_page_of_the_slope(slope, analyse):
-    rows = re.findall(r"^\| ([\d.]+) \| ([\d.]+) \| ([\d.]+) mm \| ([\d.]+) mm \|$", (PAGE / "slope.md").read_text(), re.M)
+    row = r"^\| ([\d.]+) \| ([\d. and]+|–) \| ([\d.]+)(?:, the largest tried)? \| ([\d.]+) mm \| ([\d.]+) mm \|$"
+    rows = re.findall(row, (PAGE / "slope.md").read_text(), re.M)
     assert [row[0] for row in rows] == ["1", "0.5", "0.25"]
-    for results, (_, stands, before, last) in zip((analyse("inputs/slope.yaml", h=1), slope), rows):
-        history = results.history
-        assert f"{results.summary['strength_reduction']['stands']:.3f}" == stands
+    for results, (_, slides, stands, before, last) in zip((analyse("inputs/slope.yaml", h=1), slope), rows):
+        history, bracket = results.history, results.summary["strength_reduction"]
+        assert f"{bracket['stands']:.3f}" == stands
+        assert slides == ("{:.3f} and {:.3f}".format(*bracket["slides"]) if bracket["slides"] else "–")
         row = int(np.abs(history["strength_factor"] - 1.3).argmin())
         assert f"{-1e3 * history['crest_uy'][row]:.1f}" == before
         assert f"{-1e3 * history['crest_uy'][-1]:.0f}" == last
@@ -54,7 +56,11 @@ def test_the_screen_the_log_and_the_report_state_the_factor(mpm, tmp_path):
     assert process.returncode == 0, process.stderr
     bracket = json.loads((out / "summary.json").read_text())["strength_reduction"]
     closing = " ".join(process.stdout.split())
-    words = f"between {bracket['stands']:.3f} (in equilibrium) and {bracket['fails']:.3f} (no equilibrium found)"
+    # On cells as coarse as these, the slope slides and stands again.
+    before, after = bracket["slides"]
+    assert 1.38 < before < after < 1.43
+    words = f"between {before:.3f} (in equilibrium) and {after:.3f} (displacements exceed 1 % of the height)"
+    assert "warning[W018]" in process.stderr and "take the smaller of these factors" in process.stderr
     assert f"factor of safety {words}" in closing
     assert "flow of `soil` is not associated" in closing and "depends on the size of the cells" in closing
     assert "strength factor 1.1000" in process.stderr
@@ -64,7 +70,7 @@ def test_the_screen_the_log_and_the_report_state_the_factor(mpm, tmp_path):
     report = mpm("report", out)
     assert report.returncode == 0, report.stderr
     page = (out / "report.html").read_text()
-    for part in ("Note D064.", "<h2", words, "against the factor by which the strength is divided", "no equilibrium"):
+    for part in ("Note D064.", "<h2", words, "against the factor by which the strength is divided", ">slides<", "W018"):
         assert part in page, part
     assert page.count("The mechanism. Deformed") == 2, "displacement and equivalent plastic strain"
 
@@ -89,8 +95,9 @@ def test_a_study_compares_the_factors_of_two_grids(mpm, tmp_path):
     process = mpm("sweep", ROOT / "inputs/slope.yaml", *over, "--out", tmp_path / "out", "--set", "to=2.5")
     assert process.returncode == 0, process.stderr
     rows = list(csv.DictReader(open(tmp_path / "out/sweep.csv")))
-    stands = {(row["h"], row["c"]): float(row["strength_factor_stands"]) for row in rows}
-    assert all(float(row["strength_factor_fails"]) > stands[row["h"], row["c"]] for row in rows)
+    last = {(row["h"], row["c"]): row["strength_factor_slides"] or row["strength_factor_stands"] for row in rows}
+    stands = {key: float(factor) for key, factor in last.items()}
+    assert all(float(row["strength_factor_stands"]) >= stands[row["h"], row["c"]] for row in rows)
     for c in ("10e3", "12e3"):
         coarse, fine = stands["2", c], stands["1", c]
         percent = 100 * (fine - coarse) / fine
@@ -141,12 +148,11 @@ def test_the_triaxial_sample_follows_the_curve_of_one_point(
     # It is homogeneous: the volume of each point is that of the element, too.
     points = results.mesh("points", -1)
     assert points["J"].mean() == pytest.approx(math.exp(element["volumetric_strain"][-1]), rel=0.005)
-    if ocr == 1.5:
-        text = (PAGE / "triaxial.md").read_text()
-        rows = re.findall(r"^\| (0\.\d+) \| ([\d.]+) kPa \| ([\d.]+) kPa \| −([\d.]+) % \|$", text, re.M)
-        assert len(rows) == 3
-        for shown, of_point, of_sample, less in rows:
-            step = int(np.abs(strain - float(shown)).argmin())
-            assert q[step] / 1e3 == pytest.approx(float(of_point), abs=0.006)
-            assert sample[step] / 1e3 == pytest.approx(float(of_sample), abs=0.006)
-            assert 100 * (1 - sample[step] / q[step]) == pytest.approx(float(less), abs=0.006)
+    text = (PAGE / "triaxial.md").read_text()
+    rows = re.findall(r"^\| (0\.\d+) \| ([\d.]+) kPa \| ([\d.]+) kPa \| −([\d.]+) % \|$", text, re.M)
+    assert len(rows) == 3
+    for shown, of_point, of_sample, less in rows:
+        step = int(np.abs(strain - float(shown)).argmin())
+        assert q[step] / 1e3 == pytest.approx(float(of_point), abs=0.006)
+        assert sample[step] / 1e3 == pytest.approx(float(of_sample), abs=0.006)
+        assert 100 * (1 - sample[step] / q[step]) == pytest.approx(float(less), abs=0.006)

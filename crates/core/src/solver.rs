@@ -11,7 +11,7 @@
 //! | `update` | motion of points and domains, section 6.4 |
 //! | `equations` | choice of the linear solver, border of global unknowns |
 //! | `initial_state` | equilibrium of bodies that are stressed at time 0 |
-//! | `strength` | factors of a reduction of strength |
+//! | `strength` | factors of a reduction of strength, and displacements on the way |
 //! | `conclusion`, `summary`, `observer` | account of a step and of the run |
 //! | `course`, `forcing`, `damping`, `damped_step`, `control`, `motion` | beyond the paper: forecasts, inexact solves, damping, unknown load factor, predictor |
 //! | `attempt`, `error`, `diagnosis`, `evidence` | how attempts end, and why they fail |
@@ -64,7 +64,7 @@ pub use observer::{Observer, Silent};
 pub use pace::Pace;
 pub use stages::{Change, resume_stage, run_stages, run_with_changes};
 pub use stepper::{Kernels, Stepper};
-pub use strength::StrengthBracket;
+pub use strength::{StageStrength, StrengthBracket};
 pub use summary::{Reached, StageReached, Summary};
 
 /// A model in a number of dimensions for which there are mechanics.

@@ -147,6 +147,8 @@ pub const CODES: &[(&str, &str)] = &[
     ("D062", "parameters that do not fit the law of a library"),
     ("D063", "a law of a library that lacks a property"),
     ("D064", "a factor of safety that depends on the size of the cells"),
+    ("D065", "a reduction of strength without loads"),
+    ("D066", "a reduction of strength after another"),
 ];
 
 impl Diagnostic {

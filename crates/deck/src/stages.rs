@@ -1,6 +1,6 @@
 //! The stages of a deck.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -95,13 +95,17 @@ impl Deck {
         self.courses().iter().any(|(_, steps)| reduces(steps))
     }
 
+    /// Names of the materials that bodies have at the start or are given by a stage.
+    pub fn used_materials(&self) -> BTreeSet<&str> {
+        let in_stages = self.stages.iter().flat_map(|stage| stage.material.values());
+        self.bodies.iter().map(|body| &body.material).chain(in_stages).map(String::as_str).collect()
+    }
+
     /// Names of the materials of bodies whose flow is not associated, if their strength is reduced.
     pub fn nonassociated_with_reduced_strength(&self) -> Vec<&str> {
-        let of_bodies = self.bodies.iter().map(|body| &body.material);
-        let used: Vec<&String> =
-            of_bodies.chain(self.stages.iter().flat_map(|stage| stage.material.values())).collect();
+        let used = self.used_materials();
         let found = self.materials.iter().filter(|(name, material)| {
-            self.reduces_strength() && !material.is_associated() && used.contains(name)
+            self.reduces_strength() && !material.is_associated() && used.contains(name.as_str())
         });
         found.map(|(name, _)| name.as_str()).collect()
     }

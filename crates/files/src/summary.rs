@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 use mpm_core::model::{Model, Stepping};
 use mpm_core::points::Points;
 use mpm_core::quality::{Balance, Quality, Warning, Worst};
-use mpm_core::solver::{Diagnosis, InitialState, SolveError, Summary};
+use mpm_core::solver::{Diagnosis, InitialState, SolveError, StageStrength, StrengthBracket, Summary};
 use mpm_core::timing::{Phase, Spent, Timings};
 
 /// Version of the program, as it appears in the results.
@@ -252,8 +252,13 @@ impl Account {
         if !model.stages.is_empty() {
             document["stages"] = stages(model, summary);
         }
-        if let Some(bracket) = &summary.strength {
-            document["strength_reduction"] = json!({"stands": bracket.stands, "fails": bracket.fails});
+        let reductions: Vec<Value> =
+            summary.strength.iter().map(|of| strength_reduction(model, of)).collect();
+        if let Some(last) = reductions.last() {
+            document["strength_reduction"] = last.clone();
+        }
+        if reductions.len() > 1 {
+            document["strength_reductions"] = reductions.into();
         }
         if let Some(state) = &summary.initial_state {
             document["initial_state"] = initial_state(state);
@@ -355,6 +360,13 @@ fn initial_state(of: &InitialState) -> Value {
         "worst": of.worst.as_ref().map(|(node, force)| json!({"node": node, "force": force})),
         "strain_energy": of.energy,
     })
+}
+
+/// The factors of a stage that reduces the strength; its name is null without stages.
+fn strength_reduction<const D: usize>(model: &Model<D>, of: &StageStrength) -> Value {
+    let StrengthBracket { stands, fails, slides, moved } = of.bracket;
+    let stage = model.stages.get(of.stage).map(|stage| &stage.name);
+    json!({"stage": stage, "stands": stands, "fails": fails, "slides": slides, "moved": moved})
 }
 
 /// The probable cause of a failure, with advice.

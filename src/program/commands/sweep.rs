@@ -167,7 +167,7 @@ impl Sweep {
                     summary.evaluations,
                     start.elapsed().wall.as_secs_f64()
                 );
-                if let Some(bracket) = summary.strength {
+                if let Some(bracket) = summary.last_strength() {
                     message!("  factor of safety {bracket}");
                 }
                 Outcome::Completed

@@ -10,7 +10,7 @@ use crate::output::results::{Picture, Results};
 use crate::points::Points;
 use crate::program::screen::quantities::{duration, significant};
 use crate::quality::{BalanceSoFar, MOST_ENERGY_ERROR, MOST_REGRIDDING};
-use crate::solver::{SolveError, Summary};
+use crate::solver::{SolveError, StageStrength, Summary};
 
 /// Width of a line, [characters]; names and paths may exceed it.
 const WIDTH: usize = 80;
@@ -40,8 +40,8 @@ pub struct Closing {
     balance: BalanceSoFar,
     warnings: usize,
     findings: Findings,
-    /// The factor of safety in words, if the strength was reduced.
-    safety: Option<String>,
+    /// The factor of safety in words, of each stage that reduced the strength.
+    safety: Vec<String>,
     /// Materials whose flow is not associated, while their strength is reduced.
     nonassociated: Vec<String>,
     directory: PathBuf,
@@ -98,7 +98,7 @@ impl Closing {
             balance: summary.balance(),
             warnings: summary.warnings.len(),
             findings: results.findings().clone(),
-            safety: summary.strength.map(|bracket| bracket.to_string()),
+            safety: safety(model, summary),
             nonassociated: Vec::new(),
             directory: results.directory().to_owned(),
             picture: results.last_picture(),
@@ -159,8 +159,14 @@ impl Closing {
     }
 
     fn safety(&self, table: &mut Table) {
-        let Some(safety) = &self.safety else { return };
-        table.row("factor of safety", safety);
+        let mut label = "factor of safety";
+        for line in &self.safety {
+            table.row(label, line);
+            label = " ";
+        }
+        if self.safety.is_empty() {
+            return;
+        }
         if !self.nonassociated.is_empty() {
             let names = list(self.nonassociated.iter().map(String::as_str));
             let text = "the factor depends on the size of the cells: compare another grid";
@@ -231,6 +237,16 @@ impl Closing {
             None => table.row("", "no VTU files: the deck sets `output: {every: 0}`"),
         }
     }
+}
+
+/// The factors of safety in words: one, or one for each of several stages, with its name.
+fn safety<const D: usize>(model: &Model<D>, summary: &Summary) -> Vec<String> {
+    let in_words = |of: &StageStrength| {
+        let stage = model.stages.get(of.stage).filter(|_| summary.strength.len() > 1);
+        let stage = stage.map(|stage| format!("stage `{}`: ", stage.name)).unwrap_or_default();
+        format!("{stage}{}", of.bracket)
+    };
+    summary.strength.iter().map(in_words).collect()
 }
 
 /// Formats a number with the singular or plural of its noun.

@@ -283,6 +283,8 @@ impl<const D: usize> Observer<D> for Watch {
         let code = attempt.error.code().unwrap_or_default();
         self.log(&format!("attempt failed [{code}]: {}", attempt.error));
         match ended {
+            None if attempt.is_repeated => self
+                .log("the step is repeated with a fresh stiffness in every iteration, and more iterations"),
             None => {
                 self.log(&format!("a step of {} times the requested size is too large", significant(part, 3)))
             }

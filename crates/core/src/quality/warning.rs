@@ -61,6 +61,9 @@ pub enum Code {
     /// An equilibrium is not stable.
     #[serde(rename = "W017")]
     Unstable,
+    /// Bodies slide while their strength is reduced.
+    #[serde(rename = "W018")]
+    Slides,
 }
 
 /// The codes of all warnings, each with its title.
@@ -82,6 +85,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("W015", "a body whose imbalance is hidden by others"),
     ("W016", "a soft body that a stiff one stiffens"),
     ("W017", "an equilibrium that is not stable"),
+    ("W018", "bodies that slide while their strength is reduced"),
 ];
 
 impl Code {
@@ -189,6 +193,7 @@ mod tests {
             HiddenResidual,
             Stiffened,
             Unstable,
+            Slides,
         ];
         assert_eq!(all.len(), CODES.len());
         for (code, (text, _)) in all.iter().zip(CODES) {

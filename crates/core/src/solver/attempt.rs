@@ -7,7 +7,11 @@ use super::error::SolveError;
 use crate::equilibrium::Energy;
 use crate::equilibrium::StepReport;
 use crate::linear::LinearError;
+use crate::model::{Newton, StiffnessUpdate};
 use crate::step::{Nodal, Step};
+
+/// Largest number of linear solves in a thorough attempt, unless the settings allow more.
+const MANY_ITERATIONS: usize = 50;
 
 /// The outcome of an attempt that has not failed.
 pub(super) enum Attempt<const D: usize> {
@@ -37,6 +41,31 @@ impl Slump {
 
     pub(super) fn has_begun(self) -> bool {
         matches!(self, Slump::GoesOn | Slump::Ends)
+    }
+}
+
+/// The effort of the iterations of an attempt.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Effort {
+    /// That of the settings.
+    Usual,
+    /// The stiffness is fresh in every iteration, line searches begin early, and iterations are many, so that the settings
+    /// do not decide whether equilibrium is found.
+    Thorough,
+}
+
+impl Effort {
+    /// Largest number of linear solves in the attempt.
+    pub(super) fn most_iterations(self, newton: &Newton) -> usize {
+        match self {
+            Effort::Usual => newton.max_iterations,
+            Effort::Thorough => newton.max_iterations.max(MANY_ITERATIONS),
+        }
+    }
+
+    /// True if the stiffness may be kept from one iteration to the next.
+    pub(super) fn may_keep_stiffness(self, newton: &Newton) -> bool {
+        self == Effort::Usual && newton.tangent == StiffnessUpdate::Kept
     }
 }
 
@@ -88,6 +117,8 @@ pub struct FailedAttempt<const D: usize> {
     pub error: SolveError,
     /// True if a smaller step may have an equilibrium.
     pub may_succeed_if_smaller: bool,
+    /// True if the same step is attempted once more, with a fresh stiffness in every iteration and many iterations.
+    pub is_repeated: bool,
     /// Residual of every evaluation.
     pub residuals: Vec<f64>,
     /// Number of iterations of the linear solver in the whole attempt; 0 for a direct solver.
@@ -107,6 +138,7 @@ impl<const D: usize> FailedAttempt<D> {
             step,
             error,
             may_succeed_if_smaller: false,
+            is_repeated: false,
             residuals: Vec::new(),
             linear_iterations: 0,
             load_factor: None,

@@ -108,6 +108,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         Box::new(FailedAttempt {
             step: context.step,
             may_succeed_if_smaller: error.is_retryable(),
+            is_repeated: false,
             error,
             residuals: std::mem::take(&mut course.residuals),
             linear_iterations: course.linear_iterations(),

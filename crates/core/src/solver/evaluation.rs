@@ -2,11 +2,11 @@
 //! shortened by a line search if it overshoots.
 
 use crate::assembly::Wanted;
-use crate::model::StiffnessUpdate;
 use crate::step::StepContext;
 use crate::terms::EvaluateError;
 use crate::timing::Phase;
 
+use super::attempt::Effort;
 use super::damping::MOST_TRIALS;
 use super::error::{SolveError, locate_failure};
 use super::load_step::LoadStep;
@@ -58,7 +58,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     /// [`EvaluateError::Law`].
     fn try_forces_only(&mut self) -> Result<Option<f64>, EvaluateError> {
         let tolerance = self.context.model.newton.tolerance;
-        let is_last = self.context.model.newton.tangent == StiffnessUpdate::Fresh
+        let is_last = !self.effort.may_keep_stiffness(&self.context.model.newton)
             && !self.is_damped()
             && self.course.forecast(&self.forcing, self.summary.last_iterations) <= tolerance
             && self.has_reached_constraints();
@@ -139,7 +139,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let damped = self.is_damped();
         let first = if damped {
             1
-        } else if self.summary.pace.is_careful() {
+        } else if self.summary.pace.is_careful() || self.effort == Effort::Thorough {
             FIRST_SEARCH
         } else {
             ((LATE * newton.max_iterations as f64) as usize).max(FIRST_SEARCH)

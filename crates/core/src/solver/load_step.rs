@@ -7,7 +7,7 @@ use crate::step::{Step, StepContext};
 use crate::stress::{Mechanics, Volumetric};
 use crate::timing::Phase;
 
-use super::attempt::{Attempt, Ended, FailedAttempt, Iterate, OnTheWay, Slump};
+use super::attempt::{Attempt, Effort, Ended, FailedAttempt, Iterate, OnTheWay, Slump};
 use super::conclusion::LastIterate;
 use super::course::Course;
 use super::damping::{Damping, STRIDE};
@@ -29,6 +29,7 @@ pub(super) struct LoadStep<'a, const D: usize, const N: usize> {
     pub(super) course: Course<N>,
     pub(super) forcing: Forcing,
     pub(super) damping: Option<Damping<N>>,
+    pub(super) effort: Effort,
     /// Largest nodal displacement of damped iterations before the step continues on a fresh grid, [length]; infinite if it may
     /// not.
     pub(super) stride: f64,
@@ -46,6 +47,7 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         &mut self,
         step: Step,
         slump: Slump,
+        effort: Effort,
         observer: &mut dyn Observer<D>,
     ) -> Result<Attempt<D>, Box<FailedAttempt<D>>> {
         // The grid is undeformed: S_vp, ∇S_vp and the pattern of K are fixed for the step (section 5.1).
@@ -59,8 +61,8 @@ impl<const D: usize, const N: usize> Stepper<'_, D, N> {
         let begin = || StepSystem::new::<M>(&context, points, path, carried, fields, terms);
         let system =
             timings.measure(Phase::SetUp, begin).map_err(|error| FailedAttempt::at_once(step, error))?;
-        let mut load_step =
-            LoadStep::new(context, points, system, slump, &mut self.equations, summary, observer);
+        let load_step = LoadStep::new(context, points, system, slump, &mut self.equations, summary, observer);
+        let mut load_step = LoadStep { effort, ..load_step };
         let ended = load_step.iterate::<M>();
         let mut last = load_step.into_last_iterate();
         let outcome = match ended {
@@ -132,6 +134,7 @@ impl<'a, const D: usize, const N: usize> LoadStep<'a, D, N> {
             course: Course::new(),
             forcing: Forcing::default(),
             damping: None,
+            effort: Effort::Usual,
             stride,
             is_predicted: false,
             equations,

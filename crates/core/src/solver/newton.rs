@@ -1,7 +1,6 @@
 //! Newton iterations to equilibrium within one load step: eqs. (26), (28), (30) and (40).
 
 use crate::linear::Solved;
-use crate::model::StiffnessUpdate;
 use crate::step::{StepContext, displacement};
 use crate::stress::Mechanics;
 use crate::timing::Phase;
@@ -46,7 +45,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     }
 
     fn most_iterations(&self) -> usize {
-        let most = self.context.model.newton.max_iterations;
+        let most = self.effort.most_iterations(&self.context.model.newton);
         if self.is_damped() { MORE_ITERATIONS * most } else { most }
     }
 
@@ -97,7 +96,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     fn newton_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
         let LoadStep { context, system: StepSystem { dofs, sum, condition, .. }, unknowns, course, .. } =
             self;
-        let LoadStep { equations, summary, forcing, .. } = self;
+        let LoadStep { equations, summary, forcing, effort, .. } = self;
         let (place, newton) = (context.place(dofs), &context.model.newton);
         let (system, timings) = (sum.system_mut(), &mut summary.timings);
         // The right-hand side; δd becomes the remainder of the prescribed motion.
@@ -111,7 +110,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             return Ok(None);
         }
         // A preconditioner from an earlier iteration does not affect the solution.
-        let may_reuse_factor = (newton.tangent == StiffnessUpdate::Kept || equations.is_iterative())
+        let may_reuse_factor = (effort.may_keep_stiffness(newton) || equations.is_iterative())
             && course.falls_fast()
             && !unknowns.prescribes
             && !course.solved.is_empty();

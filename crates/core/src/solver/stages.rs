@@ -111,9 +111,6 @@ fn enter<const D: usize>(
     reached.step.end = time;
     reached.summary.pace = Pace::default();
     reached.summary.path = Path::default();
-    if model.stepping.strength_factor(time).is_some() {
-        reached.summary.strength = None;
-    }
     Ok(())
 }
 

@@ -16,7 +16,7 @@ use crate::terms::{Terms, of_model, restore};
 use crate::timing::{Phase, Timings};
 
 use super::Solvable;
-use super::attempt::{Attempt, FailedAttempt, OnTheWay, Slump};
+use super::attempt::{Attempt, Effort, FailedAttempt, OnTheWay, Slump};
 use super::control::Path;
 use super::damping;
 use super::diagnosis::Diagnosis;
@@ -25,7 +25,7 @@ use super::error::SolveError;
 use super::fields::Fields;
 use super::observer::Observer;
 use super::release::balancing_forces;
-use super::strength::StrengthBracket;
+use super::strength::Movement;
 use super::summary::{Reached, Summary};
 
 /// An analysis, load step by load step.
@@ -251,8 +251,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// The step that follows the last one in equilibrium; `None` at the end of the analysis.
     fn next_interval(&self) -> Option<Step> {
         let Reached { step: Step { index, end: start, .. }, summary } = &self.reached;
-        let is_reduced = self.model.stepping.strength_factor(*start).is_some();
-        if is_reduced && summary.strength.is_some_and(|bracket| bracket.fails.is_some()) {
+        let stage = self.model.present.stage;
+        if summary.strength.iter().any(|of| of.stage == stage && of.bracket.fails.is_some()) {
             return None;
         }
         let end = summary.pace.end_of_step(&self.model.stepping, *start)?;
@@ -277,11 +277,32 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             && damping::may_slump(self.model, self.points)
             && !self.is_extended;
         let slump = if may_slump { Slump::MayBegin } else { Slump::Forbidden };
-        match self.attempt::<M>(step, slump, observer) {
+        let mut attempted = self.attempt::<M>(step, slump, Effort::Usual, observer);
+        if let Err(failed) = &mut attempted
+            && failed.may_succeed_if_smaller
+            && self.model.stepping.strength_factor(step.end).is_some()
+        {
+            self.announce_repetition(failed, observer)?;
+            attempted = self.attempt::<M>(step, slump, Effort::Thorough, observer);
+        }
+        match attempted {
             Ok(Attempt::Equilibrium(report, path)) => self.accept(*report, path, observer),
             Ok(Attempt::OnTheWay(way)) => self.slump::<M>(step, way, observer),
             Err(failed) => self.refuse(*failed, observer),
         }
+    }
+
+    /// Counts and reports a failed attempt that a thorough one follows.
+    fn announce_repetition(
+        &mut self,
+        failed: &mut FailedAttempt<D>,
+        observer: &mut dyn Observer<D>,
+    ) -> Result<(), SolveError> {
+        failed.is_repeated = true;
+        let (model, points, summary) = (self.model, &*self.points, &mut self.reached.summary);
+        summary.failed_attempts += 1;
+        let observe = || observer.failed(model, points, failed, None);
+        summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output)
     }
 
     /// Continues from the positions to which damped iterations have moved the points, on one fresh grid after another,
@@ -305,7 +326,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             rests = if way.is_at_rest { rests + 1 } else { 0 };
             let goes_on = grids < damping::MOST_GRIDS && rests < damping::MOST_RESTS;
             let slump = if goes_on { Slump::GoesOn } else { Slump::Ends };
-            match self.attempt::<M>(step, slump, observer) {
+            match self.attempt::<M>(step, slump, Effort::Usual, observer) {
                 Ok(Attempt::Equilibrium(mut report, path)) => {
                     way.lead_to(&mut report);
                     return self.accept(*report, path, observer);
@@ -337,9 +358,6 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             (self.terms.iter()).filter_map(|term| Some((term.name().to_owned(), term.save()?))).collect();
         *step = report.step;
         summary.path = path;
-        if let Some(stands) = report.strength_factor {
-            summary.strength = Some(StrengthBracket { stands: Some(stands), fails: None });
-        }
         self.cause = None;
         self.lost_points = None;
         summary.kept = self.equations.kept();
@@ -358,7 +376,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
     /// Makes the next step smaller, or returns the error that ends the run.
     fn refuse(&mut self, failed: FailedAttempt<D>, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
         let (model, points) = (self.model, &*self.points);
-        let Reached { summary, .. } = &mut self.reached;
+        let Reached { summary, step } = &mut self.reached;
         summary.failed_attempts += 1;
         let Step { start, end, .. } = failed.step;
         let is_torn = matches!(failed.error, SolveError::Domain { .. });
@@ -382,8 +400,13 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             return observed;
         }
         if let Some(fails) = model.stepping.strength_factor(end).filter(|_| failed.may_succeed_if_smaller) {
-            let stands = summary.strength.and_then(|bracket| bracket.stands);
-            summary.strength = Some(StrengthBracket { stands, fails: Some(fails) });
+            let from = model.stepping.strength_factor(model.stepping.start_time);
+            // The state before the stage is in equilibrium at full strength.
+            let stood =
+                step.index > 0 || summary.initial_state.as_ref().is_some_and(|state| state.is_balanced);
+            let bracket = summary.strength_of(model.present.stage);
+            bracket.stands = bracket.stands.or(from.filter(|from| stood && *from <= 1.0));
+            bracket.fails = Some(fails);
             let observe = || observer.failed(model, points, &failed, None);
             return summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
         }
@@ -413,6 +436,14 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             raised
         });
         warnings.extend(raised);
+        if let Some(factor) = report.strength_factor {
+            let movement = Movement::of(model, points, report.step);
+            let from = model.stepping.strength_factor(model.stepping.start_time).unwrap_or(factor);
+            let bracket = self.reached.summary.strength_of(model.present.stage);
+            let slides = bracket.stood(factor, from, movement, report.step.index);
+            self.reached.summary.warnings.extend(slides);
+        }
+        let Summary { quality, warnings, .. } = &mut self.reached.summary;
         if let Some(error) = self.equations.unreported_turn()
             && quality.is_first(Code::Factorised)
         {

@@ -1,42 +1,153 @@
-//! Reduction of strength: the factors between which equilibrium ceases to be found.
+//! Reduction of strength: the factors between which equilibrium ceases to be found, and those between which bodies begin
+//! to slide.
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::model::{Action, Model};
+use crate::points::Points;
+use crate::quality::{Code, Location, Warning};
+use crate::step::Step;
+
+/// Displacement since the strength is reduced above which bodies count as sliding, relative to their height, [-].
+const SLIDES: f64 = 0.01;
+
+/// A stage that reduces the strength, and its factors.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct StageStrength {
+    /// Number of the stage, from 0.
+    pub stage: usize,
+    /// The factors.
+    pub bracket: StrengthBracket,
+}
+
 /// Factors by which the strength of the materials was divided in a stage of
-/// [`Control::StrengthReduction`](crate::model::Control::StrengthReduction). The factor of safety lies between both.
+/// [`Control::StrengthReduction`](crate::model::Control::StrengthReduction). The factor of safety lies between the first
+/// two, unless bodies slid before.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct StrengthBracket {
     /// The largest factor with equilibrium, [-]; `None` if none was found.
     pub stands: Option<f64>,
     /// The factor without equilibrium that ended the stage, [-]; `None` if it has not ended so.
     pub fails: Option<f64>,
+    /// The factors before and after the step in which a point had moved by more than 1 % of the height of the bodies, [-];
+    /// `None` if none has. Bodies in equilibrium at larger factors stand in another shape.
+    #[serde(default)]
+    pub slides: Option<[f64; 2]>,
+    /// Sum over the steps of the stage of the largest displacement of a point in each, [length]: the largest displacement of a
+    /// point since the stage began, if the same one moves most in every step and in the same direction, and an upper bound
+    /// of it otherwise.
+    #[serde(default)]
+    pub moved: f64,
+}
+
+/// The displacement in a step, and the height of the bodies that it is compared with.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Movement {
+    /// Largest displacement of a point in the step, [length].
+    largest: f64,
+    /// Height of the bodies, [length].
+    height: f64,
+}
+
+impl Movement {
+    /// That of a step in equilibrium which is not committed. Height is measured along gravity or, without gravity, along the
+    /// axis on which it is least.
+    pub(super) fn of<const D: usize>(model: &Model<D>, points: &Points<D>, step: Step) -> Movement {
+        let (before, after) = (&points.converged.position, &points.trial.position);
+        let square = |v: [f64; D]| v.iter().map(|x| x * x).sum::<f64>();
+        let moves = before.iter().zip(after).map(|(x, y)| square(std::array::from_fn(|d| y[d] - x[d])));
+        let largest = moves.fold(0.0, f64::max).sqrt();
+        let mut gravity = [0.0; D];
+        for load in &model.loads {
+            if let Action::Gravity(acceleration) = &load.action {
+                let factor = load.curve.factor(step.end);
+                (0..D).for_each(|d| gravity[d] += factor * acceleration[d]);
+            }
+        }
+        let extent = |along: [f64; D]| {
+            let place = |x: &[f64; D]| (0..D).map(|d| x[d] * along[d]).sum::<f64>();
+            let ends = before
+                .iter()
+                .map(place)
+                .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
+            ends[1] - ends[0]
+        };
+        let magnitude = square(gravity).sqrt();
+        let height = if magnitude > 0.0 {
+            extent(gravity.map(|g| g / magnitude))
+        } else {
+            let axis = |axis: usize| std::array::from_fn(|d| if d == axis { 1.0 } else { 0.0 });
+            (0..D).map(|d| extent(axis(d))).fold(f64::INFINITY, f64::min)
+        };
+        Movement { largest, height }
+    }
 }
 
 impl StrengthBracket {
-    /// The fewest decimals, at least three, that keep both factors apart.
-    fn decimals(&self) -> usize {
-        match (self.stands, self.fails) {
-            (Some(stands), Some(fails)) if fails > stands => {
-                // The slack keeps round-off in the difference from costing a decimal.
-                (-(fails - stands).log10() - 1e-6).ceil().clamp(3.0, 12.0) as usize
-            }
-            _ => 3,
+    /// Records equilibrium at a factor after a step; `from` is the factor at the start of the stage. Returns a warning if
+    /// bodies begin to slide in this step.
+    pub(super) fn stood(
+        &mut self,
+        factor: f64,
+        from: f64,
+        movement: Movement,
+        step: usize,
+    ) -> Option<Warning> {
+        let Movement { largest, height } = movement;
+        let (stood, moved) = (self.stands.unwrap_or(from), self.moved);
+        self.moved += largest;
+        self.stands = Some(factor);
+        let share = self.moved / height;
+        if self.slides.is_some() || share.is_nan() || share <= SLIDES {
+            return None;
         }
+        self.slides = Some([stood, factor]);
+        let (now, [percent, percent_before]) =
+            (self.moved, [share, moved / height].map(|share| 100.0 * share));
+        Some(Warning {
+            code: Code::Slides,
+            step,
+            location: Location::default(),
+            value: Some(share),
+            threshold: Some(SLIDES),
+            message: format!(
+                "points have moved by up to {now:.3e}, {percent:.2} % of the height of the bodies, since the strength is \
+                 reduced, and by {moved:.3e} ({percent_before:.2} %) up to the step before: between the factors {stood:.4} \
+                 and {factor:.4} the bodies begin to slide, and at larger ones they stand in another shape"
+            ),
+            detail: None,
+        })
     }
+}
+
+/// The fewest decimals, at least three, that keep two factors apart.
+fn decimals(low: f64, high: f64) -> usize {
+    // The slack keeps round-off in the difference from costing a decimal.
+    if high > low { (-(high - low).log10() - 1e-6).ceil().clamp(3.0, 12.0) as usize } else { 3 }
 }
 
 impl fmt::Display for StrengthBracket {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let decimals = self.decimals();
-        match (self.stands, self.fails) {
-            (Some(stands), Some(fails)) => write!(
+        if let Some([stood, slid]) = self.slides {
+            let (decimals, percent) = (decimals(stood, slid), 100.0 * SLIDES);
+            write!(
                 f,
-                "between {stands:.decimals$} (in equilibrium) and {fails:.decimals$} (no equilibrium found)"
-            ),
-            (Some(stands), None) => write!(f, "at least {stands:.decimals$}, the largest that was tried"),
-            (None, Some(fails)) => write!(f, "below {fails:.decimals$} (no equilibrium found)"),
+                "between {stood:.decimals$} (in equilibrium) and {slid:.decimals$} (displacements exceed {percent} % of \
+                 the height); in another shape, "
+            )?;
+        }
+        match (self.stands, self.fails) {
+            (Some(stands), Some(fails)) => {
+                let decimals = decimals(stands, fails);
+                write!(
+                    f,
+                    "between {stands:.decimals$} (in equilibrium) and {fails:.decimals$} (no equilibrium found)"
+                )
+            }
+            (Some(stands), None) => write!(f, "at least {stands:.3}, the largest that was tried"),
+            (None, Some(fails)) => write!(f, "below {fails:.3} (no equilibrium found)"),
             (None, None) => write!(f, "unknown: no step of the reduction has ended"),
         }
     }
@@ -48,7 +159,8 @@ mod tests {
 
     #[test]
     fn a_bracket_in_words_keeps_its_factors_apart() {
-        let words = |stands, fails| StrengthBracket { stands, fails }.to_string();
+        let words =
+            |stands, fails| StrengthBracket { stands, fails, ..StrengthBracket::default() }.to_string();
         assert_eq!(
             words(Some(1.378125), Some(1.38125)),
             "between 1.378 (in equilibrium) and 1.381 (no equilibrium found)"
@@ -59,5 +171,28 @@ mod tests {
         );
         assert_eq!(words(Some(1.6), None), "at least 1.600, the largest that was tried");
         assert_eq!(words(None, Some(1.003)), "below 1.003 (no equilibrium found)");
+    }
+    #[test]
+    fn bodies_slide_once_their_displacements_add_up_to_a_share_of_their_height() {
+        let mut bracket = StrengthBracket::default();
+        let mut stood = |factor: f64, largest: f64| {
+            let warning = bracket.stood(factor, 1.0, Movement { largest, height: 10.0 }, 7);
+            (warning, bracket)
+        };
+        assert!(stood(1.2, 0.06).0.is_none());
+        let (warning, after) = stood(1.3, 0.06);
+        assert_eq!(after.slides, Some([1.2, 1.3]));
+        let warning = warning.unwrap();
+        assert_eq!((warning.code, warning.step), (Code::Slides, 7));
+        assert!(warning.value.is_some_and(|share| (share - 0.012).abs() < 1e-15));
+        let (again, after) = stood(1.4, 5.0);
+        assert!(again.is_none(), "one warning for a stage");
+        assert_eq!((after.slides, after.stands), (Some([1.2, 1.3]), Some(1.4)));
+        let words = after.to_string();
+        assert!(
+            words.starts_with("between 1.200 (in equilibrium) and 1.300 (displacements exceed 1 % of"),
+            "{words}"
+        );
+        assert!(words.ends_with("in another shape, at least 1.400, the largest that was tried"), "{words}");
     }
 }

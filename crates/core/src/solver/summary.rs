@@ -16,7 +16,7 @@ use crate::timing::Timings;
 use super::control::Path;
 use super::diagnosis::Diagnosis;
 use super::pace::Pace;
-use super::strength::StrengthBracket;
+use super::strength::{StageStrength, StrengthBracket};
 
 /// The stage of a run, as checkpoints store it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -58,9 +58,9 @@ pub struct Summary {
     /// The present stage; `None` in the first one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stage: Option<StageReached>,
-    /// The factors of the last stage in which the strength is reduced; `None` before it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub strength: Option<StrengthBracket>,
+    /// The factors of each stage in which the strength is reduced, in the order of the stages.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub strength: Vec<StageStrength>,
     /// The sparsity pattern that later steps may reuse.
     #[serde(default, serialize_with = "save_kept", deserialize_with = "load_kept")]
     pub kept: Option<Arc<Named>>,
@@ -197,6 +197,20 @@ impl Summary {
             return if counts { missing / self.gross_work } else { 0.0 };
         }
         if self.gross_work > 0.0 { missing / self.gross_work } else { 0.0 }
+    }
+
+    /// The factors of the last stage in which the strength is reduced; `None` before it.
+    pub fn last_strength(&self) -> Option<StrengthBracket> {
+        self.strength.last().map(|of_stage| of_stage.bracket)
+    }
+
+    /// The factors of a stage in which the strength is reduced.
+    pub(super) fn strength_of(&mut self, stage: usize) -> &mut StrengthBracket {
+        let place = self.strength.iter().position(|of_stage| of_stage.stage == stage).unwrap_or_else(|| {
+            self.strength.push(StageStrength { stage, bracket: StrengthBracket::default() });
+            self.strength.len() - 1
+        });
+        &mut self.strength[place].bracket
     }
 
     pub(super) fn accept<const D: usize>(&mut self, report: &StepReport<D>) {

@@ -65,6 +65,11 @@ pub fn on_warning(warning: &Warning) -> String {
             "disturb the bodies with a small load or an imperfection and compare; more load steps show where the path \
              branches; if cells hold one point each, use more (this may be an hourglass mode)"
         }
+        (Code::Slides, _) => {
+            "take the smaller of these factors for the factor of safety, not the last one in equilibrium; look at displacement \
+             against the factor (`mpm report`), and bring both closer together with more steps (`steps: count`). With smaller \
+             cells a slope stands again less readily; with a larger `young` the bodies hardly settle before they slide"
+        }
     };
     advice.to_owned()
 }

@@ -1,6 +1,7 @@
 //! Checks of a deck with an unknown load factor.
 
 use super::Check;
+use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::Displacement;
 use crate::quoting::{list, quote};
 use crate::{ControlDeck, Expression, GridDeck, LoadCurve, MaterialDeck, StageDeck};
@@ -29,6 +30,7 @@ impl Check<'_> {
                 let stage = self.deck.stages.get(number).map(|stage| (stage, times));
                 if matches!(steps.control, ControlDeck::StrengthReduction { .. }) {
                     self.constant_loads(&format!("{pointer}/control"), stage);
+                    self.something_to_carry(&format!("{pointer}/control"), number);
                 } else {
                     self.common_factor(&format!("{pointer}/control"), stage);
                 }
@@ -124,12 +126,56 @@ impl Check<'_> {
             let law = material.law_alone().ok();
             law.is_none_or(|law| law.with_strength_divided(1.0).is_some())
         };
-        let in_stages = deck.stages.iter().flat_map(|stage| stage.material.values());
-        let mut used = deck.bodies.iter().map(|body| &body.material).chain(in_stages);
-        if !used.any(|name| deck.materials.get(name).is_some_and(has_strength)) {
+        let used = deck.used_materials();
+        if !used.into_iter().any(|name| deck.materials.get(name).is_some_and(has_strength)) {
             let message = "no material has a strength that could be reduced";
             let help = "use `tresca`, `mohr-coulomb`, `drucker-prager` or `von-mises`";
             self.error("D049", control, message, help);
+        }
+    }
+
+    /// Checks that the bodies carry something while the stage of this number reduces the strength: a load, a prescribed motion
+    /// or an initial stress.
+    fn something_to_carry(&mut self, control: &str, number: usize) {
+        let deck = self.deck;
+        let so_far = deck.stages.get(..=number).unwrap_or_default();
+        let has_begun = |name: &str| {
+            let grows = |stage: &StageDeck| stage.factors.get(name).is_some_and(|factor| *factor != 0.0);
+            so_far.is_empty() || so_far.iter().any(grows)
+        };
+        let mut loads = deck.loads.iter().filter(|load| !load.magnitude().1);
+        let is_loaded = loads.any(|load| load.curve().is_some() || has_begun(load.name()));
+        let moves = |condition: &&crate::BoundaryConditionDeck| {
+            condition.displacements().iter().any(|moved| !moved.value.is_zero())
+        };
+        let mut moving = deck.boundary_conditions.iter().filter(moves);
+        let is_moved = moving.any(|condition| condition.curve.is_some() || has_begun(&condition.name));
+        if is_loaded || is_moved || deck.bodies.iter().any(|body| body.initial_stress.is_some()) {
+            return;
+        }
+        let message = "nothing loads the bodies while their strength is reduced, so that every factor stands";
+        let help = "apply the loads in a stage before, for example with `factors: {weight: 1}`, or give the bodies an \
+                    `initial_stress`";
+        self.error("D065", control, message, help);
+    }
+
+    /// Notes that a reduction of strength follows another one.
+    pub(super) fn repeated_reductions(&mut self) {
+        let reduces =
+            |stage: &&StageDeck| matches!(stage.steps.control, ControlDeck::StrengthReduction { .. });
+        let deck = self.deck;
+        let Some(first) = deck.stages.iter().find(reduces) else { return };
+        for (number, stage) in deck.stages.iter().enumerate().filter(|(_, stage)| reduces(stage)).skip(1) {
+            let message = format!(
+                "the stage {} reduces the strength of bodies that yielded while {} reduced it, and keep their displacements",
+                quote(&stage.name),
+                quote(&first.name)
+            );
+            let help = "end the earlier reduction well below failure (`to`), or find this factor in a deck of its own without the \
+                        earlier reduction";
+            let at = format!("/stages/{number}/steps/control");
+            let found = Diagnostic::at(self.source, "D066", &at, message).severity(Severity::Note);
+            self.found.push(found.help(help));
         }
     }
 

@@ -25,6 +25,7 @@ impl Check<'_> {
         self.units();
         self.prescribed_motion();
         self.tolerance();
+        self.repeated_reductions();
     }
 
     pub(super) fn warn(&mut self, code: &'static str, pointer: &str, message: String, help: &str) {
@@ -40,9 +41,7 @@ impl Check<'_> {
     /// Warns of materials and parameters that nothing refers to.
     fn unused(&mut self) {
         let deck = self.deck;
-        let in_stages = deck.stages.iter().flat_map(|stage| stage.material.values().map(String::as_str));
-        let used: BTreeSet<&str> =
-            deck.bodies.iter().map(|body| body.material.as_str()).chain(in_stages).collect();
+        let used = deck.used_materials();
         for name in deck.materials.keys().filter(|name| !used.contains(name.as_str())) {
             let message = format!("no body uses the material {}", quote(name));
             self.warn_at_key("D037", &format!("/materials/{}", escape(name)), message, "remove it");

@@ -23,10 +23,26 @@ fn bracket(run: &Run) -> Option<StrengthBracket> {
     serde_json::from_value(run.summary.get("strength_reduction")?.clone()).ok()
 }
 
+/// The factors of the stages before the last that reduced the strength, one sentence each.
+fn earlier(run: &Run) -> Vec<String> {
+    let all = run.summary.get("strength_reductions").and_then(|all| all.as_array());
+    let before_last = all.map(|all| &all[..all.len().saturating_sub(1)]).unwrap_or_default();
+    let sentence = |of: &serde_json::Value| {
+        let found: StrengthBracket = serde_json::from_value(of.clone()).ok()?;
+        Some(format!("In stage {} it is {found}.", of["stage"].as_str().unwrap_or_default()))
+    };
+    before_last.iter().filter_map(sentence).collect()
+}
+
 /// The factor of safety as a key number, and a remark, both in HTML.
 pub(super) fn key_number(run: &Run) -> Option<(String, String)> {
     let found = bracket(run)?;
     let (value, remark) = match (found.stands, found.fails) {
+        _ if found.slides.is_some() => {
+            let [stood, slid] = found.slides?;
+            let remark = "the largest factor in equilibrium in about the original shape, and one beyond";
+            (format!("{} to\u{a0}{}", html(stood, 5), html(slid, 5)), remark)
+        }
         (Some(stands), Some(fails)) => (
             format!("{} to\u{a0}{}", html(stands, 5), html(fails, 5)),
             "the largest factor in equilibrium, and one without",
@@ -97,16 +113,7 @@ fn charts(run: &Run, reduction: &Reduction) -> Vec<Chart> {
         }
     };
     let found = bracket(run).unwrap_or_default();
-    let bands = match (found.stands, found.fails) {
-        (Some(stands), Some(fails)) => vec![
-            Band {
-                ends: [if *begins_whole { 1.0 } else { *first }, stands],
-                name: "in equilibrium".to_owned(),
-            },
-            Band { ends: [stands, fails], name: "no equilibrium".to_owned() },
-        ],
-        _ => Vec::new(),
-    };
+    let bands = bands(&found, if *begins_whole { 1.0 } else { *first });
     let chart = |group: &[Component]| Chart {
         description: "displacement of the probes against the factor of the strength".to_owned(),
         x: Axis {
@@ -122,6 +129,21 @@ fn charts(run: &Run, reduction: &Reduction) -> Vec<Chart> {
     components(std::slice::from_ref(run), 'u').chunks(MOST_CURVES).map(chart).collect()
 }
 
+/// What holds between the factors of a reduction that begins at `from`; nothing if the bodies stand throughout.
+fn bands(found: &StrengthBracket, from: f64) -> Vec<Band> {
+    let Some(stands) = found.stands.filter(|_| found.fails.is_some() || found.slides.is_some()) else {
+        return Vec::new();
+    };
+    let band = |ends: [f64; 2], name: &str| Band { ends, name: name.to_owned() };
+    let last = found.fails.map(|fails| band([stands, fails], "no equilibrium"));
+    let Some([before, after]) = found.slides else {
+        return [band([from, stands], "in equilibrium")].into_iter().chain(last).collect();
+    };
+    let in_other_shape = (after < stands).then(|| band([after, stands], "another shape"));
+    let first = [band([from, before], "in equilibrium"), band([before, after], "slides")];
+    first.into_iter().chain(in_other_shape).chain(last).collect()
+}
+
 /// Adds displacement against the factor and the mechanism, if the run has reduced the strength.
 pub(super) fn section(page: &mut Page, run: &Run, naming: &Naming) -> Result<(), ReportError> {
     let (Some(reduction), Some(bracket)) = (reduction(run), bracket(run)) else { return Ok(()) };
@@ -133,6 +155,9 @@ pub(super) fn section(page: &mut Page, run: &Run, naming: &Naming) -> Result<(),
         escape(&bracket.to_string()),
         dependence.unwrap_or_default()
     ));
+    for earlier in earlier(run) {
+        page.paragraph(&escape(&earlier));
+    }
     page.paragraph(
         "Failure shows as a displacement that grows without bound as the factor approaches the last one with \
          equilibrium. Where it begins to grow well before, the body has found equilibrium in another shape, and the \

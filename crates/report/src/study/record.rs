@@ -24,7 +24,8 @@ pub(super) const MEASURES: [(&str, &str); 7] = [
 ];
 
 /// Columns of the factors of a reduction of strength.
-pub(super) const FACTORS: [&str; 2] = ["strength_factor_stands", "strength_factor_fails"];
+pub(super) const FACTORS: [&str; 3] =
+    ["strength_factor_stands", "strength_factor_fails", "strength_factor_slides"];
 
 /// Columns of `history.csv` that describe the step rather than the state it reached.
 const STEP_COLUMNS: [&str; 6] = ["step", "time", "iterations", "residual", "linear_iterations", "converged"];
@@ -85,9 +86,10 @@ impl Record {
     }
 
     /// The entries in [`FACTORS`]; empty where there is no such factor.
-    pub(super) fn factors(&self) -> [String; 2] {
-        let bracket = self.strength().unwrap_or_default();
-        [bracket.stands, bracket.fails].map(|factor| factor.map_or_else(String::new, shortest))
+    pub(super) fn factors(&self) -> [String; FACTORS.len()] {
+        let StrengthBracket { stands, fails, slides, .. } = self.strength().unwrap_or_default();
+        [stands, fails, slides.map(|[before, _]| before)]
+            .map(|factor| factor.map_or_else(String::new, shortest))
     }
 
     /// Columns and last values of `history.csv`.

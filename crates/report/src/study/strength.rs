@@ -1,14 +1,16 @@
 //! Factors of safety of the members of a study, and how they depend on the size of the cells.
 
+use mpm_core::solver::StrengthBracket;
+
 use super::{Row, Study};
 
 /// Largest relative difference of a ratio from 2 at which a parameter still counts as halved, [-].
 const SAME: f64 = 1e-9;
 
-/// The largest factor with equilibrium of a member, if another one has ended the reduction.
+/// The largest factor of a member with equilibrium in about its original shape, if a larger one has ended that.
 fn factor_of(row: &Row) -> Option<f64> {
-    let bracket = row.record.as_ref()?.strength()?;
-    bracket.fails.and(bracket.stands)
+    let StrengthBracket { stands, fails, slides, .. } = row.record.as_ref()?.strength()?;
+    slides.map(|[before, _]| before).or(fails.and(stands))
 }
 
 /// One sentence for each pair of members that differ only in a parameter whose two smallest values are one and two, such
