@@ -35,7 +35,7 @@ pub use drucker_prager::{DruckerPrager, Match};
 pub use hencky::Hencky;
 pub use initial_state::{InitialState, initial_state};
 pub use modified_cam_clay::{CamClay, ModifiedCamClay};
-pub use mohr_coulomb::{Friction, MohrCoulomb};
+pub use mohr_coulomb::{Friction, MohrCoulomb, least_softening_strain};
 pub use neo_hookean::NeoHookean;
 pub(crate) use principal::divided_difference;
 pub use principal::{PrincipalLaw, PrincipalResponse, update_in_principal_axes};

@@ -1,11 +1,8 @@
 //! Mohr-Coulomb plasticity.
 
-use super::wedge::{self, Strength, Wedge};
-use super::{
-    Elasticity, Material, MaterialError, PrincipalLaw, PrincipalResponse, Response, Softening, StateField,
-    StrengthMeasure, update_in_principal_axes,
-};
-use crate::tensor::Sym3;
+use super::strength::EQUIVALENT;
+use super::wedge::{Strength, WedgeLaw};
+use super::{Elasticity, Softening, StrengthMeasure};
 
 /// Shear strength of Mohr and Coulomb, with the flow that belongs to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,6 +50,26 @@ const NONE: Strength = Strength { ratio: 0.0, flow_ratio: 0.0, compressive: 0.0,
 fn root_of_ratio(slope: f64) -> [f64; 2] {
     let secant = (1.0 + slope * slope).sqrt();
     [secant + slope, 1.0 + slope / secant]
+}
+
+/// The strain of [`Softening`] at and below which a point that flows from the peak, with the least compressive principal stress
+/// zero, loses strength faster than its elastic stress can fall; its flow then has no solution, [-]. With n = ∂f/∂τ and m the
+/// direction of flow, C the elastic stiffness and κ' = √(2/3) |dev m|, the loss ∂f/∂κ κ' must stay below n·C m; for equal
+/// angles of zero this is √3 (s_p − s_r)/G. Under compression the loss of friction adds to it, so that a larger strain may
+/// be necessary there. `elasticity` is Young's modulus, [stress], and Poisson's ratio, [-].
+pub fn least_softening_strain([young, poisson]: [f64; 2], [peak, residual]: [Friction; 2]) -> f64 {
+    let elasticity = Elasticity::from_young_poisson(young, poisson);
+    let (shear, lambda) = (elasticity.shear, elasticity.lambda());
+    let [peak, residual] = [Slopes::from(peak), Slopes::from(residual)];
+    let [root, root_by_slope] = root_of_ratio(peak.friction);
+    let [flow_root, _] = root_of_ratio(peak.dilation);
+    let [ratio, flow_ratio] = [root * root, flow_root * flow_root];
+    let unloading = lambda * (ratio - 1.0) * (flow_ratio - 1.0) + 2.0 * shear * (ratio * flow_ratio + 1.0);
+    let deviator = flow_ratio * flow_ratio + 1.0 - (flow_ratio - 1.0).powi(2) / 3.0;
+    // The share of the loss falls at the rate 3/κ₉₅.
+    let loss = (peak.cohesion - residual.cohesion) * root
+        + peak.cohesion * root_by_slope * (peak.friction - residual.friction);
+    3.0 * 2.0 * loss * EQUIVALENT * deviator.sqrt() / unloading
 }
 
 /// Mohr-Coulomb plasticity: f = N τ₁ − τ₃ − 2c√N with N = (1 + sin φ)/(1 − sin φ) and the largest and the smallest
@@ -108,30 +125,6 @@ impl MohrCoulomb {
         MohrCoulomb { measure, ..self }
     }
 
-    fn divided(&self, factor: f64) -> Self {
-        MohrCoulomb {
-            peak: self.peak.divided(factor),
-            tensile: self.tensile / factor,
-            softening: self.softening.map(|(residual, softening)| (residual.divided(factor), softening)),
-            ..*self
-        }
-        .prepared()
-    }
-
-    /// Strength and its derivative with respect to the equivalent plastic strain.
-    fn strength(&self, kappa: f64) -> [Strength; 2] {
-        let (peak, Some((residual, softening))) = (&self.peak, &self.softening) else {
-            return [self.at_peak, NONE];
-        };
-        let [share, rate] = softening.share(kappa);
-        let between = |share: f64, from: &Slopes| Slopes {
-            cohesion: from.cohesion + share * (peak.cohesion - residual.cohesion),
-            friction: from.friction + share * (peak.friction - residual.friction),
-            dilation: from.dilation + share * (peak.dilation - residual.dilation),
-        };
-        self.strength_of(&between(share, residual), &between(rate, &STILL))
-    }
-
     /// Strength with these properties, and its derivative where these are the derivatives of the properties.
     fn strength_of(&self, now: &Slopes, rate: &Slopes) -> [Strength; 2] {
         let peak = &self.peak;
@@ -158,54 +151,43 @@ impl MohrCoulomb {
     }
 }
 
-impl PrincipalLaw for MohrCoulomb {
-    fn respond(
-        &self,
-        trial: [f64; 3],
-        old: &[f64],
-        new: &mut [f64],
-    ) -> Result<PrincipalResponse, MaterialError> {
-        let MohrCoulomb { elasticity, measure, softening, .. } = self;
-        let (softens, strength) = (softening.is_some(), |kappa| self.strength(kappa));
-        Wedge { elasticity: *elasticity, measure: *measure, softens, strength }.respond(trial, old, new)
-    }
-}
-
-impl Material for MohrCoulomb {
-    fn state_fields(&self) -> &[StateField] {
-        const { &wedge::FIELDS }
+impl WedgeLaw for MohrCoulomb {
+    fn elasticity(&self) -> &Elasticity {
+        &self.elasticity
     }
 
-    fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
-        update_in_principal_axes(self, trial, old, new)
+    fn measure(&self) -> StrengthMeasure {
+        self.measure
     }
 
-    fn principal(&self) -> Option<&dyn PrincipalLaw> {
-        Some(self)
+    fn softens(&self) -> bool {
+        self.softening.is_some()
     }
 
-    fn start_from(&self, elastic_strain: &Sym3, volume_ratio: f64, history: &mut [f64]) {
-        wedge::start_from(elastic_strain.trace(), volume_ratio, history);
+    fn is_associated(&self) -> bool {
+        self.peak.friction == self.peak.dilation
     }
 
-    fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {
-        self.elasticity.strain(tau)
+    fn strength(&self, kappa: f64) -> [Strength; 2] {
+        let (peak, Some((residual, softening))) = (&self.peak, &self.softening) else {
+            return [self.at_peak, NONE];
+        };
+        let [share, rate] = softening.share(kappa);
+        let between = |share: f64, from: &Slopes| Slopes {
+            cohesion: from.cohesion + share * (peak.cohesion - residual.cohesion),
+            friction: from.friction + share * (peak.friction - residual.friction),
+            dilation: from.dilation + share * (peak.dilation - residual.dilation),
+        };
+        self.strength_of(&between(share, residual), &between(rate, &STILL))
     }
 
-    fn energy(&self, elastic_strain: &Sym3, _: &[f64]) -> f64 {
-        self.elasticity.energy(elastic_strain)
-    }
-
-    fn plastic_work(&self, history: &[f64]) -> f64 {
-        history[wedge::PLASTIC_WORK]
-    }
-
-    fn tangent_is_symmetric(&self) -> bool {
-        let is_associated = self.peak.friction == self.peak.dilation;
-        is_associated && self.measure == StrengthMeasure::Kirchhoff && self.softening.is_none()
-    }
-
-    fn with_strength_divided(&self, factor: f64) -> Option<Box<dyn Material>> {
-        Some(Box::new(self.divided(factor)))
+    fn divided(&self, factor: f64) -> Self {
+        MohrCoulomb {
+            peak: self.peak.divided(factor),
+            tensile: self.tensile / factor,
+            softening: self.softening.map(|(residual, softening)| (residual.divided(factor), softening)),
+            ..*self
+        }
+        .prepared()
     }
 }

@@ -1,11 +1,7 @@
 //! Tresca plasticity.
 
-use super::wedge::{self, Strength, Wedge};
-use super::{
-    Elasticity, Material, MaterialError, PrincipalLaw, PrincipalResponse, Response, Softening, StateField,
-    StrengthMeasure, update_in_principal_axes,
-};
-use crate::tensor::Sym3;
+use super::wedge::{Strength, WedgeLaw};
+use super::{Elasticity, Softening, StrengthMeasure};
 
 /// Tresca plasticity: f = τ₁ − τ₃ − 2c with the largest and the smallest principal stress and the undrained shear strength
 /// c, with associated flow, which preserves the volume.
@@ -36,17 +32,25 @@ impl Tresca {
     pub fn limiting(self, measure: StrengthMeasure) -> Self {
         Tresca { measure, ..self }
     }
+}
 
-    /// The law with its strength divided by a factor.
-    fn divided(&self, factor: f64) -> Self {
-        Tresca {
-            cohesion: self.cohesion / factor,
-            softening: self.softening.map(|(residual, softening)| (residual / factor, softening)),
-            ..*self
-        }
+impl WedgeLaw for Tresca {
+    fn elasticity(&self) -> &Elasticity {
+        &self.elasticity
     }
 
-    /// Strength and its derivative with respect to the equivalent plastic strain.
+    fn measure(&self) -> StrengthMeasure {
+        self.measure
+    }
+
+    fn softens(&self) -> bool {
+        self.softening.is_some()
+    }
+
+    fn is_associated(&self) -> bool {
+        true
+    }
+
     fn strength(&self, kappa: f64) -> [Strength; 2] {
         let [cohesion, rate] = match self.softening {
             None => [self.cohesion, 0.0],
@@ -60,55 +64,12 @@ impl Tresca {
             Strength { ratio: 0.0, flow_ratio: 0.0, compressive: 2.0 * rate, tensile: 0.0 },
         ]
     }
-}
 
-impl PrincipalLaw for Tresca {
-    fn respond(
-        &self,
-        trial: [f64; 3],
-        old: &[f64],
-        new: &mut [f64],
-    ) -> Result<PrincipalResponse, MaterialError> {
-        let Tresca { elasticity, measure, softening, .. } = *self;
-        let strength = |kappa| self.strength(kappa);
-        Wedge { elasticity, measure, softens: softening.is_some(), strength }.respond(trial, old, new)
-    }
-}
-
-impl Material for Tresca {
-    fn state_fields(&self) -> &[StateField] {
-        const { &wedge::FIELDS }
-    }
-
-    fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
-        update_in_principal_axes(self, trial, old, new)
-    }
-
-    fn principal(&self) -> Option<&dyn PrincipalLaw> {
-        Some(self)
-    }
-
-    fn start_from(&self, elastic_strain: &Sym3, volume_ratio: f64, history: &mut [f64]) {
-        wedge::start_from(elastic_strain.trace(), volume_ratio, history);
-    }
-
-    fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {
-        self.elasticity.strain(tau)
-    }
-
-    fn energy(&self, elastic_strain: &Sym3, _: &[f64]) -> f64 {
-        self.elasticity.energy(elastic_strain)
-    }
-
-    fn plastic_work(&self, history: &[f64]) -> f64 {
-        history[wedge::PLASTIC_WORK]
-    }
-
-    fn tangent_is_symmetric(&self) -> bool {
-        self.measure == StrengthMeasure::Kirchhoff && self.softening.is_none()
-    }
-
-    fn with_strength_divided(&self, factor: f64) -> Option<Box<dyn Material>> {
-        Some(Box::new(self.divided(factor)))
+    fn divided(&self, factor: f64) -> Self {
+        Tresca {
+            cohesion: self.cohesion / factor,
+            softening: self.softening.map(|(residual, softening)| (residual / factor, softening)),
+            ..*self
+        }
     }
 }

@@ -4,7 +4,11 @@
 mod return_mapping;
 
 use super::strength::{EQUIVALENT, ON_SURFACE};
-use super::{Elasticity, MaterialError, PrincipalResponse, StateField, StrengthMeasure};
+use super::{
+    Elasticity, Material, MaterialError, PrincipalLaw, PrincipalResponse, Response, StateField,
+    StrengthMeasure, update_in_principal_axes,
+};
+use crate::tensor::Sym3;
 use return_mapping::Returned;
 pub(super) use return_mapping::Strength;
 
@@ -27,13 +31,82 @@ pub(super) fn start_from(trace: f64, volume_ratio: f64, history: &mut [f64]) {
     history[1] = volume_ratio.ln() - trace;
 }
 
-/// A law with this surface.
-pub(super) struct Wedge<S> {
-    pub elasticity: Elasticity,
-    pub measure: StrengthMeasure,
-    pub softens: bool,
+/// A law with this surface: what distinguishes it from others.
+pub(super) trait WedgeLaw: std::fmt::Debug + Send + Sync + Sized + 'static {
+    fn elasticity(&self) -> &Elasticity;
+
+    /// The stress that the strength limits.
+    fn measure(&self) -> StrengthMeasure;
+
+    /// True if the strength changes with the equivalent plastic strain.
+    fn softens(&self) -> bool;
+
+    /// True if flow is normal to the surface.
+    fn is_associated(&self) -> bool;
+
     /// The strength at an equivalent plastic strain, and its derivative with respect to it.
-    pub strength: S,
+    fn strength(&self, kappa: f64) -> [Strength; 2];
+
+    /// The law with its strength divided by a factor.
+    fn divided(&self, factor: f64) -> Self;
+}
+
+impl<L: WedgeLaw> PrincipalLaw for L {
+    fn respond(
+        &self,
+        trial: [f64; 3],
+        old: &[f64],
+        new: &mut [f64],
+    ) -> Result<PrincipalResponse, MaterialError> {
+        let (measure, softens) = (self.measure(), self.softens());
+        Wedge { elasticity: *self.elasticity(), measure, softens, law: self }.respond(trial, old, new)
+    }
+}
+
+impl<L: WedgeLaw> Material for L {
+    fn state_fields(&self) -> &[StateField] {
+        const { &FIELDS }
+    }
+
+    fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
+        update_in_principal_axes(self, trial, old, new)
+    }
+
+    fn principal(&self) -> Option<&dyn PrincipalLaw> {
+        Some(self)
+    }
+
+    fn start_from(&self, elastic_strain: &Sym3, volume_ratio: f64, history: &mut [f64]) {
+        start_from(elastic_strain.trace(), volume_ratio, history);
+    }
+
+    fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {
+        self.elasticity().strain(tau)
+    }
+
+    fn energy(&self, elastic_strain: &Sym3, _: &[f64]) -> f64 {
+        self.elasticity().energy(elastic_strain)
+    }
+
+    fn plastic_work(&self, history: &[f64]) -> f64 {
+        history[PLASTIC_WORK]
+    }
+
+    fn tangent_is_symmetric(&self) -> bool {
+        self.is_associated() && self.measure() == StrengthMeasure::Kirchhoff && !self.softens()
+    }
+
+    fn with_strength_divided(&self, factor: f64) -> Option<Box<dyn Material>> {
+        Some(Box::new(self.divided(factor)))
+    }
+}
+
+/// The return mapping of a law with this surface.
+struct Wedge<'a, L> {
+    elasticity: Elasticity,
+    measure: StrengthMeasure,
+    softens: bool,
+    law: &'a L,
 }
 
 /// The strength at a trial state, in terms of the Kirchhoff stress.
@@ -55,12 +128,12 @@ struct Flowed {
     slope: f64,
 }
 
-impl<S: Fn(f64) -> [Strength; 2]> Wedge<S> {
+impl<L: WedgeLaw> Wedge<'_, L> {
     /// Principal stresses, elastic strains and modulus at ordered trial strains.
     ///
     /// # Errors
     /// [`MaterialError::NoResponse`] if the material softens so fast that the flow has no solution.
-    pub fn respond(
+    fn respond(
         &self,
         trial: [f64; 3],
         old: &[f64],
@@ -104,7 +177,7 @@ impl<S: Fn(f64) -> [Strength; 2]> Wedge<S> {
 
     /// The strength and its derivatives, times `factor`.
     fn at(&self, kappa: f64, factor: f64) -> AtTrial {
-        let [strength, rate] = (self.strength)(kappa);
+        let [strength, rate] = self.law.strength(kappa);
         let scaled = |strength: Strength| Strength {
             compressive: factor * strength.compressive,
             tensile: factor * strength.tensile,
