@@ -8,14 +8,18 @@ use serde::{Deserialize, Serialize};
 use super::Expression;
 use mpm_core::material::{Match, StrengthMeasure};
 
+mod built_law;
 mod cell_size;
 mod consistency;
 mod law;
+mod laws;
 mod of_points;
 mod property;
+mod reading;
 
+pub use built_law::BuiltLaw;
 pub use cell_size::CellSize;
-pub use law::{BuiltLaw, Surroundings};
+pub use law::Surroundings;
 pub(crate) use of_points::MaterialOfPoints;
 
 /// A constitutive law and its properties. Each number of the laws of the program may also be a formula of X, Y (in space also Z), the original

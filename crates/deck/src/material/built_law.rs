@@ -1,0 +1,22 @@
+//! A law with the properties that vary and their consistency.
+
+use super::consistency::Consistency;
+use super::property::Varying;
+use mpm_core::material::Material;
+
+/// The law of a material.
+pub struct BuiltLaw {
+    /// The law.
+    pub law: Box<dyn Material>,
+    /// Its properties that vary in space; they are its last history variables, in this order.
+    pub varying: Vec<Varying>,
+    /// Finds contradictions of properties at a point with these varying ones.
+    pub consistency: Consistency,
+}
+
+impl BuiltLaw {
+    /// A law without varying properties.
+    pub fn constant(law: Box<dyn Material>) -> BuiltLaw {
+        BuiltLaw { law, varying: Vec::new(), consistency: Box::new(|_| None) }
+    }
+}
