@@ -13,3 +13,4 @@ mod meaning;
 mod mutations;
 mod remedy;
 mod schema;
+mod soil_materials;

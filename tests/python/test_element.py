@@ -212,6 +212,30 @@ def test_a_test_that_ends_early_writes_its_steps(element):
     assert "The test ended early</strong> after 17 steps: step 18" in (element.folder / "laws-clay-stress.html").read_text()
 
 
+def test_softening_is_adapted_to_the_cells_of_the_grid(element):
+    """With a band of two cells, a point softens over twice the strain, as in a run; the cells of a mesh are not known."""
+    even = "grid: {type: structured, origin: [0, 0], size: [2, 2], spacing: 0.25}"
+
+    def softened(softening, grid, *more):
+        deck = DECK.replace("grid: {type: gmsh, file: missing.msh}", grid).replace("{type: cells, group: block}, points_per_triangle: 4",
+                                                                                 "{type: box, min: [0, 0], max: [1, 1]}, points_per_cell: 2")
+        deck = deck.replace("nodes: {group: base}", "nodes: {y: 0}")
+        law = "{model: tresca, young: 1e6, poisson: 0.3, cohesion: 20e3, softening: {%s, residual_cohesion: 5e3}}" % softening
+        (element.folder / "laws.yaml").write_text(deck.replace("{model: hencky, young: 1e6, poisson: 0.3}", law))
+        path = ("--material", "elastic", "--path", "triaxial-undrained", "--to", 0.3, "--steps", 30, "--output", "-")
+        process = element(*path, *more)
+        assert process.returncode == 0, process.stderr
+        return read(process.stdout)["deviatoric_stress"], process.stderr
+
+    alone, said = softened("strain: 0.8", even)
+    assert said == ""
+    adapted, said = softened("strain: 0.4, band: 0.5", even)
+    assert "multiplied by 2.000, the width 0.5 of the band over the size 0.250 of the cells" in said
+    assert np.array_equal(alone, adapted) and adapted[-1] < 0.75 * adapted.max()
+    graded = "grid: {type: structured, origin: [0, 0], size: [2, 2], spacing: [[{to: 1, cells: 4}, {to: 2, cells: 2}], 0.25]}"
+    assert np.array_equal(softened("strain: 0.4, band: 0.5", graded, "--at", "0.5,0.5")[0], alone)
+
+
 def test_runs_have_the_same_bits(element):
     arguments = ("--material", "clay", "--path", "biaxial", "--to", 0.2, "--confining", 1e5, "--output", "-")
     assert element(*arguments).stdout == element(*arguments).stdout != ""

@@ -14,7 +14,9 @@ use super::law_library::OfLibrary;
 use super::quoting::quote;
 use super::references::dangling;
 use super::source::Source;
-use super::{BuiltLaw, Deck, GridDeck, MaterialDeck, Parameter, Surroundings, parameters, shape, validate};
+use super::{
+    BuiltLaw, CellSize, Deck, GridDeck, MaterialDeck, Parameter, Surroundings, parameters, shape, validate,
+};
 use mpm_core::formula::closest;
 use mpm_core::material::Material;
 use mpm_files::summary::LawLibrary;
@@ -47,8 +49,8 @@ impl fmt::Debug for OwnLaw {
 }
 
 impl LoadedDeck {
-    /// The law of a material, for a point outside the grid: its softening is not adapted to cells. `None` if there is no
-    /// such material.
+    /// The law of a material for a single point: its softening is adapted to the cells of a structured grid, and not to those of
+    /// a mesh. `None` if there is no such material.
     ///
     /// # Errors
     /// The faults of the library that the law comes from.
@@ -65,10 +67,16 @@ impl LoadedDeck {
         let surroundings = Surroundings {
             parameters: Some(&self.deck.parameters),
             dimensions: self.deck.dimensions(),
+            cells: self.cell_size(),
             ..Surroundings::default()
         };
         // Faults of formulas have been reported when the deck was read.
         Some(of_deck.law(&surroundings).map_err(|_| Vec::new()))
+    }
+
+    /// The size of the cells of a structured grid; unknown for a mesh.
+    pub fn cell_size(&self) -> CellSize {
+        CellSize::of_deck(&self.deck)
     }
 
     /// True if the law of a material comes from a library.

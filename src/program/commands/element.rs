@@ -4,6 +4,7 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use crate::appendix::{self, ElementReport, Units};
+use crate::deck::CellSize;
 use crate::deck::diagnostic::render_all;
 use crate::deck::load::{LoadedDeck, load};
 use crate::deck::quoting::{list, quote};
@@ -148,6 +149,9 @@ pub fn element(args: ElementArgs) -> anyhow::Result<u8> {
     let name = material_name(&loaded, args.material.as_deref())?;
     let (law, history) = beginning(&loaded, name, args.at.as_deref())?;
     let outputs = Outputs::of(&args, name)?;
+    if let Some(note) = softening(&loaded, name) {
+        message!("note: {note}");
+    }
 
     let stress = Sym3([-args.confining, -args.confining / args.k0, -args.confining, 0.0, 0.0, 0.0]);
     let test = ElementTest::new(law.as_ref(), &history, &stress).map_err(initial_failure)?;
@@ -225,6 +229,23 @@ fn beginning(
         bail!("material {} at {:?}: {fault}", quote(material), at.unwrap_or_default());
     }
     Ok((built.law, history))
+}
+
+/// How the softening of a material is adapted to the cells; `None` for a material without a band.
+fn softening(loaded: &LoadedDeck, material: &str) -> Option<String> {
+    let band = loaded.deck.materials.get(material)?.softening()??;
+    Some(match loaded.cell_size() {
+        CellSize::Even(size) | CellSize::Mean(size) => format!(
+            "the softening strain is multiplied by {:.3}, the width {band} of the band over the size {size:.3} of the cells",
+            band / size
+        ),
+        CellSize::Graded(_) => format!(
+            "the softening strain is multiplied by the width {band} of the band over the size of the cell at the point"
+        ),
+        CellSize::Unknown => format!(
+            "the softening strain is that of the band of width {band}: the cells of a mesh are not taken into account"
+        ),
+    })
 }
 
 /// The name of the material to test.

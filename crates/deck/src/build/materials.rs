@@ -61,7 +61,9 @@ where
                 }
                 continue;
             }
-            self.softening(&name, material, &cells);
+            if deck.used_materials().contains(name.as_str()) {
+                self.softening(&name, material, &cells);
+            }
             self.factor_of_safety(&name);
             match material.law(&surroundings) {
                 Ok(BuiltLaw { law, varying, consistency }) => {
@@ -224,11 +226,7 @@ fn centre<const D: usize>(region: &Region<D>) -> [f64; 3] {
 /// Size of the cells: of a mesh, their mean.
 fn size_of_cells<const D: usize>(grid: &dyn Grid<D>) -> CellSize {
     match grid.structured() {
-        Some(grid) if grid.is_even() => {
-            let sides: f64 = grid.sides([0; D]).iter().product();
-            CellSize::Even(sides.powf(1.0 / D as f64))
-        }
-        Some(grid) => CellSize::Graded(grid.axes().to_vec()),
+        Some(grid) => CellSize::of_axes(grid.axes()),
         None => {
             let n = grid.n_cells();
             CellSize::Mean((0..n).map(|cell| grid.size(cell)).sum::<f64>() / n.max(1) as f64)

@@ -1,5 +1,6 @@
 //! The size of the cells to which softening is adapted.
 
+use crate::{Deck, GridDeck};
 use mpm_core::grid::Axis;
 
 /// Size of the cells in which a material softens, [length].
@@ -17,6 +18,25 @@ pub enum CellSize {
 }
 
 impl CellSize {
+    /// That of the structured grid of a deck; unknown for a mesh, which must be read first.
+    pub(crate) fn of_deck(deck: &Deck) -> CellSize {
+        let GridDeck::Structured { origin, size, spacing, .. } = &deck.grid else { return CellSize::Unknown };
+        let entries = spacing.entries(deck.dimensions());
+        let ends = entries.iter().zip(origin).zip(size);
+        let axes: Result<Vec<Axis>, _> =
+            ends.map(|((entry, origin), size)| entry.axis(*origin, *size)).collect();
+        axes.map_or(CellSize::Unknown, |axes| CellSize::of_axes(&axes))
+    }
+
+    /// That of a structured grid.
+    pub(crate) fn of_axes(axes: &[Axis]) -> CellSize {
+        let graded = CellSize::Graded(axes.to_vec());
+        let origin = axes.iter().map(|axis| axis.line(0)).chain([0.0; 3]);
+        let mut corner = [0.0; 3];
+        corner.iter_mut().zip(origin).for_each(|(x, line)| *x = line);
+        if axes.iter().all(Axis::is_even) { CellSize::Even(graded.at(&corner)) } else { graded }
+    }
+
     /// The size of the cell at a position: the mean of its sides, such that the volume is that of an even cell.
     pub(super) fn at(&self, position: &[f64; 3]) -> f64 {
         match self {

@@ -1,12 +1,39 @@
 //! The properties of materials.
 
 use super::Check;
+use crate::Expression;
+use crate::formulas::at_start;
 use crate::gates::Checks;
 use crate::material::{MaterialDeck, Surroundings};
 use crate::quoting::quote;
 use crate::span::escape;
 
 impl Check<'_> {
+    /// Checks the formulas of a material that have one value everywhere; numbers have been checked with the shape of the deck,
+    /// and formulas that vary are checked at the points. Returns true if no number and no such formula is out of its range.
+    fn ranges(&mut self, pointer: &str, material: &MaterialDeck) -> bool {
+        let mut are_in_range = true;
+        for (key, given) in material.properties() {
+            let value = match &given {
+                Expression::Number(value) => Some(*value),
+                Expression::Formula(_) => {
+                    let formulas =
+                        at_start(vec![(key.clone(), &given)], &self.deck.parameters, self.dimensions());
+                    formulas.ok().and_then(|formulas| formulas.first()?.as_constant())
+                }
+            };
+            let range = material.range(&key);
+            let Some(value) = value.filter(|value| !range.contains(*value)) else { continue };
+            are_in_range = false;
+            if let Expression::Formula(text) = &given {
+                let message = format!("`{text}` is {value}");
+                let help = format!("must be {}", range.in_words());
+                self.error("D009", &format!("{pointer}/{key}"), message, help);
+            }
+        }
+        are_in_range
+    }
+
     /// Checks the properties of all materials, as far as they do not vary from point to point.
     pub(super) fn materials(&mut self) {
         let deck = self.deck;
@@ -19,15 +46,17 @@ impl Check<'_> {
             };
             if let Some(density) = material.density() {
                 let density = vec![("density".to_owned(), density)];
-                let faults = crate::formulas::at_start(density, &deck.parameters, self.dimensions()).err();
+                let faults = at_start(density, &deck.parameters, self.dimensions()).err();
                 self.formulas(&pointer, faults.unwrap_or_default());
             }
             if material.library().is_some() {
                 continue;
             }
+            let is_in_range = self.ranges(&pointer, material);
             match material.law(&surroundings) {
                 Err(faults) => self.formulas(&pointer, faults),
-                Ok(built) if built.varying.is_empty() => {
+                // A contradiction may be a consequence of a value out of its range.
+                Ok(built) if built.varying.is_empty() && is_in_range => {
                     if let Some(found) = (built.consistency)(&[]) {
                         let message = format!("material {}: {}", quote(name), found.message);
                         if found.key.is_empty() {

@@ -1,0 +1,147 @@
+//! Checks of soil materials and of the reduction of their strength: ranges of formulas, softening that is too fast, notes only
+//! about materials in use, one error for one fault.
+
+use mpm::deck::build::build;
+use mpm::deck::diagnostic::Diagnostic;
+use mpm::deck::load::load_text;
+
+use crate::remedy;
+
+/// A block of a material with the last steps of a deck, on cells of 1.
+fn deck(materials: &str, steps: &str) -> String {
+    format!(
+        "
+version: 1
+grid: {{type: structured, origin: [0, 0], size: [6, 6], spacing: 1}}
+materials:
+{materials}
+bodies:
+  - {{name: block, material: clay, shape: {{type: box, min: [0, 0], max: [4, 4]}}, volumetric: mean-dilatation, points_per_cell: 2}}
+boundary_conditions:
+  - {{name: floor, nodes: {{y: 0}}, fix: [x, y]}}
+loads:
+  - {{name: weight, type: gravity, acceleration: [0, -9.81]}}
+{steps}
+"
+    )
+}
+
+/// All messages about a deck, those of the build included.
+fn found(text: &str) -> Vec<Diagnostic> {
+    let found = match load_text("deck", text.as_bytes(), &[]) {
+        Err(failure) => failure.diagnostics,
+        Ok(loaded) => {
+            let of_build = build::<2>(&loaded).err().unwrap_or_default();
+            loaded.notes.into_iter().chain(of_build).collect()
+        }
+    };
+    found.iter().for_each(remedy::has_remedy);
+    found
+}
+
+fn codes(text: &str) -> Vec<&'static str> {
+    found(text).iter().map(|diagnostic| diagnostic.code).collect()
+}
+
+const STEPS: &str = "steps: {count: 2}";
+
+#[test]
+fn a_formula_with_one_value_everywhere_has_the_range_of_a_number() {
+    let with = |young: &str, poisson: &str| {
+        deck(&format!("  clay: {{model: hencky, young: {young}, poisson: {poisson}, density: 2000}}"), STEPS)
+    };
+    assert!(codes(&with("\"1e6 + 2\"", "\"0.1 + 0.2\"")).is_empty());
+    for (young, poisson, words) in [
+        ("\"-5\"", "0.3", "`-5` is -5"),
+        ("\"2 - 7\"", "0.3", "`2 - 7` is -5"),
+        ("1e6", "\"0.3 + 0.2\"", "`0.3 + 0.2` is 0.5"),
+    ] {
+        let found = found(&with(young, poisson));
+        let [one] = &found[..] else { panic!("{found:?}") };
+        assert_eq!((one.code, one.message.as_str()), ("D009", words));
+    }
+    assert_eq!(codes(&with("\"1e6*(3 - Y)\"", "0.3")), ["D058"], "one that varies is checked at the points");
+    let light = deck("  clay: {model: hencky, young: 1e6, poisson: 0.3, density: \"2 - 7\"}", STEPS);
+    assert_eq!(codes(&light), ["D009"]);
+}
+
+#[test]
+fn a_value_out_of_its_range_causes_one_error() {
+    let sand = |friction_angle: &str| {
+        deck(
+            &format!(
+                "  clay: {{model: mohr-coulomb, young: 1e6, poisson: 0.3, cohesion: 1e3, friction_angle: {friction_angle}, density: \
+                 2000}}"
+            ),
+            STEPS,
+        )
+    };
+    for wrong in ["-5", "95", "\"0 - 5\""] {
+        assert_eq!(codes(&sand(wrong)), ["D009"], "{wrong}");
+    }
+    assert!(codes(&sand("5")).is_empty());
+}
+
+/// A strain that is too short for a point is harmless where the band stretches it over small cells, which are known only when
+/// the grid is.
+#[test]
+fn softening_faster_than_the_elastic_stress_can_fall_is_refused() {
+    let tresca = |strain: f64, band: &str| {
+        deck(
+            &format!(
+                "  clay: {{model: tresca, young: 1e6, poisson: 0.25, cohesion: 20e3, density: 2000, softening: {{strain: {strain}, \
+                 residual_cohesion: 5e3{band}}}}}"
+            ),
+            STEPS,
+        )
+    };
+    let friction = |strain: f64, angles: [f64; 2]| {
+        let [peak, residual] = angles;
+        deck(
+            &format!(
+                "  clay: {{model: mohr-coulomb, young: 1e6, poisson: 0.25, cohesion: 20e3, friction_angle: {peak}, density: 2000, \
+                 softening: {{strain: {strain}, residual_cohesion: 5e3, residual_friction_angle: {residual}}}}}"
+            ),
+            STEPS,
+        )
+    };
+    // √3 · 15e3/400e3
+    let least = 0.06495;
+    let too_fast = |text: &str| codes(text).contains(&"D057");
+    for (factor, fails) in [(0.99, true), (1.01, false)] {
+        assert_eq!(too_fast(&tresca(factor * least, "")), fails);
+        assert_eq!(too_fast(&tresca(0.5 * factor * least, ", band: 2")), fails, "cells of half the band");
+        assert_eq!(too_fast(&friction(factor * least, [0.0, 0.0])), fails, "that of Tresca without friction");
+    }
+    assert!(too_fast(&friction(least, [30.0, 20.0])) && !too_fast(&friction(0.5, [30.0, 20.0])));
+}
+
+#[test]
+fn notes_on_softening_are_about_materials_in_use() {
+    let soft = "model: tresca, young: 1e6, poisson: 0.3, cohesion: 20e3, density: 2000, softening: {strain: 0.5, \
+                residual_cohesion: 5e3}";
+    let hard = "model: tresca, young: 1e6, poisson: 0.3, cohesion: 20e3, density: 2000";
+    let notes = |clay: &str, other: &str| {
+        let text = deck(&format!("  clay: {{{clay}}}\n  other: {{{other}}}"), STEPS);
+        let loaded = load_text("deck", text.as_bytes(), &[]).unwrap();
+        let ready = mpm::deck::ready::ready(&loaded, None).unwrap_or_else(|found| panic!("{found:?}"));
+        ready.notes.iter().filter(|note| note.code == "D060").count()
+    };
+    assert_eq!((notes(soft, hard), notes(hard, soft), notes(soft, soft)), (1, 0, 1));
+}
+
+#[test]
+fn a_reduction_of_strength_needs_something_to_carry() {
+    let clay = "  clay: {model: tresca, young: 1e7, poisson: 0.3, cohesion: 200e3, density: 2000}";
+    let reduction = "  - {name: safety, steps: {count: 2, control: {type: strength-reduction, to: 1.2}}}\n";
+    let weight =
+        |factor: f64| format!("  - {{name: weight, steps: {{count: 2}}, factors: {{weight: {factor}}}}}\n");
+    let with = |stages: &str| deck(clay, &format!("stages:\n{stages}"));
+    assert_eq!(codes(&with(reduction)), ["D065"]);
+    assert_eq!(codes(&with(&(weight(0.0) + reduction))), ["D065"]);
+    assert!(codes(&with(&(weight(1.0) + reduction))).is_empty());
+    let later = weight(1.0).replace("name: weight", "name: later");
+    assert_eq!(codes(&with(&(reduction.to_owned() + &later))), ["D065"], "a later stage does not help");
+    let again = reduction.replace("safety", "again");
+    assert_eq!(codes(&with(&(weight(1.0) + reduction + &again))), ["D066"]);
+}
