@@ -56,6 +56,9 @@ void mpm_law_history(int64_t number, struct mpm_variable *variable)
     variable->name = "largest_strain";
     variable->unit = "-";
     variable->initial = 0.0;
+#ifdef TAKEN_NAME
+    variable->name = "pressure";
+#endif
 #ifdef NAN_INITIAL
     variable->initial = NAN;
 #endif

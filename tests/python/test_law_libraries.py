@@ -216,6 +216,7 @@ FAULTS = {
     "NOT_UTF8": "the name or the unit of parameter 1 is not UTF-8",
     "NOT_A_WORD": 'parameter 1 cannot be named "poisson\'s ratio"',
     "TWICE": 'two parameters are named "young"',
+    "TAKEN_NAME": "its history variable `pressure` has the name of another field of the points",
     "NAN_INITIAL": 'the initial value of the history variable "largest_strain" is NaN',
     "MEASURE=5": "`mpm_law_measure` returns 5; strain measures are 0 and 1",
     "UNDEFINED": "not_in_any_library",

@@ -11,6 +11,8 @@ use super::span::escape;
 use mpm_core::formula::closest;
 use mpm_core::material::Material;
 use mpm_core::material::conformance::{Property, check};
+use mpm_core::points::PointArray;
+use mpm_files::fields::PointField;
 use mpm_foreign::{Described, Kind, Library, LibraryError, LibraryLaw, differs_between_threads};
 
 /// Largest component of the strains at which a law is tested, [-].
@@ -45,7 +47,20 @@ impl OfLibrary<'_> {
                     .help("change the values of `parameters`; the law decides which ones it can have"),
             ]
         })?;
-        Ok(Box::new(law))
+        match law.state_fields().iter().find(|field| is_taken(&field.name)) {
+            None => Ok(Box::new(law)),
+            Some(field) => {
+                let message = format!(
+                    "the library {} cannot be used: its history variable {} has the name of another field of the points",
+                    quote(self.file),
+                    quote(&field.name)
+                );
+                let found = Diagnostic::at(self.source, "D061", &self.at("file"), message);
+                Err(vec![
+                    found.help("give it another name in `mpm_law_history` in the source of the library"),
+                ])
+            }
+        }
     }
 
     fn at(&self, key: &str) -> String {
@@ -113,6 +128,13 @@ impl OfLibrary<'_> {
         }
         if found.is_empty() { Ok(values) } else { Err(found) }
     }
+}
+
+/// True if files or arrays of the points have a field of this name that is no history variable.
+fn is_taken(name: &str) -> bool {
+    let of_files = PointField::ALL.into_iter().filter(|field| *field != PointField::EquivalentPlasticStrain);
+    let mut of_files = of_files.map(PointField::name).chain(["body_id", "material_id", "point_id"]);
+    of_files.any(|taken| taken == name) || PointArray::named(name).is_some()
 }
 
 /// Advice on a library that cannot be used.
