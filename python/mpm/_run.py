@@ -43,6 +43,7 @@ class Step:
         residuals: Relative out-of-balance force of every evaluation, [-], shape (iterations + 1,); the first precedes
             any iteration.
         load_factor: Load factor at its end, or ``None`` if loads do not share one, [-].
+        strength_factor: Factor by which the strength of the materials is divided, or ``None`` at full strength, [-].
         reactions: Reaction of each boundary condition by its name: the force on the bodies, shape (axes,), [force].
         loads: Resultant of each load by its name, shape (axes,), [force].
         unknowns: Number of free degrees of freedom.
@@ -69,6 +70,7 @@ class Step:
     stage: str | None
     residuals: Array
     load_factor: float | None
+    strength_factor: float | None
     reactions: dict[str, Array]
     loads: dict[str, Array]
     unknowns: int

@@ -314,6 +314,7 @@ fn step_document<const D: usize>(model: &Model<D>, report: &StepReport<D>, summa
         "rounding_limited": report.rounding_limited,
         "damped": report.damped,
         "load_factor": report.load_factor,
+        "strength_factor": report.strength_factor,
         "reactions": named(&mut model.boundary_conditions.iter().map(|c| &c.name), &report.reactions),
         "loads": named(&mut model.loads.iter().map(|load| &load.name), &report.loads),
         "unknowns": report.unknowns,

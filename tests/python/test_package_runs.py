@@ -86,6 +86,18 @@ def test_the_solver_may_change_at_every_step():
     assert_same_points(run.points, expected.points)
 
 
+def test_steps_that_reduce_the_strength_have_their_factor():
+    with load("slope", h=2, n=2, to=1.2).start(threads=1) as run:
+        factors = [(step.stage, step.strength_factor) for step in run]
+        summary = run.result().summary
+    assert factors[:5] == [("gravity", None)] * 5
+    found = [factor for stage, factor in factors[5:] if stage == "safety"]
+    assert found == pytest.approx(np.linspace(1, 1.2, 7)[1:]) and len(factors) == 5 + len(found)
+    of_stage = summary["strength_reduction"]
+    assert of_stage["stage"] == "safety" and of_stage["stands"] == pytest.approx(1.2) and of_stage["fails"] is None
+    assert of_stage["slides"] is None and 0 < of_stage["moved"] < 0.09
+
+
 def test_a_yield_stress_changed_between_steps_acts_from_the_next_step_on():
     deck = load("collapse", h=1, n=3, steps=8)
     softer = deck.copy()
