@@ -7,11 +7,12 @@ table for each study; `--finest 2` stops after the second grid of each. All stud
 
     slope       strength reduction of example 1 of Griffiths and Lane (1999): by grid, method, points, flow, treatment
     clay-slope  strength reduction of an undrained slope on a foundation of another strength
+    weak-layer  strength reduction of an undrained slope with a thin weak layer
     bearing     bearing capacity factors N_c at 20, 25 and 30 degrees, and N_q at 30 degrees
     cylinder    thick cylinder of Mohr-Coulomb and Tresca material, widened by half its inner radius
     cut         strength reduction of a vertical cut
     softening   a vertical cut in softening clay, to a settlement of a tenth of its height
-    block       Cam-clay between plates, beside `mpm element`
+    block       Cam-clay between plates, and in triaxial and biaxial tests, beside `mpm element`
 
 Needs NumPy for `block` only. Loads and factors of analyses with displacements converge from above with order 1, since
 a velocity that jumps across a line is spread over a cell. Slopes that fail slide on, and after a displacement of some
@@ -154,12 +155,23 @@ def slope(program, folder, finest):
 
 
 def clay_slope(program, folder, finest):
+    deck = filled(decks.CLAY_SLOPE, REGION=decks.FOUNDATION)
     for ratio, published, end in [(1, 1.47, 1.6), (2, 2.1, 2.4)]:
         settings = {"ratio": ratio, "to": end, "steps": 30}
         cases = [("MPM 2 × 2", [2, 1, 0.5, 0.25][:finest], settings),
                  ("GIMP 2 × 2", [2, 1, 0.5][:finest], settings | {"method": "gimp"})]
-        rows = reduction_rows(program, folder, decks.CLAY_SLOPE, 10, published, cases)
+        rows = reduction_rows(program, folder, deck, 10, published, cases)
         print_table(f"Undrained slope, foundation {ratio} times as strong: {published} by Taylor's charts", REDUCTION, rows)
+
+
+def weak_layer(program, folder, finest):
+    deck = filled(decks.CLAY_SLOPE, REGION=decks.WEAK_LAYER)
+    for ratio, published in [(1, 1.47), (0.8, 1.45), (0.6, 1.40), (0.5, 1.25)]:
+        settings = {"ratio": ratio, "to": 1.6, "steps": 30}
+        cases = [("MPM 2 × 2", [1, 0.5, 0.25, 0.125][:finest], settings),
+                 ("GIMP 2 × 2", [1, 0.5, 0.25][:finest], settings | {"method": "gimp"})]
+        rows = reduction_rows(program, folder, deck, 10, published, cases)
+        print_table(f"Slope with a thin layer {ratio} times as strong: {published} by Griffiths and Lane", REDUCTION, rows)
 
 
 def cut(program, folder, finest):
@@ -340,50 +352,91 @@ PATHS = {  # settings of the deck, and the strains of `mpm element` along x and 
     "isotropic compression of a cylinder": ({"to": 0.1, "lateral": 0.1, "k0": 1, "idealisation": "axisymmetric"}, (1, 1)),
     "triaxial extension of a cylinder": ({"to": -0.1, "lateral": 0.05, "k0": 1, "idealisation": "axisymmetric"}, (1, 1)),
 }
+PRESSED = {  # settings of the deck with a pressure on one side, and the path of `mpm element`
+    "drained triaxial test": ({"idealisation": "axisymmetric"}, "triaxial-drained"),
+    "drained triaxial test, K₀ = 0.6": ({"idealisation": "axisymmetric", "k0": 0.6}, "triaxial-drained"),
+    "drained triaxial test, OCR = 8": ({"idealisation": "axisymmetric", "ocr": 8}, "triaxial-drained"),
+    "drained biaxial test": ({"idealisation": "plane-strain"}, "biaxial"),
+}
+
+
+def element_row(program, found, *options, **settings):
+    """The last row that `mpm element` finds for the material of the deck that was run."""
+    command = [program, "element", found.folder / "deck.yaml", "--confining", "60e3", "--output", "-", *map(str, options)]
+    for name, value in settings.items():
+        command += ["--set", f"{name}={value}"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise RuntimeError(done.stderr)
+    return list(csv.DictReader(done.stdout.splitlines()))[-1]
+
+
+def deviations(found, row):
+    """Largest relative deviations of all points at the end from the row of `mpm element`: of the normal stresses and of the
+    preconsolidation pressure; then both in the row."""
+    import numpy
+
+    fields = point_fields(max((found.folder / "out").glob("points_*.vtu")))
+    stress = numpy.array([float(row[f"stress_{c}"]) for c in ("xx", "yy", "zz")])
+    preconsolidation = float(row["preconsolidation_pressure"])
+    of_stress = numpy.abs(fields["cauchy_stress"][:, :3] / stress - 1).max()
+    of_size = numpy.abs(fields["preconsolidation_pressure"] / preconsolidation - 1).max()
+    return float(of_stress), float(of_size), stress, preconsolidation
 
 
 def block_errors(program, folder, path, **settings):
-    """Largest relative deviations of all points from `mpm element`: of the stresses, and of the preconsolidation pressure."""
-    import numpy
-
+    """What `deviations` finds after moving the plates along a path of `PATHS`."""
     own, (along_x, along_z) = PATHS[path]
     settings, steps = own | settings, 20
-    found = run(program, folder, decks.BLOCK, **settings)
+    found = run(program, folder, filled(decks.BLOCK, MATERIAL=decks.CAM_CLAY), **settings)
     shares = [k / steps for k in range(1, steps + 1)]
     lateral, axial = ([math.log(1 - settings.get(name, 0) * share) for share in shares] for name in ("lateral", "to"))
     lines = ["xx,yy,zz"] + [f"{along_x * x!r},{y!r},{along_z * x!r}" for x, y in zip(lateral, axial)]
     (found.folder / "path.csv").write_text("\n".join(lines) + "\n")
-    k0 = settings.get("k0", 0.6)
-    command = [program, "element", found.folder / "deck.yaml", "--material", "clay", "--path", "strain", "--steps", "1",
-               "--file", found.folder / "path.csv", "--confining", "60e3", "--k0", str(k0), "--output", "-"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode != 0:
-        raise RuntimeError(done.stderr)
-    last = list(csv.DictReader(done.stdout.splitlines()))[-1]
-    fields = point_fields(found.folder / "out" / f"points_{steps:04}.vtu")
-    stress = numpy.array([float(last[f"stress_{c}"]) for c in ("xx", "yy", "zz")])
-    preconsolidation = float(last["preconsolidation_pressure"])
-    errors = numpy.abs(fields["cauchy_stress"][:, :3] / stress - 1).max(), numpy.abs(
-        fields["preconsolidation_pressure"] / preconsolidation - 1).max()
-    return *map(float, errors), stress, preconsolidation
+    options = ["--path", "strain", "--steps", 1, "--file", found.folder / "path.csv", "--k0", settings.get("k0", 0.6)]
+    return deviations(found, element_row(program, found, *options))
+
+
+def pressed_errors(program, folder, test, **settings):
+    """What `deviations` finds after a test of `PRESSED`, whose points and `mpm element` take the same steps of strain."""
+    own, path = PRESSED[test]
+    settings = own | settings
+    found = run(program, folder, filled(decks.CELL, MATERIAL=decks.CAM_CLAY), **settings)
+    options = ["--path", path, "--to", 0.2, "--steps", 20, "--k0", settings.get("k0", 1)]
+    return deviations(found, element_row(program, found, *options, **settings))
+
+
+def pressures(stress, size):
+    return [", ".join(f"{-value / 1e3:.1f}" for value in stress), f"{size / 1e3:.1f}"]
 
 
 def block_rows(program, folder):
     for path in PATHS:
         mean = "mean-dilatation"
         for method, treatment in [("mpm", "standard"), ("mpm", mean), ("gimp", mean), ("cpdi2", mean)]:
-            of_stress, of_size, stress, size = block_errors(program, folder, path, method=method, volumetric=treatment)
-            kilo = ", ".join(f"{-value / 1e3:.1f}" for value in stress)
-            yield [path, method, treatment, kilo, f"{size / 1e3:.1f}", f"{of_stress:.1e}", f"{of_size:.1e}"]
+            *errors, stress, size = block_errors(program, folder, path, method=method, volumetric=treatment)
+            yield [path, method, treatment, *pressures(stress, size), *(f"{error:.1e}" for error in errors)]
+
+
+def pressed_rows(program, folder):
+    for test in PRESSED:
+        for method, treatment, columns in [("mpm", "standard", 2), ("gimp", "standard", 2), ("cpdi2", "standard", 2),
+                                           ("cpdi2", "standard", 0.25), ("cpdi2", "mean-dilatation", 0.25),
+                                           ("gimp", "standard", 0.25)]:
+            settings = {"method": method, "volumetric": treatment, "columns": columns}
+            *errors, stress, size = pressed_errors(program, folder, test, **settings)
+            yield [test, method, treatment, columns, *pressures(stress, size), *(f"{error:.1e}" for error in errors)]
 
 
 def block(program, folder, finest):
     headings = ["path", "method", "treatment", "pressures x, y, z (kPa)", "P_c (kPa)", "error of stress", "error of P_c"]
     print_table("Cam-clay between plates: largest relative deviation from `mpm element`", headings, block_rows(program, folder))
+    headings.insert(3, "columns")
+    print_table("Cam-clay under a pressure on its side", headings, pressed_rows(program, folder))
 
 
-STUDIES = {"slope": slope, "clay-slope": clay_slope, "bearing": bearing, "cylinder": cylinder, "cut": cut,
-           "softening": softening, "block": block}
+STUDIES = {"slope": slope, "clay-slope": clay_slope, "weak-layer": weak_layer, "bearing": bearing, "cylinder": cylinder,
+           "cut": cut, "softening": softening, "block": block}
 
 
 def main():

@@ -35,7 +35,7 @@ ROUGH = "  - {name: friction, nodes: {box: {min: [0, DEPTH], max: [1, DEPTH]}}, 
 SURCHARGE = "  - {name: surcharge, type: traction, surface: crest, traction: [0, -1000], curve: [[0, 1], [2, 1]]}"
 INITIAL = ", initial_stress: {type: components, stress: {xx: -1000, yy: -1000, zz: -1000}}"
 
-# Example 1 of Griffiths and Lane (1999), and their undrained slope on a foundation as deep as the slope is high.
+# Example 1 of Griffiths and Lane (1999).
 SLOPE = """
 version: 1
 parameters: {h: 0.5, n: 3, method: gimp, volumetric: mean-dilatation, psi: 0, to: 1.6, steps: 60}
@@ -57,12 +57,14 @@ stages:
     steps: {count: "${steps}", control: {type: strength-reduction, to: "${to}", tolerance: 0.002}}
 output: {every: 0, probes: [{name: crest, body: slope, nearest: [12, 10]}]}
 """
+# Examples 3 and 4 of the same paper: an undrained slope on a foundation as deep as the slope is high, of another strength
+# where REGION holds.
 CLAY_SLOPE = """
 version: 1
 parameters: {h: 1, n: 2, method: mpm, volumetric: mean-dilatation, ratio: 1, to: 2.4, steps: 70}
 grid: {type: structured, origin: [0, 0], size: [60, 22], spacing: "${h}"}
 materials:
-  clay: {model: tresca, young: 5e9, poisson: 0.3, cohesion: "if(Y < 10, ratio, 1) * 50e3", density: 2000}
+  clay: {model: tresca, young: 5e9, poisson: 0.3, cohesion: "if(REGION, ratio, 1) * 50e3", density: 2000}
 bodies:
   - {name: slope, material: clay, method: "${method}", points_per_cell: "${n}", volumetric: "${volumetric}",
      shape: {type: polygon, vertices: [[0, 0], [60, 0], [60, 10], [40, 10], [20, 20], [0, 20]]}}
@@ -78,6 +80,10 @@ stages:
     steps: {count: "${steps}", control: {type: strength-reduction, to: "${to}", tolerance: 0.002}}
 output: {every: 0, probes: [{name: crest, body: slope, nearest: [20, 20]}]}
 """
+FOUNDATION = "Y < 10"
+# The layer between the lines (6, 20), (38, 4), (48, 4), (54, 10) and (8, 20), (36, 6), (48, 6), (52, 10): parallel to the
+# slope, horizontal at mid-depth of the foundation, and at 45 degrees beyond the toe, 0.2 H wide along the ground.
+WEAK_LAYER = "(Y >= max(23 - X/2, max(4, X - 44))) * (Y < max(24 - X/2, max(6, X - 42)))"
 
 # A vertical cut of height 1 in deep clay with c = 1 and the unit weight 2.5, so that the factor of safety is 3.776/2.5.
 CUT = """
@@ -126,6 +132,10 @@ steps: {count: "${steps}", control: {type: displacement, probe: inside, axis: x,
 output: {every: 0, probes: [{name: inside, body: wall, nearest: [1, 0]}]}
 """
 
+CAM_CLAY = """materials:
+  clay: {model: modified-cam-clay, compression_index: 0.09, swelling_index: 0.018, critical_state_ratio: 1.05,
+         shear_modulus: 2e6, shear_modulus_ratio: 10, overconsolidation_ratio: "${ocr}", reference_pressure: 100e3}"""
+
 # A block of Cam-clay between smooth walls; the grid follows the plates that compress it.
 BLOCK = """
 version: 1
@@ -140,9 +150,7 @@ grid:
   follow:
     - {axis: x, from: 1, condition: right}
     - {axis: y, from: 1, condition: top}
-materials:
-  clay: {model: modified-cam-clay, compression_index: 0.09, swelling_index: 0.018, critical_state_ratio: 1.05,
-         shear_modulus: 2e6, shear_modulus_ratio: 10, overconsolidation_ratio: "${ocr}", reference_pressure: 100e3}
+MATERIAL
 bodies:
   - {name: block, material: clay, shape: {type: box, min: [0, 0], max: [1, 1]}, method: "${method}",
      points_per_cell: "${n}", volumetric: "${volumetric}",
@@ -153,5 +161,36 @@ boundary_conditions:
   - {name: base, nodes: {y: 0}, fix: [y]}
   - {name: top, nodes: {y: 1}, uy: "${-to}"}
 steps: {count: "${steps}"}
+output: {every: "${steps}", fields: [cauchy_stress]}
+"""
+
+# The block under a constant pressure on its right side, which moves, while a smooth plate compresses it by even steps of
+# logarithmic strain. Columns of the grid as wide as the whole of it hold all points in one cell across.
+CELL = """
+version: 1
+parameters: {method: cpdi2, volumetric: mean-dilatation, columns: 0.25, steps: 20, to: 0.2, k0: 1, ocr: 1.5,
+             idealisation: axisymmetric}
+analysis: {idealisation: "${idealisation}"}
+grid:
+  type: structured
+  origin: [0, 0]
+  size: [2, 1.5]
+  spacing: ["${columns}", 0.25]
+  follow: [{axis: y, from: 1, condition: top}]
+MATERIAL
+bodies:
+  - {name: block, material: clay, shape: {type: box, min: [0, 0], max: [1, 1]}, method: "${method}",
+     point_spacing: 0.125, volumetric: "${volumetric}",
+     initial_stress: {type: components, stress: {xx: -60e3, yy: "${-60e3/k0}", zz: -60e3}}}
+boundary_conditions:
+  - {name: left, nodes: {x: 0}, fix: [x]}
+  - {name: base, nodes: {y: 0}, fix: [y]}
+  - {name: top, nodes: {y: 1}, uy: "exp(-to * factor) - 1"}
+surfaces:
+  - {name: side, body: block, part: {edge: 1}}
+loads:
+  - {name: cell, type: pressure, surface: side, pressure: 60e3, curve: [[0, 1], [1, 1]]}
+steps: {count: "${steps}"}
+solver: {tolerance: 1e-12}
 output: {every: "${steps}", fields: [cauchy_stress]}
 """
