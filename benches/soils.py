@@ -279,7 +279,7 @@ def cylinder_pressure(phi, psi, radius, u):
 
 
 def cylinder_rows(program, folder, finest):
-    for label, phi, psi, settings in [("Tresca", 0, 0, {}), ("φ = 30°, ψ = 0", 30, 0, {}), ("φ = 30°, ψ = 15°", 30, 15, {}),
+    for label, phi, psi, settings in [("Tresca", 0, 0, {}), ("φ = 30°, ψ = 0", 30, 0, {}), ("φ = 30°, ψ = 15°", 30, 15, {"steps": 40}),
                                       ("φ = ψ = 30°", 30, 30, {}), ("φ = 30°, ψ = 0, MPM", 30, 0, {"method": "mpm"})]:
         law = "model: mohr-coulomb, friction_angle: \"${phi}\", dilation_angle: \"${psi}\"" if phi else "model: tresca"
         errors = []

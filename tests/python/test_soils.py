@@ -27,6 +27,13 @@ def test_an_undrained_slope_on_a_foundation_has_its_factor_of_safety(program, tm
     assert abs(soils.factor_at(found, 0.01) / published - 1) < bound
 
 
+@pytest.mark.parametrize("ratio, published", [(0.8, 1.45), (0.6, 1.40)])
+def test_a_slope_with_a_thin_weak_layer_has_its_factor_of_safety(program, tmp_path, ratio, published):
+    deck = soils.filled(decks.CLAY_SLOPE, REGION=decks.WEAK_LAYER)
+    found = soils.run(program, tmp_path, deck, h=1, ratio=ratio, to=1.6, steps=30)
+    assert abs(soils.factor_at(found, 0.01) / published - 1) < 0.03
+
+
 def bearing_error(program, folder, h, **settings):
     deck = soils.strip_deck(h, 8, 4, (4, 2))
     return soils.strip_loads(soils.run(program, folder, deck, **settings))[-1] / soils.n_c(20) - 1
