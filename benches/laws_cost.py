@@ -5,8 +5,8 @@
 Ground between smooth walls under an isotropic pressure; its top sinks as a cosine wave on one side and rises on the other.
 The strain decays with the depth, and each law has the strength with which a third of the points yields. A first stage
 reaches this state in four steps, a second one moves on by a tenth in twelve steps. All flow is associated, and but for
-Cam-clay the stiffness is symmetric. The share is that of the points whose plastic strain changes in the last step, in a run with files.
-Then every law takes its turn after a run of von Mises material, on one thread and without files, in several rounds; the
+Cam-clay the stiffness is symmetric. The share is that of the points whose plastic strain changes in the last step, in a
+run with files. Then every law takes its turn after a run of von Mises material, on one thread and without files, in several rounds; the
 ratios are medians over the rounds, each of runs within seconds, as the machine may be shared. --decks keeps the decks.
 
 Needs NumPy.
