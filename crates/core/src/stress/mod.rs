@@ -37,6 +37,7 @@ pub use dilated::{Averaged, Averaging, Centred, Centring, FBar, MeanDilatation};
 pub use in_plane::InPlane;
 pub use isotropic::Isotropic;
 pub use plane_strain::PlaneStrain;
+pub(crate) use principal::MOST_HISTORY;
 pub use solid::{Solid, Spatial};
 pub use volumetric::Volumetric;
 
@@ -122,6 +123,12 @@ pub enum PointError {
     Material(#[from] MaterialError),
 }
 
+/// True if the points of a law can be evaluated several at a time where the idealisation supports this.
+pub(crate) fn suits_lanes(law: &dyn Material) -> bool {
+    let has_form = law.vectorised().is_some() || law.principal().is_some();
+    has_form && law.state_fields().len() <= MOST_HISTORY
+}
+
 /// An idealisation: maps a `D`-dimensional displacement increment to the deformation of a three-dimensional material.
 pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     /// True for bodies of revolution about the axis where the first coordinate is zero.
@@ -159,7 +166,7 @@ pub trait Mechanics<const D: usize>: Copy + Send + Sync + 'static {
     ) -> Result<PointResponse<Self::Previous>, PointError>;
 
     /// As [`Mechanics::respond`] for several points of one law at once; replaces `history` by its new values. `None` if
-    /// the idealisation or the law has no vectorised form, or if a point fails. The points must then be evaluated one
+    /// the idealisation or the law has no such form, or if a point fails. The points must then be evaluated one
     /// by one.
     #[inline(always)]
     fn respond_vectorised(

@@ -12,7 +12,7 @@ use super::{
     StartOfStep,
 };
 use crate::kinematics::Increment;
-use crate::material::{CompactResponse, Material, StrainMeasure};
+use crate::material::{CompactResponse, Material, StrainMeasure, VectorisedLaw};
 use crate::tensor::{Mat3, Sym3, Tensor4, plane};
 
 /// Plane strain in the x-y plane.
@@ -76,8 +76,8 @@ fn answer(
     }
     if let Some(law) = material.principal() {
         let InPlaneAnswer { tau, elastic_strain, C } = principal::in_plane(law, &trial.b, old, new)?;
-        let in_plane = in_plane(&plane::components(&tau));
-        return Ok(Answer { trial, law: (tau, elastic_strain), C, tau: in_plane });
+        let law = (plane::tensor(tau), plane::tensor(elastic_strain));
+        return Ok(Answer { trial, law, C, tau: in_plane(&tau) });
     }
     let measure = material.strain_measure();
     let (strain, L) = match measure {
@@ -104,11 +104,9 @@ fn answer(
 
 /// Response of a law to the trial states of several points.
 struct AnswerInLanes {
-    answer: CompactResponse<Lanes, 4>,
+    law: InPlaneAnswer<Lanes>,
     trial: Trial<Lanes>,
     dF: Rows<Lanes>,
-    /// As in [`Answer`].
-    C: [[Lanes; 3]; 3],
     /// V/J_n.
     weight: Lanes,
 }
@@ -120,7 +118,6 @@ fn answer_in_lanes(
     material: &dyn Material,
     history: &mut [Lanes],
 ) -> Option<AnswerInLanes> {
-    let law = material.vectorised()?;
     let (mut b_n, mut dF) = ([Lanes::ZERO; 4], [[Lanes::ZERO; 2]; 2]);
     let (mut volume_n, mut J_n) = (Lanes::ZERO, Lanes::ZERO);
     for p in 0..Lanes::WIDTH {
@@ -134,14 +131,25 @@ fn answer_in_lanes(
         }
     }
     let trial = Trial::new(&b_n, &dF);
-    let (log_b, L) = plane::log_with_derivative(&trial.b);
-    let answer = law.respond(&[log_b[0] * 0.5, log_b[1] * 0.5, log_b[2] * 0.5, log_b[3] * 0.5], history);
-    let size = answer.tau[0] + answer.tau[1] + answer.tau[2] + answer.tau[3];
-    if !trial.dJ.is_positive() || !(size * size).is_below(f64::INFINITY) {
+    if !trial.dJ.is_positive() {
         return None;
     }
+    let law = match (material.vectorised(), material.principal()) {
+        (Some(law), _) => vectorised(law, &trial.b, history),
+        (None, Some(law)) => principal::in_lanes(law, &trial.b, history)?,
+        (None, None) => return None,
+    };
+    let size = law.tau[0] + law.tau[1] + law.tau[2] + law.tau[3];
+    let is_finite = (size * size).is_below(f64::INFINITY);
+    is_finite.then_some(AnswerInLanes { law, trial, dF, weight: volume_n / J_n })
+}
+
+#[inline(always)]
+fn vectorised(law: &dyn VectorisedLaw, b: &[Lanes; 4], history: &mut [Lanes]) -> InPlaneAnswer<Lanes> {
+    let (log_b, L) = plane::log_with_derivative(b);
+    let answer = law.respond(&[log_b[0] * 0.5, log_b[1] * 0.5, log_b[2] * 0.5, log_b[3] * 0.5], history);
     let C = half_product(&tangent(&answer), &L);
-    Some(AnswerInLanes { answer, trial, dF, C, weight: volume_n / J_n })
+    InPlaneAnswer { tau: answer.tau, elastic_strain: answer.elastic_strain, C }
 }
 
 impl Mechanics<2> for PlaneStrain {
@@ -177,14 +185,14 @@ impl Mechanics<2> for PlaneStrain {
         material: &dyn Material,
         history: &mut [Lanes],
     ) -> Option<[PointResponse<InPlane>; Lanes::WIDTH]> {
-        let AnswerInLanes { answer, trial, dF, C, weight } =
+        let AnswerInLanes { law, trial, dF, weight } =
             answer_in_lanes(starts, increments, material, history)?;
-        let weak = previous(&C, &in_plane(&answer.tau), &dF, &trial, weight);
+        let weak = previous(&law.C, &in_plane(&law.tau), &dF, &trial, weight);
         Some([
-            point(weak.point(0), &answer, 0),
-            point(weak.point(1), &answer, 1),
-            point(weak.point(2), &answer, 2),
-            point(weak.point(3), &answer, 3),
+            point(weak.point(0), &law, 0),
+            point(weak.point(1), &law, 1),
+            point(weak.point(2), &law, 2),
+            point(weak.point(3), &law, 3),
         ])
     }
 
@@ -220,14 +228,14 @@ impl Mechanics<2> for PlaneStrain {
         material: &dyn Material,
         history: &mut [Lanes],
     ) -> Option<[PointResponse<MeanDilatation<2, 2>>; Lanes::WIDTH]> {
-        let AnswerInLanes { answer, trial, dF, C, weight } =
+        let AnswerInLanes { law, trial, dF, weight } =
             answer_in_lanes(starts, increments, material, history)?;
-        let weak = MeanDilatation::new(current(&C, &in_plane(&answer.tau), &dF, &trial, weight));
+        let weak = MeanDilatation::new(current(&law.C, &in_plane(&law.tau), &dF, &trial, weight));
         Some([
-            point(weak.point(0), &answer, 0),
-            point(weak.point(1), &answer, 1),
-            point(weak.point(2), &answer, 2),
-            point(weak.point(3), &answer, 3),
+            point(weak.point(0), &law, 0),
+            point(weak.point(1), &law, 1),
+            point(weak.point(2), &law, 2),
+            point(weak.point(3), &law, 3),
         ])
     }
 
@@ -268,8 +276,8 @@ impl Mechanics<2> for PlaneStrain {
 
 /// The response of one point with its weak form.
 #[inline(always)]
-fn point<W>(weak: W, answer: &CompactResponse<Lanes, 4>, lane: usize) -> PointResponse<W> {
-    let CompactResponse { tau, elastic_strain: e, .. } = answer;
+fn point<W>(weak: W, law: &InPlaneAnswer<Lanes>, lane: usize) -> PointResponse<W> {
+    let InPlaneAnswer { tau, elastic_strain: e, .. } = law;
     PointResponse {
         weak,
         tau: plane::tensor([tau[0].0[lane], tau[1].0[lane], tau[2].0[lane], tau[3].0[lane]]),

@@ -5,15 +5,67 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
-use super::PointError;
-use crate::material::{PrincipalLaw, PrincipalResponse, divided_difference};
+use super::{Lane, Lanes, PointError};
+use crate::material::{MaterialError, PrincipalLaw, PrincipalResponse, divided_difference};
 use crate::tensor::{PrincipalDerivative, Sym3, ln, log_divided_difference, plane};
 
-/// τ, the elastic strain, and the derivative of τ with respect to b on the in-plane components `xx, yy, √2 xy`.
-pub(super) struct InPlaneAnswer {
-    pub tau: Sym3,
-    pub elastic_strain: Sym3,
-    pub C: [[f64; 3]; 3],
+/// Most history variables of a law that is evaluated for several points at once.
+pub(crate) const MOST_HISTORY: usize = 16;
+
+/// τ and the elastic strain as `xx, yy, zz, √2 xy`, and the derivative of τ with respect to b on the in-plane components
+/// `xx, yy, √2 xy`.
+pub(super) struct InPlaneAnswer<T> {
+    pub tau: [T; 4],
+    pub elastic_strain: [T; 4],
+    pub C: [[T; 3]; 3],
+}
+
+/// The response of a law on the axes in the plane and along z, in the order of [`plane::Axes`].
+struct OnAxes<T> {
+    tau: [T; 3],
+    elastic_strain: [T; 3],
+    /// The modulus on the axes in the plane.
+    modulus: [[T; 2]; 2],
+    /// (τ_1 − τ_2)/(ε_1 − ε_2) of these axes.
+    on_shear: T,
+}
+
+/// The response to the logarithm of b on the axes.
+#[inline(always)]
+fn respond(
+    law: &dyn PrincipalLaw,
+    logarithm: [f64; 3],
+    old: &[f64],
+    new: &mut [f64],
+) -> Result<OnAxes<f64>, MaterialError> {
+    // In descending order: the larger and the smaller value in the plane, with that of z among them.
+    let order = if logarithm[2] > logarithm[0] {
+        [2, 0, 1]
+    } else if logarithm[2] > logarithm[1] {
+        [0, 2, 1]
+    } else {
+        [0, 1, 2]
+    };
+    let strain = order.map(|k| 0.5 * logarithm[k]);
+    if !(strain[0] + strain[1] + strain[2]).is_finite() {
+        return Err(MaterialError::NotFinite);
+    }
+    let PrincipalResponse { tau, elastic_strain, modulus } = law.respond(strain, old, new)?;
+    // The places of the axes in descending order.
+    let [first, second, z] = match order {
+        [2, 0, 1] => [1, 2, 0],
+        [0, 2, 1] => [0, 2, 1],
+        _ => [0, 1, 2],
+    };
+    let [a, b, c, d] =
+        [modulus[first][first], modulus[first][second], modulus[second][first], modulus[second][second]];
+    let pair = |of: [f64; 3]| [of[first], of[second]];
+    Ok(OnAxes {
+        tau: [tau[first], tau[second], tau[z]],
+        elastic_strain: [elastic_strain[first], elastic_strain[second], elastic_strain[z]],
+        modulus: [[a, b], [c, d]],
+        on_shear: divided_difference(pair(tau), pair(strain), || 0.5 * (a - b - c + d)),
+    })
 }
 
 /// Derivative of the stresses of two axes with respect to b on their shear: (τ_a − τ_b)/(b_a − b_b).
@@ -26,6 +78,44 @@ fn on_shear(response: &PrincipalResponse, strain: &[f64; 3], b: &[f64; 3], pair:
     0.5 * per_strain * log_divided_difference(b[i], b[j])
 }
 
+/// The tensors of a response, and the derivative of τ.
+#[inline(always)]
+fn in_components<T: Lane>(axes: &plane::Axes<T>, response: &OnAxes<T>) -> InPlaneAnswer<T> {
+    let plane::Axes { values, cosine, sine, on_shear, .. } = *axes;
+    // Unit tensors of the axes and of their shear.
+    let (one, shear) = (T::splat(1.0), sine * FRAC_1_SQRT_2);
+    let (more, less) = ((one + cosine) * 0.5, (one - cosine) * 0.5);
+    let opposite = shear * -1.0;
+    let units = [[more, less, shear], [less, more, opposite]];
+    let across = [opposite, shear, cosine];
+    let of_shear = response.on_shear * on_shear * 0.5;
+    let half = T::splat(0.5);
+    let per_b = [half / values[0], half / values[1]];
+    let [[m11, m12], [m21, m22]] = response.modulus;
+    let mut C = [across; 3];
+    for c in 0..3 {
+        let (along, aside) = (units[0][c] * per_b[0], units[1][c] * per_b[1]);
+        let (first, second) = (m11 * along + m12 * aside, m21 * along + m22 * aside);
+        let sheared = of_shear * across[c];
+        for r in 0..3 {
+            C[r][c] = units[0][r] * first + units[1][r] * second + across[r] * sheared;
+        }
+    }
+    InPlaneAnswer {
+        tau: tensor(&response.tau, cosine, sine),
+        elastic_strain: tensor(&response.elastic_strain, cosine, sine),
+        C,
+    }
+}
+
+/// The tensor with these values on the axes, as `xx, yy, zz, √2 xy`.
+#[inline(always)]
+fn tensor<T: Lane>(values: &[T; 3], cosine: T, sine: T) -> [T; 4] {
+    let [first, second, z] = *values;
+    let (mean, radius) = ((first + second) * 0.5, (first - second) * 0.5);
+    [mean + radius * cosine, mean - radius * cosine, z, radius * sine * SQRT_2]
+}
+
 /// The response in the plane; b has the components `xx, yy, zz, √2 xy`.
 ///
 /// # Errors
@@ -36,53 +126,45 @@ pub(super) fn in_plane(
     b: &[f64; 4],
     old: &[f64],
     new: &mut [f64],
-) -> Result<InPlaneAnswer, PointError> {
-    let plane::Axes { values, cosine, sine } = plane::Axes::new(b);
-    // In descending order: the larger and the smaller value in the plane, with that of z among them.
-    let order = if values[2] > values[0] {
-        [2, 0, 1]
-    } else if values[2] > values[1] {
-        [0, 2, 1]
-    } else {
-        [0, 1, 2]
-    };
-    let logarithm = [ln(values[0]) * 0.5, ln(values[1]) * 0.5, ln(values[2]) * 0.5];
-    let strain = order.map(|k| logarithm[k]);
-    if !(strain[0] + strain[1] + strain[2]).is_finite() {
-        return Err(crate::material::MaterialError::NotFinite.into());
-    }
-    let sorted = law.respond(strain, old, new)?;
-    let mut response = sorted;
-    for i in 0..3 {
-        response.tau[order[i]] = sorted.tau[i];
-        response.elastic_strain[order[i]] = sorted.elastic_strain[i];
-        for j in 0..3 {
-            response.modulus[order[i]][order[j]] = sorted.modulus[i][j];
+) -> Result<InPlaneAnswer<f64>, PointError> {
+    let axes = plane::Axes::new(b);
+    let response = respond(law, axes.logarithm, old, new)?;
+    Ok(in_components(&axes, &response))
+}
+
+/// As [`in_plane`] for several points of one law: the axes and the tensors of all at once, the returns to the surface one
+/// by one. Replaces `history` by its new values. `None` if a point fails.
+#[inline(always)]
+pub(super) fn in_lanes(
+    law: &dyn PrincipalLaw,
+    b: &[Lanes; 4],
+    history: &mut [Lanes],
+) -> Option<InPlaneAnswer<Lanes>> {
+    let axes = plane::Axes::new(b);
+    let (zero, kept) = (Lanes::ZERO, history.len());
+    let mut all =
+        OnAxes { tau: [zero; 3], elastic_strain: [zero; 3], modulus: [[zero; 2]; 2], on_shear: zero };
+    let (mut old, mut new) = ([0.0; MOST_HISTORY], [0.0; MOST_HISTORY]);
+    for l in 0..Lanes::WIDTH {
+        for (old, lanes) in old.iter_mut().zip(&*history) {
+            *old = lanes.0[l];
         }
-    }
-    let tensor = |[first, second, z]: [f64; 3]| {
-        let (mean, radius) = (0.5 * (first + second), 0.5 * (first - second));
-        plane::tensor([mean + radius * cosine, mean - radius * cosine, z, SQRT_2 * radius * sine])
-    };
-    // Unit tensors of the axes and of their shear.
-    let shear = sine * FRAC_1_SQRT_2;
-    let axes = [
-        [0.5 * (1.0 + cosine), 0.5 * (1.0 - cosine), shear],
-        [0.5 * (1.0 - cosine), 0.5 * (1.0 + cosine), -shear],
-    ];
-    let across = [-shear, shear, cosine];
-    let on_shear = on_shear(&response, &logarithm, &values, (0, 1));
-    let per_b = [0.5 / values[0], 0.5 / values[1]];
-    let mut C = [[0.0; 3]; 3];
-    for c in 0..3 {
-        let along = [axes[0][c] * per_b[0], axes[1][c] * per_b[1]];
-        let [first, second] =
-            [0, 1].map(|i| response.modulus[i][0] * along[0] + response.modulus[i][1] * along[1]);
-        for r in 0..3 {
-            C[r][c] = axes[0][r] * first + axes[1][r] * second + across[r] * (on_shear * across[c]);
+        let logarithm = axes.logarithm.map(|lanes| lanes.0[l]);
+        let one = respond(law, logarithm, old.get(..kept)?, new.get_mut(..kept)?).ok()?;
+        for (lanes, new) in history.iter_mut().zip(&new) {
+            lanes.0[l] = *new;
         }
+        for i in 0..3 {
+            (all.tau[i].0[l], all.elastic_strain[i].0[l]) = (one.tau[i], one.elastic_strain[i]);
+        }
+        for i in 0..2 {
+            for j in 0..2 {
+                all.modulus[i][j].0[l] = one.modulus[i][j];
+            }
+        }
+        all.on_shear.0[l] = one.on_shear;
     }
-    Ok(InPlaneAnswer { tau: tensor(response.tau), elastic_strain: tensor(response.elastic_strain), C })
+    Some(in_components(&axes, &all))
 }
 
 /// τ, the elastic strain, and twice the derivative of τ with respect to b, by columns.
@@ -100,7 +182,7 @@ pub(super) fn in_space(
     let values = spectrum.values;
     let strain = [ln(values[0]) * 0.5, ln(values[1]) * 0.5, ln(values[2]) * 0.5];
     if !(strain[0] + strain[1] + strain[2]).is_finite() {
-        return Err(crate::material::MaterialError::NotFinite.into());
+        return Err(MaterialError::NotFinite.into());
     }
     let response = law.respond(strain, old, new)?;
     let mut normal = response.modulus;

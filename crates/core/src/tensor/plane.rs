@@ -31,24 +31,36 @@ fn mohr<T: Lane>(b: &[T; 4]) -> (T, T, T, T) {
     (m, d, s, (d * d + s * s).sqrt())
 }
 
-/// Eigenvalues and axes of a tensor in the plane.
+/// Eigenvalues and axes of a positive definite tensor in the plane, and its logarithm on them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Axes {
+pub struct Axes<T> {
     /// The larger and the smaller eigenvalue in the plane, and zz.
-    pub values: [f64; 3],
+    pub values: [T; 3],
+    /// Their logarithms; NaN unless the tensor is positive definite.
+    pub logarithm: [T; 3],
+    /// Divided difference of the logarithm on the eigenvalues in the plane.
+    pub on_shear: T,
     /// Cosine of twice the angle from x to the axis of the larger one; 1 if both are equal.
-    pub cosine: f64,
+    pub cosine: T,
     /// Its sine.
-    pub sine: f64,
+    pub sine: T,
 }
 
-impl Axes {
+impl<T: Lane> Axes<T> {
     /// Decomposes a tensor with components `xx, yy, zz, √2 xy`. The error is of the order of round-off in its largest entry.
     #[inline(always)]
-    pub fn new(b: &[f64; 4]) -> Axes {
+    pub fn new(b: &[T; 4]) -> Axes<T> {
         let (m, d, s, r) = mohr(b);
-        let (cosine, sine) = if r > 0.0 { (d / r, s / r) } else { (1.0, 0.0) };
-        Axes { values: [m + r, m - r, b[2]], cosine, sine }
+        let (zero, one) = (T::splat(0.0), T::splat(1.0));
+        let mean = ln((m - r) * (m + r)) * 0.5;
+        let on_shear = artanh_over_x(r / m) / m;
+        Axes {
+            values: [m + r, m - r, b[2]],
+            logarithm: [mean + on_shear * r, mean - on_shear * r, ln(b[2])],
+            on_shear,
+            cosine: zero.where_below(r, d / r, one),
+            sine: zero.where_below(r, s / r, zero),
+        }
     }
 }
 

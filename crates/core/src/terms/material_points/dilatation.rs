@@ -10,12 +10,15 @@ use crate::assembly::{Coupling, Dense, Wanted};
 use crate::basis::{Links, PointGeometry};
 use crate::grid::CellBasis;
 use crate::kinematics::Increment;
-use crate::stress::{Averaged, Averaging, Centred, Centring, Mechanics, PointResponse, Volumetric, WeakForm};
+use crate::stress::{
+    Averaged, Averaging, Centred, Centring, MOST_HISTORY, Mechanics, PointResponse, Volumetric, WeakForm,
+    suits_lanes,
+};
 use crate::tensor::Lanes;
 use crate::terms::failure::PointFailure;
 
 use super::cell_room::{CellRoom, CouplingRoom, Motion, Responded};
-use super::evaluation::{MOST_HISTORY, Task, Vectorised, map_gradients};
+use super::evaluation::{Task, Vectorised, map_gradients};
 
 /// Factor of ΔF that changes the volume by `ratio`.
 #[inline(always)]
@@ -170,10 +173,10 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
     ) -> bool {
         let task = self.task;
         let law = task.law(moved[0].0);
-        let kept = law.state_fields().len();
-        if !M::VECTORISED || law.vectorised().is_none() || kept > MOST_HISTORY {
+        if !M::VECTORISED || !suits_lanes(law) {
             return false;
         }
+        let kept = law.state_fields().len();
         // Unused lanes repeat the last point.
         let last = moved.len() - 1;
         let of_lane: [usize; Lanes::WIDTH] = std::array::from_fn(|l| moved[l.min(last)].0);

@@ -12,7 +12,9 @@ use crate::kinematics::Increment;
 use crate::linear::Block;
 use crate::material::Material;
 use crate::model::Model;
-use crate::stress::{Formulation, Mechanics, PointResponse, StartOfStep, WeakForm};
+use crate::stress::{
+    Formulation, MOST_HISTORY, Mechanics, PointResponse, StartOfStep, WeakForm, suits_lanes,
+};
 use crate::tensor::{Lanes, Sym3};
 use crate::terms::failure::PointFailure;
 
@@ -20,9 +22,6 @@ use super::cell_room::CellRoom;
 
 /// A task of at most this many groups is not divided between threads.
 const GRAIN: usize = 4;
-
-/// Most history variables of points that are evaluated side by side.
-pub(super) const MOST_HISTORY: usize = 4;
 
 /// The data shared by all points of an evaluation.
 pub(super) struct Task<'a, const D: usize, M> {
@@ -265,10 +264,10 @@ impl<const D: usize, M: Mechanics<D>, K: Dense<D>, const UPDATED: bool>
         let task = self.task;
         let p = points.start;
         let law = task.law(p);
-        let kept = law.state_fields().len();
-        if UPDATED || !M::VECTORISED || law.vectorised().is_none() || kept > MOST_HISTORY {
+        if UPDATED || !M::VECTORISED || !suits_lanes(law) {
             return Ok(None);
         }
+        let kept = law.state_fields().len();
         let alike = task.body[points].iter().take_while(|&&body| body == task.body[p]);
         let count = alike.take(Lanes::WIDTH).count();
         // Unused lanes repeat the last point.
