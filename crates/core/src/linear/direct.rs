@@ -123,8 +123,9 @@ impl LinearSolver for Direct {
         }
         Ok(match self.kind {
             Some(Kind::Fronts) if self.pattern.symmetric => Factorisation::Cholesky,
+            Some(Kind::Fronts) if self.has_positive_pivots() => Factorisation::Lu,
             Some(Kind::Ldlt) => Factorisation::Ldlt,
-            _ => Factorisation::Lu,
+            _ => Factorisation::LuIndefinite,
         })
     }
 
@@ -155,6 +156,10 @@ impl Direct {
     /// LLᵀ or LU by fronts; false if the matrix has none.
     fn factorise_fronts(&mut self, values: &[f64]) -> bool {
         self.fronts.as_mut().is_some_and(|fronts| fronts.factorise(values, &mut self.factor))
+    }
+
+    fn has_positive_pivots(&self) -> bool {
+        self.fronts.as_ref().is_none_or(|fronts| fronts.has_positive_pivots(&self.factor))
     }
 
     /// Replaces the right-hand side, which is also given, by the solution.

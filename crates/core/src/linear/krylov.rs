@@ -22,7 +22,7 @@ pub struct Krylov<const D: usize, const N: usize = D> {
     held: Vec<[bool; N]>,
     /// Of a matrix that is not symmetric.
     symmetric_part: Option<SymmetricPart<N>>,
-    /// True if the matrix is symmetric and no direction of negative curvature has been met.
+    /// True if the matrix, or its symmetric part, has shown no direction of negative curvature.
     definite: bool,
     conjugate_gradients: ConjugateGradients<N>,
     gmres: Gmres<N>,
@@ -63,8 +63,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
             return Ok(());
         };
         part.take(matrix);
-        self.definite = false;
-        self.multigrid.factorise(&part.matrix()).map(|_| ())
+        self.definite = self.multigrid.factorise(&part.matrix())?;
+        Ok(())
     }
 
     /// Measures the residual in the norm of the forces on the unknowns.
@@ -79,7 +79,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
         x: &mut [[f64; N]],
         tolerance: f64,
     ) -> Result<Solved, LinearError> {
-        let Self { multigrid, held, definite, conjugate_gradients, gmres, .. } = self;
+        let Self { multigrid, held, definite, symmetric_part, conjugate_gradients, gmres } = self;
         let mut precondition = |r: &[[f64; N]], z: &mut [[f64; N]]| multigrid.precondition(r, z);
         let mut masked = |x: &[[f64; N]], out: &mut [[f64; N]]| {
             stiffness.multiply(x, out);
@@ -88,7 +88,7 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
         let mut rhs = b.to_vec();
         mask(&mut rhs, held);
         let mut before = 0;
-        if *definite {
+        if *definite && symmetric_part.is_none() {
             match conjugate_gradients.solve(&mut masked, &mut precondition, &rhs, x, tolerance) {
                 Err(conjugate::Failure::NotPositiveDefinite { iterations }) => {
                     *definite = false;
@@ -99,7 +99,13 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
             }
         }
         let iterations = before + gmres.solve(&mut masked, &mut precondition, &rhs, x, tolerance)?;
-        Ok(Solved { factorisation: Factorisation::MultigridIndefinite, iterations })
+        // A symmetric matrix gets here only if it is not positive definite.
+        let factorisation = if *definite {
+            Factorisation::MultigridUnsymmetric
+        } else {
+            Factorisation::MultigridIndefinite
+        };
+        Ok(Solved { factorisation, iterations })
     }
 
     fn is_iterative(&self) -> bool {

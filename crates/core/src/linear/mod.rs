@@ -48,24 +48,32 @@ pub enum Factorisation {
     Cholesky,
     /// LDLᵀ: symmetric but not positive definite.
     Ldlt,
-    /// LU: not symmetric, or not to be solved otherwise.
+    /// LU of an unsymmetric matrix, with positive pivots only.
     Lu,
+    /// LU with a negative pivot, or with pivots exchanged, also of a symmetric matrix that LDLᵀ does not solve.
+    LuIndefinite,
     /// No factorisation: conjugate gradients with a multigrid preconditioner, which found the matrix positive definite.
     Multigrid,
-    /// No factorisation: generalised minimal residuals with a multigrid preconditioner; the matrix is not positive
-    /// definite.
+    /// No factorisation: generalised minimal residuals with a multigrid preconditioner, which found no sign that the
+    /// symmetric part of an unsymmetric matrix is not positive definite.
+    MultigridUnsymmetric,
+    /// No factorisation: generalised minimal residuals with a multigrid preconditioner; the matrix, or its symmetric part, is
+    /// not positive definite.
     MultigridIndefinite,
 }
 
 impl Factorisation {
-    /// True if the matrix was positive definite.
+    /// True if the matrix was positive definite; of an unsymmetric one, if the determinants of all its leading parts have
+    /// the sign that they have in a stable body.
     pub fn is_definite(self) -> bool {
-        matches!(self, Factorisation::Cholesky | Factorisation::Multigrid)
+        use Factorisation::{Cholesky, Lu, Multigrid, MultigridUnsymmetric};
+        matches!(self, Cholesky | Lu | Multigrid | MultigridUnsymmetric)
     }
 
     /// True if nothing was factorised.
     pub fn is_iterative(self) -> bool {
-        matches!(self, Factorisation::Multigrid | Factorisation::MultigridIndefinite)
+        use Factorisation::{Multigrid, MultigridIndefinite, MultigridUnsymmetric};
+        matches!(self, Multigrid | MultigridUnsymmetric | MultigridIndefinite)
     }
 }
 
@@ -202,6 +210,7 @@ mod conformance {
                 check(solver.as_mut(), &matrix(m, 0.0, 0.0), true, Factorisation::Cholesky);
                 check(solver.as_mut(), &matrix(m, 0.0, 0.3), false, Factorisation::Lu);
             }
+            check(solver.as_mut(), &matrix(20, 2.13, 0.3), false, Factorisation::LuIndefinite);
             check(solver.as_mut(), &matrix(20, 2.13, 0.0), true, Factorisation::Ldlt);
         }
     }
@@ -210,7 +219,7 @@ mod conformance {
     fn a_matrix_that_ldlt_cannot_factorise_is_solved_with_pivoting() {
         let a = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 2.0]);
         for mut solver in solvers() {
-            check(solver.as_mut(), &a, true, Factorisation::Lu);
+            check(solver.as_mut(), &a, true, Factorisation::LuIndefinite);
         }
     }
 

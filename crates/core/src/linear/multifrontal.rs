@@ -92,6 +92,15 @@ impl Multifrontal {
         self.fronts.front.is_empty() || elimination.run(&self.task, factor, &mut self.passed)
     }
 
+    /// True if all pivots of a factor are positive, as those of LLᵀ always are.
+    pub fn has_positive_pivots(&self, factor: &[f64]) -> bool {
+        self.fronts.front.iter().all(|front| {
+            let panel = &factor[front.panel..front.panel + front.panel_len()];
+            let column = dense::stride(front.rows);
+            (0..front.pivots).all(|c| panel[c * column + c] > 0.0)
+        })
+    }
+
     /// Replaces the right-hand side by the solution.
     pub fn solve(&mut self, factor: &[f64], rhs: &mut [f64]) {
         if self.solution.is_empty() {

@@ -133,6 +133,11 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             solved.iterations += again.iterations;
             let change = condition
                 .change(&unknowns.delta_d, &unknowns.iterative, &of_load)
+                .map_err(|reason| match reason {
+                    // The loads had an influence at the start of the step; a smaller step keeps it.
+                    NoPath::NoInfluence if !course.solved.is_empty() => NoPath::NoIntersection,
+                    reason => reason,
+                })
                 .map_err(NoIncrement::Path)?;
             unknowns.add_response(change, &of_load, &globals);
         }
