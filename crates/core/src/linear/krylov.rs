@@ -100,11 +100,8 @@ impl<const D: usize, const N: usize> Backend<D, N> for Krylov<D, N> {
         }
         let iterations = before + gmres.solve(&mut masked, &mut precondition, &rhs, x, tolerance)?;
         // A symmetric matrix gets here only if it is not positive definite.
-        let factorisation = if *definite {
-            Factorisation::MultigridUnsymmetric
-        } else {
-            Factorisation::MultigridIndefinite
-        };
+        let factorisation =
+            if *definite { Factorisation::MultigridUnsymmetric } else { Factorisation::MultigridIndefinite };
         Ok(Solved { factorisation, iterations })
     }
 

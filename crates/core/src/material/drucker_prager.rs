@@ -6,7 +6,7 @@ use super::{
     Elasticity, Friction, Material, MaterialError, PrincipalLaw, PrincipalResponse, Response, StateField,
     StrengthMeasure, update_in_principal_axes,
 };
-use crate::tensor::Sym3;
+use crate::tensor::{Lane, Lanes, Sym3};
 
 /// The states of stress for which the cone has the strength of Mohr and Coulomb.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -112,6 +112,20 @@ impl DruckerPrager {
 
 impl PrincipalLaw for DruckerPrager {
     /// The trial deviator s is scaled back by the flow γ = f/(G + K η η̄); beyond the apex, only the volume flows.
+    fn without_flow(&self, trial: &[Lanes; 3], old: &[Lanes]) -> Option<Elasticity> {
+        let Elasticity { bulk, shear } = self.elasticity;
+        let trace = trial[0] + trial[1] + trial[2];
+        let mut factor = Lanes::splat(1.0);
+        if self.measure == StrengthMeasure::Cauchy {
+            factor += trace + old[1]; // less than the exponential
+        }
+        let mean = trace * (1.0 / 3.0);
+        let [x, y, z] = [trial[0] - mean, trial[1] - mean, trial[2] - mean];
+        let radius = (x * x + y * y + z * z).sqrt() * (std::f64::consts::SQRT_2 * shear);
+        let excess = radius + trace * (self.slope * bulk) - factor * self.strength;
+        excess.is_below(0.0).then_some(self.elasticity)
+    }
+
     fn respond(
         &self,
         trial: [f64; 3],

@@ -2,7 +2,7 @@
 //! strain.
 
 use super::{Elasticity, MaterialError, Response};
-use crate::tensor::{PrincipalDerivative, Sym3};
+use crate::tensor::{Lane, Lanes, PrincipalDerivative, Sym3};
 
 /// Response of a law to the principal values of a trial elastic strain.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,6 +28,13 @@ pub trait PrincipalLaw: Send + Sync {
         old: &[f64],
         new: &mut [f64],
     ) -> Result<PrincipalResponse, MaterialError>;
+
+    /// The elasticity of several points if none of them flows, so that their response needs no return mapping: stress and
+    /// modulus are those of this elasticity, and the history does not change. `None` if a point may flow, or if a strain is
+    /// not finite.
+    fn without_flow(&self, _trial: &[Lanes; 3], _old: &[Lanes]) -> Option<Elasticity> {
+        None
+    }
 }
 
 /// [`Material::update`](super::Material::update) of a law in principal axes: D^alg consists of the modulus on the normal
@@ -48,9 +55,8 @@ pub fn update_in_principal_axes(
     let PrincipalResponse { tau, elastic_strain, modulus } = law.respond(spectrum.values, old, new)?;
     let across = [(1, 2), (0, 2), (0, 1)].map(|(a, b)| {
         let [e_a, e_b] = [spectrum.values[a], spectrum.values[b]];
-        divided_difference([tau[a], tau[b]], [e_a, e_b], || {
-            0.5 * (modulus[a][a] - modulus[a][b] - modulus[b][a] + modulus[b][b])
-        })
+        let limit = 0.5 * (modulus[a][a] - modulus[a][b] - modulus[b][a] + modulus[b][b]);
+        divided_difference([tau[a], tau[b]], [e_a, e_b], limit)
     });
     Ok(Response {
         tau: spectrum.compose(tau),
@@ -64,9 +70,10 @@ const EQUAL: f64 = 1e-8;
 
 /// (τ_a − τ_b)/(ε_a − ε_b), or its limit where the difference of the strains is round-off.
 #[inline(always)]
-pub(crate) fn divided_difference(tau: [f64; 2], strain: [f64; 2], limit: impl Fn() -> f64) -> f64 {
+pub(crate) fn divided_difference<T: Lane>(tau: [T; 2], strain: [T; 2], limit: T) -> T {
     let gap = strain[0] - strain[1];
-    if gap.abs() <= EQUAL * strain[0].abs().max(strain[1].abs()) { limit() } else { (tau[0] - tau[1]) / gap }
+    let size = strain[0].abs().where_below(strain[1].abs(), strain[1].abs(), strain[0].abs());
+    (size * EQUAL).where_below(gap.abs(), (tau[0] - tau[1]) / gap, limit)
 }
 
 impl Elasticity {

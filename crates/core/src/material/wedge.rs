@@ -8,7 +8,7 @@ use super::{
     Elasticity, Material, MaterialError, PrincipalLaw, PrincipalResponse, Response, StateField,
     StrengthMeasure, update_in_principal_axes,
 };
-use crate::tensor::Sym3;
+use crate::tensor::{Lane, Lanes, Sym3};
 use return_mapping::Returned;
 pub(super) use return_mapping::Strength;
 
@@ -60,6 +60,22 @@ impl<L: WedgeLaw> PrincipalLaw for L {
     ) -> Result<PrincipalResponse, MaterialError> {
         let (measure, softens) = (self.measure(), self.softens());
         Wedge { elasticity: *self.elasticity(), measure, softens, law: self }.respond(trial, old, new)
+    }
+
+    fn without_flow(&self, trial: &[Lanes; 3], old: &[Lanes]) -> Option<Elasticity> {
+        if self.softens() {
+            return None;
+        }
+        let ([strength, _], elasticity) = (self.strength(0.0), self.elasticity());
+        let tau = elasticity.stress_components(trial);
+        let mut factor = Lanes::splat(1.0);
+        if self.measure() == StrengthMeasure::Cauchy {
+            factor += trial[0] + trial[1] + trial[2] + old[1]; // less than the exponential
+        }
+        let shear = tau[0] * strength.ratio - tau[2] - factor * strength.compressive;
+        let is_inside =
+            shear.is_below(0.0) && (!strength.is_cut() || (tau[0] - factor * strength.tensile).is_below(0.0));
+        is_inside.then_some(*elasticity)
     }
 }
 

@@ -64,7 +64,7 @@ fn respond(
         tau: [tau[first], tau[second], tau[z]],
         elastic_strain: [elastic_strain[first], elastic_strain[second], elastic_strain[z]],
         modulus: [[a, b], [c, d]],
-        on_shear: divided_difference(pair(tau), pair(strain), || 0.5 * (a - b - c + d)),
+        on_shear: divided_difference(pair(tau), pair(strain), 0.5 * (a - b - c + d)),
     })
 }
 
@@ -73,9 +73,29 @@ fn respond(
 fn on_shear(response: &PrincipalResponse, strain: &[f64; 3], b: &[f64; 3], pair: (usize, usize)) -> f64 {
     let PrincipalResponse { tau, modulus, .. } = response;
     let (i, j) = pair;
-    let limit = || 0.5 * (modulus[i][i] - modulus[i][j] - modulus[j][i] + modulus[j][j]);
+    let limit = 0.5 * (modulus[i][i] - modulus[i][j] - modulus[j][i] + modulus[j][j]);
     let per_strain = divided_difference([tau[i], tau[j]], [strain[i], strain[j]], limit);
     0.5 * per_strain * log_divided_difference(b[i], b[j])
+}
+
+/// As [`respond`] for several points, with the same bits, if none of them flows.
+#[inline(always)]
+fn without_flow(law: &dyn PrincipalLaw, logarithm: &[Lanes; 3], history: &[Lanes]) -> Option<OnAxes<Lanes>> {
+    let [first, second, z] = [logarithm[0] * 0.5, logarithm[1] * 0.5, logarithm[2] * 0.5];
+    // In descending order.
+    let largest = first.where_below(z, z, first);
+    let least = z.where_below(second, z, second);
+    let middle = first.where_below(z, first, second.where_below(z, z, second));
+    let elasticity = law.without_flow(&[largest, middle, least], history)?;
+    let pressure = (largest + middle + least) * elasticity.lambda();
+    let twice_shear = 2.0 * elasticity.shear;
+    let tau = [first * twice_shear + pressure, second * twice_shear + pressure, z * twice_shear + pressure];
+    let (diagonal, aside) = (elasticity.lambda() + twice_shear, elasticity.lambda());
+    let limit = 0.5 * (diagonal - aside - aside + diagonal);
+    let on_shear = divided_difference([tau[0], tau[1]], [first, second], Lanes::splat(limit));
+    let (diagonal, aside) = (Lanes::splat(diagonal), Lanes::splat(aside));
+    let modulus = [[diagonal, aside], [aside, diagonal]];
+    Some(OnAxes { tau, elastic_strain: [first, second, z], modulus, on_shear })
 }
 
 /// The tensors of a response, and the derivative of τ.
@@ -141,6 +161,9 @@ pub(super) fn in_lanes(
     history: &mut [Lanes],
 ) -> Option<InPlaneAnswer<Lanes>> {
     let axes = plane::Axes::new(b);
+    if let Some(elastic) = without_flow(law, &axes.logarithm, history) {
+        return Some(in_components(&axes, &elastic));
+    }
     let (zero, kept) = (Lanes::ZERO, history.len());
     let mut all =
         OnAxes { tau: [zero; 3], elastic_strain: [zero; 3], modulus: [[zero; 2]; 2], on_shear: zero };

@@ -246,6 +246,41 @@ proptest! {
         }
     }
 
+    /// Small strains, so that some laws flow at no point, others at some.
+    #[test]
+    fn points_beside_each_other_do_not_change_each_other(
+        states in prop::array::uniform4(plane_states()), size in -5.0..-1.0f64,
+    ) {
+        let small = |(start, dF): &(StartOfStep, Rows)| {
+            let part = 10f64.powf(size);
+            let b_n = start.b_n.map_eigenvalues(|b| b.powf(part));
+            let dF: Rows = std::array::from_fn(|i| std::array::from_fn(|j| {
+                let one = f64::from(u8::from(i == j));
+                one + part * (dF[i][j] - one)
+            }));
+            (StartOfStep { b_n, ..*start }, plane_increment(&dF))
+        };
+        let states = states.each_ref().map(small);
+        for law in laws().iter().filter(|law| law.principal().is_some()) {
+            let old = history(law.as_ref());
+            let mut lanes: Vec<Lanes> = old.iter().map(|h| Lanes::splat(*h)).collect();
+            let starts = states.each_ref().map(|state| &state.0);
+            let increments = states.map(|state| state.1);
+            let beside = PlaneStrain::respond_vectorised(starts, &increments, law.as_ref(), &mut lanes).unwrap();
+            for (lane, response) in beside.iter().enumerate() {
+                let mut new = old.clone();
+                let (start, increment) = &states[lane];
+                let alone = PlaneStrain::respond(start, increment, law.as_ref(), &old, &mut new).unwrap();
+                prop_assert_eq!((response.tau, response.elastic_strain), (alone.tau, alone.elastic_strain));
+                prop_assert_eq!(
+                    (response.weak.stress, response.weak.tangent),
+                    (alone.weak.stress, alone.weak.tangent)
+                );
+                prop_assert!(lanes.iter().zip(&new).all(|(lanes, new)| lanes.0[lane] == *new));
+            }
+        }
+    }
+
     /// A ring node moves the point in the plane and stretches it circumferentially. Its contribution to force and
     /// stiffness is that of the solid with the gradient (g_r, g_z, 0) for the motion and S/r̃ on θθ for the radial
     /// displacement.
@@ -321,4 +356,22 @@ fn a_point_turned_inside_out_is_an_error() {
     let ring = Increment { hoop: -0.5, radius: 1.0, ..plane_increment(&inverted) };
     let ring = Axisymmetric::respond(&start, &ring, &law, &[], &mut []);
     assert!(matches!(ring, Err(PointError::Inverted { determinant }) if determinant == -0.5));
+}
+
+/// Strains far within the surface and just beyond it, at points beside each other.
+#[test]
+fn laws_know_which_points_do_not_flow() {
+    let mut known = 0;
+    for law in laws() {
+        let Some(principal) = law.principal() else { continue };
+        let lanes: Vec<Lanes> = history(law.as_ref()).into_iter().map(Lanes::splat).collect();
+        let inside = [1e-6, 0.0, -1e-6].map(Lanes::splat);
+        known += usize::from(principal.without_flow(&inside, &lanes).is_some());
+        for beyond in [0.3, f64::NAN] {
+            let mut trial = inside;
+            trial[0].0[2] = beyond;
+            assert!(principal.without_flow(&trial, &lanes).is_none(), "{law:?}");
+        }
+    }
+    assert_eq!(known, 8, "all laws of constant strength");
 }

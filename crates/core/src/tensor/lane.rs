@@ -20,6 +20,9 @@ pub trait Lane:
     /// Square root.
     fn sqrt(self) -> Self;
 
+    /// Magnitude.
+    fn abs(self) -> Self;
+
     /// `yes` in the lanes where `self < limit`, `no` in all others, NaN included.
     fn where_below(self, limit: Self, yes: Self, no: Self) -> Self;
 
@@ -49,6 +52,11 @@ impl Lane for f64 {
     #[inline(always)]
     fn sqrt(self) -> f64 {
         self.sqrt()
+    }
+
+    #[inline(always)]
+    fn abs(self) -> f64 {
+        self.abs()
     }
 
     #[inline(always)]
@@ -118,6 +126,11 @@ impl Lane for Lanes {
     #[inline(always)]
     fn sqrt(self) -> Lanes {
         self.each(f64::sqrt)
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Lanes {
+        self.each(f64::abs)
     }
 
     #[inline(always)]

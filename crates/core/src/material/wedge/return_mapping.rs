@@ -90,7 +90,7 @@ impl Strength {
 
     /// True if the tension cut-off cuts the cone.
     #[inline(always)]
-    fn is_cut(&self) -> bool {
+    pub fn is_cut(&self) -> bool {
         self.tensile < self.apex()
     }
 
