@@ -100,7 +100,7 @@ def test_a_study_compares_the_factors_of_two_grids(mpm, tmp_path):
     assert all(float(row["strength_factor_stands"]) >= stands[row["h"], row["c"]] for row in rows)
     for c in ("10e3", "12e3"):
         coarse, fine = stands["2", c], stands["1", c]
-        percent = 100 * (fine - coarse) / fine
+        percent = 100 * (fine / coarse - 1)
         assert f"from h=2, c={c} to h=1 the factor of safety changes by {percent:+.1f} %" in process.stderr
     assert process.stderr.count("the factor of safety changes") == 2
 

@@ -214,6 +214,21 @@ impl Watch {
     }
 }
 
+impl Watch {
+    /// Prints the warnings that have not been printed yet.
+    fn say_warnings(&mut self, summary: &Summary) {
+        let indent = if let View::Member(_) = self.view { "  " } else { "" };
+        for warning in &summary.warnings[self.warned..] {
+            let text =
+                format!("warning[{}]: {warning}\n  help: {}", warning.code, advice::on_warning(warning));
+            for line in text.lines() {
+                self.say(&format!("{indent}{line}"));
+            }
+        }
+        self.warned = summary.warnings.len();
+    }
+}
+
 impl<const D: usize> Observer<D> for Watch {
     fn started(&mut self, model: &Model<D>, points: &Points<D>) -> io::Result<()> {
         self.update_status();
@@ -257,15 +272,7 @@ impl<const D: usize> Observer<D> for Watch {
                 in_the_log(&status)
             ));
         }
-        let indent = if let View::Member(_) = self.view { "  " } else { "" };
-        for warning in &summary.warnings[self.warned..] {
-            let text =
-                format!("warning[{}]: {warning}\n  help: {}", warning.code, advice::on_warning(warning));
-            for line in text.lines() {
-                self.say(&format!("{indent}{line}"));
-            }
-        }
-        self.warned = summary.warnings.len();
+        self.say_warnings(summary);
         self.update_status();
         self.draw();
         written
@@ -306,6 +313,7 @@ impl<const D: usize> Observer<D> for Watch {
         summary: &Summary,
         error: Option<&SolveError>,
     ) -> io::Result<()> {
+        self.say_warnings(summary);
         let written = self.results.finished(model, points, summary, error);
         // The summary is complete before the status reports the end of the run.
         let lost = written.as_ref().err().map(SolveError::output);

@@ -267,6 +267,9 @@ impl PrincipalLaw for ModifiedCamClay {
             return Ok(invariants.respond(&deviator, trial));
         }
         let ([volumetric, reached_shear, gamma], equations) = law.solve(&start)?;
+        if reached_shear > law.largest_shear() {
+            return Err(MaterialError::NoResponse);
+        }
         let (invariants, kept) = law.invariants(&equations, &start, gamma)?;
         let response = invariants.respond(&deviator, deviator.map(|e| kept * e + volumetric / 3.0));
         new[PRECONSOLIDATION] = equations.size;
@@ -279,6 +282,20 @@ impl PrincipalLaw for ModifiedCamClay {
 }
 
 impl CamClay {
+    /// Largest elastic ε_s of a stable state: beyond √(2κ̂/(3α)) q/P falls again if μ depends on the pressure alone, and the
+    /// clay would lose its strength; infinite otherwise.
+    fn largest_shear(&self) -> f64 {
+        if self.shear_modulus > 0.0 || self.shear_modulus_ratio <= 0.0 {
+            return f64::INFINITY;
+        }
+        (2.0 * self.swelling_index / (3.0 * self.shear_modulus_ratio)).sqrt()
+    }
+
+    /// Largest q/P that the elasticity can carry, √(3ακ̂/2), [-]; infinite if μ₀ is not zero.
+    pub fn largest_stress_ratio(&self) -> f64 {
+        1.5 * self.shear_modulus_ratio * self.largest_shear()
+    }
+
     /// The stress at the end of the flow with its derivatives with respect to the trial strain, and ε_s^e/ε_s^tr.
     fn invariants(
         &self,

@@ -64,6 +64,9 @@ pub enum Code {
     /// Bodies slide while their strength is reduced.
     #[serde(rename = "W018")]
     Slides,
+    /// A reduction of strength ends before bodies begin to run away.
+    #[serde(rename = "W019")]
+    StoppedShort,
 }
 
 /// The codes of all warnings, each with its title.
@@ -86,6 +89,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("W016", "a soft body that a stiff one stiffens"),
     ("W017", "an equilibrium that is not stable"),
     ("W018", "bodies that slide while their strength is reduced"),
+    ("W019", "a reduction of strength that ends before bodies run away"),
 ];
 
 impl Code {
@@ -194,6 +198,7 @@ mod tests {
             Stiffened,
             Unstable,
             Slides,
+            StoppedShort,
         ];
         assert_eq!(all.len(), CODES.len());
         for (code, (text, _)) in all.iter().zip(CODES) {

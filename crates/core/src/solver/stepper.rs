@@ -407,6 +407,8 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             let bracket = summary.strength_of(model.present.stage);
             bracket.stands = bracket.stands.or(from.filter(|from| stood && *from <= 1.0));
             bracket.fails = Some(fails);
+            let short = bracket.stopped_short(step.index);
+            summary.warnings.extend(short);
             let observe = || observer.failed(model, points, &failed, None);
             return summary.timings.measure(Phase::Output, observe).map_err(SolveError::Output);
         }

@@ -12,6 +12,9 @@ use crate::step::Step;
 
 /// Displacement since the strength is reduced above which bodies count as sliding, relative to their height, [-].
 const SLIDES: f64 = 0.01;
+/// Displacement per factor in the last step, relative to the mean over the stage, below which bodies have not begun to run
+/// away, [-].
+const RUNS_AWAY: f64 = 3.0;
 
 /// A stage that reduces the strength, and its factors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -40,6 +43,10 @@ pub struct StrengthBracket {
     /// of it otherwise.
     #[serde(default)]
     pub moved: f64,
+    /// Displacement per factor in the last step in equilibrium, relative to the mean over the stage, [-]: near 1 for bodies
+    /// that deform evenly, large for bodies that begin to run away. `None` before the first step.
+    #[serde(default)]
+    pub growth: Option<f64>,
 }
 
 /// The displacement in a step, and the height of the bodies that it is compared with.
@@ -99,6 +106,8 @@ impl StrengthBracket {
         let (stood, moved) = (self.stands.unwrap_or(from), self.moved);
         self.moved += largest;
         self.stands = Some(factor);
+        let growth = largest / (factor - stood) * (factor - from) / self.moved;
+        self.growth = Some(growth).filter(|growth| growth.is_finite());
         let share = self.moved / height;
         if self.slides.is_some() || share.is_nan() || share <= SLIDES {
             return None;
@@ -116,6 +125,26 @@ impl StrengthBracket {
                 "points have moved by up to {now:.3e}, {percent:.2} % of the height of the bodies, since the strength is \
                  reduced, and by {moved:.3e} ({percent_before:.2} %) up to the step before: between the factors {stood:.4} \
                  and {factor:.4} the bodies begin to slide, and at larger ones they stand in another shape"
+            ),
+            detail: None,
+        })
+    }
+}
+
+impl StrengthBracket {
+    /// A warning if equilibrium ceased before bodies began to run away. `step` is the last one in equilibrium.
+    pub(super) fn stopped_short(&self, step: usize) -> Option<Warning> {
+        let (growth, stands, fails) = (self.growth?, self.stands?, self.fails?);
+        let is_short = self.slides.is_none() && growth < RUNS_AWAY;
+        is_short.then(|| Warning {
+            code: Code::StoppedShort,
+            step,
+            location: Location::default(),
+            value: Some(growth),
+            threshold: Some(RUNS_AWAY),
+            message: format!(
+                "no equilibrium was found at the factor {fails:.4}, but up to {stands:.4} the bodies did not begin to run \
+                 away: in the last step they moved {growth:.2} times as far, for the change of the factor, as on average"
             ),
             detail: None,
         })
@@ -172,6 +201,23 @@ mod tests {
         assert_eq!(words(Some(1.6), None), "at least 1.600, the largest that was tried");
         assert_eq!(words(None, Some(1.003)), "below 1.003 (no equilibrium found)");
     }
+
+    #[test]
+    fn bodies_that_do_not_run_away_stopped_short() {
+        let run = |moves: &[f64]| {
+            let mut bracket = StrengthBracket::default();
+            for (k, &largest) in moves.iter().enumerate() {
+                bracket.stood(1.1 + 0.1 * k as f64, 1.0, Movement { largest, height: 1e3 }, k + 1);
+            }
+            StrengthBracket { fails: Some(2.0), ..bracket }.stopped_short(moves.len())
+        };
+        let warning = run(&[0.1, 0.1, 0.1]).unwrap();
+        assert_eq!((warning.code, warning.step), (Code::StoppedShort, 3));
+        assert!((warning.value.unwrap() - 1.0).abs() < 1e-12);
+        assert!(run(&[0.1, 0.1, 1.0, 9.0]).is_none(), "they run away");
+        assert!(run(&[]).is_none(), "nothing is known");
+    }
+
     #[test]
     fn bodies_slide_once_their_displacements_add_up_to_a_share_of_their_height() {
         let mut bracket = StrengthBracket::default();

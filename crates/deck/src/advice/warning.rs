@@ -70,6 +70,11 @@ pub fn on_warning(warning: &Warning) -> String {
              against the factor (`mpm report`), and bring both closer together with more steps (`steps: count`). With smaller \
              cells a slope stands again less readily; with a larger `young` the bodies hardly settle before they slide"
         }
+        (Code::StoppedShort, _) => {
+            "the factor of safety may be larger: compare a coarser grid, and set `solver: {tolerance: 1e-4}`, since on fine \
+             cells the iterations may stall close to equilibrium where flow is not associated; if the factors with and \
+             without equilibrium lie far apart, use a smaller `tolerance` of the control"
+        }
     };
     advice.to_owned()
 }

@@ -140,20 +140,29 @@ pub(super) fn modified_cam_clay(mut read: Reading, given: [&Expression; 7]) -> R
     let overconsolidation = read.get("overconsolidation_ratio", "-", overconsolidation);
     let reference = read.get("reference_pressure", "stress", reference);
     read.below(("swelling_index", swelling), ("compression_index", compression));
-    let law = move |p: &[f64]| {
-        ModifiedCamClay::new(CamClay {
-            compression_index: compression.at(p),
-            swelling_index: swelling.at(p),
-            critical_state_ratio: ratio.at(p),
-            shear_modulus: shear.at(p),
-            shear_modulus_ratio: growth.at(p),
-            overconsolidation_ratio: overconsolidation.at(p),
-            reference_pressure: reference.at(p),
-        })
+    let clay = move |p: &[f64]| CamClay {
+        compression_index: compression.at(p),
+        swelling_index: swelling.at(p),
+        critical_state_ratio: ratio.at(p),
+        shear_modulus: shear.at(p),
+        shear_modulus_ratio: growth.at(p),
+        overconsolidation_ratio: overconsolidation.at(p),
+        reference_pressure: reference.at(p),
     };
+    let law = move |p: &[f64]| ModifiedCamClay::new(clay(p));
     let soft = move |p: &[f64]| {
-        if shear.at(p) > 0.0 || growth.at(p) > 0.0 {
+        let (most, needed) = (clay(p).largest_stress_ratio(), ratio.at(p));
+        if shear.at(p) > 0.0 || most > needed {
             return None;
+        }
+        if growth.at(p) > 0.0 {
+            let message = format!(
+                "the elasticity carries at most q/p = sqrt(1.5 shear_modulus_ratio swelling_index) = {most:.4}, and the \
+                 critical state needs {needed:.4}"
+            );
+            let least = needed * needed / (1.5 * swelling.at(p));
+            let help = format!("give more than {least:.4}, or `shear_modulus` instead");
+            return Inconsistency::new("shear_modulus_ratio", message, &help);
         }
         let message = "the material has no stiffness in shear".to_owned();
         Inconsistency::new("shear_modulus", message, "give `shear_modulus` or `shear_modulus_ratio`")

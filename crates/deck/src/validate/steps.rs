@@ -1,5 +1,7 @@
 //! Checks of a deck with an unknown load factor.
 
+use std::collections::BTreeSet;
+
 use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::Displacement;
@@ -79,6 +81,22 @@ impl Check<'_> {
         }
     }
 
+    /// Warns of materials that yield, but whose strength cannot be reduced.
+    fn strength_that_stays(&mut self, control: &str, used: &BTreeSet<&str>) {
+        for name in used {
+            let Some(material) = self.deck.materials.get(*name) else { continue };
+            let stays =
+                matches!(material, MaterialDeck::Library { .. } | MaterialDeck::ModifiedCamClay { .. });
+            if stays {
+                let message = format!("the strength of the material {} is not reduced", quote(name));
+                let help = "the factor of safety is that of bodies in which it stays as strong as it is; use `tresca`, \
+                            `mohr-coulomb`, `drucker-prager` or `von-mises` for the bodies that may fail";
+                let found = Diagnostic::at(self.source, "D049", control, message).help(help);
+                self.found.push(found.severity(Severity::Warning));
+            }
+        }
+    }
+
     /// Checks that loads and motions stay constant in an analysis, or in a stage between two times, while the strength is
     /// reduced.
     fn constant_loads(&mut self, control: &str, stage: Option<(&StageDeck, [f64; 2])>) {
@@ -123,14 +141,17 @@ impl Check<'_> {
             self.error("D049", control, message, &help);
         }
         let has_strength = |material: &MaterialDeck| {
+            let is_foreign = matches!(material, MaterialDeck::Library { .. });
             let law = material.law_alone().ok();
-            law.is_none_or(|law| law.with_strength_divided(1.0).is_some())
+            !is_foreign && law.is_none_or(|law| law.with_strength_divided(1.0).is_some())
         };
         let used = deck.used_materials();
-        if !used.into_iter().any(|name| deck.materials.get(name).is_some_and(has_strength)) {
+        if !used.iter().any(|name| deck.materials.get(*name).is_some_and(has_strength)) {
             let message = "no material has a strength that could be reduced";
             let help = "use `tresca`, `mohr-coulomb`, `drucker-prager` or `von-mises`";
             self.error("D049", control, message, help);
+        } else {
+            self.strength_that_stays(control, &used);
         }
     }
 

@@ -34,7 +34,7 @@ pub fn dependence_on_cells<'a>(study: &Study, rows: impl IntoIterator<Item = &'a
             };
             let Some(of_coarse) = rows.iter().find(is_partner) else { continue };
             let (Some(before), Some(after)) = (factor_of(of_coarse), factor_of(of_fine)) else { continue };
-            let percent = 100.0 * (after - before) / after;
+            let percent = 100.0 * (after - before) / before;
             sentences.push(format!(
                 "from {} to {name}={} the factor of safety changes by {percent:+.1} %, from {before:.3} to {after:.3}: \
                  an estimate of its dependence on `{name}`",

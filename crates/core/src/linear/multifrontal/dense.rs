@@ -17,8 +17,6 @@ use faer::{Accum, MatMut, MatRef, Par};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::fronts::Front;
-
 /// Strides are multiples of this, and this number of values follows the last column.
 pub(super) const PAD: usize = 8;
 
@@ -59,12 +57,16 @@ fn is_large(rows: usize, pivots: usize) -> bool {
     pivots > MANY || rows * pivots > MOST
 }
 
-/// Replaces the columns of the pivots of a front by those of its factors, with the reciprocals of the pivots on the
+/// Replaces the columns of the pivots of a front with one factor or two by those of its factors, with the reciprocals of the pivots on the
 /// diagonal of L; and writes their update of the rest of the matrix, −L Lᵀ or −L U, to the lower triangle of `update`,
 /// for LU followed by its upper triangle, transposed. False if a pivot of LLᵀ is not positive, or one of LU is zero.
-pub(super) fn eliminate(front: &Front, panel: &mut [f64], update: &mut [f64]) -> bool {
-    let (rows, pivots) = (front.rows, front.pivots);
-    if front.factors == 1 {
+pub(super) fn eliminate(
+    factors: usize,
+    (rows, pivots): (usize, usize),
+    panel: &mut [f64],
+    update: &mut [f64],
+) -> bool {
+    if factors == 1 {
         return Dense { panels: [panel], rows, pivots, updates: [update] }.eliminate();
     }
     let (lower, upper) = panel.split_at_mut(panel.len() / 2);
