@@ -32,7 +32,7 @@
 //! | Linear solvers | [`linear`]: the trait [`linear::Backend`], the direct and the multigrid backend |
 //! | Quality of results | [`quality`]: measures of numerical quality, and the warnings derived from them |
 //! | Surfaces of bodies | [`surface`]: samples of the boundary of a body, carried by the grid, for tractions, pressures and weakly prescribed motions |
-//! | Geometry | [`region`]: primitives, closed surfaces from STL files, booleans and motions, with their volumes; [`formula`]: formulas of position and time |
+//! | Geometry | [`region`]: primitives, closed surfaces from STL files, booleans and motions, with their volumes; [`formula`]: formulas of position and time; [`tool`]: shapes of rigid tools, their closest points, and poses |
 //! | Resources | [`memory`]: memory limits; [`timing`]: time per phase of a run |
 //!
 //! This crate does not depend on the other crates of `mpm`: `mpm-files` writes results, `mpm-deck` builds a model and
@@ -101,3 +101,4 @@ pub mod surface;
 pub mod tensor;
 pub mod terms;
 pub mod timing;
+pub mod tool;

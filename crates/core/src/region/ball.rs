@@ -22,6 +22,16 @@ impl<const D: usize> Ball<D> {
     pub fn new(center: [f64; D], radius: f64) -> Result<Self, ShapeError> {
         Ok(Ball { center: finite("the centre", center)?, radius: positive("the radius", radius)? })
     }
+
+    /// The centre, [length].
+    pub fn center(&self) -> [f64; D] {
+        self.center
+    }
+
+    /// The radius, [length].
+    pub fn radius(&self) -> f64 {
+        self.radius
+    }
 }
 
 impl<const D: usize> Ball<D> {

@@ -1,5 +1,7 @@
 //! The boundary of a region, divided into flat facets.
 
+use std::collections::HashMap;
+
 use super::vector::{along, cross, minus, norm, unit};
 use super::{Motion, Node, Primitive, Region};
 
@@ -23,7 +25,7 @@ impl<const D: usize> Facet<D> {
     }
 
     /// The same facet seen from the other side.
-    fn turned(mut self) -> Self {
+    pub(crate) fn turned(mut self) -> Self {
         self.corners.swap(0, 1);
         self
     }
@@ -147,6 +149,23 @@ impl<const D: usize> Region<D> {
     }
 }
 
+/// Facets with indexed corners: the places of the corners in the order of their first use, and the index of the place of
+/// each corner. Corners with equal coordinates are one corner. For fewer than 2³² corners.
+pub(crate) fn indexed<const D: usize>(facets: &[[[f64; D]; D]]) -> (Vec<[f64; D]>, Vec<[u32; D]>) {
+    let mut numbers: HashMap<[u64; D], u32> = HashMap::new();
+    let mut places = Vec::new();
+    let mut number = |x: [f64; D]| {
+        // Adding zero turns −0 into +0.
+        let x = x.map(|x| x + 0.0);
+        *numbers.entry(x.map(f64::to_bits)).or_insert_with(|| {
+            places.push(x);
+            (places.len() - 1) as u32
+        })
+    };
+    let corners = facets.iter().map(|corners| corners.map(&mut number)).collect();
+    (places, corners)
+}
+
 /// Number of equal parts, each at most `spacing` long, of a length.
 pub(super) fn parts(length: f64, spacing: f64) -> usize {
     ((length / spacing - 1e-9).ceil() as usize).max(1)
@@ -154,7 +173,7 @@ pub(super) fn parts(length: f64, spacing: f64) -> usize {
 
 /// Number of chords of a circle with this radius; a multiple of 4, so that symmetric halves and quarters have whole
 /// chords.
-pub(super) fn chords(radius: f64, spacing: f64) -> usize {
+pub(crate) fn chords(radius: f64, spacing: f64) -> usize {
     parts(std::f64::consts::TAU * radius, spacing).max(24).next_multiple_of(4)
 }
 

@@ -23,6 +23,11 @@ impl<const D: usize> Brick<D> {
         }
         Ok(Brick { bounds: [min, max] })
     }
+
+    /// The lowest and the highest corner, [length].
+    pub fn bounds(&self) -> Bounds<D> {
+        self.bounds
+    }
 }
 
 impl<const D: usize> Primitive<D> for Brick<D> {

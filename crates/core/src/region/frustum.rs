@@ -48,8 +48,28 @@ impl Frustum {
         (self.radii[1] - self.radii[0]) / self.height
     }
 
+    /// The centre of the first end, [length].
+    pub fn start(&self) -> [f64; 3] {
+        self.start
+    }
+
+    /// The unit vector from the first end to the second.
+    pub fn axis(&self) -> [f64; 3] {
+        self.axis
+    }
+
+    /// The distance of the ends, [length].
+    pub fn height(&self) -> f64 {
+        self.height
+    }
+
+    /// The radii of the ends, [length].
+    pub fn radii(&self) -> [f64; 2] {
+        self.radii
+    }
+
     /// Splits a position, relative to the start, into its axial coordinate and its radial vector.
-    fn split(&self, x: &[f64; 3]) -> (f64, [f64; 3]) {
+    pub(crate) fn split(&self, x: &[f64; 3]) -> (f64, [f64; 3]) {
         let h = dot(x, &self.axis);
         (h, along(x, -h, &self.axis))
     }

@@ -119,7 +119,7 @@ impl Intervals {
 }
 
 /// The interval in which `start` + t `slope` lies between two values.
-pub(super) fn between(start: f64, slope: f64, low: f64, high: f64) -> Intervals {
+pub(crate) fn between(start: f64, slope: f64, low: f64, high: f64) -> Intervals {
     if slope == 0.0 {
         return if low <= start && start <= high { Intervals::whole() } else { Intervals::default() };
     }

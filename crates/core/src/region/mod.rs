@@ -8,6 +8,7 @@
 
 mod ball;
 mod boundary;
+mod box_tree;
 mod brick;
 mod fill;
 mod frustum;
@@ -18,7 +19,7 @@ mod prism;
 pub mod quadrature;
 pub mod stl;
 pub mod surface;
-mod vector;
+pub(crate) mod vector;
 mod volume;
 
 use std::fmt::Debug;
@@ -26,11 +27,15 @@ use std::sync::Arc;
 
 pub use ball::{Ball, HollowBall};
 pub use boundary::{Facet, MOST_FACETS, NoBoundary, area_derivative, area_vector, divided};
+pub(crate) use boundary::{chords, indexed};
+pub(crate) use box_tree::{BoxTree, around, overlap as boxes_overlap, squared_distance};
 pub use brick::Brick;
 pub use fill::{CellPart, Filled, FilledCell, brick_parts, contains_in_cell, fill};
 pub use frustum::Frustum;
+pub(crate) use line::between;
 pub use line::{Intervals, Line};
 pub use motion::Motion;
+pub(crate) use polygon::segments_meet;
 pub use polygon::{Polygon, crossing_sides};
 pub use prism::Prism;
 pub use surface::Surface;
@@ -346,7 +351,7 @@ fn is_empty<const D: usize>(bounds: &Bounds<D>) -> bool {
     !(0..D).all(|d| bounds[0][d] < bounds[1][d])
 }
 
-fn hull<const D: usize>(a: Bounds<D>, b: Bounds<D>) -> Bounds<D> {
+pub(crate) fn hull<const D: usize>(a: Bounds<D>, b: Bounds<D>) -> Bounds<D> {
     std::array::from_fn(|side| {
         let outer = if side == 0 { f64::min } else { f64::max };
         std::array::from_fn(|d| outer(a[side][d], b[side][d]))
@@ -368,12 +373,12 @@ fn corners<const D: usize>(bounds: &Bounds<D>) -> impl Iterator<Item = [f64; D]>
 }
 
 /// The numbers, if all are finite.
-fn finite<const N: usize>(what: &'static str, numbers: [f64; N]) -> Result<[f64; N], ShapeError> {
+pub(crate) fn finite<const N: usize>(what: &'static str, numbers: [f64; N]) -> Result<[f64; N], ShapeError> {
     if numbers.iter().all(|x| x.is_finite()) { Ok(numbers) } else { Err(ShapeError::NotFinite { what }) }
 }
 
 /// The length, if it is finite and positive.
-fn positive(what: &'static str, value: f64) -> Result<f64, ShapeError> {
+pub(crate) fn positive(what: &'static str, value: f64) -> Result<f64, ShapeError> {
     match finite(what, [value])? {
         [x] if x > 0.0 => Ok(x),
         [value] => Err(ShapeError::NotPositive { what, value }),
@@ -381,4 +386,4 @@ fn positive(what: &'static str, value: f64) -> Result<f64, ShapeError> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -41,11 +41,24 @@ impl Polygon {
         &self.corners
     }
 
+    /// True if the corners are given counterclockwise.
+    pub(crate) fn is_counterclockwise(&self) -> bool {
+        self.signed_area() > 0.0
+    }
+
+    fn signed_area(&self) -> f64 {
+        let about = self.corners[0];
+        let twice = |(a, b): ([f64; 2], [f64; 2])| {
+            let (a, b) = (minus(&a, &about), minus(&b, &about));
+            a[0] * b[1] - a[1] * b[0]
+        };
+        0.5 * self.sides().map(twice).sum::<f64>()
+    }
+
     /// The polygon in triangles: one corner after the other is cut off whose triangle contains no other corner.
     pub(super) fn triangles(&self) -> Vec<[[f64; 2]; 3]> {
         let mut rest = self.corners.clone();
-        let twice: f64 = self.sides().map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum();
-        if twice < 0.0 {
+        if !self.is_counterclockwise() {
             rest.reverse();
         }
         let mut triangles = Vec::new();
@@ -90,12 +103,7 @@ impl Primitive<2> for Polygon {
     }
 
     fn volume(&self) -> f64 {
-        let about = self.corners[0];
-        let twice = |(a, b): ([f64; 2], [f64; 2])| {
-            let (a, b) = (minus(&a, &about), minus(&b, &about));
-            a[0] * b[1] - a[1] * b[0]
-        };
-        0.5 * self.sides().map(twice).sum::<f64>().abs()
+        self.signed_area().abs()
     }
 
     fn intervals(&self, line: &Line<2>) -> Intervals {
@@ -186,7 +194,7 @@ fn folds(a: &[f64; 2], b: &[f64; 2], c: &[f64; 2]) -> bool {
 }
 
 /// True if two segments have a common position; exact.
-pub(super) fn segments_meet([a, b]: [&[f64; 2]; 2], [c, d]: [&[f64; 2]; 2]) -> bool {
+pub(crate) fn segments_meet([a, b]: [&[f64; 2]; 2], [c, d]: [&[f64; 2]; 2]) -> bool {
     let apart = |i: usize| a[i].max(b[i]) < c[i].min(d[i]) || c[i].max(d[i]) < a[i].min(b[i]);
     let sides = |p, q, r, s| opposite(turn(p, q, r), turn(p, q, s));
     !apart(0) && !apart(1) && sides(a, b, c, d) && sides(c, d, a, b)

@@ -27,7 +27,23 @@ impl Prism {
         Ok(Prism { base, axis, heights })
     }
 
-    fn across(&self, x: &[f64; 3]) -> [f64; 2] {
+    /// The base.
+    pub fn base(&self) -> &Polygon {
+        &self.base
+    }
+
+    /// The lower and the upper end along the axis, [length].
+    pub fn heights(&self) -> [f64; 2] {
+        self.heights
+    }
+
+    /// The index of the axis, from 0.
+    pub fn axis(&self) -> usize {
+        self.axis
+    }
+
+    /// The coordinates of a position in the plane of the base.
+    pub(crate) fn across(&self, x: &[f64; 3]) -> [f64; 2] {
         match self.axis {
             0 => [x[1], x[2]],
             1 => [x[0], x[2]],
@@ -35,7 +51,8 @@ impl Prism {
         }
     }
 
-    fn at(&self, [a, b]: [f64; 2], height: f64) -> [f64; 3] {
+    /// The position with these coordinates in the plane of the base and this height.
+    pub(crate) fn at(&self, [a, b]: [f64; 2], height: f64) -> [f64; 3] {
         match self.axis {
             0 => [height, a, b],
             1 => [a, height, b],

@@ -3,24 +3,25 @@
 //! All decisions about sides are exact ([`robust`]): whether facets cross, and whether a position is inside. Only
 //! lengths and volumes have round-off errors.
 
-mod box_tree;
 mod closed;
 mod crossing;
 mod error;
 mod facets;
 mod inside;
+mod neighbours;
 mod triangle;
 mod weld;
 
 use std::fmt;
 
 use super::boundary::triangle as divided;
+use super::box_tree::{BoxTree, around, overlap};
 use super::{Facet, Intervals, Line, Primitive};
-use box_tree::BoxTree;
 use facets::Facets;
 use triangle::volume;
 
 pub use error::{EdgeReport, FacetReport, SurfaceError};
+pub(crate) use neighbours::Neighbours;
 pub use triangle::Triangle;
 
 /// Larger coordinates could overflow in the exact predicates.
@@ -32,7 +33,7 @@ const LARGEST: f64 = 1e60;
 pub struct Surface {
     /// Facets in the order of the tree.
     triangles: Vec<Triangle>,
-    tree: BoxTree,
+    tree: BoxTree<3>,
     volume: f64,
     shells: usize,
     welded: usize,
@@ -59,7 +60,8 @@ impl Surface {
         }
         let shells = closed::shells(&facets)?;
         let in_order_of_file = facets.triangles();
-        let tree = BoxTree::new(&in_order_of_file);
+        let boxes: Vec<_> = in_order_of_file.iter().map(|t| around(t)).collect();
+        let tree = BoxTree::new(&boxes);
         crossing::check(&facets, &tree)?;
         let ordered = tree.ordered(&in_order_of_file);
         let shell_of = tree.ordered(&shells.of_facet);
@@ -81,6 +83,34 @@ impl Surface {
     /// Number of corners at open edges that were merged with others nearby.
     pub fn welded(&self) -> usize {
         self.welded
+    }
+
+    /// The facets, in the order of the tree.
+    pub(crate) fn triangles(&self) -> &[Triangle] {
+        &self.triangles
+    }
+
+    /// The bounding box tree of the facets.
+    pub(crate) fn tree(&self) -> &BoxTree<3> {
+        &self.tree
+    }
+
+    /// The first place where the path from one position straight to another meets a facet, as a fraction of the path.
+    /// Whether it meets a facet is exact.
+    pub(crate) fn first_crossing(&self, path: [[f64; 3]; 2]) -> Option<f64> {
+        let (box_of_path, mut first) = (around(&path), None::<f64>);
+        self.tree.visit(
+            |bounds| overlap(bounds, &box_of_path),
+            |index| {
+                let facet = &self.triangles[index];
+                if overlap(&around(facet), &box_of_path) && crossing::segment_meets(&path, facet) {
+                    let [from, to] = path.map(|x| triangle::depth(facet, &x));
+                    let fraction = if from == to { 0.0 } else { (from / (from - to)).clamp(0.0, 1.0) };
+                    first = Some(first.map_or(fraction, |first| first.min(fraction)));
+                }
+            },
+        );
+        first
     }
 }
 
@@ -156,4 +186,4 @@ fn check_areas(triangles: &[Triangle], facets: &Facets) -> Result<(), SurfaceErr
 #[cfg(test)]
 mod damage;
 #[cfg(test)]
-pub(super) mod tests;
+pub(crate) mod tests;

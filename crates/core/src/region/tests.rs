@@ -11,10 +11,10 @@ use super::*;
 use crate::grid::{Grid, Structured};
 
 /// Pseudo-random numbers (splitmix64).
-pub(super) struct Random(pub(super) u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    pub(super) fn word(&mut self) -> u64 {
+    pub(crate) fn word(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -22,11 +22,11 @@ impl Random {
     }
 
     /// Uniform between two numbers.
-    pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(crate) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * (self.word() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    pub(super) fn inside<const D: usize>(&mut self, bounds: &Bounds<D>) -> [f64; D] {
+    pub(crate) fn inside<const D: usize>(&mut self, bounds: &Bounds<D>) -> [f64; D] {
         std::array::from_fn(|d| self.between(bounds[0][d], bounds[1][d]))
     }
 }

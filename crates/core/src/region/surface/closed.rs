@@ -12,10 +12,10 @@ pub(super) struct Shells {
 
 /// An edge of a facet: its ends, lower number first; its facet; true if the facet runs from the lower end to the
 /// higher.
-type FacetEdge = ([u32; 2], u32, bool);
+pub(super) type FacetEdge = ([u32; 2], u32, bool);
 
 /// The edges of all facets, sorted so that those with the same ends follow one another.
-fn facet_edges(corners: &[[u32; 3]]) -> Vec<FacetEdge> {
+pub(super) fn facet_edges(corners: &[[u32; 3]]) -> Vec<FacetEdge> {
     let mut facet_edges = Vec::with_capacity(3 * corners.len());
     for (facet, nodes) in corners.iter().enumerate() {
         for k in 0..3 {
@@ -27,7 +27,7 @@ fn facet_edges(corners: &[[u32; 3]]) -> Vec<FacetEdge> {
     facet_edges
 }
 
-fn edges(facet_edges: &[FacetEdge]) -> impl Iterator<Item = &[FacetEdge]> {
+pub(super) fn edges(facet_edges: &[FacetEdge]) -> impl Iterator<Item = &[FacetEdge]> {
     facet_edges.chunk_by(|a, b| a.0 == b.0)
 }
 

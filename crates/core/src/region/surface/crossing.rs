@@ -2,27 +2,26 @@
 
 use rayon::prelude::*;
 
-use super::box_tree::{BoxTree, bounds};
 use super::error::SurfaceError;
 use super::facets::Facets;
 use super::triangle::{Triangle, depth};
-use crate::region::Bounds;
+use crate::region::box_tree::{BoxTree, around, overlap};
 use crate::region::polygon::{opposite, segments_meet, turn};
 
 /// Refuses a surface with two facets that cross or touch.
-pub(super) fn check(facets: &Facets, tree: &BoxTree) -> Result<(), SurfaceError> {
+pub(super) fn check(facets: &Facets, tree: &BoxTree<3>) -> Result<(), SurfaceError> {
     let crossed_by = |facet: usize| {
         let triangle = facets.triangle(facet);
-        let around = bounds(&triangle);
+        let here = around(&triangle);
         let mut first: Option<usize> = None;
         tree.visit(
-            |other| overlap(other, &around),
+            |other| overlap(other, &here),
             |index| {
                 let other = tree.order[index] as usize;
                 if other > facet && first.is_none_or(|first| other < first) {
                     let pair = [facets.corners[facet], facets.corners[other]];
                     let there = facets.triangle(other);
-                    if overlap(&bounds(&there), &around) && meet(pair, [&triangle, &there]) {
+                    if overlap(&around(&there), &here) && meet(pair, [&triangle, &there]) {
                         first = Some(other);
                     }
                 }
@@ -33,15 +32,11 @@ pub(super) fn check(facets: &Facets, tree: &BoxTree) -> Result<(), SurfaceError>
     match (0..facets.corners.len()).into_par_iter().find_map_first(crossed_by) {
         None => Ok(()),
         Some(pair) => {
-            let [a, b] = pair.map(|facet| bounds(&facets.triangle(facet)));
+            let [a, b] = pair.map(|facet| around(&facets.triangle(facet)));
             let near = std::array::from_fn(|d| 0.5 * (a[0][d].max(b[0][d]) + a[1][d].min(b[1][d])));
             Err(SurfaceError::Crossing { near, facets: Box::new(pair.map(|facet| facets.report(facet))) })
         }
     }
-}
-
-fn overlap(a: &Bounds<3>, b: &Bounds<3>) -> bool {
-    (0..3).all(|d| a[0][d] <= b[1][d] && b[0][d] <= a[1][d])
 }
 
 /// True if two facets meet anywhere other than at their shared corners and edge.
@@ -82,7 +77,7 @@ fn folded(s: &Triangle, k: usize, x: &[f64; 3]) -> bool {
 }
 
 /// True if a segment and a triangle have a common position.
-fn segment_meets(segment: &[[f64; 3]; 2], t: &Triangle) -> bool {
+pub(super) fn segment_meets(segment: &[[f64; 3]; 2], t: &Triangle) -> bool {
     let [p, q] = segment;
     let (above, below) = (depth(t, p), depth(t, q));
     if !opposite(above, below) {

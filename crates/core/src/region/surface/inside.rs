@@ -1,18 +1,18 @@
 //! The interior of a closed surface.
 
-use super::box_tree::BoxTree;
 use super::closed::Shells;
 use super::error::SurfaceError;
 use super::facets::Facets;
 use super::triangle::{Triangle, depth, volume};
+use crate::region::box_tree::BoxTree;
 use crate::region::polygon::{passes_right_of, turn};
-use crate::region::vector::{along, cross, dot, minus, norm, unit};
+use crate::region::vector::{dot, frame, minus};
 use crate::region::{Intervals, Line};
 
 /// Visits the facets above a position. `visit` receives the index in the order of the tree, and +1 if the upward ray
 /// leaves through the facet, −1 if it enters. A ray through an edge meets exactly one of its facets. A facet through
 /// the position counts as above.
-fn each_above(triangles: &[Triangle], tree: &BoxTree, x: &[f64; 3], mut visit: impl FnMut(usize, i32)) {
+fn each_above(triangles: &[Triangle], tree: &BoxTree<3>, x: &[f64; 3], mut visit: impl FnMut(usize, i32)) {
     let flat = |x: &[f64; 3]| [x[0], x[1]];
     tree.visit(
         |[low, high]| {
@@ -33,7 +33,7 @@ fn each_above(triangles: &[Triangle], tree: &BoxTree, x: &[f64; 3], mut visit: i
 }
 
 /// Winding number of the surface around a position.
-pub(super) fn winding(triangles: &[Triangle], tree: &BoxTree, x: &[f64; 3]) -> i32 {
+pub(super) fn winding(triangles: &[Triangle], tree: &BoxTree<3>, x: &[f64; 3]) -> i32 {
     let mut sum = 0;
     each_above(triangles, tree, x, |_, upward| sum += upward);
     sum
@@ -45,7 +45,7 @@ pub(super) fn check_orientation(
     facets: &Facets,
     shells: &Shells,
     triangles: &[Triangle],
-    tree: &BoxTree,
+    tree: &BoxTree<3>,
     shell_of: &[u32],
 ) -> Result<(), SurfaceError> {
     let mut members: Vec<Vec<Triangle>> = vec![Vec::new(); shells.number];
@@ -83,7 +83,7 @@ const WIDER: f64 = 1e-12;
 /// Corners are projected onto a plane across the line. The projections have round-off, but each corner has one
 /// projection for all its facets, and the test whether the line passes through a projected facet is exact: crossings
 /// always come in pairs.
-pub(super) fn intervals(triangles: &[Triangle], tree: &BoxTree, line: &Line<3>) -> Intervals {
+pub(super) fn intervals(triangles: &[Triangle], tree: &BoxTree<3>, line: &Line<3>) -> Intervals {
     let [e, f] = frame(&line.direction);
     let squared = dot(&line.direction, &line.direction);
     let [low, high] = tree.bounds();
@@ -137,15 +137,4 @@ fn passes(line: &Line<3>, [low, high]: &[[f64; 3]; 2], wider: f64) -> bool {
         }
     }
     enter <= leave
-}
-
-/// Two unit vectors normal to a direction and to each other; aligned with the axes if the direction is.
-fn frame(direction: &[f64; 3]) -> [[f64; 3]; 2] {
-    let length = norm(direction);
-    let n = direction.map(|x| x / length);
-    let least = (0..3).min_by(|&a, &b| n[a].abs().total_cmp(&n[b].abs())).unwrap_or(0);
-    let e = along(&unit(least), -n[least], &n);
-    let length = norm(&e);
-    let e = e.map(|x| x / length);
-    [e, cross(&n, &e)]
 }

@@ -30,14 +30,14 @@ fn parametric(nu: usize, nv: usize, poles: bool, x: impl Fn(f64, f64) -> [f64; 3
 }
 
 /// A torus around the z axis.
-pub(in crate::region) fn torus(ring: f64, tube: f64, nu: usize, nv: usize) -> Vec<Triangle> {
+pub(crate) fn torus(ring: f64, tube: f64, nu: usize, nv: usize) -> Vec<Triangle> {
     parametric(nu, nv, false, |u, v| {
         let (r, z) = (ring + tube * (TAU * v).cos(), tube * (TAU * v).sin());
         [r * (TAU * u).cos(), r * (TAU * u).sin(), z]
     })
 }
 
-pub(super) fn sphere(center: [f64; 3], radius: f64, nu: usize, nv: usize) -> Vec<Triangle> {
+pub(crate) fn sphere(center: [f64; 3], radius: f64, nu: usize, nv: usize) -> Vec<Triangle> {
     parametric(nu, nv, true, |u, v| {
         let (r, z) = ((PI * v).sin(), -(PI * v).cos());
         [r * (TAU * u).cos(), r * (TAU * u).sin(), z]
@@ -51,7 +51,7 @@ pub(super) fn sphere(center: [f64; 3], radius: f64, nu: usize, nv: usize) -> Vec
 }
 
 /// A cube with this lowest corner and side.
-pub(super) fn cube([x, y, z]: [f64; 3], side: f64) -> Vec<Triangle> {
+pub(crate) fn cube([x, y, z]: [f64; 3], side: f64) -> Vec<Triangle> {
     let at =
         |k: usize| [x + side * (k & 1) as f64, y + side * (k >> 1 & 1) as f64, z + side * (k >> 2) as f64];
     let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];

@@ -6,6 +6,7 @@ use std::collections::hash_map::Entry;
 use super::closed;
 use super::facets::Facets;
 use super::triangle::Triangle;
+use crate::region::boundary::indexed;
 use crate::region::vector::{minus, norm};
 use crate::region::{hull, nothing};
 
@@ -15,19 +16,8 @@ const SAME: f64 = 1e-6;
 
 /// Indexes the corners; corners with equal coordinates are one corner.
 pub(super) fn by_equality(triangles: &[Triangle]) -> Facets {
-    let mut numbers: HashMap<[u64; 3], u32> = HashMap::new();
-    let mut facets = Facets { positions: Vec::new(), corners: Vec::with_capacity(triangles.len()) };
-    for triangle in triangles {
-        facets.corners.push(triangle.map(|x| {
-            // Adding zero turns −0 into +0.
-            let x = x.map(|x| x + 0.0);
-            *numbers.entry(x.map(f64::to_bits)).or_insert_with(|| {
-                facets.positions.push(x);
-                (facets.positions.len() - 1) as u32
-            })
-        }));
-    }
-    facets
+    let (positions, corners) = indexed(triangles);
+    Facets { positions, corners }
 }
 
 /// Merges corners at open edges that are close to each other, each into the first of its neighbourhood. Returns the

@@ -1,0 +1,164 @@
+//! Position and rotation of a rigid tool.
+
+use super::closest::Closest;
+use super::error::ShapeError;
+use super::rotation::{apply, exponential, left_jacobian, logarithm, product, transposed};
+use super::shape::Shape;
+use crate::region::finite;
+use crate::region::vector::{along, cross, dot, minus, unit};
+
+/// Where a rigid tool is: a position X of its frame is at c + R X in space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose<const D: usize> {
+    position: [f64; D],
+    rotation: [[f64; D]; D],
+    /// In the plane, the angle of the rotation including full turns, [rad].
+    angle: f64,
+}
+
+/// A rigid motion from one pose to the next: x = c + u + exp(θ̂) (X − c) for a position X of the tool at the start, where
+/// c is the position of the reference point at the start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Increment<const D: usize> {
+    /// Translation u of the reference point, [length].
+    pub translation: [f64; D],
+    /// Rotation vector θ in the axes of space, [rad]. In the plane only the third component counts, the
+    /// counterclockwise angle.
+    pub rotation: [f64; 3],
+}
+
+impl<const D: usize> Pose<D> {
+    /// The pose with this position of the reference point (the origin of the frame of the tool), [length], and this
+    /// rotation vector, as in [`Increment::rotation`], [rad].
+    ///
+    /// # Errors
+    /// [`ShapeError::Primitive`] if a number is not finite.
+    pub fn new(position: [f64; D], rotation: [f64; 3]) -> Result<Self, ShapeError> {
+        let translation = finite("the position of a tool", position)?;
+        let rotation = finite("the rotation of a tool", rotation)?;
+        let origin = Pose { position: [0.0; D], rotation: std::array::from_fn(unit), angle: 0.0 };
+        Ok(origin.moved(&Increment { translation, rotation }))
+    }
+
+    /// The position c of the reference point, [length].
+    pub fn position(&self) -> [f64; D] {
+        self.position
+    }
+
+    /// The rotation matrix R, `[i][j]`.
+    pub fn rotation(&self) -> [[f64; D]; D] {
+        self.rotation
+    }
+
+    /// The rotation as in [`Increment::rotation`], [rad]: in the plane with all full turns, in space by at most π.
+    pub fn rotation_vector(&self) -> [f64; 3] {
+        if D == 3 {
+            logarithm(&std::array::from_fn(|i| std::array::from_fn(|j| self.rotation[i % D][j % D])))
+        } else {
+            [0.0, 0.0, self.angle]
+        }
+    }
+
+    /// The position in space of a position in the frame of the tool, [length].
+    pub fn to_space(&self, x: &[f64; D]) -> [f64; D] {
+        along(&self.position, 1.0, &apply(&self.rotation, x))
+    }
+
+    /// The position in the frame of the tool of a position in space, [length].
+    pub fn to_tool(&self, x: &[f64; D]) -> [f64; D] {
+        self.vector_to_tool(&minus(x, &self.position))
+    }
+
+    /// The components in space of a vector in the frame of the tool.
+    pub fn vector_to_space(&self, v: &[f64; D]) -> [f64; D] {
+        apply(&self.rotation, v)
+    }
+
+    /// The components in the frame of the tool of a vector in space.
+    pub fn vector_to_tool(&self, v: &[f64; D]) -> [f64; D] {
+        apply(&transposed(&self.rotation), v)
+    }
+
+    /// The pose after a motion.
+    pub fn moved(&self, increment: &Increment<D>) -> Self {
+        let angle = self.angle + increment.rotation[2];
+        let rotation = if D == 3 {
+            let turned = product(&increment.matrix(), &self.rotation);
+            // A Newton step towards the closest rotation: the error of many increments must not add up.
+            let square = product(&transposed(&turned), &turned);
+            let correction =
+                std::array::from_fn(|i| std::array::from_fn(|j| 1.5 * unit::<D>(i)[j] - 0.5 * square[i][j]));
+            product(&turned, &correction)
+        } else {
+            Increment { rotation: [0.0, 0.0, angle], ..*increment }.matrix()
+        };
+        Pose { position: along(&self.position, 1.0, &increment.translation), rotation, angle }
+    }
+
+    /// The closest point, in space, of the surface of a tool in this pose; `None` if |gap| exceeds `limit`, [length], or
+    /// a coordinate is not finite.
+    pub fn closest(&self, shape: &dyn Shape<D>, x: [f64; D], limit: f64) -> Option<Closest<D>> {
+        let found = shape.closest_within(self.to_tool(&x), limit)?;
+        Some(found.turned(&self.rotation, |x| self.to_space(x)))
+    }
+}
+
+/// The first time at which a point meets the surface of a moving tool, as a fraction of the motion. Both move from
+/// their first to their second place such that the path is straight in the frame of the tool.
+pub fn first_contact<const D: usize>(
+    shape: &dyn Shape<D>,
+    poses: [&Pose<D>; 2],
+    point: [[f64; D]; 2],
+) -> Option<f64> {
+    shape.first_contact(poses[0].to_tool(&point[0]), poses[1].to_tool(&point[1]))
+}
+
+impl<const D: usize> Increment<D> {
+    /// The rotation vector; in the plane without the components that do not count.
+    fn rotation_vector(&self) -> [f64; 3] {
+        if D == 3 { self.rotation } else { [0.0, 0.0, self.rotation[2]] }
+    }
+
+    /// exp(θ̂).
+    fn matrix(&self) -> [[f64; D]; D] {
+        let matrix = exponential(&self.rotation_vector());
+        std::array::from_fn(|i| std::array::from_fn(|j| matrix[i % 3][j % 3]))
+    }
+
+    /// The position after the motion from a pose, [length], of the point of the tool that is at `x` before it.
+    pub fn carry(&self, start: &Pose<D>, x: &[f64; D]) -> [f64; D] {
+        let arm = apply(&self.matrix(), &minus(x, &start.position));
+        along(&along(&start.position, 1.0, &self.translation), 1.0, &arm)
+    }
+
+    /// Displacement over the motion of the point of the tool that is at `x` before it, [length].
+    pub fn displacement(&self, start: &Pose<D>, x: &[f64; D]) -> [f64; D] {
+        minus(&self.carry(start, x), x)
+    }
+
+    /// Derivative of [`Increment::carry`] with respect to the rotation, `[k][i]` = ∂x_i/∂θ_k, [length]. The derivative
+    /// with respect to the translation is the identity.
+    pub fn carry_derivative(&self, start: &Pose<D>, x: &[f64; D]) -> [[f64; D]; 3] {
+        self.rotation_derivative(&apply(&self.matrix(), &minus(x, &start.position)))
+    }
+
+    /// Derivative with respect to the rotation, `[k][i]` = ∂x_i/∂θ_k, [length], of the position of the point of the tool
+    /// that is at `arm` from the reference point after the motion: J e_k × arm with the left Jacobian J of exp(θ̂). In
+    /// the plane the first two rows are zero.
+    pub fn rotation_derivative(&self, arm: &[f64; D]) -> [[f64; D]; 3] {
+        let jacobian = transposed(&left_jacobian(&self.rotation_vector()));
+        let arm = std::array::from_fn(|d| if d < D { arm[d % D] } else { 0.0 });
+        std::array::from_fn(|k| {
+            let moved = if D == 3 || k == 2 { cross(&jacobian[k], &arm) } else { [0.0; 3] };
+            std::array::from_fn(|d| moved[d % 3])
+        })
+    }
+
+    /// Derivative of the gap of a fixed position x with respect to the translation and to the rotation, [-] and
+    /// [length], where `found` is its closest point on the tool after the motion and `reference` the position of the
+    /// reference point then: −n · ∂x/∂(u, θ) at the closest point, because the gap is stationary along the surface.
+    pub fn gap_derivative(&self, found: &Closest<D>, reference: &[f64; D]) -> ([f64; D], [f64; 3]) {
+        let turned = self.rotation_derivative(&minus(&found.point, reference));
+        (found.normal.map(|n| -n), turned.map(|row| -dot(&row, &found.normal)))
+    }
+}

@@ -1,0 +1,156 @@
+//! Circles, spheres, boxes, cylinders and cones as tools.
+
+use std::f64::consts::FRAC_PI_2;
+
+use super::closest::{Closest, TOUCHING, indices};
+use super::features::{Feature, Nearest, Place, on_segment};
+use super::shape::{Shape, first_end, largest};
+use crate::region::vector::{along, dot, frame, minus, norm, unit};
+use crate::region::{Ball, Bounds, Brick, Facet, Frustum, Line, Primitive, hull};
+
+impl<const D: usize> Shape<D> for Ball<D> {
+    fn bounds(&self) -> Bounds<D> {
+        [-1.0, 1.0].map(|side| self.center().map(|x| x + side * self.radius()))
+    }
+
+    /// At the centre, the normal is the first axis.
+    fn search(&self, x: &[f64; D], _: f64) -> Option<Closest<D>> {
+        let from_centre = minus(x, &self.center());
+        let centre = if norm(&from_centre) > TOUCHING * largest(&Shape::bounds(self)) {
+            Closest::on_corner(x, &from_centre, true, None, 0)
+        } else {
+            Closest::at_corner(x, unit(0), 0)
+        };
+        Some(centre.offset(self.radius()))
+    }
+
+    fn crossing(&self, path: &[[f64; D]; 2]) -> Option<f64> {
+        crossing_of(self, path)
+    }
+
+    fn pieces(&self, size: f64) -> Option<Vec<Facet<D>>> {
+        // The facets of a sphere are those of an octahedron, stretched by up to √6 / (π/2) in the middle of its faces.
+        let stretched = if D == 3 { 6f64.sqrt() / FRAC_PI_2 } else { 1.0 };
+        Some(Primitive::facets(self, size / stretched))
+    }
+}
+
+impl<const D: usize> Shape<D> for Brick<D> {
+    fn bounds(&self) -> Bounds<D> {
+        Brick::bounds(self)
+    }
+
+    fn search(&self, x: &[f64; D], _: f64) -> Option<Closest<D>> {
+        let [low, high] = Brick::bounds(self);
+        // Distance beyond the nearer of the two faces normal to each axis, and the side of that face.
+        let beyond: [f64; D] = std::array::from_fn(|d| (low[d] - x[d]).max(x[d] - high[d]));
+        let upper = |d: usize| x[d] - high[d] >= low[d] - x[d];
+        let most = (0..D).rev().max_by(|&a, &b| beyond[a].total_cmp(&beyond[b])).unwrap_or(0);
+        let part = if D == 2 {
+            // The sides are numbered counterclockwise from the lower one.
+            [[3, 1], [0, 2]][most % 2][usize::from(upper(most))]
+        } else {
+            2 * most + usize::from(upper(most))
+        };
+        let outwards = |d: usize| if upper(d) { 1.0 } else { -1.0 };
+        let beyond_one = (0..D).filter(|&d| beyond[d] > 0.0).count() <= 1;
+        if beyond_one || beyond[most] <= TOUCHING * largest(&Brick::bounds(self)) {
+            return Some(Closest::on_plane(
+                x,
+                beyond[most],
+                unit::<D>(most).map(|e| e * outwards(most)),
+                part,
+            ));
+        }
+        let offset: [f64; D] = std::array::from_fn(|d| beyond[d].max(0.0) * outwards(d));
+        let level = (0..D).find(|&d| beyond[d] <= 0.0).map(unit);
+        Some(Closest::on_corner(x, &offset, true, level.as_ref(), part))
+    }
+
+    fn crossing(&self, path: &[[f64; D]; 2]) -> Option<f64> {
+        crossing_of(self, path)
+    }
+
+    fn pieces(&self, size: f64) -> Option<Vec<Facet<D>>> {
+        Some(Primitive::facets(self, size))
+    }
+}
+
+impl Shape<3> for Frustum {
+    fn bounds(&self) -> Bounds<3> {
+        let ends = [0.0, self.height()].map(|h| along(&self.start(), h, &self.axis()));
+        let disc = |end: usize| {
+            let reach = self.axis().map(|a| self.radii()[end] * (1.0 - a * a).max(0.0).sqrt());
+            [minus(&ends[end], &reach), along(&ends[end], 1.0, &reach)]
+        };
+        hull(disc(0), disc(1))
+    }
+
+    /// The closest point lies in the half plane through the axis and x. Parts: 0 lateral, 1 and 2 ends.
+    fn search(&self, x: &[f64; 3], _: f64) -> Option<Closest<3>> {
+        let (height, across) = self.split(&minus(x, &self.start()));
+        let (radius, touching) = (norm(&across), TOUCHING * largest(&Shape::bounds(self)));
+        let outwards = if radius > touching { across.map(|x| x / radius) } else { frame(&self.axis())[0] };
+        let section = self.closest_of_section([radius, height], touching)?;
+        let axis = self.axis();
+        let in_space = |[r, h]: [f64; 2]| along(&outwards.map(|e| r * e), h, &axis);
+        // The circles around the axis have the curvature n_r / r; beside the axis n_r = r ∂n_r/∂r.
+        let [[rr, rh], [_, hh]] = section.normal_derivative;
+        let hoop = if radius > touching { section.normal[0] / radius } else { rr };
+        let mut normal_derivative = [[0.0; 3]; 3];
+        for (i, j) in indices::<3>() {
+            let ([e, a], [f, b]) = ([outwards[i], axis[i]], [outwards[j], axis[j]]);
+            let around = unit::<3>(i)[j] - e * f - a * b;
+            normal_derivative[i][j] = rr * e * f + rh * (e * b + a * f) + hh * a * b + hoop * around;
+        }
+        Some(Closest {
+            normal: in_space(section.normal),
+            point: along(&in_space(section.point), 1.0, &self.start()),
+            normal_derivative,
+            gap: section.gap,
+            part: section.part,
+        })
+    }
+
+    fn crossing(&self, path: &[[f64; 3]; 2]) -> Option<f64> {
+        crossing_of(self, path)
+    }
+
+    fn pieces(&self, size: f64) -> Option<Vec<Facet<3>>> {
+        Some(Primitive::facets(self, size))
+    }
+}
+
+impl Frustum {
+    /// The closest point of the section (r, h) of the surface.
+    fn closest_of_section(&self, x: [f64; 2], touching: f64) -> Option<Closest<2>> {
+        let ([lower, upper], height) = (self.radii(), self.height());
+        let corners = [[0.0, 0.0], [lower, 0.0], [upper, height], [0.0, height]];
+        let slant = height.hypot(upper - lower);
+        let sides = [
+            (0, [corners[1], corners[2]], [height / slant, (lower - upper) / slant]),
+            (1, [corners[0], corners[1]], [0.0, -1.0]),
+            (2, [corners[2], corners[3]], [0.0, 1.0]),
+        ];
+        let mut nearest = Nearest::within(f64::INFINITY);
+        for (part, ends, normal) in sides.iter().filter(|(_, ends, _)| ends[0] != ends[1]) {
+            nearest.offer(on_segment(&x, ends, normal), *part, *part as u32);
+        }
+        let (Feature { place, offset, squared }, part, _) = nearest.found?;
+        let normal = sides[part].2;
+        Some(match place {
+            Place::Face => Closest::on_plane(&x, dot(&offset, &normal), normal, part),
+            _ if squared.sqrt() <= touching => Closest::at_corner(&x, normal, part),
+            // The section is convex: corners are closest from outside only.
+            _ => Closest::on_corner(&x, &offset, true, None, part),
+        })
+    }
+}
+
+/// The first crossing of a path with the surface of a primitive.
+pub(super) fn crossing_of<const D: usize>(
+    primitive: &impl Primitive<D>,
+    [from, to]: &[[f64; D]; 2],
+) -> Option<f64> {
+    first_end(&primitive.intervals(&Line { origin: *from, direction: minus(to, from) }))
+}
