@@ -167,7 +167,7 @@ pub(crate) fn indexed<const D: usize>(facets: &[[[f64; D]; D]]) -> (Vec<[f64; D]
 }
 
 /// Number of equal parts, each at most `spacing` long, of a length.
-pub(super) fn parts(length: f64, spacing: f64) -> usize {
+pub(crate) fn parts(length: f64, spacing: f64) -> usize {
     ((length / spacing - 1e-9).ceil() as usize).max(1)
 }
 
@@ -261,7 +261,7 @@ pub(super) fn parallelogram<const D: usize>(
 
 /// Two triangles for each cell of a curved grid of n × m cells in space; empty in the plane, and without triangles that
 /// have shrunk to a line.
-pub(super) fn quadrilaterals<const D: usize>(
+pub(crate) fn quadrilaterals<const D: usize>(
     n: usize,
     m: usize,
     at: &dyn Fn(usize, usize) -> [f64; D],

@@ -69,7 +69,7 @@ impl Frustum {
     }
 
     /// Splits a position, relative to the start, into its axial coordinate and its radial vector.
-    pub(crate) fn split(&self, x: &[f64; 3]) -> (f64, [f64; 3]) {
+    fn split(&self, x: &[f64; 3]) -> (f64, [f64; 3]) {
         let h = dot(x, &self.axis);
         (h, along(x, -h, &self.axis))
     }
@@ -110,15 +110,7 @@ impl Primitive<3> for Frustum {
         let slant = self.height.hypot(self.radii[1] - self.radii[0]);
         let across = spacing / 2f64.sqrt();
         let (around, up) = (chords(widest, across), parts(slant, across));
-        let least = (0..3).min_by(|&a, &b| self.axis[a].abs().total_cmp(&self.axis[b].abs())).unwrap_or(0);
-        let first = cross(&self.axis, &unit(least));
-        let first = first.map(|x| x / norm(&first));
-        let second = cross(&self.axis, &first);
-        let at = |turn: usize, height: f64, radius: f64| {
-            let [s, c] = sine_and_cosine_of_part(turn % around, around);
-            let foot = along(&self.start, height, &self.axis);
-            along(&along(&foot, radius * c, &first), radius * s, &second)
-        };
+        let at = around_axis(self.start, self.axis, around);
         let lateral = |i: usize, j: usize| {
             let height = self.height * j as f64 / up as f64;
             at(i, height, self.radii[0] + self.slope() * height)
@@ -134,5 +126,23 @@ impl Primitive<3> for Frustum {
 
     fn is_convex(&self) -> bool {
         true
+    }
+}
+
+/// Positions around an axis, given by its start and unit vector, by their number among `around` in a turn, their height
+/// along the axis and their radius, [length].
+pub(crate) fn around_axis(
+    start: [f64; 3],
+    axis: [f64; 3],
+    around: usize,
+) -> impl Fn(usize, f64, f64) -> [f64; 3] {
+    let least = (0..3).min_by(|&a, &b| axis[a].abs().total_cmp(&axis[b].abs())).unwrap_or(0);
+    let first = cross(&axis, &unit(least));
+    let first = first.map(|x| x / norm(&first));
+    let second = cross(&axis, &first);
+    move |turn, height, radius| {
+        let [s, c] = sine_and_cosine_of_part(turn % around, around);
+        let foot = along(&start, height, &axis);
+        along(&along(&foot, radius * c, &first), radius * s, &second)
     }
 }

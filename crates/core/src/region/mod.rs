@@ -27,11 +27,12 @@ use std::sync::Arc;
 
 pub use ball::{Ball, HollowBall};
 pub use boundary::{Facet, MOST_FACETS, NoBoundary, area_derivative, area_vector, divided};
-pub(crate) use boundary::{chords, indexed};
+pub(crate) use boundary::{chords, indexed, parts, quadrilaterals};
 pub(crate) use box_tree::{BoxTree, around, overlap as boxes_overlap, squared_distance};
 pub use brick::Brick;
 pub use fill::{CellPart, Filled, FilledCell, brick_parts, contains_in_cell, fill};
 pub use frustum::Frustum;
+pub(crate) use frustum::around_axis;
 pub(crate) use line::between;
 pub use line::{Intervals, Line};
 pub use motion::Motion;

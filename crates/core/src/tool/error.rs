@@ -18,6 +18,14 @@ pub enum ShapeError {
         /// Index of the edge and of its first corner, from 0.
         edge: usize,
     },
+    /// A section of a body of revolution reaches beyond the axis.
+    #[error("corner {} of the section has a negative radius, {radius}", .corner + 1)]
+    NegativeRadius {
+        /// Index of the corner, from 0.
+        corner: usize,
+        /// Its radius, [length].
+        radius: f64,
+    },
     /// A wall has fewer than two corners.
     #[error("a wall needs at least 2 corners, not {corners}")]
     Corners {

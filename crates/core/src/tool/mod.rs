@@ -12,6 +12,7 @@
 //! | [`ClosedPolygon`] | simple polygon | – | bounding box tree over the edges |
 //! | [`Wall`] | polyline with a thickness | – | bounding box tree over the segments |
 //! | [`Frustum`](crate::region::Frustum) | – | cylinder, cone, truncated cone | section (r, h) |
+//! | [`Revolution`] | – | body of revolution: penetrometer, spudcan, open pile | polygon as the section (r, h) |
 //! | [`Extrusion`] | – | extruded polygon | polygon and height |
 //! | [`TriangulatedSurface`] | – | closed surface of triangles | bounding box tree over the facets |
 //!
@@ -36,6 +37,7 @@
 //! Outside a convex edge or corner the gap is that of the rounded parallel surface, so the normal is continuous there;
 //! inside, the normal is that of the closest part and jumps across the medial axis.
 
+mod border;
 mod closest;
 mod error;
 mod extrusion;
@@ -45,6 +47,7 @@ mod outline;
 mod polygon;
 mod pose;
 mod primitives;
+mod revolution;
 mod rotation;
 mod segments;
 mod shape;
@@ -60,6 +63,7 @@ pub use half_space::HalfSpace;
 pub use outline::Outline;
 pub use polygon::ClosedPolygon;
 pub use pose::{Increment, Pose, first_contact};
+pub use revolution::Revolution;
 pub use shape::Shape;
 pub use triangulated::TriangulatedSurface;
 pub use wall::Wall;

@@ -2,10 +2,11 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::closest::{Closest, TOUCHING, indices};
+use super::closest::{Closest, TOUCHING};
 use super::features::{Feature, Nearest, Place, on_segment};
+use super::revolution::Axis;
 use super::shape::{Shape, first_end, largest};
-use crate::region::vector::{along, dot, frame, minus, norm, unit};
+use crate::region::vector::{dot, minus, norm, unit};
 use crate::region::{Ball, Bounds, Brick, Facet, Frustum, Line, Primitive, hull};
 
 impl<const D: usize> Shape<D> for Ball<D> {
@@ -78,38 +79,14 @@ impl<const D: usize> Shape<D> for Brick<D> {
 
 impl Shape<3> for Frustum {
     fn bounds(&self) -> Bounds<3> {
-        let ends = [0.0, self.height()].map(|h| along(&self.start(), h, &self.axis()));
-        let disc = |end: usize| {
-            let reach = self.axis().map(|a| self.radii()[end] * (1.0 - a * a).max(0.0).sqrt());
-            [minus(&ends[end], &reach), along(&ends[end], 1.0, &reach)]
-        };
-        hull(disc(0), disc(1))
+        let (axis, [lower, upper]) = (axis_of(self), self.radii());
+        hull(axis.disc(&[lower, 0.0]), axis.disc(&[upper, self.height()]))
     }
 
-    /// The closest point lies in the half plane through the axis and x. Parts: 0 lateral, 1 and 2 ends.
+    /// Parts: 0 lateral, 1 and 2 ends.
     fn search(&self, x: &[f64; 3], _: f64) -> Option<Closest<3>> {
-        let (height, across) = self.split(&minus(x, &self.start()));
-        let (radius, touching) = (norm(&across), TOUCHING * largest(&Shape::bounds(self)));
-        let outwards = if radius > touching { across.map(|x| x / radius) } else { frame(&self.axis())[0] };
-        let section = self.closest_of_section([radius, height], touching)?;
-        let axis = self.axis();
-        let in_space = |[r, h]: [f64; 2]| along(&outwards.map(|e| r * e), h, &axis);
-        // The circles around the axis have the curvature n_r / r; beside the axis n_r = r ∂n_r/∂r.
-        let [[rr, rh], [_, hh]] = section.normal_derivative;
-        let hoop = if radius > touching { section.normal[0] / radius } else { rr };
-        let mut normal_derivative = [[0.0; 3]; 3];
-        for (i, j) in indices::<3>() {
-            let ([e, a], [f, b]) = ([outwards[i], axis[i]], [outwards[j], axis[j]]);
-            let around = unit::<3>(i)[j] - e * f - a * b;
-            normal_derivative[i][j] = rr * e * f + rh * (e * b + a * f) + hh * a * b + hoop * around;
-        }
-        Some(Closest {
-            normal: in_space(section.normal),
-            point: along(&in_space(section.point), 1.0, &self.start()),
-            normal_derivative,
-            gap: section.gap,
-            part: section.part,
-        })
+        let touching = TOUCHING * largest(&Shape::bounds(self));
+        axis_of(self).closest(x, touching, |section| self.closest_of_section(*section, touching))
     }
 
     fn crossing(&self, path: &[[f64; 3]; 2]) -> Option<f64> {
@@ -119,6 +96,10 @@ impl Shape<3> for Frustum {
     fn pieces(&self, size: f64) -> Option<Vec<Facet<3>>> {
         Some(Primitive::facets(self, size))
     }
+}
+
+fn axis_of(frustum: &Frustum) -> Axis {
+    Axis { start: frustum.start(), direction: frustum.axis() }
 }
 
 impl Frustum {

@@ -44,14 +44,13 @@ impl Segments {
         self.normals[item]
     }
 
-    /// Visits the segments whose boxes come within a distance of the box of a path, [length].
+    /// Visits the segments whose boxes come within a distance of a box, [length].
     pub(super) fn each_near(
         &self,
-        path: &[[f64; 2]; 2],
+        [low, high]: &Bounds<2>,
         distance: f64,
         mut visit: impl FnMut(&[[f64; 2]; 2]),
     ) {
-        let [low, high] = around(path);
         let wider = [low.map(|x| x - distance), high.map(|x| x + distance)];
         self.tree.visit(
             |bounds| boxes_overlap(bounds, &wider),

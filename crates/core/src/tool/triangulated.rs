@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
+use super::border::UNSURE;
 use super::closest::{Closest, TOUCHING};
 use super::error::ShapeError;
 use super::features::{Nearest, Place, on_triangle};
-use super::polygon::UNSURE;
 use super::shape::{Shape, largest};
 use crate::region::surface::{Neighbours, Triangle};
 use crate::region::vector::{along, cross, dot, minus, norm};

@@ -9,7 +9,7 @@ use super::segments::{Segments, right_normal};
 use super::shape::{Shape, first_end, largest};
 use crate::region::vector::{along, cross, dot, minus, norm};
 use crate::region::{
-    Ball, Bounds, Facet, Intervals, Line, Primitive, between, chords, divided, finite, positive,
+    Ball, Bounds, Facet, Intervals, Line, Primitive, around, between, chords, divided, finite, positive,
 };
 
 /// A wall of constant thickness along an open polyline, with round ends and bends: all positions within half the
@@ -135,7 +135,7 @@ impl Shape<2> for Wall {
     fn crossing(&self, path: &[[f64; 2]; 2]) -> Option<f64> {
         let line = Line { origin: path[0], direction: minus(&path[1], &path[0]) };
         let mut inside = Intervals::default();
-        self.segments.each_near(path, self.radius, |segment| {
+        self.segments.each_near(&around(path), self.radius, |segment| {
             inside = inside.union(&self.intervals(segment, &line));
         });
         first_end(&inside)

@@ -26,6 +26,9 @@ fn shapes_in_space() -> Vec<Box<dyn Shape<3>>> {
         Box::new(Frustum::new([0.0; 3], [0.0, 0.0, 1.0], [1.0, 0.0]).unwrap()),
         Box::new(Frustum::cylinder([0.0; 3], [1.0, 0.0, 0.0], 0.5).unwrap()),
         Box::new(Extrusion::new(notched(), 2, [0.0, 1.0]).unwrap()),
+        Box::new(Revolution::new([0.0; 3], [0.0, 0.0, 1.0], penetrometer()).unwrap()),
+        Box::new(Revolution::new([0.0; 3], [0.0, 1.0, 0.0], hollow_foot()).unwrap()),
+        Box::new(Revolution::new([0.5; 3], [0.0, 1.0, 0.0], with_cavity()).unwrap()),
         Box::new(TriangulatedSurface::new(&cube([0.0; 3], 1.0)).unwrap()),
     ]
 }
@@ -161,6 +164,10 @@ fn malformed_shapes_are_refused() {
     let bow = vec![[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]];
     let crossing = PrimitiveError::SelfCrossing { sides: [0, 2] };
     assert_eq!(ClosedPolygon::new(bow).unwrap_err(), ShapeError::Primitive(crossing));
+    not_positive(Revolution::new([0.0; 3], [0.0; 3], penetrometer()).unwrap_err());
+    let beyond = vec![[0.0, 0.0], [1.0, 0.0], [-0.5, 1.0]];
+    let error = ShapeError::NegativeRadius { corner: 2, radius: -0.5 };
+    assert_eq!(Revolution::new([0.0; 3], [1.0; 3], beyond).unwrap_err(), error);
     let mut open = cube([0.0; 3], 1.0);
     open.remove(3);
     let error = TriangulatedSurface::new(&open).unwrap_err();

@@ -9,8 +9,25 @@ mod triangles;
 use std::f64::consts::TAU;
 
 use super::*;
+use crate::region::tests::Random;
+use crate::region::vector::{dot, minus, norm};
 use crate::region::{Ball, Brick, Frustum, Polygon, Primitive, Prism};
 use check::{Check, check};
+
+/// A cone penetrometer with a friction sleeve: tip at the origin, shaft upwards.
+fn penetrometer() -> Vec<[f64; 2]> {
+    vec![[0.0, 0.0], [0.5, 0.9], [0.5, 1.2], [0.4, 1.3], [0.4, 3.0], [0.0, 3.0]]
+}
+
+/// A wide foot with a reentrant underside around a hollow shaft, clockwise.
+fn hollow_foot() -> Vec<[f64; 2]> {
+    vec![[0.2, 2.0], [0.4, 2.0], [0.4, 0.8], [1.5, 0.7], [1.4, 0.0], [0.9, 0.4], [0.6, -0.2], [0.2, 0.1]]
+}
+
+/// A body with a cavity on its axis.
+fn with_cavity() -> Vec<[f64; 2]> {
+    vec![[0.0, -1.0], [1.0, -1.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.5], [0.4, 0.0], [0.0, -0.6]]
+}
 
 /// A polygon with notches and a reentrant corner, clockwise.
 pub(super) fn notched() -> Vec<[f64; 2]> {
@@ -92,6 +109,49 @@ fn cylinders_and_cones() {
         check(&frustum, &|x| frustum.contains(x), Check::around(&frustum));
         let upright = Frustum::new([0.0; 3], [0.0, 0.0, 2.0], radii).unwrap();
         check(&upright, &|x| upright.contains(x), Check::around(&upright));
+    }
+}
+
+#[test]
+fn bodies_of_revolution() {
+    for section in [penetrometer(), hollow_foot(), with_cavity()] {
+        for direction in [[0.0, 0.0, 1.0], [1.0, -2.0, 3.0]] {
+            let body = Revolution::new([0.3, -0.2, 0.1], direction, section.clone()).unwrap();
+            let length = norm(&direction);
+            let inside = |x: &[f64; 3]| {
+                let from_start = minus(x, &[0.3, -0.2, 0.1]);
+                let h = dot(&from_start, &direction) / length;
+                body.section().contains(&[(dot(&from_start, &from_start) - h * h).max(0.0).sqrt(), h])
+            };
+            check(&body, &inside, Check::around(&body));
+        }
+    }
+}
+
+#[test]
+fn a_cone_is_a_body_of_revolution() {
+    let (start, end) = ([0.2, -0.3, 0.1], [1.0, 0.9, 1.5]);
+    let axis = minus(&end, &start);
+    for [lower, upper] in [[0.5, 0.5], [0.6, 0.0], [0.2, 0.9]] {
+        let frustum = Frustum::new(start, end, [lower, upper]).unwrap();
+        let h = norm(&axis);
+        let section: Vec<_> = [[0.0, 0.0], [lower, 0.0], [upper, h], [0.0, h]].into();
+        let section = if upper == 0.0 { section[..3].to_vec() } else { section };
+        let body = Revolution::new(start, axis, section).unwrap();
+        let mut random = Random(8);
+        let within = Check::around(&frustum).within;
+        for _ in 0..2000 {
+            let [x, y] = [0, 1].map(|_| random.inside(&within));
+            let (a, b) = (frustum.closest(x).unwrap(), body.closest(x).unwrap());
+            assert!(
+                (a.gap - b.gap).abs() < 1e-14 && norm(&minus(&a.normal, &b.normal)) < 1e-11,
+                "{a:?} {b:?}"
+            );
+            match (frustum.first_contact(x, y), body.first_contact(x, y)) {
+                (Some(s), Some(t)) => assert!((s - t).abs() < 1e-9, "{s} {t}"),
+                (s, t) => assert_eq!(s, t, "{x:?} {y:?}"),
+            }
+        }
     }
 }
 

@@ -51,6 +51,9 @@ fn curved_shapes_approach_their_area() {
     converges(&|size| closed_area(&sphere, size), 4.0 * PI);
     let cylinder = Frustum::cylinder([0.0; 3], [0.0, 3.0, 0.0], 1.0).unwrap();
     converges(&|size| closed_area(&cylinder, size), 2.0 * PI * 4.0);
+    let section = vec![[1.0, 0.0], [2.0, 0.0], [2.0, 3.0], [1.0, 3.0]];
+    let pipe = Revolution::new([0.0; 3], [0.0, 3.0, 4.0], section).unwrap();
+    converges(&|size| closed_area(&pipe, 2.0 * size), 2.0 * PI * 3.0 * (1.0 + 2.0) + 2.0 * PI * 3.0);
     let cone = Frustum::new([0.0; 3], [0.0, 0.0, 4.0], [3.0, 0.0]).unwrap();
     converges(&|size| closed_area(&cone, 2.0 * size), 9.0 * PI + 15.0 * PI);
 }
