@@ -82,6 +82,28 @@ fn cavities_and_sheets_that_touch_at_a_corner() {
     }
 }
 
+/// A sheet alone has a pseudonormal at its corner; at a corner of two sheets, the exact test decides.
+#[test]
+fn beyond_a_corner_of_two_sheets_is_outside() {
+    let spike = |mirrored: bool| {
+        let side = if mirrored { -1.0 } else { 1.0 };
+        let [tip, a, b, c] = [[0.0; 3], [0.3, -0.3, -1.0], [1.0, -0.3, -1.0], [0.3, 0.6, -1.0]]
+            .map(|[x, y, z]| [side * x, y, z]);
+        let facets = [[a, c, b], [tip, a, b], [tip, b, c], [tip, c, a]];
+        facets.map(|[a, b, c]| if mirrored { [a, c, b] } else { [a, b, c] }).to_vec()
+    };
+    let shape = TriangulatedSurface::new(&[spike(false), spike(true)].concat()).unwrap();
+    assert_eq!(shape.surface().shells(), 2);
+    let (mut random, mut at_tip) = (Random(4), 0);
+    for _ in 0..2000 {
+        let x = random.inside(&[[-0.5; 3], [0.5; 3]]);
+        let found = shape.closest(x).unwrap();
+        assert_eq!(found.gap < 0.0, shape.surface().contains(&x), "{x:?} {found:?}");
+        at_tip += usize::from(norm(&found.point) < 1e-14);
+    }
+    assert!(at_tip > 300, "{at_tip}");
+}
+
 #[test]
 fn no_path_slips_through_an_edge() {
     // Paths through the corners, edges and diagonals of a cube, where each facet alone could miss them.
