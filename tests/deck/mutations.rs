@@ -484,8 +484,8 @@ fn reason(change: Change, deck: &str, pointer: &str, became: &str) -> Option<usi
 }
 
 /// Codes about something that depends on two keys of the deck; either may be the one to change.
-const RELATIONS: [&str; 12] =
-    ["D015", "D018", "D021", "D024", "D025", "D027", "D028", "D029", "D035", "D049", "D051", "D065"];
+const RELATIONS: [&str; 13] =
+    ["D015", "D018", "D021", "D024", "D025", "D027", "D028", "D029", "D035", "D049", "D051", "D054", "D065"];
 
 /// True if a message is located at the change, or where the deck uses the changed value.
 fn is_at_the_right_line(deck: &DeckText, changed: &Source, pointer: &str, found: &Diagnostic) -> bool {

@@ -44,6 +44,7 @@ where
                 });
                 continue;
             }
+            self.strength_that_stays(&name, material);
             if let MaterialDeck::Library { file, parameters, .. } = material {
                 let (source, directory) = (&self.loaded.source, self.loaded.directory.as_path());
                 match (OfLibrary { source, directory, name: &name, file, parameters }).law() {
@@ -131,6 +132,20 @@ where
         };
         let at = format!("/materials/{}/softening", escape(name));
         let found = Diagnostic::at(&self.loaded.source, "D060", &at, message).severity(Severity::Note);
+        self.found.push(found.help(help));
+    }
+
+    /// Says that a material yields, but that its strength is not reduced with that of others.
+    fn strength_that_stays(&mut self, name: &str, material: &MaterialDeck) {
+        let has_one = matches!(material, MaterialDeck::Library { .. } | MaterialDeck::ModifiedCamClay { .. });
+        if !(has_one && self.deck.reduces_strength() && self.deck.used_materials().contains(name)) {
+            return;
+        }
+        let message = format!("the strength of the material {} is not reduced", quote(name));
+        let help = "the factor of safety is that of bodies in which it stays as strong as it is; use `tresca`, \
+                    `mohr-coulomb`, `drucker-prager` or `von-mises` for the bodies that may fail";
+        let at = format!("/materials/{}/model", escape(name));
+        let found = Diagnostic::at(&self.loaded.source, "D049", &at, message).severity(Severity::Note);
         self.found.push(found.help(help));
     }
 

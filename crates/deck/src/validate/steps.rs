@@ -1,7 +1,5 @@
 //! Checks of a deck with an unknown load factor.
 
-use std::collections::BTreeSet;
-
 use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::Displacement;
@@ -81,22 +79,6 @@ impl Check<'_> {
         }
     }
 
-    /// Warns of materials that yield, but whose strength cannot be reduced.
-    fn strength_that_stays(&mut self, control: &str, used: &BTreeSet<&str>) {
-        for name in used {
-            let Some(material) = self.deck.materials.get(*name) else { continue };
-            let stays =
-                matches!(material, MaterialDeck::Library { .. } | MaterialDeck::ModifiedCamClay { .. });
-            if stays {
-                let message = format!("the strength of the material {} is not reduced", quote(name));
-                let help = "the factor of safety is that of bodies in which it stays as strong as it is; use `tresca`, \
-                            `mohr-coulomb`, `drucker-prager` or `von-mises` for the bodies that may fail";
-                let found = Diagnostic::at(self.source, "D049", control, message).help(help);
-                self.found.push(found.severity(Severity::Warning));
-            }
-        }
-    }
-
     /// Checks that loads and motions stay constant in an analysis, or in a stage between two times, while the strength is
     /// reduced.
     fn constant_loads(&mut self, control: &str, stage: Option<(&StageDeck, [f64; 2])>) {
@@ -150,8 +132,6 @@ impl Check<'_> {
             let message = "no material has a strength that could be reduced";
             let help = "use `tresca`, `mohr-coulomb`, `drucker-prager` or `von-mises`";
             self.error("D049", control, message, help);
-        } else {
-            self.strength_that_stays(control, &used);
         }
     }
 
