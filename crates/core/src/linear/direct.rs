@@ -31,6 +31,9 @@ const SINGULAR_RESIDUAL: f64 = 1e-10;
 const REFINEMENTS: usize = 4;
 const REFINED_RESIDUAL: f64 = 1e-12;
 
+/// Relative residual that refinement aims at where pivots are not exchanged, for the accuracy of LU with pivoting.
+const ROUND_OFF: f64 = 1e-14;
+
 /// A direct solver. Symmetric matrices get LLᵀ, LDLᵀ when they are not positive definite, others LU; both get LU with
 /// pivoting when that is not accurate.
 ///
@@ -171,7 +174,9 @@ impl Direct {
         }
         // Without pivoting, the solution is accepted only if it solves the system.
         let is_accurate = match self.kind {
-            Some(Kind::Fronts) if !self.pattern.symmetric => self.refine(rhs) <= UNPIVOTED_RESIDUAL,
+            Some(Kind::Fronts) if !self.pattern.symmetric => {
+                self.refine(rhs, ROUND_OFF) <= UNPIVOTED_RESIDUAL
+            }
             Some(Kind::Ldlt) => {
                 self.back_substitute(rhs);
                 self.residual(given, rhs) <= UNPIVOTED_RESIDUAL
@@ -241,7 +246,7 @@ impl Direct {
     /// Replaces the right-hand side by the solution with the factor of the shifted matrix; returns its relative residual.
     fn solve_shifted(&mut self, rhs: &mut [f64]) -> f64 {
         self.largest = self.largest.max(norm(rhs));
-        self.refine(rhs)
+        self.refine(rhs, REFINED_RESIDUAL)
     }
 
     /// LLᵀ or LU by fronts with the diagonal entries of weak unknowns shifted; false if there are none, or if this does
@@ -267,18 +272,19 @@ impl Direct {
         let mut trial = vec![0.0; n];
         self.residual(&trial, &some);
         trial.copy_from_slice(&self.work);
-        self.shifted = self.refine(&mut trial) <= UNPIVOTED_RESIDUAL;
+        self.shifted = self.refine(&mut trial, REFINED_RESIDUAL) <= UNPIVOTED_RESIDUAL;
         self.kind = None;
         self.shifted
     }
 
-    /// Replaces the right-hand side by the solution of the equations without the shift; returns its relative residual.
-    fn refine(&mut self, rhs: &mut [f64]) -> f64 {
+    /// Replaces the right-hand side by the solution of the equations without the shift, refined until its relative residual
+    /// is `enough`; returns that residual.
+    fn refine(&mut self, rhs: &mut [f64], enough: f64) -> f64 {
         let given = rhs.to_vec();
         self.back_substitute(rhs);
         let mut residual = self.residual(&given, rhs);
         for _ in 0..REFINEMENTS {
-            if residual <= REFINED_RESIDUAL {
+            if residual <= enough {
                 break;
             }
             let mut correction: Vec<f64> = self.work.iter().map(|r| -r).collect();
