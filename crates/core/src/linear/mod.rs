@@ -63,8 +63,8 @@ pub enum Factorisation {
 }
 
 impl Factorisation {
-    /// True if the matrix was positive definite; of an unsymmetric one, if the determinants of all its leading parts have
-    /// the sign that they have in a stable body.
+    /// True if the matrix was positive definite. An unsymmetric one counts as such if all pivots of its LU are positive, as
+    /// they are as long as its symmetric part is positive definite, or if GMRES found no sign that this part is not.
     pub fn is_definite(self) -> bool {
         use Factorisation::{Cholesky, Lu, Multigrid, MultigridUnsymmetric};
         matches!(self, Cholesky | Lu | Multigrid | MultigridUnsymmetric)
@@ -80,7 +80,7 @@ impl Factorisation {
 /// The size of a factor.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct FactorSize {
-    /// Entries of L.
+    /// Entries of L, or of L and U.
     pub entries: usize,
     /// Number of sums and products of the factorisation, to leading order.
     pub operations: f64,

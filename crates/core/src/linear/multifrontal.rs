@@ -83,7 +83,7 @@ impl Multifrontal {
     }
 
     /// Writes the factor of the matrix with these values; false if it is not positive definite, for LU if a pivot is
-    /// zero.
+    /// zero or not finite.
     pub fn factorise(&mut self, values: &[f64], factor: &mut [f64]) -> bool {
         if self.passed.len() < self.task.room {
             self.passed = vec![0.0; self.task.room];

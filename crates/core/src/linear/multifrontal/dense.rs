@@ -2,8 +2,8 @@
 //!
 //! There is one factor L of LLᵀ, or the factors L and Uᵀ of LU, where L has the pivots and U a diagonal of ones. Both are
 //! lower triangular, and each takes the other (or L itself) from the right: the columns of L are those of the matrix
-//! minus products of rows of L and columns of U, those of Uᵀ the rows of the matrix minus products of rows of Uᵀ and
-//! columns of Lᵀ. So the same operations serve for both factorisations.
+//! minus products of rows of L and rows of Uᵀ, those of Uᵀ the rows of the matrix minus products of rows of Uᵀ and rows
+//! of L. So the same operations serve for both factorisations.
 //!
 //! Columns are stored one after the other with a stride that is a multiple of [`PAD`], so that whole vectors of rows
 //! can be read and written; values above the diagonal are arbitrary and never used. Every entry is one sum over the
@@ -57,9 +57,10 @@ fn is_large(rows: usize, pivots: usize) -> bool {
     pivots > MANY || rows * pivots > MOST
 }
 
-/// Replaces the columns of the pivots of a front with one factor or two by those of its factors, with the reciprocals of the pivots on the
-/// diagonal of L; and writes their update of the rest of the matrix, −L Lᵀ or −L U, to the lower triangle of `update`,
-/// for LU followed by its upper triangle, transposed. False if a pivot of LLᵀ is not positive, or one of LU is zero.
+/// Replaces the columns of the pivots of a front, with one factor or two, by those of its factors, with the reciprocals
+/// of the pivots on the diagonal of L; and writes their update of the rest of the matrix, −L Lᵀ or −L U, to the lower
+/// triangle of `update`, for LU followed by its upper triangle, transposed. False if a pivot of LLᵀ is not positive, or
+/// one of LU is zero or not finite.
 pub(super) fn eliminate(
     factors: usize,
     (rows, pivots): (usize, usize),
