@@ -158,6 +158,16 @@ impl<const D: usize, M: Mechanics<D>> Task<'_, D, M> {
                     self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, whole)?;
                     whole.store(k);
                 }
+                (2, 4) if self.links.is_whole(group) => {
+                    let cell = &mut Cell::<D, 4, 1>::zero(symmetric);
+                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, cell)?;
+                    cell.store(k);
+                }
+                (2, 3) if self.links.is_whole(group) => {
+                    let cell = &mut Cell::<D, 3, 1>::zero(symmetric);
+                    self.run_group::<UPDATED>(group, &mut trial, room, cell_room, f, cell)?;
+                    cell.store(k);
+                }
                 _ => {
                     k.fill([[0.0; D]; D]);
                     if symmetric {
