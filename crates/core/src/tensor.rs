@@ -5,6 +5,7 @@
 //! laws need no factors of two. Full fourth-order tensors are nested arrays indexed `[i][j][k][l]`.
 #![allow(non_snake_case)]
 
+mod exponential;
 pub mod lane;
 mod logarithm;
 pub mod plane;
@@ -15,6 +16,7 @@ use std::ops::{Add, Mul, Sub};
 
 use nalgebra::{Matrix3, SMatrix, SVector};
 
+pub(crate) use exponential::exp;
 pub use lane::{Lane, Lanes};
 pub(crate) use logarithm::ln;
 pub use spectral::{

@@ -4,15 +4,15 @@
 use super::{Elasticity, MaterialError, Response};
 use crate::tensor::{Lane, Lanes, PrincipalDerivative, Sym3};
 
-/// Response of a law to the principal values of a trial elastic strain.
+/// Response of a law to the principal values of a trial elastic strain; `T` is one number or one lane per point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PrincipalResponse {
+pub struct PrincipalResponse<T = f64> {
     /// Principal Kirchhoff stresses, [stress].
-    pub tau: [f64; 3],
+    pub tau: [T; 3],
     /// Principal elastic strains after the return mapping, [-].
-    pub elastic_strain: [f64; 3],
+    pub elastic_strain: [T; 3],
     /// Derivative of stress `i` with respect to trial strain `j`, `[i][j]`, [stress].
-    pub modulus: [[f64; 3]; 3],
+    pub modulus: [[T; 3]; 3],
 }
 
 /// A law in the logarithmic strain that is stated in principal axes.
@@ -33,6 +33,17 @@ pub trait PrincipalLaw: Send + Sync {
     /// modulus are those of this elasticity, and the history does not change. `None` if a point may flow, or if a strain is
     /// not finite.
     fn without_flow(&self, _trial: &[Lanes; 3], _old: &[Lanes]) -> Option<Elasticity> {
+        None
+    }
+
+    /// As [`PrincipalLaw::respond`] for several points side by side, with the same bits. `None` if the law has no such form,
+    /// or if a point has no response.
+    fn respond_in_lanes(
+        &self,
+        _trial: &[Lanes; 3],
+        _old: &[Lanes],
+        _new: &mut [Lanes],
+    ) -> Option<PrincipalResponse<Lanes>> {
         None
     }
 }

@@ -38,7 +38,7 @@ fn softening_sand() -> MohrCoulomb {
 }
 
 /// Cam-clays with constant shear modulus and with one that grows with the pressure.
-fn cam_clays() -> Vec<ModifiedCamClay> {
+pub(crate) fn cam_clays() -> Vec<ModifiedCamClay> {
     let constant = CamClay {
         compression_index: 0.09,
         swelling_index: 0.02,

@@ -81,13 +81,10 @@ fn on_shear(response: &PrincipalResponse, strain: &[f64; 3], b: &[f64; 3], pair:
 /// As [`respond`] for several points, with the same bits, if none of them flows.
 #[inline(always)]
 fn without_flow(law: &dyn PrincipalLaw, logarithm: &[Lanes; 3], history: &[Lanes]) -> Option<OnAxes<Lanes>> {
-    let [first, second, z] = [logarithm[0] * 0.5, logarithm[1] * 0.5, logarithm[2] * 0.5];
-    // In descending order.
-    let largest = first.where_below(z, z, first);
-    let least = z.where_below(second, z, second);
-    let middle = first.where_below(z, first, second.where_below(z, z, second));
-    let elasticity = law.without_flow(&[largest, middle, least], history)?;
-    let pressure = (largest + middle + least) * elasticity.lambda();
+    let strain @ [first, second, z] = [logarithm[0] * 0.5, logarithm[1] * 0.5, logarithm[2] * 0.5];
+    let sorted = descending(&strain);
+    let elasticity = law.without_flow(&sorted, history)?;
+    let pressure = (sorted[0] + sorted[1] + sorted[2]) * elasticity.lambda();
     let twice_shear = 2.0 * elasticity.shear;
     let tau = [first * twice_shear + pressure, second * twice_shear + pressure, z * twice_shear + pressure];
     let (diagonal, aside) = (elasticity.lambda() + twice_shear, elasticity.lambda());
@@ -96,6 +93,44 @@ fn without_flow(law: &dyn PrincipalLaw, logarithm: &[Lanes; 3], history: &[Lanes
     let (diagonal, aside) = (Lanes::splat(diagonal), Lanes::splat(aside));
     let modulus = [[diagonal, aside], [aside, diagonal]];
     Some(OnAxes { tau, elastic_strain: [first, second, z], modulus, on_shear })
+}
+
+/// The strains of the axes in the plane, in descending order, with that of z among them.
+#[inline(always)]
+fn descending([first, second, z]: &[Lanes; 3]) -> [Lanes; 3] {
+    let largest = first.where_below(*z, *z, *first);
+    let least = z.where_below(*second, *z, *second);
+    let middle = first.where_below(*z, *first, second.where_below(*z, *z, *second));
+    [largest, middle, least]
+}
+
+/// As [`respond`] for several points side by side, with the same bits, if the law has such a form and all points respond.
+/// Replaces `history` by its new values.
+#[inline(always)]
+fn side_by_side(
+    law: &dyn PrincipalLaw,
+    logarithm: &[Lanes; 3],
+    history: &mut [Lanes],
+) -> Option<OnAxes<Lanes>> {
+    let strain @ [first, second, z] = [logarithm[0] * 0.5, logarithm[1] * 0.5, logarithm[2] * 0.5];
+    let mut new = [Lanes::ZERO; MOST_HISTORY];
+    let new = new.get_mut(..history.len())?;
+    let response = law.respond_in_lanes(&descending(&strain), history, new)?;
+    history.copy_from_slice(new);
+    // z is the largest, the least, or between the axes in the plane.
+    let of = |above: Lanes, below: Lanes, between: Lanes| {
+        first.where_below(z, above, z.where_below(second, below, between))
+    };
+    let on_axes = |x: &[Lanes; 3]| [of(x[1], x[0], x[0]), of(x[2], x[1], x[2]), of(x[0], x[2], x[1])];
+    let [tau, elastic_strain] = [on_axes(&response.tau), on_axes(&response.elastic_strain)];
+    let m = &response.modulus;
+    let modulus = [
+        [of(m[1][1], m[0][0], m[0][0]), of(m[1][2], m[0][1], m[0][2])],
+        [of(m[2][1], m[1][0], m[2][0]), of(m[2][2], m[1][1], m[2][2])],
+    ];
+    let [[a, b], [c, d]] = modulus;
+    let on_shear = divided_difference([tau[0], tau[1]], [first, second], (a - b - c + d) * 0.5);
+    Some(OnAxes { tau, elastic_strain, modulus, on_shear })
 }
 
 /// The tensors of a response, and the derivative of τ.
@@ -153,7 +188,7 @@ pub(super) fn in_plane(
 }
 
 /// As [`in_plane`] for several points of one law: the axes and the tensors of all at once, the returns to the surface one
-/// by one. Replaces `history` by its new values. `None` if a point fails.
+/// by one unless the law has a form for several points. Replaces `history` by its new values. `None` if a point fails.
 #[inline(always)]
 pub(super) fn in_lanes(
     law: &dyn PrincipalLaw,
@@ -163,6 +198,9 @@ pub(super) fn in_lanes(
     let axes = plane::Axes::new(b);
     if let Some(elastic) = without_flow(law, &axes.logarithm, history) {
         return Some(in_components(&axes, &elastic));
+    }
+    if let Some(all) = side_by_side(law, &axes.logarithm, history) {
+        return Some(in_components(&axes, &all));
     }
     let (zero, kept) = (Lanes::ZERO, history.len());
     let mut all =

@@ -1,6 +1,6 @@
 use super::*;
-use crate::material::Hencky;
-use crate::material::tests::laws;
+use crate::material::tests::{cam_clays, laws};
+use crate::material::{Hencky, PrincipalLaw};
 use crate::tensor::{Tensor4, log_derivative, mandel_entry};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -356,6 +356,39 @@ fn a_point_turned_inside_out_is_an_error() {
     let ring = Increment { hoop: -0.5, radius: 1.0, ..plane_increment(&inverted) };
     let ring = Axisymmetric::respond(&start, &ring, &law, &[], &mut []);
     assert!(matches!(ring, Err(PointError::Inverted { determinant }) if determinant == -0.5));
+}
+
+proptest! {
+    /// Points side by side that flow or do not, with z as any of the three axes in descending order.
+    #[test]
+    fn laws_that_respond_side_by_side_respond_one_by_one_with_the_same_bits(
+        strains in proptest::collection::vec(proptest::array::uniform3(-0.02..0.02f64), 4),
+        size in prop_oneof![Just(1e-3), Just(1.0)],
+    ) {
+        for law in cam_clays() {
+            let principal: &dyn PrincipalLaw = &law;
+            let old = history(&law);
+            let side_by_side: Vec<Lanes> = old.iter().copied().map(Lanes::splat).collect();
+            let sorted = |k: usize| {
+                let mut strain = strains[k].map(|e| e * size);
+                strain.sort_by(|a, b| b.total_cmp(a));
+                strain
+            };
+            let trial: [Lanes; 3] = std::array::from_fn(|i| Lanes::gather(|l| sorted(l)[i]));
+            let mut new = side_by_side.clone();
+            let all = principal.respond_in_lanes(&trial, &side_by_side, &mut new).unwrap();
+            for l in 0..Lanes::WIDTH {
+                let mut own = old.clone();
+                let one = principal.respond(sorted(l), &old, &mut own).unwrap();
+                let lane = |x: Lanes| x.0[l].to_bits();
+                prop_assert_eq!(all.tau.map(lane), one.tau.map(f64::to_bits));
+                prop_assert_eq!(all.elastic_strain.map(lane), one.elastic_strain.map(f64::to_bits));
+                prop_assert_eq!(all.modulus.map(|row| row.map(lane)), one.modulus.map(|row| row.map(f64::to_bits)));
+                let new: Vec<u64> = new.iter().copied().map(lane).collect();
+                prop_assert_eq!(new, own.iter().map(|x| x.to_bits()).collect::<Vec<_>>());
+            }
+        }
+    }
 }
 
 /// Strains far within the surface and just beyond it, at points beside each other.

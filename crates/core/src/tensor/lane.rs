@@ -34,6 +34,12 @@ pub trait Lane:
 
     /// Mantissa m in [√½, √2] and integer exponent e with `self` = m·2^e. NaN unless `self` is positive and normal.
     fn split(self) -> (Self, Self);
+
+    /// The closest integer; of two, the even one. NaN unless |`self`| is below 2⁵¹.
+    fn rounded(self) -> Self;
+
+    /// 2 to the power of `self`, an integer of magnitude below 1023; NaN otherwise.
+    fn power_of_two(self) -> Self;
 }
 
 /// 2⁵². All doubles from here on are integers; adding it moves a small integer into the low bits of the mantissa.
@@ -84,6 +90,19 @@ impl Lane for f64 {
         let e = f64::from_bits(WHOLE.to_bits() | stored) - (WHOLE + BIAS as f64);
         let normal = (f64::MIN_POSITIVE..f64::INFINITY).contains(&self);
         (if normal { m } else { f64::NAN }, e)
+    }
+
+    #[inline(always)]
+    fn rounded(self) -> f64 {
+        // Numbers of this size have no fraction, so that the sum is rounded.
+        let rounded = (self + 1.5 * WHOLE) - 1.5 * WHOLE;
+        if self.abs() < 0.5 * WHOLE { rounded } else { f64::NAN }
+    }
+
+    #[inline(always)]
+    fn power_of_two(self) -> f64 {
+        let stored = (self + (WHOLE + BIAS as f64)).to_bits();
+        if self.abs() < BIAS as f64 { f64::from_bits(stored << MANTISSA) } else { f64::NAN }
     }
 }
 
@@ -152,6 +171,16 @@ impl Lane for Lanes {
     #[inline(always)]
     fn split(self) -> (Lanes, Lanes) {
         (self.each(|x| x.split().0), self.each(|x| x.split().1))
+    }
+
+    #[inline(always)]
+    fn rounded(self) -> Lanes {
+        self.each(f64::rounded)
+    }
+
+    #[inline(always)]
+    fn power_of_two(self) -> Lanes {
+        self.each(f64::power_of_two)
     }
 }
 
