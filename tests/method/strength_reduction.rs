@@ -152,6 +152,7 @@ fn a_slope_that_slides_is_told_from_one_that_stands() {
     let Run { summary, points, .. } = slope("1", "");
     let StrengthBracket { stands, slides, moved, .. } = summary.last_strength().unwrap();
     let [before, after] = slides.unwrap();
+    assert!(after - before <= 0.005, "the tolerance of the deck");
     println!("slides between {before} and {after}, stands up to {stands:?}, moved by {moved}");
     assert!(before >= 1.38 && after <= 1.43 && stands.is_some_and(|stands| stands >= after));
     let warnings: Vec<_> = summary.warnings.iter().filter(|warning| warning.code == Code::Slides).collect();
@@ -226,6 +227,30 @@ stages:
   - {name: safety, steps: {count: 3, control: {type: strength-reduction, to: 2, tolerance: 0.05}}}
   - {name: after, steps: {count: 1}, factors: {weight: 0.9}}
 ";
+
+/// Laws whose plastic work follows from the equivalent plastic strain know nothing of the strength at which it grew.
+#[test]
+fn plastic_work_is_that_of_the_strength_at_which_it_was_done() {
+    let shared = "young: 1e8, poisson: 0.3, density: 2000";
+    let given = "{model: mohr-coulomb, young: 1e8, poisson: 0.3, cohesion: 5e3, friction_angle: 20, dilation_angle: 0, density: 2000}";
+    for strength in [
+        "undrained_strength: 30e3",
+        "undrained_strength: 30e3, hardening_modulus: 1e5",
+        "undrained_strength: \"30e3 + 0*Y\"",
+    ] {
+        let clay = SLOPE.replace(given, &format!("{{model: von-mises, {strength}, {shared}}}"));
+        assert_ne!(clay, SLOPE);
+        let Run { summary, every, .. } = run(&clay);
+        println!("{strength}: {:e} of {:e}", summary.energy_error(), summary.plastic_work);
+        assert!(summary.plastic_work > 0.2 * summary.gross_work && summary.undone_work > 0.0);
+        let missing = summary.energy_error() * summary.gross_work;
+        println!("missing {missing:e}, undone {:e}", summary.undone_work);
+        assert!(missing.abs() < 0.2 * summary.undone_work, "{strength}: {missing:e}");
+        let work = every.reports.iter().map(|report| report.energy.plastic_work);
+        assert!(work.is_sorted(), "it never decreases");
+        resumes(&clay);
+    }
+}
 
 #[test]
 fn a_resumed_reduction_finds_the_same_bracket_with_the_same_bits() {

@@ -30,6 +30,9 @@ pub struct Energy {
     pub strain_energy: f64,
     /// Plastic work since the start of the analysis, [energy].
     pub plastic_work: f64,
+    /// Plastic work that the history variables of the laws show for this step, but which was not done because the strength
+    /// was reduced, [energy].
+    pub undone_work: f64,
 }
 
 impl Energy {
@@ -61,11 +64,12 @@ impl Energy {
         f_int_start: &[[f64; N]],
         ledger: Ledger,
     ) -> Energy {
-        let Ledger { stored, plastic, lost } = ledger;
+        let Ledger { stored, plastic, undone, lost } = ledger;
         let mut energy = Energy {
             stabilisation_work: lost,
             strain_energy: stored,
             plastic_work: plastic,
+            undone_work: undone,
             ..Energy::default()
         };
         for (node, du) in delta_d.iter().enumerate() {

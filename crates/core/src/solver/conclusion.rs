@@ -40,6 +40,8 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
         let StepContext { model, links, step, .. } = *context;
         let load_factor = self.load_factor(context);
         let (energy, reaction) = self.energy(context, points, slump);
+        let undone = summary.undone_work + energy.undone_work;
+        let energy = Energy { plastic_work: energy.plastic_work - undone, ..energy };
         let LastIterate { system: StepSystem { dofs, sum, condition, parts }, unknowns, course } = self;
         let f_ext = sum.system().external_force();
         let delta_d = displacement(&unknowns.delta_d).into_owned();

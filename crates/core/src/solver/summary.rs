@@ -109,6 +109,10 @@ pub struct Summary {
     pub strain_energy: f64,
     /// Plastic work, [energy].
     pub plastic_work: f64,
+    /// Plastic work that the history variables of the laws show, but which was not done because the strength was reduced,
+    /// [energy].
+    #[serde(default)]
+    pub undone_work: f64,
     /// The quality of the run.
     pub quality: Quality,
     /// The warnings in the order of the steps; new ones are appended.
@@ -234,6 +238,7 @@ impl Summary {
             damping_work,
             strain_energy,
             plastic_work,
+            undone_work,
         } = report.energy;
         self.damping_work += damping_work;
         self.external_work += external_work;
@@ -242,6 +247,7 @@ impl Summary {
         self.gross_work += (external_work + regridding_work).abs();
         self.strain_energy = strain_energy;
         self.plastic_work = plastic_work;
+        self.undone_work += undone_work;
     }
 
     /// Counts a linear solve.

@@ -282,9 +282,16 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
             if law.batch().is_some() {
                 continue;
             }
-            let history = &points.trial.history[p * points.history_len..][..law.state_fields().len()];
-            ledger.stored += law.energy(&points.trial.elastic_strain[p], history) * points.original_volume[p];
-            ledger.plastic += law.plastic_work(history) * points.original_volume[p];
+            let own = p * points.history_len..p * points.history_len + law.state_fields().len();
+            let (old, new) = (&points.converged.history[own.clone()], &points.trial.history[own]);
+            let volume = points.original_volume[p];
+            ledger.stored += law.energy(&points.trial.elastic_strain[p], new) * volume;
+            ledger.plastic += law.plastic_work(new) * volume;
+            if let Some(Some(reduced)) = self.reduced.get(step.model.bodies[points.body[p] as usize].material)
+            {
+                let growth = |law: &dyn Material| law.plastic_work(new) - law.plastic_work(old);
+                ledger.undone += (growth(law) - growth(reduced.as_ref())) * volume;
+            }
         }
         ledger
     }

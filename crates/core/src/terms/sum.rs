@@ -144,6 +144,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
             Ledger {
                 stored: sum.stored + own.stored,
                 plastic: sum.plastic + own.plastic,
+                undone: sum.undone + own.undone,
                 lost: sum.lost + own.lost,
             }
         })

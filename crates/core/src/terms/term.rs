@@ -157,6 +157,9 @@ pub struct Ledger {
     pub stored: f64,
     /// Plastic work since the start of the analysis, [energy].
     pub plastic: f64,
+    /// Part of the growth of `plastic` in this step that was not done, because the strength was reduced and the plastic
+    /// work of a law follows from its history variables at full strength, [energy].
+    pub undone: f64,
     /// Work during the step that is lost in the next one, [energy].
     pub lost: f64,
 }
