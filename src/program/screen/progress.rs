@@ -302,6 +302,17 @@ impl<const D: usize> Observer<D> for Watch {
         self.results.failed(model, points, attempt, ended)
     }
 
+    fn bisected(&mut self, model: &Model<D>, points: &Points<D>, step: Step) -> io::Result<()> {
+        let part = (step.end - step.start) / model.stepping.size();
+        self.log(&format!(
+            "the bodies begin to slide in a step of {} times the requested size; half of it follows",
+            significant(part, 3)
+        ));
+        self.update_status();
+        self.draw();
+        self.results.bisected(model, points, step)
+    }
+
     fn interrupted(&self) -> bool {
         self.stop.load(Ordering::SeqCst)
     }

@@ -56,6 +56,15 @@ pub trait Observer<const D: usize> {
         Ok(())
     }
 
+    /// Called when bodies begin to slide in a step in equilibrium while their strength is reduced, and half of the step is
+    /// attempted instead, to find the factor at which they begin; the converged state is that before the step.
+    ///
+    /// # Errors
+    /// Any error stops the run.
+    fn bisected(&mut self, _model: &Model<D>, _points: &Points<D>, _step: Step) -> std::io::Result<()> {
+        Ok(())
+    }
+
     /// True if the run is to stop before the next step.
     fn interrupted(&self) -> bool {
         false

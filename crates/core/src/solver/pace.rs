@@ -89,12 +89,20 @@ impl Pace {
         }
     }
 
+    /// Halves the step between these times for the next attempt; false if it would be smaller than allowed.
+    pub fn halve(&mut self, stepping: &Stepping, start: f64, end: f64) -> bool {
+        let smaller = 0.5 * (end - start) / stepping.size();
+        let may = smaller >= stepping.smallest * (1.0 - SAME_TIME);
+        if may {
+            *self = Pace { size: smaller, patience: PATIENCE, resort: None };
+        }
+        may
+    }
+
     /// Records a failed step, with `is_torn` if the reason is a torn domain. Returns true if another attempt may be made: at a
     /// smaller step, or at the same step by a last resort.
     pub fn failed(&mut self, stepping: &Stepping, start: f64, end: f64, is_torn: bool) -> bool {
-        let smaller = 0.5 * (end - start) / stepping.size();
-        if smaller >= stepping.smallest * (1.0 - SAME_TIME) {
-            *self = Pace { size: smaller, patience: PATIENCE, resort: None };
+        if self.halve(stepping, start, end) {
             return true;
         }
         self.resort = match self.resort {

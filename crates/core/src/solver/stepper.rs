@@ -286,10 +286,36 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
             attempted = self.attempt::<M>(step, slump, Effort::Thorough, observer);
         }
         match attempted {
-            Ok(Attempt::Equilibrium(report, path)) => self.accept(*report, path, observer),
+            Ok(Attempt::Equilibrium(report, path)) => {
+                if self.hides_a_slide(step) {
+                    self.links = report.grid.links;
+                    return self.announce_bisection(step, observer);
+                }
+                self.accept(*report, path, observer)
+            }
             Ok(Attempt::OnTheWay(way)) => self.slump::<M>(step, way, observer),
             Err(failed) => self.refuse(*failed, observer),
         }
+    }
+
+    /// True if bodies begin to slide in a step in equilibrium, which is not committed, and a smaller one can show where; the
+    /// next attempt then is that one.
+    fn hides_a_slide(&mut self, step: Step) -> bool {
+        let (model, points) = (self.model, &*self.points);
+        if model.stepping.strength_factor(step.end).is_none() {
+            return false;
+        }
+        let movement = Movement::of(model, points, step);
+        let summary = &mut self.reached.summary;
+        summary.strength_of(model.present.stage).begins_to_slide(movement)
+            && summary.pace.halve(&model.stepping, step.start, step.end)
+    }
+
+    /// Reports that a smaller step follows one in equilibrium in which bodies begin to slide.
+    fn announce_bisection(&mut self, step: Step, observer: &mut dyn Observer<D>) -> Result<(), SolveError> {
+        let (model, points) = (self.model, &*self.points);
+        let timings = &mut self.reached.summary.timings;
+        timings.measure(Phase::Output, || observer.bisected(model, points, step)).map_err(SolveError::Output)
     }
 
     /// Counts and reports a failed attempt that a thorough one follows.

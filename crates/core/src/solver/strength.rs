@@ -34,8 +34,8 @@ pub struct StrengthBracket {
     pub stands: Option<f64>,
     /// The factor without equilibrium that ended the stage, [-]; `None` if it has not ended so.
     pub fails: Option<f64>,
-    /// The factors before and after the step in which a point had moved by more than 1 % of the height of the bodies, [-];
-    /// `None` if none has. Bodies in equilibrium at larger factors stand in another shape.
+    /// The factors before and after the step in which a point had moved by more than 1 % of the height of the bodies, [-], as
+    /// close to each other as those of a bracket; `None` if none has. Bodies in equilibrium at larger factors stand in another shape.
     #[serde(default)]
     pub slides: Option<[f64; 2]>,
     /// Sum over the steps of the stage of the largest displacement of a point in each, [length]: the largest displacement of a
@@ -93,6 +93,11 @@ impl Movement {
 }
 
 impl StrengthBracket {
+    /// True if bodies begin to slide in a step with this movement.
+    pub(super) fn begins_to_slide(&self, movement: Movement) -> bool {
+        self.slides.is_none() && (self.moved + movement.largest) / movement.height > SLIDES
+    }
+
     /// Records equilibrium at a factor after a step; `from` is the factor at the start of the stage. Returns a warning if
     /// bodies begin to slide in this step.
     pub(super) fn stood(
@@ -103,13 +108,14 @@ impl StrengthBracket {
         step: usize,
     ) -> Option<Warning> {
         let Movement { largest, height } = movement;
+        let slides = self.begins_to_slide(movement);
         let (stood, moved) = (self.stands.unwrap_or(from), self.moved);
         self.moved += largest;
         self.stands = Some(factor);
         let growth = largest / (factor - stood) * (factor - from) / self.moved;
         self.growth = Some(growth).filter(|growth| growth.is_finite());
         let share = self.moved / height;
-        if self.slides.is_some() || share.is_nan() || share <= SLIDES {
+        if !slides {
             return None;
         }
         self.slides = Some([stood, factor]);

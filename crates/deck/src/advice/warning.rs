@@ -67,8 +67,8 @@ pub fn on_warning(warning: &Warning) -> String {
         }
         (Code::Slides, _) => {
             "take the smaller of these factors for the factor of safety, not the last one in equilibrium; look at displacement \
-             against the factor (`mpm report`), and bring both closer together with more steps (`steps: count`). With smaller \
-             cells a slope stands again less readily; with a larger `young` the bodies hardly settle before they slide"
+             against the factor (`mpm report`), and bring both closer together with a smaller `tolerance` of the control. With \
+             smaller cells a slope stands again less readily; with a larger `young` the bodies hardly settle before they slide"
         }
         (Code::StoppedShort, _) => {
             "the factor of safety may be larger: compare a coarser grid, and set `solver: {tolerance: 1e-4}`, since on fine \
