@@ -129,19 +129,15 @@ fn slope(h: &str, further: &str) -> Run {
 }
 
 #[test]
-fn settings_of_the_iterations_do_not_decide_which_factor_fails() {
+fn settings_of_the_iterations_do_not_decide_the_factor_of_safety() {
     for h in ["2", "1"] {
-        let ends = |further: &str| {
-            let StrengthBracket { stands, fails, slides, .. } =
-                slope(h, further).summary.last_strength().unwrap();
-            ([stands.unwrap(), fails.unwrap_or(f64::INFINITY)], slides.unwrap())
-        };
-        let usual = ends("");
+        // The shape in which a slope stands again after it has slid depends on the way there.
+        let slides = |further: &str| slope(h, further).summary.last_strength().unwrap().slides.unwrap();
+        let usual = slides("");
         for solver in ["max_iterations: 6", "tangent: kept"] {
-            let found = ends(&format!("solver: {{{solver}}}\n"));
+            let found = slides(&format!("solver: {{{solver}}}\n"));
             println!("h={h}, {solver}: {found:?}, by default {usual:?}");
-            let overlap = |a: [f64; 2], b: [f64; 2]| a[0] <= b[1] && b[0] <= a[1];
-            assert!(overlap(found.0, usual.0) && overlap(found.1, usual.1), "{solver}: {found:?} {usual:?}");
+            assert_eq!(found, usual, "{solver}: both have the width of the tolerance");
         }
     }
 }

@@ -90,18 +90,34 @@ def test_a_search_without_end_is_called_so(mpm, tmp_path, start, end, words):
     assert words.split(",")[0][:9] in (tmp_path / "out" / "report.html").read_text()
 
 
+def test_a_study_over_other_halved_parameters_compares_no_factors(mpm, tmp_path):
+    over = ["--over", "young=1e8,5e7", "--set", "h=2"]
+    text = (ROOT / "inputs/slope.yaml").read_text().replace("young: 1e8", 'young: "${young}"')
+    assert "${young}" in text
+    (tmp_path / "slope.yaml").write_text(text.replace("parameters:", "parameters:\n  young: 1e8", 1))
+    process = mpm("sweep", tmp_path / "slope.yaml", *over, "--out", tmp_path / "out")
+    assert process.returncode == 0, process.stderr
+    assert "2 completed" in process.stderr and "factor of safety changes" not in process.stderr
+
+
 def test_a_study_compares_the_factors_of_two_grids(mpm, tmp_path):
     over = ["--over", "h=2,1", "--over", "c=10e3,12e3"]
     process = mpm("sweep", ROOT / "inputs/slope.yaml", *over, "--out", tmp_path / "out", "--set", "to=2.5")
     assert process.returncode == 0, process.stderr
     rows = list(csv.DictReader(open(tmp_path / "out/sweep.csv")))
-    last = {(row["h"], row["c"]): row["strength_factor_slides"] or row["strength_factor_stands"] for row in rows}
+    assert all(row["strength_factor_slides"] for row in rows)
+    last = {(row["h"], row["c"]): row["strength_factor_slides"] for row in rows}
     stands = {key: float(factor) for key, factor in last.items()}
     assert all(float(row["strength_factor_stands"]) >= stands[row["h"], row["c"]] for row in rows)
     for c in ("10e3", "12e3"):
         coarse, fine = stands["2", c], stands["1", c]
         percent = 100 * (fine / coarse - 1)
-        assert f"from h=2, c={c} to h=1 the factor of safety changes by {percent:+.1f} %" in process.stderr
+        # The brackets have the width of the tolerance, rounded to halves of a step.
+        low, high = 100 * (fine / (coarse + 0.005) - 1), 100 * ((fine + 0.005) / coarse - 1)
+        sentence = re.search(
+            rf"from h=2, c={c} to h=1 the factor of safety changes by {re.escape(f'{percent:+.1f}')} %, .* and by (\S+) to "
+            r"(\S+) % within the brackets", process.stderr)
+        assert sentence and low <= float(sentence[1]) + 0.05 < float(sentence[2]) <= high + 0.05, process.stderr
     assert process.stderr.count("the factor of safety changes") == 2
 
 

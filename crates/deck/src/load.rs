@@ -79,6 +79,13 @@ impl LoadedDeck {
         CellSize::of_deck(&self.deck)
     }
 
+    /// The sides of the cells of a structured grid along each axis, means where it is graded, [length]; `None` for a mesh.
+    pub fn cell_sides(&self) -> Option<Vec<f64>> {
+        let GridDeck::Structured { size, spacing, .. } = &self.deck.grid else { return None };
+        let entries = spacing.entries(self.deck.dimensions());
+        Some(entries.iter().zip(size).map(|(entry, size)| size / entry.cells(*size).round()).collect())
+    }
+
     /// True if the law of a material comes from a library.
     pub(super) fn is_from_library(&self, material: &str) -> bool {
         let of_deck = self.deck.materials.get(material);

@@ -203,7 +203,10 @@ impl Sweep {
         if open > 0 {
             counts.push(format!("{open} not started"));
         }
-        for sentence in dependence_on_cells(&self.study, self.rows.iter().flatten()) {
+        let sides = |member: &Member| {
+            load_text(&self.name, &self.text, &self.study.overrides(member)).ok()?.cell_sides()
+        };
+        for sentence in dependence_on_cells(&self.study, self.rows.iter().flatten(), sides) {
             message!("{sentence}");
         }
         message!("{}; the table is {}", counts.join(", "), self.directory.join(TABLE).display());

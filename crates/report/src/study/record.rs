@@ -80,6 +80,18 @@ impl Record {
         found
     }
 
+    /// The factors of every stage that has reduced the strength, with its name.
+    pub(super) fn strengths(&self) -> Vec<(Option<String>, StrengthBracket)> {
+        let of_stage = |value: &Value| {
+            let bracket = serde_json::from_value(value.clone()).ok()?;
+            Some((value["stage"].as_str().map(str::to_owned), bracket))
+        };
+        match self.summary["strength_reductions"].as_array() {
+            Some(all) => all.iter().filter_map(of_stage).collect(),
+            None => of_stage(&self.summary["strength_reduction"]).into_iter().collect(),
+        }
+    }
+
     /// The factors of a reduction of strength with and without equilibrium; `None` if the run has reduced none.
     pub(super) fn strength(&self) -> Option<StrengthBracket> {
         serde_json::from_value(self.summary.get("strength_reduction")?.clone()).ok()

@@ -2,45 +2,143 @@
 
 use mpm_core::solver::StrengthBracket;
 
-use super::{Row, Study};
+use super::{Member, Row, Study};
 
-/// Largest relative difference of a ratio from 2 at which a parameter still counts as halved, [-].
-const SAME: f64 = 1e-9;
+/// Largest relative difference of a ratio from 2 at which cells still count as halved, [-].
+const SAME: f64 = 1e-6;
 
-/// The largest factor of a member with equilibrium in about its original shape, if a larger one has ended that.
-fn factor_of(row: &Row) -> Option<f64> {
-    let StrengthBracket { stands, fails, slides, .. } = row.record.as_ref()?.strength()?;
-    slides.map(|[before, _]| before).or(fails.and(stands))
+/// The factors between which a stage ceases to stand in about its original shape; `None` if it has not ceased to, or has
+/// not stood at all.
+fn ends_of(bracket: &StrengthBracket) -> Option<[f64; 2]> {
+    let StrengthBracket { stands, fails, slides, .. } = *bracket;
+    slides.or(stands.zip(fails).map(|(stands, fails)| [stands, fails]))
 }
 
-/// One sentence for each pair of members that differ only in a parameter whose two smallest values are one and two, such
-/// as the size of the cells: how the factor of safety changes from the coarser to the finer of them.
-pub fn dependence_on_cells<'a>(study: &Study, rows: impl IntoIterator<Item = &'a Row>) -> Vec<String> {
-    let rows: Vec<&Row> = rows.into_iter().collect();
+/// True if all cells of one grid are half as large as those of the other, given the sides of both along each axis.
+fn are_halved(coarse: &[f64], fine: &[f64]) -> bool {
+    coarse.len() == fine.len()
+        && coarse.iter().zip(fine).all(|(coarse, fine)| (coarse / fine / 2.0 - 1.0).abs() <= SAME)
+}
+
+/// One sentence for each stage that reduces the strength, and each pair of members that differ only in a parameter which halves
+/// the cells: how the factor of safety changes from the coarser to the finer of them, and within which bounds, since it is
+/// known only up to its bracket. `sides` are those of the cells of a member along each axis, if it has a structured grid.
+pub fn dependence_on_cells<'a>(
+    study: &Study,
+    rows: impl IntoIterator<Item = &'a Row>,
+    sides: impl Fn(&Member) -> Option<Vec<f64>>,
+) -> Vec<String> {
+    let reductions = |row: &'a Row| {
+        let stages = row.record.as_ref()?.strengths();
+        (!stages.is_empty()).then_some((&row.member, stages))
+    };
+    let found = rows.into_iter().filter_map(reductions);
+    let found: Vec<_> = found.filter_map(|(member, stages)| Some((member, stages, sides(member)?))).collect();
     let mut sentences = Vec::new();
     for (place, name) in study.names().enumerate() {
-        let value = |row: &Row| row.member.settings[place].1.parse::<f64>().ok();
-        let mut values: Vec<f64> = rows.iter().filter_map(|row| value(row)).filter(|v| *v > 0.0).collect();
-        values.sort_by(f64::total_cmp);
-        values.dedup();
-        let [fine, coarse, ..] = values[..] else { continue };
-        if (coarse / fine - 2.0).abs() > 2.0 * SAME {
-            continue;
-        }
-        for of_fine in rows.iter().filter(|row| value(row) == Some(fine)) {
-            let is_partner = |row: &&&Row| {
-                let mut pairs = row.member.settings.iter().zip(&of_fine.member.settings).enumerate();
-                value(row) == Some(coarse) && pairs.all(|(other, (a, b))| other == place || a == b)
+        for (fine, of_fine, sides_of_fine) in &found {
+            let is_partner = |member: &Member| {
+                let mut pairs = member.settings.iter().zip(&fine.settings).enumerate();
+                pairs.all(|(other, (a, b))| (a == b) != (other == place))
             };
-            let Some(of_coarse) = rows.iter().find(is_partner) else { continue };
-            let (Some(before), Some(after)) = (factor_of(of_coarse), factor_of(of_fine)) else { continue };
-            let percent = 100.0 * (after - before) / before;
-            sentences.push(format!(
-                "from {} to {name}={} the factor of safety changes by {percent:+.1} %, from {before:.3} to {after:.3}: \
-                 an estimate of its dependence on `{name}`",
-                of_coarse.member, of_fine.member.settings[place].1
-            ));
+            let partner = found
+                .iter()
+                .find(|(member, _, sides)| is_partner(member) && are_halved(sides, sides_of_fine));
+            let Some((coarse, of_coarse, _)) = partner else { continue };
+            let finer = format!("{name}={}", fine.settings[place].1);
+            for (stage, after) in of_fine {
+                let before = of_coarse.iter().find(|(other, _)| other == stage);
+                let ends = before.and_then(|(_, before)| Some([ends_of(before)?, ends_of(after)?]));
+                let Some([before, after]) = ends else { continue };
+                let stage = match stage {
+                    Some(stage) if of_fine.len() > 1 => format!("in stage `{stage}`, "),
+                    _ => String::new(),
+                };
+                let percent = |from: f64, to: f64| 100.0 * (to / from - 1.0);
+                sentences.push(format!(
+                    "{stage}from {coarse} to {finer} the factor of safety changes by {:+.1} %, from {:.3} to {:.3}, and by \
+                     {:+.1} to {:+.1} % within the brackets: an estimate of its dependence on the size of the cells",
+                    percent(before[0], after[0]),
+                    before[0],
+                    after[0],
+                    percent(before[1], after[0]),
+                    percent(before[0], after[1]),
+                ));
+            }
         }
     }
     sentences
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::{Outcome, Record};
+
+    fn row(settings: &[(&str, &str)], summary: &str) -> Row {
+        let directory = tempfile::tempdir().unwrap();
+        std::fs::write(directory.path().join("summary.json"), summary).unwrap();
+        std::fs::write(directory.path().join("history.csv"), "step,time,converged\n1,1,1\n").unwrap();
+        let record = Record::read(directory.path()).unwrap();
+        let settings = settings.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
+        Row {
+            member: Member { settings: settings.collect() },
+            outcome: Outcome::Completed,
+            record: Some(record),
+        }
+    }
+
+    fn of_stage(stage: &str, [stands, fails]: [f64; 2]) -> String {
+        format!("{{\"stage\": \"{stage}\", \"stands\": {stands}, \"fails\": {fails}, \"slides\": null}}")
+    }
+
+    /// The sides are those that the parameter `h` states; `c` does not change them.
+    fn sides(member: &Member) -> Option<Vec<f64>> {
+        let h: f64 = member.settings.iter().find(|(name, _)| name == "h")?.1.parse().ok()?;
+        Some(vec![h, 0.5 * h])
+    }
+
+    #[test]
+    fn only_a_parameter_that_halves_the_cells_counts() {
+        let study = Study::new(vec!["h=1,0.5".parse().unwrap(), "c=2,1".parse().unwrap()], vec![]).unwrap();
+        let of = |h: &str, c: &str, ends: [f64; 2]| {
+            let summary = format!("{{\"strength_reduction\": {}}}", of_stage("safety", ends));
+            row(&[("h", h), ("c", c)], &summary)
+        };
+        let rows = [
+            of("1", "2", [1.4, 1.42]),
+            of("1", "1", [1.0, 1.01]),
+            of("0.5", "2", [1.3, 1.33]),
+            of("0.5", "1", [0.9, 0.91]),
+        ];
+        let sentences = dependence_on_cells(&study, &rows, sides);
+        assert_eq!(sentences.len(), 2, "{sentences:?}");
+        let first = "from h=1, c=2 to h=0.5 the factor of safety changes by -7.1 %, from 1.400 to 1.300, and by -8.5 to \
+                     -5.0 % within the brackets: an estimate of its dependence on the size of the cells";
+        assert_eq!(sentences[0], first);
+        assert!(dependence_on_cells(&study, &rows, |_| None).is_empty(), "the cells of a mesh are unknown");
+    }
+
+    #[test]
+    fn every_stage_has_its_own_sentence() {
+        let study = Study::new(vec!["h=1,0.5".parse().unwrap()], vec![]).unwrap();
+        let of = |h: &str, first: [f64; 2], second: [f64; 2]| {
+            let [dry, wet] = [of_stage("dry", first), of_stage("wet", second)];
+            row(
+                &[("h", h)],
+                &format!("{{\"strength_reduction\": {wet}, \"strength_reductions\": [{dry}, {wet}]}}"),
+            )
+        };
+        let rows = [of("1", [1.4, 1.41], [1.2, 1.21]), of("0.5", [1.3, 1.31], [1.1, 1.11])];
+        let sentences = dependence_on_cells(&study, &rows, sides);
+        assert_eq!(sentences.len(), 2, "{sentences:?}");
+        assert!(
+            sentences[0]
+                .starts_with("in stage `dry`, from h=1 to h=0.5 the factor of safety changes by -7.1 %")
+        );
+        assert!(
+            sentences[1]
+                .starts_with("in stage `wet`, from h=1 to h=0.5 the factor of safety changes by -8.3 %")
+        );
+    }
 }
