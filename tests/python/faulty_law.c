@@ -109,6 +109,12 @@ int32_t mpm_law_update(const double *p, const double trial[6], const double *old
 #ifdef NO_NUMBER
     if (trial[1] < -NO_NUMBER) stress[0] = NAN;
 #endif
+#ifdef ALWAYS_REFUSES
+    return 42;
+#endif
+#ifdef NEVER_A_NUMBER
+    stress[0] = NAN;
+#endif
 #ifdef REFUSES
     if (trial[1] < -REFUSES) return 7;
 #endif

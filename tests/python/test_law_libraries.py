@@ -297,7 +297,7 @@ def test_laws_that_lack_a_property_are_noticed(mpm, deck, tmp_path, fault):
 
 def test_a_law_without_response_cuts_the_step_and_ends_the_run(mpm, deck, tmp_path):
     reasons = {
-        "NO_NUMBER": "the law has no response to the trial elastic strain",
+        "NO_NUMBER": "the response of the law to the trial elastic strain is not finite",
         "REFUSES": "the law refuses the trial elastic strain with the error number 7",
     }
     for fault, reason in reasons.items():
@@ -312,6 +312,17 @@ def test_a_law_without_response_cuts_the_step_and_ends_the_run(mpm, deck, tmp_pa
         summary = json.loads((out / "summary.json").read_text())
         assert summary["outcome"] == "failed" and reason in summary["reason"]
         assert summary["failed_attempts"] > 1 and summary["steps"] >= 3, "steps were cut before"
+        assert summary["diagnosis"]["kind"] == "refused-by-law", "it is not the grid that inverts"
+        assert f"diagnosis: the law of a point refuses its strain: {reason}" in process.stderr
+
+
+@pytest.mark.parametrize(
+    "fault, reason",
+    [("ALWAYS_REFUSES", "with the error number 42"), ("NEVER_A_NUMBER", "to the trial elastic strain is not finite")],
+)
+def test_a_law_that_never_responds_is_refused(mpm, deck, tmp_path, fault, reason):
+    compiled(FAULTY, tmp_path / "law.so", f"-D{fault}")
+    refused(mpm, deck(block(**of_library("law.so", **ELASTIC))), "D063", "it does not respond to zero strain: ", reason)
 
 
 def test_results_do_not_depend_on_the_number_of_threads(mpm, deck, tmp_path):

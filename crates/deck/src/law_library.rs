@@ -12,6 +12,7 @@ use mpm_core::formula::closest;
 use mpm_core::material::Material;
 use mpm_core::material::conformance::{Property, check};
 use mpm_core::points::PointArray;
+use mpm_core::tensor::Sym3;
 use mpm_files::fields::PointField;
 use mpm_foreign::{Described, Kind, Library, LibraryError, LibraryLaw, differs_between_threads};
 
@@ -164,13 +165,20 @@ fn remedy(error: &LibraryError) -> &'static str {
     }
 }
 
-/// Warnings and notes about the law of a library that lacks a property on which the solver relies.
+/// Messages about the law of a library that lacks a property on which the solver relies. Only a law without a response to the
+/// unstrained state, in which its points begin, is refused.
 pub(super) fn remarks(source: &Source, name: &str, law: &dyn Material) -> Vec<Diagnostic> {
     let at = format!("/materials/{}/file", escape(name));
     let remark = |severity: Severity, what: String, help: &str| {
         let message = format!("the law of the material {}: {what}", quote(name));
         Diagnostic::at(source, "D063", &at, message).severity(severity).help(help)
     };
+    let old = law.initial_history();
+    if let Err(reason) = law.update(&Sym3::ZERO, &old, &mut old.clone()) {
+        let help = "correct the source of the library: at zero strain and with the initial history variables, `mpm_law_update` \
+            must return 0 and finite numbers";
+        return vec![remark(Severity::Error, format!("it does not respond to zero strain: {reason}"), help)];
+    }
     let mut found = Vec::new();
     for lacking in check(law, LARGEST) {
         let (severity, what, help) = in_words(lacking.property);

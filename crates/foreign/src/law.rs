@@ -69,7 +69,7 @@ impl Material for LibraryLaw {
         let answer = self.library.interface.update(&self.parameters, &plain(trial), old, new);
         let Answer { stress, elastic_strain, tangent } = answer.map_err(MaterialError::Refused)?;
         if ![&stress[..], &elastic_strain, &tangent, new].into_iter().all(are_finite) {
-            return Err(MaterialError::NoResponse);
+            return Err(MaterialError::ResponseNotFinite);
         }
         Ok(Response {
             tau: weighted(&stress),

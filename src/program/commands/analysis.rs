@@ -252,7 +252,8 @@ pub fn describe_failure(error: &SolveError) -> String {
         }
         text.push_str(&format!("\n  residuals: {}", history.join(", ")));
     }
-    if let Some(help) = advice::on_error(error) {
+    // The diagnosis of a failure that smaller steps might have avoided has given better advice.
+    if let Some(help) = advice::on_error(error).filter(|_| !error.is_retryable()) {
         text.push_str(&format!("\n  help: {help}"));
     }
     text

@@ -167,6 +167,9 @@ pub enum MaterialError {
     /// The law has no response to the trial strain.
     #[error("the law has no response to the trial elastic strain")]
     NoResponse,
+    /// The response of the law is not finite.
+    #[error("the response of the law to the trial elastic strain is not finite")]
+    ResponseNotFinite,
     /// The law refuses the trial strain with a number of its own.
     #[error("the law refuses the trial elastic strain with the error number {0}")]
     Refused(i32),

@@ -116,6 +116,12 @@ impl<const D: usize> Model<D> {
         of_stages.chain([&self.stepping]).any(|stepping| stepping.strength_factor(0.0).is_some())
     }
 
+    /// True if a stage after the present one reduces the strength of the materials.
+    pub fn reduces_strength_later(&self) -> bool {
+        let later = self.stages.iter().skip(self.present.stage + 1);
+        later.map(|stage| &stage.stepping).any(|stepping| stepping.strength_factor(0.0).is_some())
+    }
+
     /// Number of requested steps of the analysis.
     pub fn steps_requested(&self) -> usize {
         if self.stages.is_empty() {

@@ -4,10 +4,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Model, Newton, StabilisationMode, Stepping};
+use crate::material::MaterialError;
+use crate::model::{Model, Newton, SAME_TIME, StabilisationMode, Stepping};
 use crate::points::{Points, coordinates};
 use crate::quality::oscillation;
-use crate::stress::Volumetric;
+use crate::step::Step;
+use crate::stress::{PointError, Volumetric};
 
 use super::attempt::FailedAttempt;
 use super::error::{Obstacle, PointPlace, SolveError, stiffness_spread};
@@ -52,10 +54,12 @@ pub enum Kind {
     Hourglass,
     /// Residuals fall steadily, and more iterations would meet the tolerance.
     Creeping,
-    /// Smaller steps have not been tried.
+    /// Steps are not small compared with the analysis or with the time reached, so that nothing follows about the load.
     LargeSteps,
     /// The deformation gradient of a point loses its positive determinant.
     ElementInversion,
+    /// A law refuses the strain of a point.
+    RefusedByLaw,
     /// A point or its domain leaves the grid or loses its shape.
     LostDomain,
     /// The path of the displacements cannot be followed.
@@ -91,8 +95,9 @@ impl Kind {
                 "hourglass mode: neighbouring nodes move in opposite directions, which too few points resist"
             }
             Kind::Creeping => "the residual falls steadily, but the iterations end too soon",
-            Kind::LargeSteps => "the steps are too large; smaller ones have not been tried",
+            Kind::LargeSteps => "the steps are too large",
             Kind::ElementInversion => "a point turns inside out",
+            Kind::RefusedByLaw => "the law of a point refuses its strain",
             Kind::LostDomain => "a point or its domain leaves the grid or loses its shape",
             Kind::LostPath => "the path cannot be followed",
             Kind::BadScaling => "a badly scaled stiffness: its round-off is larger than the forces",
@@ -133,6 +138,12 @@ pub struct Circumstances {
     /// True if a body takes the volume ratio of each point, [`Volumetric::Standard`].
     #[serde(default)]
     pub has_standard_dilatation: bool,
+    /// Size of the step relative to a requested one, if it has been cut, [-].
+    #[serde(default)]
+    pub cut_to: Option<f64>,
+    /// True if a later stage reduces the strength.
+    #[serde(default)]
+    pub precedes_reduction: bool,
     /// Number of iterations that steps would need at the present rate, rounded up to tens; `None` if residuals do not
     /// fall steadily.
     pub enough_iterations: Option<usize>,
@@ -165,6 +176,9 @@ pub struct Diagnosis {
     pub filling: Option<f64>,
     /// Share of the points that have yielded, [-].
     pub flowing: f64,
+    /// The reason why a law refuses a strain, if that is the cause.
+    #[serde(default)]
+    pub refusal: Option<String>,
     /// The facts that decide what may help.
     #[serde(default)]
     pub circumstances: Circumstances,
@@ -173,6 +187,14 @@ pub struct Diagnosis {
 impl std::fmt::Display for Diagnosis {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}", self.kind.words())?;
+        match (self.kind, self.circumstances.cut_to) {
+            (Kind::LargeSteps, None) => write!(f, "; smaller ones have not been tried")?,
+            (Kind::LargeSteps, Some(size)) => write!(f, ", even one of {size:.1e} times the requested size")?,
+            _ => {}
+        }
+        if let Some(reason) = &self.refusal {
+            write!(f, ": {reason}")?;
+        }
         if let Some(node) = &self.node {
             write!(f, ", node {}", coordinates(node))?;
         }
@@ -229,12 +251,20 @@ impl Diagnosis {
             has_few_points: evidence::mean_points_per_cell(points) < FEW,
             is_in_collapse: flowing > MOST,
             has_standard_dilatation: has_standard_dilatation(model, points),
+            cut_to: cut_to(&model.stepping, failed.step),
+            precedes_reduction: model.reduces_strength_later(),
             enough_iterations: (found.missing)
                 .map(|missing| (model.newton.max_iterations + missing).next_multiple_of(10)),
             loss: loss_of(error, &model.stepping),
             obstacle: error.obstacle(),
         };
         let is_cell = matches!(kind, Kind::SmallCutCell);
+        let refusal = match error {
+            SolveError::Point { error: PointError::Material(reason), .. } if kind == Kind::RefusedByLaw => {
+                Some(reason.to_string())
+            }
+            _ => None,
+        };
         Diagnosis {
             kind,
             step: failed.step.index,
@@ -246,9 +276,16 @@ impl Diagnosis {
             filling: around.map(|(_, filling)| filling).filter(|_| is_cell),
             node,
             flowing,
+            refusal,
             circumstances,
         }
     }
+}
+
+/// Size of a step relative to a requested one, if it is smaller, [-].
+fn cut_to(stepping: &Stepping, step: Step) -> Option<f64> {
+    let size = (step.end - step.start) / stepping.size();
+    (size < 1.0 - SAME_TIME).then_some(size)
 }
 
 /// True if a point takes its own volume ratio.
@@ -348,6 +385,11 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
         SolveError::Singular { .. } => Kind::RigidBodyMode,
         SolveError::Point { .. } if is_hourglass => Kind::Hourglass,
         SolveError::OffGrid { .. } if is_hourglass && !found.is_balanced => Kind::Hourglass,
+        SolveError::Point { error: PointError::Material(reason), .. }
+            if *reason != MaterialError::NotFinite && !runs_away =>
+        {
+            Kind::RefusedByLaw
+        }
         SolveError::Point { .. } if runs_away || is_cut && (is_small_step || flowing <= MUCH) => {
             Kind::SmallCutCell
         }

@@ -19,6 +19,11 @@ pub fn on_failure(diagnosis: &Diagnosis) -> String {
             "use more points per cell (4 in the plane, 8 in space): a body with one per cell may collapse early; \
              {advice}"
         ),
+        Kind::PlasticCollapse | Kind::LargeSteps if of.precedes_reduction => format!(
+            "{advice}. If the bodies fail under this load before their strength is reduced, their factor of safety is below 1: \
+             multiply `cohesion`, the tangent of `friction_angle` and every other strength by a number, and divide by it the \
+             factor that the reduction finds"
+        ),
         Kind::Hourglass | Kind::Locking if of.is_in_collapse => format!(
             "{advice}; since most points have yielded, the load may also exceed what the bodies can carry"
         ),
@@ -55,8 +60,16 @@ fn advice(kind: Kind, of: &Circumstances) -> &'static str {
             "use more points per cell (4 in the plane, 8 in space), or `analysis: {stabilisation: {mode: on}}`"
         }
         Kind::Creeping => "allow more iterations, `solver: {max_iterations}`, or use smaller steps",
+        Kind::LargeSteps if of.cut_to.is_some() => {
+            "check that the bodies can carry the first part of the load: soil without cohesion yields under any; otherwise use \
+             still smaller steps (`steps: {count, smallest}`)"
+        }
         Kind::LargeSteps => {
             "use smaller steps: a larger `steps: {count}`, and a small `smallest` such as 1e-3, so that steps that fail are cut"
+        }
+        Kind::RefusedByLaw => {
+            "use smaller steps (`steps: {count, smallest}`), and check the properties of the material and the strains that its \
+             law can have: the law decides"
         }
         Kind::ElementInversion => "use smaller steps (`steps: {count, smallest}`) or a coarser grid",
         Kind::LostDomain => match of.loss {

@@ -23,6 +23,7 @@ fn against_kind(kind: Kind, circumstances: Circumstances) -> String {
         node: None,
         filling: None,
         flowing: 0.0,
+        refusal: None,
         circumstances,
     })
 }
@@ -50,7 +51,7 @@ const CODES: [Code; 17] = {
     ]
 };
 
-const KINDS: [Kind; 14] = {
+const KINDS: [Kind; 15] = {
     use Kind::*;
     [
         RigidBodyMode,
@@ -62,6 +63,7 @@ const KINDS: [Kind; 14] = {
         Creeping,
         LargeSteps,
         ElementInversion,
+        RefusedByLaw,
         LostDomain,
         LostPath,
         BadScaling,
@@ -88,6 +90,8 @@ fn all() -> Vec<String> {
         has_few_points: true,
         is_in_collapse: true,
         has_standard_dilatation: true,
+        cut_to: Some(0.5),
+        precedes_reduction: true,
         enough_iterations: Some(40),
         loss: Some(Loss::Torn { is_replaceable: true }),
         obstacle: Some(Obstacle::LooseAxis),
@@ -162,6 +166,13 @@ fn advice_on_failures_depends_on_the_circumstances() {
     let standard = Circumstances { has_standard_dilatation: true, ..of };
     assert!(against_kind(Kind::Locking, standard).contains("`volumetric: mean-dilatation`"));
     assert!(against_kind(Kind::Locking, of).contains("finer grid"));
+    let tried = against_kind(Kind::LargeSteps, Circumstances { cut_to: Some(1e-3), ..of });
+    assert!(tried.contains("still smaller steps"), "{tried}");
+    let weak = Circumstances { precedes_reduction: true, ..of };
+    for kind in [Kind::PlasticCollapse, Kind::LargeSteps] {
+        assert!(against_kind(kind, weak).contains("their factor of safety is below 1"));
+        assert!(!against_kind(kind, of).contains("factor of safety"));
+    }
     let memory = Circumstances { obstacle: Some(Obstacle::Memory), ..of };
     assert!(against_kind(Kind::Setting, memory).ends_with("`solver: {linear: iterative}`"));
     assert_eq!(against_kind(Kind::Setting, of), "see the message");
