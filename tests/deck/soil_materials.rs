@@ -131,6 +131,26 @@ fn notes_on_softening_are_about_materials_in_use() {
 }
 
 #[test]
+fn an_initial_stress_loads_the_bodies() {
+    let clay = "  clay: {model: tresca, young: 1e7, poisson: 0.3, cohesion: 200e3, density: 2000}";
+    let text = deck(clay, STEPS);
+    let start = text.find("loads:").unwrap();
+    let end = start + text[start..].find("\n").unwrap();
+    let end = text[end + 1..].find("\n").map_or(text.len(), |line| end + 1 + line);
+    let without = format!("{}{}", &text[..start], &text[end..]);
+    assert!(codes(&without).contains(&"D037"), "{without}");
+    let body = "{name: block, material: clay,";
+    let with = |stress: &str| {
+        codes(
+            &without
+                .replace(body, &format!("{body} initial_stress: {{type: components, stress: {stress}}},")),
+        )
+    };
+    assert!(with("{yy: -1e3}").iter().all(|code| *code != "D037"));
+    assert!(with("{yy: 0}").contains(&"D037"));
+}
+
+#[test]
 fn a_reduction_of_strength_needs_something_to_carry() {
     let clay = "  clay: {model: tresca, young: 1e7, poisson: 0.3, cohesion: 200e3, density: 2000}";
     let reduction = "  - {name: safety, steps: {count: 2, control: {type: strength-reduction, to: 1.2}}}\n";
@@ -144,4 +164,20 @@ fn a_reduction_of_strength_needs_something_to_carry() {
     assert_eq!(codes(&with(&(reduction.to_owned() + &later))), ["D065"], "a later stage does not help");
     let again = reduction.replace("safety", "again");
     assert_eq!(codes(&with(&(weight(1.0) + reduction + &again))), ["D066"]);
+    let unloaded = weight(0.0).replace("name: weight", "name: unload");
+    assert_eq!(
+        codes(&with(&(weight(1.0) + &unloaded + reduction))),
+        ["D065"],
+        "the load has been taken away"
+    );
+    let stressed = |stress: &str, stages: &str| {
+        let body = "{name: block, material: clay,";
+        let text = with(stages);
+        assert!(text.contains(body), "{text}");
+        codes(&text.replace(body, &format!("{body} initial_stress: {{type: components, stress: {stress}}},")))
+    };
+    assert!(stressed("{yy: -1e3}", reduction).iter().all(|code| *code != "D065"));
+    for nothing in ["{}", "{xx: 0}", "{xx: 0, yy: \"0\"}"] {
+        assert!(stressed(nothing, &(weight(0.0) + reduction)).contains(&"D065"), "{nothing}");
+    }
 }

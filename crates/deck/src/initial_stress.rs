@@ -74,6 +74,18 @@ pub struct StressDeck {
 /// A formula of a component of a stress, with its row and column.
 type ComponentFormula = ((usize, usize), Formula);
 
+impl InitialStressDeck {
+    /// True if it is zero everywhere. A geostatic stress, which carries weight, is not.
+    pub(crate) fn is_zero(&self) -> bool {
+        match self {
+            InitialStressDeck::Geostatic { .. } => false,
+            InitialStressDeck::Components { stress } => {
+                stress.components().all(|(_, _, component)| component.is_zero())
+            }
+        }
+    }
+}
+
 impl StressDeck {
     /// The given components, each with its key, and its row and column.
     pub fn components(&self) -> impl Iterator<Item = (&'static str, (usize, usize), &Expression)> {

@@ -3,8 +3,9 @@
 use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::formulas::Displacement;
+use crate::initial_stress::{InitialStressDeck, curve_of, initial_factor};
 use crate::quoting::{list, quote};
-use crate::{ControlDeck, Expression, GridDeck, LoadCurve, MaterialDeck, StageDeck};
+use crate::{BodyDeck, ControlDeck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, StageDeck};
 use mpm_core::formula::names;
 
 /// A displacement below this share of the grid size is round-off, [-].
@@ -91,7 +92,7 @@ impl Check<'_> {
             (None, None) => false,
         };
         let changing_load = deck.loads.iter().find(|load| {
-            let is_held = stage.is_none() && crate::initial_stress::initial_factor(deck, load) == 1.0;
+            let is_held = stage.is_none() && initial_factor(deck, load) == 1.0;
             !(load.magnitude().1 || stays(load.name(), load.curve()) || is_held && load.curve().is_none())
         });
         let moves = |condition: &&crate::BoundaryConditionDeck| {
@@ -136,22 +137,38 @@ impl Check<'_> {
     }
 
     /// Checks that the bodies carry something while the stage of this number reduces the strength: a load, a prescribed motion
-    /// or an initial stress.
+    /// or an initial stress. Weight that a geostatic stress carries may have been taken away since; a motion that has been taken
+    /// back may have left stresses.
     fn something_to_carry(&mut self, control: &str, number: usize) {
         let deck = self.deck;
         let so_far = deck.stages.get(..=number).unwrap_or_default();
-        let has_begun = |name: &str| {
-            let grows = |stage: &StageDeck| stage.factors.get(name).is_some_and(|factor| *factor != 0.0);
-            so_far.is_empty() || so_far.iter().any(grows)
+        let factors = |name: &str| -> Vec<f64> {
+            so_far.iter().filter_map(|stage| stage.factors.get(name).copied()).collect()
+        };
+        let has_begun = |name: &str| so_far.is_empty() || factors(name).iter().any(|factor| *factor != 0.0);
+        let end = if so_far.is_empty() {
+            deck.end_time()
+        } else {
+            so_far.iter().map(|stage| stage.steps.end_time).sum()
+        };
+        let factor_at_end = |load: &LoadDeck| match (load.curve(), so_far.is_empty()) {
+            (None, false) => {
+                factors(load.name()).last().copied().unwrap_or_else(|| initial_factor(deck, load))
+            }
+            _ => curve_of(deck, load).factor(end),
         };
         let mut loads = deck.loads.iter().filter(|load| !load.magnitude().1);
-        let is_loaded = loads.any(|load| load.curve().is_some() || has_begun(load.name()));
+        let is_loaded = loads.any(|load| factor_at_end(load) != 0.0);
         let moves = |condition: &&crate::BoundaryConditionDeck| {
             condition.displacements().iter().any(|moved| !moved.value.is_zero())
         };
         let mut moving = deck.boundary_conditions.iter().filter(moves);
         let is_moved = moving.any(|condition| condition.curve.is_some() || has_begun(&condition.name));
-        if is_loaded || is_moved || deck.bodies.iter().any(|body| body.initial_stress.is_some()) {
+        let is_stressed = |body: &BodyDeck| match &body.initial_stress {
+            Some(stress @ InitialStressDeck::Components { .. }) => !stress.is_zero(),
+            Some(InitialStressDeck::Geostatic { .. }) | None => false,
+        };
+        if is_loaded || is_moved || deck.bodies.iter().any(is_stressed) {
             return;
         }
         let message = "nothing loads the bodies while their strength is reduced, so that every factor stands";

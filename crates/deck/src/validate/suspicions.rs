@@ -100,9 +100,12 @@ impl Check<'_> {
             }
             any |= moves;
         }
+        let mut stresses = deck.bodies.iter().filter_map(|body| body.initial_stress.as_ref());
+        any |= stresses.any(|stress| !stress.is_zero());
         // Zero loads have already been reported.
         if !any && deck.loads.is_empty() {
-            let message = "nothing loads the bodies: there are no loads, and no prescribed displacement other than zero";
+            let message = "nothing loads the bodies: there are no loads, no prescribed displacement other than zero, and \
+                           no initial stress";
             let help = "add `loads`, or give `ux` or another displacement in a boundary condition";
             self.warn_at_key("D037", "/boundary_conditions", message.to_owned(), help);
         }
