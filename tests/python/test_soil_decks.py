@@ -121,6 +121,18 @@ def test_a_study_compares_the_factors_of_two_grids(mpm, tmp_path):
     assert process.stderr.count("the factor of safety changes") == 2
 
 
+def test_a_comparison_states_the_factors_of_safety(mpm, analyse, slope, tmp_path):
+    coarse, page = analyse("inputs/slope.yaml", h=1), tmp_path / "page.html"
+    process = mpm("report", slope.directory, coarse.directory, "--out", page)
+    assert process.returncode == 0, process.stderr
+    text = page.read_text()
+    assert "Factor of safety, stage <code>safety</code>" in text
+    before, after = coarse.summary["strength_reduction"]["slides"]
+    bracket = slope.summary["strength_reduction"]
+    for low, high in ((before, after), (bracket["stands"], bracket["fails"])):
+        assert f"{float(f'{low:.5g}'):g} to\xa0{float(f'{high:.5g}'):g}" in text, (low, high)
+
+
 def test_the_footing_carries_what_limit_analysis_says(analyse):
     friction = math.tan(math.radians(20))
     ratio = math.tan(math.radians(45 + 10)) ** 2

@@ -1,5 +1,7 @@
 //! The page that compares several runs.
 
+use std::collections::BTreeMap;
+
 use similar::{ChangeTag, TextDiff};
 
 use mpm_core::timing::Phase;
@@ -17,6 +19,7 @@ use super::sections::{
     banner, foot, largest_residual, machine, naming, program, started, state_in_words, steps_in_words,
     wall_time, warnings,
 };
+use super::strength;
 use super::units::{Naming, Quantity};
 
 /// Lines around a difference that are shown with it.
@@ -85,6 +88,7 @@ fn outcome(page: &mut Page, runs: &[Run], naming: &Naming) {
         ]
     });
     page.table("Outcome of each run.", &table);
+    factors_of_safety(page, runs);
     let mut columns: Vec<(String, String, Quantity)> = Vec::new();
     for (letter, quantity) in [('u', Quantity::Length), ('r', Quantity::Force)] {
         for component in curves::components(runs, letter) {
@@ -116,6 +120,31 @@ fn outcome(page: &mut Page, runs: &[Run], naming: &Naming) {
             warnings(page, run);
         }
     }
+}
+
+/// The factors of safety, one column for each stage that reduces the strength.
+fn factors_of_safety(page: &mut Page, runs: &[Run]) {
+    let mut stages: Vec<String> = Vec::new();
+    for (stage, _) in runs.iter().flat_map(strength::factors) {
+        if !stages.contains(&stage) {
+            stages.push(stage);
+        }
+    }
+    if stages.is_empty() {
+        return;
+    }
+    let heads = stages.iter().map(|stage| match stage.as_str() {
+        "" => "Factor of safety".to_owned(),
+        stage => format!("Factor of safety, stage <code>{}</code>", escape(stage)),
+    });
+    let table = table_of_runs(runs, heads, |run| {
+        let mut factors: BTreeMap<String, String> = strength::factors(run).into_iter().collect();
+        stages.iter().map(|stage| factors.remove(stage).map_or(Cell::Empty, Cell::Html)).collect()
+    });
+    page.table(
+        "Factors of safety: the largest factor in equilibrium in about the original shape, and one beyond.",
+        &table,
+    );
 }
 
 fn decks(page: &mut Page, runs: &[Run]) {

@@ -34,10 +34,30 @@ fn earlier(run: &Run) -> Vec<String> {
     before_last.iter().filter_map(sentence).collect()
 }
 
+/// Every stage of a run that reduced the strength, by name, with its factor of safety in HTML; the name is empty without
+/// stages.
+pub(super) fn factors(run: &Run) -> Vec<(String, String)> {
+    let all = run.summary.get("strength_reductions").and_then(|all| all.as_array());
+    let stages = match all {
+        Some(all) => all.iter().collect(),
+        None => Vec::from_iter(run.summary.get("strength_reduction")),
+    };
+    let of_stage = |of: &serde_json::Value| {
+        let (value, _) = in_html(&serde_json::from_value(of.clone()).ok()?)?;
+        Some((of["stage"].as_str().unwrap_or_default().to_owned(), value))
+    };
+    stages.into_iter().filter_map(of_stage).collect()
+}
+
 /// The factor of safety as a key number, and a remark, both in HTML.
 pub(super) fn key_number(run: &Run) -> Option<(String, String)> {
-    let found = bracket(run)?;
-    let (value, remark) = match (found.stands, found.fails) {
+    let (value, remark) = in_html(&bracket(run)?)?;
+    Some((value, format!("{remark}{}", dependence(run).map_or_else(String::new, |text| format!("; {text}")))))
+}
+
+/// The factor of safety of a stage in HTML, and what its numbers are; `None` if no step of the stage has ended.
+fn in_html(found: &StrengthBracket) -> Option<(String, &'static str)> {
+    Some(match (found.stands, found.fails) {
         _ if found.slides.is_some() => {
             let [stood, slid] = found.slides?;
             let remark = "the largest factor in equilibrium in about the original shape, and one beyond";
@@ -52,8 +72,7 @@ pub(super) fn key_number(run: &Run) -> Option<(String, String)> {
         }
         (None, Some(fails)) => (format!("below {}", html(fails, 5)), "no factor was in equilibrium"),
         (None, None) => return None,
-    };
-    Some((value, format!("{remark}{}", dependence(run).map_or_else(String::new, |text| format!("; {text}")))))
+    })
 }
 
 /// Why the factor of safety depends on the grid, in HTML; `None` if the flow of all materials is associated.
