@@ -10,6 +10,7 @@
 #![allow(non_snake_case)]
 
 mod error;
+mod jump;
 mod path;
 mod response;
 mod solution;
@@ -60,6 +61,7 @@ impl<'a> ElementTest<'a> {
                 elastic_strain: begun.elastic_strain,
                 kirchhoff_stress: begun.tau,
                 history: begun.history,
+                has_jumped: false,
             }),
         };
         let state = state.map_err(ElementTestError::Initial)?;
@@ -90,13 +92,15 @@ impl<'a> ElementTest<'a> {
     /// [`ElementTestError::Step`] if a part has no solution; the point is then in the state before the step.
     pub fn advance(&mut self, target: &Target) -> Result<&ElementState, ElementTestError> {
         let begin = &self.state;
-        let mut state = begin.clone();
+        let mut state = ElementState { has_jumped: false, ..begin.clone() };
         let (mut reached, mut part) = (0.0, 1.0);
         while reached < 1.0 {
             let next = reached + part;
-            match solution::solve(self.law, &state, &target.between(begin, next)) {
+            let goal = target.between(begin, next);
+            match solution::solve(self.law, &state, &goal) {
                 Ok(solved) => {
-                    (state, reached) = (solved, next);
+                    let has_jumped = state.has_jumped || jump::is_between(self.law, &state, &goal, &solved);
+                    (state, reached) = (ElementState { has_jumped, ..solved }, next);
                     // Parts are powers of two and begin at multiples of themselves, so the last one ends with the step.
                     if part < 1.0 && (reached / (2.0 * part)).fract() == 0.0 {
                         part *= 2.0;
@@ -155,5 +159,6 @@ fn at_zero_strain(law: &dyn Material, history: &[f64]) -> Result<ElementState, M
         elastic_strain: Sym3::ZERO,
         kirchhoff_stress: response.tau,
         history,
+        has_jumped: false,
     })
 }

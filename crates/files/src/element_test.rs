@@ -84,15 +84,22 @@ fn target(table: &Columns, prescribed: Prescribed, row: usize) -> Result<Target,
 }
 
 /// The table of the states of an element test: step, strain and stress, invariants, history variables and energies. The
-/// components yz and xz follow if a state has some.
+/// components yz and xz follow if a state has some, and `jump`, 1 where a state has jumped, if one has.
 ///
 /// # Errors
 /// `InvalidInput` if a history variable of the law has the name of another column, or a number is not finite.
 pub fn table(law: &dyn Material, states: &[ElementState]) -> io::Result<String> {
     let has_shear = |state: &ElementState| state.strain.0[3] != 0.0 || state.strain.0[4] != 0.0;
     let in_space = states.iter().any(has_shear);
-    let rows = states.iter().enumerate().map(|(step, state)| row(law, step, state, in_space));
-    text_of(&columns(law, in_space), rows)
+    let jumps = states.iter().any(|state| state.has_jumped);
+    let mut columns = columns(law, in_space);
+    columns.extend(jumps.then(|| "jump".to_owned()));
+    let rows = states.iter().enumerate().map(|(step, state)| {
+        let mut entries = row(law, step, state, in_space);
+        entries.extend(jumps.then(|| Entry::from(i64::from(state.has_jumped))));
+        entries
+    });
+    text_of(&columns, rows)
 }
 
 fn columns(law: &dyn Material, in_space: bool) -> Vec<String> {

@@ -175,6 +175,9 @@ pub fn element(args: ElementArgs) -> anyhow::Result<u8> {
             message!("the table is {}", path.display());
         }
     }
+    if let Some(warning) = jumps(&states) {
+        message!("{warning}");
+    }
     let failure = failure.map(|error| error.to_string());
     if let Some(path) = &outputs.report {
         let page = appendix::element_page(&ElementReport {
@@ -346,6 +349,23 @@ fn states(
         }
     }
     Ok((states, None))
+}
+
+/// A warning if the point has jumped.
+fn jumps(states: &[ElementState]) -> Option<String> {
+    let steps: Vec<usize> = (0..states.len()).filter(|step| states[*step].has_jumped).collect();
+    let first = *steps.first()?;
+    let [before, after] = [first - 1, first].map(|step| states[step].deviatoric_stress());
+    let others = match steps.len() {
+        1 => String::new(),
+        count => format!(", the first of {count} such steps"),
+    };
+    Some(format!(
+        "warning: in step {first}{others}, the point jumps: the deviatoric stress changes from {before:.6e} to {after:.6e} at \
+         once, however small the steps are\n  help: the material softens faster than the point can unload elastically along \
+         this path (snap-back); no test follows what lies between, which more strain of softening or a larger stiffness \
+         would show. The column `jump` of the table marks the step"
+    ))
 }
 
 /// The error of a test that cannot begin, with a remedy.

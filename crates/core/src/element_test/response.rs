@@ -45,6 +45,7 @@ pub(super) fn respond(
         elastic_strain: response.elastic_strain,
         kirchhoff_stress: response.tau,
         history,
+        has_jumped: false,
     };
     let stress = state.cauchy_stress();
     let per_volume = 1.0 / state.volume_ratio();

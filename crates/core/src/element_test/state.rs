@@ -15,6 +15,9 @@ pub struct ElementState {
     pub kirchhoff_stress: Sym3,
     /// History variables of the law.
     pub history: Vec<f64>,
+    /// True if the path has no continuous way here from the state before: beyond a point the stress of a softening material
+    /// falls at once, however small the steps are.
+    pub has_jumped: bool,
 }
 
 impl ElementState {

@@ -2,7 +2,10 @@
 
 use super::response::respond;
 use super::*;
-use crate::material::{Elasticity, Hencky, NeoHookean, Response, StateField, StrainMeasure, VonMises};
+use crate::material::{
+    Elasticity, Friction, Hencky, MohrCoulomb, NeoHookean, Response, Softening, StateField, StrainMeasure,
+    VonMises,
+};
 
 const YOUNG: f64 = 1e6;
 const POISSON: f64 = 0.3;
@@ -415,4 +418,23 @@ fn a_test_begins_where_its_law_can() {
     assert_eq!(ElementTest::new(&SMOOTH, &[0.0], &outside).unwrap_err(), no_inverse);
     let stressed = Awkward { stress_at_zero: -1.0, ..SMOOTH };
     assert_eq!(ElementTest::new(&stressed, &[0.0], &Sym3::ZERO).unwrap_err(), no_inverse);
+}
+
+/// Sand that loses its strength over a short strain cannot release its elastic strain along the path of drained compression.
+#[test]
+fn a_point_that_snaps_back_has_jumped() {
+    let friction = |friction_angle: f64| Friction { cohesion: 0.0, friction_angle, dilation_angle: 10.0 };
+    let of = |strain: f64, steps: usize| {
+        let law =
+            MohrCoulomb::new(1e8, 0.3, friction(40.0)).softening(friction(20.0), Softening::over(strain));
+        states(&law, Path::TriaxialDrained, 100e3, &[0.02], steps)
+    };
+    for steps in [80, 800] {
+        let found = of(0.003, steps);
+        let jumps: Vec<usize> = (0..found.len()).filter(|step| found[*step].has_jumped).collect();
+        let [jump] = jumps[..] else { panic!("{steps} steps: {jumps:?}") };
+        let [before, after] = [jump - 1, jump].map(|step| found[step].deviatoric_stress());
+        assert!(after < 0.5 * before, "{steps} steps: from {before} to {after} in step {jump}");
+        assert!(of(0.1, steps).iter().all(|state| !state.has_jumped), "a slow loss of strength");
+    }
 }
