@@ -181,3 +181,37 @@ fn a_reduction_of_strength_needs_something_to_carry() {
         assert!(stressed(nothing, &(weight(0.0) + reduction)).contains(&"D065"), "{nothing}");
     }
 }
+
+#[test]
+fn a_reduction_with_settings_that_cannot_serve_it_says_why() {
+    let clay = "  clay: {model: tresca, young: 1e7, poisson: 0.3, cohesion: 200e3, density: 2000}";
+    let with = |steps: &str| {
+        let weight = "  - {name: weight, steps: {count: 2}, factors: {weight: 1}}\n";
+        found(&deck(clay, &format!("stages:\n{weight}  - {{name: safety, steps: {{count: 2, {steps}}}}}\n")))
+    };
+    let [wide] = &with("control: {type: strength-reduction, to: 1.5, tolerance: 0.8}")[..] else { panic!() };
+    assert_eq!(wide.code, "D049");
+    assert!(wide.message.contains("a tolerance of 0.8 exceeds the whole range"), "{}", wide.message);
+    let [down] = &with("control: {type: strength-reduction, from: 1.5, to: 1.2}")[..] else { panic!() };
+    assert!(down.message.contains("cannot grow from 1.5 to 1.2"), "{}", down.message);
+    for (key, other) in [("smallest: 0.1", "`smallest`"), ("damping: true", "`damping`")] {
+        let [idle] = &with(&format!("{key}, control: {{type: strength-reduction, to: 1.5}}"))[..] else {
+            panic!("{key}")
+        };
+        assert_eq!(idle.code, "D037");
+        assert!(idle.message.starts_with(&format!("{other} has no effect")), "{}", idle.message);
+    }
+}
+
+#[test]
+fn what_is_wrong_with_a_word_or_a_value_is_said() {
+    let clay = "  clay: {model: tresca, young: 1e7, poisson: 0.3, cohesion: \"1e3/(Y - Y)\", density: 2000}";
+    let [infinite] = &found(&deck(clay, STEPS))[..] else { panic!() };
+    let help = infinite.help.as_deref().unwrap_or_default();
+    assert!(infinite.code == "D058" && help.contains("be finite and"), "{help}");
+    let clay = clay.replace("\"1e3/(Y - Y)\"", "1e3");
+    let words = deck(&clay, STEPS).replace("fix: [x, y]", "fix: [normal]");
+    let [normal] = &found(&words)[..] else { panic!() };
+    let help = normal.help.as_deref().unwrap_or_default();
+    assert!(normal.code == "D010" && help.contains("`fix: normal` without brackets"), "{help}");
+}

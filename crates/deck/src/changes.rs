@@ -105,9 +105,10 @@ fn essential(deck: &Deck) -> Value {
         for key in ["title", "solver", "checkpoint"] {
             map.remove(key);
         }
-        // Step sizes may change, the control may not.
+        // Step sizes may change, also how far a reduction of strength cuts them; the control may not.
         if let Some(steps) = map.get_mut("steps").and_then(Value::as_object_mut) {
             steps.retain(|key, _| key == "control");
+            without_tolerance(steps);
         }
         for stage in map.get_mut("stages").and_then(Value::as_array_mut).into_iter().flatten() {
             let Some(stage) = stage.as_object_mut() else { continue };
@@ -115,6 +116,7 @@ fn essential(deck: &Deck) -> Value {
             // The duration of a stage sets the times of the curves.
             if let Some(steps) = stage.get_mut("steps").and_then(Value::as_object_mut) {
                 steps.retain(|key, _| ["control", "end_time"].contains(&key.as_str()));
+                without_tolerance(steps);
             }
         }
         if let Some(output) = map.get_mut("output").and_then(Value::as_object_mut) {
@@ -131,6 +133,11 @@ fn essential(deck: &Deck) -> Value {
         }
     }
     value
+}
+
+/// Leaves the tolerance of a control out.
+fn without_tolerance(steps: &mut Map<String, Value>) {
+    steps.get_mut("control").and_then(Value::as_object_mut).map(|control| control.remove("tolerance"));
 }
 
 /// Texts of all formulas that are evaluated during a run.
@@ -251,6 +258,19 @@ mod tests {
         let mut ramp = deck(&[]);
         ramp.steps.as_mut().unwrap().end_time = 2.0;
         assert_eq!(changes(&deck(&[]), &ramp, 0.5).len(), 1, "the ramp is less steep");
+    }
+
+    #[test]
+    fn a_search_for_the_factor_of_safety_may_become_finer() {
+        let text = std::fs::read_to_string("../../inputs/slope.yaml").unwrap();
+        let of = |change: [&str; 2]| {
+            assert!(text.contains(change[0]));
+            load_text("slope.yaml", text.replace(change[0], change[1]).as_bytes(), &[]).unwrap().deck
+        };
+        let old = of(["tolerance: 0.005", "tolerance: 0.01"]);
+        assert!(changes(&old, &of(["tolerance: 0.005", "tolerance: 0.001"]), 1.5).is_empty());
+        let found = changes(&old, &of(["from: 1,", "from: 1.1,"]), 1.5);
+        assert!(found.iter().any(|text| text.contains("control.from` was 1.0 and is 1.1")), "{found:?}");
     }
 
     #[test]

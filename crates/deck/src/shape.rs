@@ -234,6 +234,11 @@ impl Gate<'_> {
             return;
         };
         let help = match (closest(found, words.iter().copied()), words.len()) {
+            _ if found == "normal" && pointer.contains("/fix/") => {
+                "on a `surface`, write `fix: normal` without brackets; for nodes, give the normal of a wall, such as `fix: \
+                 {normal: [1, 0]}`"
+                    .to_owned()
+            }
             (_, 1) => format!("the only possible word here is {known}"),
             (Some(best), _) => format!("did you mean {}? the words here are {known}", quote(best)),
             (None, _) => format!("the words here are {known}"),

@@ -219,17 +219,31 @@ fn beginning(
         None if !built.varying.is_empty() => {
             let key = &built.varying[0].key;
             bail!(
-                "`{key}` of the material {} varies in space: give the position of the point with `--at`",
-                quote(material)
+                "`{key}` of the material {} varies in space, and the position of the point is unknown\n  help: give its \
+                 coordinates, `--at {}`",
+                quote(material),
+                ["1,2", "1,2,3"][usize::from(n == 3)]
             );
         }
-        Some(at) if at.len() != n => bail!("`--at` has {} coordinates; the deck has {n} axes", at.len()),
+        Some(at) if at.len() != n => bail!(
+            "`--at` has {}; the deck has {n} axes\n  help: give one coordinate for each axis, `--at {}`",
+            match at.len() {
+                1 => "1 coordinate".to_owned(),
+                count => format!("{count} coordinates"),
+            },
+            ["1,2", "1,2,3"][usize::from(n == 3)]
+        ),
         at => std::array::from_fn(|d| at.and_then(|at| at.get(d)).copied().unwrap_or(0.0)),
     };
     let history = built.law.initial_history_at(&position);
     let own = history.len() - built.varying.len();
     if let Some(fault) = loaded.deck.materials[material].fault_at(&built, &history[own..]) {
-        bail!("material {} at {:?}: {fault}", quote(material), at.unwrap_or_default());
+        bail!(
+            "material {} at {:?}: {fault}\n  help: choose another position with `--at`, within the bodies, or change the \
+             formula",
+            quote(material),
+            at.unwrap_or_default()
+        );
     }
     Ok((built.law, history))
 }

@@ -195,7 +195,12 @@ where
                     seed.mass = value * seed.volume;
                 } else {
                     let message = format!("the density of {} is {value} {}", quote(name), place());
-                    fault("density", "D058", message, format!("let it be {}", range.in_words()));
+                    fault(
+                        "density",
+                        "D058",
+                        message,
+                        format!("let it be {}{}", finite(value), range.in_words()),
+                    );
                 }
             }
             if varying.is_empty() {
@@ -213,7 +218,11 @@ where
                         key,
                         "D058",
                         message,
-                        format!("let the formula be {} in the whole body", range.in_words()),
+                        format!(
+                            "let the formula be {}{} in the whole body",
+                            finite(*value),
+                            range.in_words()
+                        ),
                     );
                 }
             }
@@ -230,6 +239,11 @@ where
             self.error(code, &format!("/materials/{}/{key}", escape(name)), message, help);
         }
     }
+}
+
+/// The condition that a value violates besides its range.
+fn finite(value: f64) -> &'static str {
+    if value.is_finite() { "" } else { "finite and " }
 }
 
 /// The centre of a region.

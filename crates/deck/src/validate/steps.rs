@@ -7,6 +7,7 @@ use crate::initial_stress::{InitialStressDeck, curve_of, initial_factor};
 use crate::quoting::{list, quote};
 use crate::{BodyDeck, ControlDeck, Expression, GridDeck, LoadCurve, LoadDeck, MaterialDeck, StageDeck};
 use mpm_core::formula::names;
+use mpm_files::shortest;
 
 /// A displacement below this share of the grid size is round-off, [-].
 const LEAST: f64 = 1e-12;
@@ -71,9 +72,18 @@ impl Check<'_> {
             }
             ControlDeck::ArcLength { .. } => {}
             ControlDeck::StrengthReduction { from, to, tolerance } => {
-                if to - from < *tolerance {
+                if to > from && to - from < *tolerance {
+                    let message = format!(
+                        "a tolerance of {tolerance} exceeds the whole range of the factor, from {from} to {to}"
+                    );
+                    let help = format!(
+                        "give a `tolerance` of at most {}, such as 0.005, or a larger factor `to`",
+                        shortest(to - from)
+                    );
+                    self.error("D049", &format!("{pointer}/tolerance"), message, &help);
+                } else if to <= from {
                     let message = format!("the factor of the strength cannot grow from {from} to {to}");
-                    let help = format!("give a factor `to` of at least {}", from + tolerance);
+                    let help = format!("give a factor `to` of at least {}", shortest(from + tolerance));
                     self.error("D049", &format!("{pointer}/to"), message, help);
                 }
             }

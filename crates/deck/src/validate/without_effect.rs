@@ -15,6 +15,7 @@ impl Check<'_> {
         self.volume_without_effect();
         self.predictor_without_effect();
         self.damping_without_effect();
+        self.smallest_without_effect();
         self.imbalance_without_effect();
     }
 
@@ -88,19 +89,37 @@ impl Check<'_> {
     }
 
     fn damping_without_effect(&mut self) {
-        let Some(steps) = &self.deck.steps else { return };
-        let (because, other) = match steps.control {
-            ControlDeck::Load {} if steps.smallest < 1.0 => return,
-            ControlDeck::Load {} => {
-                ("with `smallest: 1`, which ends a run at the first failure", "/steps/smallest")
+        for (pointer, steps) in self.deck.courses() {
+            let (because, other) = match steps.control {
+                ControlDeck::Load {} if steps.smallest < 1.0 => continue,
+                ControlDeck::Load {} => {
+                    ("with `smallest: 1`, which ends a run at the first failure", "smallest")
+                }
+                ControlDeck::StrengthReduction { .. } => ("where the strength is reduced", "control/type"),
+                _ => ("where the load factor is unknown", "control/type"),
+            };
+            let at = format!("{pointer}/damping");
+            if self.is_written(&at) && !self.source.is_from_parameter(&format!("{pointer}/{other}")) {
+                let help = "remove it; it applies to steps under prescribed loads that may be cut";
+                self.warn_at_key("D037", &at, format!("`damping` has no effect {because}"), help);
             }
-            ControlDeck::StrengthReduction { .. } => ("where the strength is reduced", "/steps/control/type"),
-            _ => ("where the load factor is unknown", "/steps/control/type"),
-        };
-        let at = "/steps/damping";
-        if self.is_written(at) && !self.source.is_from_parameter(other) {
-            let help = "remove it; it applies to steps under prescribed loads that may be cut";
-            self.warn_at_key("D037", at, format!("`damping` has no effect {because}"), help);
+        }
+    }
+
+    /// Warns of `smallest` where the tolerance of a reduction of strength decides how far steps are cut.
+    fn smallest_without_effect(&mut self) {
+        for (pointer, steps) in self.deck.courses() {
+            let at = format!("{pointer}/smallest");
+            let is_reduction = matches!(steps.control, ControlDeck::StrengthReduction { .. });
+            if is_reduction
+                && self.is_written(&at)
+                && !self.source.is_from_parameter(&format!("{pointer}/control/type"))
+            {
+                let message = "`smallest` has no effect where the strength is reduced: steps are cut down to the `tolerance` \
+                               of the control"
+                    .to_owned();
+                self.warn_at_key("D037", &at, message, "remove it, or set `tolerance`");
+            }
         }
     }
 }
