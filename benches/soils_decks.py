@@ -1,5 +1,7 @@
 """Decks of the studies in `soils.py`, which replaces the words in capitals; `--set` sets the parameters."""
 
+from pathlib import Path
+
 # Half of the ground under a strip of half width 1, which a uniform pressure presses down; the grid widens beyond the strip.
 STRIP = """
 version: 1
@@ -35,28 +37,26 @@ ROUGH = "  - {name: friction, nodes: {box: {min: [0, DEPTH], max: [1, DEPTH]}}, 
 SURCHARGE = "  - {name: surcharge, type: traction, surface: crest, traction: [0, -1000], curve: [[0, 1], [2, 1]]}"
 INITIAL = ", initial_stress: {type: components, stress: {xx: -1000, yy: -1000, zz: -1000}}"
 
+
+def of_inputs(name, **changes):
+    """A deck of the inputs, in which each of these words is replaced by another."""
+    text = (Path(__file__).resolve().parents[1] / "inputs" / name).read_text()
+    for word, other in changes.values():
+        assert text.count(word) == 1, f"{name} must have one {word!r}"
+        text = text.replace(word, other)
+    return text
+
+
 # Example 1 of Griffiths and Lane (1999).
-SLOPE = """
-version: 1
-parameters: {h: 0.5, n: 3, method: gimp, volumetric: mean-dilatation, psi: 0, to: 1.6, steps: 60}
-grid: {type: structured, origin: [0, 0], size: [36, 12], spacing: "${h}"}
-materials:
-  soil: {model: mohr-coulomb, young: 1e8, poisson: 0.3, cohesion: 10e3, friction_angle: 20, dilation_angle: "${psi}",
-         density: 2000}
-bodies:
-  - {name: slope, material: soil, shape: {type: polygon, vertices: [[0, 0], [32, 0], [12, 10], [0, 10]]},
-     method: "${method}", points_per_cell: "${n}", volumetric: "${volumetric}"}
-boundary_conditions:
-  - {name: left, nodes: {x: 0}, fix: [x]}
-  - {name: base, nodes: {y: 0}, fix: [x, y]}
-loads:
-  - {name: weight, type: gravity, acceleration: [0, -10]}
-stages:
-  - {name: gravity, steps: {count: 5}, factors: {weight: 1}, then: {reset: [displacement]}}
-  - name: safety
-    steps: {count: "${steps}", control: {type: strength-reduction, to: "${to}", tolerance: 0.002}}
-output: {every: 0, probes: [{name: crest, body: slope, nearest: [12, 10]}]}
-"""
+SLOPE = of_inputs(
+    "slope.yaml",
+    method=("method: gimp", 'method: "${method}"'),
+    volumetric=("volumetric: mean-dilatation", 'volumetric: "${volumetric}"'),
+    steps=("count: 6", 'count: "${steps}"'),
+    tolerance=("tolerance: 0.005", "tolerance: 0.002"),
+    output=("every: 2 ", "every: 0 "),
+    parameters=("parameters:", "parameters:\n  method: gimp\n  volumetric: mean-dilatation\n  steps: 60"),
+)
 # Examples 3 and 4 of the same paper: an undrained slope on a foundation as deep as the slope is high, of another strength
 # where REGION holds.
 CLAY_SLOPE = """

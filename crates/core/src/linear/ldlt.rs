@@ -3,11 +3,11 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltError;
 use faer::perm::PermRef;
+use faer::sparse::SparseColMatRef;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LdltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky,
 };
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side};
 
 use super::{LinearError, Pattern};
@@ -38,7 +38,7 @@ impl Ldlt {
             inverse[unknown] = place;
         }
         let symbolic = factorize_symbolic_cholesky(
-            view(pattern),
+            pattern.view(),
             Side::Lower,
             SymmetricOrdering::Custom(PermRef::new_checked(order, &inverse, pattern.n)),
             CholeskySymbolicParams::default(),
@@ -67,7 +67,7 @@ impl Ldlt {
     ) -> Result<(), ZeroPivot> {
         let ldlt = self.symbolic.factorize_numeric_ldlt(
             &mut factor[..self.symbolic.len_val()],
-            SparseColMatRef::new(view(pattern), values),
+            SparseColMatRef::new(pattern.view(), values),
             Side::Lower,
             Default::default(),
             Par::Seq,
@@ -95,8 +95,4 @@ impl Ldlt {
 
 fn out_of_memory<E>(_: E) -> LinearError {
     LinearError::OutOfMemory { needed: None }
-}
-
-fn view(pattern: &Pattern) -> SymbolicSparseColMatRef<'_, usize> {
-    SymbolicSparseColMatRef::new_checked(pattern.n, pattern.n, &pattern.column_start, None, &pattern.row)
 }

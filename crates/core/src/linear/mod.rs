@@ -40,6 +40,19 @@ pub struct Pattern {
     pub symmetric: bool,
 }
 
+impl Pattern {
+    /// The pattern as `faer` takes it.
+    fn view(&self) -> faer::sparse::SymbolicSparseColMatRef<'_, usize> {
+        faer::sparse::SymbolicSparseColMatRef::new_checked(
+            self.n,
+            self.n,
+            &self.column_start,
+            None,
+            &self.row,
+        )
+    }
+}
+
 /// The kind of factorisation that solved a system.
 #[non_exhaustive]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,8 +1,8 @@
 //! LU with partial pivoting, of the faer library, for matrices that no factorisation without pivoting solves.
 
 use faer::linalg::solvers::SolveCore;
+use faer::sparse::SparseColMatRef;
 use faer::sparse::linalg::solvers::{Lu, SymbolicLu};
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut};
 
 use super::{LinearError, Pattern};
@@ -21,14 +21,14 @@ impl PivotedLu {
     pub fn new(pattern: &Pattern) -> Result<PivotedLu, LinearError> {
         let (pattern, source) = both_triangles(pattern);
         let symbolic =
-            SymbolicLu::try_new(view(&pattern)).map_err(|_| LinearError::OutOfMemory { needed: None })?;
+            SymbolicLu::try_new(pattern.view()).map_err(|_| LinearError::OutOfMemory { needed: None })?;
         Ok(PivotedLu { pattern, source, symbolic, factors: None })
     }
 
     /// Factorises the matrix with these values of the given pattern; false if it is singular.
     pub fn factorise(&mut self, values: &[f64]) -> bool {
         let values: Vec<f64> = self.source.iter().map(|&s| values[s]).collect();
-        let matrix = SparseColMatRef::new(view(&self.pattern), &values[..]);
+        let matrix = SparseColMatRef::new(self.pattern.view(), &values[..]);
         self.factors = Lu::try_new_with_symbolic(self.symbolic.clone(), matrix).ok();
         self.factors.is_some()
     }
@@ -43,10 +43,6 @@ impl PivotedLu {
             None => rhs.fill(f64::NAN),
         }
     }
-}
-
-fn view(pattern: &Pattern) -> SymbolicSparseColMatRef<'_, usize> {
-    SymbolicSparseColMatRef::new_checked(pattern.n, pattern.n, &pattern.column_start, None, &pattern.row)
 }
 
 /// The full pattern of a matrix, and for each of its entries the place in the given one.

@@ -1,12 +1,9 @@
 //! Drucker-Prager plasticity.
 
+use super::soil_plasticity::{PLASTIC_WORK, SoilPlasticity};
 use super::strength::{EQUIVALENT, ON_SURFACE};
-use super::wedge::{FIELDS, PLASTIC_WORK, start_from};
-use super::{
-    Elasticity, Friction, Material, MaterialError, PrincipalLaw, PrincipalResponse, Response, StateField,
-    StrengthMeasure, update_in_principal_axes,
-};
-use crate::tensor::{Lane, Lanes, Sym3};
+use super::{Elasticity, Friction, MaterialError, PrincipalLaw, PrincipalResponse, StrengthMeasure};
+use crate::tensor::{Lane, Lanes};
 
 /// The states of stress for which the cone has the strength of Mohr and Coulomb.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -96,18 +93,6 @@ impl DruckerPrager {
     pub fn limiting(self, measure: StrengthMeasure) -> Self {
         DruckerPrager { measure, ..self }
     }
-
-    fn divided(&self, factor: f64) -> Self {
-        let Friction { cohesion, friction_angle, dilation_angle } = self.given;
-        let friction_angle = (friction_angle.to_radians().tan() / factor).atan().to_degrees();
-        let friction = Friction {
-            cohesion: cohesion / factor,
-            friction_angle,
-            dilation_angle: dilation_angle.min(friction_angle),
-        };
-        let reduced = DruckerPrager::new(1.0, 0.0, friction, self.matched).limiting(self.measure);
-        DruckerPrager { elasticity: self.elasticity, ..reduced }
-    }
 }
 
 impl PrincipalLaw for DruckerPrager {
@@ -193,40 +178,24 @@ impl PrincipalLaw for DruckerPrager {
     }
 }
 
-impl Material for DruckerPrager {
-    fn state_fields(&self) -> &[StateField] {
-        const { &FIELDS }
+impl SoilPlasticity for DruckerPrager {
+    fn elasticity(&self) -> &Elasticity {
+        &self.elasticity
     }
 
-    fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
-        update_in_principal_axes(self, trial, old, new)
-    }
-
-    fn principal(&self) -> Option<&dyn PrincipalLaw> {
-        Some(self)
-    }
-
-    fn start_from(&self, elastic_strain: &Sym3, volume_ratio: f64, history: &mut [f64]) {
-        start_from(elastic_strain.trace(), volume_ratio, history);
-    }
-
-    fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {
-        self.elasticity.strain(tau)
-    }
-
-    fn energy(&self, elastic_strain: &Sym3, _: &[f64]) -> f64 {
-        self.elasticity.energy(elastic_strain)
-    }
-
-    fn plastic_work(&self, history: &[f64]) -> f64 {
-        history[PLASTIC_WORK]
-    }
-
-    fn tangent_is_symmetric(&self) -> bool {
+    fn is_symmetric(&self) -> bool {
         self.slope == self.flow && self.measure == StrengthMeasure::Kirchhoff
     }
 
-    fn with_strength_divided(&self, factor: f64) -> Option<Box<dyn Material>> {
-        Some(Box::new(self.divided(factor)))
+    fn divided(&self, factor: f64) -> Self {
+        let Friction { cohesion, friction_angle, dilation_angle } = self.given;
+        let friction_angle = (friction_angle.to_radians().tan() / factor).atan().to_degrees();
+        let friction = Friction {
+            cohesion: cohesion / factor,
+            friction_angle,
+            dilation_angle: dilation_angle.min(friction_angle),
+        };
+        let reduced = DruckerPrager::new(1.0, 0.0, friction, self.matched).limiting(self.measure);
+        DruckerPrager { elasticity: self.elasticity, ..reduced }
     }
 }

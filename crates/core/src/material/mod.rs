@@ -16,6 +16,7 @@ mod mohr_coulomb;
 mod neo_hookean;
 mod principal;
 mod softening;
+mod soil_plasticity;
 mod strength;
 #[cfg(test)]
 pub(crate) mod tests;

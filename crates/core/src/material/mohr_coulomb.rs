@@ -1,7 +1,7 @@
 //! Mohr-Coulomb plasticity.
 
 use super::strength::EQUIVALENT;
-use super::wedge::{Strength, WedgeLaw};
+use super::wedge::{Strength, WedgeLaw, WedgeSettings};
 use super::{Elasticity, Softening, StrengthMeasure};
 
 /// Shear strength of Mohr and Coulomb, with the flow that belongs to it.
@@ -77,13 +77,12 @@ pub fn least_softening_strain([young, poisson]: [f64; 2], [peak, residual]: [Fri
 /// flow.
 #[derive(Debug, Clone)]
 pub struct MohrCoulomb {
-    elasticity: Elasticity,
+    settings: WedgeSettings,
     peak: Slopes,
     /// Infinite without cut-off, [stress].
     tensile: f64,
     /// The strength in the end, and the way there.
     softening: Option<(Slopes, Softening)>,
-    measure: StrengthMeasure,
     /// The strength at the peak.
     at_peak: Strength,
 }
@@ -92,12 +91,12 @@ impl MohrCoulomb {
     /// Perfect plasticity with Young's modulus, [stress], Poisson's ratio, [-], and the strength in terms of the Cauchy
     /// stress.
     pub fn new(young: f64, poisson: f64, friction: Friction) -> Self {
+        let elasticity = Elasticity::from_young_poisson(young, poisson);
         MohrCoulomb {
-            elasticity: Elasticity::from_young_poisson(young, poisson),
+            settings: WedgeSettings { elasticity, measure: StrengthMeasure::Cauchy, softens: false },
             peak: friction.into(),
             tensile: f64::INFINITY,
             softening: None,
-            measure: StrengthMeasure::Cauchy,
             at_peak: NONE,
         }
         .prepared()
@@ -117,12 +116,13 @@ impl MohrCoulomb {
 
     /// The strength decays to this residual: cohesion and the tangents of both angles.
     pub fn softening(self, residual: Friction, softening: Softening) -> Self {
-        MohrCoulomb { softening: Some((residual.into(), softening)), ..self }
+        let settings = WedgeSettings { softens: true, ..self.settings };
+        MohrCoulomb { settings, softening: Some((residual.into(), softening)), ..self }
     }
 
     /// The stress that the strength limits.
     pub fn limiting(self, measure: StrengthMeasure) -> Self {
-        MohrCoulomb { measure, ..self }
+        MohrCoulomb { settings: WedgeSettings { measure, ..self.settings }, ..self }
     }
 
     /// Strength with these properties, and its derivative where these are the derivatives of the properties.
@@ -152,16 +152,8 @@ impl MohrCoulomb {
 }
 
 impl WedgeLaw for MohrCoulomb {
-    fn elasticity(&self) -> &Elasticity {
-        &self.elasticity
-    }
-
-    fn measure(&self) -> StrengthMeasure {
-        self.measure
-    }
-
-    fn softens(&self) -> bool {
-        self.softening.is_some()
+    fn settings(&self) -> &WedgeSettings {
+        &self.settings
     }
 
     fn is_associated(&self) -> bool {
@@ -181,7 +173,7 @@ impl WedgeLaw for MohrCoulomb {
         self.strength_of(&between(share, residual), &between(rate, &STILL))
     }
 
-    fn divided(&self, factor: f64) -> Self {
+    fn reduced(&self, factor: f64) -> Self {
         MohrCoulomb {
             peak: self.peak.divided(factor),
             tensile: self.tensile / factor,

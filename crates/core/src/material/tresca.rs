@@ -1,18 +1,17 @@
 //! Tresca plasticity.
 
-use super::wedge::{Strength, WedgeLaw};
+use super::wedge::{Strength, WedgeLaw, WedgeSettings};
 use super::{Elasticity, Softening, StrengthMeasure};
 
 /// Tresca plasticity: f = τ₁ − τ₃ − 2c with the largest and the smallest principal stress and the undrained shear strength
 /// c, with associated flow, which preserves the volume.
 #[derive(Debug, Clone)]
 pub struct Tresca {
-    elasticity: Elasticity,
+    settings: WedgeSettings,
     /// c at the start, [stress].
     cohesion: f64,
     /// c in the end, [stress], and the way there.
     softening: Option<(f64, Softening)>,
-    measure: StrengthMeasure,
 }
 
 impl Tresca {
@@ -20,31 +19,25 @@ impl Tresca {
     /// the Kirchhoff stress.
     pub fn new(young: f64, poisson: f64, cohesion: f64) -> Self {
         let elasticity = Elasticity::from_young_poisson(young, poisson);
-        Tresca { elasticity, cohesion, softening: None, measure: StrengthMeasure::Kirchhoff }
+        let settings = WedgeSettings { elasticity, measure: StrengthMeasure::Kirchhoff, softens: false };
+        Tresca { settings, cohesion, softening: None }
     }
 
     /// The strength decays to this residual, [stress].
     pub fn softening(self, residual: f64, softening: Softening) -> Self {
-        Tresca { softening: Some((residual, softening)), ..self }
+        let settings = WedgeSettings { softens: true, ..self.settings };
+        Tresca { settings, softening: Some((residual, softening)), ..self }
     }
 
     /// The stress that the strength limits.
     pub fn limiting(self, measure: StrengthMeasure) -> Self {
-        Tresca { measure, ..self }
+        Tresca { settings: WedgeSettings { measure, ..self.settings }, ..self }
     }
 }
 
 impl WedgeLaw for Tresca {
-    fn elasticity(&self) -> &Elasticity {
-        &self.elasticity
-    }
-
-    fn measure(&self) -> StrengthMeasure {
-        self.measure
-    }
-
-    fn softens(&self) -> bool {
-        self.softening.is_some()
+    fn settings(&self) -> &WedgeSettings {
+        &self.settings
     }
 
     fn is_associated(&self) -> bool {
@@ -65,7 +58,7 @@ impl WedgeLaw for Tresca {
         ]
     }
 
-    fn divided(&self, factor: f64) -> Self {
+    fn reduced(&self, factor: f64) -> Self {
         Tresca {
             cohesion: self.cohesion / factor,
             softening: self.softening.map(|(residual, softening)| (residual / factor, softening)),

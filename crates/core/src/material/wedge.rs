@@ -1,45 +1,31 @@
-//! Plasticity with the surface of Mohr and Coulomb, of which that of Tresca is a part: history, softening and the stress
-//! that the strength limits.
+//! Plasticity with the surface of Mohr and Coulomb, of which that of Tresca is a part: softening and the stress that the
+//! strength limits.
 
 mod return_mapping;
 
+use super::soil_plasticity::{PLASTIC_WORK, SoilPlasticity};
 use super::strength::{EQUIVALENT, ON_SURFACE};
-use super::{
-    Elasticity, Material, MaterialError, PrincipalLaw, PrincipalResponse, Response, StateField,
-    StrengthMeasure, update_in_principal_axes,
-};
-use crate::tensor::{Lane, Lanes, Sym3};
+use super::{Elasticity, MaterialError, PrincipalLaw, PrincipalResponse, StrengthMeasure};
+use crate::tensor::{Lane, Lanes};
 use return_mapping::Returned;
 pub(super) use return_mapping::Strength;
-
-/// History variables of these laws.
-pub(super) const FIELDS: [StateField; 3] = [
-    StateField::new("equivalent_plastic_strain", "-", 0.0),
-    StateField::new("plastic_volumetric_strain", "-", 0.0),
-    StateField::new("plastic_work", "energy/volume", 0.0),
-];
-
-/// Place of the plastic work among them.
-pub(super) const PLASTIC_WORK: usize = 2;
 
 /// Largest number of iterations for the softened strength.
 const MOST_ITERATIONS: usize = 60;
 
-/// The plastic volumetric strain of a point whose elastic strain has this trace at a volume ratio J: tr ε^e + ε_v^p = ln J
-/// then holds in every state, so that the law knows J.
-pub(super) fn start_from(trace: f64, volume_ratio: f64, history: &mut [f64]) {
-    history[1] = volume_ratio.ln() - trace;
+/// What laws with this surface have besides their strength.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct WedgeSettings {
+    pub(super) elasticity: Elasticity,
+    /// The stress that the strength limits.
+    pub(super) measure: StrengthMeasure,
+    /// True if the strength changes with the equivalent plastic strain.
+    pub(super) softens: bool,
 }
 
 /// A law with this surface: what distinguishes it from others.
 pub(super) trait WedgeLaw: std::fmt::Debug + Send + Sync + Sized + 'static {
-    fn elasticity(&self) -> &Elasticity;
-
-    /// The stress that the strength limits.
-    fn measure(&self) -> StrengthMeasure;
-
-    /// True if the strength changes with the equivalent plastic strain.
-    fn softens(&self) -> bool;
+    fn settings(&self) -> &WedgeSettings;
 
     /// True if flow is normal to the surface.
     fn is_associated(&self) -> bool;
@@ -48,7 +34,7 @@ pub(super) trait WedgeLaw: std::fmt::Debug + Send + Sync + Sized + 'static {
     fn strength(&self, kappa: f64) -> [Strength; 2];
 
     /// The law with its strength divided by a factor.
-    fn divided(&self, factor: f64) -> Self;
+    fn reduced(&self, factor: f64) -> Self;
 }
 
 impl<L: WedgeLaw> PrincipalLaw for L {
@@ -58,18 +44,18 @@ impl<L: WedgeLaw> PrincipalLaw for L {
         old: &[f64],
         new: &mut [f64],
     ) -> Result<PrincipalResponse, MaterialError> {
-        let (measure, softens) = (self.measure(), self.softens());
-        Wedge { elasticity: *self.elasticity(), measure, softens, law: self }.respond(trial, old, new)
+        Wedge { settings: *self.settings(), law: self }.respond(trial, old, new)
     }
 
     fn without_flow(&self, trial: &[Lanes; 3], old: &[Lanes]) -> Option<Elasticity> {
-        if self.softens() {
+        let WedgeSettings { elasticity, measure, softens } = self.settings();
+        if *softens {
             return None;
         }
-        let ([strength, _], elasticity) = (self.strength(0.0), self.elasticity());
+        let [strength, _] = self.strength(0.0);
         let tau = elasticity.stress_components(trial);
         let mut factor = Lanes::splat(1.0);
-        if self.measure() == StrengthMeasure::Cauchy {
+        if *measure == StrengthMeasure::Cauchy {
             factor += trial[0] + trial[1] + trial[2] + old[1]; // less than the exponential
         }
         let shear = tau[0] * strength.ratio - tau[2] - factor * strength.compressive;
@@ -79,49 +65,24 @@ impl<L: WedgeLaw> PrincipalLaw for L {
     }
 }
 
-impl<L: WedgeLaw> Material for L {
-    fn state_fields(&self) -> &[StateField] {
-        const { &FIELDS }
+impl<L: WedgeLaw> SoilPlasticity for L {
+    fn elasticity(&self) -> &Elasticity {
+        &self.settings().elasticity
     }
 
-    fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
-        update_in_principal_axes(self, trial, old, new)
+    fn is_symmetric(&self) -> bool {
+        let WedgeSettings { measure, softens, .. } = *self.settings();
+        self.is_associated() && measure == StrengthMeasure::Kirchhoff && !softens
     }
 
-    fn principal(&self) -> Option<&dyn PrincipalLaw> {
-        Some(self)
-    }
-
-    fn start_from(&self, elastic_strain: &Sym3, volume_ratio: f64, history: &mut [f64]) {
-        start_from(elastic_strain.trace(), volume_ratio, history);
-    }
-
-    fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {
-        self.elasticity().strain(tau)
-    }
-
-    fn energy(&self, elastic_strain: &Sym3, _: &[f64]) -> f64 {
-        self.elasticity().energy(elastic_strain)
-    }
-
-    fn plastic_work(&self, history: &[f64]) -> f64 {
-        history[PLASTIC_WORK]
-    }
-
-    fn tangent_is_symmetric(&self) -> bool {
-        self.is_associated() && self.measure() == StrengthMeasure::Kirchhoff && !self.softens()
-    }
-
-    fn with_strength_divided(&self, factor: f64) -> Option<Box<dyn Material>> {
-        Some(Box::new(self.divided(factor)))
+    fn divided(&self, factor: f64) -> Self {
+        self.reduced(factor)
     }
 }
 
 /// The return mapping of a law with this surface.
 struct Wedge<'a, L> {
-    elasticity: Elasticity,
-    measure: StrengthMeasure,
-    softens: bool,
+    settings: WedgeSettings,
     law: &'a L,
 }
 
@@ -156,10 +117,10 @@ impl<L: WedgeLaw> Wedge<'_, L> {
         new: &mut [f64],
     ) -> Result<PrincipalResponse, MaterialError> {
         new.copy_from_slice(old);
-        let elasticity = &self.elasticity;
+        let elasticity = &self.settings.elasticity;
         let tau = elasticity.principal_stress(trial);
         let trace = trial[0] + trial[1] + trial[2];
-        let factor = match self.measure {
+        let factor = match self.settings.measure {
             StrengthMeasure::Kirchhoff => 1.0,
             StrengthMeasure::Cauchy => (trace + old[1]).exp(),
         };
@@ -177,12 +138,12 @@ impl<L: WedgeLaw> Wedge<'_, L> {
         new[PLASTIC_WORK] += tau[0] * plastic[0] + tau[1] * plastic[1] + tau[2] * plastic[2];
         let mut modulus = *modulus;
         let [by_kappa, by_volume] = by_parameter;
-        if self.measure == StrengthMeasure::Cauchy {
+        if self.settings.measure == StrengthMeasure::Cauchy {
             for (row, change) in modulus.iter_mut().zip(by_volume) {
                 row.iter_mut().for_each(|entry| *entry += change);
             }
         }
-        if self.softens {
+        if self.settings.softens {
             let of_strain = flowed.growth(elasticity, &modulus);
             for (row, change) in modulus.iter_mut().zip(by_kappa) {
                 row.iter_mut().zip(of_strain).for_each(|(entry, growth)| *entry += change * growth);
@@ -215,7 +176,7 @@ impl<L: WedgeLaw> Wedge<'_, L> {
         at: AtTrial,
     ) -> Result<Flowed, MaterialError> {
         let mut flowed = self.flowed(trial, tau, kappa_n, at);
-        if !self.softens {
+        if !self.settings.softens {
             return Ok(flowed);
         }
         let (mut kappa, mut bounds) = (kappa_n, [kappa_n, f64::INFINITY]);
@@ -241,8 +202,8 @@ impl<L: WedgeLaw> Wedge<'_, L> {
 
     /// The stress returned to the surface of this strength.
     fn flowed(&self, trial: &[f64; 3], tau: &[f64; 3], kappa_n: f64, at: AtTrial) -> Flowed {
-        let elasticity = &self.elasticity;
-        let is_constant = self.measure == StrengthMeasure::Kirchhoff && !self.softens;
+        let elasticity = &self.settings.elasticity;
+        let is_constant = self.settings.measure == StrengthMeasure::Kirchhoff && !self.settings.softens;
         let returned = at.strength.returned(elasticity, tau, (!is_constant).then_some(&at.rates));
         let elastic_strain = elasticity.principal_strain(returned.tau);
         let mut flow: [f64; 3] = std::array::from_fn(|i| trial[i] - elastic_strain[i]);
@@ -250,7 +211,7 @@ impl<L: WedgeLaw> Wedge<'_, L> {
         flow.iter_mut().for_each(|x| *x -= mean);
         let length = (flow[0] * flow[0] + flow[1] * flow[1] + flow[2] * flow[2]).sqrt();
         let direction = if length > 0.0 { flow.map(|x| x * (EQUIVALENT / length)) } else { [0.0; 3] };
-        let slope = if self.softens {
+        let slope = if self.settings.softens {
             let of_kappa = elasticity.principal_strain(returned.by_parameter[0]);
             -(0..3).map(|i| direction[i] * of_kappa[i]).sum::<f64>()
         } else {

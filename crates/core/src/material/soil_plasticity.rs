@@ -1,0 +1,66 @@
+//! What the laws of soil share that are linearly elastic and flow in principal axes: history, energy and plastic work.
+
+use super::{
+    Elasticity, Material, MaterialError, PrincipalLaw, Response, StateField, update_in_principal_axes,
+};
+use crate::tensor::Sym3;
+
+/// History variables of these laws.
+const FIELDS: [StateField; 3] = [
+    StateField::new("equivalent_plastic_strain", "-", 0.0),
+    StateField::new("plastic_volumetric_strain", "-", 0.0),
+    StateField::new("plastic_work", "energy/volume", 0.0),
+];
+
+/// Place of the plastic work among them.
+pub(super) const PLASTIC_WORK: usize = 2;
+
+/// A law of soil with linear elasticity that is stated in principal axes.
+pub(super) trait SoilPlasticity: PrincipalLaw + std::fmt::Debug + Sized + 'static {
+    fn elasticity(&self) -> &Elasticity;
+
+    /// As [`Material::tangent_is_symmetric`].
+    fn is_symmetric(&self) -> bool;
+
+    /// The law with its strength divided by a factor.
+    fn divided(&self, factor: f64) -> Self;
+}
+
+impl<L: SoilPlasticity> Material for L {
+    fn state_fields(&self) -> &[StateField] {
+        const { &FIELDS }
+    }
+
+    fn update(&self, trial: &Sym3, old: &[f64], new: &mut [f64]) -> Result<Response, MaterialError> {
+        update_in_principal_axes(self, trial, old, new)
+    }
+
+    fn principal(&self) -> Option<&dyn PrincipalLaw> {
+        Some(self)
+    }
+
+    /// The plastic volumetric strain is such that tr ε^e + ε_v^p = ln J holds in every state, so that the law knows J.
+    fn start_from(&self, elastic_strain: &Sym3, volume_ratio: f64, history: &mut [f64]) {
+        history[1] = volume_ratio.ln() - elastic_strain.trace();
+    }
+
+    fn elastic_strain(&self, tau: &Sym3, _: &[f64]) -> Result<Sym3, MaterialError> {
+        self.elasticity().strain(tau)
+    }
+
+    fn energy(&self, elastic_strain: &Sym3, _: &[f64]) -> f64 {
+        self.elasticity().energy(elastic_strain)
+    }
+
+    fn plastic_work(&self, history: &[f64]) -> f64 {
+        history[PLASTIC_WORK]
+    }
+
+    fn tangent_is_symmetric(&self) -> bool {
+        self.is_symmetric()
+    }
+
+    fn with_strength_divided(&self, factor: f64) -> Option<Box<dyn Material>> {
+        Some(Box::new(self.divided(factor)))
+    }
+}
