@@ -149,6 +149,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D064", "a factor of safety that depends on the size of the cells"),
     ("D065", "a reduction of strength without loads"),
     ("D066", "a reduction of strength after another"),
+    ("D067", "a load on a side of a GIMP body of revolution"),
 ];
 
 impl Diagnostic {

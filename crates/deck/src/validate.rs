@@ -8,6 +8,7 @@ mod follow;
 mod geometry;
 mod grid;
 mod initial_stress;
+mod loaded_rings;
 mod loading;
 mod locking;
 mod materials;

@@ -21,6 +21,7 @@ impl Check<'_> {
         self.loads_without_effect();
         self.keys_without_effect();
         self.locking();
+        self.loaded_rings();
         self.one_point_per_cell();
         self.units();
         self.prescribed_motion();
