@@ -168,6 +168,11 @@ pub enum MaterialError {
     /// The law has no response to the trial strain.
     #[error("the law has no response to the trial elastic strain")]
     NoResponse,
+    /// The elastic stiffness is not positive definite: a further strain would lower the stress without flow.
+    #[error(
+        "the elasticity of the law is unstable at the trial elastic strain: the shear modulus follows the pressure too closely"
+    )]
+    Unstable,
     /// The response of the law is not finite.
     #[error("the response of the law to the trial elastic strain is not finite")]
     ResponseNotFinite,

@@ -71,7 +71,7 @@ impl PrincipalLaw for ModifiedCamClay {
         old: &[f64],
         new: &mut [f64],
     ) -> Result<PrincipalResponse, MaterialError> {
-        self.parameters.respond(&trial, old, new).ok_or(MaterialError::NoResponse)
+        self.parameters.respond(&trial, old, new)
     }
 
     fn respond_in_lanes(
@@ -82,24 +82,22 @@ impl PrincipalLaw for ModifiedCamClay {
     ) -> Option<PrincipalResponse<Lanes>> {
         Arch::new().dispatch(
             #[inline(always)]
-            || self.parameters.respond(trial, old, new),
+            || self.parameters.respond(trial, old, new).ok(),
         )
     }
 }
 
 impl CamClay {
-    /// Largest elastic ε_s of a stable state: beyond √(2κ̂/(3α)) q/P falls again if μ depends on the pressure alone, and the
-    /// clay would lose its strength; infinite otherwise.
-    fn largest_shear(&self) -> f64 {
-        if self.shear_modulus > 0.0 || self.shear_modulus_ratio <= 0.0 {
-            return f64::INFINITY;
-        }
-        (2.0 * self.swelling_index / (3.0 * self.shear_modulus_ratio)).sqrt()
+    /// Largest q/P that the elasticity can carry where μ depends on the pressure alone, √(3ακ̂/2), [-].
+    pub fn largest_stress_ratio(&self) -> f64 {
+        (1.5 * self.shear_modulus_ratio * self.swelling_index).sqrt()
     }
 
-    /// Largest q/P that the elasticity can carry, √(3ακ̂/2), [-]; infinite if μ₀ is not zero.
-    pub fn largest_stress_ratio(&self) -> f64 {
-        1.5 * self.shear_modulus_ratio * self.largest_shear()
+    /// True if the elasticity can carry the critical state that the initial P_c leads to without a change of volume, where the
+    /// initial stress is isotropic and equal to P₀.
+    pub fn carries_critical_state(&self) -> bool {
+        let pressure = 0.5 * self.overconsolidation_ratio * self.reference_pressure;
+        self.strain_of(pressure, self.critical_state_ratio * pressure).is_some()
     }
 
     /// The elastic strain invariants of a stress, by Newton's method in ε_s where μ depends on the pressure.

@@ -152,6 +152,13 @@ pub(super) fn modified_cam_clay(mut read: Reading, given: [&Expression; 7]) -> R
     let law = move |p: &[f64]| ModifiedCamClay::new(clay(p));
     let soft = move |p: &[f64]| {
         let (most, needed) = (clay(p).largest_stress_ratio(), ratio.at(p));
+        if shear.at(p) > 0.0 && !clay(p).carries_critical_state() {
+            let message = "the shear modulus follows the pressure too closely: the elasticity cannot carry the critical \
+                           state of the initial stress"
+                .to_owned();
+            let help = "give `shear_modulus` alone, or more of `shear_modulus` or `shear_modulus_ratio`";
+            return Inconsistency::new("shear_modulus_ratio", message, help);
+        }
         if shear.at(p) > 0.0 || most > needed {
             return None;
         }

@@ -5,8 +5,8 @@
 //! ε_v^e − ε_v^tr = Γ (2P − P_c)/P_cn, ε_s^e − ε_s^tr = −2Γ q/(M² P_cn) and f = 0,
 //! Borja and Tamagnini (1998). The direction of the deviator is that of the trial strain.
 
-use super::super::PrincipalResponse;
 use super::super::strength::{EQUIVALENT, ON_SURFACE};
+use super::super::{MaterialError, PrincipalResponse};
 use super::{CamClay, EQUIVALENT_STRAIN, PRECONSOLIDATION, VOLUMETRIC_STRAIN, WORK};
 use crate::tensor::{Lane, exp, ln};
 
@@ -81,6 +81,13 @@ impl<T: Lane> Elastic<T> {
         let Elastic { modulus, bulk, coupling, .. } = *self;
         let pressure = (bulk * volumetric + coupling * shear) * -1.0;
         [pressure, coupling * volumetric + modulus * shear * 3.0]
+    }
+
+    /// True if the elastic stiffness is positive definite at all points. Where μ grows with the pressure it is not beyond some
+    /// ε_s, and the stress falls without flow.
+    #[inline(always)]
+    fn is_stable(&self) -> bool {
+        (self.coupling * self.coupling - self.bulk * self.modulus * 3.0).is_below(0.0)
     }
 }
 
@@ -215,11 +222,7 @@ impl CamClay {
     fn flow<T: Lane>(&self, start: &Start<T>) -> Option<Returned<T>> {
         let ([volumetric, shear, gamma], equations) = self.solve(start)?;
         let Equations { jacobian, elastic, size, .. } = equations;
-        let (one, zero, infinite) = (T::splat(1.0), T::splat(0.0), T::splat(f64::INFINITY));
-        let flowing = start.tolerance.where_below(infinite, shear, zero);
-        if !flowing.is_below(self.largest_shear()) {
-            return None;
-        }
+        let (one, zero) = (T::splat(1.0), T::splat(0.0));
         // The trial strains enter the first two equations, and P_c, which depends on ε_v^e − ε_v^tr.
         let per = one / start.size;
         let solved = inverse(&jacobian);
@@ -239,14 +242,17 @@ impl CamClay {
         })
     }
 
-    /// As [`PrincipalLaw::respond`](crate::material::PrincipalLaw::respond); `None` if a point has no response.
+    /// As [`PrincipalLaw::respond`](crate::material::PrincipalLaw::respond).
+    ///
+    /// # Errors
+    /// If a point has no response.
     #[inline(always)]
     pub(super) fn respond<T: Lane>(
         &self,
         trial: &[T; 3],
         old: &[T],
         new: &mut [T],
-    ) -> Option<PrincipalResponse<T>> {
+    ) -> Result<PrincipalResponse<T>, MaterialError> {
         new.copy_from_slice(old);
         let (one, zero, infinite) = (T::splat(1.0), T::splat(0.0), T::splat(f64::INFINITY));
         let volumetric = trial[0] + trial[1] + trial[2];
@@ -257,7 +263,7 @@ impl CamClay {
         let (shear, size) = (length * EQUIVALENT, old[PRECONSOLIDATION]);
         let elastic = self.elastic(volumetric, shear);
         if !(elastic.pressure * elastic.pressure + elastic.shear * elastic.shear).is_below(f64::INFINITY) {
-            return None;
+            return Err(MaterialError::NoResponse);
         }
         let scale = elastic.pressure.where_below(size, size, elastic.pressure);
         let bound = scale * scale * ON_SURFACE;
@@ -278,10 +284,13 @@ impl CamClay {
             let first = zero.where_below(flows, self.first(volumetric, size), volumetric);
             let per_size = one / self.size(size, first - volumetric);
             let start = Start { volumetric, shear, size, first, per_size, tolerance };
-            reached.replace(&self.flow(&start)?, flows);
+            reached.replace(&self.flow(&start).ok_or(MaterialError::NoResponse)?, flows);
             new[PRECONSOLIDATION] = reached.size;
             new[EQUIVALENT_STRAIN] += shear - reached.strain[1];
             new[VOLUMETRIC_STRAIN] += volumetric - reached.strain[0];
+        }
+        if !reached.elastic.is_stable() {
+            return Err(MaterialError::Unstable);
         }
         let mut response = reached.respond(&deviator, length);
         for (strain, trial) in response.elastic_strain.iter_mut().zip(trial) {
@@ -290,7 +299,7 @@ impl CamClay {
         let [x, y, z] = response.tau;
         let [e_x, e_y, e_z] = response.elastic_strain;
         new[WORK] += x * (trial[0] - e_x) + y * (trial[1] - e_y) + z * (trial[2] - e_z);
-        Some(response)
+        Ok(response)
     }
 }
 
