@@ -364,9 +364,17 @@ fn initial_state(of: &InitialState) -> Value {
 
 /// The factors of a stage that reduces the strength; its name is null without stages.
 fn strength_reduction<const D: usize>(model: &Model<D>, of: &StageStrength) -> Value {
-    let StrengthBracket { stands, fails, slides, moved, growth } = of.bracket;
+    let StrengthBracket { stands, fails, slides, moved, growth, slumped } = of.bracket;
     let stage = model.stages.get(of.stage).map(|stage| &stage.name);
-    json!({"stage": stage, "stands": stands, "fails": fails, "slides": slides, "moved": moved, "growth": growth})
+    json!({
+        "stage": stage,
+        "stands": stands,
+        "fails": fails,
+        "slides": slides,
+        "moved": moved,
+        "growth": growth,
+        "slumped": slumped,
+    })
 }
 
 /// The probable cause of a failure, with advice.

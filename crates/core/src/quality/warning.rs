@@ -67,6 +67,9 @@ pub enum Code {
     /// A reduction of strength ends before bodies begin to run away.
     #[serde(rename = "W019")]
     StoppedShort,
+    /// Bodies slumped before their strength is reduced.
+    #[serde(rename = "W020")]
+    Slumped,
 }
 
 /// The codes of all warnings, each with its title.
@@ -90,6 +93,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("W017", "an equilibrium that is not stable"),
     ("W018", "bodies that slide while their strength is reduced"),
     ("W019", "a reduction of strength that ends before bodies run away"),
+    ("W020", "a reduction of strength of bodies that have slumped"),
 ];
 
 impl Code {
@@ -199,6 +203,7 @@ mod tests {
             Unstable,
             Slides,
             StoppedShort,
+            Slumped,
         ];
         assert_eq!(all.len(), CODES.len());
         for (code, (text, _)) in all.iter().zip(CODES) {

@@ -467,9 +467,11 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         if let Some(factor) = report.strength_factor {
             let movement = Movement::of(model, points, report.step);
             let from = model.stepping.strength_factor(model.stepping.start_time).unwrap_or(factor);
+            let slumped = self.reached.summary.damped - usize::from(report.damped);
             let bracket = self.reached.summary.strength_of(model.present.stage);
+            let begun = bracket.begins(slumped, report.step.index);
             let slides = bracket.stood(factor, from, movement, report.step.index);
-            self.reached.summary.warnings.extend(slides);
+            self.reached.summary.warnings.extend(begun.into_iter().chain(slides));
         }
         let Summary { quality, warnings, .. } = &mut self.reached.summary;
         if let Some(error) = self.equations.unreported_turn()

@@ -47,6 +47,10 @@ pub struct StrengthBracket {
     /// that deform evenly, large for bodies that begin to run away. `None` before the first step.
     #[serde(default)]
     pub growth: Option<f64>,
+    /// Number of steps before the stage whose equilibrium only damped iterations found: the bodies slumped, and the factors are
+    /// those of the shape that was left.
+    #[serde(default)]
+    pub slumped: usize,
 }
 
 /// The displacement in a step, and the height of the bodies that it is compared with.
@@ -138,6 +142,27 @@ impl StrengthBracket {
 }
 
 impl StrengthBracket {
+    /// Records at the start of a stage that bodies slumped in some steps before; returns a warning then.
+    pub(super) fn begins(&mut self, slumped: usize, step: usize) -> Option<Warning> {
+        if self.stands.is_some() || slumped == 0 {
+            return None;
+        }
+        self.slumped = slumped;
+        Some(Warning {
+            code: Code::Slumped,
+            step,
+            location: Location::default(),
+            value: Some(slumped as f64),
+            threshold: None,
+            message: format!(
+                "the bodies slumped before their strength is reduced: only damped iterations found equilibrium in {slumped} of \
+                 the steps. The factors are those of the shape that was left; the bodies in the shape that was drawn \
+                 do not stand at full strength"
+            ),
+            detail: None,
+        })
+    }
+
     /// A warning if equilibrium ceased before bodies began to run away. `step` is the last one in equilibrium.
     pub(super) fn stopped_short(&self, step: usize) -> Option<Warning> {
         let (growth, stands, fails) = (self.growth?, self.stands?, self.fails?);
@@ -165,6 +190,9 @@ fn decimals(low: f64, high: f64) -> usize {
 
 impl fmt::Display for StrengthBracket {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.slumped > 0 {
+            write!(f, "of the shape drawn, below that at which the bodies slumped; of the slumped shape, ")?;
+        }
         if let Some([stood, slid]) = self.slides {
             let (decimals, percent) = (decimals(stood, slid), 100.0 * SLIDES);
             write!(
@@ -222,6 +250,21 @@ mod tests {
         assert!((warning.value.unwrap() - 1.0).abs() < 1e-12);
         assert!(run(&[0.1, 0.1, 1.0, 9.0]).is_none(), "they run away");
         assert!(run(&[]).is_none(), "nothing is known");
+    }
+
+    #[test]
+    fn the_factor_of_bodies_that_slumped_is_not_that_of_the_shape_drawn() {
+        let mut bracket = StrengthBracket::default();
+        assert!(bracket.begins(0, 3).is_none());
+        let warning = bracket.begins(2, 3).unwrap();
+        assert_eq!((warning.code, warning.step, bracket.slumped), (Code::Slumped, 3, 2));
+        let bracket = StrengthBracket { stands: Some(1.04), fails: Some(1.05), ..bracket };
+        let words = bracket.to_string();
+        assert!(words.starts_with("of the shape drawn, below that at which the bodies slumped;"), "{words}");
+        assert!(words.ends_with(
+            "of the slumped shape, between 1.040 (in equilibrium) and 1.050 (no equilibrium found)"
+        ));
+        assert!({ bracket }.begins(2, 4).is_none(), "one warning for a stage");
     }
 
     #[test]
