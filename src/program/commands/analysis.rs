@@ -252,8 +252,10 @@ pub fn describe_failure(error: &SolveError) -> String {
         }
         text.push_str(&format!("\n  residuals: {}", history.join(", ")));
     }
-    // The diagnosis of a failure that smaller steps might have avoided has given better advice.
-    if let Some(help) = advice::on_error(error).filter(|_| !error.is_retryable()) {
+    // The diagnosis of a failure that smaller steps might have avoided has given advice that depends on the run.
+    let of_diagnosis =
+        error.is_retryable().then_some("see the diagnosis of the run and its advice, also in `summary.json`");
+    if let Some(help) = of_diagnosis.or_else(|| advice::on_error(error)) {
         text.push_str(&format!("\n  help: {help}"));
     }
     text
