@@ -93,10 +93,10 @@ impl CamClay {
         (1.5 * self.shear_modulus_ratio * self.swelling_index).sqrt()
     }
 
-    /// True if the elasticity can carry the critical state that the initial P_c leads to without a change of volume, where the
-    /// initial stress is isotropic and equal to P₀.
+    /// True if the elasticity can carry the critical state to which normally consolidated clay under the isotropic stress P₀
+    /// comes without a change of volume. Other paths may need more.
     pub fn carries_critical_state(&self) -> bool {
-        let pressure = 0.5 * self.overconsolidation_ratio * self.reference_pressure;
+        let pressure = 0.5 * self.reference_pressure;
         self.strain_of(pressure, self.critical_state_ratio * pressure).is_some()
     }
 

@@ -154,7 +154,7 @@ pub(super) fn modified_cam_clay(mut read: Reading, given: [&Expression; 7]) -> R
         let (most, needed) = (clay(p).largest_stress_ratio(), ratio.at(p));
         if shear.at(p) > 0.0 && !clay(p).carries_critical_state() {
             let message = "the shear modulus follows the pressure too closely: the elasticity cannot carry the critical \
-                           state of the initial stress"
+                           state"
                 .to_owned();
             let help = "give `shear_modulus` alone, or more of `shear_modulus` or `shear_modulus_ratio`";
             return Inconsistency::new("shear_modulus_ratio", message, help);
