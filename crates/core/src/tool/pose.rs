@@ -2,7 +2,7 @@
 
 use super::closest::Closest;
 use super::error::ShapeError;
-use super::rotation::{apply, exponential, left_jacobian, logarithm, product, transposed};
+use super::rotation::{apply, exponential, left_jacobian, logarithm, product, transposed, turning};
 use super::shape::Shape;
 use crate::region::finite;
 use crate::region::vector::{along, cross, dot, minus, unit};
@@ -59,6 +59,39 @@ impl<const D: usize> Pose<D> {
         }
     }
 
+    /// The rotation vector, in the axes of space, of the rotation from another pose to this one, [rad]: in the plane with
+    /// all full turns, in space by at most π.
+    pub fn rotation_since(&self, start: &Pose<D>) -> [f64; 3] {
+        if D == 3 {
+            let turned = product(&self.rotation, &transposed(&start.rotation));
+            logarithm(&std::array::from_fn(|i| std::array::from_fn(|j| turned[i % D][j % D])))
+        } else {
+            [0.0, 0.0, self.angle - start.angle]
+        }
+    }
+
+    /// All its numbers, from which [`Pose::from_numbers`] restores it to the last bit.
+    pub fn to_numbers(&self) -> Vec<f64> {
+        let rotation = self.rotation.as_flattened().iter();
+        self.position.iter().chain(rotation).copied().chain([self.angle]).collect()
+    }
+
+    /// The pose with these numbers; `None` if they are not those of a pose.
+    pub fn from_numbers(numbers: &[f64]) -> Option<Self> {
+        let (position, rest) = numbers.split_first_chunk::<D>()?;
+        let (angle, matrix) = rest.split_last()?;
+        let (rows, left) = matrix.as_chunks::<D>();
+        let rotation: [[f64; D]; D] = rows.try_into().ok()?;
+        let square = product(&transposed(&rotation), &rotation);
+        let is_rotation = (0..D).all(|i| (0..D).all(|j| (square[i][j] - unit::<D>(i)[j]).abs() < 1e-6));
+        let is_finite = numbers.iter().all(|x| x.is_finite());
+        (left.is_empty() && is_rotation && is_finite).then_some(Pose {
+            position: *position,
+            rotation,
+            angle: *angle,
+        })
+    }
+
     /// The position in space of a position in the frame of the tool, [length].
     pub fn to_space(&self, x: &[f64; D]) -> [f64; D] {
         along(&self.position, 1.0, &apply(&self.rotation, x))
@@ -98,8 +131,12 @@ impl<const D: usize> Pose<D> {
     /// The closest point, in space, of the surface of a tool in this pose; `None` if |gap| exceeds `limit`, [length], or
     /// a coordinate is not finite.
     pub fn closest(&self, shape: &dyn Shape<D>, x: [f64; D], limit: f64) -> Option<Closest<D>> {
-        let found = shape.closest_within(self.to_tool(&x), limit)?;
-        Some(found.turned(&self.rotation, |x| self.to_space(x)))
+        Some(self.in_space(&shape.closest_within(self.to_tool(&x), limit)?))
+    }
+
+    /// A closest point in the frame of a tool in this pose, in space.
+    pub fn in_space(&self, found: &Closest<D>) -> Closest<D> {
+        found.turned(&self.rotation, |x| self.to_space(x))
     }
 }
 
@@ -131,9 +168,13 @@ impl<const D: usize> Increment<D> {
         along(&along(&start.position, 1.0, &self.translation), 1.0, &arm)
     }
 
-    /// Displacement over the motion of the point of the tool that is at `x` before it, [length].
+    /// Displacement over the motion of the point of the tool that is at `x` before it, [length]. Its round-off is relative to
+    /// it, not to the position.
     pub fn displacement(&self, start: &Pose<D>, x: &[f64; D]) -> [f64; D] {
-        minus(&self.carry(start, x), x)
+        let arm = minus(x, &start.position);
+        let arm = std::array::from_fn(|d| if d < D { arm[d % D] } else { 0.0 });
+        let turned = turning(&self.rotation_vector(), &arm);
+        std::array::from_fn(|d| self.translation[d] + turned[d])
     }
 
     /// Derivative of [`Increment::carry`] with respect to the rotation, `[k][i]` = ∂x_i/∂θ_k, [length]. The derivative
@@ -152,6 +193,16 @@ impl<const D: usize> Increment<D> {
             let moved = if D == 3 || k == 2 { cross(&jacobian[k], &arm) } else { [0.0; 3] };
             std::array::from_fn(|d| moved[d % 3])
         })
+    }
+
+    /// The rate of rotation of the tool, in the axes of space, as component `k` of the rotation grows, [-]: column k of the
+    /// left Jacobian J of exp(θ̂). In the plane only the third one is not zero.
+    pub fn rotation_rate(&self, k: usize) -> [f64; 3] {
+        match (D, k) {
+            (3, _) => transposed(&left_jacobian(&self.rotation_vector()))[k % 3],
+            (_, 2) => [0.0, 0.0, 1.0],
+            _ => [0.0; 3],
+        }
     }
 
     /// Derivative of the gap of a fixed position x with respect to the translation and to the rotation, [-] and

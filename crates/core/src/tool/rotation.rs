@@ -49,6 +49,15 @@ pub(super) fn exponential(v: &[f64; 3]) -> Matrix {
     })
 }
 
+/// exp(v̂) x − x, without the round-off of a difference.
+pub(super) fn turning(v: &[f64; 3], x: &[f64; 3]) -> [f64; 3] {
+    let t = norm(v);
+    let sine = if t == 0.0 { 1.0 } else { t.sin() / t };
+    let [second, _] = coefficients(t);
+    let once = cross(v, x);
+    along(&once.map(|x| sine * x), second, &cross(v, &once))
+}
+
 /// The left Jacobian J with d exp(v̂) = (J dv)^ exp(v̂) (Chirikjian, *Stochastic Models, Information Theory, and Lie
 /// Groups* 2, 2012).
 pub(super) fn left_jacobian(v: &[f64; 3]) -> Matrix {
