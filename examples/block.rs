@@ -132,6 +132,7 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
         stepping: Stepping::fixed(3, 1.0),
         newton: Newton::default(),
         probes: Vec::new(),
+        tools: Vec::new(),
         initial_imbalance: None,
         stages: Vec::new(),
         moving_grid: None,

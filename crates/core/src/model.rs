@@ -19,6 +19,7 @@ mod newton;
 mod stabilisation;
 mod stage;
 mod stepping;
+mod tool;
 
 pub use arrays::HistoryVariable;
 pub use boundary_condition::{BoundaryCondition, NodeSet, OnSurface, displacement_at};
@@ -30,6 +31,7 @@ pub use newton::{Newton, PatternReuse, Predictor, StiffnessUpdate};
 pub use stabilisation::{Stabilisation, StabilisationMode};
 pub use stage::{Course, Factors, Present, Stage};
 pub use stepping::{Control, SAME_TIME, Stepping};
+pub use tool::{ContactControl, Freedom, Interface, Shear, Tool, ToolLoad};
 
 /// A named material.
 #[derive(Debug)]
@@ -49,7 +51,7 @@ pub struct Body {
     pub material: usize,
     /// Material point method of its points.
     pub method: Method,
-    /// Update rule of their domains; ignored by methods without domains.
+    /// Update rule of their domains and, for standard points, of the boxes with which they touch tools.
     pub domain_update: DomainUpdate,
     /// Treatment of the volumetric deformation.
     pub volumetric: Volumetric,
@@ -92,6 +94,8 @@ pub struct Model<const D: usize> {
     pub boundary_conditions: Vec<BoundaryCondition<D>>,
     /// External forces.
     pub loads: Vec<Load<D>>,
+    /// Rigid tools that touch the bodies.
+    pub tools: Vec<Tool<D>>,
     /// Treatment of an initial state out of balance, if bodies are stressed and loaded at time 0; the loads then have the
     /// factors of their curves there. `None` if nothing is stressed and nothing is loaded at time 0.
     pub initial_imbalance: Option<InitialImbalance>,
@@ -123,6 +127,7 @@ impl<const D: usize> Model<D> {
             surfaces: Vec::new(),
             boundary_conditions: Vec::new(),
             loads: Vec::new(),
+            tools: Vec::new(),
             initial_imbalance: None,
             stepping: Stepping::fixed(1, 1.0),
             newton: Newton::default(),

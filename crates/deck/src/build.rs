@@ -182,6 +182,7 @@ where
             surfaces,
             boundary_conditions,
             loads,
+            tools: Vec::new(),
             initial_imbalance: is_stressed(deck).then_some(deck.analysis.initial_imbalance),
             stepping,
             newton: deck.solver.newton(),

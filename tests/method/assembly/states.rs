@@ -245,6 +245,7 @@ pub fn state_on<const D: usize, M: Mechanics<D>>(
         stepping: Stepping::fixed(1, 1.0),
         newton: Newton::default(),
         probes: Vec::new(),
+        tools: Vec::new(),
         initial_imbalance: None,
         stages: Vec::new(),
         moving_grid: None,

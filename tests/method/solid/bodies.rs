@@ -121,6 +121,7 @@ pub fn model(
         stepping: Stepping::fixed(n_steps, 1.0),
         newton: Newton::default(),
         probes: Vec::new(),
+        tools: Vec::new(),
         initial_imbalance: None,
         stages: Vec::new(),
         moving_grid: None,

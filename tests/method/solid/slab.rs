@@ -107,6 +107,7 @@ fn slab(plane: Model<2>, thickness: f64) -> Model<3> {
         stepping: plane.stepping.clone(),
         newton: plane.newton,
         probes: Vec::new(),
+        tools: Vec::new(),
         initial_imbalance: None,
         stages: Vec::new(),
         moving_grid: None,

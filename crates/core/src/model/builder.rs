@@ -9,16 +9,18 @@ use crate::points::{Points, Seed};
 use crate::stress::Volumetric;
 use crate::tensor::padded;
 
-use super::{Action, Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, NodeSet, Stepping};
+use super::{
+    Action, Body, BoundaryCondition, Load, LoadCurve, Model, NamedMaterial, NodeSet, Stepping, Tool,
+};
 
 /// A model that cannot be built.
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum BuildError {
-    /// Two materials, bodies, boundary conditions or loads have the same name.
+    /// Two materials, bodies, boundary conditions, loads or tools have the same name.
     #[error("there are two {kind} with the name `{name}`")]
     Repeated {
-        /// Materials, bodies, boundary conditions or loads.
+        /// Materials, bodies, boundary conditions, loads or tools.
         kind: &'static str,
         /// The name.
         name: String,
@@ -173,7 +175,7 @@ impl<const D: usize> Builder<D> {
             self.seeds.push(Seed {
                 body,
                 position,
-                half_lengths: if domain == DomainKind::Box { half } else { [0.0; D] },
+                half_lengths: if domain == DomainKind::Corners { [0.0; D] } else { half },
                 corners: if domain == DomainKind::Corners {
                     (0..1 << D).map(corner).collect()
                 } else {
@@ -234,6 +236,13 @@ impl<const D: usize> Builder<D> {
         self
     }
 
+    /// Adds a rigid tool.
+    pub fn tool(mut self, tool: Tool<D>) -> Self {
+        self.refuse_repeated("tools", &tool.name, |model| model.tools.iter().any(|t| t.name == tool.name));
+        self.model.tools.push(tool);
+        self
+    }
+
     /// Divides the loading into `count` equal steps.
     pub fn steps(mut self, count: usize) -> Self {
         self.model.stepping = Stepping::fixed(count.max(1), 1.0);
@@ -246,6 +255,12 @@ impl<const D: usize> Builder<D> {
     /// The first error.
     pub fn build(mut self) -> Result<(Model<D>, Points<D>), BuildError> {
         let bodies = self.model.bodies.len();
+        if self.model.tools.is_empty() {
+            let has_box =
+                |seed: &Seed<D>| self.model.bodies[seed.body as usize].method.domain() == DomainKind::Box;
+            let seeds = self.seeds.iter_mut().filter(|seed| !has_box(seed));
+            seeds.for_each(|seed| seed.half_lengths = [0.0; D]);
+        }
         self.model.loads.iter_mut().for_each(|load| load.acts_on = vec![true; bodies]);
         match self.fault {
             Some(fault) => Err(fault),

@@ -42,8 +42,8 @@ point_fields! {
         motion {
             /// Position x_p.
             position: [f64; D] = one(|seed| seed.position), in "length", called "position";
-            /// Half lengths l_p of the domain along the axes; zero for points without domain, and empty if no point has
-            /// such a domain.
+            /// Half lengths l_p of the domain along the axes, and of the box with which a standard point touches tools; zero
+            /// for points without, and empty if no point has any.
             half_lengths: [f64; D] = one_or_none(|seed| seed.half_lengths), in "length", called "half length";
             /// Corners of the domains given by corners; those of a point are at [`Points::corner_range`].
             corners: [f64; D] = up_to[corners_per_point](|seed| &seed.corners), in "length", called "domain";

@@ -71,6 +71,7 @@ pub(super) fn move_points<const D: usize, M: Mechanics<D>>(
             nodes,
             products,
             delta_d,
+            &nodal,
             &displacement,
             p,
             step,
@@ -182,6 +183,7 @@ fn move_point<const D: usize, M: Mechanics<D>>(
     nodes: &[u32],
     products: &mut Products<D>,
     delta_d: &[[f64; D]],
+    nodal: &impl Fn(usize) -> [f64; D],
     displacement: &impl Fn(&[f64; D]) -> [f64; D],
     p: usize,
     step: Step,
@@ -214,7 +216,7 @@ fn move_point<const D: usize, M: Mechanics<D>>(
         is_replaced: false,
     };
     match body.method.domain() {
-        DomainKind::None => {}
+        DomainKind::None => moved.half_lengths = box_of_standard_point(model, points, p, (&F, &dF), &nodal),
         DomainKind::Box => {
             let motion = DomainMotion {
                 F: &along_axes::<D>(F),
@@ -255,6 +257,41 @@ fn move_point<const D: usize, M: Mechanics<D>>(
         }
     }
     Ok(moved)
+}
+
+/// The updated half lengths of the box of a standard point, which only contact with tools uses; zero for points without box.
+/// Where its corners lie beyond the cell of the point, they move with the basis of that cell, continued: the next cell may
+/// hold no material. A box that would collapse keeps its size.
+fn box_of_standard_point<const D: usize>(
+    model: &Model<D>,
+    points: &Points<D>,
+    p: usize,
+    (F, dF): (&Mat3, &Mat3),
+    nodal: &impl Fn(usize) -> [f64; D],
+) -> [f64; D] {
+    let previous = points.half_lengths(p);
+    if previous == [0.0; D] {
+        return previous;
+    }
+    let displacement = |place: &[f64; D]| {
+        let basis = model.grid.basis_at(points.cell[p], place);
+        let mut sum = [0.0; D];
+        for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
+            let at_node = nodal(node as usize);
+            (0..D).for_each(|d| sum[d] += value * at_node[d]);
+        }
+        sum
+    };
+    let motion = DomainMotion {
+        F: &along_axes::<D>(*F),
+        dF: &along_axes::<D>(*dF),
+        original: &points.original_half_lengths[p],
+        previous: &previous,
+        position: &points.converged.position[p],
+        displacement: &displacement,
+    };
+    let update = model.bodies[points.body[p] as usize].domain_update;
+    update.half_lengths(&motion).unwrap_or(previous)
 }
 
 /// A deformation gradient restricted to the `D` axes: the domain does not depend on the rest, the stretch around the

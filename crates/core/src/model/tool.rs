@@ -1,0 +1,208 @@
+//! Rigid tools that touch the bodies.
+
+use std::sync::Arc;
+
+use crate::formula::Formula;
+use crate::tool::{Pose, Shape};
+
+use super::load::LoadCurve;
+
+/// A rigid tool: it moves as prescribed, or as its loads and the bodies let it, and no body may enter it.
+#[derive(Debug, Clone)]
+pub struct Tool<const D: usize> {
+    /// Name under which its forces are reported.
+    pub name: String,
+    /// Shape in the frame of the tool. The origin of the frame is the reference point.
+    pub shape: Arc<dyn Shape<D>>,
+    /// Pose at the start of the analysis.
+    pub pose: Pose<D>,
+    /// Motion of the reference point along each axis of space.
+    pub translation: [Freedom; D],
+    /// Rotation about the axes of space x, y and z. In the plane only the last one counts.
+    pub rotation: [Freedom; 3],
+    /// Load factor of the prescribed motion over time.
+    pub curve: LoadCurve,
+    /// Forces on the tool from outside. They move it along its free components.
+    pub loads: Vec<ToolLoad<D>>,
+    /// Interface with the bodies that `pairs` does not list; `None` if it does not touch them.
+    pub interface: Option<Interface>,
+    /// Interfaces with single bodies, by their numbers; `None` if the tool does not touch the body.
+    pub pairs: Vec<(usize, Option<Interface>)>,
+    /// Control of the contact.
+    pub control: ContactControl,
+}
+
+/// One component of the motion of a tool.
+#[derive(Debug, Clone)]
+pub enum Freedom {
+    /// The displacement, [length], or rotation, [rad], since time 0. A formula of the load factor and the time, in this
+    /// order; a formula that depends on neither is multiplied by the load factor. In space, three prescribed rotations are
+    /// the components of a rotation vector.
+    Prescribed(Formula),
+    /// The component follows from equilibrium.
+    Free,
+}
+
+/// A force on a tool from outside, such as its weight, with a fixed direction.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ToolLoad<const D: usize> {
+    /// Force at load factor 1, [force]; for bodies of revolution on the full circle, otherwise in the plane per unit
+    /// thickness.
+    pub force: [f64; D],
+    /// Moment about the reference point and the axes of space at load factor 1, [force·length].
+    pub moment: [f64; 3],
+    /// Load factor over time.
+    pub curve: LoadCurve,
+}
+
+/// The interface between a tool and a body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interface {
+    /// Resistance to sliding.
+    pub shear: Shear,
+    /// Largest tension, [stress]. It acts once the surfaces have touched, until they part.
+    pub tension_cut_off: f64,
+}
+
+/// The resistance of an interface to sliding.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shear {
+    /// The surfaces stick as long as they touch. Where they are about to part, the shear stress is at most ten times the
+    /// pressure above the tension cut-off, so that forces change continuously.
+    Rough,
+    /// The shear stress reaches at most `adhesion + friction · p` at the pressure p, and no more than rough surfaces can
+    /// transfer.
+    Coulomb {
+        /// Coefficient of friction, [-].
+        friction: f64,
+        /// Shear strength at zero pressure, [stress].
+        adhesion: f64,
+    },
+}
+
+impl Interface {
+    /// An interface that transfers pressure only.
+    pub const SMOOTH: Interface = Interface::with_friction(0.0);
+
+    /// An interface with Coulomb friction and nothing else.
+    pub const fn with_friction(friction: f64) -> Interface {
+        Interface { shear: Shear::Coulomb { friction, adhesion: 0.0 }, tension_cut_off: 0.0 }
+    }
+
+    /// An interface on which the surfaces stick as long as they touch, and part freely.
+    pub const ROUGH: Interface = Interface { shear: Shear::Rough, tension_cut_off: 0.0 };
+
+    /// True if it transfers no shear.
+    pub fn is_smooth(&self) -> bool {
+        self.shear == Shear::Coulomb { friction: 0.0, adhesion: 0.0 }
+    }
+}
+
+/// Control of the contact of a tool.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactControl {
+    /// Penalty stiffness per area, relative to the axial modulus of the body over the size of a cell, [-]. It sets the
+    /// number of iterations; results do not depend on it.
+    pub penalty: f64,
+    /// Largest overlap, and largest slip of places that stick, in a step in equilibrium, in the mean over the places around
+    /// a node and relative to the size of a cell, [-]. Places that hinder each
+    /// other may keep more: up to 10⁻⁴ in the mean, and 10⁻³ each.
+    pub tolerance: f64,
+    /// Largest motion of a place in contact relative to the tool in a step, relative to the size of a cell, [-].
+    pub largest_slide: f64,
+    /// Largest number of updates of the multipliers in a step.
+    pub augmentations: usize,
+}
+
+impl Default for ContactControl {
+    fn default() -> Self {
+        ContactControl { penalty: 100.0, tolerance: 1e-6, largest_slide: 0.5, augmentations: 20 }
+    }
+}
+
+impl Freedom {
+    /// The component does not move.
+    pub fn fixed() -> Freedom {
+        Freedom::Prescribed(Formula::constant(0.0))
+    }
+
+    /// True if it is free.
+    pub fn is_free(&self) -> bool {
+        matches!(self, Freedom::Free)
+    }
+
+    /// True if it does not move at all.
+    pub fn is_fixed(&self) -> bool {
+        matches!(self, Freedom::Prescribed(formula) if formula.as_constant() == Some(0.0))
+    }
+
+    /// The prescribed value at a load factor and a time, [length] or [rad]; 0 for a free component.
+    pub fn value(&self, factor: f64, time: f64) -> f64 {
+        let Freedom::Prescribed(formula) = self else { return 0.0 };
+        let value = formula.evaluate(&[factor, time]);
+        if formula.depends_on(0) || formula.depends_on(1) { value } else { value * factor }
+    }
+}
+
+impl<const D: usize> Tool<D> {
+    /// A smooth tool that does not move.
+    pub fn new(name: impl Into<String>, shape: impl Shape<D> + 'static, pose: Pose<D>) -> Self {
+        Tool {
+            name: name.into(),
+            shape: Arc::new(shape),
+            pose,
+            translation: std::array::from_fn(|_| Freedom::fixed()),
+            rotation: std::array::from_fn(|_| Freedom::fixed()),
+            curve: LoadCurve::ramp(1.0),
+            loads: Vec::new(),
+            interface: Some(Interface::SMOOTH),
+            pairs: Vec::new(),
+            control: ContactControl::default(),
+        }
+    }
+
+    /// Component `k` of its motion: the translations, then the rotations about x, y and z.
+    pub fn freedom(&self, k: usize) -> &Freedom {
+        if k < D { &self.translation[k] } else { &self.rotation[(k - D) % 3] }
+    }
+
+    /// The components that count: in the plane only one rotation.
+    pub fn components() -> impl Iterator<Item = usize> {
+        (0..D + 3).filter(|&k| k < D || D == 3 || k == D + 2)
+    }
+
+    /// Name of component `k` of its motion.
+    pub fn component_name(k: usize) -> &'static str {
+        let names = ["x", "y", "z", "the rotation about x", "the rotation about y", "the rotation about z"];
+        names[if k < D { k } else { (k + 3 - D) % 6 }]
+    }
+
+    /// The interface with a body; `None` if the tool does not touch it.
+    pub fn interface_with(&self, body: usize) -> Option<Interface> {
+        let listed = self.pairs.iter().find(|(number, _)| *number == body);
+        listed.map_or(self.interface, |(_, interface)| *interface)
+    }
+
+    /// True if it transfers no shear to any body.
+    pub fn is_smooth(&self) -> bool {
+        let pairs = self.pairs.iter().map(|(_, interface)| interface);
+        pairs.chain([&self.interface]).flatten().all(Interface::is_smooth)
+    }
+
+    /// True if a motion is prescribed or a load acts that changes with time.
+    pub fn is_driven(&self) -> bool {
+        let moves = |k: usize| !self.freedom(k).is_free() && !self.freedom(k).is_fixed();
+        !self.loads.is_empty() || Self::components().any(moves)
+    }
+
+    /// Force and moment of its loads at a time, [force] and [force·length].
+    pub fn load_at(&self, time: f64) -> ([f64; D], [f64; 3]) {
+        let (mut force, mut moment) = ([0.0; D], [0.0; 3]);
+        for load in &self.loads {
+            let factor = load.curve.factor(time);
+            (0..D).for_each(|d| force[d] += factor * load.force[d]);
+            (0..3).for_each(|d| moment[d] += factor * load.moment[d]);
+        }
+        (force, moment)
+    }
+}
