@@ -40,6 +40,8 @@ pub struct System<const N: usize> {
     /// The part of the external force that holds bodies as reactions do: of conditions on surfaces, and what a stage releases,
     /// [force]. None without such forces.
     holding: Option<Nodal<N>>,
+    /// Round-off of the external force at each node beyond that of its terms, [force]; `None` if there is none.
+    round_off: Option<Vec<f64>>,
     /// The change of the external force with the load factor, where that follows from equilibrium, [force].
     pub(crate) per_factor: Option<Nodal<N>>,
     /// The equations of global unknowns.
@@ -66,6 +68,7 @@ impl<const N: usize> System<N> {
             internal: zero.clone(),
             external: zero,
             holding: None,
+            round_off: None,
             per_factor: None,
             border: Border::new(globals, links.n_active()),
             reduced: Vec::new(),
@@ -103,7 +106,7 @@ impl<const N: usize> System<N> {
         }
         self.internal.fill([0.0; N]);
         self.external.fill([0.0; N]);
-        (self.holding, self.per_factor) = (None, None);
+        (self.holding, self.per_factor, self.round_off) = (None, None, None);
         self.border.clear();
     }
 
@@ -150,6 +153,19 @@ impl<const N: usize> System<N> {
             holding[d] += f;
             self.external[node][d] += f;
         }
+    }
+
+    /// Adds to the round-off of the external force at a node, [force].
+    pub fn add_round_off(&mut self, node: usize, force: f64) {
+        if force > 0.0 {
+            let n = self.external.len();
+            self.round_off.get_or_insert_with(|| vec![0.0; n])[node] += force;
+        }
+    }
+
+    /// Round-off of the external force at each node beyond that of its terms, [force]; `None` if there is none.
+    pub fn round_off(&self) -> Option<&[f64]> {
+        self.round_off.as_deref()
     }
 
     /// Counts a part of the external force that has been added as a force that holds bodies, [force].

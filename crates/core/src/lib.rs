@@ -28,7 +28,7 @@
 //! | Basis functions | [`basis`]: one file per material point method (MPM, GIMP, CPDI); [`domain`]: update of GIMP domains. The corners of CPDI domains, [`points::State::corners`], are moved by [`solver`] at the end of a step |
 //! | Kernel of a point | [`kinematics`]: deformation increment; [`material`]: constitutive laws; [`stress`]: stress P̃ and tangent Ã in three dimensions ([`stress::Solid`]), plane strain ([`stress::PlaneStrain`]) and axisymmetry ([`stress::Axisymmetric`]); [`tensor`]: tensors and their spectral functions |
 //! | Element tests | [`element_test`]: one point of a law along a path of strain or stress, as in the laboratory |
-//! | Equilibrium equations | [`terms`]: the material points (f^int and K, eqs. (19)-(23), gradients mapped by eq. (8)), external forces and ghost stabilisation, each of which adds force and stiffness to the [`assembly::System`]; [`dofs`]: displacements prescribed along axes or inclined directions, ties, free degrees of freedom |
+//! | Equilibrium equations | [`terms`]: the material points (f^int and K, eqs. (19)-(23), gradients mapped by eq. (8)), external forces, ghost stabilisation, surfaces, and contact with rigid tools ([`terms::Contact`]), each of which adds force and stiffness to the [`assembly::System`]; [`dofs`]: displacements prescribed along axes or inclined directions, ties, free degrees of freedom |
 //! | Linear solvers | [`linear`]: the trait [`linear::Backend`], the direct and the multigrid backend |
 //! | Quality of results | [`quality`]: measures of numerical quality, and the warnings derived from them |
 //! | Surfaces of bodies | [`surface`]: samples of the boundary of a body, carried by the grid, for tractions, pressures and weakly prescribed motions |

@@ -1,8 +1,9 @@
 //! The parts of equilibrium. Each adds force and stiffness to the grid; Newton's method uses only their sum.
 //!
-//! Four terms are built in: the material points, the ghost stabilisation, the external forces on material points, and the
-//! surfaces with their loads and weak conditions. A new term implements [`Term`], in a file here or in another crate.
+//! Five terms are built in: the material points, the ghost stabilisation, the external forces on material points, the
+//! surfaces with their loads and weak conditions, and the contact with rigid tools. A new term implements [`Term`], in a file here or in another crate.
 
+pub mod contact;
 pub mod external_force;
 mod failure;
 pub mod ghost;
@@ -12,7 +13,8 @@ mod sum;
 pub mod surface;
 mod term;
 
+pub use contact::{Contact, ContactError, ContactPlace, ContactPoint, Mode, ToolState};
 pub use failure::{BeginError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost};
 pub use sum::{Sum, Terms, of_model, restore};
 pub use surface::Surfaces;
-pub use term::{FURTHER, Ledger, NamedForce, SurfaceReaction, Term};
+pub use term::{Augmentation, FURTHER, Ledger, NamedForce, SurfaceReaction, Term};

@@ -33,6 +33,9 @@ pub struct Energy {
     /// Plastic work that the history variables of the laws show for this step, but which was not done because the strength
     /// was reduced, [energy].
     pub undone_work: f64,
+    /// Work of friction between tools and bodies during the step, [energy]. The external work contains it: that of tools
+    /// is the work of their forces over their own motion.
+    pub friction_work: f64,
 }
 
 impl Energy {
@@ -49,6 +52,7 @@ impl Energy {
             regridding_work: before.regridding_work + self.regridding_work,
             stabilisation_work: before.stabilisation_work + self.stabilisation_work,
             damping_work: before.damping_work + self.damping_work,
+            friction_work: before.friction_work + self.friction_work,
             ..self
         }
     }
@@ -64,12 +68,14 @@ impl Energy {
         f_int_start: &[[f64; N]],
         ledger: Ledger,
     ) -> Energy {
-        let Ledger { stored, plastic, undone, lost } = ledger;
+        let Ledger { stored, plastic, undone, lost, friction } = ledger;
         let mut energy = Energy {
             stabilisation_work: lost,
             strain_energy: stored,
             plastic_work: plastic,
             undone_work: undone,
+            friction_work: friction,
+            external_work: friction,
             ..Energy::default()
         };
         for (node, du) in delta_d.iter().enumerate() {

@@ -4,7 +4,7 @@ use crate::basis::Connectivity;
 use crate::dofs::DofMap;
 use crate::linear::Factorisation;
 use crate::model::Model;
-use crate::terms::NamedForce;
+use crate::terms::{NamedForce, ToolState};
 
 use super::balance::{Energy, ReactionMoment};
 use crate::step::{Nodal, Step};
@@ -49,6 +49,8 @@ pub struct StepReport<const D: usize> {
     pub factorisations: Vec<Factorisation>,
     /// Total number of iterations of the linear solver; 0 for a direct solver.
     pub linear_iterations: usize,
+    /// Number of updates of multipliers. After each, one evaluation shows the new residual before the next linear solve.
+    pub augmentations: usize,
     /// Reaction of each boundary condition, [force].
     pub reactions: Vec<[f64; D]>,
     /// Moment of the reaction of each boundary condition; `None` for bodies of revolution.
@@ -59,6 +61,8 @@ pub struct StepReport<const D: usize> {
     pub forces: Vec<NamedForce<D>>,
     /// The surfaces of the model.
     pub surfaces: Vec<SurfaceFields<D>>,
+    /// The rigid tools of the model.
+    pub tools: Vec<ToolState<D>>,
     /// Work and energy.
     pub energy: Energy,
     /// Relative imbalance of moments, see [`moment_error`](super::moment_error), [-]; `None` for bodies of revolution.
@@ -76,6 +80,11 @@ pub struct StepReport<const D: usize> {
 }
 
 impl<const D: usize> StepReport<D> {
+    /// Number of linear solves.
+    pub fn solves(&self) -> usize {
+        self.residuals.len() - 1 - self.augmentations
+    }
+
     /// Sum of all loads on the points, [force].
     pub fn applied(&self) -> [f64; D] {
         // An empty sum of floats is −0.

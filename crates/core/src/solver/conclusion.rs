@@ -68,6 +68,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             reactions,
             moments,
             surfaces: sum.surfaces(),
+            tools: sum.tools(model),
             loads: sum.resultants(model.loads.len()),
             forces: sum.named_forces(),
             energy,
@@ -88,6 +89,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             residuals: std::mem::take(&mut course.residuals),
             factorisations: course.solved.iter().map(|s| s.factorisation).collect(),
             linear_iterations: course.linear_iterations(),
+            augmentations: course.augmentations,
         };
         (report, path)
     }

@@ -23,6 +23,11 @@ pub(super) struct Course<const N: usize> {
     pub(super) f_int_start: Nodal<N>,
     /// True if the last iterative displacement had to be shortened.
     pub(super) shortened: bool,
+    /// Number of updates of multipliers, and of linear solves before the last one.
+    pub(super) augmentations: usize,
+    pub(super) solves_before: usize,
+    /// True if no increment has followed the last update of multipliers.
+    pub(super) is_augmented: bool,
 }
 
 impl<const N: usize> Course<N> {
@@ -34,6 +39,9 @@ impl<const N: usize> Course<N> {
             out_of_balance: Vec::new(),
             f_int_start: Vec::new(),
             shortened: false,
+            augmentations: 0,
+            solves_before: 0,
+            is_augmented: false,
         }
     }
 

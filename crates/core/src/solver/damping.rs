@@ -52,6 +52,7 @@ pub(super) fn may_slump<const D: usize>(model: &Model<D>, points: &Points<D>) ->
     let is_weight = |load: &Load<D>| matches!(load.action, Action::Gravity(_));
     model.loads.iter().all(is_weight)
         && model.surfaces.is_empty()
+        && model.tools.is_empty()
         && !model.boundary_conditions.iter().any(BoundaryCondition::moves)
         && share_that_flows(model, points) > COLLAPSES
 }

@@ -413,6 +413,7 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
         SolveError::Constraint { .. }
         | SolveError::Load { .. }
         | SolveError::Surface { .. }
+        | SolveError::Contact { .. }
         | SolveError::OutOfMemory { .. }
         | SolveError::Interrupted { .. }
         | SolveError::Term { .. }

@@ -13,7 +13,9 @@ use crate::memory::in_words;
 use crate::model::{GridMotionError, Model};
 use crate::points::{Points, coordinates};
 use crate::stress::PointError;
-use crate::terms::{BeginError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost};
+use crate::terms::{
+    BeginError, ContactError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost,
+};
 
 use super::control::NoPath;
 use super::equations::Place as Equation;
@@ -225,6 +227,14 @@ pub enum SolveError {
         /// The surface and the place.
         error: Box<SurfaceLost>,
     },
+    /// The contact between tools and bodies cannot be evaluated.
+    #[error("step {step}: {error}")]
+    Contact {
+        /// Number of the step.
+        step: usize,
+        /// The reason.
+        error: Box<ContactError>,
+    },
     /// The user has stopped the run.
     #[error("interrupted before step {step}")]
     Interrupted {
@@ -281,6 +291,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("S017", "an initial state out of balance"),
     ("S018", "a grid that cannot move as prescribed"),
     ("S019", "a law that cannot be evaluated"),
+    ("S020", "contact that cannot be evaluated"),
 ];
 
 fn worst_node(worst: &Option<(Vec<f64>, Vec<f64>)>) -> String {
@@ -339,6 +350,7 @@ impl SolveError {
             SolveError::InitialState { .. } => "S017",
             SolveError::GridMotion { .. } => "S018",
             SolveError::Law { .. } => "S019",
+            SolveError::Contact { .. } => "S020",
             SolveError::Interrupted { .. } => return None,
         })
     }
@@ -355,6 +367,7 @@ impl SolveError {
             BeginError::Load(error) => SolveError::Load { step, error },
             BeginError::Constraint(error) => SolveError::Constraint { step, error },
             BeginError::Surface(error) => SolveError::Surface { step, error },
+            BeginError::Contact(error) => SolveError::Contact { step, error },
         }
     }
 
@@ -370,6 +383,9 @@ impl SolveError {
 
     /// True if a smaller step may succeed.
     pub fn is_retryable(&self) -> bool {
+        if let SolveError::Contact { error, .. } = self {
+            return error.may_succeed_if_smaller();
+        }
         matches!(
             self,
             SolveError::NotConverged { .. }
@@ -558,5 +574,6 @@ pub(super) fn locate_failure<const D: usize>(
             let material = model.materials[material].name.clone();
             SolveError::Law { step, material, place: point.map(place), message }
         }
+        EvaluateError::Contact(error) => SolveError::Contact { step, error },
     }
 }

@@ -16,6 +16,8 @@ use super::residual::{self, Measured, RoundOff};
 const MOST_HALVINGS: usize = 5;
 /// Largest number of evaluations of a line search.
 const MOST_SEARCHES: usize = 3;
+/// Number of iterations with tools, since multipliers have changed, that may raise the residual.
+const FREE: usize = 5;
 /// First iteration with a line search after a failed attempt.
 const FIRST_SEARCH: usize = 3;
 /// First iteration with a line search otherwise, as a fraction of those allowed, so that iterations that converge are
@@ -67,7 +69,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         }
         match self.evaluate_terms(Wanted::Force) {
             Ok(()) => {}
-            Err(EvaluateError::Point(_)) => return Ok(None),
+            Err(EvaluateError::Point(_) | EvaluateError::Contact(_)) => return Ok(None),
             Err(failure) => return Err(failure),
         }
         let (system, unknowns) = (self.system.sum.system(), &self.unknowns);
@@ -87,9 +89,11 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let (mut halvings, mut searches) = (0, 0);
         loop {
             self.course.shortened = halvings + searches > 0; // adapts the damping
-            let may_shorten = iteration > 0 && !self.unknowns.prescribes;
+            let may_shorten = iteration > 0 && !self.unknowns.prescribes && !self.course.is_augmented;
             match self.evaluate_terms(Wanted::Stiffness) {
-                Err(EvaluateError::Point(_)) if may_shorten && halvings < most_halvings => {
+                Err(EvaluateError::Point(_) | EvaluateError::Contact(_))
+                    if may_shorten && halvings < most_halvings =>
+                {
                     halvings += 1;
                     self.unknowns.shorten(0.5);
                     continue;
@@ -97,7 +101,14 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
                 outcome => outcome?,
             }
             let found = self.residual_by_parts();
+            if searches < MOST_SEARCHES && may_shorten && self.must_backtrack(iteration, found.residual) {
+                searches += 1;
+                self.unknowns.shorten(0.5);
+                continue;
+            }
             if searches < most_searches
+                && self.context.model.tools.is_empty()
+                && !self.course.is_augmented
                 && self.may_search(iteration, found.residual)
                 && let Some(shorter) = self.unknowns.secant_fraction(&self.course.out_of_balance)
             {
@@ -133,6 +144,15 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         measured.or_larger(system.border.relative_residual(), tolerance)
     }
 
+    /// True if an increment that has not reduced the residual must be shortened. Where places touch tools and open again, or
+    /// stick and slide, forces have kinks and need no potential: iterations may go to and fro, and slopes say nothing.
+    fn must_backtrack(&self, iteration: usize, residual: f64) -> bool {
+        let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
+        !self.context.model.tools.is_empty()
+            && iteration - self.course.solves_before > FREE
+            && residual > before.max(self.context.model.newton.tolerance)
+    }
+
     /// True if a line search may shorten the last increment, given the residual it has led to.
     fn may_search(&self, iteration: usize, residual: f64) -> bool {
         let newton = &self.context.model.newton;
@@ -145,7 +165,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             ((LATE * newton.max_iterations as f64) as usize).max(FIRST_SEARCH)
         };
         let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
-        iteration >= first
+        iteration - self.course.solves_before >= first
             && !self.unknowns.prescribes
             && self.system.sum.system().per_factor().is_none()
             && (damped || residual > before)

@@ -3,13 +3,14 @@
 use crate::linear::Solved;
 use crate::step::{StepContext, displacement};
 use crate::stress::Mechanics;
+use crate::terms::Augmentation;
 use crate::timing::Phase;
 
 use super::attempt::{Ended, NoIncrement};
 use super::control::{Condition, NoPath};
 use super::damping::{self, MORE_ITERATIONS};
 use super::equations::RightHandSide;
-use super::error::SolveError;
+use super::error::{SolveError, locate_failure};
 use super::load_step::LoadStep;
 use super::residual::{RoundOff, norm};
 use super::step_system::StepSystem;
@@ -17,23 +18,45 @@ use super::unknowns::Unknowns;
 use super::update;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance; then the points move with the
+    /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance and multipliers are final; then the points move with the
     /// grid (section 6.4). Writes only the trial state.
     pub(super) fn iterate<M: Mechanics<D>>(&mut self) -> Result<Ended, SolveError> {
         self.prepare_equations()?;
-        for iteration in 0..=self.most_iterations() {
+        let mut iteration = 0;
+        loop {
             let residual = self.evaluate_iterate(iteration)?; // (19)-(25), (27)-(29), (40); may shorten the last δd
             let is_balanced = self.is_balanced();
+            if is_balanced && self.augment(iteration)? == Augmentation::Updated {
+                continue;
+            }
             if is_balanced || self.has_strayed(residual) {
                 return self.conclude::<M>(is_balanced);
             }
-            let is_last = iteration == self.most_iterations();
+            let is_last = iteration - self.course.solves_before == self.most_iterations();
             if is_last || !residual.is_finite() || self.course.is_hopeless() {
                 break;
             }
             self.increment()?; // (26), (30)
+            iteration += 1;
         }
         Err(self.without_equilibrium())
+    }
+
+    /// Lets the terms update their multipliers in equilibrium; the iterations then go on with as many linear solves as at the
+    /// start.
+    fn augment(&mut self, iteration: usize) -> Result<Augmentation, SolveError> {
+        let LoadStep { context, points, system, unknowns, course, .. } = self;
+        let StepContext { model, step, .. } = *context;
+        let outcome = system
+            .sum
+            .augment(context, points, unknowns.at())
+            .map_err(|failure| locate_failure(failure, model, points, step, iteration, &course.residuals))?;
+        if outcome == Augmentation::Updated {
+            course.augmentations += 1;
+            course.solves_before = iteration;
+            course.is_augmented = true;
+        }
+        Ok(outcome)
     }
 
     fn prepare_equations(&mut self) -> Result<(), SolveError> {
@@ -72,6 +95,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     /// Adds an increment δd to Δd: that of Newton's method, or a damped one.
     fn increment(&mut self) -> Result<(), SolveError> {
         self.is_predicted = self.unknowns.predicted.is_some();
+        self.course.is_augmented = false;
         let solved = if self.is_damped() { self.damped_step() } else { self.newton_step() };
         let step = self.context.step;
         let solved = solved.map_err(|obstacle| match obstacle {

@@ -417,7 +417,8 @@ impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
             .fold(0.0, |size, &cell| f64::max(size, model.grid.size(cell as usize)));
         let entries_of_row = (N * delta_d.len()) as f64;
         let strain = IN_STRAIN * NO_SUCH_FORCE * size;
-        f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + strain)
+        let of_terms = system.round_off().map_or(0.0, |all| all.iter().copied().fold(0.0, f64::max));
+        f64::EPSILON * system.largest_entry() * (IN_MOTION * entries_of_row * motion + strain) + of_terms
     }
 
     /// Round-off of the force at each node, [force]: that of the products of its row of K with the displacement
@@ -429,7 +430,12 @@ impl<const D: usize, const N: usize> EvaluatedAt<'_, D, N> {
         let of_node = |(motion, strain): (&[f64; N], f64)| {
             f64::EPSILON * (IN_MOTION * largest_of(&motion[..D]) + IN_STRAIN * strain)
         };
-        motion.iter().zip(forces_of_unit_strain(self.model, self.points, self.links)).map(of_node).collect()
+        let strained = forces_of_unit_strain(self.model, self.points, self.links);
+        let mut noise: Vec<f64> = motion.iter().zip(strained).map(of_node).collect();
+        if let Some(of_terms) = self.system.round_off() {
+            noise.iter_mut().zip(of_terms).for_each(|(noise, of_terms)| *noise += of_terms);
+        }
+        noise
     }
 }
 

@@ -387,7 +387,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         self.cause = None;
         self.lost_points = None;
         summary.kept = self.equations.kept();
-        summary.pace.succeeded(&model.stepping, report.residuals.len() - 1);
+        summary.pace.succeeded(&model.stepping, report.solves());
         summary.accept(&report);
         let balance = summary.balance();
         let raised = summary.quality.judge_balances(model, points, &balance, report.step.index);

@@ -113,6 +113,9 @@ pub struct Summary {
     /// [energy].
     #[serde(default)]
     pub undone_work: f64,
+    /// Work so far of friction between tools and bodies, [energy].
+    #[serde(default)]
+    pub friction_work: f64,
     /// The quality of the run.
     pub quality: Quality,
     /// The warnings in the order of the steps; new ones are appended.
@@ -194,7 +197,8 @@ impl Summary {
     /// of an initial stress does not count.
     pub fn energy_error(&self) -> f64 {
         let work = self.external_work + self.regridding_work - self.stabilisation_work - self.damping_work;
-        let missing = work + self.exchanged_energy - self.strain_energy - self.plastic_work;
+        let missing =
+            work + self.exchanged_energy - self.strain_energy - self.plastic_work - self.friction_work;
         if let Some(InitialState { energy, .. }) = self.initial_state {
             let missing = missing + energy;
             let counts = missing.abs() > ROUND_OFF * energy && self.gross_work > 0.0;
@@ -223,7 +227,7 @@ impl Summary {
         self.damped += usize::from(report.damped);
         self.carried.clone_from(&report.carried);
         self.replaced_domains += report.replaced_domains.len();
-        self.last_iterations = report.residuals.len() - 1;
+        self.last_iterations = report.solves();
         self.stabilised_faces = self.stabilised_faces.max(report.stabilised_faces);
         self.load_factor = report.load_factor;
         if let Some(factor) = report.load_factor {
@@ -239,7 +243,9 @@ impl Summary {
             strain_energy,
             plastic_work,
             undone_work,
+            friction_work,
         } = report.energy;
+        self.friction_work += friction_work;
         self.damping_work += damping_work;
         self.external_work += external_work;
         self.regridding_work += regridding_work;

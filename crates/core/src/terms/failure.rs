@@ -1,5 +1,6 @@
 //! Reasons why a term cannot be evaluated.
 
+use super::contact::ContactError;
 use crate::dofs::ConstraintError;
 use crate::points::coordinates;
 use crate::stress::PointError;
@@ -16,6 +17,9 @@ pub enum BeginError {
     /// A surface has left the material that carries it.
     #[error(transparent)]
     Surface(Box<SurfaceLost>),
+    /// The contact with tools cannot be evaluated.
+    #[error(transparent)]
+    Contact(Box<ContactError>),
 }
 
 impl From<LoadNotFinite> for BeginError {
@@ -76,6 +80,14 @@ pub enum EvaluateError {
     Point(PointFailure),
     /// A law that is evaluated in batches cannot be evaluated.
     Law(Box<LawFailure>),
+    /// The contact with tools cannot be evaluated.
+    Contact(Box<ContactError>),
+}
+
+impl From<ContactError> for EvaluateError {
+    fn from(error: ContactError) -> Self {
+        EvaluateError::Contact(Box::new(error))
+    }
 }
 
 impl From<PointFailure> for EvaluateError {

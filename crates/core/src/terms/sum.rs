@@ -12,17 +12,18 @@ use crate::step::{At, Nodal, StepContext};
 use crate::stress::Mechanics;
 use crate::surface::SurfaceFields;
 
+use super::contact::{Contact, ToolState};
 use super::external_force::ExternalForces;
 use super::failure::{BeginError, EvaluateError};
 use super::ghost::Ghost;
 use super::material_points::MaterialPoints;
 use super::surface::Surfaces;
-use super::term::{Ledger, NamedForce, SurfaceReaction, Term};
+use super::term::{Augmentation, Ledger, NamedForce, SurfaceReaction, Term};
 
 /// The terms of a model, in the order in which they are added up.
 pub type Terms<const D: usize, const N: usize = D> = Vec<Box<dyn Term<D, N>>>;
 
-/// The terms of a model: those that every analysis has, and its surfaces.
+/// The terms of a model: those that every analysis has, its surfaces and its tools.
 pub fn of_model<const D: usize, const N: usize, M: Mechanics<D>>(model: &Model<D>) -> Terms<D, N> {
     let mut terms: Terms<D, N> = vec![
         Box::new(MaterialPoints::<D, M>::default()),
@@ -31,6 +32,9 @@ pub fn of_model<const D: usize, const N: usize, M: Mechanics<D>>(model: &Model<D
     ];
     if !model.surfaces.is_empty() {
         terms.push(Box::new(Surfaces::new(model)));
+    }
+    if !model.tools.is_empty() {
+        terms.push(Box::new(Contact::new(model)));
     }
     terms
 }
@@ -115,6 +119,27 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         Ok(())
     }
 
+    /// Updates the multipliers of all terms, once Newton's iterations have converged.
+    ///
+    /// # Errors
+    /// [`EvaluateError`] of the first term whose multipliers do not converge.
+    pub fn augment(
+        &mut self,
+        step: &StepContext<D>,
+        points: &Points<D>,
+        at: At<N>,
+    ) -> Result<Augmentation, EvaluateError> {
+        let (mut first, mut outcome) = (0, Augmentation::Satisfied);
+        for term in &mut self.terms {
+            let (own, next) = of_term(term.as_ref(), at, first);
+            first = next;
+            if term.augment(step, points, own)? == Augmentation::Updated {
+                outcome = Augmentation::Updated;
+            }
+        }
+        Ok(outcome)
+    }
+
     /// The sum of all terms in the last evaluation.
     pub fn system(&self) -> &System<N> {
         &self.system
@@ -146,6 +171,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
                 plastic: sum.plastic + own.plastic,
                 undone: sum.undone + own.undone,
                 lost: sum.lost + own.lost,
+                friction: sum.friction + own.friction,
             }
         })
     }
@@ -165,6 +191,11 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     /// The state of the surfaces of the model.
     pub fn surfaces(&self) -> Vec<SurfaceFields<D>> {
         self.terms.iter().flat_map(|term| term.surfaces()).collect()
+    }
+
+    /// The state of the tools of the model.
+    pub fn tools(&self, model: &Model<D>) -> Vec<ToolState<D>> {
+        self.terms.iter().flat_map(|term| term.tools(model)).collect()
     }
 
     /// The further forces that terms report by name, [force].

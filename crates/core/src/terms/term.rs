@@ -1,10 +1,12 @@
 //! The interface between Newton's method and a term of equilibrium.
 
 use crate::assembly::{System, Wanted};
+use crate::model::Model;
 use crate::points::Points;
 use crate::step::{At, Nodal, StepContext};
 use crate::surface::SurfaceFields;
 
+use super::contact::ToolState;
 use super::failure::{BeginError, EvaluateError};
 use crate::dofs::{ConstraintError, Constraints};
 
@@ -36,7 +38,7 @@ pub const FURTHER: usize = 1 << 15;
 /// A term of equilibrium.
 ///
 /// A step calls [`constrain`](Term::constrain), then [`begin`](Term::begin) once, then [`couples`](Term::couples), then [`evaluate`](Term::evaluate) as
-/// often as needed, and [`commit`](Term::commit) once it is in equilibrium. An abandoned step ends without a call: a
+/// often as needed, with [`augment`](Term::augment) whenever the iterations have converged, and [`commit`](Term::commit) once it is in equilibrium. An abandoned step ends without a call: a
 /// term must not change the state that it keeps between steps before [`commit`](Term::commit).
 ///
 /// There are `D` axes and `N` components at each node, of which the first `D` are the displacement.
@@ -99,6 +101,20 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         sum: &mut System<N>,
     ) -> Result<(), EvaluateError>;
 
+    /// Updates multipliers that are constant in Newton's iterations, once these have converged at the unknowns of the last
+    /// evaluation. After an update, the iterations go on.
+    ///
+    /// # Errors
+    /// [`EvaluateError`] if the multipliers do not converge, or the state cannot be accepted.
+    fn augment(
+        &mut self,
+        _step: &StepContext<D>,
+        _points: &Points<D>,
+        _at: At<N>,
+    ) -> Result<Augmentation, EvaluateError> {
+        Ok(Augmentation::Satisfied)
+    }
+
     /// Adds the external force of the state that the step starts from to `force` on the active nodes, [force].
     fn force_at_start(&self, _force: &mut Nodal<N>) {}
 
@@ -117,6 +133,11 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
 
     /// The surfaces of the model, in their order, at the last evaluation; only from the term that carries them.
     fn surfaces(&self) -> Vec<SurfaceFields<D>> {
+        Vec::new()
+    }
+
+    /// The rigid tools of the model, in their order, at the last evaluation; only from the term that moves them.
+    fn tools(&self, _model: &Model<D>) -> Vec<ToolState<D>> {
         Vec::new()
     }
 
@@ -150,6 +171,15 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     }
 }
 
+/// The state of the multipliers of a term when Newton's iterations have converged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Augmentation {
+    /// They are final.
+    Satisfied,
+    /// They have changed: the state is no longer in equilibrium.
+    Updated,
+}
+
 /// The contributions of a term to the energy balance.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Ledger {
@@ -162,4 +192,6 @@ pub struct Ledger {
     pub undone: f64,
     /// Work during the step that is lost in the next one, [energy].
     pub lost: f64,
+    /// Work during the step of friction, [energy]: what the forces of tools lose on the way to the bodies.
+    pub friction: f64,
 }

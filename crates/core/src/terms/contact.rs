@@ -1,0 +1,412 @@
+//! Contact between rigid tools and bodies, with friction: an augmented Lagrangian on the corners of domains.
+//!
+//! # Equations
+//!
+//! A candidate is a corner x_c of the domain of a point near a tool, carried by the grid with N_v of its cell (see
+//! [`candidates`]). It stands for an area A. With the signed distance g of the tool, its outward normal n = ∇g and the
+//! motion s of the candidate relative to the tool in the step,
+//!
+//! | Quantity | Equation |
+//! |---|---|
+//! | trial position | x = x_c + Σ N_v(x_c) Δd_v |
+//! | motion relative to the tool | s = x − (c + u + exp(θ̂)(x_c − c)) |
+//! | pressure | p = max(λ − ε g, −T), T = σ_t A; open if λ − ε g ≤ 0 and T = 0 |
+//! | shear, trial | w_t = (I − n⊗n)(λ_t − ε s) |
+//! | shear | t = w_t min(1, L/&#124;w_t&#124;), L = min(max(a A + μ p, 0), 10 (p + T)); rough: L = 10 (p + T) |
+//! | force on node v | N_v(x_c)(p n + t) |
+//! | force and moment on the tool | −Σ f, −Σ (x − c − u) × f |
+//! | penalty | ε = p_f E' A/h, with the axial modulus E' of the body at rest |
+//! | update | λ ← p, λ_t ← t |
+//!
+//! Derivatives are exact: with δy = δx − v(x) and δs = δx − v(x − s), where v is the velocity of the tool and φ its rate of
+//! rotation, δg = n·δy, δn = ∂n/∂x δy + φ × n, δλ_t = φ × λ_t, and
+//! δw_t = (I − n⊗n) δw − (n·w) δn − n (w·δn). Where a place slides,
+//! δt = (L/&#124;w_t&#124;)(I − e⊗e) δw_t + ∂L/∂p e δp with e = w_t/&#124;w_t&#124;.
+//!
+//! Free components of the motion of a tool are global unknowns; their equations are the balance of the tool.
+//!
+//! # Augmentation
+//!
+//! Newton's method solves for displacements and free motions at fixed multipliers. Once it has converged, the forces become
+//! the multipliers, and it goes on, until an update would change gap and slip by less than the tolerance. Each update
+//! divides the error by about p_f, and costs one linear solve. Gap and slip are at most the tolerance in the end, whatever the
+//! penalty, in the mean over the places around each node. More places may touch than the grid has freedom for; they hinder
+//! each other, and updates only hand forces from one to the other. Where an update leaves more than a quarter of the error,
+//! 10⁻⁴ of a cell is therefore enough, and single places may keep 10⁻³ (see [`multipliers`]). The residual of Newton's method
+//! holds for the final forces, and [`ToolState::overlap`] gives the overlap that is left.
+//!
+//! # Safeguards
+//!
+//! A place that moves too far along a tool in one step, comes out on its other side or passes through a part of it is an
+//! error that a smaller step may avoid. At the start of the iterations, where the tool has moved and the bodies have not,
+//! its surface is continued flat. Places that touch without force, such as those of a block on a slope before its first
+//! step, then have their stiffness, which holds the body.
+
+mod candidates;
+mod error;
+mod evaluation;
+mod interface;
+mod motion;
+mod multipliers;
+mod saved;
+mod state;
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde_json::Value;
+
+use crate::assembly::{System, Wanted};
+use crate::model::Model;
+use crate::points::Points;
+use crate::region::vector::{along, dot, minus, norm};
+use crate::step::{At, Nodal, StepContext};
+use crate::tool::Shape;
+
+use super::failure::{BeginError, EvaluateError};
+use super::term::{Augmentation, Ledger, Term};
+use candidates::{Candidate, Key, Search, missed, named};
+use evaluation::{Trial, Trials};
+use interface::Multiplier;
+use motion::Moving;
+use multipliers::{Worst, forces_of, worst};
+
+pub use error::{ContactError, ContactPlace};
+pub use interface::Mode;
+pub use state::{ContactPoint, ToolState};
+
+/// Gap at the start of a step, relative to the size of a cell, above which the straight path of a place tells whether it
+/// has passed through a tool, [-]: nearer places may cut its rounded surface.
+const APART: f64 = 1e-3;
+/// Depth below the surface, relative to the size of a cell, to which a straight path may cut a corner of a tool, [-]; what is
+/// thinner than twice this is no obstacle.
+const GRAZING: f64 = 5e-3;
+
+/// The rigid tools of a model and their contact with the bodies.
+#[derive(Debug, Clone)]
+pub struct Contact<const D: usize> {
+    tools: Vec<Moving<D>>,
+    /// Multipliers at the end of the last step in equilibrium, of the places that touched.
+    converged: BTreeMap<Key, Multiplier<D>>,
+    /// For each body, true if it has taken part in a step in equilibrium.
+    has_begun: Vec<bool>,
+    /// For each body, true if it has points in the present step.
+    is_there: Vec<bool>,
+    /// The places that may touch a tool in the present step, their multipliers at its start, whether they have touched
+    /// before, the present multipliers, and the places at the last evaluation.
+    candidates: Vec<Candidate<D>>,
+    start: Vec<Multiplier<D>>,
+    has_touched: Vec<bool>,
+    multipliers: Vec<Multiplier<D>>,
+    trials: Vec<Trial<D>>,
+    /// Number of updates of the multipliers in the present step.
+    updates: usize,
+    /// The largest error before the last one.
+    before: Option<Worst>,
+    /// Time at the end of the present step.
+    time: f64,
+}
+
+impl<const D: usize> Contact<D> {
+    /// The tools of a model at the start.
+    pub fn new(model: &Model<D>) -> Self {
+        Contact {
+            tools: model.tools.iter().map(Moving::new).collect(),
+            converged: BTreeMap::new(),
+            has_begun: vec![false; model.bodies.len()],
+            is_there: vec![false; model.bodies.len()],
+            candidates: Vec::new(),
+            start: Vec::new(),
+            has_touched: Vec::new(),
+            multipliers: Vec::new(),
+            trials: Vec::new(),
+            updates: 0,
+            before: None,
+            time: 0.0,
+        }
+    }
+
+    /// The tools of a model at the start, without forces.
+    pub fn at_start(model: &Model<D>) -> Vec<ToolState<D>> {
+        Contact::new(model).states(model)
+    }
+
+    fn search<'a>(&'a self, step: &StepContext<'a, D>, points: &'a Points<D>) -> Search<'a, D> {
+        let StepContext { model, links, .. } = *step;
+        Search { model, points, links, tools: &self.tools, has_begun: &self.has_begun }
+    }
+
+    /// Finds the places of a step and their multipliers.
+    fn find(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), ContactError> {
+        for (moving, tool) in self.tools.iter_mut().zip(&step.model.tools) {
+            moving.begin(tool, step.model, step.step)?;
+        }
+        self.is_there.fill(false);
+        points.body.iter().for_each(|&body| self.is_there[body as usize] = true);
+        self.candidates = self.search(step, points).run()?;
+        let known = |candidate: &Candidate<D>| self.converged.get(&candidate.key).copied();
+        self.start = self.candidates.iter().map(|c| known(c).unwrap_or_default()).collect();
+        self.has_touched = (self.candidates.iter())
+            .map(|c| known(c).is_some() || c.near.gap <= candidates::TOUCHING * c.size)
+            .collect();
+        self.multipliers.clone_from(&self.start);
+        self.trials.clear();
+        (self.updates, self.before) = (0, None);
+        self.time = step.step.end;
+        Ok(())
+    }
+
+    /// The places that touch a tool at the last evaluation.
+    fn touching(&self) -> impl Iterator<Item = (usize, &Candidate<D>, &Trial<D>, &interface::Touch<D>)> {
+        let pairs = self.candidates.iter().zip(&self.trials).enumerate();
+        pairs.filter_map(|(k, (candidate, trial))| Some((k, candidate, trial, trial.touch.as_ref()?)))
+    }
+
+    /// Checks how far places have moved relative to the tools in a step whose iterations have converged.
+    fn check_motion<const N: usize>(
+        &self,
+        step: &StepContext<D>,
+        points: &Points<D>,
+        at: At<N>,
+    ) -> Result<(), ContactError> {
+        let model = step.model;
+        for (candidate, Trial { position, slip, touch }) in self.candidates.iter().zip(&self.trials) {
+            let number = candidate.key.tool as usize;
+            let (tool, moving) = (&model.tools[number], &self.tools[number]);
+            let (motion, most) = (norm(slip), tool.control.largest_slide * candidate.size);
+            if touch.is_some() && motion > most {
+                return Err(ContactError::Slide { place: candidate.place(model), motion, most });
+            }
+            let gap = candidate.near.gap;
+            if touch.is_none() && gap > APART * candidate.size && motion > gap {
+                let path = [moving.start.to_tool(&candidate.start), moving.end.to_tool(position)];
+                if depth_of_passage(tool.shape.as_ref(), path) > GRAZING * candidate.size {
+                    return Err(ContactError::Through { place: candidate.place(model) });
+                }
+            }
+        }
+        if let Some((number, p)) = missed(&self.search(step, points), at.delta_d) {
+            let (tool, body) = (&model.tools[number], points.body[p] as usize);
+            let position = &points.converged.position[p];
+            return Err(ContactError::Through { place: named(model, tool, body, points.id[p], position) });
+        }
+        Ok(())
+    }
+
+    /// The state of all tools at the last evaluation.
+    fn states(&self, model: &Model<D>) -> Vec<ToolState<D>> {
+        let mut states: Vec<ToolState<D>> = (self.tools.iter().zip(&model.tools))
+            .map(|(moving, tool)| {
+                let (load, load_moment) = tool.load_at(self.time);
+                let (now, original) = (moving.end.position(), moving.original.position());
+                ToolState {
+                    pose: moving.end,
+                    displacement: std::array::from_fn(|d| now[d] - original[d]),
+                    rotation: moving.end.rotation_since(&moving.original),
+                    force: [0.0; D],
+                    moment: [0.0; 3],
+                    load,
+                    load_moment,
+                    overlap: 0.0,
+                    slip: 0.0,
+                    augmentations: self.updates,
+                    contacts: Vec::new(),
+                }
+            })
+            .collect();
+        for (_, candidate, trial, touch) in self.touching() {
+            let number = candidate.key.tool as usize;
+            let (state, moving) = (&mut states[number], &self.tools[number]);
+            let (position, force) = (trial.position, touch.force());
+            let moment = moving.moment(&position, &force);
+            (0..D).for_each(|d| state.force[d] += force[d]);
+            (0..3).for_each(|d| state.moment[d] += moment[d]);
+            state.overlap = state.overlap.max(-touch.gap());
+            if touch.mode == Mode::Stick {
+                state.slip = state.slip.max(norm(&touch.slip()));
+            }
+            let found = moving.end.closest(model.tools[number].shape.as_ref(), position, f64::INFINITY);
+            state.contacts.push(ContactPoint {
+                body: candidate.body,
+                point: candidate.key.point,
+                part: found.map_or(candidate.near.part, |found| found.part),
+                position,
+                normal: touch.normal(),
+                area: candidate.area,
+                force,
+                pressure: touch.pressure / candidate.area,
+                shear: touch.shear.map(|t| t / candidate.area),
+                mode: touch.mode,
+            });
+        }
+        states
+    }
+}
+
+impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
+    fn name(&self) -> &'static str {
+        "tool contact"
+    }
+
+    fn is_symmetric(&self, step: &StepContext<D>) -> bool {
+        step.model.tools.iter().all(crate::model::Tool::is_smooth)
+    }
+
+    fn may_hold(&self) -> bool {
+        true
+    }
+
+    fn begin(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), BeginError> {
+        self.find(step, points).map_err(|error| BeginError::Contact(Box::new(error)))
+    }
+
+    fn couples(&self, couple: &mut dyn FnMut(&[u32])) {
+        let sorted = |candidate: &Candidate<D>| {
+            let mut nodes = candidate.basis.nodes().to_vec();
+            nodes.sort_unstable();
+            nodes.dedup();
+            nodes
+        };
+        let lists: BTreeSet<Vec<u32>> = self.candidates.iter().map(sorted).collect();
+        lists.iter().for_each(|nodes| couple(nodes));
+    }
+
+    fn n_globals(&self) -> usize {
+        self.tools.iter().map(|moving| moving.free.len()).sum()
+    }
+
+    fn evaluate(
+        &mut self,
+        step: &StepContext<D>,
+        _: &mut Points<D>,
+        at: At<N>,
+        wanted: Wanted,
+        sum: &mut System<N>,
+    ) -> Result<(), EvaluateError> {
+        let mut free = at.globals;
+        for moving in &mut self.tools {
+            let (own, rest) = free.split_at(moving.free.len().min(free.len()));
+            moving.place(own);
+            free = rest;
+        }
+        let at_rest = at.delta_d.iter().flatten().all(|u| *u == 0.0) && at.globals.iter().all(|w| *w == 0.0);
+        let model = step.model;
+        let trials = Trials { model, tools: &self.tools, delta_d: at.delta_d, at_rest };
+        self.trials = trials.all(&self.candidates, &self.multipliers, &self.has_touched)?;
+        if at_rest {
+            self.check_that_free_tools_touch(model)?;
+        }
+        let pairs: Vec<_> = self.candidates.iter().zip(&self.trials).collect();
+        evaluation::add(&self.tools, &pairs, wanted, sum);
+        evaluation::add_loads(&model.tools, &self.tools, step.step.end, sum);
+        Ok(())
+    }
+
+    fn augment(
+        &mut self,
+        step: &StepContext<D>,
+        points: &Points<D>,
+        at: At<N>,
+    ) -> Result<Augmentation, EvaluateError> {
+        self.check_motion(step, points, at)?;
+        let Contact { updates, before, candidates, multipliers, trials, tools, .. } = self;
+        let tolerances: Vec<f64> = step.model.tools.iter().map(|tool| tool.control.tolerance).collect();
+        let Some(worst) = worst(candidates, multipliers, trials, tools, &tolerances) else {
+            return Ok(Augmentation::Satisfied);
+        };
+        let candidate = &candidates[worst.candidate];
+        let tool = candidate.key.tool as usize;
+        if worst.is_settled(tolerances[tool], before.as_ref()) {
+            return Ok(Augmentation::Satisfied);
+        }
+        if *updates >= step.model.tools[tool].control.augmentations {
+            return Err(EvaluateError::from(ContactError::NotSettled {
+                place: candidate.place(step.model),
+                augmentations: *updates,
+                overlap: worst.overlap,
+                slip: worst.slip,
+                most: tolerances[tool] * candidate.size,
+            }));
+        }
+        for ((candidate, multiplier), trial) in candidates.iter().zip(multipliers).zip(trials) {
+            *multiplier = forces_of(trial, &tools[candidate.key.tool as usize]);
+        }
+        *before = Some(worst);
+        *updates += 1;
+        Ok(Augmentation::Updated)
+    }
+
+    fn force_at_start(&self, force: &mut Nodal<N>) {
+        for (candidate, multiplier) in self.candidates.iter().zip(&self.start) {
+            let shear = self.tools[candidate.key.tool as usize].start.vector_to_space(&multiplier.shear);
+            let of_place = along(&shear, multiplier.normal, &candidate.near.normal);
+            for (&node, value) in candidate.basis.nodes().iter().zip(candidate.basis.value()) {
+                (0..D).for_each(|d| force[node as usize][d] += value * of_place[d]);
+            }
+        }
+    }
+
+    /// The work of friction by the trapezoidal rule.
+    fn ledger(&self, _: &StepContext<D>, _: &Points<D>, _: At<N>) -> Ledger {
+        let of_place = |(k, candidate, _, touch): (usize, &Candidate<D>, _, &interface::Touch<D>)| {
+            let moving = &self.tools[candidate.key.tool as usize];
+            let before = moving.end.vector_to_space(&self.start[k].shear);
+            -0.5 * dot(&along(&before, 1.0, &touch.shear), &touch.slip())
+        };
+        Ledger { friction: self.touching().map(of_place).sum(), ..Ledger::default() }
+    }
+
+    fn tools(&self, model: &Model<D>) -> Vec<ToolState<D>> {
+        self.states(model)
+    }
+
+    fn commit(&mut self) {
+        // Surfaces that have parted transfer no tension any more.
+        let touching = self.touching().filter(|(_, _, _, touch)| touch.mode != Mode::Parting);
+        let touching = touching.map(|(_, candidate, trial, _)| {
+            (candidate.key, forces_of(trial, &self.tools[candidate.key.tool as usize]))
+        });
+        self.converged = touching.collect();
+        self.tools.iter_mut().for_each(Moving::commit);
+        self.has_begun.iter_mut().zip(&self.is_there).for_each(|(begun, there)| *begun = *there);
+    }
+
+    fn save(&self) -> Option<Value> {
+        Some(saved::save(&self.tools, &self.converged, &self.has_begun))
+    }
+
+    fn restore(&mut self, saved: &Value) -> Result<(), String> {
+        let (poses, converged, has_begun) = saved::restore(saved, self.tools.len(), self.has_begun.len())?;
+        for (moving, pose) in self.tools.iter_mut().zip(poses) {
+            (moving.start, moving.end) = (pose, pose);
+        }
+        (self.converged, self.has_begun) = (converged, has_begun);
+        Ok(())
+    }
+}
+
+/// Distance from the surface, [length], half way between the ends of the part of a straight path that lies inside a tool, in
+/// the frame of the tool; 0 if the path does not meet it.
+fn depth_of_passage<const D: usize>(shape: &dyn Shape<D>, [from, to]: [[f64; D]; 2]) -> f64 {
+    let (Some(first), Some(last)) = (shape.first_contact(from, to), shape.first_contact(to, from)) else {
+        return 0.0;
+    };
+    let middle = along(&from, 0.5 * (first + 1.0 - last), &minus(&to, &from));
+    shape.closest(middle).map_or(0.0, |found| found.gap.abs())
+}
+
+impl<const D: usize> Contact<D> {
+    /// Checks that every tool with free components touches a body.
+    fn check_that_free_tools_touch(&self, model: &Model<D>) -> Result<(), ContactError> {
+        let mut touches = vec![false; self.tools.len()];
+        self.touching().for_each(|(_, candidate, _, _)| touches[candidate.key.tool as usize] = true);
+        for ((moving, touches), tool) in self.tools.iter().zip(touches).zip(&model.tools) {
+            if let (Some(&k), false) = (moving.free.first(), touches) {
+                let component = crate::model::Tool::<D>::component_name(k);
+                return Err(ContactError::Loose { tool: tool.name.clone(), component });
+            }
+        }
+        Ok(())
+    }
+}

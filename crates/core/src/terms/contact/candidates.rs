@@ -1,0 +1,310 @@
+//! The places on the bodies that may touch a tool in a step: the corners of the domains of the points near it.
+//!
+//! | Method | Places | Motion in the step |
+//! |---|---|---|
+//! | GIMP | corners of the box x_p ± l_p | N_v of the cell that holds the corner |
+//! | CPDI1 | corners of the domain | the same |
+//! | CPDI2 | the same, once where domains share them | the same |
+//! | MPM | corners of the box x_p ± l_p, or x_p where the point has no box | N_v of the cell of the point, continued |
+//!
+//! A corner on the border of cells belongs to the cell towards its point. Where a node of its cell is inactive, the next
+//! cell towards the point is taken, and its basis is continued to the corner.
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+
+use super::error::{ContactError, ContactPlace};
+use super::motion::Moving;
+use crate::basis::{Connectivity, Method};
+use crate::grid::{CellBasis, MAX_CORNERS};
+use crate::material::axial_modulus_at_rest;
+use crate::model::{Model, Tool};
+use crate::points::{PIECE, Points};
+use crate::region::vector::{along, minus, norm};
+use crate::tool::Closest;
+
+/// Overlap or gap at the start of a step within which surfaces count as touching, relative to the size of a cell, [-].
+pub(super) const TOUCHING: f64 = 1e-6;
+/// Distance within which corners of domains are shared, relative to the size of a cell, [-].
+const SHARED: f64 = 1e-8;
+/// Parts of the way from a corner to its point at which a cell for it is sought.
+const INWARDS: [f64; 5] = [1e-6, 0.25, 0.5, 0.75, 1.0];
+
+/// A place that keeps its multipliers from step to step: a tool and a corner of the domain of a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) struct Key {
+    pub(super) tool: u32,
+    /// Permanent number of the point.
+    pub(super) point: u32,
+    pub(super) corner: u32,
+}
+
+/// A place on a body that may touch a tool in the present step.
+#[derive(Debug, Clone)]
+pub(super) struct Candidate<const D: usize> {
+    pub(super) key: Key,
+    pub(super) body: usize,
+    /// Position at the start of the step, [length].
+    pub(super) start: [f64; D],
+    /// Active nodes and N_v.
+    pub(super) basis: CellBasis<D>,
+    /// Area that the place stands for, [length²]: per unit thickness in the plane, on the full circle for bodies of
+    /// revolution.
+    pub(super) area: f64,
+    /// Size of its cell, [length].
+    pub(super) size: f64,
+    /// ε, [force/length].
+    pub(super) penalty: f64,
+    /// The closest point at the start of the step, in space.
+    pub(super) near: Closest<D>,
+}
+
+impl<const D: usize> Candidate<D> {
+    /// Its displacement in the step, [length].
+    pub(super) fn displacement<const N: usize>(&self, delta_d: &[[f64; N]]) -> [f64; D] {
+        let mut u = [0.0; D];
+        for (&node, value) in self.basis.nodes().iter().zip(self.basis.value()) {
+            (0..D).for_each(|d| u[d] += value * delta_d[node as usize][d]);
+        }
+        u
+    }
+
+    /// The place as an error names it.
+    pub(super) fn place(&self, model: &Model<D>) -> ContactPlace {
+        named(model, &model.tools[self.key.tool as usize], self.body, self.key.point, &self.start)
+    }
+}
+
+/// A place as an error names it.
+pub(super) fn named<const D: usize>(
+    model: &Model<D>,
+    tool: &Tool<D>,
+    body: usize,
+    point: u32,
+    position: &[f64; D],
+) -> ContactPlace {
+    let body = model.bodies[body].name.clone();
+    ContactPlace { tool: tool.name.clone(), body, point, position: position.to_vec() }
+}
+
+/// The search for candidates at the start of a step.
+pub(super) struct Search<'a, const D: usize> {
+    pub(super) model: &'a Model<D>,
+    pub(super) points: &'a Points<D>,
+    pub(super) links: &'a Connectivity<D>,
+    pub(super) tools: &'a [Moving<D>],
+    /// For each body, true if it has taken part in a step before: it may then overlap tools by what the motion of its
+    /// domains has left.
+    pub(super) has_begun: &'a [bool],
+}
+
+impl<const D: usize> Search<'_, D> {
+    /// The candidates, in the order of the points.
+    ///
+    /// # Errors
+    /// [`ContactError::Overlap`] for a body that begins inside a tool.
+    pub(super) fn run(&self) -> Result<Vec<Candidate<D>>, ContactError> {
+        let moduli: Vec<f64> =
+            self.model.materials.iter().map(|m| axial_modulus_at_rest(m.law.as_ref())).collect();
+        let of_point = |p: usize| {
+            let mut found = Vec::new();
+            let outcome = self.near_point(p, &moduli, &mut found);
+            outcome.err().map(Err).into_iter().chain(found.into_iter().map(Ok))
+        };
+        let all: Vec<Result<Candidate<D>, ContactError>> =
+            (0..self.points.len()).into_par_iter().with_min_len(PIECE).flat_map_iter(of_point).collect();
+        Ok(self.without_shared(all.into_iter().collect::<Result<_, _>>()?))
+    }
+
+    fn near_point(
+        &self,
+        p: usize,
+        moduli: &[f64],
+        found: &mut Vec<Candidate<D>>,
+    ) -> Result<(), ContactError> {
+        let Search { model, points, .. } = *self;
+        let number = points.body[p] as usize;
+        let body = &model.bodies[number];
+        let x = &points.converged.position[p];
+        let mut buffer = [[0.0; D]; MAX_CORNERS];
+        let mut corners: &[[f64; D]] = &[];
+        let mut radius = 0.0;
+        for (k, (tool, moving)) in model.tools.iter().zip(self.tools).enumerate() {
+            if tool.interface_with(number).is_none() {
+                continue;
+            }
+            if corners.is_empty() {
+                corners = corners_of(points, body.method, p, &mut buffer);
+                radius = corners.iter().map(|corner| norm(&minus(corner, x))).fold(0.0, f64::max);
+            }
+            let size = model.grid.size(points.cell[p] as usize);
+            let reach = tool.control.largest_slide * size;
+            // A point deep inside a tool is far from its surface, too.
+            let limit = if self.has_begun[number] { reach + radius } else { f64::INFINITY };
+            let Some(of_point) = moving.start.closest(tool.shape.as_ref(), *x, limit) else { continue };
+            if of_point.gap > reach + radius {
+                continue;
+            }
+            for (corner, start) in corners.iter().enumerate() {
+                let Some(near) = moving.start.closest(tool.shape.as_ref(), *start, f64::INFINITY) else {
+                    continue;
+                };
+                if near.gap > reach {
+                    continue;
+                }
+                if near.gap < -TOUCHING * size && !self.has_begun[number] {
+                    let place = named(model, tool, number, points.id[p], start);
+                    return Err(ContactError::Overlap { place, overlap: -near.gap });
+                }
+                let share = model.volume(points, p) / model.depth(x);
+                let face = share.powf((D - 1) as f64 / D as f64) * model.depth(x);
+                let area = face / (1usize << (D - 1)) as f64;
+                found.push(Candidate {
+                    key: Key { tool: k as u32, point: points.id[p], corner: corner as u32 },
+                    body: number,
+                    start: *start,
+                    basis: self.basis(start, x, points.cell[p], body.method),
+                    area,
+                    size,
+                    penalty: tool.control.penalty * moduli[body.material] * area / size,
+                    near,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The active nodes that move a corner, and N_v there.
+    fn basis(&self, corner: &[f64; D], x: &[f64; D], cell: u32, method: Method) -> CellBasis<D> {
+        let grid = self.model.grid.as_ref();
+        let towards = minus(x, corner);
+        let inwards = if method == Method::Mpm { &INWARDS[4..] } else { &INWARDS[..] };
+        let of_cell = |part: &f64| {
+            let at =
+                if *part == 1.0 { cell } else { grid.locate(&along(corner, *part, &towards), Some(cell))? };
+            self.active(&grid.basis_at(at, corner), false)
+        };
+        let found = inwards.iter().find_map(of_cell);
+        // The nodes of the cell of a point are active, or carried by others.
+        found.or_else(|| self.active(&grid.basis_at(cell, corner), true)).unwrap_or_default()
+    }
+
+    /// A basis with the numbers of active nodes; `None` if a node is inactive. Nodes with carriers count if `is_last`.
+    fn active(&self, basis: &CellBasis<D>, is_last: bool) -> Option<CellBasis<D>> {
+        let mut active = CellBasis::default();
+        for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
+            let node = node as usize;
+            match self.links.active_number(node) {
+                Some(number) => active.push(number as u32, value, *gradient),
+                // A place on the border of the body: nodes beyond have no part in it.
+                None if value == 0.0 => {}
+                None if is_last => {
+                    if let Some(number) = self.links.moves_with(node) {
+                        active.push(number as u32, value, *gradient);
+                    }
+                }
+                None => return None,
+            }
+        }
+        Some(active)
+    }
+
+    /// Joins the corners that domains share.
+    fn without_shared(&self, all: Vec<Candidate<D>>) -> Vec<Candidate<D>> {
+        let is_shared = |body: usize| self.model.bodies[body].method == Method::Cpdi2;
+        if !self.model.bodies.iter().any(|body| body.method == Method::Cpdi2) {
+            return all;
+        }
+        let mut places: HashMap<(u32, usize, [i64; D]), Vec<u32>> = HashMap::new();
+        let mut kept: Vec<Candidate<D>> = Vec::with_capacity(all.len());
+        for candidate in all {
+            if !is_shared(candidate.body) {
+                kept.push(candidate);
+                continue;
+            }
+            let width = 1e3 * SHARED * candidate.size;
+            let lattice = |x: &[f64; D]| x.map(|x| (x / width).floor() as i64);
+            let at = |key: [i64; D]| (candidate.key.tool, candidate.body, key);
+            // A place near the border of a cell of the lattice is entered in all cells around it.
+            let near: Vec<[i64; D]> = (0..1usize << D)
+                .map(|k| {
+                    let sign = |d: usize| if k >> d & 1 == 1 { 1.0 } else { -1.0 };
+                    lattice(&std::array::from_fn(|d| candidate.start[d] + sign(d) * SHARED * candidate.size))
+                })
+                .collect();
+            let is_same = |other: &&u32| {
+                norm(&minus(&kept[**other as usize].start, &candidate.start)) <= SHARED * candidate.size
+            };
+            let of_lattice = places.get(&at(lattice(&candidate.start)));
+            if let Some(&other) = of_lattice.and_then(|others| others.iter().find(is_same)) {
+                let other = &mut kept[other as usize];
+                other.key = other.key.min(candidate.key);
+                other.area += candidate.area;
+                other.penalty += candidate.penalty;
+                continue;
+            }
+            for key in near {
+                let entries = places.entry(at(key)).or_default();
+                if entries.last() != Some(&(kept.len() as u32)) {
+                    entries.push(kept.len() as u32);
+                }
+            }
+            kept.push(candidate);
+        }
+        kept
+    }
+}
+
+/// The corners of the domain of a point in the converged state.
+fn corners_of<'a, const D: usize>(
+    points: &'a Points<D>,
+    method: Method,
+    p: usize,
+    buffer: &'a mut [[f64; D]; MAX_CORNERS],
+) -> &'a [[f64; D]] {
+    if matches!(method, Method::Cpdi1 | Method::Cpdi2) {
+        return points.corners(p);
+    }
+    let (x, l) = (&points.converged.position[p], points.half_lengths(p));
+    if l == [0.0; D] {
+        buffer[0] = *x;
+        return &buffer[..1];
+    }
+    for (k, corner) in buffer.iter_mut().enumerate().take(1 << D) {
+        *corner = std::array::from_fn(|d| x[d] + if k >> d & 1 == 1 { l[d] } else { -l[d] });
+    }
+    &buffer[..1 << D]
+}
+
+/// The centre of a body that no candidate stands for and that has come into a tool in the step, or through a part of it: the
+/// number of the tool and of the point.
+pub(super) fn missed<const D: usize, const N: usize>(
+    search: &Search<D>,
+    delta_d: &[[f64; N]],
+) -> Option<(usize, usize)> {
+    let Search { model, points, links, tools, .. } = *search;
+    let enters = |(nodes, p): (&[u32], usize)| {
+        let body = points.body[p] as usize;
+        let start = points.converged.position[p];
+        let mut end = start;
+        links.for_each_value(p, |local, value| {
+            let du = &delta_d[nodes[local] as usize];
+            (0..D).for_each(|d| end[d] += value * du[d]);
+        });
+        let size = model.grid.size(points.cell[p] as usize);
+        model.tools.iter().zip(tools).position(|(tool, moving)| {
+            let reach = tool.control.largest_slide * size;
+            let path = [moving.start.to_tool(&start), moving.end.to_tool(&end)];
+            tool.interface_with(body).is_some()
+                && norm(&minus(&path[0], &path[1])) > reach
+                && tool.shape.closest_within(path[0], reach).is_none()
+                && tool.shape.first_contact(path[0], path[1]).is_some()
+        })
+    };
+    let groups = (0..links.n_groups()).into_par_iter();
+    let first = |group: usize| {
+        links.points_of(group).find_map(|p| enters((links.nodes_of(group), p)).map(|tool| (tool, p)))
+    };
+    groups.filter_map(first).min_by_key(|(_, p)| *p)
+}

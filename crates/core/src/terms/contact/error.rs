@@ -1,0 +1,123 @@
+//! Reasons why contact cannot be evaluated.
+
+use crate::points::coordinates;
+
+/// A place on a body that touches a tool, as an error names it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ContactPlace {
+    /// Name of the tool.
+    pub tool: String,
+    /// Name of the body.
+    pub body: String,
+    /// Permanent number of the material point to whose domain the place belongs.
+    pub point: u32,
+    /// Position, [length].
+    pub position: Vec<f64>,
+}
+
+impl std::fmt::Display for ContactPlace {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let ContactPlace { tool, body, point, position } = self;
+        write!(f, "point {point} of body `{body}` at {} and tool `{tool}`", coordinates(position))
+    }
+}
+
+/// The reason why the contact between tools and bodies cannot be evaluated.
+#[non_exhaustive]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ContactError {
+    /// A tool overlaps a body before the first step of the body.
+    #[error("{place} overlap by {overlap:.3e} at the start")]
+    Overlap {
+        /// The place.
+        place: ContactPlace,
+        /// The overlap, [length].
+        overlap: f64,
+    },
+    /// A place in contact moves too far along a tool in one step.
+    #[error(
+        "{place} move by {motion:.3e} relative to each other in one step, and at most {most:.3e} is allowed"
+    )]
+    Slide {
+        /// The place.
+        place: ContactPlace,
+        /// The relative motion, [length].
+        motion: f64,
+        /// The largest one allowed, [length].
+        most: f64,
+    },
+    /// A place passes through a part of a tool in one step.
+    #[error("{place}: the place passes through the tool in one step")]
+    Through {
+        /// The place.
+        place: ContactPlace,
+    },
+    /// The updates of the multipliers have not reached the tolerance.
+    #[error(
+        "{place}: after {augmentations} updates, the overlap is {overlap:.3e} and the slip of places that stick {slip:.3e}; \
+         {most:.3e} is tolerated"
+    )]
+    NotSettled {
+        /// The place where the error is largest.
+        place: ContactPlace,
+        /// Number of updates.
+        augmentations: usize,
+        /// Overlap there, [length]; negative for a gap that still transfers a force.
+        overlap: f64,
+        /// Slip there, [length].
+        slip: f64,
+        /// Largest of both that is tolerated, [length].
+        most: f64,
+    },
+    /// Nothing resists a free motion of a tool.
+    #[error("nothing holds tool `{tool}` along {component}: it touches no body")]
+    Loose {
+        /// Name of the tool.
+        tool: String,
+        /// The free component.
+        component: &'static str,
+    },
+    /// A prescribed motion has no finite value.
+    #[error(
+        "the motion of tool `{tool}` along {component} is not finite: the formula `{formula}` gives {value} at load \
+         factor {factor} and time {time}"
+    )]
+    NotFinite {
+        /// Name of the tool.
+        tool: String,
+        /// The component.
+        component: &'static str,
+        /// Text of the formula.
+        formula: String,
+        /// Its value.
+        value: f64,
+        /// The load factor.
+        factor: f64,
+        /// The time.
+        time: f64,
+    },
+    /// The load factor is unknown, but the tool is driven by time.
+    #[error("tool `{tool}` moves or is loaded as a function of time, but the load factor is unknown")]
+    UnknownFactor {
+        /// Name of the tool.
+        tool: String,
+    },
+    /// A tool of bodies of revolution moves off the axis.
+    #[error("tool `{tool}` can only move along the axis of revolution, not along {component}")]
+    OffAxis {
+        /// Name of the tool.
+        tool: String,
+        /// The component.
+        component: &'static str,
+    },
+}
+
+impl ContactError {
+    /// True if a smaller step may avoid it.
+    pub fn may_succeed_if_smaller(&self) -> bool {
+        matches!(
+            self,
+            ContactError::Slide { .. } | ContactError::Through { .. } | ContactError::NotSettled { .. }
+        )
+    }
+}

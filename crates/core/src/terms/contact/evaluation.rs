@@ -1,0 +1,238 @@
+//! The forces of tools on the places that touch them, at trial unknowns, with their derivatives.
+
+use rayon::prelude::*;
+
+use super::candidates::{Candidate, TOUCHING};
+use super::error::ContactError;
+use super::interface::{Approach, Law, Multiplier, Touch};
+use super::motion::{Moving, in_space};
+use crate::assembly::{System, Wanted};
+use crate::model::{Model, Tool};
+use crate::points::PIECE;
+use crate::region::vector::{along, cross, dot, minus, norm, unit};
+
+/// Difference of normals, [-], and of gaps, relative to coordinates, that is round-off.
+const SAME_NORMAL: f64 = 1e-12;
+
+/// Cosine of the angle between the normals of a place at the start of a step and now, inside the tool, beyond which it has
+/// come to another side, [-]. A place may slide around a corner of more than 60 degrees in one step.
+const OTHER_SIDE: f64 = -0.5;
+
+/// A place at trial unknowns.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Trial<const D: usize> {
+    /// Position, [length].
+    pub(super) position: [f64; D],
+    /// Motion relative to the tool since the start of the step, [length].
+    pub(super) slip: [f64; D],
+    /// The force, if it touches the tool.
+    pub(super) touch: Option<Touch<D>>,
+}
+
+/// The unknowns of a step as contact sees them.
+pub(super) struct Trials<'a, const D: usize, const N: usize> {
+    pub(super) model: &'a Model<D>,
+    pub(super) tools: &'a [Moving<D>],
+    pub(super) delta_d: &'a [[f64; N]],
+    /// True at the start of the iterations, where no node has moved yet.
+    pub(super) at_rest: bool,
+}
+
+impl<const D: usize, const N: usize> Trials<'_, D, N> {
+    /// All candidates at these unknowns.
+    ///
+    /// # Errors
+    /// The first place that has come out on another side of a tool.
+    pub(super) fn all(
+        &self,
+        candidates: &[Candidate<D>],
+        multipliers: &[Multiplier<D>],
+        has_touched: &[bool],
+    ) -> Result<Vec<Trial<D>>, ContactError> {
+        let of_candidate = |k: usize| self.one(&candidates[k], &multipliers[k], has_touched[k]);
+        let all: Vec<_> =
+            (0..candidates.len()).into_par_iter().with_min_len(PIECE).map(of_candidate).collect();
+        all.into_iter().collect()
+    }
+
+    fn one(
+        &self,
+        candidate: &Candidate<D>,
+        multiplier: &Multiplier<D>,
+        has_touched: bool,
+    ) -> Result<Trial<D>, ContactError> {
+        let tool = &self.model.tools[candidate.key.tool as usize];
+        let moving = &self.tools[candidate.key.tool as usize];
+        let Candidate { start, near, size, body, .. } = candidate;
+        let u = candidate.displacement(self.delta_d);
+        let position = along(start, 1.0, &u);
+        let slip = minus(&u, &moving.increment.displacement(&moving.start, start));
+        let apart = Trial { position, slip, touch: None };
+        let loaded = multiplier.normal != 0.0;
+        let Some(interface) = tool.interface_with(*body) else { return Ok(apart) };
+        // The gap cannot shrink by more than the relative motion.
+        if !loaded && !self.at_rest && near.gap > norm(&slip) {
+            return Ok(apart);
+        }
+        let normal = moving.end.vector_to_space(&moving.start.vector_to_tool(&near.normal));
+        let mut approach = Approach {
+            gap: near.gap + dot(&normal, &slip),
+            normal,
+            normal_derivative: [[0.0; D]; D],
+            slip,
+            pressure: multiplier.normal,
+            shear: moving.end.vector_to_space(&multiplier.shear),
+            at_rest: self.at_rest,
+            is_fresh: self.at_rest && !loaded && near.gap <= TOUCHING * size,
+        };
+        // At the start of the iterations the tool has moved and the bodies have not: the surface is continued flat,
+        // because the place may lie beyond the middle of a thin tool.
+        if !self.at_rest {
+            let Some(found) = moving.closest(tool.shape.as_ref(), start, &slip) else { return Ok(apart) };
+            if found.gap < -TOUCHING * size && dot(&found.normal, &normal) < OTHER_SIDE {
+                return Err(ContactError::Through { place: candidate.place(self.model) });
+            }
+            // On a flat part, the gap is as precise as the increments: the penalty multiplies its round-off.
+            let is_flat = found.normal_derivative == [[0.0; D]; D]
+                && norm(&minus(&found.normal, &normal)) < SAME_NORMAL
+                && (found.gap - approach.gap).abs() <= SAME_NORMAL * (size + found.gap.abs() + norm(start));
+            if !is_flat {
+                approach.gap = found.gap;
+                approach.normal = found.normal;
+                approach.normal_derivative = found.normal_derivative;
+            }
+        }
+        let law = Law::new(&interface, candidate.area, candidate.penalty, has_touched);
+        Ok(Trial { touch: Touch::new(approach, law), ..apart })
+    }
+}
+
+/// Adds the forces of places on the nodes and on the tools, with their derivatives if wanted.
+pub(super) fn add<const D: usize, const N: usize>(
+    tools: &[Moving<D>],
+    pairs: &[(&Candidate<D>, &Trial<D>)],
+    wanted: Wanted,
+    sum: &mut System<N>,
+) {
+    let first: Vec<usize> = tools
+        .iter()
+        .scan(0, |next, tool| {
+            let first = *next;
+            *next += tool.free.len();
+            Some(first)
+        })
+        .collect();
+    for (candidate, trial) in pairs {
+        let Some(touch) = &trial.touch else { continue };
+        let tool = candidate.key.tool as usize;
+        let force = touch.force();
+        let nodes = candidate.basis.nodes().iter().map(|node| *node as usize);
+        let round_off = touch.round_off(tools[tool].extent(&candidate.start));
+        for (node, value) in nodes.clone().zip(candidate.basis.value()) {
+            sum.add_holding(node, &force.map(|f| value * f));
+            sum.add_round_off(node, value.abs() * round_off);
+        }
+        let moving = &tools[tool];
+        if wanted == Wanted::Force && moving.free.is_empty() {
+            continue;
+        }
+        // `[j][i]`: change of the force f_i with the position x_j.
+        let by_position: [[f64; D]; D] = std::array::from_fn(|j| touch.change(&unit(j), &unit(j), &[0.0; 3]));
+        if wanted == Wanted::Stiffness {
+            add_stiffness(candidate, &by_position, sum);
+        }
+        Balance { moving, first: first[tool], candidate, trial, force, by_position }.add(touch, sum);
+    }
+}
+
+/// Adds −N_v N_w ∂f/∂x to the blocks of the nodes.
+fn add_stiffness<const D: usize, const N: usize>(
+    candidate: &Candidate<D>,
+    by_position: &[[f64; D]; D],
+    sum: &mut System<N>,
+) {
+    let basis = || candidate.basis.nodes().iter().zip(candidate.basis.value());
+    for (&row, of_row) in basis() {
+        for (&column, of_column) in basis() {
+            // A symmetric system stores the lower triangle only.
+            if let Some(place) = sum.place(row as usize, column as usize) {
+                let weight = -of_row * of_column;
+                let block: [[f64; D]; D] =
+                    std::array::from_fn(|i| std::array::from_fn(|j| weight * by_position[j][i]));
+                sum.add_displacement_block(place, &block);
+            }
+        }
+    }
+}
+
+/// The force of one place in the balance of its tool.
+struct Balance<'a, const D: usize> {
+    moving: &'a Moving<D>,
+    /// The first free component among the global unknowns.
+    first: usize,
+    candidate: &'a Candidate<D>,
+    trial: &'a Trial<D>,
+    force: [f64; D],
+    by_position: [[f64; D]; D],
+}
+
+impl<const D: usize> Balance<'_, D> {
+    /// Component `k` of a force, or of its moment about the reference point.
+    fn component(&self, k: usize, force: &[f64; D]) -> f64 {
+        if k < D { force[k] } else { self.moving.moment(&self.trial.position, force)[k - D] }
+    }
+
+    fn add<const N: usize>(&self, touch: &Touch<D>, sum: &mut System<N>) {
+        let Balance { moving, first, candidate, trial, force, by_position } = self;
+        let (x, carried) = (&trial.position, minus(&trial.position, &trial.slip));
+        let arm = norm(&minus(x, &moving.end.position()));
+        let nodes = || candidate.basis.nodes().iter().map(|n| *n as usize).zip(candidate.basis.value());
+        for (j, &k) in moving.free.iter().enumerate() {
+            let size = norm(force) * if k < D { 1.0 } else { arm };
+            sum.border.add_residual(first + j, self.component(k, force), size);
+            // Column: the tool moves.
+            let (at_place, rate) = moving.velocity(k, x);
+            let (at_start, _) = moving.velocity(k, &carried);
+            let change = touch.change(&at_place.map(|v| -v), &at_start.map(|v| -v), &rate);
+            for (node, value) in nodes() {
+                (0..D).for_each(|d| sum.border.add_to_column(first + j, node, d, -value * change[d]));
+            }
+            for (i, &of_row) in moving.free.iter().enumerate() {
+                let mut corner = self.component(of_row, &change);
+                if of_row >= D && k < D {
+                    // The reference point moves.
+                    corner -= cross(&in_space(&unit::<D>(k)), &in_space(force))[of_row - D];
+                }
+                sum.border.add_to_corner(first + i, first + j, corner);
+            }
+            // Row: the place moves.
+            for d in 0..D {
+                let mut change = self.component(k, &by_position[d]);
+                if k >= D {
+                    change += cross(&in_space(&unit::<D>(d)), &in_space(force))[k - D];
+                }
+                for (node, value) in nodes() {
+                    sum.border.add_to_row(first + j, node, d, value * change);
+                }
+            }
+        }
+    }
+}
+
+/// Adds the loads of free tools to their balance.
+pub(super) fn add_loads<const D: usize, const N: usize>(
+    tools: &[Tool<D>],
+    moving: &[Moving<D>],
+    time: f64,
+    sum: &mut System<N>,
+) {
+    let mut number = 0;
+    for (tool, moving) in tools.iter().zip(moving) {
+        let (force, moment) = tool.load_at(time);
+        for &k in &moving.free {
+            let load = if k < D { force[k] } else { moment[k - D] };
+            sum.border.add_residual(number, -load, load.abs());
+            number += 1;
+        }
+    }
+}

@@ -1,0 +1,296 @@
+//! The law of an interface: the force at one place from its gap and slip, with the consistent derivative.
+//!
+//! All functions are pure. Forces act on the body; a place with the area A transfers
+//!
+//! f = p n + t,  p = max(λ − ε g, −T),  t = w_t min(1, L/|w_t|),  w_t = (I − n⊗n)(λ_t − ε s),
+//!
+//! L = min(max(c + μ p, 0), m (p + T)),
+//!
+//! with the gap g, the outward normal n of the tool, the motion s relative to the tool in the step, the multipliers λ and
+//! λ_t, the penalty ε, the largest tension T = A σ_t, and adhesion c = A a. Without tension the place is open where
+//! λ − ε g ≤ 0. Rough surfaces have L = m (p + T). With m = 10, this bound makes forces continuous where surfaces open: a
+//! shear that ceased at once would leave some states without equilibrium.
+
+use crate::model::{Interface, Shear};
+use crate::region::vector::{along, dot, norm};
+
+use super::motion::turn;
+
+/// Round-off of the distance from a curved surface, in units of that of a coordinate, [-].
+const OF_CLOSEST: f64 = 4.0;
+
+/// m, [-].
+const STEEPEST: f64 = 10.0;
+/// Relative difference from the largest shear within which a place slides, [-].
+const SLIDES: f64 = 1e-6;
+
+/// The multipliers of a place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Multiplier<const D: usize> {
+    /// λ, [force].
+    pub(super) normal: f64,
+    /// λ_t, in the frame of the tool, [force].
+    pub(super) shear: [f64; D],
+}
+
+impl<const D: usize> Default for Multiplier<D> {
+    fn default() -> Self {
+        Multiplier { normal: 0.0, shear: [0.0; D] }
+    }
+}
+
+/// State of a place that touches a tool.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mode {
+    /// The surfaces stick.
+    Stick,
+    /// The surfaces slide.
+    Slip,
+    /// The surfaces part under the largest tension.
+    Parting,
+}
+
+/// The law of an interface, in forces at one place.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Law {
+    /// μ, [-]; infinite if the surfaces always stick.
+    pub(super) friction: f64,
+    /// c, [force].
+    pub(super) adhesion: f64,
+    /// T, [force].
+    pub(super) tension: f64,
+    /// ε, [force/length].
+    pub(super) penalty: f64,
+}
+
+impl Law {
+    /// The law at a place with this area, [length²]. Tension acts only if the surfaces have touched before.
+    pub(super) fn new(interface: &Interface, area: f64, penalty: f64, has_touched: bool) -> Law {
+        let (friction, adhesion) = match interface.shear {
+            Shear::Rough => (f64::INFINITY, 0.0),
+            Shear::Coulomb { friction, adhesion } => (friction, adhesion * area),
+        };
+        let tension = if has_touched { interface.tension_cut_off * area } else { 0.0 };
+        Law { friction, adhesion, tension, penalty }
+    }
+
+    pub(super) fn is_smooth(&self) -> bool {
+        self.friction == 0.0 && self.adhesion == 0.0
+    }
+
+    /// True if the multipliers are those of a place that transfers pressure and sticks.
+    fn has_stuck<const D: usize>(&self, approach: &Approach<D>) -> bool {
+        let most = self.most_shear(approach.pressure).0;
+        approach.pressure > 0.0 && norm(&approach.shear) < (1.0 - SLIDES) * most
+    }
+
+    /// L, [force], and its derivative with respect to the pressure, [-].
+    fn most_shear(&self, pressure: f64) -> (f64, f64) {
+        let steepest = STEEPEST * (pressure + self.tension);
+        if self.friction.is_infinite() {
+            return (steepest, STEEPEST);
+        }
+        let coulomb = self.adhesion + self.friction * pressure;
+        if coulomb <= 0.0 {
+            (0.0, 0.0)
+        } else if coulomb <= steepest {
+            (coulomb, self.friction)
+        } else {
+            (steepest, STEEPEST)
+        }
+    }
+}
+
+/// What a place and its tool have done in the step.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Approach<const D: usize> {
+    /// g, [length].
+    pub(super) gap: f64,
+    /// n.
+    pub(super) normal: [f64; D],
+    /// ∂n/∂x, [1/length].
+    pub(super) normal_derivative: [[f64; D]; D],
+    /// s, [length].
+    pub(super) slip: [f64; D],
+    /// λ, [force].
+    pub(super) pressure: f64,
+    /// λ_t, in the axes of space, [force].
+    pub(super) shear: [f64; D],
+    /// True if the surfaces touch at the start of the step and transfer nothing yet: their stiffness must act although
+    /// there is no force.
+    pub(super) is_fresh: bool,
+    /// True at the start of the iterations: places that have not slid in the step before then stick, whatever the shear, so
+    /// that they hold the body.
+    pub(super) at_rest: bool,
+}
+
+/// The force at a place that touches a tool.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Touch<const D: usize> {
+    approach: Approach<D>,
+    law: Law,
+    /// p, [force].
+    pub(super) pressure: f64,
+    /// t, [force].
+    pub(super) shear: [f64; D],
+    pub(super) mode: Mode,
+    /// λ_t − ε s, [force].
+    trial: [f64; D],
+    /// L/|w_t| and the direction of w_t where the surfaces slide.
+    sliding: Option<(f64, [f64; D])>,
+}
+
+impl<const D: usize> Touch<D> {
+    /// The force at a place; `None` if it is open.
+    pub(super) fn new(approach: Approach<D>, law: Law) -> Option<Self> {
+        let trial = approach.pressure - law.penalty * approach.gap;
+        let is_parting = trial <= -law.tension;
+        if is_parting && law.tension == 0.0 && !approach.is_fresh {
+            return None;
+        }
+        let pressure = trial.max(-law.tension);
+        let w = along(&approach.shear, -law.penalty, &approach.slip);
+        let mut touch = Touch {
+            approach,
+            law,
+            pressure,
+            shear: [0.0; D],
+            mode: if is_parting && !approach.is_fresh { Mode::Parting } else { Mode::Stick },
+            trial: w,
+            sliding: None,
+        };
+        if law.is_smooth() {
+            if touch.mode == Mode::Stick {
+                touch.mode = Mode::Slip;
+            }
+            return Some(touch);
+        }
+        let n = &approach.normal;
+        let tangential = along(&w, -dot(n, &w), n);
+        let (size, most) = (norm(&tangential), law.most_shear(pressure).0);
+        let sticks = approach.is_fresh || approach.at_rest && law.has_stuck(&approach);
+        if size > most && !sticks {
+            let direction = tangential.map(|w| w / size);
+            touch.shear = direction.map(|e| most * e);
+            touch.sliding = Some((most / size, direction));
+            if touch.mode == Mode::Stick {
+                touch.mode = Mode::Slip;
+            }
+        } else {
+            touch.shear = tangential;
+        }
+        Some(touch)
+    }
+
+    /// f = p n + t, the force on the body, [force].
+    pub(super) fn force(&self) -> [f64; D] {
+        along(&self.shear, self.pressure, &self.approach.normal)
+    }
+
+    /// Round-off of the force if that of the gap of a curved surface is that of coordinates of this magnitude, [force].
+    pub(super) fn round_off(&self, coordinates: f64) -> f64 {
+        let is_flat = self.approach.normal_derivative == [[0.0; D]; D];
+        if is_flat { 0.0 } else { OF_CLOSEST * f64::EPSILON * self.law.penalty * coordinates }
+    }
+
+    pub(super) fn normal(&self) -> [f64; D] {
+        self.approach.normal
+    }
+
+    pub(super) fn gap(&self) -> f64 {
+        self.approach.gap
+    }
+
+    /// The motion relative to the tool in the step, tangential to it, [length].
+    pub(super) fn slip(&self) -> [f64; D] {
+        let (n, s) = (&self.approach.normal, &self.approach.slip);
+        along(s, -dot(n, s), n)
+    }
+
+    /// The change of the force, [force], with the velocity of the place relative to the tool at the place, that relative
+    /// to the point of the tool where the place was at the start of the step, and the rate of rotation of the tool.
+    pub(super) fn change(&self, relative: &[f64; D], slipping: &[f64; D], rate: &[f64; 3]) -> [f64; D] {
+        let Touch { approach, law, .. } = self;
+        let n = &approach.normal;
+        let of_place: [f64; D] = std::array::from_fn(|i| dot(&approach.normal_derivative[i], relative));
+        let dn = along(&of_place, 1.0, &turn(rate, n));
+        let dp = if self.mode == Mode::Parting { 0.0 } else { -law.penalty * dot(n, relative) };
+        let mut df = along(&n.map(|n| n * dp), self.pressure, &dn);
+        if law.is_smooth() {
+            return df;
+        }
+        let w = &self.trial;
+        let dw = along(&turn(rate, &approach.shear), -law.penalty, slipping);
+        // The derivative of the tangential part of w.
+        let normal_part = dot(n, &dw) + dot(&dn, w);
+        let d_tangential = along(&along(&dw, -normal_part, n), -dot(n, w), &dn);
+        let dt = match &self.sliding {
+            None => d_tangential,
+            Some((share, e)) => {
+                let across = along(&d_tangential, -dot(e, &d_tangential), e);
+                let d_most = law.most_shear(self.pressure).1 * dp;
+                along(&across.map(|x| x * share), d_most, e)
+            }
+        };
+        df = along(&df, 1.0, &dt);
+        df
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::region::vector::unit;
+
+    fn approach(gap: f64, slip: [f64; 3]) -> Approach<3> {
+        Approach {
+            gap,
+            normal: [0.0, 0.0, 1.0],
+            normal_derivative: [[0.0; 3]; 3],
+            slip,
+            pressure: 2.0,
+            shear: [0.5, 0.0, 0.0],
+            is_fresh: false,
+            at_rest: false,
+        }
+    }
+
+    fn law(friction: f64, adhesion: f64, tension: f64) -> Law {
+        Law { friction, adhesion, tension, penalty: 10.0 }
+    }
+
+    #[test]
+    fn forces_follow_the_law() {
+        let touch = Touch::new(approach(-0.1, [0.0; 3]), law(0.5, 0.0, 0.0)).unwrap();
+        assert_eq!((touch.force(), touch.mode), ([0.5, 0.0, 3.0], Mode::Stick));
+        let touch = Touch::new(approach(-0.1, [-1.0, 0.0, 0.3]), law(0.5, 0.25, 0.0)).unwrap();
+        assert_eq!((touch.force(), touch.mode), ([1.75, 0.0, 3.0], Mode::Slip));
+        let touch = Touch::new(approach(-0.1, [0.0, 2.0, 0.0]), law(f64::INFINITY, 0.0, 0.0)).unwrap();
+        assert_eq!((touch.force(), touch.mode), ([0.5, -20.0, 3.0], Mode::Stick));
+        let far = Touch::new(approach(-0.1, [0.0, 4.0, 0.0]), law(f64::INFINITY, 0.0, 0.0)).unwrap();
+        assert!((norm(&far.shear) - 30.0).abs() < 1e-12 && far.mode == Mode::Slip);
+        let touch = Touch::new(approach(-0.1, [0.0, 2.0, 0.0]), law(0.0, 0.0, 0.0)).unwrap();
+        assert_eq!(touch.force(), [0.0, 0.0, 3.0]);
+    }
+
+    #[test]
+    fn places_open_at_the_largest_tension() {
+        assert!(Touch::new(approach(0.2, [0.0; 3]), law(0.5, 1.0, 0.0)).is_none());
+        let tight = Touch::new(approach(0.3, [0.0; 3]), law(0.0, 0.0, 2.0)).unwrap();
+        assert_eq!((tight.pressure, tight.mode), (-1.0, Mode::Slip));
+        let parting = Touch::new(approach(0.5, [0.0; 3]), law(0.5, 0.1, 2.0)).unwrap();
+        assert_eq!((parting.force(), parting.mode), ([0.0, 0.0, -2.0], Mode::Parting));
+        assert_eq!(parting.change(&unit(2), &unit(2), &[0.0; 3]), [0.0; 3]);
+    }
+
+    #[test]
+    fn fresh_places_have_stiffness_without_force() {
+        let fresh = Approach { pressure: 0.0, shear: [0.0; 3], is_fresh: true, ..approach(0.0, [0.0; 3]) };
+        let touch = Touch::new(fresh, law(0.5, 0.0, 0.0)).unwrap();
+        assert_eq!(touch.force(), [0.0; 3]);
+        for axis in 0..3 {
+            let e: [f64; 3] = unit(axis);
+            assert_eq!(touch.change(&e, &e, &[0.0; 3]), e.map(|x| -10.0 * x));
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! The state of tools and of the places that touch them, for results.
+
+use super::interface::Mode;
+use crate::tool::Pose;
+
+/// A tool at the end of a step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ToolState<const D: usize> {
+    /// Pose.
+    pub pose: Pose<D>,
+    /// Displacement of the reference point since the start of the analysis, [length].
+    pub displacement: [f64; D],
+    /// Rotation vector since the start of the analysis, [rad]; in the plane with all full turns.
+    pub rotation: [f64; 3],
+    /// Force of the tool on the bodies, [force].
+    pub force: [f64; D],
+    /// Moment of these forces about the reference point and the axes x, y and z, [force·length].
+    pub moment: [f64; 3],
+    /// Force of its loads on the tool, [force].
+    pub load: [f64; D],
+    /// Moment of its loads about the reference point, [force·length].
+    pub load_moment: [f64; 3],
+    /// Largest overlap with a body, [length]; 0 without.
+    pub overlap: f64,
+    /// Largest slip in the step of a place that sticks, [length].
+    pub slip: f64,
+    /// Number of updates of the multipliers in the step, of all tools together.
+    pub augmentations: usize,
+    /// The places that touch it.
+    pub contacts: Vec<ContactPoint<D>>,
+}
+
+/// A place on a body that touches a tool.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ContactPoint<const D: usize> {
+    /// Number of the body.
+    pub body: usize,
+    /// Permanent number of the material point to whose domain the place belongs.
+    pub point: u32,
+    /// Number of the part of the surface of the tool, as [`crate::tool::Closest::part`].
+    pub part: usize,
+    /// Position, [length].
+    pub position: [f64; D],
+    /// Unit normal out of the tool.
+    pub normal: [f64; D],
+    /// Area that it stands for, [length²]: per unit thickness in the plane, on the full circle for bodies of revolution.
+    pub area: f64,
+    /// Force of the tool on the body, [force].
+    pub force: [f64; D],
+    /// Pressure, [stress]; negative for tension.
+    pub pressure: f64,
+    /// Shear stress on the body, [stress].
+    pub shear: [f64; D],
+    /// Whether it sticks, slides or parts.
+    pub mode: Mode,
+}
+
+impl<const D: usize> ToolState<D> {
+    /// Force of one part of the surface of the tool on the bodies, [force].
+    pub fn force_of_part(&self, part: usize) -> [f64; D] {
+        let of_part = self.contacts.iter().filter(|contact| contact.part == part);
+        of_part.fold([0.0; D], |sum, contact| std::array::from_fn(|d| sum[d] + contact.force[d]))
+    }
+}

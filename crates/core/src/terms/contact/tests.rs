@@ -1,0 +1,52 @@
+//! Contact of bodies with tools in whole models.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+mod blocks;
+mod footings;
+mod safeguards;
+mod tangent;
+
+use crate::equilibrium::StepReport;
+use crate::model::{Builder, Model};
+use crate::points::Points;
+use crate::solver::{Observer, Solvable, SolveError, Stepper, Summary};
+
+/// An analysis that has ended.
+struct Run<const D: usize> {
+    points: Points<D>,
+    reports: Vec<StepReport<D>>,
+    summary: Summary,
+}
+
+/// Keeps all reports.
+struct Reports<const D: usize>(Vec<StepReport<D>>);
+
+impl<const D: usize> Observer<D> for Reports<D> {
+    fn converged(
+        &mut self,
+        _: &Model<D>,
+        _: &Points<D>,
+        report: &StepReport<D>,
+        _: &Summary,
+    ) -> std::io::Result<()> {
+        self.0.push(report.clone());
+        Ok(())
+    }
+}
+
+fn run<const D: usize>(builder: Builder<D>) -> Result<Run<D>, SolveError>
+where
+    Model<D>: Solvable<D>,
+{
+    let (model, points) = builder.build().unwrap();
+    run_model(&model, points)
+}
+
+fn run_model<const D: usize>(model: &Model<D>, mut points: Points<D>) -> Result<Run<D>, SolveError>
+where
+    Model<D>: Solvable<D>,
+{
+    let mut reports = Reports(Vec::new());
+    let summary = Stepper::new(model, &mut points).run(&mut reports)?;
+    Ok(Run { points, reports: reports.0, summary })
+}

@@ -1,0 +1,94 @@
+//! Footings and cylinders on elastic ground.
+
+use std::f64::consts::PI;
+
+use super::{Run, run};
+use crate::basis::Method;
+use crate::formula::Formula;
+use crate::grid::Structured;
+use crate::material::Hencky;
+use crate::model::{Builder, Fill, Freedom, Interface, LoadCurve, Tool, ToolLoad};
+use crate::region::{Ball, Brick};
+use crate::tool::Pose;
+
+/// A rough footing on a block, sinking as prescribed or under a load.
+fn footing(motion: Freedom, load: f64) -> Run<2> {
+    let shape = Brick::new([-0.5, 0.0], [0.5, 0.5]).unwrap();
+    let mut tool = Tool::new("footing", shape, Pose::new([1.0, 1.0], [0.0; 3]).unwrap());
+    tool.interface = Some(Interface::ROUGH);
+    tool.translation[1] = motion;
+    tool.loads.push(ToolLoad { force: [0.0, load], moment: [0.0; 3], curve: LoadCurve::ramp(1.0) });
+    let builder = Builder::new(Structured::new([0.0; 2], [0.25; 2], [8, 6]))
+        .material("clay", Hencky::new(1e6, 0.3))
+        .body("ground", "clay", Fill { method: Method::Gimp, ..Fill::default() }, |x| x[1] < 1.0)
+        .fix("sides", [true, false], |x| x[0] == 0.0 || x[0] == 2.0)
+        .fix("floor", [true, true], |x| x[1] == 0.0)
+        .tool(tool)
+        .steps(1);
+    run(builder).unwrap()
+}
+
+#[test]
+fn a_footing_sinks_under_a_dead_load_as_far_as_the_load_pushes_it() {
+    let pushed = footing(Freedom::Prescribed(Formula::constant(-0.02)), 0.0);
+    let force = pushed.reports[0].tools[0].force[1];
+    assert!(force < -1e3, "{force}");
+    let loaded = footing(Freedom::Free, force);
+    let tool = &loaded.reports[0].tools[0];
+    assert!((tool.force[1] / force - 1.0).abs() < 1e-9, "{} {force}", tool.force[1]);
+    assert!((tool.displacement[1] / -0.02 - 1.0).abs() < 1e-5, "{}", tool.displacement[1]);
+}
+
+/// Errors of the half width and of the share of the load near the middle of a cylinder on a block against Hertz.
+fn hertz(cells: usize, method: Method) -> [f64; 2] {
+    let h = 1.0 / cells as f64;
+    let (modulus, poisson, radius) = (1e6, 0.3, 1.0);
+    let shape = Ball::new([0.0, radius], radius).unwrap();
+    let mut tool = Tool::new("cylinder", shape, Pose::new([0.0, 1.0], [0.0; 3]).unwrap());
+    tool.translation[1] = Freedom::Prescribed(Formula::constant(-0.012));
+    let builder = Builder::new(Structured::new([0.0; 2], [h; 2], [cells, cells + 2]))
+        .material("steel", Hencky::new(modulus, poisson))
+        .body("block", "steel", Fill { method, ..Fill::default() }, |x| x[1] < 1.0)
+        .fix("sides", [true, false], |x| x[0] == 0.0 || x[0] == 1.0)
+        .fix("floor", [false, true], |x| x[1] == 0.0)
+        .tool(tool)
+        .steps(2);
+    let run = run(builder).unwrap();
+    let state = &run.reports.last().unwrap().tools[0];
+    // The symmetry plane halves the cylinder.
+    let load = 2.0 * -state.force[1];
+    let half_width = (4.0 * load * radius * (1.0 - poisson * poisson) / (PI * modulus)).sqrt();
+    // ∫ p x² dx = P a²/4.
+    let second: f64 = state.contacts.iter().map(|c| -2.0 * c.force[1] * c.position[0].powi(2)).sum();
+    let measured = 2.0 * (second / load).sqrt();
+    // The share of the load within half of the half width: 2/π (asin ½ + ½ √¾), from a line through the sums at the places.
+    let mut places: Vec<[f64; 2]> =
+        state.contacts.iter().map(|c| [c.position[0], -2.0 * c.force[1]]).collect();
+    places.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut sums = vec![[0.0, 0.0]];
+    let mut sum = 0.0;
+    for pair in places.chunk_by(|a, b| (a[0] - b[0]).abs() < 0.25 * h) {
+        let force: f64 = pair.iter().map(|[_, f]| f).sum();
+        let x = pair.iter().map(|[x, _]| x).sum::<f64>() / pair.len() as f64;
+        // At the plane of symmetry, the whole force stands for the first half interval; elsewhere half lies before x.
+        let before = if x < 0.25 * h { 0.0 } else { 0.5 * force };
+        sums.push([x, sum + before]);
+        sum += force;
+    }
+    let at = 0.5 * half_width;
+    let k = sums.iter().position(|[x, _]| *x > at).unwrap();
+    let ([x0, s0], [x1, s1]) = (sums[k - 1], sums[k]);
+    let share = (s0 + (s1 - s0) * (at - x0) / (x1 - x0)) / load;
+    let expected = 2.0 / PI * (0.5f64.asin() + 0.5 * 0.75f64.sqrt());
+    [measured / half_width - 1.0, share / expected - 1.0]
+}
+
+#[test]
+fn a_cylinder_presses_like_hertz() {
+    for method in [Method::Gimp, Method::Cpdi2] {
+        let coarse = hertz(32, method);
+        let fine = hertz(64, method);
+        assert!(coarse[0].abs() < 0.08 && fine[0].abs() < 0.04, "{coarse:?} {fine:?}");
+        assert!(coarse[1].abs() < 0.04 && fine[1].abs() < 0.02, "{coarse:?} {fine:?}");
+    }
+}
