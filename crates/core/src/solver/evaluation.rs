@@ -107,7 +107,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
                 continue;
             }
             if searches < most_searches
-                && self.context.model.tools.is_empty()
+                && !self.backtracks()
                 && !self.course.is_augmented
                 && self.may_search(iteration, found.residual)
                 && let Some(shorter) = self.unknowns.secant_fraction(&self.course.out_of_balance)
@@ -144,11 +144,16 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         measured.or_larger(system.border.relative_residual(), tolerance)
     }
 
+    /// True if tools rub against bodies.
+    fn backtracks(&self) -> bool {
+        !self.context.model.tools.iter().all(crate::model::Tool::is_smooth)
+    }
+
     /// True if an increment that has not reduced the residual must be shortened. Where places touch tools and open again, or
     /// stick and slide, forces have kinks and need no potential: iterations may go to and fro, and slopes say nothing.
     fn must_backtrack(&self, iteration: usize, residual: f64) -> bool {
         let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
-        !self.context.model.tools.is_empty()
+        self.backtracks()
             && iteration - self.course.solves_before > FREE
             && residual > before.max(self.context.model.newton.tolerance)
     }
