@@ -8,7 +8,7 @@ use super::replace::TEMPORARY;
 use super::{checkpoint, failed, lock, series, status, vtu};
 
 /// Names of the series.
-pub(super) const SERIES: [&str; 4] = ["points", "domains", "grid", "surfaces"];
+pub(super) const SERIES: [&str; 6] = ["points", "domains", "grid", "surfaces", "tools", "contacts"];
 
 /// The file of a series that shows a step.
 pub(super) fn file_name(series: &str, step: usize) -> String {

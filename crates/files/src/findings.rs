@@ -17,7 +17,7 @@ pub struct ForceBalance {
     pub applied: Vec<f64>,
     /// Name and resultant of each load, [force].
     pub loads: Vec<(String, Vec<f64>)>,
-    /// Name and sum of each further force, such as the force that a stage releases, [force].
+    /// Name and sum of each further force, such as that of a tool or that which a stage releases, [force].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub further: Vec<(String, Vec<f64>)>,
     /// Name and reaction of each boundary condition, [force].
@@ -56,7 +56,8 @@ impl ForceBalance {
         // The pressures on a closed surface have no resultant.
         let of_surfaces =
             report.surfaces.iter().flat_map(|surface| surface.reaction.iter().chain(&surface.load)).flatten();
-        let held = of_nodes + of_surfaces.map(|r| r.abs()).sum::<f64>();
+        let of_tools = report.tools.iter().flat_map(|tool| tool.contacts.iter().flat_map(|at| &at.force));
+        let held = of_nodes + of_surfaces.chain(of_tools).map(|r| r.abs()).sum::<f64>();
         let applied = report.applied();
         let magnitude: f64 = applied.iter().map(|f| f.abs()).sum();
         let loads = model.loads.iter().zip(&report.loads);
@@ -64,10 +65,13 @@ impl ForceBalance {
             about: of.about.map(|about| about.to_vec()),
             moment: of.components().to_vec(),
         });
+        let named = report.forces.iter().map(|of| (of.name.clone(), of.force.to_vec()));
+        let tools = model.tools.iter().zip(&report.tools);
+        let further = named.chain(tools.map(|(tool, state)| (tool.name.clone(), state.force.to_vec())));
         ForceBalance {
             applied: applied.to_vec(),
             loads: loads.map(|(load, force)| (load.name.clone(), force.to_vec())).collect(),
-            further: report.forces.iter().map(|of| (of.name.clone(), of.force.to_vec())).collect(),
+            further: further.collect(),
             reactions,
             moments: moments.collect(),
             balanced: (0..D).map(|axis| !(model.revolved && axis == 0)).collect(),

@@ -11,11 +11,13 @@ use mpm_core::points::Points;
 use mpm_core::solver::Step;
 use mpm_core::surface::SurfaceFields;
 use mpm_core::tensor::padded;
+use mpm_core::terms::ToolState;
 
 use super::directory::{SERIES, file_name};
 use super::fields::{GridMesh, Of, PointField, grid_mesh, number, vector, volumes};
 use super::invalid;
 use super::smoothed_pressure::smoothed_pressures;
+use super::tool_frames::{Outlined, contacts_of_tools, surfaces_of_tools};
 use super::vtu::{CellKind, Cells, Encoded, Field, File, Kinds, Precision, Room, Values};
 
 /// A file of a series, independent of the run.
@@ -54,6 +56,8 @@ pub(super) struct Frames {
     stage: usize,
     /// The grid of the last frame.
     grid: Option<Active>,
+    /// The surfaces of the tools; empty before the first frame.
+    outlines: Vec<Outlined>,
 }
 
 /// Parts that are the same in all frames of a series.
@@ -89,7 +93,17 @@ impl Frames {
     pub fn new(fields: &[PointField], precision: Precision) -> Frames {
         let (room, order, volumes) = (Room::default(), Vec::new(), Vec::new());
         let steady = [None, None];
-        Frames { fields: fields.to_vec(), precision, room, order, volumes, steady, stage: 0, grid: None }
+        Frames {
+            fields: fields.to_vec(),
+            precision,
+            room,
+            order,
+            volumes,
+            steady,
+            stage: 0,
+            grid: None,
+            outlines: Vec::new(),
+        }
     }
 
     /// Frames of the points in their converged state, and of their domains if they have any.
@@ -221,6 +235,27 @@ impl Frames {
             return Ok(None);
         }
         Frame::new(3, step, self.file_of_surfaces(surfaces, step)).map(Some)
+    }
+
+    /// Frames of the surfaces of all tools, and of the places that touch them; none without tools.
+    ///
+    /// # Errors
+    /// As [`Frames::of_points`].
+    pub fn of_tools<const D: usize>(
+        &mut self,
+        model: &Model<D>,
+        tools: &[ToolState<D>],
+        step: Step,
+    ) -> io::Result<Vec<Frame>> {
+        if tools.is_empty() {
+            return Ok(Vec::new());
+        }
+        if self.outlines.is_empty() {
+            self.outlines = model.tools.iter().map(|tool| Outlined::new(tool, model)).collect();
+        }
+        let of = (self.precision, &self.room);
+        let surfaces = surfaces_of_tools(&self.outlines, (model, tools), step, of);
+        Ok(vec![Frame::new(4, step, surfaces)?, Frame::new(5, step, contacts_of_tools(tools, step, of))?])
     }
 
     fn file_of_surfaces<const D: usize>(

@@ -53,6 +53,16 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
     for load in &model.loads {
         columns.extend(axes.iter().map(|axis| format!("{}_f{axis}", load.name)));
     }
+    let turns = if D == 3 { ["x", "y", "z"].as_slice() } else { &["z"] };
+    let turns = if model.revolved { &[] } else { turns };
+    for tool in &model.tools {
+        let name = &tool.name;
+        columns.extend(axes.iter().map(|axis| format!("{name}_f{axis}")));
+        columns.extend(turns.iter().map(|axis| format!("{name}_m{axis}")));
+        columns.extend(axes.iter().map(|axis| format!("{name}_u{axis}")));
+        columns.extend(turns.iter().map(|axis| format!("{name}_turn_{axis}")));
+        columns.extend(["contacts", "overlap"].map(|what| format!("{name}_{what}")));
+    }
     for probe in &model.probes {
         columns.extend(axes.iter().map(|axis| format!("{}_u{axis}", probe.name)));
     }
@@ -90,6 +100,20 @@ pub fn row_of_history<const D: usize>(
         row.extend(moment.iter().flat_map(|of| of.components()).map(|m| Entry::from(*m)));
     }
     row.extend(report.loads.iter().flatten().map(|f| Entry::from(*f)));
+    for tool in &report.tools {
+        let about = if model.revolved {
+            3
+        } else if D == 3 {
+            0
+        } else {
+            2
+        };
+        row.extend(tool.force.map(Entry::from));
+        row.extend(tool.moment[about..].iter().map(|m| Entry::from(*m)));
+        row.extend(tool.displacement.map(Entry::from));
+        row.extend(tool.rotation[about..].iter().map(|angle| Entry::from(angle.to_degrees())));
+        row.extend([Entry::from(tool.contacts.len() as i64), Entry::from(tool.overlap)]);
+    }
     let places = points.places();
     for probe in &model.probes {
         let present = |id: &u32| places.get(*id as usize).copied().flatten();

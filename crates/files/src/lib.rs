@@ -24,6 +24,7 @@ mod start;
 pub mod status;
 pub mod summary;
 pub mod table;
+mod tool_frames;
 pub mod vtu;
 mod writer;
 

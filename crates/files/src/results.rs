@@ -9,7 +9,7 @@ use mpm_core::points::Points;
 use mpm_core::solver::{
     Diagnosis, FailedAttempt, GridFields, Observer, Reached, SolveError, Step, StepReport, Summary,
 };
-use mpm_core::terms::Surfaces;
+use mpm_core::terms::{Contact, Surfaces};
 
 use super::checkpoint::{self, Checkpoint};
 use super::directory::{
@@ -302,6 +302,7 @@ impl<const D: usize> Observer<D> for Results {
         }
         drop(copy);
         frames.extend(self.frames.of_surfaces(&Surfaces::at_start(model, points), self.last)?);
+        frames.extend(self.frames.of_tools(model, &Contact::at_start(model), self.last)?);
         self.show(self.last, frames)
     }
 
@@ -330,6 +331,7 @@ impl<const D: usize> Observer<D> for Results {
             let GridFields { links, delta_d, reaction, .. } = &report.grid;
             frames.push(self.frames.of_grid(model, links, &on_nodes(delta_d, reaction), report.step)?);
             frames.extend(self.frames.of_surfaces(&report.surfaces, report.step)?);
+            frames.extend(self.frames.of_tools(model, &report.tools, report.step)?);
             self.show(report.step, frames)?;
         } else if !self.writer.is_at_work() {
             self.settle()?;

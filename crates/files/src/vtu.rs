@@ -44,6 +44,8 @@ const END: &str = "\n</AppendedData>\n</VTKFile>\n";
 pub enum CellKind {
     /// A single point.
     Vertex,
+    /// A line with 2 points.
+    Line,
     /// A triangle with 3 points.
     Triangle,
     /// A quadrilateral with 4 points in order around it.
@@ -59,6 +61,7 @@ impl CellKind {
     pub fn points(self) -> usize {
         match self {
             CellKind::Vertex => 1,
+            CellKind::Line => 2,
             CellKind::Triangle => 3,
             CellKind::Quad | CellKind::Tetrahedron => 4,
             CellKind::Hexahedron => 8,
@@ -69,6 +72,7 @@ impl CellKind {
     fn code(self) -> u8 {
         match self {
             CellKind::Vertex => 1,
+            CellKind::Line => 3,
             CellKind::Triangle => 5,
             CellKind::Quad => 9,
             CellKind::Tetrahedron => 10,

@@ -195,6 +195,11 @@ impl<const D: usize> Tool<D> {
         !self.loads.is_empty() || Self::components().any(moves)
     }
 
+    /// The curves of its motion and its loads.
+    pub fn curves(&self) -> impl Iterator<Item = &LoadCurve> {
+        self.loads.iter().map(|load| &load.curve).chain([&self.curve])
+    }
+
     /// Force and moment of its loads at a time, [force] and [force·length].
     pub fn load_at(&self, time: f64) -> ([f64; D], [f64; 3]) {
         let (mut force, mut moment) = ([0.0; D], [0.0; 3]);

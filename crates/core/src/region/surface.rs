@@ -86,7 +86,7 @@ impl Surface {
     }
 
     /// The facets, in the order of the tree.
-    pub(crate) fn triangles(&self) -> &[Triangle] {
+    pub fn triangles(&self) -> &[Triangle] {
         &self.triangles
     }
 

@@ -29,12 +29,31 @@ impl<const D: usize> HalfSpace<D> {
         Ok(HalfSpace { point, normal: normal.map(|x| x / length) })
     }
 
-    /// The part of the surface within a square (segment) of this half width around the foot of a position, [length], in
-    /// facets with edges of at most `size`.
-    ///
-    /// # Errors
-    /// [`NoOutline::Size`], also for a half width that is not positive; [`NoOutline::TooMany`].
-    pub fn outline_near(&self, x: [f64; D], half_width: f64, size: f64) -> Result<Outline<D>, NoOutline> {
+    fn height(&self, x: &[f64; D]) -> f64 {
+        dot(&minus(x, &self.point), &self.normal)
+    }
+}
+
+impl<const D: usize> Shape<D> for HalfSpace<D> {
+    fn bounds(&self) -> Bounds<D> {
+        [[f64::NEG_INFINITY; D], [f64::INFINITY; D]]
+    }
+
+    fn search(&self, x: &[f64; D], _: f64) -> Option<Closest<D>> {
+        Some(Closest::on_plane(x, self.height(x), self.normal, 0))
+    }
+
+    fn crossing(&self, path: &[[f64; D]; 2]) -> Option<f64> {
+        let [from, to] = path.map(|x| self.height(&x));
+        let crosses = from.min(to) <= 0.0 && from.max(to) >= 0.0;
+        crosses.then(|| if from == to { 0.0 } else { from / (from - to) })
+    }
+
+    fn pieces(&self, _: f64) -> Option<Vec<Facet<D>>> {
+        None
+    }
+
+    fn outline_near(&self, x: [f64; D], half_width: f64, size: f64) -> Result<Outline<D>, NoOutline> {
         for length in [half_width, size] {
             if !(length > 0.0 && length.is_finite()) {
                 return Err(NoOutline::Size { size: length });
@@ -58,29 +77,5 @@ impl<const D: usize> HalfSpace<D> {
             divided(&corners, size, 0)
         };
         Ok(Outline::of(&facets))
-    }
-
-    fn height(&self, x: &[f64; D]) -> f64 {
-        dot(&minus(x, &self.point), &self.normal)
-    }
-}
-
-impl<const D: usize> Shape<D> for HalfSpace<D> {
-    fn bounds(&self) -> Bounds<D> {
-        [[f64::NEG_INFINITY; D], [f64::INFINITY; D]]
-    }
-
-    fn search(&self, x: &[f64; D], _: f64) -> Option<Closest<D>> {
-        Some(Closest::on_plane(x, self.height(x), self.normal, 0))
-    }
-
-    fn crossing(&self, path: &[[f64; D]; 2]) -> Option<f64> {
-        let [from, to] = path.map(|x| self.height(&x));
-        let crosses = from.min(to) <= 0.0 && from.max(to) >= 0.0;
-        crosses.then(|| if from == to { 0.0 } else { from / (from - to) })
-    }
-
-    fn pieces(&self, _: f64) -> Option<Vec<Facet<D>>> {
-        None
     }
 }

@@ -86,6 +86,15 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
         }
         Ok(Outline::of(&facets))
     }
+
+    /// The outline of a bounded shape; of an unbounded one, the part within a square (segment) of this half width around the
+    /// foot of a position, [length].
+    ///
+    /// # Errors
+    /// [`NoOutline`], also for a half width that is not positive.
+    fn outline_near(&self, _x: [f64; D], _half_width: f64, size: f64) -> Result<Outline<D>, NoOutline> {
+        self.outline(size)
+    }
 }
 
 /// The first end of an interval on a path from 0 to 1.

@@ -1,0 +1,189 @@
+//! The VTU files of the tools of a step: their surfaces with pressure and shear, and the places that touch them.
+
+use std::sync::Arc;
+
+use mpm_core::model::{Model, Tool};
+use mpm_core::solver::Step;
+use mpm_core::tensor::padded;
+use mpm_core::terms::{ContactPoint, Mode, ToolState};
+use mpm_core::tool::{NoOutline, Outline};
+
+use super::fields::{number, vector};
+use super::vtu::{CellKind, Cells, Encoded, Field, File, Kinds, Precision, Room, Values};
+
+/// Half the width of the part of an unbounded tool that is shown, relative to the diagonal of the grid, [-].
+const SHOWN: f64 = 0.5;
+/// Number of times that facets are doubled in size until there are few enough.
+const COARSER: usize = 20;
+
+/// The surface of a tool in facets, in the frame of the tool.
+#[derive(Debug, Clone)]
+pub(super) struct Outlined {
+    /// Corners of each facet and positions of all corners, [length].
+    facets: Vec<Vec<u32>>,
+    vertices: Vec<Vec<f64>>,
+    /// Area of each facet, [length^(D−1)], its part, and its centre, [length].
+    areas: Vec<f64>,
+    parts: Vec<usize>,
+    centres: Vec<Vec<f64>>,
+}
+
+impl Outlined {
+    /// The outline of a tool in facets as large as the cells of the grid where the tool starts; empty if it has none.
+    pub fn new<const D: usize>(tool: &Tool<D>, model: &Model<D>) -> Self {
+        let grid = model.grid.as_ref();
+        let place = tool.pose.position();
+        let mut size = grid.size(grid.nearest_cell(&place) as usize);
+        let [low, high] = grid.bounds();
+        let width = SHOWN * (0..D).map(|d| (high[d] - low[d]).powi(2)).sum::<f64>().sqrt();
+        let mut outline = tool.shape.outline_near([0.0; D], width, size);
+        for _ in 0..COARSER {
+            if outline != Err(NoOutline::TooMany) {
+                break;
+            }
+            size *= 2.0;
+            outline = tool.shape.outline_near([0.0; D], width, size);
+        }
+        let Outline { vertices, facets, areas, parts } = outline.unwrap_or_default();
+        let centre = |facet: &[u32; D]| {
+            let sum = |d: usize| facet.iter().map(|&k| vertices[k as usize][d]).sum::<f64>();
+            (0..D).map(|d| sum(d) / D as f64).collect()
+        };
+        Outlined {
+            centres: facets.iter().map(centre).collect(),
+            facets: facets.iter().map(|facet| facet.to_vec()).collect(),
+            vertices: vertices.iter().map(|x| x.to_vec()).collect(),
+            areas,
+            parts,
+        }
+    }
+
+    /// The facet of a part whose centre is closest to a position in the frame of the tool.
+    fn facet_at<const D: usize>(&self, part: usize, x: &[f64; D]) -> Option<usize> {
+        let distance = |k: &usize| (0..D).map(|d| (self.centres[*k][d] - x[d]).powi(2)).sum::<f64>();
+        let of_part = (0..self.facets.len()).filter(|k| self.parts[*k] == part);
+        of_part.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    }
+}
+
+/// The file of the surfaces of all tools: on each facet the number of the tool and of the part of its surface, and the mean
+/// pressure and shear of the places that touch it.
+///
+/// # Errors
+/// If values cannot be written.
+pub(super) fn surfaces_of_tools<const D: usize>(
+    outlines: &[Outlined],
+    (model, tools): (&Model<D>, &[ToolState<D>]),
+    step: Step,
+    (precision, room): (Precision, &Room),
+) -> Result<File, String> {
+    let (mut positions, mut corners) = (Vec::new(), Vec::new());
+    let (mut numbers, mut parts): (Vec<i32>, Vec<i32>) = Default::default();
+    let (mut pressure, mut shear) = (Vec::new(), Vec::new());
+    for (number, (outlined, state)) in outlines.iter().zip(tools).enumerate() {
+        let first = positions.len() as i64;
+        let to_space = |x: &Vec<f64>| state.pose.to_space(&std::array::from_fn(|d| x[d]));
+        positions.extend(outlined.vertices.iter().map(|x| padded(&to_space(x))));
+        corners.extend(outlined.facets.iter().flatten().map(|k| first + i64::from(*k)));
+        numbers.extend(vec![number as i32; outlined.facets.len()]);
+        parts.extend(outlined.parts.iter().map(|part| *part as i32));
+        let (mut normal_force, mut tangential) =
+            (vec![0.0; outlined.facets.len()], vec![[0.0; D]; outlined.facets.len()]);
+        for contact in &state.contacts {
+            let Some(facet) = outlined.facet_at(contact.part, &state.pose.to_tool(&contact.position)) else {
+                continue;
+            };
+            normal_force[facet] += contact.pressure * contact.area;
+            (0..D).for_each(|d| tangential[facet][d] += contact.shear[d] * contact.area);
+        }
+        for (facet, area) in outlined.areas.iter().enumerate() {
+            // The area of the ring that a facet describes.
+            let x = to_space(&outlined.centres[facet]);
+            let around = if model.revolved { std::f64::consts::TAU * x[0].abs() } else { 1.0 };
+            let per = if area * around > 0.0 { 1.0 / (area * around) } else { 0.0 };
+            pressure.push(normal_force[facet] * per);
+            // Shear is that on the tool.
+            shear.push(padded(&tangential[facet].map(|t| -t * per)));
+        }
+    }
+    let kind = if D == 3 { CellKind::Triangle } else { CellKind::Line };
+    let n = numbers.len();
+    let fields = [
+        number("tool", &numbers),
+        number("part", &parts),
+        scalar("pressure", &pressure),
+        vector("shear", &shear),
+    ];
+    let fields = encoded(&fields, ("cell", n), precision, room)?;
+    let vertices =
+        Encoded::positions(positions.len(), Values::Float64(positions.as_flattened()), precision, room)?;
+    let cells = Cells::new(positions.len(), &Kinds::Each(&vec![kind; n]), &corners, room)?;
+    File::new(step.end, step.index as i64, Arc::new(vertices), Arc::new(cells), Vec::new(), fields)
+}
+
+/// The file of the places that touch tools.
+///
+/// # Errors
+/// If values cannot be written.
+pub(super) fn contacts_of_tools<const D: usize>(
+    tools: &[ToolState<D>],
+    step: Step,
+    (precision, room): (Precision, &Room),
+) -> Result<File, String> {
+    let all =
+        || tools.iter().enumerate().flat_map(|(k, tool)| tool.contacts.iter().map(move |c| (k as i32, c)));
+    let numbers: Vec<i32> = all().map(|(number, _)| number).collect();
+    let bodies: Vec<i32> = all().map(|(_, contact)| contact.body as i32).collect();
+    let points: Vec<i32> = all().map(|(_, contact)| contact.point as i32).collect();
+    let states: Vec<i32> = all().map(|(_, contact)| state(contact.mode)).collect();
+    let vectors = |of: &dyn Fn(&ContactPoint<D>) -> [f64; D]| -> Vec<[f64; 3]> {
+        all().map(|(_, contact)| padded(&of(contact))).collect()
+    };
+    let positions = vectors(&|contact| contact.position);
+    let [normals, forces, shear] = [
+        vectors(&|contact| contact.normal),
+        vectors(&|contact| contact.force),
+        vectors(&|contact| contact.shear),
+    ];
+    let pressure: Vec<f64> = all().map(|(_, contact)| contact.pressure).collect();
+    let areas: Vec<f64> = all().map(|(_, contact)| contact.area).collect();
+    let fields = [
+        number("tool", &numbers),
+        number("body", &bodies),
+        number("point", &points),
+        number("state", &states),
+        vector("normal", &normals),
+        vector("force", &forces),
+        scalar("pressure", &pressure),
+        vector("shear", &shear),
+        scalar("area", &areas),
+    ];
+    let n = positions.len();
+    let fields = encoded(&fields, ("point", n), precision, room)?;
+    let positions = Encoded::positions(n, Values::Float64(positions.as_flattened()), precision, room)?;
+    let corners: Vec<i64> = (0..n as i64).collect();
+    let cells = Cells::new(n, &Kinds::Each(&vec![CellKind::Vertex; n]), &corners, room)?;
+    File::new(step.end, step.index as i64, Arc::new(positions), Arc::new(cells), fields, Vec::new())
+}
+
+fn scalar<'a>(name: &'a str, values: &'a [f64]) -> Field<'a> {
+    Field { name, components: 1, component_names: &[], values: Values::Float64(values) }
+}
+
+fn encoded(
+    fields: &[Field],
+    of: (&'static str, usize),
+    precision: Precision,
+    room: &Room,
+) -> Result<Vec<Arc<Encoded>>, String> {
+    fields.iter().map(|field| Encoded::new(field, of, precision, room).map(Arc::new)).collect()
+}
+
+/// The number of a state in files: 1 sticks, 2 slides, 3 parts.
+fn state(mode: Mode) -> i32 {
+    match mode {
+        Mode::Stick => 1,
+        Mode::Slip => 2,
+        Mode::Parting => 3,
+    }
+}
