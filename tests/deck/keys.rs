@@ -15,7 +15,7 @@ use serde_json::Value;
 use crate::deck_text::{DeckText, last, misspelt, place, root};
 
 /// Decks that together have every key.
-fn decks() -> [DeckText; 6] {
+fn decks() -> [DeckText; 8] {
     [
         "every_key",
         "every_key_of_a_mesh",
@@ -23,6 +23,8 @@ fn decks() -> [DeckText; 6] {
         "every_key_of_a_path",
         "every_key_of_stages",
         "every_key_of_materials",
+        "every_key_of_tools",
+        "every_key_of_tools_in_space",
     ]
     .map(|name| DeckText::read(&format!("tests/decks/{name}.good.yaml")))
 }
@@ -125,7 +127,7 @@ fn declared() -> BTreeSet<String> {
 }
 
 /// Every key of the schema at its first occurrence in the decks, in their order.
-fn keys(decks: &[DeckText; 6]) -> Vec<Key<'_>> {
+fn keys(decks: &[DeckText; 8]) -> Vec<Key<'_>> {
     let mut seen = BTreeSet::new();
     let mut keys = Vec::new();
     for deck in decks {

@@ -8,6 +8,7 @@ mod nearest;
 mod nodes;
 mod stages;
 mod surfaces;
+mod tools;
 
 use std::collections::HashMap;
 
@@ -156,14 +157,17 @@ where
         drop(seeds);
         self.centres(grid.as_ref(), &points);
         let surfaces = self.surfaces(grid.as_ref(), (&regions, &groups));
+        let tools = self.tools(grid.as_ref());
         let boundary_conditions = self.boundary_conditions(grid.as_ref());
         let loads = self.loads(grid.as_ref(), &points);
         if revolved {
             self.found.extend(axisymmetry::faults(self.loaded, grid.as_ref()));
         }
         let probes = self.probes(grid.as_ref(), &points);
-        let curves: Vec<&LoadCurve> =
-            loads.iter().map(|l| &l.curve).chain(boundary_conditions.iter().map(|c| &c.curve)).collect();
+        let curves: Vec<&LoadCurve> = (loads.iter().map(|l| &l.curve))
+            .chain(boundary_conditions.iter().map(|c| &c.curve))
+            .chain(tools.iter().flat_map(|tool| tool.curves()))
+            .collect();
         let stepping = match &deck.steps {
             Some(steps) => self.stepping(steps, 0.0, deck.output.every, &curves),
             None => Stepping::fixed(1, deck.end_time()),
@@ -182,7 +186,7 @@ where
             surfaces,
             boundary_conditions,
             loads,
-            tools: Vec::new(),
+            tools,
             initial_imbalance: is_stressed(deck).then_some(deck.analysis.initial_imbalance),
             stepping,
             newton: deck.solver.newton(),
@@ -350,6 +354,7 @@ where
                 method: body.method,
                 density: density.unwrap_or(0.0),
                 history,
+                touches_tools: !self.deck.tools.is_empty(),
             };
             let filled = filling.fill(deck).and_then(|filled| {
                 placing::inside_grid(grid, &deck.name, &filled.seeds)?;

@@ -150,6 +150,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D065", "a reduction of strength without loads"),
     ("D066", "a reduction of strength after another"),
     ("D067", "a load on a side of a GIMP body of revolution"),
+    ("D068", "a tool that cannot move so"),
 ];
 
 impl Diagnostic {

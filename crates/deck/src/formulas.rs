@@ -163,6 +163,19 @@ pub fn at_places<const D: usize, const C: usize>(
     Ok(VectorFormula::new(given, vector))
 }
 
+/// A formula of the load factor, `factor`, and of `time`, in this order; a parameter of the name `time` takes its place.
+///
+/// # Errors
+/// Its fault, with an empty key.
+pub fn of_time(value: &Expression, parameters: &BTreeMap<String, Parameter>) -> Result<Formula, Fault> {
+    let time = if parameters.contains_key("time") { "" } else { "time" };
+    parse(value, &["factor", time], parameters).map_err(|error| Fault {
+        key: String::new(),
+        text: text_of(value),
+        error,
+    })
+}
+
 /// Expressions, each with its key, as formulas of the original position X, Y, in three dimensions also Z.
 ///
 /// # Errors

@@ -28,14 +28,17 @@ impl Check<'_> {
         (links, dofs): (&Connectivity<D>, &DofMap<D>),
         stage: Option<(usize, &Free)>,
     ) -> Free {
-        // Only the stiffness shows whether water around a body holds it.
+        // Only the stiffness shows whether water around a body, or a tool that it touches, holds it.
+        let touches =
+            |body: &u16| model.tools.iter().any(|tool| tool.interface_with(*body as usize).is_some());
         let floats = |body: &u16| {
-            model.loads.iter().any(|load| match &load.action {
-                Action::Pressure { surface, pressure: Pressure::Hydrostatic { .. } } => {
-                    model.surfaces[*surface].body == *body as usize
-                }
-                _ => false,
-            })
+            touches(body)
+                || model.loads.iter().any(|load| match &load.action {
+                    Action::Pressure { surface, pressure: Pressure::Hydrostatic { .. } } => {
+                        model.surfaces[*surface].body == *body as usize
+                    }
+                    _ => false,
+                })
         };
         let mut parts = free_parts(model, points, links, dofs);
         parts.retain(|part| !part.bodies.iter().any(floats));

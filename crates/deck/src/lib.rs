@@ -38,6 +38,7 @@ pub use region::{Direction, Shape};
 pub use stages::{Reset, StageDeck, ThenDeck};
 pub use steps::{ControlDeck, StepsDeck};
 pub use surfaces::{HalfSpaceDeck, PartDeck, SurfaceDeck};
+pub use tools::{ContactDeck, FreeDeck, FrictionDeck, RotationDeck, ToolDeck, ToolLoadDeck, ToolShape, Turn};
 
 mod account;
 pub mod advice;
@@ -75,6 +76,8 @@ mod span;
 mod stages;
 mod steps;
 mod surfaces;
+mod tool_shapes;
+mod tools;
 pub mod validate;
 mod yaml;
 
@@ -149,6 +152,10 @@ pub struct Deck {
     /// External forces.
     #[serde(default)]
     pub loads: Vec<LoadDeck>,
+    /// Rigid tools that touch the bodies.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 60_000))]
+    pub tools: Vec<ToolDeck>,
     /// Division of the loading into load steps; `stages` in its place divide the analysis into several stages.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steps: Option<StepsDeck>,

@@ -127,7 +127,8 @@ impl LoadedDeck {
     fn add_files(&self, bytes: &mut Vec<u8>) {
         let surfaces = self.deck.bodies.iter().flat_map(|body| body.shape.files());
         let libraries = self.deck.materials.values().filter_map(MaterialDeck::library);
-        let named = surfaces.chain(libraries).map(|file| self.directory.join(file));
+        let tools = self.deck.tools.iter().filter_map(|tool| tool.shape.file());
+        let named = surfaces.chain(libraries).chain(tools).map(|file| self.directory.join(file));
         for file in self.mesh_path().into_iter().chain(named).filter(|path| path.is_file()) {
             bytes.push(0);
             // A file that cannot be read is skipped: without it no analysis runs that could be confused with another.

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::tool_shapes::ToolOfDeck;
 use super::{Axis, Pair, Vector};
 use mpm_core::region::{
     Ball, Brick, Frustum, Group, HollowBall, Motion, Polygon, Prism, Region, ShapeError, Surface,
@@ -256,7 +257,7 @@ pub(super) trait Given<const D: usize> {
 }
 
 /// Regions that exist in the plane only, or in space only.
-pub(super) trait OfDeck<const D: usize>: Sized {
+pub(super) trait OfDeck<const D: usize>: Sized + ToolOfDeck<D> {
     /// Builds a region that exists in this number of dimensions only; `None` for other shapes.
     fn own(shape: &Shape, place: &str, given: &mut dyn Given<D>) -> Result<Option<Self>, Refusal>;
 

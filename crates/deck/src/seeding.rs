@@ -56,6 +56,8 @@ pub(super) struct Filling<'a, const D: usize> {
     pub(super) method: Method,
     pub(super) density: f64,
     pub(super) history: Vec<f64>,
+    /// True if the model has tools, which standard points touch with a box.
+    pub(super) touches_tools: bool,
 }
 
 impl<const D: usize> Filling<'_, D> {
@@ -134,7 +136,7 @@ impl<const D: usize> Filling<'_, D> {
     /// The point of a box with sides along the axes, given by its lowest and highest corner.
     fn brick(&self, position: [f64; D], [low, high]: [[f64; D]; 2], sides: [f64; D]) -> Seed<D> {
         let mut seed = self.seed(position, sides.iter().product());
-        if self.domain() != DomainKind::None {
+        if self.domain() != DomainKind::None || self.touches_tools {
             seed.half_lengths = sides.map(|s| 0.5 * s);
         }
         if self.domain() == DomainKind::Corners {

@@ -18,6 +18,7 @@ mod stages;
 mod steps;
 mod surfaces;
 mod suspicions;
+mod tools;
 mod units;
 mod without_effect;
 
@@ -42,6 +43,7 @@ pub fn validate(deck: &Deck, source: &Source) -> Vec<Diagnostic> {
     check.boundary_conditions();
     check.follow();
     check.loads();
+    check.tools();
     check.output();
     check.linear_solver();
     check.stages();

@@ -266,6 +266,9 @@ impl Account {
         document["damped_steps"] = summary.damped.into();
         document["damping_work"] = summary.damping_work.into();
         document["replaced_domains"] = summary.replaced_domains.into();
+        if !model.tools.is_empty() {
+            document["friction_work"] = summary.friction_work.into();
+        }
         document
     }
 }
@@ -280,6 +283,7 @@ fn check(path: &Path, summary: &Summary, findings: &Findings) -> io::Result<()> 
         ("regridding_work", summary.regridding_work),
         ("strain_energy", summary.strain_energy),
         ("plastic_work", summary.plastic_work),
+        ("friction_work", summary.friction_work),
         ("mass", summary.quality.mass.now),
         ("volume", summary.quality.volume.now),
     ];

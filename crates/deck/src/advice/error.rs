@@ -1,6 +1,7 @@
 //! Advice on errors that end a run.
 
 use mpm_core::solver::{NoPath, Obstacle, SolveError};
+use mpm_core::terms::ContactError;
 
 use super::SMALLER_STEPS;
 
@@ -25,6 +26,7 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
             "use more points per cell or smaller load steps where the surface leaves the points of its body, or leave \
              the place out with `part`",
         ),
+        SolveError::Contact { error, .. } => on_contact(error),
         SolveError::Collapsed { .. } => {
             Some("use `domain_update: corners`, or more load steps with `diagonal-incremental`")
         }
@@ -54,6 +56,29 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
             error.obstacle().map(against)
         }
         // Interruptions, output errors and the terms of a program.
+        _ => None,
+    }
+}
+
+/// Advice on contact between tools and bodies.
+fn on_contact(error: &ContactError) -> Option<&'static str> {
+    match error {
+        ContactError::Overlap { .. } => Some(
+            "move the tool away from the body by this overlap, or subtract its shape from that of the body with a \
+             `difference`; boxes of points at a curved border reach beyond it by up to half their size",
+        ),
+        ContactError::Slide { .. } | ContactError::Through { .. } => Some(SMALLER_STEPS),
+        ContactError::NotSettled { .. } => Some(
+            "use smaller steps (`steps: {count, smallest}`), smaller cells, or a larger `overlap` of the tool",
+        ),
+        ContactError::Loose { .. } => {
+            Some("place the tool so that it touches a body at the start, or prescribe its motion")
+        }
+        ContactError::NotFinite { .. } => Some("the formula divides by zero or leaves its domain there"),
+        ContactError::UnknownFactor { .. } => {
+            Some("use `control: {type: load}`, or tools that neither move as prescribed nor bear loads")
+        }
+        ContactError::OffAxis { .. } => Some("in axisymmetry, prescribe motions along y only"),
         _ => None,
     }
 }

@@ -83,6 +83,7 @@ where
                         .filter(|(k, _)| own(&boundary_conditions, *k))
                         .map(|(_, condition)| &condition.curve),
                 )
+                .chain(model.tools.iter().flat_map(|tool| tool.curves()))
                 .collect();
             let every = stage.every.unwrap_or(deck.output.every);
             let stepping = self.stepping(&stage.steps, start_time, every, &curves);

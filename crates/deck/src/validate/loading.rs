@@ -170,7 +170,7 @@ impl Check<'_> {
         }
     }
 
-    fn curve(&mut self, pointer: &str, curve: Option<&LoadCurve>) {
+    pub(super) fn curve(&mut self, pointer: &str, curve: Option<&LoadCurve>) {
         let Some(LoadCurve(pairs)) = curve else { return };
         for (index, pair) in pairs.windows(2).enumerate() {
             if pair[1][0] <= pair[0][0] {

@@ -178,7 +178,8 @@ impl Check<'_> {
             Some(stress @ InitialStressDeck::Components { .. }) => !stress.is_zero(),
             Some(InitialStressDeck::Geostatic { .. }) | None => false,
         };
-        if is_loaded || is_moved || deck.bodies.iter().any(is_stressed) {
+        let is_pushed = deck.tools.iter().any(crate::ToolDeck::acts);
+        if is_loaded || is_moved || is_pushed || deck.bodies.iter().any(is_stressed) {
             return;
         }
         let message = "nothing loads the bodies while their strength is reduced, so that every factor stands";

@@ -6,7 +6,9 @@ use super::Check;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::quoting::quote;
 use crate::span::escape;
-use crate::{BoundaryConditionDeck, Deck, Expression, InitialStressDeck, LoadCurve, LoadDeck, MaterialDeck};
+use crate::{
+    BoundaryConditionDeck, Deck, Expression, InitialStressDeck, LoadCurve, LoadDeck, MaterialDeck, ToolDeck,
+};
 use mpm_core::formula::names;
 
 /// Tolerance above which a step is not really in equilibrium.
@@ -103,6 +105,7 @@ impl Check<'_> {
         }
         let mut stresses = deck.bodies.iter().filter_map(|body| body.initial_stress.as_ref());
         any |= stresses.any(|stress| !stress.is_zero());
+        any |= deck.tools.iter().any(ToolDeck::acts);
         // Zero loads have already been reported.
         if !any && deck.loads.is_empty() {
             let message = "nothing loads the bodies: there are no loads, no prescribed displacement other than zero, and \

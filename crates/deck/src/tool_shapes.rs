@@ -1,0 +1,89 @@
+//! From the shapes of tools in a deck to those of the core.
+
+use std::sync::Arc;
+
+use mpm_core::region::surface::Triangle;
+use mpm_core::region::{Ball, Brick, Frustum, Region};
+use mpm_core::tool::{
+    ClosedPolygon, Extrusion, HalfSpace, Revolution, Shape, ShapeError, TriangulatedSurface, Wall,
+};
+
+use super::per_axis::array;
+use super::tools::ToolShape;
+
+/// The shape of a tool, or the reason why there is none.
+type Shaped<const D: usize> = Result<Arc<dyn Shape<D>>, ShapeError>;
+
+/// Tools that exist in the plane only, or in space only.
+pub(crate) trait ToolOfDeck<const D: usize> {
+    /// Builds a shape whose frame has its origin at `about`; `triangles` are those of its file. `None` for shapes of another
+    /// number of dimensions.
+    fn tool(shape: &ToolShape, about: &[f64; D], triangles: &[Triangle]) -> Option<Shaped<D>>;
+}
+
+/// A shape that exists in the plane and in space; `None` for others.
+fn shared<const D: usize>(shape: &ToolShape, about: &[f64; D]) -> Option<Shaped<D>> {
+    let at = |x: &[f64]| place(x, about);
+    Some(match shape {
+        ToolShape::HalfSpace { point, normal } => shaped(HalfSpace::new(at(point), array(normal))),
+        ToolShape::Box { min, max } => shaped(Brick::new(at(min), at(max))),
+        _ => return None,
+    })
+}
+
+impl ToolOfDeck<2> for Region<2> {
+    fn tool(shape: &ToolShape, about: &[f64; 2], _: &[Triangle]) -> Option<Shaped<2>> {
+        let corners = |vertices: &[Vec<f64>]| vertices.iter().map(|x| place(x, about)).collect();
+        Some(match shape {
+            ToolShape::Circle { center, radius } => shaped(Ball::new(place(center, about), *radius)),
+            ToolShape::Polygon { vertices } => shaped(ClosedPolygon::new(corners(vertices))),
+            ToolShape::Polyline { vertices, thickness } => shaped(Wall::new(corners(vertices), *thickness)),
+            _ => return shared(shape, about),
+        })
+    }
+}
+
+impl ToolOfDeck<3> for Region<3> {
+    fn tool(shape: &ToolShape, about: &[f64; 3], triangles: &[Triangle]) -> Option<Shaped<3>> {
+        let at = |x: &[f64]| place(x, about);
+        Some(match shape {
+            ToolShape::Sphere { center, radius } => shaped(Ball::new(at(center), *radius)),
+            ToolShape::Cylinder { start, end, radius } => {
+                shaped(Frustum::cylinder(at(start), at(end), *radius))
+            }
+            ToolShape::Cone { start, end, radii } => shaped(Frustum::new(at(start), at(end), array(radii))),
+            ToolShape::Revolution { start, direction, section } => {
+                let section = section.iter().map(|x| array(x)).collect();
+                shaped(Revolution::new(at(start), array(direction), section))
+            }
+            ToolShape::Extrusion { polygon, axis, from, to } => {
+                let axis = *axis as usize;
+                let across = [[1, 2], [0, 2], [0, 1]][axis];
+                let corner = |x: &Vec<f64>| {
+                    let x: [f64; 2] = array(x);
+                    [x[0] - about[across[0]], x[1] - about[across[1]]]
+                };
+                let ends = [from - about[axis], to - about[axis]];
+                shaped(Extrusion::new(polygon.iter().map(corner).collect(), axis, ends))
+            }
+            ToolShape::Stl { scale, at: origin, .. } => {
+                let origin: [f64; 3] = origin.as_ref().map_or([0.0; 3], |x| array(x));
+                let scale = scale.unwrap_or(1.0);
+                let moved = |x: [f64; 3]| std::array::from_fn(|d| scale * x[d] + origin[d] - about[d]);
+                let moved: Vec<Triangle> = triangles.iter().map(|t| t.map(moved)).collect();
+                shaped(TriangulatedSurface::new(&moved))
+            }
+            _ => return shared(shape, about),
+        })
+    }
+}
+
+/// A position relative to another one.
+fn place<const D: usize>(x: &[f64], about: &[f64; D]) -> [f64; D] {
+    let x: [f64; D] = array(x);
+    std::array::from_fn(|d| x[d] - about[d])
+}
+
+fn shaped<const D: usize, E: Into<ShapeError>>(shape: Result<impl Shape<D> + 'static, E>) -> Shaped<D> {
+    shape.map(|shape| Arc::new(shape) as Arc<dyn Shape<D>>).map_err(Into::into)
+}

@@ -1,0 +1,415 @@
+//! The rigid tools of a deck.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Axis, Expression, LoadCurve, Pair, Vector};
+
+/// A rigid tool that touches the bodies: it moves as prescribed, or as its loads and the bodies let it, and no body may
+/// enter it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ToolDeck {
+    /// Name, unique among the tools; its forces are reported under it.
+    pub name: String,
+    /// Shape, at its place at the start.
+    pub shape: ToolShape,
+    /// Point of the tool to which its displacement and moment refer and about which it turns, [length]; by default the centre
+    /// of the box around the shape, or the point of a half-space.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Vector>", extend("examples" = [[0, 4]]))]
+    pub reference: Option<Vec<f64>>,
+    /// Rotation of the shape about the reference point before the start, [degree]: the angle in the plane,
+    /// counter-clockwise, or the rotation vector in space.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [30, [0, 0, 30]]))]
+    pub turned: Option<Turn>,
+    /// Displacement of the reference point along x at load factor 1, [length]: a number, or a formula of `factor` (the load
+    /// factor), `time` and the parameters. A formula that contains `factor` or `time` gives the whole displacement; any
+    /// other is multiplied by the load factor. 0 by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [0.1, "0.1 * sin(2 * pi * time)"]))]
+    pub ux: Option<Expression>,
+    /// Displacement along y: a number or a formula, as `ux`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [-0.5]))]
+    pub uy: Option<Expression>,
+    /// Displacement along z: a number or a formula, as `ux`; in space only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [-0.5]))]
+    pub uz: Option<Expression>,
+    /// Rotation about the reference point at load factor 1, [degree]: in the plane one number or formula, as `ux`,
+    /// counter-clockwise; in space a list of three, the components of the rotation vector.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [90, [0, 0, "360 * time"]]))]
+    pub rotation: Option<RotationDeck>,
+    /// Load factor of the prescribed motion over time; by default, a linear ramp from 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve: Option<LoadCurve>,
+    /// Components of the motion that follow from equilibrium between the loads of the tool and the bodies: the displacements
+    /// `x`, `y`, `z`, the `rotation` in the plane, and the rotations `rx`, `ry`, `rz` in space.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(extend("examples" = [["y"]]))]
+    pub free: Vec<FreeDeck>,
+    /// Weight of the tool at load factor 1, [force] (per unit thickness in plane strain, of the full circle in axisymmetry).
+    /// It acts at the reference point against the last axis, and needs this displacement to be free.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [50e3]))]
+    pub weight: Option<f64>,
+    /// Load factor of the weight over time; by default, a linear ramp from 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weight_curve: Option<LoadCurve>,
+    /// Further loads on the tool, which move its free components.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub loads: Vec<ToolLoadDeck>,
+    /// Coefficient of friction, [-], or `rough`: the surfaces stick as long as they touch. 0 by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [0.3, "rough"]))]
+    pub friction: Option<FrictionDeck>,
+    /// Shear strength of the interface at zero pressure, [stress]; 0 by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0.0, "examples" = [5e3]))]
+    pub adhesion: Option<f64>,
+    /// Largest tension of the interface, [stress]; 0 by default. It acts once the surfaces have touched, until they part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0.0, "examples" = [1e3]))]
+    pub tension_cut_off: Option<f64>,
+    /// Names of the bodies that it touches; all bodies by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [["clay"]]))]
+    pub bodies: Option<Vec<String>>,
+    /// Interfaces with single bodies, where they differ.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contacts: Vec<ContactDeck>,
+    /// Penalty stiffness of the contact, relative to the stiffness of the body over a cell, [-]. Results do not depend on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1e-3, max = 1e6), extend("examples" = [100]))]
+    pub penalty: Option<f64>,
+    /// Largest overlap of a body and the tool in a step in equilibrium, relative to the size of a cell, [-].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1e-12, max = 0.1), extend("examples" = [1e-6]))]
+    pub overlap: Option<f64>,
+}
+
+/// The shape of a tool.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum ToolShape {
+    /// Everything behind a plane (a line in the plane): a platen or a wall.
+    HalfSpace {
+        /// A point of the plane, [length].
+        #[schemars(with = "Vector", extend("examples" = [[0, 4]]))]
+        point: Vec<f64>,
+        /// Direction out of the tool, of any length, [-].
+        #[schemars(with = "Vector", extend("examples" = [[0, -1]]))]
+        normal: Vec<f64>,
+    },
+    /// A box aligned with the axes.
+    Box {
+        /// Corner with the smallest coordinates, [length].
+        #[schemars(with = "Vector", extend("examples" = [[-1, 4]]))]
+        min: Vec<f64>,
+        /// Corner with the largest coordinates, [length].
+        #[schemars(with = "Vector", extend("examples" = [[1, 5]]))]
+        max: Vec<f64>,
+    },
+    /// A circle in the plane.
+    Circle {
+        /// Centre, [length].
+        #[schemars(with = "Vector", extend("examples" = [[0, 4.5]]))]
+        center: Vec<f64>,
+        /// Radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.5]))]
+        radius: f64,
+    },
+    /// A polygon in the plane that does not cross itself, with its corners in either sense; in axisymmetry, the half of the
+    /// section at x ≥ 0, or one that is symmetric about the axis.
+    Polygon {
+        /// Corners in order, [length].
+        #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 4], [0.2, 4.4], [0.2, 9], [0, 9]]]))]
+        vertices: Vec<Vec<f64>>,
+    },
+    /// A wall of constant thickness in the plane, with round ends and bends, along an open polyline.
+    Polyline {
+        /// Corners in order, [length].
+        #[schemars(with = "Vec<Pair>", length(min = 2), extend("examples" = [[[0, 2], [0, 4]]]))]
+        vertices: Vec<Vec<f64>>,
+        /// Thickness, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.1]))]
+        thickness: f64,
+    },
+    /// A sphere in space.
+    Sphere {
+        /// Centre, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 5]]))]
+        center: Vec<f64>,
+        /// Radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [1]))]
+        radius: f64,
+    },
+    /// A right circular cylinder in space.
+    Cylinder {
+        /// Centre of one end, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 4]]))]
+        start: Vec<f64>,
+        /// Centre of the other end, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 6]]))]
+        end: Vec<f64>,
+        /// Radius, [length].
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.5]))]
+        radius: f64,
+    },
+    /// A right circular cone in space, whole or truncated.
+    Cone {
+        /// Centre of one end, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 4]]))]
+        start: Vec<f64>,
+        /// Centre of the other end, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 5]]))]
+        end: Vec<f64>,
+        /// Radii at the start and at the end, [length]; one of them may be 0.
+        #[schemars(with = "Pair", extend("examples" = [[0, 0.5]]))]
+        radii: Vec<f64>,
+    },
+    /// A body of revolution in space: a penetrometer, a spudcan, an open pile.
+    Revolution {
+        /// A point of the axis, [length].
+        #[schemars(with = "Vector", extend("examples" = [[2, 2, 4]]))]
+        start: Vec<f64>,
+        /// Direction of the axis, of any length, [-].
+        #[schemars(with = "Vector", extend("examples" = [[0, 0, 1]]))]
+        direction: Vec<f64>,
+        /// Corners of the section in order, [length]: distance from the axis, and height above `start` along the axis.
+        #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 0], [0.2, 0.35], [0.2, 3], [0, 3]]]))]
+        section: Vec<Vec<f64>>,
+    },
+    /// A polygon extruded along an axis, in space.
+    Extrusion {
+        /// Corners of the polygon in order, [length], given by the other two coordinates in alphabetical order.
+        #[schemars(with = "Vec<Pair>", length(min = 3), extend("examples" = [[[0, 4], [1, 4], [0, 6]]]))]
+        polygon: Vec<Vec<f64>>,
+        /// Axis of the extrusion.
+        #[schemars(extend("examples" = ["y"]))]
+        axis: Axis,
+        /// Lower end along the axis, [length].
+        #[schemars(extend("examples" = [0]))]
+        from: f64,
+        /// Upper end along the axis, [length].
+        #[schemars(extend("examples" = [3]))]
+        to: f64,
+    },
+    /// A closed surface of triangles, in space.
+    Stl {
+        /// Path of an STL file, text or binary, relative to the deck. Its surface must be closed and must not cross itself.
+        #[schemars(length(min = 1), extend("examples" = ["anchor.stl"]))]
+        file: String,
+        /// Factor of the coordinates of the file, [-]; 1 by default.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("exclusiveMinimum" = 0.0, "examples" = [0.001]))]
+        scale: Option<f64>,
+        /// Where the origin of the file stands, [length]; the origin by default.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(with = "Option<Vector>", extend("examples" = [[2, 2, 5]]))]
+        at: Option<Vec<f64>>,
+    },
+}
+
+/// A rotation, [degree]: an angle in the plane, a rotation vector in space.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Turn {
+    /// The angle in the plane, counter-clockwise.
+    Angle(f64),
+    /// The rotation vector in space.
+    Vector(#[schemars(length(min = 3, max = 3))] Vec<f64>),
+}
+
+/// A prescribed rotation, [degree].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum RotationDeck {
+    /// The angle in the plane, counter-clockwise.
+    Angle(f64),
+    /// A formula of the angle in the plane.
+    Formula(String),
+    /// The components of the rotation vector in space.
+    Vector(#[schemars(length(min = 3, max = 3))] Vec<Expression>),
+}
+
+/// A component of the motion of a tool.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum FreeDeck {
+    /// The displacement along x.
+    X,
+    /// The displacement along y.
+    Y,
+    /// The displacement along z.
+    Z,
+    /// The rotation in the plane.
+    Rotation,
+    /// The rotation about x.
+    Rx,
+    /// The rotation about y.
+    Ry,
+    /// The rotation about z.
+    Rz,
+}
+
+/// A load on a tool, with a fixed direction.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ToolLoadDeck {
+    /// Force at the reference point at load factor 1, [force] (per unit thickness in plane strain, on the full circle in
+    /// axisymmetry), one number per axis.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Vector>", extend("examples" = [[0, -20e3]]))]
+    pub force: Option<Vec<f64>>,
+    /// Moment about the reference point at load factor 1, [force·length]: one number in the plane, counter-clockwise, or a
+    /// vector in space.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [5e3]))]
+    pub moment: Option<Turn>,
+    /// Load factor over time; by default, a linear ramp from 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve: Option<LoadCurve>,
+}
+
+/// The resistance of an interface to sliding.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum FrictionDeck {
+    /// Coefficient of friction, [-].
+    Coefficient(#[schemars(extend("minimum" = 0.0))] f64),
+    /// The surfaces stick as long as they touch.
+    Sticking(Sticking),
+}
+
+/// Surfaces that stick as long as they touch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Sticking {
+    /// They do not slide.
+    Rough,
+}
+
+/// The interface of a tool with one body; keys that are left out are those of the tool.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ContactDeck {
+    /// Name of the body.
+    pub body: String,
+    /// Coefficient of friction, [-], or `rough`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("examples" = [0.3, "rough"]))]
+    pub friction: Option<FrictionDeck>,
+    /// Shear strength of the interface at zero pressure, [stress].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0.0, "examples" = [5e3]))]
+    pub adhesion: Option<f64>,
+    /// Largest tension of the interface, [stress].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0.0, "examples" = [1e3]))]
+    pub tension_cut_off: Option<f64>,
+}
+
+impl ToolShape {
+    /// Name of its type in decks.
+    pub(crate) fn word(&self) -> &'static str {
+        match self {
+            ToolShape::HalfSpace { .. } => "half-space",
+            ToolShape::Box { .. } => "box",
+            ToolShape::Circle { .. } => "circle",
+            ToolShape::Polygon { .. } => "polygon",
+            ToolShape::Polyline { .. } => "polyline",
+            ToolShape::Sphere { .. } => "sphere",
+            ToolShape::Cylinder { .. } => "cylinder",
+            ToolShape::Cone { .. } => "cone",
+            ToolShape::Revolution { .. } => "revolution",
+            ToolShape::Extrusion { .. } => "extrusion",
+            ToolShape::Stl { .. } => "stl",
+        }
+    }
+
+    /// The number of dimensions it needs; `None` if it exists in both.
+    pub(crate) fn dimensions(&self) -> Option<usize> {
+        match self {
+            ToolShape::HalfSpace { .. } | ToolShape::Box { .. } => None,
+            ToolShape::Circle { .. } | ToolShape::Polygon { .. } | ToolShape::Polyline { .. } => Some(2),
+            _ => Some(3),
+        }
+    }
+
+    /// Path of its file, if it has one.
+    pub(crate) fn file(&self) -> Option<&str> {
+        match self {
+            ToolShape::Stl { file, .. } => Some(file),
+            _ => None,
+        }
+    }
+
+    /// The vectors among its keys.
+    pub(crate) fn vectors(&self) -> Vec<(&'static str, &[f64])> {
+        match self {
+            ToolShape::HalfSpace { point, normal } => vec![("point", point), ("normal", normal)],
+            ToolShape::Box { min, max } => vec![("min", min), ("max", max)],
+            ToolShape::Circle { center, .. } | ToolShape::Sphere { center, .. } => vec![("center", center)],
+            ToolShape::Cylinder { start, end, .. } | ToolShape::Cone { start, end, .. } => {
+                vec![("start", start), ("end", end)]
+            }
+            ToolShape::Revolution { start, direction, .. } => {
+                vec![("start", start), ("direction", direction)]
+            }
+            _ => Vec::new(),
+        }
+    }
+}
+
+impl ToolDeck {
+    /// True if it moves as prescribed or bears a load.
+    pub(crate) fn acts(&self) -> bool {
+        self.weight.is_some()
+            || !self.loads.is_empty()
+            || self.motion().iter().any(|(_, _, value)| !value.is_zero())
+    }
+
+    /// The prescribed components of its motion with their keys: the displacements, then the rotation vector.
+    pub(crate) fn motion(&self) -> Vec<(String, FreeDeck, Expression)> {
+        use FreeDeck::{Rotation, Rx, Ry, Rz, X, Y, Z};
+        let along = [("ux", X, &self.ux), ("uy", Y, &self.uy), ("uz", Z, &self.uz)];
+        let along = along.into_iter().filter_map(|(key, component, value)| {
+            value.clone().map(|value| (key.to_owned(), component, value))
+        });
+        let turning: Vec<_> = match &self.rotation {
+            None => Vec::new(),
+            Some(RotationDeck::Angle(angle)) => {
+                vec![("rotation".to_owned(), Rotation, Expression::Number(*angle))]
+            }
+            Some(RotationDeck::Formula(text)) => {
+                vec![("rotation".to_owned(), Rotation, Expression::Formula(text.clone()))]
+            }
+            Some(RotationDeck::Vector(vector)) => {
+                let each = vector.iter().zip([Rx, Ry, Rz]).enumerate();
+                each.map(|(k, (value, component))| (format!("rotation/{k}"), component, value.clone()))
+                    .collect()
+            }
+        };
+        along.chain(turning).collect()
+    }
+}
+
+impl FreeDeck {
+    /// Name in decks.
+    pub(crate) fn word(self) -> &'static str {
+        ["x", "y", "z", "rotation", "rx", "ry", "rz"][self as usize]
+    }
+
+    /// True if it exists in this number of dimensions.
+    pub(crate) fn exists(self, dimensions: usize) -> bool {
+        match self {
+            FreeDeck::X | FreeDeck::Y => true,
+            FreeDeck::Rotation => dimensions == 2,
+            FreeDeck::Z | FreeDeck::Rx | FreeDeck::Ry | FreeDeck::Rz => dimensions == 3,
+        }
+    }
+}

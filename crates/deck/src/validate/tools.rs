@@ -1,0 +1,232 @@
+//! Checks of the tools of a deck.
+
+use std::collections::BTreeMap;
+
+use super::Check;
+use crate::diagnostic::Diagnostic;
+use crate::formulas::of_time;
+use crate::quoting::{list, quote};
+use crate::tools::{FreeDeck, RotationDeck, ToolDeck, ToolShape, Turn};
+use crate::{Idealisation, ToolLoadDeck};
+
+impl Check<'_> {
+    /// Checks the tools.
+    pub(super) fn tools(&mut self) {
+        let tools = &self.deck.tools;
+        self.unique_names("/tools", tools.iter().map(|tool| tool.name.as_str()));
+        for (index, tool) in tools.iter().enumerate() {
+            let pointer = format!("/tools/{index}");
+            self.column_name(&format!("{pointer}/name"), &tool.name);
+            self.name_of_tool(&pointer, tool);
+            self.shape_of_tool(&format!("{pointer}/shape"), &tool.shape);
+            if let Some(reference) = &tool.reference {
+                self.vector(&format!("{pointer}/reference"), reference);
+            }
+            if let Some(turned) = &tool.turned {
+                self.turn(&format!("{pointer}/turned"), turned);
+            }
+            self.motion_of_tool(&pointer, tool);
+            self.loads_of_tool(&pointer, tool);
+            self.interfaces_of_tool(&pointer, tool);
+            self.curve(&format!("{pointer}/curve"), tool.curve.as_ref());
+        }
+    }
+
+    /// A tool and a boundary condition of the same name would have the same columns.
+    fn name_of_tool(&mut self, pointer: &str, tool: &ToolDeck) {
+        if self.deck.boundary_conditions.iter().any(|condition| condition.name == tool.name) {
+            let message = format!("the name {} is also that of a boundary condition", quote(&tool.name));
+            self.error("D017", &format!("{pointer}/name"), message, "give one of the two another name");
+        }
+    }
+
+    fn shape_of_tool(&mut self, pointer: &str, shape: &ToolShape) {
+        if let Some(needed) = shape.dimensions().filter(|needed| *needed != self.dimensions()) {
+            let what = format!("a tool of type `{}`", shape.word());
+            self.of_other_dimension(&format!("{pointer}/type"), &what, needed);
+            return;
+        }
+        for (key, vector) in shape.vectors() {
+            let at = format!("{pointer}/{key}");
+            if key == "normal" || key == "direction" {
+                self.direction(&at, vector);
+            } else {
+                self.vector(&at, vector);
+            }
+        }
+        let corners = match shape {
+            ToolShape::Polygon { vertices } | ToolShape::Polyline { vertices, .. } => {
+                Some(("vertices", vertices))
+            }
+            ToolShape::Revolution { section, .. } => Some(("section", section)),
+            ToolShape::Extrusion { polygon, .. } => Some(("polygon", polygon)),
+            _ => None,
+        };
+        if let Some((key, corners)) = corners {
+            for (number, corner) in corners.iter().enumerate().filter(|(_, corner)| corner.len() != 2) {
+                let message = format!("a corner has 2 coordinates, not {}", corner.len());
+                self.error("D015", &format!("{pointer}/{key}/{number}"), message, "give two");
+            }
+        }
+    }
+
+    /// Checks that a rotation or a moment suits the number of dimensions.
+    fn turn(&mut self, pointer: &str, turn: &Turn) {
+        self.of_rotation(pointer, matches!(turn, Turn::Angle(_)));
+    }
+
+    fn of_rotation(&mut self, pointer: &str, is_angle: bool) {
+        let (found, expected) = match (self.dimensions(), is_angle) {
+            (3, true) => ("one number", "a list of three, about x, y and z"),
+            (2, false) => ("a list", "one number, counter-clockwise"),
+            _ => return,
+        };
+        let message = format!("expected {expected}, found {found}");
+        let help = if is_angle { "give a vector: its direction is the axis" } else { "give a number" };
+        let found = Diagnostic::at(self.source, "D015", pointer, message).expected(expected.to_owned());
+        self.found.push(found.help(help));
+    }
+
+    fn motion_of_tool(&mut self, pointer: &str, tool: &ToolDeck) {
+        let dimensions = self.dimensions();
+        if let Some(rotation) = &tool.rotation {
+            self.of_rotation(&format!("{pointer}/rotation"), !matches!(rotation, RotationDeck::Vector(_)));
+        }
+        let motion = tool.motion();
+        if tool.uz.is_some() && dimensions < 3 {
+            self.of_other_dimension(&format!("{pointer}/uz"), "the displacement `uz`", 3);
+        }
+        for (key, _, value) in &motion {
+            if let Err(fault) = of_time(value, &self.deck.parameters) {
+                let faults = vec![crate::formulas::Fault { key: key.clone(), ..fault }];
+                self.formulas(pointer, faults);
+            }
+        }
+        for (index, component) in tool.free.iter().enumerate() {
+            let at = format!("{pointer}/free/{index}");
+            let word = component.word();
+            let prescribed = motion.iter().find(|(_, other, _)| other == component);
+            if !component.exists(dimensions) {
+                let needed = if *component == FreeDeck::Rotation { 2 } else { 3 };
+                self.of_other_dimension(&at, &format!("the component `{word}`"), needed);
+            } else if tool.free[..index].contains(component) {
+                self.error("D068", &at, format!("`{word}` is free twice"), "remove one of the two");
+            } else if let Some((key, _, _)) = prescribed {
+                let message = format!(
+                    "the component `{word}` of the tool {} is free and prescribed",
+                    quote(&tool.name)
+                );
+                self.error("D068", &at, message, format!("remove it from `free`, or remove `{key}`"));
+            }
+        }
+        if self.deck.analysis.idealisation == Idealisation::Axisymmetric {
+            self.along_the_axis(pointer, tool);
+        }
+    }
+
+    /// In axisymmetry, a tool moves along the axis only.
+    fn along_the_axis(&mut self, pointer: &str, tool: &ToolDeck) {
+        let help = "in axisymmetry, a tool moves along y only; use `idealisation: solid` for other motions";
+        let moved = tool
+            .motion()
+            .into_iter()
+            .filter(|(_, component, value)| *component != FreeDeck::Y && !value.is_zero());
+        let moved = moved.map(|(key, component, _)| (format!("{pointer}/{key}"), component));
+        let free = tool.free.iter().enumerate().filter(|(_, component)| **component != FreeDeck::Y);
+        let free = free.map(|(index, component)| (format!("{pointer}/free/{index}"), *component));
+        for (at, component) in moved.chain(free).collect::<Vec<_>>() {
+            let message = format!("the tool {} cannot move along `{}`", quote(&tool.name), component.word());
+            self.error("D068", &at, message, help);
+        }
+        if tool.turned.is_some() {
+            let message = "a body of revolution cannot be turned".to_owned();
+            self.error("D068", &format!("{pointer}/turned"), message, help);
+        }
+    }
+
+    fn loads_of_tool(&mut self, pointer: &str, tool: &ToolDeck) {
+        let up = if self.dimensions() == 3 { FreeDeck::Z } else { FreeDeck::Y };
+        let is_free = |component: FreeDeck| tool.free.contains(&component);
+        if tool.weight.is_some() && !is_free(up) {
+            let message = format!(
+                "the weight of the tool {} has no effect: it is not free along `{}`",
+                quote(&tool.name),
+                up.word()
+            );
+            self.error(
+                "D068",
+                &format!("{pointer}/weight"),
+                message,
+                format!("add `free: [{}]`, or remove `weight`", up.word()),
+            );
+        }
+        if tool.weight_curve.is_some() && tool.weight.is_none() {
+            let message = "`weight_curve` belongs to a `weight`".to_owned();
+            self.error(
+                "D068",
+                &format!("{pointer}/weight_curve"),
+                message,
+                "give the `weight`, or remove it",
+            );
+        }
+        self.curve(&format!("{pointer}/weight_curve"), tool.weight_curve.as_ref());
+        for (index, load) in tool.loads.iter().enumerate() {
+            self.load_of_tool(&format!("{pointer}/loads/{index}"), tool, load);
+        }
+    }
+
+    fn load_of_tool(&mut self, pointer: &str, tool: &ToolDeck, load: &ToolLoadDeck) {
+        use FreeDeck::{Rotation, Rx, Ry, Rz, X, Y, Z};
+        let mut acting: Vec<FreeDeck> = Vec::new();
+        if let Some(force) = &load.force {
+            self.vector(&format!("{pointer}/force"), force);
+            acting.extend(
+                [X, Y, Z].into_iter().zip(force).filter(|(_, f)| **f != 0.0).map(|(component, _)| component),
+            );
+        }
+        if let Some(moment) = &load.moment {
+            self.turn(&format!("{pointer}/moment"), moment);
+            match moment {
+                Turn::Angle(moment) => acting.extend((*moment != 0.0).then_some(Rotation)),
+                Turn::Vector(moment) => {
+                    acting.extend(
+                        [Rx, Ry, Rz]
+                            .into_iter()
+                            .zip(moment)
+                            .filter(|(_, m)| **m != 0.0)
+                            .map(|(component, _)| component),
+                    );
+                }
+            }
+        }
+        self.curve(&format!("{pointer}/curve"), load.curve.as_ref());
+        if load.force.is_none() && load.moment.is_none() {
+            let message = "a load on a tool is a force, a moment, or both".to_owned();
+            self.error("D019", pointer, message, "give `force`, `moment`, or both");
+        } else if !acting.iter().any(|component| tool.free.contains(component)) {
+            let words = list(acting.iter().map(|component| component.word()));
+            let message =
+                format!("the load has no effect: the tool {} is not free along {words}", quote(&tool.name));
+            self.error("D068", pointer, message, "add the component to `free`, or remove the load");
+        }
+    }
+
+    fn interfaces_of_tool(&mut self, pointer: &str, tool: &ToolDeck) {
+        let mut first: BTreeMap<&str, usize> = BTreeMap::new();
+        for (index, name) in tool.bodies.iter().flatten().enumerate() {
+            self.body(&format!("{pointer}/bodies/{index}"), name);
+        }
+        for (index, contact) in tool.contacts.iter().enumerate() {
+            let at = format!("{pointer}/contacts/{index}/body");
+            self.body(&at, &contact.body);
+            let is_touched = tool.bodies.as_ref().is_none_or(|bodies| bodies.contains(&contact.body));
+            if first.insert(&contact.body, index).is_some() {
+                let message = format!("the interface with the body {} is given twice", quote(&contact.body));
+                self.error("D017", &at, message, "remove one of the two");
+            } else if !is_touched {
+                let message = format!("the tool does not touch the body {}", quote(&contact.body));
+                self.error("D068", &at, message, "add it to `bodies`, or remove this entry");
+            }
+        }
+    }
+}
