@@ -66,7 +66,8 @@ pub struct ToolDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0.3, "rough"]))]
     pub friction: Option<FrictionDeck>,
-    /// Shear strength of the interface at zero pressure, [stress]; 0 by default.
+    /// Shear strength that does not depend on the pressure, [stress]; 0 by default. The shear is at most ten times the pressure
+    /// above the tension cut-off, also where surfaces are rough.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0, "examples" = [5e3]))]
     pub adhesion: Option<f64>,
@@ -85,7 +86,8 @@ pub struct ToolDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1e-3, max = 1e6), extend("examples" = [100]))]
     pub penalty: Option<f64>,
-    /// Largest overlap of a body and the tool in a step in equilibrium, relative to the size of a cell, [-].
+    /// Largest mean overlap of a body and the tool around a node in a step in equilibrium, relative to the size of a cell, [-];
+    /// 1e-4 where more corners touch than the nodes have freedom for, and 1e-3 at a single corner.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1e-12, max = 0.1), extend("examples" = [1e-6]))]
     pub overlap: Option<f64>,
@@ -303,7 +305,7 @@ pub struct ContactDeck {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("examples" = [0.3, "rough"]))]
     pub friction: Option<FrictionDeck>,
-    /// Shear strength of the interface at zero pressure, [stress].
+    /// Shear strength that does not depend on the pressure, [stress].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0, "examples" = [5e3]))]
     pub adhesion: Option<f64>,

@@ -18,8 +18,8 @@ use super::unknowns::Unknowns;
 use super::update;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
-    /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance and multipliers are final; then the points move with the
-    /// grid (section 6.4). Writes only the trial state.
+    /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance and multipliers are final; then the
+    /// points move with the grid (section 6.4). Writes only the trial state.
     pub(super) fn iterate<M: Mechanics<D>>(&mut self) -> Result<Ended, SolveError> {
         self.prepare_equations()?;
         let mut iteration = 0;

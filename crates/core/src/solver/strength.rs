@@ -35,7 +35,8 @@ pub struct StrengthBracket {
     /// The factor without equilibrium that ended the stage, [-]; `None` if it has not ended so.
     pub fails: Option<f64>,
     /// The factors before and after the step in which a point had moved by more than 1 % of the height of the bodies, [-], as
-    /// close to each other as those of a bracket; `None` if none has. Bodies in equilibrium at larger factors stand in another shape.
+    /// close to each other as those of a bracket; `None` if none has. Bodies in equilibrium at larger factors stand in
+    /// another shape.
     #[serde(default)]
     pub slides: Option<[f64; 2]>,
     /// Sum over the steps of the stage of the largest displacement of a point in each, [length]: the largest displacement of a
@@ -157,7 +158,7 @@ impl StrengthBracket {
             message: format!(
                 "the bodies slumped before their strength is reduced: only damped iterations found equilibrium in {slumped} of \
                  the steps. The factors are those of the shape that was left; the bodies in the shape that was drawn \
-                 do not stand at full strength"
+                 may not stand"
             ),
             detail: None,
         })

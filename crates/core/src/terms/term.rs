@@ -37,9 +37,10 @@ pub const FURTHER: usize = 1 << 15;
 
 /// A term of equilibrium.
 ///
-/// A step calls [`constrain`](Term::constrain), then [`begin`](Term::begin) once, then [`couples`](Term::couples), then [`evaluate`](Term::evaluate) as
-/// often as needed, with [`augment`](Term::augment) whenever the iterations have converged, and [`commit`](Term::commit) once it is in equilibrium. An abandoned step ends without a call: a
-/// term must not change the state that it keeps between steps before [`commit`](Term::commit).
+/// A step calls [`constrain`](Term::constrain), then [`begin`](Term::begin) once, then [`couples`](Term::couples), then
+/// [`evaluate`](Term::evaluate) as often as needed, with [`augment`](Term::augment) whenever the iterations have
+/// converged, and [`commit`](Term::commit) once it is in equilibrium. An abandoned step ends without a call: a term must
+/// not change the state that it keeps between steps before [`commit`](Term::commit).
 ///
 /// There are `D` axes and `N` components at each node, of which the first `D` are the displacement.
 pub trait Term<const D: usize, const N: usize = D>: Send {

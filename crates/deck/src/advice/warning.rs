@@ -71,8 +71,9 @@ pub fn on_warning(warning: &Warning) -> String {
              smaller cells a slope stands again less readily; with a larger `young` the bodies hardly settle before they slide"
         }
         (Code::Slumped, _) => {
-            "the factor of safety of the shape that was drawn is below 1: multiply `cohesion` and the tangent of `friction_angle` \
-             by a number k for which the bodies stand, and divide the factor that is found by k"
+            "the factor of safety of the shape that was drawn is below 1 if the bodies slumped at full strength: multiply \
+             `cohesion` and the tangent of `friction_angle` by a number k for which the bodies stand, and divide the factor \
+             that is found by k"
         }
         (Code::StoppedShort, _) => {
             "the factor of safety may be larger: compare a coarser grid, and set `solver: {tolerance: 1e-4}`, since on fine \
