@@ -101,8 +101,8 @@ impl Interface {
 /// Control of the contact of a tool.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactControl {
-    /// Penalty stiffness per area, relative to the axial modulus of the body over the size of a cell, [-]. It sets the
-    /// number of iterations; results do not depend on it.
+    /// Penalty stiffness per area, relative to four times the shear modulus of the body over the size of a cell, [-]. It
+    /// sets the number of iterations; results do not depend on it.
     pub penalty: f64,
     /// Largest overlap, and largest slip of places that stick, in a step in equilibrium, in the mean over the places around
     /// a node and relative to the size of a cell, [-]. Places that hinder each

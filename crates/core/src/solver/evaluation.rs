@@ -11,13 +11,16 @@ use super::damping::MOST_TRIALS;
 use super::error::{SolveError, locate_failure};
 use super::load_step::LoadStep;
 use super::residual::{self, Measured, RoundOff};
+use super::unknowns::Bracket;
 
 /// Largest number of halvings of δd when a point cannot follow it.
 const MOST_HALVINGS: usize = 5;
 /// Largest number of evaluations of a line search.
 const MOST_SEARCHES: usize = 3;
-/// Number of iterations with tools, since multipliers have changed, that may raise the residual.
-const FREE: usize = 5;
+/// The same where bodies touch tools: forces have kinks.
+const MOST_SEARCHES_OF_CONTACT: usize = 6;
+/// Fraction of the residual to which an increment must reduce it where bodies touch tools, lest a line search follows.
+const FAST: f64 = 0.1;
 /// First iteration with a line search after a failed attempt.
 const FIRST_SEARCH: usize = 3;
 /// First iteration with a line search otherwise, as a fraction of those allowed, so that iterations that converge are
@@ -84,10 +87,16 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     /// Evaluates forces, K and the residual of eq. (40). δd is halved if a point cannot follow it; a line search shortens it if
     /// the potential rises again at its end.
     fn evaluate(&mut self, iteration: usize) -> Result<Measured, EvaluateError> {
-        let [most_halvings, most_searches] =
-            if self.is_damped() { [MOST_TRIALS; 2] } else { [MOST_HALVINGS, MOST_SEARCHES] };
-        let (mut halvings, mut searches) = (0, 0);
+        let [most_halvings, most_searches] = match (self.is_damped(), self.context.model.tools.is_empty()) {
+            (true, _) => [MOST_TRIALS; 2],
+            (false, true) => [MOST_HALVINGS, MOST_SEARCHES],
+            (false, false) => [MOST_HALVINGS, MOST_SEARCHES_OF_CONTACT],
+        };
+        let (mut halvings, mut searches, mut bracket) = (0, 0, Bracket::default());
         loop {
+            if self.context.model.tools.is_empty() {
+                bracket = Bracket::default(); // Smooth potentials need no more than a secant.
+            }
             self.course.shortened = halvings + searches > 0; // adapts the damping
             let may_shorten = iteration > 0 && !self.unknowns.prescribes && !self.course.is_augmented;
             match self.evaluate_terms(Wanted::Stiffness) {
@@ -101,16 +110,11 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
                 outcome => outcome?,
             }
             let found = self.residual_by_parts();
-            if searches < MOST_SEARCHES && may_shorten && self.must_backtrack(iteration, found.residual) {
-                searches += 1;
-                self.unknowns.shorten(0.5);
-                continue;
-            }
             if searches < most_searches
-                && !self.backtracks()
                 && !self.course.is_augmented
                 && self.may_search(iteration, found.residual)
-                && let Some(shorter) = self.unknowns.secant_fraction(&self.course.out_of_balance)
+                && let Some(shorter) =
+                    self.unknowns.secant_fraction(&self.course.out_of_balance, &mut bracket)
             {
                 searches += 1;
                 self.unknowns.shorten(shorter);
@@ -144,25 +148,12 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         measured.or_larger(system.border.relative_residual(), tolerance)
     }
 
-    /// True if tools rub against bodies.
-    fn backtracks(&self) -> bool {
-        !self.context.model.tools.iter().all(crate::model::Tool::is_smooth)
-    }
-
-    /// True if an increment that has not reduced the residual must be shortened. Where places touch tools and open again, or
-    /// stick and slide, forces have kinks and need no potential: iterations may go to and fro, and slopes say nothing.
-    fn must_backtrack(&self, iteration: usize, residual: f64) -> bool {
-        let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
-        self.backtracks()
-            && iteration - self.course.solves_before > FREE
-            && residual > before.max(self.context.model.newton.tolerance)
-    }
-
-    /// True if a line search may shorten the last increment, given the residual it has led to.
+    /// True if a line search may shorten the last increment, given the residual it has led to. Where bodies touch tools, any
+    /// increment may overshoot.
     fn may_search(&self, iteration: usize, residual: f64) -> bool {
         let newton = &self.context.model.newton;
-        let damped = self.is_damped();
-        let first = if damped {
+        let (damped, touches_tools) = (self.is_damped(), !self.context.model.tools.is_empty());
+        let first = if damped || touches_tools {
             1
         } else if self.summary.pace.is_careful() || self.effort == Effort::Thorough {
             FIRST_SEARCH
@@ -173,7 +164,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         iteration - self.course.solves_before >= first
             && !self.unknowns.prescribes
             && self.system.sum.system().per_factor().is_none()
-            && (damped || residual > before)
+            && (damped || residual > if touches_tools { FAST * before } else { before })
             && residual > newton.tolerance
     }
 }

@@ -182,12 +182,14 @@ impl<const N: usize> Unknowns<N> {
         work.sum::<f64>() / self.taken
     }
 
-    /// The fraction of the last increment at which a secant of the slope of the potential vanishes; `None` if the slope at its end
-    /// is small enough or still falling.
-    pub(super) fn secant_fraction(&self, out_of_balance: &[[f64; N]]) -> Option<f64> {
-        let slope = self.slope(out_of_balance);
-        let climbs = self.slope > 0.0 && slope < -FLAT * self.slope;
-        climbs.then(|| (self.slope / (self.slope - slope)).clamp(0.1, 0.9))
+    /// The factor on the last increment, as far as it was taken, that leads to where a secant of the slope of the potential
+    /// vanishes; `None` if the slope there is small enough or no bracket is known.
+    pub(super) fn secant_fraction(&self, out_of_balance: &[[f64; N]], bracket: &mut Bracket) -> Option<f64> {
+        let (start, slope) = (self.slope, self.slope(out_of_balance));
+        if start <= 0.0 || slope.abs() <= FLAT * start {
+            return None;
+        }
+        bracket.factor(start, self.taken, slope)
     }
 
     /// f_ext − f_int + f_react over all components, constrained ones included; eq. (28) with the sign that eq. (26) needs.
@@ -207,5 +209,38 @@ impl<const N: usize> Unknowns<N> {
     pub(super) fn forces<'a>(&'a self, out_of_balance: &'a Nodal<N>, system: &'a System<N>) -> Forces<'a, N> {
         let (f_ext, holding) = (system.external_force(), system.holding_force());
         Forces { out_of_balance, f_ext, reaction: &self.reaction, holding }
+    }
+}
+
+/// The bracket of a line search: fractions of an increment with the slopes of the potential there. The search is regula falsi
+/// with halved slopes at an end that stays (Illinois), because contact has kinks that a secant alone underestimates.
+#[derive(Debug, Default)]
+pub(super) struct Bracket {
+    low: Option<[f64; 2]>,
+    high: Option<[f64; 2]>,
+    was_high: Option<bool>,
+}
+
+impl Bracket {
+    /// The factor on a fraction with this slope that leads to the next one; `None` while the potential falls at the end of the
+    /// whole increment.
+    fn factor(&mut self, start: f64, fraction: f64, slope: f64) -> Option<f64> {
+        let is_high = slope < 0.0;
+        let low = self.low.get_or_insert([0.0, start]);
+        if is_high {
+            self.high = Some([fraction, slope]);
+            if self.was_high == Some(true) {
+                low[1] *= 0.5;
+            }
+        } else {
+            *low = [fraction, slope];
+            if let (Some(false), Some(high)) = (self.was_high, &mut self.high) {
+                high[1] *= 0.5;
+            }
+        }
+        let (low, high) = (*low, self.high?);
+        self.was_high = Some(is_high);
+        let share = (low[1] / (low[1] - high[1])).clamp(0.1, 0.9);
+        Some(if low[0] == 0.0 { share } else { (low[0] + share * (high[0] - low[0])) / fraction })
     }
 }

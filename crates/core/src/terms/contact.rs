@@ -15,7 +15,7 @@
 //! | shear | t = w_t min(1, L/&#124;w_t&#124;), L = min(max(a A + μ p, 0), 10 (p + T)); rough: L = 10 (p + T) |
 //! | force on node v | N_v(x_c)(p n + t) |
 //! | force and moment on the tool | −Σ f, −Σ (x − c − u) × f |
-//! | penalty | ε = p_f E' A/h, with the axial modulus E' of the body at rest |
+//! | penalty | ε = p_f 4G A/h, with the shear modulus G of the body at rest |
 //! | update | λ ← p, λ_t ← t |
 //!
 //! Derivatives are exact: with δy = δx − v(x) and δs = δx − v(x − s), where v is the velocity of the tool and φ its rate of
@@ -179,8 +179,16 @@ impl<const D: usize> Contact<D> {
                 return Err(ContactError::Slide { place: candidate.place(model), motion, most });
             }
             let gap = candidate.near.gap;
-            if touch.is_none() && gap > APART * candidate.size && motion > gap {
-                let path = [moving.start.to_tool(&candidate.start), moving.end.to_tool(position)];
+            let may_have_passed = if gap > APART * candidate.size {
+                motion > gap
+            } else {
+                // A place that has touched may cut a rounded surface when it leaves.
+                candidate.has_turned(tool.shape.as_ref(), moving, position)
+            };
+            if touch.is_none() && may_have_passed {
+                // From outside: round-off may put a place that touches on either side of the surface.
+                let start = along(&candidate.start, APART * candidate.size, &candidate.near.normal);
+                let path = [moving.start.to_tool(&start), moving.end.to_tool(position)];
                 if depth_of_passage(tool.shape.as_ref(), path) > GRAZING * candidate.size {
                     return Err(ContactError::Through { place: candidate.place(model) });
                 }
@@ -317,10 +325,11 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         };
         let candidate = &candidates[worst.candidate];
         let tool = candidate.key.tool as usize;
-        if worst.is_settled(tolerances[tool], before.as_ref()) {
+        let is_last = *updates >= step.model.tools[tool].control.augmentations;
+        if worst.is_settled(tolerances[tool], before.as_ref(), is_last) {
             return Ok(Augmentation::Satisfied);
         }
-        if *updates >= step.model.tools[tool].control.augmentations {
+        if is_last {
             return Err(EvaluateError::from(ContactError::NotSettled {
                 place: candidate.place(step.model),
                 augmentations: *updates,

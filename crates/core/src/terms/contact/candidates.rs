@@ -18,11 +18,13 @@ use super::error::{ContactError, ContactPlace};
 use super::motion::Moving;
 use crate::basis::{Connectivity, Method};
 use crate::grid::{CellBasis, MAX_CORNERS};
-use crate::material::axial_modulus_at_rest;
+use crate::material::shear_modulus_at_rest;
 use crate::model::{Model, Tool};
 use crate::points::{PIECE, Points};
-use crate::region::vector::{along, minus, norm};
-use crate::tool::Closest;
+use crate::region::vector::{along, dot, minus, norm};
+use crate::tool::{Closest, Shape};
+
+use super::evaluation::OTHER_SIDE;
 
 /// Overlap or gap at the start of a step within which surfaces count as touching, relative to the size of a cell, [-].
 pub(super) const TOUCHING: f64 = 1e-6;
@@ -70,6 +72,13 @@ impl<const D: usize> Candidate<D> {
         u
     }
 
+    /// True if it is on another side of the tool than at the start of the step.
+    pub(super) fn has_turned(&self, shape: &dyn Shape<D>, moving: &Moving<D>, position: &[f64; D]) -> bool {
+        let at_start = moving.end.vector_to_space(&moving.start.vector_to_tool(&self.near.normal));
+        let found = moving.end.closest(shape, *position, f64::INFINITY);
+        found.is_some_and(|found| dot(&found.normal, &at_start) < OTHER_SIDE)
+    }
+
     /// The place as an error names it.
     pub(super) fn place(&self, model: &Model<D>) -> ContactPlace {
         named(model, &model.tools[self.key.tool as usize], self.body, self.key.point, &self.start)
@@ -105,8 +114,9 @@ impl<const D: usize> Search<'_, D> {
     /// # Errors
     /// [`ContactError::Overlap`] for a body that begins inside a tool.
     pub(super) fn run(&self) -> Result<Vec<Candidate<D>>, ContactError> {
+        // 4G: the stiffness of a half space under a strip is between it and half of it, also for nearly incompressible bodies.
         let moduli: Vec<f64> =
-            self.model.materials.iter().map(|m| axial_modulus_at_rest(m.law.as_ref())).collect();
+            self.model.materials.iter().map(|m| 4.0 * shear_modulus_at_rest(m.law.as_ref())).collect();
         let of_point = |p: usize| {
             let mut found = Vec::new();
             let outcome = self.near_point(p, &moduli, &mut found);

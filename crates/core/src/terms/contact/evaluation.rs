@@ -16,7 +16,7 @@ const SAME_NORMAL: f64 = 1e-12;
 
 /// Cosine of the angle between the normals of a place at the start of a step and now, inside the tool, beyond which it has
 /// come to another side, [-]. A place may slide around a corner of more than 60 degrees in one step.
-const OTHER_SIDE: f64 = -0.5;
+pub(super) const OTHER_SIDE: f64 = -0.5;
 
 /// A place at trial unknowns.
 #[derive(Debug, Clone, Copy)]

@@ -97,9 +97,11 @@ impl Worst {
         (self.place / MOST_OF_PLACE).max(self.mean / tolerance)
     }
 
-    /// True if no further update is needed. `before` is the error before the last update.
-    pub(super) fn is_settled(&self, tolerance: f64, before: Option<&Worst>) -> bool {
-        let is_slow = before.is_some_and(|before| self.error(tolerance) > SLOW * before.error(tolerance));
+    /// True if no further update is needed. `before` is the error before the last update; `is_last` is true if no further
+    /// update is allowed.
+    pub(super) fn is_settled(&self, tolerance: f64, before: Option<&Worst>, is_last: bool) -> bool {
+        let helps_little = |before: &Worst| self.error(tolerance) > SLOW * before.error(tolerance);
+        let is_slow = is_last || before.is_some_and(helps_little);
         let accepted = if is_slow { tolerance.max(MOST_WHERE_SLOW) } else { tolerance };
         self.error(accepted) <= 1.0
     }
