@@ -20,6 +20,7 @@ mod stabilisation;
 mod stage;
 mod stepping;
 mod tool;
+mod tool_part;
 
 pub use arrays::HistoryVariable;
 pub use boundary_condition::{BoundaryCondition, NodeSet, OnSurface, displacement_at};
@@ -32,6 +33,7 @@ pub use stabilisation::{Stabilisation, StabilisationMode};
 pub use stage::{Course, Factors, Present, Stage};
 pub use stepping::{Control, SAME_TIME, Stepping};
 pub use tool::{ContactControl, Freedom, Interface, Shear, Tool, ToolLoad};
+pub use tool_part::ToolPart;
 
 /// A named material.
 #[derive(Debug)]

@@ -14,7 +14,7 @@ mod sum;
 pub mod surface;
 mod term;
 
-pub use contact::{Contact, ContactError, ContactPlace, ContactPoint, Mode, ToolState};
+pub use contact::{Contact, ContactError, ContactPlace, ContactPoint, Mode, PartState, ToolState};
 pub use failure::{BeginError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost};
 pub use sum::{Sum, Terms, of_model, restore};
 pub use surface::Surfaces;

@@ -151,6 +151,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D066", "a reduction of strength after another"),
     ("D067", "a load on a side of a GIMP body of revolution"),
     ("D068", "a tool that cannot move so"),
+    ("D069", "a part of a tool without surface"),
 ];
 
 impl Diagnostic {

@@ -38,7 +38,9 @@ pub use region::{Direction, Shape};
 pub use stages::{Reset, StageDeck, ThenDeck};
 pub use steps::{ControlDeck, StepsDeck};
 pub use surfaces::{HalfSpaceDeck, PartDeck, SurfaceDeck};
-pub use tools::{ContactDeck, FreeDeck, FrictionDeck, RotationDeck, ToolDeck, ToolLoadDeck, ToolShape, Turn};
+pub use tools::{
+    ContactDeck, FreeDeck, FrictionDeck, RotationDeck, ToolDeck, ToolLoadDeck, ToolPartDeck, ToolShape, Turn,
+};
 
 mod account;
 pub mod advice;

@@ -49,6 +49,7 @@ const SECTIONS: &[(&str, &str)] = &[
     ("`tools`, each", "ToolDeck"),
     ("`shape` of a tool", "ToolShape"),
     ("`loads` of a tool, each", "ToolLoadDeck"),
+    ("`parts` of a tool, each", "ToolPartDeck"),
     ("`contacts` of a tool, each", "ContactDeck"),
     ("`steps`", "StepsDeck"),
     ("`control` of the steps", "ControlDeck"),

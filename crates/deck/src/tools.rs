@@ -1,9 +1,11 @@
 //! The rigid tools of a deck.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Axis, Expression, LoadCurve, Pair, Vector};
+use super::{Axis, BoxDeck, Expression, LoadCurve, Pair, Vector};
 
 /// A rigid tool that touches the bodies: it moves as prescribed, or as its loads and the bodies let it, and no body may
 /// enter it.
@@ -82,6 +84,11 @@ pub struct ToolDeck {
     /// Interfaces with single bodies, where they differ.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub contacts: Vec<ContactDeck>,
+    /// Named parts of its surface, such as the tip and the shaft of a pile. The force and the moment on each of them are columns
+    /// of `history.csv`. Parts may overlap.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(extend("examples" = [{"tip": {"edges": [0, 1]}}]))]
+    pub parts: BTreeMap<String, ToolPartDeck>,
     /// Penalty stiffness of the contact, relative to four times the shear modulus of the body over a cell, [-]. Results do
     /// not depend on it; small values converge in fewer iterations where bodies flow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -278,6 +285,22 @@ pub struct ToolLoadDeck {
     pub curve: Option<LoadCurve>,
 }
 
+/// A part of the surface of a tool: what lies on its edges and inside its box.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ToolPartDeck {
+    /// Numbers of sides of the shape, from 0: the sides from each corner of a polygon, of a polyline (both faces) or of the section
+    /// of a body of revolution to the next corner; of a box in the plane, bottom, right, top and left; of a box in
+    /// space, lowest and highest x, y and z; the mantle (0), start (1) and end (2) of a cylinder or cone; the sides of an
+    /// extruded polygon, then its lower and upper end. All sides by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 1), extend("examples" = [[0, 1]]))]
+    pub edges: Option<Vec<u32>>,
+    /// Box in which the part lies, its boundary included, in coordinates of the start of the analysis; it moves with the tool.
+    #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
+    pub within: Option<BoxDeck>,
+}
+
 /// The resistance of an interface to sliding.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
@@ -340,6 +363,22 @@ impl ToolShape {
             ToolShape::HalfSpace { .. } | ToolShape::Box { .. } => None,
             ToolShape::Circle { .. } | ToolShape::Polygon { .. } | ToolShape::Polyline { .. } => Some(2),
             _ => Some(3),
+        }
+    }
+
+    /// Number of its sides with numbers in decks; `None` if it has none.
+    pub(crate) fn edges(&self) -> Option<usize> {
+        match self {
+            ToolShape::Box { min, .. } => Some(2 * min.len()),
+            ToolShape::Polygon { vertices } => Some(vertices.len()),
+            ToolShape::Polyline { vertices, .. } => Some(vertices.len().saturating_sub(1)),
+            ToolShape::Cylinder { .. } | ToolShape::Cone { .. } => Some(3),
+            ToolShape::Revolution { section, .. } => Some(section.len()),
+            ToolShape::Extrusion { polygon, .. } => Some(polygon.len() + 2),
+            ToolShape::HalfSpace { .. }
+            | ToolShape::Circle { .. }
+            | ToolShape::Sphere { .. }
+            | ToolShape::Stl { .. } => None,
         }
     }
 

@@ -18,6 +18,7 @@ mod stages;
 mod steps;
 mod surfaces;
 mod suspicions;
+mod tool_parts;
 mod tools;
 mod units;
 mod without_effect;

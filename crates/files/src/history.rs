@@ -62,6 +62,10 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
         columns.extend(axes.iter().map(|axis| format!("{name}_u{axis}")));
         columns.extend(turns.iter().map(|axis| format!("{name}_turn_{axis}")));
         columns.extend(["contacts", "overlap"].map(|what| format!("{name}_{what}")));
+        for part in &tool.parts {
+            columns.extend(axes.iter().map(|axis| format!("{name}_{}_f{axis}", part.name)));
+            columns.extend(turns.iter().map(|axis| format!("{name}_{}_m{axis}", part.name)));
+        }
     }
     for probe in &model.probes {
         columns.extend(axes.iter().map(|axis| format!("{}_u{axis}", probe.name)));
@@ -113,6 +117,10 @@ pub fn row_of_history<const D: usize>(
         row.extend(tool.displacement.map(Entry::from));
         row.extend(tool.rotation[about..].iter().map(|angle| Entry::from(angle.to_degrees())));
         row.extend([Entry::from(tool.contacts.len() as i64), Entry::from(tool.overlap)]);
+        for part in &tool.parts {
+            row.extend(part.force.map(Entry::from));
+            row.extend(part.moment[about..].iter().map(|m| Entry::from(*m)));
+        }
     }
     let places = points.places();
     for probe in &model.probes {

@@ -6,15 +6,13 @@ use mpm_core::model::{Model, Tool};
 use mpm_core::solver::Step;
 use mpm_core::tensor::padded;
 use mpm_core::terms::{ContactPoint, Mode, ToolState};
-use mpm_core::tool::{NoOutline, Outline};
+use mpm_core::tool::Outline;
 
 use super::fields::{number, vector};
 use super::vtu::{CellKind, Cells, Encoded, Field, File, Kinds, Precision, Room, Values};
 
 /// Half the width of the part of an unbounded tool that is shown, relative to the diagonal of the grid, [-].
 const SHOWN: f64 = 0.5;
-/// Number of times that facets are doubled in size until there are few enough.
-const COARSER: usize = 20;
 
 /// The surface of a tool in facets, in the frame of the tool.
 #[derive(Debug, Clone)]
@@ -22,35 +20,27 @@ pub(super) struct Outlined {
     /// Corners of each facet and positions of all corners, [length].
     facets: Vec<Vec<u32>>,
     vertices: Vec<Vec<f64>>,
-    /// Area of each facet, [length^(D−1)], its part, and its centre, [length].
+    /// Area of each facet, [length^(D−1)], its side, and its centre, [length].
     areas: Vec<f64>,
     parts: Vec<usize>,
     centres: Vec<Vec<f64>>,
+    /// The first named part to which the centre of each facet belongs, -1 if there is none.
+    named: Vec<i32>,
 }
 
 impl Outlined {
     /// The outline of a tool in facets as large as the cells of the grid where the tool starts; empty if it has none.
     pub fn new<const D: usize>(tool: &Tool<D>, model: &Model<D>) -> Self {
-        let grid = model.grid.as_ref();
-        let place = tool.pose.position();
-        let mut size = grid.size(grid.nearest_cell(&place) as usize);
-        let [low, high] = grid.bounds();
-        let width = SHOWN * (0..D).map(|d| (high[d] - low[d]).powi(2)).sum::<f64>().sqrt();
-        let mut outline = tool.shape.outline_near([0.0; D], width, size);
-        for _ in 0..COARSER {
-            if outline != Err(NoOutline::TooMany) {
-                break;
-            }
-            size *= 2.0;
-            outline = tool.shape.outline_near([0.0; D], width, size);
-        }
-        let Outline { vertices, facets, areas, parts } = outline.unwrap_or_default();
+        let Outline { vertices, facets, areas, parts } = tool.outline(model.grid.as_ref(), SHOWN);
         let centre = |facet: &[u32; D]| {
             let sum = |d: usize| facet.iter().map(|&k| vertices[k as usize][d]).sum::<f64>();
-            (0..D).map(|d| sum(d) / D as f64).collect()
+            std::array::from_fn(|d| sum(d) / D as f64)
         };
+        let centres: Vec<[f64; D]> = facets.iter().map(centre).collect();
+        let named = |(x, side): (&[f64; D], &usize)| tool.parts_at(*side, x).next().map_or(-1, |k| k as i32);
         Outlined {
-            centres: facets.iter().map(centre).collect(),
+            named: centres.iter().zip(&parts).map(named).collect(),
+            centres: centres.iter().map(|x| x.to_vec()).collect(),
             facets: facets.iter().map(|facet| facet.to_vec()).collect(),
             vertices: vertices.iter().map(|x| x.to_vec()).collect(),
             areas,
@@ -66,8 +56,8 @@ impl Outlined {
     }
 }
 
-/// The file of the surfaces of all tools: on each facet the number of the tool and of the part of its surface, and the mean
-/// pressure and shear of the places that touch it.
+/// The file of the surfaces of all tools: on each facet the number of the tool, of the side of its surface and, if tools have
+/// any, of the named part, and the mean pressure and shear of the places that touch it.
 ///
 /// # Errors
 /// If values cannot be written.
@@ -79,6 +69,7 @@ pub(super) fn surfaces_of_tools<const D: usize>(
 ) -> Result<File, String> {
     let (mut positions, mut corners) = (Vec::new(), Vec::new());
     let (mut numbers, mut parts): (Vec<i32>, Vec<i32>) = Default::default();
+    let named: Vec<i32> = outlines.iter().flat_map(|outlined| outlined.named.iter().copied()).collect();
     let (mut pressure, mut shear) = (Vec::new(), Vec::new());
     for (number, (outlined, state)) in outlines.iter().zip(tools).enumerate() {
         let first = positions.len() as i64;
@@ -108,12 +99,15 @@ pub(super) fn surfaces_of_tools<const D: usize>(
     }
     let kind = if D == 3 { CellKind::Triangle } else { CellKind::Line };
     let n = numbers.len();
-    let fields = [
+    let mut fields = vec![
         number("tool", &numbers),
         number("part", &parts),
         scalar("pressure", &pressure),
         vector("shear", &shear),
     ];
+    if model.tools.iter().any(|tool| !tool.parts.is_empty()) {
+        fields.push(number("named_part", &named));
+    }
     let fields = encoded(&fields, ("cell", n), precision, room)?;
     let vertices =
         Encoded::positions(positions.len(), Values::Float64(positions.as_flattened()), precision, room)?;

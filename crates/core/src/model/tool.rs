@@ -3,9 +3,16 @@
 use std::sync::Arc;
 
 use crate::formula::Formula;
-use crate::tool::{Pose, Shape};
+use crate::grid::Grid;
+use crate::tool::{NoOutline, Outline, Pose, Shape};
 
 use super::load::LoadCurve;
+use super::tool_part::ToolPart;
+
+/// Number of times that the facets of an outline are doubled in size until there are few enough.
+const COARSER: usize = 20;
+/// Width of the part of an unbounded tool in which its named parts are sought, relative to the diagonal of the grid, [-].
+const SOUGHT: f64 = 2.0;
 
 /// A rigid tool: it moves as prescribed, or as its loads and the bodies let it, and no body may enter it.
 #[derive(Debug, Clone)]
@@ -30,6 +37,8 @@ pub struct Tool<const D: usize> {
     pub pairs: Vec<(usize, Option<Interface>)>,
     /// Control of the contact.
     pub control: ContactControl,
+    /// Named parts of its surface, whose forces are summed separately.
+    pub parts: Vec<ToolPart<D>>,
 }
 
 /// One component of the motion of a tool.
@@ -158,6 +167,7 @@ impl<const D: usize> Tool<D> {
             interface: Some(Interface::SMOOTH),
             pairs: Vec::new(),
             control: ContactControl::default(),
+            parts: Vec::new(),
         }
     }
 
@@ -209,5 +219,88 @@ impl<const D: usize> Tool<D> {
             (0..3).for_each(|d| moment[d] += factor * load.moment[d]);
         }
         (force, moment)
+    }
+}
+
+impl<const D: usize> Tool<D> {
+    /// Its surface in the frame of the tool, in facets as large as the cells of a grid where the tool starts, or larger ones if
+    /// these were too many. Of an unbounded tool, the part within `width` times the diagonal of the grid around its reference
+    /// point. Empty if the shape has no outline.
+    pub fn outline(&self, grid: &dyn Grid<D>, width: f64) -> Outline<D> {
+        let [low, high] = grid.bounds();
+        let width = width * (0..D).map(|d| (high[d] - low[d]).powi(2)).sum::<f64>().sqrt();
+        let mut size = grid.size(grid.nearest_cell(&self.pose.position()) as usize);
+        let mut outline = self.shape.outline_near([0.0; D], width, size);
+        for _ in 0..COARSER {
+            if outline != Err(NoOutline::TooMany) {
+                break;
+            }
+            size *= 2.0;
+            outline = self.shape.outline_near([0.0; D], width, size);
+        }
+        outline.unwrap_or_default()
+    }
+
+    /// The named parts to which a position on its surface belongs, by their numbers: the index of its side, and the position in
+    /// the frame of the tool, [length].
+    pub fn parts_at(&self, side: usize, x: &[f64; D]) -> impl Iterator<Item = usize> {
+        let at_start = self.pose.to_space(x);
+        self.parts.iter().enumerate().filter(move |(_, part)| part.holds(side, &at_start)).map(|(k, _)| k)
+    }
+
+    /// True if its surface, in facets of about the size of the cells of a grid, reaches into a part.
+    pub fn reaches_into(&self, part: &ToolPart<D>, grid: &dyn Grid<D>) -> bool {
+        let Outline { vertices, facets, parts, .. } = self.outline(grid, SOUGHT);
+        facets.iter().zip(&parts).any(|(facet, side)| {
+            let mut around = [[f64::INFINITY; D], [f64::NEG_INFINITY; D]];
+            for &vertex in facet {
+                let x = self.pose.to_space(&vertices[vertex as usize]);
+                for d in 0..D {
+                    around[0][d] = around[0][d].min(x[d]);
+                    around[1][d] = around[1][d].max(x[d]);
+                }
+            }
+            part.has_side(*side) && part.reaches(&around)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Tool, ToolPart};
+    use crate::grid::Structured;
+    use crate::region::Brick;
+    use crate::tool::{HalfSpace, Pose};
+    use std::f64::consts::FRAC_PI_2;
+
+    fn part(sides: Option<Vec<usize>>, bounds: Option<[[f64; 2]; 2]>) -> ToolPart<2> {
+        ToolPart { name: "tip".to_owned(), sides, bounds }
+    }
+
+    #[test]
+    fn parts_are_selected_at_the_start() {
+        // A bar along x, turned upright about (1, 5): it stands at 0.75 < x < 1.25, 4 < y < 6.
+        let pose = Pose::new([1.0, 5.0], [0.0, 0.0, FRAC_PI_2]).unwrap();
+        let mut tool = Tool::new("bar", Brick::new([-1.0, -0.25], [1.0, 0.25]).unwrap(), pose);
+        let lower = Some([[0.0, 4.0], [2.0, 4.5]]);
+        tool.parts = vec![part(None, lower), part(Some(vec![3]), None), part(Some(vec![0]), lower)];
+        let of = |side: usize, x: [f64; 2]| tool.parts_at(side, &x).collect::<Vec<_>>();
+        assert_eq!(of(3, [-1.0, 0.0]), [0, 1]);
+        assert_eq!(of(0, [-0.5, -0.25]), [0, 2]);
+        assert_eq!(of(0, [-0.49, -0.25]), [0usize; 0]);
+        let grid = Structured::new([0.0; 2], [0.25; 2], [8, 40]);
+        assert!(tool.parts.iter().all(|part| tool.reaches_into(part, &grid)));
+        assert!(!tool.reaches_into(&part(Some(vec![4]), None), &grid));
+        assert!(!tool.reaches_into(&part(None, Some([[0.8, 4.1], [1.2, 5.9]])), &grid));
+        assert!(!tool.reaches_into(&part(Some(vec![1]), lower), &grid));
+    }
+
+    #[test]
+    fn unbounded_tools_have_parts_in_the_grid() {
+        let pose = Pose::new([0.0, 3.0], [0.0; 3]).unwrap();
+        let tool = Tool::new("roof", HalfSpace::new([0.0; 2], [0.0, -1.0]).unwrap(), pose);
+        let grid = Structured::new([0.0; 2], [0.5; 2], [20, 8]);
+        assert!(tool.reaches_into(&part(None, Some([[8.0, 2.0], [9.0, 4.0]])), &grid));
+        assert!(!tool.reaches_into(&part(None, Some([[8.0, 0.0], [9.0, 2.9]])), &grid));
     }
 }

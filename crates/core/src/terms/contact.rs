@@ -74,7 +74,7 @@ use multipliers::{Worst, forces_of, worst};
 
 pub use error::{ContactError, ContactPlace};
 pub use interface::Mode;
-pub use state::{ContactPoint, ToolState};
+pub use state::{ContactPoint, PartState, ToolState};
 
 /// Gap at the start of a step, relative to the size of a cell, above which the straight path of a place tells whether it
 /// has passed through a tool, [-]: nearer places may cut its rounded surface.
@@ -220,6 +220,7 @@ impl<const D: usize> Contact<D> {
                     slip: 0.0,
                     augmentations: self.updates,
                     contacts: Vec::new(),
+                    parts: vec![PartState::NONE; tool.parts.len()],
                 }
             })
             .collect();
@@ -228,17 +229,18 @@ impl<const D: usize> Contact<D> {
             let (state, moving) = (&mut states[number], &self.tools[number]);
             let (position, force) = (trial.position, touch.force());
             let moment = moving.moment(&position, &force);
-            (0..D).for_each(|d| state.force[d] += force[d]);
-            (0..3).for_each(|d| state.moment[d] += moment[d]);
             state.overlap = state.overlap.max(-touch.gap());
             if touch.mode == Mode::Stick {
                 state.slip = state.slip.max(norm(&touch.slip()));
             }
-            let found = moving.end.closest(model.tools[number].shape.as_ref(), position, f64::INFINITY);
-            state.contacts.push(ContactPoint {
+            let tool = &model.tools[number];
+            let found = moving.end.closest(tool.shape.as_ref(), position, f64::INFINITY);
+            let (part, on_surface) =
+                found.map_or((candidate.near.part, position), |found| (found.part, found.point));
+            let contact = ContactPoint {
                 body: candidate.body,
                 point: candidate.key.point,
-                part: found.map_or(candidate.near.part, |found| found.part),
+                part,
                 position,
                 normal: touch.normal(),
                 area: candidate.area,
@@ -246,7 +248,8 @@ impl<const D: usize> Contact<D> {
                 pressure: touch.pressure / candidate.area,
                 shear: touch.shear.map(|t| t / candidate.area),
                 mode: touch.mode,
-            });
+            };
+            state.add(contact, moment, tool.parts_at(part, &moving.end.to_tool(&on_surface)));
         }
         states
     }

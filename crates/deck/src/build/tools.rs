@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use mpm_core::formula::Formula;
 use mpm_core::grid::Grid;
-use mpm_core::model::{ContactControl, Freedom, Interface, Shear, Tool, ToolLoad};
+use mpm_core::model::{ContactControl, Freedom, Interface, Shear, Tool, ToolLoad, ToolPart};
 use mpm_core::region::Region;
 use mpm_core::tool::{Pose, Shape};
 
@@ -14,8 +14,9 @@ use crate::loads::load_curve;
 use crate::per_axis::array;
 use crate::quoting::quote;
 use crate::region::{FromFiles, Given, Groups, OfDeck};
+use crate::span::escape;
 use crate::tool_shapes::ToolOfDeck;
-use crate::tools::{ContactDeck, FreeDeck, FrictionDeck, ToolDeck, ToolShape, Turn};
+use crate::tools::{ContactDeck, FreeDeck, FrictionDeck, ToolDeck, ToolPartDeck, ToolShape, Turn};
 use crate::{Expression, Parameter};
 
 impl<const D: usize> Builder<'_, D>
@@ -28,7 +29,9 @@ where
         for (index, deck) in self.loaded.deck.tools.iter().enumerate() {
             let at = format!("/tools/{index}");
             if let Some((shape, pose)) = self.placed(grid, deck, &at) {
-                tools.push(self.tool(deck, shape, pose));
+                let tool = self.tool(deck, shape, pose);
+                self.parts_of_tool(grid, &tool, &at);
+                tools.push(tool);
             }
         }
         tools
@@ -121,6 +124,27 @@ where
                 tolerance: deck.overlap.unwrap_or(default.tolerance),
                 ..default
             },
+            parts: deck.parts.iter().map(|(name, part)| part_of_tool(name, part)).collect(),
+        }
+    }
+
+    /// Reports named parts that hold none of the surface of a tool.
+    fn parts_of_tool(&mut self, grid: &dyn Grid<D>, tool: &Tool<D>, at: &str) {
+        let empty = tool.parts.iter().filter(|part| !tool.reaches_into(part, grid));
+        for part in empty {
+            let message = format!(
+                "the part {} of the tool {} holds none of its surface",
+                quote(&part.name),
+                quote(&tool.name)
+            );
+            let help = match (&part.sides, &part.bounds) {
+                (Some(_), Some(_)) => "the `edges` do not reach into the `box`: change one of the two",
+                (_, Some(_)) => {
+                    "change the `box`, in coordinates of the start, so that the surface reaches into it"
+                }
+                _ => "give edges that do not lie on the axis of revolution",
+            };
+            self.error("D069", &format!("{at}/parts/{}", escape(&part.name)), message, help.to_owned());
         }
     }
 
@@ -136,6 +160,14 @@ where
             curve: load_curve(load.curve.as_ref(), end_time),
         });
         weight.into_iter().chain(others).collect()
+    }
+}
+
+fn part_of_tool<const D: usize>(name: &str, deck: &ToolPartDeck) -> ToolPart<D> {
+    ToolPart {
+        name: name.to_owned(),
+        sides: deck.edges.as_ref().map(|edges| edges.iter().map(|edge| *edge as usize).collect()),
+        bounds: deck.within.as_ref().map(|within| [array(&within.min), array(&within.max)]),
     }
 }
 

@@ -17,7 +17,6 @@ impl Check<'_> {
         for (index, tool) in tools.iter().enumerate() {
             let pointer = format!("/tools/{index}");
             self.column_name(&format!("{pointer}/name"), &tool.name);
-            self.name_of_tool(&pointer, tool);
             self.shape_of_tool(&format!("{pointer}/shape"), &tool.shape);
             if let Some(reference) = &tool.reference {
                 self.vector(&format!("{pointer}/reference"), reference);
@@ -28,16 +27,10 @@ impl Check<'_> {
             self.motion_of_tool(&pointer, tool);
             self.loads_of_tool(&pointer, tool);
             self.interfaces_of_tool(&pointer, tool);
+            self.parts_of_tool(&pointer, tool);
             self.curve(&format!("{pointer}/curve"), tool.curve.as_ref());
         }
-    }
-
-    /// A tool and a boundary condition of the same name would have the same columns.
-    fn name_of_tool(&mut self, pointer: &str, tool: &ToolDeck) {
-        if self.deck.boundary_conditions.iter().any(|condition| condition.name == tool.name) {
-            let message = format!("the name {} is also that of a boundary condition", quote(&tool.name));
-            self.error("D017", &format!("{pointer}/name"), message, "give one of the two another name");
-        }
+        self.columns_of_tools();
     }
 
     fn shape_of_tool(&mut self, pointer: &str, shape: &ToolShape) {

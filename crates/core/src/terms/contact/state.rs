@@ -28,6 +28,19 @@ pub struct ToolState<const D: usize> {
     pub augmentations: usize,
     /// The places that touch it.
     pub contacts: Vec<ContactPoint<D>>,
+    /// The forces on its named parts, in the order of the model.
+    pub parts: Vec<PartState<D>>,
+}
+
+/// The forces on a named part of a tool at the end of a step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PartState<const D: usize> {
+    /// Force of the part on the bodies, [force].
+    pub force: [f64; D],
+    /// Moment of these forces about the reference point of the tool and the axes x, y and z, [force·length].
+    pub moment: [f64; 3],
+    /// Number of places that touch it.
+    pub contacts: usize,
 }
 
 /// A place on a body that touches a tool.
@@ -56,9 +69,38 @@ pub struct ContactPoint<const D: usize> {
 }
 
 impl<const D: usize> ToolState<D> {
+    /// Adds a place that touches it, which lies on these named parts; `moment` is that of its force about the reference
+    /// point.
+    pub(super) fn add(
+        &mut self,
+        contact: ContactPoint<D>,
+        moment: [f64; 3],
+        parts: impl Iterator<Item = usize>,
+    ) {
+        let ContactPoint { force, .. } = &contact;
+        add(&mut self.force, force);
+        add(&mut self.moment, &moment);
+        for number in parts {
+            let part = &mut self.parts[number];
+            add(&mut part.force, force);
+            add(&mut part.moment, &moment);
+            part.contacts += 1;
+        }
+        self.contacts.push(contact);
+    }
+
     /// Force of one part of the surface of the tool on the bodies, [force].
     pub fn force_of_part(&self, part: usize) -> [f64; D] {
         let of_part = self.contacts.iter().filter(|contact| contact.part == part);
         of_part.fold([0.0; D], |sum, contact| std::array::from_fn(|d| sum[d] + contact.force[d]))
     }
+}
+
+impl<const D: usize> PartState<D> {
+    /// A part that touches nothing.
+    pub(super) const NONE: Self = PartState { force: [0.0; D], moment: [0.0; 3], contacts: 0 };
+}
+
+fn add<const N: usize>(sum: &mut [f64; N], other: &[f64; N]) {
+    (0..N).for_each(|d| sum[d] += other[d]);
 }

@@ -5,7 +5,7 @@ use crate::basis::Method;
 use crate::formula::Formula;
 use crate::grid::Structured;
 use crate::material::Hencky;
-use crate::model::{Builder, Fill, Freedom, Interface, LoadCurve, Model, Tool};
+use crate::model::{Builder, Fill, Freedom, Interface, LoadCurve, Model, Tool, ToolPart};
 use crate::solver::{Solvable, SolveError};
 use crate::terms::Mode;
 use crate::tool::{HalfSpace, Pose};
@@ -25,8 +25,16 @@ fn platen<const D: usize>(method: Method, steps: usize, h: f64) -> Run<D>
 where
     Model<D>: Solvable<D>,
 {
+    platen_with_parts(method, steps, h, Vec::new())
+}
+
+fn platen_with_parts<const D: usize>(method: Method, steps: usize, h: f64, parts: Vec<ToolPart<D>>) -> Run<D>
+where
+    Model<D>: Solvable<D>,
+{
     let n = (1.2 / h).round() as usize;
     let mut tool = plate::<D>("platen", 0.8, -1.0);
+    tool.parts = parts;
     tool.translation[D - 1] = Freedom::Prescribed(Formula::constant(-0.2));
     let mut builder = Builder::new(Structured::new([0.0; D], [h; D], [n; D]))
         .material("rubber", Hencky::new(1e6, 0.0))
@@ -38,6 +46,30 @@ where
             .fix(["left", "front", "floor"][if d == D - 1 { 2 } else { d }], held, move |x| x[d] == 0.0);
     }
     run(builder.steps(steps)).unwrap()
+}
+
+/// Under uniform stress, parts bear the forces of the places in their boxes, which move with the tool: 9 and 7 of 16 corners.
+#[test]
+fn parts_bear_their_share() {
+    let part = |name: &str, from: f64, to: f64| ToolPart {
+        name: name.to_owned(),
+        sides: Some(vec![0]),
+        bounds: Some([[from, 0.7], [to, 0.8]]),
+    };
+    let other_side = ToolPart { sides: Some(vec![1]), ..part("none", 0.0, 0.8) };
+    let parts = vec![part("left", 0.0, 0.45), part("right", 0.45, 0.8), other_side];
+    let run = platen_with_parts::<2>(Method::Gimp, 2, 0.2, parts);
+    for report in &run.reports {
+        let tool = &report.tools[0];
+        let [left, right, none] = &tool.parts[..] else { panic!("{:?}", tool.parts) };
+        assert!((left.force[1] / tool.force[1] - 9.0 / 16.0).abs() < 1e-6, "{:?}", tool.parts);
+        assert!((left.force[1] + right.force[1] - tool.force[1]).abs() < 1e-9 * tool.force[1].abs());
+        assert!((left.moment[2] + right.moment[2] - tool.moment[2]).abs() < 1e-9 * tool.moment[2].abs());
+        // The reference point is above the left end: Σ x over the corners is 2.0 m of 6.4 m.
+        assert!((left.moment[2] / tool.moment[2] - 2.0 / 6.4).abs() < 1e-6, "{:?}", tool.parts);
+        assert_eq!((left.contacts, right.contacts, none.contacts), (9, 7, 0));
+        assert_eq!(none.force, [0.0; 2]);
+    }
 }
 
 fn check_platen<const D: usize>(run: &Run<D>, tolerance: f64) {

@@ -1,0 +1,40 @@
+//! Named parts of the surfaces of tools, on which forces are summed separately.
+
+use crate::region::Bounds;
+
+/// Distance outside a box at which a position still counts as inside, relative to coordinates, [-].
+const ON_BORDER: f64 = 1e-9;
+
+/// A named part of the surface of a tool, such as the tip of a pile. Parts may overlap: each has all the forces on it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ToolPart<const D: usize> {
+    /// Name, unique within the tool.
+    pub name: String,
+    /// Indices of the sides of the shape that belong to it, as [`crate::tool::Closest::part`]; `None` for all.
+    pub sides: Option<Vec<usize>>,
+    /// Box in which it lies, in coordinates of the start of the analysis, [length]; it moves with the tool. `None` if it is
+    /// not bounded.
+    pub bounds: Option<Bounds<D>>,
+}
+
+impl<const D: usize> ToolPart<D> {
+    /// True if a position on a side of the surface belongs to the part; the position is the one at the start of the analysis,
+    /// [length]. The border of the box belongs to it.
+    pub fn holds(&self, side: usize, at_start: &[f64; D]) -> bool {
+        self.has_side(side) && self.reaches(&[*at_start; 2])
+    }
+
+    /// True if the side is among its sides.
+    pub(super) fn has_side(&self, side: usize) -> bool {
+        self.sides.as_ref().is_none_or(|sides| sides.contains(&side))
+    }
+
+    /// True if its box and another one meet.
+    pub(super) fn reaches(&self, [low, high]: &Bounds<D>) -> bool {
+        let Some([lower, upper]) = &self.bounds else { return true };
+        (0..D).all(|d| {
+            let scale = [low[d], high[d], lower[d], upper[d]].iter().fold(0.0f64, |m, x| m.max(x.abs()));
+            low[d] <= upper[d] + ON_BORDER * scale && high[d] >= lower[d] - ON_BORDER * scale
+        })
+    }
+}
