@@ -14,7 +14,10 @@ mod sum;
 pub mod surface;
 mod term;
 
-pub use contact::{Contact, ContactError, ContactPlace, ContactPoint, Mode, PartState, ToolState};
+pub use contact::{
+    Contact, ContactError, ContactPlace, ContactPoint, Mode, PartState, StartOverlap, ToolState,
+    boxes_on_the_way, overlaps_at_start,
+};
 pub use failure::{BeginError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost};
 pub use sum::{Sum, Terms, of_model, restore};
 pub use surface::Surfaces;

@@ -152,6 +152,8 @@ pub const CODES: &[(&str, &str)] = &[
     ("D067", "a load on a side of a GIMP body of revolution"),
     ("D068", "a tool that cannot move so"),
     ("D069", "a part of a tool without surface"),
+    ("D070", "a tool that overlaps a body at the start"),
+    ("D071", "a tool that leaves the grid"),
 ];
 
 impl Diagnostic {

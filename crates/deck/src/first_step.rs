@@ -77,6 +77,7 @@ impl Check<'_> {
                 self.touches_nothing(number, &condition.name);
             }
         }
+        self.tools_at_start(model, points);
         self.held_already(model);
         let reported = self.free_parts(model, points, (&links, &dofs), None);
         if !model.stages.is_empty() {

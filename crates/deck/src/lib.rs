@@ -80,6 +80,7 @@ mod steps;
 mod surfaces;
 mod tool_shapes;
 mod tools;
+mod tools_at_start;
 pub mod validate;
 mod yaml;
 

@@ -368,7 +368,7 @@ fn overlap<const D: usize>(a: Bounds<D>, b: Bounds<D>) -> Bounds<D> {
 }
 
 /// The 2^D corners of a box; the first axis varies fastest.
-fn corners<const D: usize>(bounds: &Bounds<D>) -> impl Iterator<Item = [f64; D]> {
+pub(crate) fn corners<const D: usize>(bounds: &Bounds<D>) -> impl Iterator<Item = [f64; D]> {
     let bounds = *bounds;
     (0..1usize << D).map(move |corner| std::array::from_fn(|d| bounds[corner >> d & 1][d]))
 }

@@ -49,6 +49,7 @@ mod interface;
 mod motion;
 mod multipliers;
 mod saved;
+mod start;
 mod state;
 #[cfg(test)]
 mod tests;
@@ -74,6 +75,7 @@ use multipliers::{Worst, forces_of, worst};
 
 pub use error::{ContactError, ContactPlace};
 pub use interface::Mode;
+pub use start::{StartOverlap, boxes_on_the_way, overlaps_at_start};
 pub use state::{ContactPoint, PartState, ToolState};
 
 /// Gap at the start of a step, relative to the size of a cell, above which the straight path of a place tells whether it

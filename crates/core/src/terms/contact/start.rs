@@ -1,0 +1,247 @@
+//! Tools and bodies at the start of an analysis: where they overlap, and where prescribed motions take the tools.
+
+use rayon::prelude::*;
+
+use super::candidates::{TOUCHING, named};
+use super::error::ContactPlace;
+use super::motion::Moving;
+use crate::model::{Model, Tool};
+use crate::points::{PIECE, Points};
+use crate::region::vector::{along, minus, norm, unit};
+use crate::region::{Bounds, corners, hull};
+use crate::step::Step;
+use crate::tool::Pose;
+
+/// A tool that overlaps a body at the start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StartOverlap<const D: usize> {
+    /// Number of the tool.
+    pub tool: usize,
+    /// Number of the body.
+    pub body: usize,
+    /// The place where the overlap is largest.
+    pub place: ContactPlace,
+    /// The largest overlap, [length].
+    pub overlap: f64,
+    /// Number of points whose domains reach into the tool.
+    pub points: usize,
+    /// The shortest way along an axis, as a vector, on which the tool leaves all bodies, [length]; `None` if no way along an axis
+    /// does.
+    pub way: Option<[f64; D]>,
+}
+
+/// The tools and bodies that overlap at the start, in the order of their numbers: the corners of the domains of points that
+/// lie inside a tool by more than round-off.
+pub fn overlaps_at_start<const D: usize>(model: &Model<D>, points: &Points<D>) -> Vec<StartOverlap<D>> {
+    let mut found = Vec::new();
+    for (number, tool) in model.tools.iter().enumerate() {
+        let placed = Placed { model, points, tool };
+        let inside = placed.inside();
+        let way = if inside.is_empty() { None } else { placed.shortest_way() };
+        for body in 0..model.bodies.len() {
+            let of_body: Vec<&Inside<D>> =
+                inside.iter().filter(|inside| points.body[inside.p] as usize == body).collect();
+            let deepest = of_body.iter().copied().reduce(|a, b| if b.overlap > a.overlap { b } else { a });
+            let Some(Inside { p, corner, overlap }) = deepest else { continue };
+            found.push(StartOverlap {
+                tool: number,
+                body,
+                place: named(model, tool, body, points.id[*p], corner),
+                overlap: *overlap,
+                points: of_body.len(),
+                way,
+            });
+        }
+    }
+    found
+}
+
+/// A point whose domain reaches into a tool.
+struct Inside<const D: usize> {
+    p: usize,
+    /// Its deepest corner, [length].
+    corner: [f64; D],
+    overlap: f64,
+}
+
+/// A tool among the bodies at the start.
+struct Placed<'a, const D: usize> {
+    model: &'a Model<D>,
+    points: &'a Points<D>,
+    tool: &'a Tool<D>,
+}
+
+impl<const D: usize> Placed<'_, D> {
+    /// The points whose domains reach into the tool, in their order.
+    fn inside(&self) -> Vec<Inside<D>> {
+        let Placed { points, tool, .. } = self;
+        let gap_at = |x: &[f64; D]| {
+            let found = tool.pose.closest(tool.shape.as_ref(), *x, f64::INFINITY);
+            found.map_or(f64::INFINITY, |found| found.gap)
+        };
+        let of_point = |p: usize| {
+            let x = &points.converged.position[p];
+            let corners = domain(points, p);
+            let radius = corners.iter().map(|corner| norm(&minus(corner, x))).fold(0.0, f64::max);
+            if gap_at(x) > radius {
+                return None;
+            }
+            let least = TOUCHING * self.model.grid.size(points.cell[p] as usize);
+            let overlaps = corners.into_iter().map(|corner| Inside { p, corner, overlap: -gap_at(&corner) });
+            overlaps.filter(|inside| inside.overlap > least).max_by(|a, b| a.overlap.total_cmp(&b.overlap))
+        };
+        self.touchable().filter_map(of_point).collect()
+    }
+
+    /// The points of the bodies that the tool may touch.
+    fn touchable(&self) -> impl ParallelIterator<Item = usize> + use<'_, D> {
+        let may_touch = |p: &usize| self.tool.interface_with(self.points.body[*p] as usize).is_some();
+        (0..self.points.len()).into_par_iter().with_min_len(PIECE).filter(may_touch)
+    }
+
+    /// The shortest way along an axis on which the tool can go until all corners of domains are outside. Bodies of revolution
+    /// keep their tools on the axis.
+    fn shortest_way(&self) -> Option<[f64; D]> {
+        let axes = if self.model.revolved { 1..2 } else { 0..D };
+        let ways = axes.flat_map(|axis| [1.0, -1.0].map(|sign| unit::<D>(axis).map(|e| sign * e)));
+        let with_length = ways.filter_map(|way| Some((self.length(&way)?, way)));
+        let shortest = with_length.min_by(|a, b| a.0.total_cmp(&b.0));
+        shortest.map(|(length, way)| way.map(|e| e * length))
+    }
+
+    /// The length of the way in a direction; `None` if it does not end in the space around the grid.
+    fn length(&self, direction: &[f64; D]) -> Option<f64> {
+        let Placed { model, points, tool } = self;
+        let reach = self.reach(model.grid.bounds());
+        let shape = tool.shape.as_ref();
+        let of_corner = |corner: [f64; D]| {
+            let (at, far) = (tool.pose.to_tool(&corner), along(&corner, -reach, direction));
+            let far = tool.pose.to_tool(&far);
+            let leaves = shape.closest(far).is_none_or(|found| found.gap > 0.0);
+            let last = shape.first_contact(far, at).map_or(0.0, |fraction| reach * (1.0 - fraction));
+            leaves.then_some(last)
+        };
+        let of_point = |p: usize| {
+            let lengths = domain(points, p).into_iter().map(of_corner);
+            lengths.reduce(|a, b| Some(a?.max(b?))).unwrap_or(Some(0.0))
+        };
+        self.touchable().map(of_point).reduce(|| Some(0.0), |a, b| Some(a?.max(b?)))
+    }
+
+    /// A length longer than the grid and the tool together, [length]; twice the grid beside unbounded tools.
+    fn reach(&self, grid: Bounds<D>) -> f64 {
+        let around = at_pose(self.tool, &self.tool.pose).map_or(grid, |bounds| hull(grid, bounds));
+        2.0 * norm(&minus(&around[1], &around[0]))
+    }
+}
+
+/// The corners of the domain of a point; its position where it has no domain.
+fn domain<const D: usize>(points: &Points<D>, p: usize) -> Vec<[f64; D]> {
+    let (x, l) = (&points.converged.position[p], points.half_lengths(p));
+    match points.corners(p) {
+        [] if l == [0.0; D] => vec![*x],
+        [] => corners(&[minus(x, &l), along(x, 1.0, &l)]).collect(),
+        corners => corners.to_vec(),
+    }
+}
+
+/// The box around a tool in a pose; `None` if it is unbounded.
+fn at_pose<const D: usize>(tool: &Tool<D>, pose: &Pose<D>) -> Option<Bounds<D>> {
+    let bounds = tool.shape.bounds();
+    if !bounds.as_flattened().iter().all(|x| x.is_finite()) {
+        return None;
+    }
+    let placed = corners(&bounds).map(|x| pose.to_space(&x)).map(|x| [x, x]);
+    placed.reduce(hull)
+}
+
+/// The boxes around a tool at some times of its prescribed motion, [length]; `None` if a component of its motion is free or is
+/// not known, or the tool is unbounded.
+pub fn boxes_on_the_way<const D: usize>(
+    model: &Model<D>,
+    tool: usize,
+    times: &[f64],
+) -> Option<Vec<Bounds<D>>> {
+    let tool = model.tools.get(tool)?;
+    let at = |time: &f64| {
+        let mut moving = Moving::new(tool);
+        if !moving.free.is_empty() {
+            return None;
+        }
+        moving.begin(tool, model, Step { index: 1, start: 0.0, end: *time }).ok()?;
+        at_pose(tool, &moving.end)
+    };
+    times.iter().map(at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{StartOverlap, boxes_on_the_way, overlaps_at_start};
+    use crate::basis::Method;
+    use crate::formula::Formula;
+    use crate::grid::Structured;
+    use crate::material::Hencky;
+    use crate::model::{Builder, Fill, Freedom, Model, Tool};
+    use crate::points::Points;
+    use crate::region::{Ball, Brick};
+    use crate::tool::{HalfSpace, Pose, Shape};
+
+    /// A block of 4 m × 2 m under a tool whose frame has this origin.
+    fn block(method: Method, shape: impl Shape<2> + 'static, origin: [f64; 2]) -> (Model<2>, Points<2>) {
+        let mut tool = Tool::new("tool", shape, Pose::new(origin, [0.0; 3]).unwrap());
+        tool.translation[1] = Freedom::Prescribed(Formula::constant(-0.5));
+        let fill = Fill { method, ..Fill::default() };
+        Builder::new(Structured::new([0.0; 2], [0.5; 2], [8, 8]))
+            .material("clay", Hencky::new(1e6, 0.3))
+            .body("clay", "clay", fill, |x| x[1] < 2.0)
+            .fix("base", [true, true], |x| x[1] == 0.0)
+            .tool(tool)
+            .build()
+            .unwrap()
+    }
+
+    fn only(found: Vec<StartOverlap<2>>) -> StartOverlap<2> {
+        let [only] = &found[..] else { panic!("{found:?}") };
+        only.clone()
+    }
+
+    #[test]
+    fn overlaps_are_found_with_the_way_out() {
+        for method in [Method::Gimp, Method::Cpdi1, Method::Cpdi2] {
+            let brick = || Brick::new([-0.6, 0.0], [0.6, 1.0]).unwrap();
+            let (model, points) = block(method, brick(), [2.0, 1.9]);
+            let found = only(overlaps_at_start(&model, &points));
+            assert!((found.overlap - 0.1).abs() < 1e-12, "{found:?}");
+            let way = found.way.unwrap();
+            assert!(way[0] == 0.0 && (way[1] - 0.1).abs() < 1e-9, "{way:?}");
+            let (model, points) = block(method, brick(), [2.0, 1.9 + way[1]]);
+            assert_eq!(overlaps_at_start(&model, &points), []);
+        }
+    }
+
+    #[test]
+    fn deep_overlaps_count_in_full() {
+        // The lowest point of the ball is 0.75 m above the base and 1.25 m below the surface.
+        let (model, points) = block(Method::Gimp, Ball::new([0.0; 2], 0.5).unwrap(), [2.0, 1.25]);
+        let found = only(overlaps_at_start(&model, &points));
+        let way = found.way.unwrap();
+        assert!(way[1] > 1.2 && way[1] <= 1.25 + 1e-9, "{found:?}");
+        let (model, points) = block(Method::Gimp, Ball::new([0.0; 2], 0.5).unwrap(), [2.0, 1.25 + way[1]]);
+        assert_eq!(overlaps_at_start(&model, &points), []);
+        let floor = HalfSpace::new([0.0; 2], [0.0, 1.0]).unwrap();
+        let (model, points) = block(Method::Gimp, floor, [0.0, 1.5]);
+        let found = only(overlaps_at_start(&model, &points));
+        assert!((found.overlap - 1.5).abs() < 1e-12 && (found.way.unwrap()[1] + 1.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn boxes_follow_the_motion() {
+        let (model, _) = block(Method::Gimp, Ball::new([0.0; 2], 0.5).unwrap(), [2.0, 2.75]);
+        let boxes = boxes_on_the_way(&model, 0, &[0.0, 0.5, 1.0]).unwrap();
+        let low: Vec<f64> = boxes.iter().map(|[low, _]| low[1]).collect();
+        assert!(low.iter().zip([2.25, 2.0, 1.75]).all(|(a, b)| (a - b).abs() < 1e-12), "{low:?}");
+        let roof = HalfSpace::new([0.0; 2], [0.0, -1.0]).unwrap();
+        let (model, _) = block(Method::Gimp, roof, [0.0, 2.0]);
+        assert_eq!(boxes_on_the_way(&model, 0, &[0.0]), None);
+    }
+}
