@@ -17,6 +17,7 @@ from PIL import Image
 import browser
 from conftest import BEAM, ROOT
 from results import Results
+from tools import PLOUGH
 
 TERSE = {"h": 0.5, "n": 3, "steps": 10, "every": 5}
 
@@ -207,6 +208,32 @@ def test_several_loads_are_drawn_each_by_itself(page_of, mpm, tmp_path):
     assert displacement[0] == 0
     balance = text.split("Forces on the bodies")[1].split("Displacements of the probes")[0]
     assert re.search(r"weight ?0.*surcharge ?0.*base", balance), balance
+
+
+def test_tools_are_told_from_loads_and_probes(page_of, mpm, tmp_path):
+    """Their forces are drawn against their motion, by parts, and are no loads."""
+    (tmp_path / "deck.yaml").write_text(json.dumps(PLOUGH))
+    process = mpm("run", tmp_path / "deck.yaml", "--out", tmp_path / "out")
+    assert process.returncode == 0, process.stderr
+    results = Results(tmp_path / "out")
+    history, html = results.history, page_of(tmp_path / "out", units="m,N,s").read_text()
+    text, found = text_of(html), curves(html)
+    section = text.split("Forces and moments are those of the tools")[1]
+    for caption in ("Forces", "Moments"):
+        assert f"{caption} of the tool plough and its parts against displacement y." in section
+    for label, column in (("y", "plough_fy"), ("left: x", "plough_left_fx"), ("right: z", "plough_right_mz")):
+        forces = [0, *history[column]]
+        xs = [x for name, x, y in found if name == label and np.allclose(y, forces, rtol=1e-5)]
+        assert len(xs) == 1, label
+        np.testing.assert_allclose(xs[0], [0, *history["plough_uy"]], rtol=1e-5)
+    assert not any(name.startswith("far") for name, _, _ in found), "nothing acts on this part"
+    lowest = history["plough_fy"].argmin() + 1
+    assert re.search(rf"force y \[N/m\]-[\d.]+(e3|·10\S+)? ?-[\d.]+\S* ?{lowest}", section.replace(" ", " ")), section[:900]
+    assert "dissipated" in section and results.summary["friction_work"] > 0
+    balance = text.split("Forces on the bodies")[1].split("Displacements of the probes")[0]
+    assert "plough" not in balance and "Loads" in balance
+    assert "plough" not in text.split("Displacements of the probes")[1].split("Model")[0]
+    assert not any(name.startswith("plough") for name, _, _ in found)
 
 
 def test_a_path_under_control_is_drawn_against_time(page_of, mpm, tmp_path):

@@ -38,7 +38,8 @@ impl Progress {
         if self.by_factor { "load factor" } else { "time" }
     }
 
-    fn axis(&self) -> Axis {
+    /// The axis.
+    pub fn axis(&self) -> Axis {
         let quantity = if self.by_factor { Quantity::Number } else { Quantity::Time };
         Axis { contains: vec![0.0], ..Axis::new(self.name(), quantity) }
     }
@@ -54,7 +55,7 @@ impl Progress {
     /// Its values at the ends of the steps and the values of a column. They start at the undeformed state: at time 0
     /// nothing acts, whatever the load curves are, unless the bodies are stressed then; in that case they start at the
     /// end of the first step.
-    fn points(&self, run: &Run, column: &str) -> Vec<[f64; 2]> {
+    pub fn points(&self, run: &Run, column: &str) -> Vec<[f64; 2]> {
         let times = run.column("time").iter().map(|time| self.at(run, *time));
         let values = times.zip(run.column(column)).map(|(x, y)| [x, *y]);
         let undeformed = (!run.begins_stressed()).then_some([0.0, 0.0]);
@@ -80,7 +81,8 @@ impl Component {
     }
 }
 
-fn largest(run: &Run, column: &str) -> f64 {
+/// The largest magnitude of a column of `history.csv`.
+pub(super) fn largest(run: &Run, column: &str) -> f64 {
     run.column(column).iter().fold(0.0, |largest, value| value.abs().max(largest))
 }
 

@@ -180,9 +180,20 @@ impl Run {
         self.history.column(name).unwrap_or_default()
     }
 
-    /// The names before an ending in the columns of `history.csv`, such as the boundary conditions before `_rx`.
+    /// The names before an ending in the columns of `history.csv`, such as the boundary conditions before `_rx`; without those of
+    /// tools.
     pub fn names_before(&self, ending: &str) -> Vec<&str> {
-        self.history.names().iter().filter_map(|name| name.strip_suffix(ending)).collect()
+        let names = self.history.names().iter().filter_map(|name| name.strip_suffix(ending));
+        names.filter(|name| !self.is_of_tool(name)).collect()
+    }
+
+    /// True if a name before an ending is that of a tool, or of one of its parts.
+    fn is_of_tool(&self, name: &str) -> bool {
+        self.deck.iter().flat_map(|deck| &deck.tools).any(|tool| {
+            let rest = name.strip_prefix(&tool.name);
+            let part = rest.and_then(|rest| rest.strip_prefix('_'));
+            rest == Some("") || part.is_some_and(|part| tool.parts.contains_key(part))
+        })
     }
 
     /// True if all loads grow in proportion to time, so that time divided by end time is the load factor.
@@ -196,6 +207,7 @@ impl Run {
         }
         deck.loads.iter().all(|load| load.curve().is_none())
             && deck.boundary_conditions.iter().all(|c| c.curve.is_none())
+            && deck.tools.iter().all(|tool| tool.curve.is_none())
     }
 
     /// True if a body is stressed at time 0.

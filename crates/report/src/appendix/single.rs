@@ -20,6 +20,7 @@ use super::sections::{
 };
 use super::stages;
 use super::strength;
+use super::tools;
 use super::units::{Naming, Quantity};
 
 /// Writes the page.
@@ -29,6 +30,7 @@ pub(super) fn page(run: &Run, options: &Options) -> Result<String, ReportError> 
     outcome(&mut page, run, &naming);
     model(&mut page, run);
     load_and_displacement(&mut page, run, &naming);
+    tools::section(&mut page, run, &naming);
     strength::section(&mut page, run, &naming)?;
     deformed_points(&mut page, run, options, &naming)?;
     convergence(&mut page, run, &naming);
@@ -236,6 +238,7 @@ fn model(page: &mut Page, run: &Run) {
         loads.row([named(load, "name"), named(load, "type"), Cell::Html(in_words(&rest))]);
     }
     page.table("Loads.", &loads);
+    tools::given(page, &value);
 }
 
 fn named(entry: &Value, key: &str) -> Cell {

@@ -17,6 +17,10 @@ pub(super) enum Quantity {
     Volume,
     /// A mass; per unit thickness in plane strain.
     Mass,
+    /// A moment; per unit thickness in plane strain.
+    Moment,
+    /// An angle, [degree].
+    Angle,
     /// A time.
     Time,
     /// A plain number.
@@ -115,12 +119,14 @@ impl Naming {
         };
         match (&self.units, quantity) {
             (_, Quantity::Number) => String::new(),
+            (_, Quantity::Angle) => "°".to_owned(),
             (None, Quantity::Length) => "length".to_owned(),
             (None, Quantity::Force) => of_thickness("force".to_owned(), "length"),
             (None, Quantity::Stress) => "stress".to_owned(),
             (None, Quantity::Energy) => of_thickness("energy".to_owned(), "length"),
             (None, Quantity::Volume) => of_thickness("volume".to_owned(), "length"),
             (None, Quantity::Mass) => of_thickness("mass".to_owned(), "length"),
+            (None, Quantity::Moment) => of_thickness("force·length".to_owned(), "length"),
             (None, Quantity::Time) => "time".to_owned(),
             (Some(units), Quantity::Length) => units.length.clone(),
             (Some(units), Quantity::Force) => of_thickness(units.force.clone(), &units.length),
@@ -128,6 +134,9 @@ impl Naming {
             (Some(units), Quantity::Energy) => of_thickness(units.energy(), &units.length),
             (Some(units), Quantity::Volume) => of_thickness(format!("{}³", units.length), &units.length),
             (Some(units), Quantity::Mass) => of_thickness(units.mass(), &units.length),
+            (Some(units), Quantity::Moment) => {
+                of_thickness(format!("{}·{}", units.force, units.length), &units.length)
+            }
             (Some(units), Quantity::Time) => units.time.clone(),
         }
     }
