@@ -14,9 +14,11 @@ from mpm._laws import BuiltInLaw, Law
 from mpm._mpm import VERSION as __version__
 from mpm._run import Frame, Points, Result, Run, Step, Table, read
 from mpm._study import Member, Study, sweep
+from mpm._tools import Contacts, Tool, ToolPart
 
 __all__ = [
     "BuiltInLaw",
+    "Contacts",
     "Deck",
     "DeckError",
     "Diagnostic",
@@ -32,6 +34,8 @@ __all__ = [
     "Step",
     "Study",
     "Table",
+    "Tool",
+    "ToolPart",
     "UsageError",
     "__version__",
     "read",

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from mpm import _mpm
 from mpm._errors import Diagnostic, MpmError, ResultsError, UsageError, diagnostics_of
 from mpm._laws import Law
+from mpm._tools import Tool, tools_of
 
 if TYPE_CHECKING:
     import pandas
@@ -46,6 +47,7 @@ class Step:
         strength_factor: Factor by which the strength of the materials is divided, or ``None`` at full strength, [-].
         reactions: Reaction of each boundary condition by its name: the force on the bodies, shape (axes,), [force].
         loads: Resultant of each load by its name, shape (axes,), [force].
+        tools: Each rigid tool by its name: position, force, moment, parts, contacts.
         unknowns: Number of free degrees of freedom.
         external_work: Work of loads and reactions so far, [energy].
         strain_energy: Stored elastic energy, [energy].
@@ -73,6 +75,7 @@ class Step:
     strength_factor: float | None
     reactions: dict[str, Array]
     loads: dict[str, Array]
+    tools: dict[str, Tool]
     unknowns: int
     external_work: float
     strain_energy: float
@@ -98,6 +101,7 @@ def _step(document: str) -> Step:
     data["residuals"] = np.array(data["residuals"], dtype=float)
     for key in ("reactions", "loads"):
         data[key] = {name: np.array(force) for name, force in data[key].items()}
+    data["tools"] = tools_of(data["tools"])
     data["warnings"] = tuple(
         Diagnostic(of["code"], "warning", of["message"], help=of["help"]) for of in data["warnings"]
     )
@@ -432,6 +436,11 @@ class Run:
         several steps.
         """
         return Points(self._session.array, self._names)
+
+    @property
+    def tools(self) -> dict[str, Tool]:
+        """The rigid tools at the end of the last step in equilibrium, by their names; empty before the first step."""
+        return {} if self._step is None else dict(self._step.tools)
 
     @property
     def history(self) -> Table:

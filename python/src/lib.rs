@@ -11,6 +11,7 @@ mod files;
 mod laws;
 mod link;
 mod session;
+mod tools;
 mod worker;
 
 use std::ffi::OsString;

@@ -20,6 +20,7 @@ use mpm::solver::{
 use serde_json::{Map, Value, json};
 
 use crate::link::{Array, Changed, Ended, Event, Failure, Link, Request};
+use crate::tools::tools_document;
 
 /// Writes the files of a run, and its status.
 pub struct Files {
@@ -317,6 +318,7 @@ fn step_document<const D: usize>(model: &Model<D>, report: &StepReport<D>, summa
         "strength_factor": report.strength_factor,
         "reactions": named(&mut model.boundary_conditions.iter().map(|c| &c.name), &report.reactions),
         "loads": named(&mut model.loads.iter().map(|load| &load.name), &report.loads),
+        "tools": tools_document(model, &report.tools),
         "unknowns": report.unknowns,
         "external_work": summary.external_work,
         "strain_energy": summary.strain_energy,

@@ -1,0 +1,131 @@
+"""The rigid tools of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """The n places on bodies that touch a tool: corners of the domains of points.
+
+    Attributes:
+        position: Position, shape (n, axes), [length].
+        normal: Unit normal out of the tool, shape (n, axes), [-].
+        force: Force of the tool on the body, shape (n, axes), [force].
+        pressure: Pressure, negative for tension, shape (n,), [stress].
+        shear: Shear stress on the body, shape (n, axes), [stress].
+        area: Area that a place stands for, shape (n,), [area].
+        state: ``"stick"``, ``"slip"`` or ``"parting"``, shape (n,).
+        point: Permanent number of the point, shape (n,).
+        body: Number of the body in the deck, from 0, shape (n,).
+        edge: Number of the side of the tool, as in the deck, shape (n,).
+    """
+
+    position: Array
+    normal: Array
+    force: Array
+    pressure: Array
+    shear: Array
+    area: Array
+    state: npt.NDArray[np.str_]
+    point: npt.NDArray[np.int64]
+    body: npt.NDArray[np.int64]
+    edge: npt.NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.pressure)
+
+    def __repr__(self) -> str:
+        return f"<Contacts: {len(self)}>"
+
+
+@dataclass(frozen=True, eq=False)
+class ToolPart:
+    """A named part of a tool at the end of a step.
+
+    Attributes:
+        force: Force of the part on the bodies, shape (axes,), [force].
+        moment: Moment of this force about the reference point of the tool, shape (3,), [force·length].
+        n_contacts: Number of places that touch it.
+    """
+
+    force: Array
+    moment: Array
+    n_contacts: int
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """A rigid tool at the end of a step.
+
+    Attributes:
+        position: Position of the reference point, shape (axes,), [length].
+        displacement: Its displacement since the start, shape (axes,), [length].
+        rotation: Rotation vector since the start, shape (3,), [rad]; in the plane the angle is the last component.
+        force: Force of the tool on the bodies, shape (axes,), [force].
+        moment: Moment of this force about the reference point, shape (3,), [force·length].
+        overlap: Largest overlap with a body, [length].
+        parts: Its named parts.
+        contacts: The places that touch it.
+
+    Example:
+        >>> pipe = {"name": "pipe", "shape": {"type": "circle", "center": [3, 3.5], "radius": 0.5}, "uy": -0.1}
+        >>> pipe["parts"] = {"left": {"box": {"min": [2, 2], "max": [2.99, 4]}}}
+        >>> deck = mpm.Deck({
+        ...     "version": 1,
+        ...     "grid": {"type": "structured", "origin": [0, 0], "size": [6, 5], "spacing": 0.25},
+        ...     "materials": {"rubber": {"model": "hencky", "young": 1e6, "poisson": 0.3}},
+        ...     "bodies": [{"name": "ground", "material": "rubber", "method": "gimp", "points_per_cell": 2,
+        ...                 "shape": {"type": "box", "min": [0, 0], "max": [6, 3]}}],
+        ...     "boundary_conditions": [{"name": "base", "nodes": {"y": 0}, "fix": ["x", "y"]}],
+        ...     "tools": [pipe],
+        ...     "steps": {"count": 2},
+        ... })
+        >>> with deck.start(threads=1) as run:
+        ...     for step in run:
+        ...         tool = run.tools["pipe"]
+        >>> tool.position, bool(tool.force[1] < tool.parts["left"].force[1] < 0)
+        (array([3. , 3.4]), True)
+        >>> tool.contacts.position.shape == (len(tool.contacts), 2)
+        True
+    """
+
+    position: Array
+    displacement: Array
+    rotation: Array
+    force: Array
+    moment: Array
+    overlap: float
+    parts: dict[str, ToolPart]
+    contacts: Contacts
+
+
+def tools_of(document: dict[str, Any]) -> dict[str, Tool]:
+    """The tools of a step from its document."""
+    return {name: _tool(of) for name, of in document.items()}
+
+
+def _tool(of: dict[str, Any]) -> Tool:
+    arrays = {key: np.array(of[key], dtype=float) for key in ("position", "displacement", "rotation", "force", "moment")}
+    parts = {
+        name: ToolPart(np.array(part["force"]), np.array(part["moment"]), part["n_contacts"])
+        for name, part in of["parts"].items()
+    }
+    axes = len(of["position"])
+    contacts = Contacts(**{key: _column(key, values, axes) for key, values in of["contacts"].items()})
+    return Tool(**arrays, overlap=of["overlap"], parts=parts, contacts=contacts)
+
+
+def _column(key: str, values: list[Any], axes: int) -> npt.NDArray[Any]:
+    """An array of the right shape, also where nothing touches."""
+    if key in ("position", "normal", "force", "shear"):
+        return np.array(values, dtype=float).reshape(len(values), axes)
+    kinds: dict[str, npt.DTypeLike] = {"state": np.str_, "point": np.int64, "body": np.int64, "edge": np.int64}
+    return np.array(values, dtype=kinds.get(key, np.float64))

@@ -1,0 +1,58 @@
+//! The tools of a run as a document.
+
+use mpm::model::{Model, Tool};
+use mpm::terms::{ContactPoint, Mode, ToolState};
+use serde_json::{Map, Value, json};
+
+/// The tools at the end of a step, by their names.
+pub fn tools_document<const D: usize>(model: &Model<D>, tools: &[ToolState<D>]) -> Value {
+    let entries =
+        model.tools.iter().zip(tools).map(|(tool, state)| (tool.name.clone(), document(tool, state)));
+    Value::Object(entries.collect::<Map<_, _>>())
+}
+
+fn document<const D: usize>(tool: &Tool<D>, state: &ToolState<D>) -> Value {
+    let parts = tool.parts.iter().zip(&state.parts).map(|(part, of)| {
+        let document = json!({"force": of.force.to_vec(), "moment": of.moment, "n_contacts": of.contacts});
+        (part.name.clone(), document)
+    });
+    json!({
+        "position": state.pose.position().to_vec(),
+        "displacement": state.displacement.to_vec(),
+        "rotation": state.rotation,
+        "force": state.force.to_vec(),
+        "moment": state.moment,
+        "overlap": state.overlap,
+        "parts": Value::Object(parts.collect::<Map<_, _>>()),
+        "contacts": contacts(&state.contacts),
+    })
+}
+
+/// The places that touch a tool, one list for each of their quantities.
+fn contacts<const D: usize>(contacts: &[ContactPoint<D>]) -> Value {
+    let vectors = |of: &dyn Fn(&ContactPoint<D>) -> [f64; D]| -> Vec<Vec<f64>> {
+        contacts.iter().map(|contact| of(contact).to_vec()).collect()
+    };
+    let numbers = |of: &dyn Fn(&ContactPoint<D>) -> f64| -> Vec<f64> { contacts.iter().map(of).collect() };
+    let counts = |of: &dyn Fn(&ContactPoint<D>) -> usize| -> Vec<usize> { contacts.iter().map(of).collect() };
+    json!({
+        "position": vectors(&|contact| contact.position),
+        "normal": vectors(&|contact| contact.normal),
+        "force": vectors(&|contact| contact.force),
+        "shear": vectors(&|contact| contact.shear),
+        "pressure": numbers(&|contact| contact.pressure),
+        "area": numbers(&|contact| contact.area),
+        "state": contacts.iter().map(|contact| word(contact.mode)).collect::<Vec<_>>(),
+        "point": counts(&|contact| contact.point as usize),
+        "body": counts(&|contact| contact.body),
+        "edge": counts(&|contact| contact.part),
+    })
+}
+
+fn word(mode: Mode) -> &'static str {
+    match mode {
+        Mode::Stick => "stick",
+        Mode::Slip => "slip",
+        Mode::Parting => "parting",
+    }
+}
