@@ -24,7 +24,9 @@ use crate::points::{PIECE, Points};
 use crate::region::vector::{along, dot, minus, norm};
 use crate::tool::{Closest, Shape};
 
-use super::evaluation::OTHER_SIDE;
+/// Cosine of the angle between the normals of a place at the start of a step and now, inside the tool, beyond which it has
+/// come to another side, [-]. A place may slide around a corner of more than 60 degrees in one step.
+pub(super) const OTHER_SIDE: f64 = -0.5;
 
 /// Overlap or gap at the start of a step within which surfaces count as touching, relative to the size of a cell, [-].
 pub(super) const TOUCHING: f64 = 1e-6;
@@ -145,7 +147,7 @@ impl<const D: usize> Search<'_, D> {
                 continue;
             }
             if corners.is_empty() {
-                corners = corners_of(points, body.method, p, &mut buffer);
+                corners = corners_of(points, p, &mut buffer);
                 radius = corners.iter().map(|corner| norm(&minus(corner, x))).fold(0.0, f64::max);
             }
             let size = model.grid.size(points.cell[p] as usize);
@@ -267,14 +269,14 @@ impl<const D: usize> Search<'_, D> {
 }
 
 /// The corners of the domain of a point in the converged state.
-fn corners_of<'a, const D: usize>(
+pub(super) fn corners_of<'a, const D: usize>(
     points: &'a Points<D>,
-    method: Method,
     p: usize,
     buffer: &'a mut [[f64; D]; MAX_CORNERS],
 ) -> &'a [[f64; D]] {
-    if matches!(method, Method::Cpdi1 | Method::Cpdi2) {
-        return points.corners(p);
+    let corners = points.corners(p);
+    if !corners.is_empty() {
+        return corners;
     }
     let (x, l) = (&points.converged.position[p], points.half_lengths(p));
     if l == [0.0; D] {

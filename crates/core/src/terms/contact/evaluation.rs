@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::candidates::{Candidate, TOUCHING};
+use super::candidates::{Candidate, OTHER_SIDE, TOUCHING};
 use super::error::ContactError;
 use super::interface::{Approach, Law, Multiplier, Touch};
 use super::motion::{Moving, in_space};
@@ -13,10 +13,6 @@ use crate::region::vector::{along, cross, dot, minus, norm, unit};
 
 /// Difference of normals, [-], and of gaps, relative to coordinates, that is round-off.
 const SAME_NORMAL: f64 = 1e-12;
-
-/// Cosine of the angle between the normals of a place at the start of a step and now, inside the tool, beyond which it has
-/// come to another side, [-]. A place may slide around a corner of more than 60 degrees in one step.
-pub(super) const OTHER_SIDE: f64 = -0.5;
 
 /// A place at trial unknowns.
 #[derive(Debug, Clone, Copy)]

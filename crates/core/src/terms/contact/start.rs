@@ -2,9 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::candidates::{TOUCHING, named};
+use super::candidates::{TOUCHING, corners_of, named};
 use super::error::ContactPlace;
 use super::motion::Moving;
+use crate::grid::MAX_CORNERS;
 use crate::model::{Model, Tool};
 use crate::points::{PIECE, Points};
 use crate::region::vector::{along, minus, norm, unit};
@@ -137,12 +138,8 @@ impl<const D: usize> Placed<'_, D> {
 
 /// The corners of the domain of a point; its position where it has no domain.
 fn domain<const D: usize>(points: &Points<D>, p: usize) -> Vec<[f64; D]> {
-    let (x, l) = (&points.converged.position[p], points.half_lengths(p));
-    match points.corners(p) {
-        [] if l == [0.0; D] => vec![*x],
-        [] => corners(&[minus(x, &l), along(x, 1.0, &l)]).collect(),
-        corners => corners.to_vec(),
-    }
+    let mut buffer = [[0.0; D]; MAX_CORNERS];
+    corners_of(points, p, &mut buffer).to_vec()
 }
 
 /// The box around a tool in a pose; `None` if it is unbounded.
