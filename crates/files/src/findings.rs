@@ -198,7 +198,7 @@ impl Findings {
         report: &StepReport<D>,
         summary: &Summary,
     ) {
-        let solves = report.residuals.len().saturating_sub(1);
+        let solves = report.solves();
         let [low, high] = self.iterations.unwrap_or([solves; 2]);
         self.iterations = Some([low.min(solves), high.max(solves)]);
         let keep_worst = |kept: &mut Option<(f64, usize)>, found: f64| {

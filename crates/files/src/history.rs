@@ -85,7 +85,7 @@ pub fn row_of_history<const D: usize>(
     let mut row: Vec<Entry> = vec![
         (report.step.index as i64).into(),
         report.step.end.into(),
-        (report.residuals.len() as i64 - 1).into(),
+        (report.solves() as i64).into(),
         residual.into(),
         (report.linear_iterations as i64).into(),
         1.into(),
@@ -171,7 +171,7 @@ pub fn row_of_attempt<const D: usize>(width: usize, attempt: &FailedAttempt<D>) 
     let mut row: Vec<Entry> = vec![
         (attempt.step.index as i64).into(),
         attempt.step.end.into(),
-        (attempt.residuals.len().saturating_sub(1) as i64).into(),
+        (attempt.solves() as i64).into(),
         residual.into(),
         (attempt.linear_iterations as i64).into(),
         0.into(),

@@ -41,7 +41,12 @@ pub(super) fn check([history, quality, convergence]: [&Kept; 3], steps: usize) -
         // Failed attempts precede the converged one.
         let last =
             of_step.iter().rposition(|row| row[1] == Some(0)).map_or(&[][..], |first| &of_step[first..]);
-        if last.len() != iterations + 1 || last.iter().zip(0..).any(|(row, number)| row[1] != Some(number)) {
+        // An update of multipliers evaluates the residual of an iteration once more.
+        let follows = |pair: &[[Option<usize>; 2]]| {
+            pair[1][1] == pair[0][1] || pair[1][1] == pair[0][1].map(|number| number + 1)
+        };
+        let is_whole = last.last().is_some_and(|row| row[1] == Some(iterations));
+        if !is_whole || !last.windows(2).all(follows) {
             return Err(missing(convergence, step));
         }
         rest = later;

@@ -362,7 +362,7 @@ fn step_of(status: &Status) -> String {
 
 /// One line about a step in equilibrium.
 fn in_equilibrium<const D: usize>(report: &StepReport<D>, status: &Status) -> String {
-    let solves = report.residuals.len().saturating_sub(1);
+    let solves = report.solves();
     let residual = report.residuals.last().copied().unwrap_or(0.0);
     let factor = status.strength_factor.map(|factor| format!(", strength factor {}", significant(factor, 5)));
     format!("{}{}: {solves} iterations, residual {residual:.2e}", step_of(status), factor.unwrap_or_default())

@@ -82,7 +82,7 @@ pub struct StepReport<const D: usize> {
 impl<const D: usize> StepReport<D> {
     /// Number of linear solves.
     pub fn solves(&self) -> usize {
-        self.residuals.len() - 1 - self.augmentations
+        self.residuals.len().saturating_sub(1 + self.augmentations)
     }
 
     /// Sum of all loads on the points, [force].

@@ -121,6 +121,8 @@ pub struct FailedAttempt<const D: usize> {
     pub is_repeated: bool,
     /// Residual of every evaluation.
     pub residuals: Vec<f64>,
+    /// Number of updates of multipliers, after each of which the residual is evaluated before the next linear solve.
+    pub augmentations: usize,
     /// Number of iterations of the linear solver in the whole attempt; 0 for a direct solver.
     pub linear_iterations: usize,
     /// Load factor of the attempt, [-]; `None` without a common factor of all loads and prescribed motions.
@@ -140,11 +142,17 @@ impl<const D: usize> FailedAttempt<D> {
             may_succeed_if_smaller: false,
             is_repeated: false,
             residuals: Vec::new(),
+            augmentations: 0,
             linear_iterations: 0,
             load_factor: None,
             indefinite: false,
             iterate: None,
         })
+    }
+
+    /// Number of linear solves.
+    pub fn solves(&self) -> usize {
+        self.residuals.len().saturating_sub(1 + self.augmentations)
     }
 
     /// True if its residual meets the tolerance, and only a later stage has failed.

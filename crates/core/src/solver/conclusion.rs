@@ -115,6 +115,7 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             is_repeated: false,
             error,
             residuals: std::mem::take(&mut course.residuals),
+            augmentations: course.augmentations,
             linear_iterations: course.linear_iterations(),
             load_factor: self.load_factor(context),
             indefinite: self.course.solved.iter().any(|s| !s.factorisation.is_definite()),
