@@ -79,8 +79,8 @@ pub enum Shear {
     /// The surfaces stick as long as they touch. Where they are about to part, the shear stress is at most ten times the
     /// pressure above the tension cut-off, so that forces change continuously.
     Rough,
-    /// The shear stress reaches at most `adhesion + friction · p` at the pressure p, and no more than rough surfaces can
-    /// transfer.
+    /// The shear stress reaches at most `adhesion + friction · p` at the pressure p. Where surfaces are about to part, adhesion
+    /// is at most the pressure above the tension cut-off.
     Coulomb {
         /// Coefficient of friction, [-].
         friction: f64,

@@ -59,7 +59,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde_json::Value;
 
 use crate::assembly::{System, Wanted};
-use crate::model::Model;
+use crate::model::{Model, Tool};
 use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::step::{At, Nodal, StepContext};
@@ -71,7 +71,7 @@ use candidates::{Candidate, Key, Search, missed, named};
 use evaluation::{Trial, Trials};
 use interface::Multiplier;
 use motion::Moving;
-use multipliers::{Worst, forces_of, worst};
+use multipliers::{Change, Worst, forces_of, worst};
 
 pub use error::{ContactError, ContactPlace};
 pub use interface::Mode;
@@ -104,7 +104,8 @@ pub struct Contact<const D: usize> {
     trials: Vec<Trial<D>>,
     /// Number of updates of the multipliers in the present step.
     updates: usize,
-    /// The largest error before the last one.
+    /// The changes by the last update, and the largest error among them.
+    changes: Vec<Option<Change<D>>>,
     before: Option<Worst>,
     /// Time at the end of the present step.
     time: f64,
@@ -124,6 +125,7 @@ impl<const D: usize> Contact<D> {
             multipliers: Vec::new(),
             trials: Vec::new(),
             updates: 0,
+            changes: Vec::new(),
             before: None,
             time: 0.0,
         }
@@ -154,6 +156,7 @@ impl<const D: usize> Contact<D> {
             .collect();
         self.multipliers.clone_from(&self.start);
         self.trials.clear();
+        self.changes.clear();
         (self.updates, self.before) = (0, None);
         self.time = step.step.end;
         Ok(())
@@ -263,7 +266,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     }
 
     fn is_symmetric(&self, step: &StepContext<D>) -> bool {
-        step.model.tools.iter().all(crate::model::Tool::is_smooth)
+        step.model.tools.iter().all(Tool::is_smooth)
     }
 
     fn may_hold(&self) -> bool {
@@ -323,9 +326,10 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         at: At<N>,
     ) -> Result<Augmentation, EvaluateError> {
         self.check_motion(step, points, at)?;
-        let Contact { updates, before, candidates, multipliers, trials, tools, .. } = self;
+        let Contact { updates, before, changes, candidates, multipliers, trials, tools, .. } = self;
         let tolerances: Vec<f64> = step.model.tools.iter().map(|tool| tool.control.tolerance).collect();
-        let Some(worst) = worst(candidates, multipliers, trials, tools, &tolerances) else {
+        let now = Change::of_update(candidates, multipliers, trials, tools);
+        let Some(worst) = worst(candidates, &now, &tolerances) else {
             return Ok(Augmentation::Satisfied);
         };
         let candidate = &candidates[worst.candidate];
@@ -346,6 +350,14 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         for ((candidate, multiplier), trial) in candidates.iter().zip(multipliers).zip(trials) {
             *multiplier = forces_of(trial, &tools[candidate.key.tool as usize]);
         }
+        for ((candidate, now), before) in candidates.iter_mut().zip(&now).zip(changes.iter()) {
+            if let (Some(now), Some(before)) = (now, before)
+                && now.is_slow(before)
+            {
+                candidate.penalty = candidate.penalty_if_slow;
+            }
+        }
+        *changes = now;
         *before = Some(worst);
         *updates += 1;
         Ok(Augmentation::Updated)
@@ -417,7 +429,7 @@ impl<const D: usize> Contact<D> {
         self.touching().for_each(|(_, candidate, _, _)| touches[candidate.key.tool as usize] = true);
         for ((moving, touches), tool) in self.tools.iter().zip(touches).zip(&model.tools) {
             if let (Some(&k), false) = (moving.free.first(), touches) {
-                let component = crate::model::Tool::<D>::component_name(k);
+                let component = Tool::<D>::component_name(k);
                 return Err(ContactError::Loose { tool: tool.name.clone(), component });
             }
         }

@@ -7,21 +7,25 @@
 //! | CPDI2 | the same, once where domains share them | the same |
 //! | MPM | corners of the box x_p ± l_p, or x_p where the point has no box | N_v of the cell of the point, continued |
 //!
+//! Corners around which domains of CPDI2 leave no space lie inside the body, and are not places. The area of a place is its share
+//! of the side of the domain that lies along the tool, and of boxes its share of the side of a cube of their volume.
+//!
 //! A corner on the border of cells belongs to the cell towards its point. Where a node of its cell is inactive, the next
 //! cell towards the point is taken, and its basis is continued to the corner.
 
 use std::collections::HashMap;
+use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
 use super::error::{ContactError, ContactPlace};
-use super::motion::Moving;
+use super::motion::{Moving, in_space};
 use crate::basis::{Connectivity, Method};
 use crate::grid::{CellBasis, MAX_CORNERS};
 use crate::material::shear_modulus_at_rest;
 use crate::model::{Model, Tool};
 use crate::points::{PIECE, Points};
-use crate::region::vector::{along, dot, minus, norm};
+use crate::region::vector::{along, cross, dot, minus, norm};
 use crate::tool::{Closest, Shape};
 
 /// Cosine of the angle between the normals of a place at the start of a step and now, inside the tool, beyond which it has
@@ -32,6 +36,11 @@ pub(super) const OTHER_SIDE: f64 = -0.5;
 pub(super) const TOUCHING: f64 = 1e-6;
 /// Distance within which corners of domains are shared, relative to the size of a cell, [-].
 const SHARED: f64 = 1e-8;
+/// Part of the full angle around a corner that domains fill, above which it lies inside the body, [-]. Halves of split domains
+/// may have parted slightly from their neighbours.
+const INSIDE: f64 = 0.97;
+/// Least area of a place for its penalty if updates close it slowly, relative to a side of its cell, [-].
+const LEAST_AREA: f64 = 0.1;
 /// Parts of the way from a corner to its point at which a cell for it is sought.
 const INWARDS: [f64; 5] = [1e-6, 0.25, 0.5, 0.75, 1.0];
 
@@ -56,10 +65,15 @@ pub(super) struct Candidate<const D: usize> {
     /// Area that the place stands for, [length²]: per unit thickness in the plane, on the full circle for bodies of
     /// revolution.
     pub(super) area: f64,
+    /// The part of the full (solid) angle around it that domains given by corners fill, [-]; 0 for other domains.
+    surrounded: f64,
     /// Size of its cell, [length].
     pub(super) size: f64,
     /// ε, [force/length].
     pub(super) penalty: f64,
+    /// ε once updates have closed the place slowly: places that stand for next to nothing have too little otherwise,
+    /// [force/length].
+    pub(super) penalty_if_slow: f64,
     /// The closest point at the start of the step, in space.
     pub(super) near: Closest<D>,
 }
@@ -116,25 +130,34 @@ impl<const D: usize> Search<'_, D> {
     /// # Errors
     /// [`ContactError::Overlap`] for a body that begins inside a tool.
     pub(super) fn run(&self) -> Result<Vec<Candidate<D>>, ContactError> {
-        // 4G: the stiffness of a half space under a strip is between it and half of it, also for nearly incompressible bodies.
-        let moduli: Vec<f64> =
-            self.model.materials.iter().map(|m| 4.0 * shear_modulus_at_rest(m.law.as_ref())).collect();
         let of_point = |p: usize| {
             let mut found = Vec::new();
-            let outcome = self.near_point(p, &moduli, &mut found);
+            let outcome = self.near_point(p, &mut found);
             outcome.err().map(Err).into_iter().chain(found.into_iter().map(Ok))
         };
         let all: Vec<Result<Candidate<D>, ContactError>> =
             (0..self.points.len()).into_par_iter().with_min_len(PIECE).flat_map_iter(of_point).collect();
-        Ok(self.without_shared(all.into_iter().collect::<Result<_, _>>()?))
+        let mut found = self.without_shared(all.into_iter().collect::<Result<_, _>>()?);
+        self.set_penalties(&mut found);
+        Ok(found)
     }
 
-    fn near_point(
-        &self,
-        p: usize,
-        moduli: &[f64],
-        found: &mut Vec<Candidate<D>>,
-    ) -> Result<(), ContactError> {
+    /// Sets the penalties by the stiffness of a cell below the area of a place.
+    fn set_penalties(&self, candidates: &mut [Candidate<D>]) {
+        let model = self.model;
+        // 4G: the stiffness of a half space under a strip is between it and half of it, also for nearly incompressible bodies.
+        let moduli: Vec<f64> =
+            model.materials.iter().map(|m| 4.0 * shear_modulus_at_rest(m.law.as_ref())).collect();
+        for candidate in candidates.iter_mut().filter(|candidate| candidate.area > 0.0) {
+            let of_cell = candidate.size.powi(D as i32 - 1) * model.depth(&candidate.start);
+            let penalty = model.tools[candidate.key.tool as usize].control.penalty;
+            let of_area = penalty * moduli[model.bodies[candidate.body].material] / candidate.size;
+            candidate.penalty = of_area * candidate.area;
+            candidate.penalty_if_slow = of_area * candidate.area.max(LEAST_AREA * of_cell);
+        }
+    }
+
+    fn near_point(&self, p: usize, found: &mut Vec<Candidate<D>>) -> Result<(), ContactError> {
         let Search { model, points, .. } = *self;
         let number = points.body[p] as usize;
         let body = &model.bodies[number];
@@ -169,9 +192,15 @@ impl<const D: usize> Search<'_, D> {
                     let place = named(model, tool, number, points.id[p], start);
                     return Err(ContactError::Overlap { place, overlap: -near.gap });
                 }
-                let share = model.volume(points, p) / model.depth(x);
-                let face = share.powf((D - 1) as f64 / D as f64) * model.depth(x);
-                let area = face / (1usize << (D - 1)) as f64;
+                let vertex = Vertex::of(points.corners(p), corner);
+                let area = model.depth(x)
+                    * vertex.as_ref().map_or_else(
+                        || {
+                            let share = model.volume(points, p) / model.depth(x);
+                            share.powf((D - 1) as f64 / D as f64) / (1usize << (D - 1)) as f64
+                        },
+                        |vertex| vertex.area(&near.normal),
+                    );
                 found.push(Candidate {
                     key: Key { tool: k as u32, point: points.id[p], corner: corner as u32 },
                     body: number,
@@ -179,7 +208,9 @@ impl<const D: usize> Search<'_, D> {
                     basis: self.basis(start, x, points.cell[p], body.method),
                     area,
                     size,
-                    penalty: tool.control.penalty * moduli[body.material] * area / size,
+                    penalty: 0.0,
+                    penalty_if_slow: 0.0,
+                    surrounded: vertex.map_or(0.0, |vertex| vertex.angle()),
                     near,
                 });
             }
@@ -253,7 +284,7 @@ impl<const D: usize> Search<'_, D> {
                 let other = &mut kept[other as usize];
                 other.key = other.key.min(candidate.key);
                 other.area += candidate.area;
-                other.penalty += candidate.penalty;
+                other.surrounded += candidate.surrounded;
                 continue;
             }
             for key in near {
@@ -264,7 +295,58 @@ impl<const D: usize> Search<'_, D> {
             }
             kept.push(candidate);
         }
+        // Surfaces of a body that come together may fill the angle around a place on them; one that reaches into a tool counts.
+        kept.retain(|candidate| candidate.surrounded < INSIDE || candidate.near.gap <= 0.0);
         kept
+    }
+}
+
+/// A corner of a domain given by corners, and the edges that meet there.
+struct Vertex<const D: usize> {
+    /// From the corner to those at the other ends of its edges, [length].
+    edges: [[f64; D]; D],
+    /// Number of corners of each side of the domain.
+    of_side: usize,
+}
+
+impl<const D: usize> Vertex<D> {
+    /// `None` for a point whose domain is not given by corners.
+    fn of(corners: &[[f64; D]], corner: usize) -> Option<Self> {
+        let start = corners.get(corner)?;
+        let is_box = corners.len() == 1 << D;
+        let other = |k: usize| if is_box { corner ^ 1 << k } else { k + usize::from(k >= corner) };
+        let edges = std::array::from_fn(|k| minus(&corners[other(k)], start));
+        Some(Vertex { edges, of_side: if is_box { 1 << (D - 1) } else { D } })
+    }
+
+    /// Its share of the side that is most parallel to the surface with this normal, seen along the normal, [length^(D−1)].
+    fn area(&self, normal: &[f64; D]) -> f64 {
+        let slope = |e: &[f64; D]| dot(e, normal).abs() / norm(e);
+        let steepest = (0..D).max_by(|&a, &b| slope(&self.edges[a]).total_cmp(&slope(&self.edges[b])));
+        let side: Vec<&[f64; D]> = (0..D).filter(|k| Some(*k) != steepest).map(|k| &self.edges[k]).collect();
+        let whole = match side[..] {
+            [a, b] => {
+                let of_parallelogram = dot(&in_space(normal), &cross(&in_space(a), &in_space(b))).abs();
+                if self.of_side == D { 0.5 * of_parallelogram } else { of_parallelogram }
+            }
+            [e] => norm(&along(e, -dot(e, normal), normal)),
+            _ => 0.0,
+        };
+        whole / self.of_side as f64
+    }
+
+    /// The angle between its edges (solid angle), relative to the full one, [-].
+    fn angle(&self) -> f64 {
+        let units: Vec<[f64; 3]> = self.edges.iter().map(|e| in_space(&e.map(|x| x / norm(e)))).collect();
+        let angle = match units[..] {
+            [a, b] => dot(&a, &b).clamp(-1.0, 1.0).acos() / (2.0 * PI),
+            [a, b, c] => {
+                let cosines = 1.0 + dot(&a, &b) + dot(&b, &c) + dot(&c, &a);
+                2.0 * dot(&a, &cross(&b, &c)).abs().atan2(cosines) / (4.0 * PI)
+            }
+            _ => 0.0,
+        };
+        if angle.is_finite() { angle } else { 0.0 }
     }
 }
 

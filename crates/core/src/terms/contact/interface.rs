@@ -8,8 +8,9 @@
 //!
 //! with the gap g, the outward normal n of the tool, the motion s relative to the tool in the step, the multipliers λ and
 //! λ_t, the penalty ε, the largest tension T = A σ_t, and adhesion c = A a. Without tension the place is open where
-//! λ − ε g ≤ 0. Rough surfaces have L = m (p + T). With m = 10, this bound makes forces continuous where surfaces open: a
-//! shear that ceased at once would leave some states without equilibrium.
+//! λ − ε g ≤ 0. Rough surfaces have L = m (p + T) with m = 10; m = 1 + μ for others: adhesion acts fully from the pressure on
+//! that equals it. This bound makes forces continuous where surfaces open: a shear that ceased at once would leave some
+//! states without equilibrium, and the iterations without a limit.
 
 use crate::model::{Interface, Shear};
 use crate::region::vector::{along, dot, norm};
@@ -19,8 +20,8 @@ use super::motion::turn;
 /// Round-off of the distance from a curved surface, in units of that of a coordinate, [-].
 const OF_CLOSEST: f64 = 4.0;
 
-/// m, [-].
-const STEEPEST: f64 = 10.0;
+/// m of rough surfaces, [-].
+const OF_ROUGH: f64 = 10.0;
 /// Relative difference from the largest shear within which a place slides, [-].
 const SLIDES: f64 = 1e-6;
 
@@ -86,17 +87,17 @@ impl Law {
 
     /// L, [force], and its derivative with respect to the pressure, [-].
     fn most_shear(&self, pressure: f64) -> (f64, f64) {
-        let steepest = STEEPEST * (pressure + self.tension);
         if self.friction.is_infinite() {
-            return (steepest, STEEPEST);
+            return (OF_ROUGH * (pressure + self.tension), OF_ROUGH);
         }
+        let steepest = (1.0 + self.friction) * (pressure + self.tension);
         let coulomb = self.adhesion + self.friction * pressure;
         if coulomb <= 0.0 {
             (0.0, 0.0)
         } else if coulomb <= steepest {
             (coulomb, self.friction)
         } else {
-            (steepest, STEEPEST)
+            (steepest, 1.0 + self.friction)
         }
     }
 }

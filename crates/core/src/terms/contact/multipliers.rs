@@ -10,11 +10,11 @@ use crate::region::vector::{along, norm};
 
 /// Largest error of a single place, relative to the size of a cell, [-]. Places may touch that hinder each other: a cell has
 /// freedom for two on an edge, and the domains of GIMP points leave gaps of this order at the start of a step. Only the mean
-/// error around a node meets the tolerance then.
+/// error that the nodes see meets the tolerance then.
 const MOST_OF_PLACE: f64 = 1e-3;
 /// Places hinder each other if an update leaves more than this fraction of the error, [-]: it leaves about 1/p_f otherwise.
 const SLOW: f64 = 0.25;
-/// Largest mean error around a node, relative to the size of a cell, that is accepted where places hinder each other, [-].
+/// Largest error that the nodes see, relative to the size of a cell, that is accepted where places hinder each other, [-].
 const MOST_WHERE_SLOW: f64 = 1e-4;
 
 /// The multipliers that a place has when its forces become multipliers.
@@ -30,7 +30,7 @@ pub(super) fn forces_of<const D: usize>(trial: &Trial<D>, moving: &Moving<D>) ->
 pub(super) struct Worst {
     /// Index of the candidate.
     pub(super) candidate: usize,
-    /// Error of the place, and mean error around its nodes, relative to the size of a cell, [-].
+    /// Error of the place, and the mean errors around its nodes at the place, relative to the size of a cell, [-].
     pub(super) place: f64,
     pub(super) mean: f64,
     /// The changes by an update, over the penalty, [length]: overlap, and slip of places that stick.
@@ -38,53 +38,89 @@ pub(super) struct Worst {
     pub(super) slip: f64,
 }
 
+/// What an update would change at a place, over the penalty, [length].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Change<const D: usize> {
+    overlap: f64,
+    slip: f64,
+    /// e = (overlap, slip), in space.
+    vector: [f64; D],
+}
+
+impl<const D: usize> Change<D> {
+    /// The changes by an update of all multipliers; `None` for places that are open and stay so.
+    pub(super) fn of_update(
+        candidates: &[Candidate<D>],
+        multipliers: &[Multiplier<D>],
+        trials: &[Trial<D>],
+        tools: &[Moving<D>],
+    ) -> Vec<Option<Self>> {
+        let of_place = |((candidate, multiplier), trial): ((&Candidate<D>, &Multiplier<D>), &Trial<D>)| {
+            let moving = &tools[candidate.key.tool as usize];
+            if trial.touch.is_none() && *multiplier == Multiplier::default() || candidate.penalty == 0.0 {
+                return None;
+            }
+            let now = forces_of(trial, moving);
+            let overlap = (now.normal - multiplier.normal) / candidate.penalty;
+            let shear = along(&now.shear, -1.0, &multiplier.shear).map(|t| t / candidate.penalty);
+            // A place that has opened has no normal any more; that at the start serves as well.
+            let normal = trial.touch.map_or(candidate.near.normal, |touch| touch.normal());
+            let vector = along(&moving.end.vector_to_space(&shear), overlap, &normal);
+            Some(Change { overlap, slip: norm(&shear), vector })
+        };
+        candidates.iter().zip(multipliers).zip(trials).map(of_place).collect()
+    }
+
+    fn size(&self) -> f64 {
+        self.overlap.abs().max(self.slip)
+    }
+
+    /// True if the update before has left much of the error of a place.
+    pub(super) fn is_slow(&self, before: &Self) -> bool {
+        self.size() > SLOW * before.size()
+    }
+}
+
 /// The candidate with the largest error; `None` if no multiplier would change.
 ///
-/// An update changes the force of a place by ε e, with e = (overlap, slip). Both |e| of each place and |Σ N_v ε e|/Σ N_v ε of
-/// each node must be small.
+/// An update changes the force of a place by ε e. The nodes see ē = Σ N_v ē_v at the place, with their means
+/// ē_v = Σ N_v ε e/Σ N_v ε over the places around them. Both |e| and |ē| must be small.
 pub(super) fn worst<const D: usize>(
     candidates: &[Candidate<D>],
-    multipliers: &[Multiplier<D>],
-    trials: &[Trial<D>],
-    tools: &[Moving<D>],
+    changes: &[Option<Change<D>>],
     tolerances: &[f64],
 ) -> Option<Worst> {
+    let changing = || {
+        let all = candidates.iter().zip(changes).enumerate();
+        all.filter_map(|(k, (candidate, change))| Some((k, candidate, change.as_ref()?)))
+    };
     let mut of_nodes: BTreeMap<(u32, u32), ([f64; D], f64)> = BTreeMap::new();
-    let mut errors = Vec::with_capacity(candidates.len());
-    for ((candidate, multiplier), trial) in candidates.iter().zip(multipliers).zip(trials) {
-        let moving = &tools[candidate.key.tool as usize];
-        if trial.touch.is_none() && *multiplier == Multiplier::default() || candidate.penalty == 0.0 {
-            errors.push([0.0; 2]);
-            continue;
-        }
-        let now = forces_of(trial, moving);
-        let overlap = (now.normal - multiplier.normal) / candidate.penalty;
-        let shear = along(&now.shear, -1.0, &multiplier.shear).map(|t| t / candidate.penalty);
-        // A place that has opened has no normal any more; that at the start serves as well.
-        let normal = trial.touch.map_or(candidate.near.normal, |touch| touch.normal());
-        let error = along(&moving.end.vector_to_space(&shear), overlap, &normal);
+    for (_, candidate, change) in changing() {
         for (&node, value) in candidate.basis.nodes().iter().zip(candidate.basis.value()) {
             let weight = value.abs() * candidate.penalty;
             let (sum, total) = of_nodes.entry((candidate.key.tool, node)).or_insert(([0.0; D], 0.0));
-            *sum = along(sum, weight, &error);
+            *sum = along(sum, weight, &change.vector);
             *total += weight;
         }
-        errors.push([overlap, norm(&shear)]);
     }
-    let of_candidate = |k: usize| {
-        let (candidate, [overlap, slip]) = (&candidates[k], errors[k]);
-        let nodes =
-            candidate.basis.nodes().iter().filter_map(|node| of_nodes.get(&(candidate.key.tool, *node)));
-        let means = nodes.filter(|(_, total)| *total > 0.0).map(|(sum, total)| norm(sum) / total);
-        let mean = means.fold(0.0, f64::max) / candidate.size;
-        Worst { candidate: k, place: overlap.abs().max(slip) / candidate.size, mean, overlap, slip }
+    let seen_by_nodes = |candidate: &Candidate<D>| {
+        let nodes = candidate.basis.nodes().iter().zip(candidate.basis.value());
+        nodes.fold([0.0; D], |seen, (node, value)| match of_nodes.get(&(candidate.key.tool, *node)) {
+            Some((sum, total)) if *total > 0.0 => along(&seen, value.abs() / total, sum),
+            _ => seen,
+        })
     };
-    let changes = (0..candidates.len()).filter(|k| errors[*k] != [0.0; 2]);
     let mut found: Option<Worst> = None;
-    for now in changes.map(of_candidate) {
+    for (k, candidate, change) in changing() {
+        let now = Worst {
+            candidate: k,
+            place: change.size() / candidate.size,
+            mean: norm(&seen_by_nodes(candidate)) / candidate.size,
+            overlap: change.overlap,
+            slip: change.slip,
+        };
         let tolerance = |worst: &Worst| tolerances[candidates[worst.candidate].key.tool as usize];
-        let is_worse = found.is_none_or(|worst| now.error(tolerance(&now)) > worst.error(tolerance(&worst)));
-        if is_worse {
+        if found.is_none_or(|worst| now.error(tolerance(&now)) > worst.error(tolerance(&worst))) {
             found = Some(now);
         }
     }
