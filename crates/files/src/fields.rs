@@ -164,10 +164,15 @@ fn fill<const N: usize>(out: &mut [f64], tuples: impl Iterator<Item = [f64; N]>)
 }
 
 /// Logarithmic plastic strain −½ ln(F⁻¹ b^e F⁻ᵀ) in the original configuration.
+///
+/// It follows from the singular values of F⁻¹ √b^e: at large strain, round-off of their squares could be negative.
 fn plastic_strain(f: &Mat3, b: &Sym3) -> Sym3 {
     let inverse = f.try_inverse().unwrap_or_else(Mat3::identity);
-    let b = b.to_matrix();
-    Sym3::symmetric_part(&(inverse * b * inverse.transpose())).map_eigenvalues(f64::ln) * -0.5
+    let svd = (inverse * b.map_eigenvalues(f64::sqrt).to_matrix()).svd(true, false);
+    let Some(u) = svd.u else { return Sym3::ZERO };
+    let least = f64::EPSILON * svd.singular_values.max();
+    let logarithms = svd.singular_values.map(|s| -s.max(least).ln());
+    Sym3::symmetric_part(&(u * Mat3::from_diagonal(&logarithms) * u.transpose()))
 }
 
 /// √(3/2) |dev σ|, [stress].
@@ -418,6 +423,23 @@ pub fn corner_of<const D: usize>(model: &Model<D>, points: &Points<D>, p: usize,
         DomainKind::Box => {
             let (x, l) = (&state.position[p], &state.half_lengths[p]);
             std::array::from_fn(|d| if k >> d & 1 == 1 { x[d] + l[d] } else { x[d] - l[d] })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A simple shear γ stretches by e^±asinh(γ/2).
+    #[test]
+    fn plastic_strain_is_known_at_any_strain() {
+        for (shear, tolerance) in [(1e-3, 1e-12), (1.0, 1e-14), (1e6, 1e-3)] {
+            let mut f = Mat3::identity();
+            f[(0, 1)] = shear;
+            let found = plastic_strain(&f, &Sym3::IDENTITY);
+            let size = f64::sqrt(2.0) * f64::asinh(0.5 * shear);
+            assert!((found.norm() / size - 1.0).abs() < tolerance, "{} instead of {size}", found.norm());
         }
     }
 }
