@@ -119,6 +119,7 @@ fn block(spacing: f64, law: Box<dyn Material>, method: Method) -> (Model<3>, Poi
             method,
             domain_update: DomainUpdate::Corners,
             volumetric: Default::default(),
+            split_above: None,
         }],
         surfaces: Vec::new(),
         boundary_conditions,

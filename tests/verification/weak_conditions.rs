@@ -35,6 +35,7 @@ fn compressed(penalty: f64, poisson: f64, by: f64) -> (Model<2>, Points<2>) {
         method: Method::Cpdi2,
         domain_update: DomainUpdate::default(),
         volumetric: Default::default(),
+        split_above: None,
     };
     model.bodies = vec![body];
     model.stepping = Stepping::fixed(4, 1.0);

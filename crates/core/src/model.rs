@@ -57,6 +57,8 @@ pub struct Body {
     pub domain_update: DomainUpdate,
     /// Treatment of the volumetric deformation.
     pub volumetric: Volumetric,
+    /// Length of a CPDI2 domain above which it is cut in two, in cells, [-]; `None` if domains stay whole.
+    pub split_above: Option<f64>,
 }
 
 /// A probe: a set of points whose mean displacement is recorded.

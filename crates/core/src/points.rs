@@ -10,6 +10,7 @@ mod further;
 mod nearest;
 mod order;
 mod seed;
+mod split;
 mod value;
 
 pub use arrays::PointArray;
@@ -17,6 +18,8 @@ pub use declare::{FieldKind, StoredField};
 pub use fields::{Points, State};
 pub use further::{FieldError, FieldHandle, Further, FurtherField, PointFieldSpec};
 pub use seed::Seed;
+pub use split::Split;
+pub(crate) use split::Splitting;
 pub use value::PointValues;
 
 #[cfg(test)]

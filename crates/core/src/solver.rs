@@ -40,6 +40,7 @@ mod observer;
 mod pace;
 mod release;
 mod residual;
+mod splitting;
 mod stages;
 mod step_system;
 mod stepper;

@@ -303,6 +303,7 @@ where
             method: b.method,
             domain_update: b.domain_update.unwrap_or_default(),
             volumetric: b.volumetric,
+            split_above: b.split_above,
         };
         self.deck.bodies.iter().map(body).collect()
     }

@@ -96,7 +96,7 @@ pub const CODES: &[(&str, &str)] = &[
     ("D011", "a parameter that cannot be used"),
     ("D012", "an expression `${...}` that cannot be evaluated"),
     ("D013", "an override of a parameter that does not exist"),
-    ("D014", "a domain update for points without a domain"),
+    ("D014", "a rule of domains for points without such domains"),
     ("D015", "a list with the wrong number of entries"),
     ("D016", "a box without extent"),
     ("D017", "a name used twice"),

@@ -299,6 +299,11 @@ pub struct BodyDeck {
     /// volume from locking.
     #[serde(default, skip_serializing_if = "is_standard")]
     pub volumetric: Volumetric,
+    /// Length of the domain of a CPDI2 point, in cells of the grid [-], above which the point is split in two; domains stay whole
+    /// without it. Material that flows along a tool or in a shear band stretches domains without bound.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.25, max = 100.0), extend("examples" = [1]))]
+    pub split_above: Option<f64>,
     /// Points along each axis of every filled rectangle, quadrilateral, brick or hexahedron, at the centres of an even
     /// subdivision: one number or one per axis.
     #[serde(default, skip_serializing_if = "Option::is_none")]

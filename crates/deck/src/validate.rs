@@ -168,6 +168,7 @@ impl Check<'_> {
                 );
             }
             self.domain_update(&pointer, body);
+            self.split_above(&pointer, body);
             self.volumetric(&pointer, body);
             self.initial_stress(&pointer, body);
             if let Some(extent) = self.shape(&format!("{pointer}/shape"), &body.shape, grid) {
@@ -180,27 +181,47 @@ impl Check<'_> {
         self.overlaps(boxes);
     }
 
+    /// Only boxes have lengths to update.
     fn domain_update(&mut self, pointer: &str, body: &BodyDeck) {
         let Some(update) = body.domain_update else { return };
         if body.method == Method::Gimp {
             return;
         }
-        let method = body.method.name();
-        let at = format!("{pointer}/domain_update");
         let word =
             serde_json::to_value(update).ok().and_then(|word| word.as_str().map(quote)).unwrap_or_default();
+        let wanted = ("gimp", "whose points have a box for a domain");
+        let lacks = "have no domain to update";
+        self.needs_domains(pointer, body, &format!("domain update {word}"), ("domain_update", wanted, lacks));
+    }
+
+    /// Only domains given by their corners become long and can be cut.
+    fn split_above(&mut self, pointer: &str, body: &BodyDeck) {
+        if body.split_above.is_some() && body.method != Method::Cpdi2 {
+            let wanted = ("cpdi2", "whose domains stretch with the grid");
+            let lacks = "are never split";
+            self.needs_domains(pointer, body, "`split_above`", ("split_above", wanted, lacks));
+        }
+    }
+
+    /// Reports a key of domains of another method.
+    fn needs_domains(
+        &mut self,
+        pointer: &str,
+        body: &BodyDeck,
+        what: &str,
+        (key, (wanted, domains), lacks): (&str, (&str, &str), &str),
+    ) {
+        let method = body.method.name();
+        let at = format!("{pointer}/{key}");
         let diagnostic = if self.source.is_from_parameter(&at) {
-            let message = format!(
-                "the domain update {word} is ignored: points of method `{method}` have no domain to update"
-            );
-            let help = "keep it if a parameter selects other methods, or remove `domain_update`";
+            let message = format!("the {what} is ignored: points of method `{method}` {lacks}");
+            let help = format!("keep it if a parameter selects other methods, or remove `{key}`");
             Diagnostic::at(self.source, "D014", &at, message).severity(Severity::Note).help(help)
         } else {
-            let message =
-                format!("domain update {word} needs method `gimp`, whose points have a box for a domain");
+            let message = format!("{what} needs method `{wanted}`, {domains}");
             Diagnostic::at(self.source, "D014", &at, message)
                 .label(format!("the method here is `{method}`"))
-                .help("set `method: gimp`, or remove `domain_update`")
+                .help(format!("set `method: {wanted}`, or remove `{key}`"))
         };
         self.found.push(diagnostic);
     }

@@ -52,8 +52,8 @@ pub(super) struct Frames {
     volumes: Vec<[f64; 2]>,
     /// Parts that are the same in all frames of the points, and in all frames of the domains; set by the first frame.
     steady: [Option<Steady>; 2],
-    /// The stage of the last frame.
-    stage: usize,
+    /// The stage of the last frame, and its number of points: a stage may add and remove bodies, and points may be split.
+    shown: (usize, usize),
     /// The grid of the last frame.
     grid: Option<Active>,
     /// The surfaces of the tools; empty before the first frame.
@@ -100,7 +100,7 @@ impl Frames {
             order,
             volumes,
             steady,
-            stage: 0,
+            shown: (0, 0),
             grid: None,
             outlines: Vec::new(),
         }
@@ -116,9 +116,9 @@ impl Frames {
         points: &Points<D>,
         step: Step,
     ) -> io::Result<Vec<Frame>> {
-        if model.present.stage != self.stage {
-            // The bodies may be others.
-            (self.stage, self.steady) = (model.present.stage, [None, None]);
+        let shown = (model.present.stage, points.len());
+        if shown != self.shown {
+            (self.shown, self.steady) = (shown, [None, None]);
         }
         let (mut order, mut all) = (take(&mut self.order), take(&mut self.volumes));
         points.order_by_id(&mut order);

@@ -228,6 +228,7 @@ pub fn state_on<const D: usize, M: Mechanics<D>>(
             method,
             domain_update: DomainUpdate::Corners,
             volumetric: Default::default(),
+            split_above: None,
         })
         .collect();
     let model = Model {

@@ -114,6 +114,7 @@ pub fn model(
             method,
             domain_update,
             volumetric: Default::default(),
+            split_above: None,
         }],
         surfaces: Vec::new(),
         boundary_conditions: Vec::new(),

@@ -58,6 +58,8 @@ pub struct Fill {
     pub domain_update: DomainUpdate,
     /// Treatment of the volumetric deformation.
     pub volumetric: Volumetric,
+    /// Length of a CPDI2 domain above which it is cut in two, in cells, [-]; `None` if domains stay whole.
+    pub split_above: Option<f64>,
     /// Points per cell along each axis.
     pub points_per_cell: usize,
     /// Density, [mass/volume].
@@ -70,6 +72,7 @@ impl Default for Fill {
             method: Method::default(),
             domain_update: DomainUpdate::default(),
             volumetric: Volumetric::default(),
+            split_above: None,
             points_per_cell: 2,
             density: 0.0,
         }
@@ -131,13 +134,14 @@ impl<const D: usize> Builder<D> {
             return self;
         };
         let body = self.model.bodies.len() as u16;
-        let Fill { method, domain_update, volumetric, .. } = fill;
+        let Fill { method, domain_update, volumetric, split_above, .. } = fill;
         self.model.bodies.push(Body {
             name: name.to_owned(),
             material: number,
             method,
             domain_update,
             volumetric,
+            split_above,
         });
         let before = self.seeds.len();
         for cell in 0..self.grid.n_cells() {

@@ -13,6 +13,7 @@ fn model(bodies: &[(Method, DomainUpdate)]) -> Model<2> {
         material: 0,
         method: *method,
         domain_update: *domain_update,
+        split_above: None,
         volumetric: Default::default(),
     };
     Model {

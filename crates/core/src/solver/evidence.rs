@@ -241,6 +241,7 @@ mod tests {
             material: 0,
             method: Method::Mpm,
             domain_update: DomainUpdate::None,
+            split_above: None,
             volumetric: Default::default(),
         };
         let model = Model {

@@ -12,6 +12,7 @@ use super::error::SolveError;
 use super::observer::Observer;
 use super::pace::Pace;
 use super::residual::MOST_OF_ROUND_OFF;
+use super::splitting::split_again;
 use super::stepper::{Kernels, Stepper, finish, start};
 use super::summary::{Reached, StageReached, Summary};
 
@@ -150,7 +151,9 @@ pub fn resume_stage<const D: usize>(
     points: &mut Points<D>,
     reached: &Reached,
 ) -> Result<(), String> {
-    let Some(StageReached { number, began, released_forces }) = &reached.summary.stage else { return Ok(()) };
+    let Some(StageReached { number, began, released_forces }) = &reached.summary.stage else {
+        return split_again(model, points, &reached.summary.splits);
+    };
     let of_model = [model.loads.len(), model.boundary_conditions.len()];
     if *number >= model.stages.len() || [began.loads.len(), began.boundary_conditions.len()] != of_model {
         return Err("it belongs to other stages".to_owned());
@@ -159,6 +162,7 @@ pub fn resume_stage<const D: usize>(
         change_points(model, points, stage);
         model.begin_stage(stage, began);
     }
+    split_again(model, points, &reached.summary.splits)?;
     let n_nodes = model.grid.n_nodes();
     let force = |(node, force): &(u32, Vec<f64>)| {
         let force: [f64; D] = force.as_slice().try_into().ok()?;

@@ -25,6 +25,7 @@ use super::error::SolveError;
 use super::fields::Fields;
 use super::observer::Observer;
 use super::release::balancing_forces;
+use super::splitting;
 use super::strength::Movement;
 use super::summary::{Reached, Summary};
 
@@ -229,6 +230,12 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         Ok(true)
     }
 
+    /// Splits the points whose domains have become too long. The next step begins as a run begins that is resumed here.
+    fn split_long_domains(&mut self) {
+        let Stepper { model, points, reached, terms, .. } = self;
+        splitting::split_long(model, points, terms, &mut reached.summary.splits);
+    }
+
     /// Solves all steps on the present grid: up to the end of the analysis or stage, or only the next one if the grid moves.
     /// Returns false at the end.
     ///
@@ -378,6 +385,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         self.judge(&report);
         self.points.commit();
         self.terms.iter_mut().for_each(|term| term.commit());
+        self.split_long_domains();
         let (model, points) = (self.model, &*self.points);
         let Reached { step, summary } = &mut self.reached;
         summary.terms =

@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use crate::equilibrium::{Energy, InitialState, StepReport};
 use crate::linear::{Named, Solved};
 use crate::model::{Factors, Model};
-use crate::points::Points;
+use crate::points::{Points, Split};
 use crate::quality::{BalanceSoFar, Quality, Warning};
 use crate::step::Step;
 use crate::timing::Timings;
@@ -40,6 +40,9 @@ pub struct Summary {
     /// Number of steps among them whose equilibrium only damped iterations found.
     #[serde(default)]
     pub damped: usize,
+    /// The points that were split, in this order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub splits: Vec<Split>,
     /// Number of torn domains that were replaced.
     #[serde(default)]
     pub replaced_domains: usize,

@@ -243,7 +243,18 @@ fn move_point<const D: usize, M: Mechanics<D>>(
                 None => check_domain(next_grid, &moved.corners[..n], points.cell[p]),
             };
             let mut checked = check(&moved);
-            if replaces && checked.is_err() {
+            if checked.is_err() && body.split_above.is_some() && n == 1 << D {
+                moved.is_replaced = true;
+                let carried = moved.corners;
+                let mut sizes = (1..=MOST_HALVINGS).map(|k| 0.5f64.powi(k as i32)).chain([0.0]);
+                while checked.is_err()
+                    && let Some(size) = sizes.next()
+                {
+                    moved.corners = straightened(&carried, n, size);
+                    checked = check(&moved);
+                }
+            }
+            if (replaces || body.split_above.is_some()) && checked.is_err() {
                 moved.is_replaced = true;
                 let mut sizes = (0..=MOST_HALVINGS).map(|k| 0.5f64.powi(k as i32));
                 while checked.is_err()
@@ -314,6 +325,25 @@ fn carry_corners<const D: usize>(
         let u = displacement(corner);
         *place = std::array::from_fn(|d| corner[d] + u[d]);
     }
+}
+
+/// A quadrilateral (hexahedron) whose departure from a parallelogram (parallelepiped) is scaled. Sides keep their mid-points, and
+/// quadrilaterals their area.
+fn straightened<const D: usize>(corners: &[[f64; D]; 8], n: usize, size: f64) -> [[f64; D]; 8] {
+    let sign = |corner: usize, axis: usize| if corner >> axis & 1 == 1 { 1.0 } else { -1.0 };
+    let mean = |weight: &dyn Fn(usize) -> f64| -> [f64; D] {
+        std::array::from_fn(|i| (0..n).map(|k| weight(k) * corners[k][i]).sum::<f64>() / n as f64)
+    };
+    let centre = mean(&|_| 1.0);
+    let axes: [[f64; D]; D] = std::array::from_fn(|axis| mean(&|k| sign(k, axis)));
+    let mut straight = [[0.0; D]; 8];
+    for (k, place) in straight.iter_mut().enumerate().take(n) {
+        *place = std::array::from_fn(|i| {
+            let even = centre[i] + (0..D).map(|axis| sign(k, axis) * axes[axis][i]).sum::<f64>();
+            even + size * (corners[k][i] - even)
+        });
+    }
+    straight
 }
 
 /// CPDI1: a parallelogram (parallelepiped) that follows F of the point, here with its lengths scaled by `size`.

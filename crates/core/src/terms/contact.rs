@@ -319,6 +319,19 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         Ok(())
     }
 
+    fn nearest_allowed(&self, model: &Model<D>, body: usize, place: [f64; D]) -> [f64; D] {
+        let out_of = |place: [f64; D], (moving, tool): (&Moving<D>, &Tool<D>)| {
+            if tool.interface_with(body).is_none() {
+                return place;
+            }
+            match moving.start.closest(tool.shape.as_ref(), place, f64::INFINITY) {
+                Some(found) if found.gap < 0.0 => found.point,
+                _ => place,
+            }
+        };
+        self.tools.iter().zip(&model.tools).fold(place, out_of)
+    }
+
     fn augment(
         &mut self,
         step: &StepContext<D>,

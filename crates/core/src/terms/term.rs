@@ -142,6 +142,11 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Vec::new()
     }
 
+    /// The place nearest to one in a body, [length], that the body may take at the last commit: outside all obstacles.
+    fn nearest_allowed(&self, _model: &Model<D>, _body: usize, place: [f64; D]) -> [f64; D] {
+        place
+    }
+
     /// Further forces on the bodies that reports give by name, [force], such as that of a wall; at the last evaluation.
     fn named_forces(&self) -> Vec<NamedForce<D>> {
         Vec::new()

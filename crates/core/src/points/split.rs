@@ -1,0 +1,343 @@
+//! Splitting of domains that have become long.
+//!
+//! A domain given by its corners carries the basis from its corners only, and touches tools with them only: one that is longer
+//! than a cell steps over nodes, and over tools. Where material flows along a tool or in a shear band, domains become longer
+//! without bound. A long domain is therefore cut in two, through the mid-points of its long edges. Both halves keep the
+//! deformation gradient, the elastic strain and the history of the whole, and share its volume and mass in the ratio of the
+//! halves of the original domain: mass, volume, energy and stress do not change.
+//!
+//! The mid-points are corners of the halves only. From then on they move with the grid, and not with the edge of a neighbour
+//! that is still whole, from which they may part by as much as the motion of the grid differs from a linear one over the edge.
+
+use serde::{Deserialize, Serialize};
+
+use super::Points;
+use crate::grid::element::ElementShape;
+use crate::grid::{MAX_CORNERS, vtk_corner};
+use crate::region::vector::{minus, norm};
+
+/// Most cuts of one point in one step.
+const MOST_CUTS: usize = 6;
+
+/// A cut of a domain through the mid-point of an edge.
+///
+/// Domains with 2^D corners are cut across all edges parallel to it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Split {
+    /// Permanent number of the point; its first half keeps it.
+    pub point: u32,
+    /// Permanent number of the second half.
+    pub half: u32,
+    /// The corners at the ends of the edge.
+    pub edge: [u8; 2],
+}
+
+/// What splitting must know of the model and its state.
+pub(crate) trait Splitting<const D: usize> {
+    /// Length of an edge of the domain of a point above which the point is split, [length].
+    fn longest(&self, points: &Points<D>, p: usize) -> f64;
+
+    /// The volume that stands over an area around a position, relative to it: the circumference for bodies of revolution.
+    fn depth(&self, position: &[f64; D]) -> f64;
+
+    /// The place nearest to one in a body, [length], that a new corner may take.
+    fn nearest_allowed(&self, body: usize, place: [f64; D]) -> [f64; D];
+
+    /// True if corners are those of a domain that a point of the method of this one may have.
+    fn is_valid(&self, points: &Points<D>, p: usize, corners: &[[f64; D]]) -> bool;
+}
+
+/// The corners of a domain, of which the first `count` are used.
+type Domain<const D: usize> = ([[f64; D]; MAX_CORNERS], usize);
+
+impl<const D: usize> Points<D> {
+    /// Cuts domains until no edge is longer than allowed; `next` is the number of the next new point. A domain of which a half
+    /// would not be valid stays whole. Returns the cuts in their order.
+    pub(crate) fn split_long(&mut self, rules: &impl Splitting<D>, mut next: u32) -> Vec<Split> {
+        let mut splits = Vec::new();
+        for _ in 0..MOST_CUTS {
+            let mut places = Vec::new();
+            let mut cuts = Vec::new();
+            for p in 0..self.len() {
+                let Some((edge, length)) = longest_edge(self.corners(p)) else { continue };
+                if length <= rules.longest(self, p) {
+                    continue;
+                }
+                let halves = self.halves_now(p, edge.map(usize::from), rules);
+                if halves.iter().all(|(corners, n)| rules.is_valid(self, p, &corners[..*n])) {
+                    places.push(p);
+                    cuts.push(Split { point: self.id[p], half: next, edge });
+                    next += 1;
+                }
+            }
+            if places.is_empty() {
+                break;
+            }
+            self.cut(&places, &cuts, rules);
+            splits.extend(cuts);
+        }
+        splits
+    }
+
+    /// The halves of a domain in the converged state.
+    fn halves_now(&self, p: usize, edge: [usize; 2], rules: &impl Splitting<D>) -> [Domain<D>; 2] {
+        let body = usize::from(self.body[p]);
+        halves(self.corners(p), edge, |x| rules.nearest_allowed(body, x))
+    }
+
+    /// Repeats cuts of an earlier run; those of points that are no longer there are left out.
+    ///
+    /// # Errors
+    /// A reason, if a point cannot have been cut in this way.
+    pub(crate) fn split_again(&mut self, splits: &[Split], rules: &impl Splitting<D>) -> Result<(), String> {
+        for split in splits {
+            let place = |id: u32| self.id.iter().position(|of| *of == id);
+            let Some(p) = place(split.point) else { continue };
+            let corners = self.corner_range(p).len();
+            let [a, b] = split.edge.map(usize::from);
+            let is_edge = a < b && b < corners && (corners != 1 << D || (a ^ b).is_power_of_two());
+            if !is_edge || place(split.half).is_some() {
+                return Err("it contains a split of a point that cannot be split so".to_owned());
+            }
+            self.cut(&[p], std::slice::from_ref(split), rules);
+        }
+        Ok(())
+    }
+
+    /// Cuts the points at these places, one cut for each.
+    fn cut(&mut self, places: &[usize], cuts: &[Split], rules: &impl Splitting<D>) {
+        let n = self.len();
+        let order: Vec<u32> = (0..n).chain(places.iter().copied()).map(|p| p as u32).collect();
+        self.select(&order);
+        for (k, (&first, cut)) in places.iter().zip(cuts).enumerate() {
+            let second = n + k;
+            self.id[second] = cut.half;
+            let at = [first, second];
+            let edge = cut.edge.map(usize::from);
+            let range = self.corner_range(first);
+            let now = self.halves_now(first, edge, rules);
+            let original = halves(&self.original_corners[range], edge, |x| x);
+            let volumes = original.each_ref().map(|(corners, n)| volume(&corners[..*n], rules));
+            let whole = volumes[0] + volumes[1];
+            let (volume, mass) = (self.original_volume[first], self.mass[first]);
+            for (half, p) in at.into_iter().enumerate() {
+                let share = if whole > 0.0 { volumes[half] / whole } else { 0.5 };
+                self.original_volume[p] = share * volume;
+                self.mass[p] = share * mass;
+                let range = self.corner_range(p);
+                let count = range.len();
+                self.original_corners[range.clone()].copy_from_slice(&original[half].0[..count]);
+                self.original_position[p] = middle(&original[half].0[..count]);
+                self.converged.corners[range].copy_from_slice(&now[half].0[..count]);
+                self.converged.position[p] = middle(&now[half].0[..count]);
+            }
+        }
+        self.trial = self.converged.trial();
+    }
+}
+
+/// The longest edge of a domain and its length; of parallel edges of a box, the first stands for their mean. `None` without
+/// corners.
+fn longest_edge<const D: usize>(corners: &[[f64; D]]) -> Option<([u8; 2], f64)> {
+    let length = |a: usize, b: usize| norm(&minus(&corners[b], &corners[a]));
+    let mut longest: Option<([u8; 2], f64)> = None;
+    let mut take = |a: usize, b: usize, length: f64| {
+        if longest.is_none_or(|(_, most)| length > most) {
+            longest = Some(([a as u8, b as u8], length));
+        }
+    };
+    if corners.len() == 1 << D {
+        for axis in 0..D {
+            let low = (0..corners.len()).filter(|c| c >> axis & 1 == 0);
+            let sum: f64 = low.map(|c| length(c, c | 1 << axis)).sum();
+            take(0, 1 << axis, sum / (corners.len() / 2) as f64);
+        }
+    } else {
+        for b in 1..corners.len() {
+            (0..b).for_each(|a| take(a, b, length(a, b)));
+        }
+    }
+    longest
+}
+
+/// The halves of a domain that is cut through the mid-point of an edge.
+fn halves<const D: usize>(
+    corners: &[[f64; D]],
+    [a, b]: [usize; 2],
+    place: impl Fn([f64; D]) -> [f64; D],
+) -> [Domain<D>; 2] {
+    let between = |a: usize, b: usize| place(std::array::from_fn(|d| 0.5 * (corners[a][d] + corners[b][d])));
+    let mut whole = ([[0.0; D]; MAX_CORNERS], corners.len());
+    whole.0[..corners.len()].copy_from_slice(corners);
+    let mut parts = [whole; 2];
+    if corners.len() == 1 << D {
+        let axis = a ^ b;
+        for low in (0..corners.len()).filter(|c| c & axis == 0) {
+            let mid = between(low, low | axis);
+            parts[0].0[low | axis] = mid;
+            parts[1].0[low] = mid;
+        }
+    } else {
+        let mid = between(a, b);
+        parts[0].0[b] = mid;
+        parts[1].0[a] = mid;
+    }
+    parts
+}
+
+/// Mean of some positions.
+fn middle<const D: usize>(corners: &[[f64; D]]) -> [f64; D] {
+    std::array::from_fn(|d| corners.iter().map(|x| x[d]).sum::<f64>() / corners.len() as f64)
+}
+
+/// Volume of a domain.
+fn volume<const D: usize>(corners: &[[f64; D]], rules: &impl Splitting<D>) -> f64 {
+    let Some(shape) = ElementShape::from_nodes::<D>(corners.len()) else { return 0.0 };
+    let in_order: Vec<[f64; D]> = match shape {
+        ElementShape::Simplex => corners.to_vec(),
+        ElementShape::Box => (0..corners.len()).map(|k| corners[vtk_corner(k)]).collect(),
+    };
+    shape.volume(&in_order).abs() * rules.depth(&shape.centroid(&in_order))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::points::Seed;
+
+    /// Domains longer than `longest` are cut; bodies of revolution have the depth 2 π r.
+    struct Rules {
+        longest: f64,
+        of_revolution: bool,
+        accepts: bool,
+    }
+
+    impl Rules {
+        fn new(longest: f64, of_revolution: bool) -> Rules {
+            Rules { longest, of_revolution, accepts: true }
+        }
+    }
+
+    impl<const D: usize> Splitting<D> for Rules {
+        fn longest(&self, _: &Points<D>, _: usize) -> f64 {
+            self.longest
+        }
+
+        fn depth(&self, position: &[f64; D]) -> f64 {
+            if self.of_revolution { 2.0 * std::f64::consts::PI * position[0] } else { 1.0 }
+        }
+
+        fn nearest_allowed(&self, _: usize, place: [f64; D]) -> [f64; D] {
+            place
+        }
+
+        fn is_valid(&self, _: &Points<D>, _: usize, _: &[[f64; D]]) -> bool {
+            self.accepts
+        }
+    }
+
+    /// The area or volume of a domain without its depth.
+    fn size<const D: usize>(corners: &[[f64; D]]) -> f64 {
+        volume(corners, &Rules::new(0.0, false))
+    }
+
+    /// A motion that stretches and shears.
+    fn moved<const D: usize>(x: &[f64; D]) -> [f64; D] {
+        std::array::from_fn(|i| if i == 0 { x[0] + 0.3 * x[1] } else { (5 - i) as f64 * x[i] })
+    }
+
+    /// A point with this domain at the start, stretched and sheared.
+    fn stretched<const D: usize>(corners: Vec<[f64; D]>, rules: &Rules) -> Points<D> {
+        let volume = volume(&corners, rules);
+        let seed = Seed {
+            body: 0,
+            position: middle(&corners),
+            half_lengths: [0.5; D],
+            corners,
+            volume,
+            mass: 3.0 * volume,
+            outer_layer: false,
+            history: Vec::new(),
+        };
+        let mut points = Points::new(&[seed]);
+        points.converged.corners.iter_mut().for_each(|x| *x = moved(x));
+        points.converged.position[0] = moved(&points.converged.position[0]);
+        points.trial = points.converged.trial();
+        points
+    }
+
+    fn splits_keep_the_whole<const D: usize>(corners: Vec<[f64; D]>, of_revolution: bool) {
+        let rules = Rules::new(1.3, of_revolution);
+        let whole = stretched(corners, &rules);
+        let mut points = whole.clone();
+        let splits = points.split_long(&rules, 1);
+        assert!(splits.len() >= 2 && points.len() == splits.len() + 1, "{splits:?}");
+        let kept = |of: &dyn Fn(&Points<D>, usize) -> f64| {
+            let sum = |points: &Points<D>| -> f64 { (0..points.len()).map(|p| of(points, p)).sum() };
+            let (found, expected) = (sum(&points), sum(&whole));
+            let error = (found - expected).abs();
+            assert!(error <= 1e-13 * expected.abs().max(1.0), "{found} instead of {expected}");
+        };
+        kept(&|points, p| points.original_volume[p]);
+        kept(&|points, p| points.mass[p]);
+        kept(&|points, p| size(points.corners(p)));
+        let original = |points: &Points<D>, p: usize| size(&points.original_corners[points.corner_range(p)]);
+        for d in 0..D {
+            kept(&|points, p| original(points, p) * points.original_position[p][d]);
+            kept(&|points, p| size(points.corners(p)) * points.converged.position[p][d]);
+        }
+        for p in 0..points.len() {
+            assert!(longest_edge(points.corners(p)).unwrap().1 <= 1.3);
+            assert_eq!(points.converged.deformation_gradient[p], whole.converged.deformation_gradient[0]);
+            // Corners and their places at the start still belong together.
+            let originals = points.original_corners[points.corner_range(p)].iter();
+            for (original, now) in originals.zip(points.corners(p)) {
+                assert!(norm(&minus(&moved(original), now)) < 1e-14);
+            }
+        }
+        let mut again = whole.clone();
+        again.split_again(&splits, &rules).unwrap();
+        assert_eq!(again.converged.corners, points.converged.corners);
+        assert_eq!(again.original_volume, points.original_volume);
+        assert_eq!((&again.mass, &again.id), (&points.mass, &points.id));
+    }
+
+    const SQUARE: [[f64; 2]; 4] = [[1.0, 0.0], [2.0, 0.0], [1.0, 1.0], [2.0, 1.0]];
+    const TRIANGLE: [[f64; 2]; 3] = [[1.0, 0.0], [2.0, 0.0], [1.2, 1.0]];
+
+    #[test]
+    fn splits_keep_volume_mass_and_places() {
+        for of_revolution in [false, true] {
+            splits_keep_the_whole(SQUARE.to_vec(), of_revolution);
+            splits_keep_the_whole(TRIANGLE.to_vec(), of_revolution);
+        }
+        let brick = |k: usize| std::array::from_fn(|d| (k >> d & 1) as f64);
+        splits_keep_the_whole((0..8).map(brick).collect::<Vec<[f64; 3]>>(), false);
+        splits_keep_the_whole(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], false);
+    }
+
+    #[test]
+    fn domains_stay_whole_where_a_half_would_not_be_valid() {
+        let mut rules = Rules::new(0.1, false);
+        let mut points = stretched(TRIANGLE.to_vec(), &rules);
+        rules.accepts = false;
+        assert!(points.split_long(&rules, 1).is_empty() && points.len() == 1);
+        rules.accepts = true;
+        assert!(points.split_long(&rules, 1).len() > 1);
+    }
+
+    #[test]
+    fn impossible_splits_are_refused() {
+        let rules = Rules::new(1.0, false);
+        let is_refused = |point, half, edge| {
+            let mut points = stretched(SQUARE.to_vec(), &rules);
+            points.split_again(&[Split { point, half, edge }], &rules).is_err()
+        };
+        assert!(!is_refused(0, 1, [0, 2]));
+        for (half, edge) in [(1, [0, 3]), (1, [2, 0]), (1, [0, 4]), (1, [1, 1]), (0, [0, 1])] {
+            assert!(is_refused(0, half, edge));
+        }
+        // A point that is no longer there.
+        assert!(!is_refused(7, 8, [0, 1]));
+    }
+}

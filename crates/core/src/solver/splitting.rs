@@ -1,0 +1,95 @@
+//! Splitting of points whose domains have become long, between two steps.
+
+use std::collections::BTreeSet;
+
+use crate::basis::check_domain;
+use crate::model::Model;
+use crate::points::{Points, Split, Splitting};
+use crate::terms::Terms;
+
+/// The rules of a model without its state.
+struct OfModel<'a, const D: usize> {
+    model: &'a Model<D>,
+}
+
+/// The rules of a model in the state of a run.
+struct Present<'a, const D: usize, const N: usize> {
+    of_model: OfModel<'a, D>,
+    terms: &'a Terms<D, N>,
+    /// Points of probes stay whole: the displacement of a half is not that of the whole.
+    probed: BTreeSet<u32>,
+}
+
+/// Splits the points of bodies whose domains have become longer than these allow, and adds the splits to those before.
+pub(super) fn split_long<const D: usize, const N: usize>(
+    model: &Model<D>,
+    points: &mut Points<D>,
+    terms: &Terms<D, N>,
+    splits: &mut Vec<Split>,
+) {
+    if model.bodies.iter().all(|body| body.split_above.is_none()) {
+        return;
+    }
+    let of_stages = model.stages.iter().flat_map(|stage| &stage.added.id);
+    let numbers = points.id.iter().chain(of_stages).copied().chain(splits.iter().map(|split| split.half));
+    let next = numbers.max().map_or(0, |last| last + 1);
+    let probed = model.probes.iter().flat_map(|probe| &probe.points).copied().collect();
+    splits.extend(points.split_long(&Present { of_model: OfModel { model }, terms, probed }, next));
+}
+
+/// Splits the points that an earlier run of this model has split.
+///
+/// # Errors
+/// A reason, if no run of this model can have split them.
+pub(super) fn split_again<const D: usize>(
+    model: &Model<D>,
+    points: &mut Points<D>,
+    splits: &[Split],
+) -> Result<(), String> {
+    points.split_again(splits, &OfModel { model })
+}
+
+impl<const D: usize> Splitting<D> for OfModel<'_, D> {
+    fn longest(&self, points: &Points<D>, p: usize) -> f64 {
+        let Some(above) = self.model.bodies[points.body[p] as usize].split_above else {
+            return f64::INFINITY;
+        };
+        // The cell of a point that a stage has added is not known yet.
+        let cell = self.model.grid.locate(&points.converged.position[p], Some(points.cell[p]));
+        cell.map_or(f64::INFINITY, |cell| above * self.model.grid.size(cell as usize))
+    }
+
+    fn depth(&self, position: &[f64; D]) -> f64 {
+        self.model.depth(position)
+    }
+
+    fn nearest_allowed(&self, _: usize, place: [f64; D]) -> [f64; D] {
+        place
+    }
+
+    fn is_valid(&self, points: &Points<D>, p: usize, corners: &[[f64; D]]) -> bool {
+        check_domain(self.model.grid.as_ref(), corners, points.cell[p]).is_ok()
+    }
+}
+
+impl<const D: usize, const N: usize> Splitting<D> for Present<'_, D, N> {
+    fn longest(&self, points: &Points<D>, p: usize) -> f64 {
+        if self.probed.contains(&points.id[p]) {
+            return f64::INFINITY;
+        }
+        self.of_model.longest(points, p)
+    }
+
+    fn depth(&self, position: &[f64; D]) -> f64 {
+        self.of_model.depth(position)
+    }
+
+    fn nearest_allowed(&self, body: usize, place: [f64; D]) -> [f64; D] {
+        let model = self.of_model.model;
+        self.terms.iter().fold(place, |place, term| term.nearest_allowed(model, body, place))
+    }
+
+    fn is_valid(&self, points: &Points<D>, p: usize, corners: &[[f64; D]]) -> bool {
+        self.of_model.is_valid(points, p, corners)
+    }
+}
