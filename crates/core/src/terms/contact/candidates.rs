@@ -138,6 +138,8 @@ impl<const D: usize> Search<'_, D> {
         let all: Vec<Result<Candidate<D>, ContactError>> =
             (0..self.points.len()).into_par_iter().with_min_len(PIECE).flat_map_iter(of_point).collect();
         let mut found = self.without_shared(all.into_iter().collect::<Result<_, _>>()?);
+        // Corners of domains that are flat along the tool, and bear nothing.
+        found.retain(|candidate| candidate.area > 0.0);
         self.set_penalties(&mut found);
         Ok(found)
     }
@@ -148,7 +150,7 @@ impl<const D: usize> Search<'_, D> {
         // 4G: the stiffness of a half space under a strip is between it and half of it, also for nearly incompressible bodies.
         let moduli: Vec<f64> =
             model.materials.iter().map(|m| 4.0 * shear_modulus_at_rest(m.law.as_ref())).collect();
-        for candidate in candidates.iter_mut().filter(|candidate| candidate.area > 0.0) {
+        for candidate in candidates {
             let of_cell = candidate.size.powi(D as i32 - 1) * model.depth(&candidate.start);
             let penalty = model.tools[candidate.key.tool as usize].control.penalty;
             let of_area = penalty * moduli[model.bodies[candidate.body].material] / candidate.size;
