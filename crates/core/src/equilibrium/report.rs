@@ -51,6 +51,8 @@ pub struct StepReport<const D: usize> {
     pub linear_iterations: usize,
     /// Number of updates of multipliers. After each, one evaluation shows the new residual before the next linear solve.
     pub augmentations: usize,
+    /// Largest number of linear solves without an update between them.
+    pub most_solves: usize,
     /// Reaction of each boundary condition, [force].
     pub reactions: Vec<[f64; D]>,
     /// Moment of the reaction of each boundary condition; `None` for bodies of revolution.

@@ -79,6 +79,20 @@ impl<const D: usize> Points<D> {
         splits
     }
 
+    /// Moves the corners of the points with these permanent numbers, ascending, to the nearest places that they may take. A
+    /// domain that would not be valid stays.
+    pub(crate) fn move_corners(&mut self, of: &[u32], rules: &impl Splitting<D>) {
+        for p in (0..self.len()).filter(|&p| of.binary_search(&self.id[p]).is_ok()) {
+            let body = usize::from(self.body[p]);
+            let corners: Vec<_> = self.corners(p).iter().map(|x| rules.nearest_allowed(body, *x)).collect();
+            if rules.is_valid(self, p, &corners) {
+                let range = self.corner_range(p);
+                self.converged.corners[range].copy_from_slice(&corners);
+            }
+        }
+        self.trial = self.converged.trial();
+    }
+
     /// The halves of a domain in the converged state.
     fn halves_now(&self, p: usize, edge: [usize; 2], rules: &impl Splitting<D>) -> [Domain<D>; 2] {
         let body = usize::from(self.body[p]);

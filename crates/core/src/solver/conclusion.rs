@@ -86,6 +86,8 @@ impl<const D: usize, const N: usize> LastIterate<D, N> {
             rounding_limited: course.round_off != RoundOff::NoMatter,
             damped: summary.pace.is_damped(),
             replaced_domains: Vec::new(),
+            most_solves: (course.most_solves)
+                .max(course.residuals.len().saturating_sub(1 + course.augmentations + course.solves_before)),
             residuals: std::mem::take(&mut course.residuals),
             factorisations: course.solved.iter().map(|s| s.factorisation).collect(),
             linear_iterations: course.linear_iterations(),

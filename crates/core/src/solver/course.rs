@@ -26,6 +26,8 @@ pub(super) struct Course<const N: usize> {
     /// Number of updates of multipliers, and of linear solves before the last one.
     pub(super) augmentations: usize,
     pub(super) solves_before: usize,
+    /// Largest number of linear solves up to an update.
+    pub(super) most_solves: usize,
     /// True if no increment has followed the last update of multipliers.
     pub(super) is_augmented: bool,
 }
@@ -41,8 +43,17 @@ impl<const N: usize> Course<N> {
             shortened: false,
             augmentations: 0,
             solves_before: 0,
+            most_solves: 0,
             is_augmented: false,
         }
+    }
+
+    /// Records an update of multipliers after this number of linear solves.
+    pub(super) fn augmented(&mut self, solves: usize) {
+        self.augmentations += 1;
+        self.most_solves = self.most_solves.max(solves - self.solves_before);
+        self.solves_before = solves;
+        self.is_augmented = true;
     }
 
     /// Number of iterations of the linear solver; 0 for a direct solver.

@@ -52,9 +52,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             .augment(context, points, unknowns.at())
             .map_err(|failure| locate_failure(failure, model, points, step, iteration, &course.residuals))?;
         if outcome == Augmentation::Updated {
-            course.augmentations += 1;
-            course.solves_before = iteration;
-            course.is_augmented = true;
+            course.augmented(iteration);
         }
         Ok(outcome)
     }

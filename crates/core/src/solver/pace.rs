@@ -80,7 +80,7 @@ impl Pace {
         self.resort == Some(LastResort::Damping)
     }
 
-    /// Records a step that has converged in this number of iterations.
+    /// Records a step that has converged in this number of iterations, counted anew after each update of multipliers.
     pub fn succeeded(&mut self, stepping: &Stepping, iterations: usize) {
         self.patience = self.patience.saturating_sub(1);
         self.resort = None;

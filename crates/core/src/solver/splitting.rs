@@ -37,6 +37,21 @@ pub(super) fn split_long<const D: usize, const N: usize>(
     splits.extend(points.split_long(&Present { of_model: OfModel { model }, terms, probed }, next));
 }
 
+/// Moves the corners of domains that were replaced, the points with these permanent numbers, out of tools: the replacement has
+/// not heeded them. A domain that would not be valid stays.
+pub(super) fn part_from_tools<const D: usize, const N: usize>(
+    model: &Model<D>,
+    points: &mut Points<D>,
+    terms: &Terms<D, N>,
+    replaced: &[u32],
+) {
+    if replaced.is_empty() || model.tools.is_empty() {
+        return;
+    }
+    let rules = Present { of_model: OfModel { model }, terms, probed: BTreeSet::new() };
+    points.move_corners(replaced, &rules);
+}
+
 /// Splits the points that an earlier run of this model has split.
 ///
 /// # Errors

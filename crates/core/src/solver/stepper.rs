@@ -230,6 +230,12 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         Ok(true)
     }
 
+    /// Moves the corners of domains that were replaced out of tools.
+    fn part_from_tools(&mut self, replaced: &[u32]) {
+        let Stepper { model, points, terms, .. } = self;
+        splitting::part_from_tools(model, points, terms, replaced);
+    }
+
     /// Splits the points whose domains have become too long. The next step begins as a run begins that is resumed here.
     fn split_long_domains(&mut self) {
         let Stepper { model, points, reached, terms, .. } = self;
@@ -385,6 +391,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         self.judge(&report);
         self.points.commit();
         self.terms.iter_mut().for_each(|term| term.commit());
+        self.part_from_tools(&report.replaced_domains);
         self.split_long_domains();
         let (model, points) = (self.model, &*self.points);
         let Reached { step, summary } = &mut self.reached;
@@ -395,7 +402,7 @@ impl<'a, const D: usize, const N: usize> Stepper<'a, D, N> {
         self.cause = None;
         self.lost_points = None;
         summary.kept = self.equations.kept();
-        summary.pace.succeeded(&model.stepping, report.solves());
+        summary.pace.succeeded(&model.stepping, report.most_solves);
         summary.accept(&report);
         let balance = summary.balance();
         let raised = summary.quality.judge_balances(model, points, &balance, report.step.index);

@@ -298,7 +298,7 @@ impl<const D: usize> Search<'_, D> {
             kept.push(candidate);
         }
         // Surfaces of a body that come together may fill the angle around a place on them; one that reaches into a tool counts.
-        kept.retain(|candidate| candidate.surrounded < INSIDE || candidate.near.gap <= 0.0);
+        kept.retain(|candidate| candidate.surrounded < INSIDE || candidate.near.gap <= candidate.size);
         kept
     }
 }
