@@ -7,14 +7,13 @@
 //! | CPDI2 | the same, once where domains share them | the same |
 //! | MPM | corners of the box x_p ± l_p, or x_p where the point has no box | N_v of the cell of the point, continued |
 //!
-//! Corners around which domains of CPDI2 leave no space lie inside the body, and are not places. The area of a place is its share
-//! of the side of the domain that lies along the tool, and of boxes its share of the side of a cube of their volume.
+//! Corners inside the body are places, too: surfaces of the body that have come together may open again. The area of a place is
+//! its share of the side of the domain that lies along the tool, and of boxes its share of the side of a cube of their volume.
 //!
 //! A corner on the border of cells belongs to the cell towards its point. Where a node of its cell is inactive, the next
 //! cell towards the point is taken, and its basis is continued to the corner.
 
 use std::collections::HashMap;
-use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
@@ -36,9 +35,6 @@ pub(super) const OTHER_SIDE: f64 = -0.5;
 pub(super) const TOUCHING: f64 = 1e-6;
 /// Distance within which corners of domains are shared, relative to the size of a cell, [-].
 const SHARED: f64 = 1e-8;
-/// Part of the full angle around a corner that domains fill, above which it lies inside the body, [-]. Halves of split domains
-/// may have parted slightly from their neighbours.
-const INSIDE: f64 = 0.97;
 /// Least area of a place for its penalty if updates close it slowly, relative to a side of its cell, [-].
 const LEAST_AREA: f64 = 0.1;
 /// Parts of the way from a corner to its point at which a cell for it is sought.
@@ -65,8 +61,6 @@ pub(super) struct Candidate<const D: usize> {
     /// Area that the place stands for, [length²]: per unit thickness in the plane, on the full circle for bodies of
     /// revolution.
     pub(super) area: f64,
-    /// The part of the full (solid) angle around it that domains given by corners fill, [-]; 0 for other domains.
-    surrounded: f64,
     /// Size of its cell, [length].
     pub(super) size: f64,
     /// ε, [force/length].
@@ -196,7 +190,7 @@ impl<const D: usize> Search<'_, D> {
                 }
                 let vertex = Vertex::of(points.corners(p), corner);
                 let area = model.depth(x)
-                    * vertex.as_ref().map_or_else(
+                    * vertex.map_or_else(
                         || {
                             let share = model.volume(points, p) / model.depth(x);
                             share.powf((D - 1) as f64 / D as f64) / (1usize << (D - 1)) as f64
@@ -212,7 +206,6 @@ impl<const D: usize> Search<'_, D> {
                     size,
                     penalty: 0.0,
                     penalty_if_slow: 0.0,
-                    surrounded: vertex.map_or(0.0, |vertex| vertex.angle()),
                     near,
                 });
             }
@@ -286,7 +279,6 @@ impl<const D: usize> Search<'_, D> {
                 let other = &mut kept[other as usize];
                 other.key = other.key.min(candidate.key);
                 other.area += candidate.area;
-                other.surrounded += candidate.surrounded;
                 continue;
             }
             for key in near {
@@ -297,8 +289,6 @@ impl<const D: usize> Search<'_, D> {
             }
             kept.push(candidate);
         }
-        // Surfaces of a body that come together may fill the angle around a place on them; one that reaches into a tool counts.
-        kept.retain(|candidate| candidate.surrounded < INSIDE || candidate.near.gap <= candidate.size);
         kept
     }
 }
@@ -335,20 +325,6 @@ impl<const D: usize> Vertex<D> {
             _ => 0.0,
         };
         whole / self.of_side as f64
-    }
-
-    /// The angle between its edges (solid angle), relative to the full one, [-].
-    fn angle(&self) -> f64 {
-        let units: Vec<[f64; 3]> = self.edges.iter().map(|e| in_space(&e.map(|x| x / norm(e)))).collect();
-        let angle = match units[..] {
-            [a, b] => dot(&a, &b).clamp(-1.0, 1.0).acos() / (2.0 * PI),
-            [a, b, c] => {
-                let cosines = 1.0 + dot(&a, &b) + dot(&b, &c) + dot(&c, &a);
-                2.0 * dot(&a, &cross(&b, &c)).abs().atan2(cosines) / (4.0 * PI)
-            }
-            _ => 0.0,
-        };
-        if angle.is_finite() { angle } else { 0.0 }
     }
 }
 
