@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::factors::{Form, multiply};
-use super::slivers::{Slivers, is_sliver};
+use super::slivers::{Slivers, Touch};
 use super::{Basis, Method, PointGeometry, Support, SupportError};
 use crate::grid::Grid;
 use crate::points::Points;
@@ -37,9 +37,8 @@ pub struct Connectivity<const D: usize> {
     group_points: Vec<usize>,
     group_node_start: Vec<usize>,
     group_nodes: Vec<u32>,
-    /// For each entry of `group_nodes`, true if a point of the group touches the node by more than a sliver; used while
-    /// linking.
-    holds: Vec<bool>,
+    /// For each entry of `group_nodes`, how firmly the points of the group touch the node; used while linking.
+    touches: Vec<Touch>,
     /// For each group, true if all its points touch all its nodes.
     whole: Vec<bool>,
     /// Start of the data of each point in `value` and `gradient`, or in `factor`; relative to its block.
@@ -123,11 +122,11 @@ impl<const D: usize> Connectivity<D> {
             .group_by_cell(grid)
             .map_err(|point| SupportFailure { point, error: SupportError::OffGrid })?;
         self = self.link(grid, points, methods, &group_points, &Slivers::default())?;
-        let slivers = Slivers::new(grid.n_nodes(), &self.group_nodes, &self.holds);
+        let slivers = Slivers::new(grid.n_nodes(), &self.group_node_start, &self.group_nodes, &self.touches);
         if !slivers.is_empty() {
             self = self.link(grid, points, methods, &group_points, &slivers)?;
         }
-        self.holds = Vec::new();
+        self.touches = Vec::new();
         self.carried.sort_unstable();
         self.carried.dedup_by_key(|pair| pair[0]);
         self.group_points = group_points;
@@ -172,7 +171,7 @@ impl<const D: usize> Connectivity<D> {
     fn clear(&mut self) {
         self.group_node_start.clear();
         self.group_nodes.clear();
-        self.holds.clear();
+        self.touches.clear();
         self.whole.clear();
         self.start.clear();
         self.form.clear();
@@ -194,7 +193,7 @@ impl<const D: usize> Connectivity<D> {
         let (links, factors) = (self.value.len(), self.factor.len());
         self.group_node_start.extend(piece.group_node_start.iter().map(|s| s + nodes));
         self.group_nodes.extend(piece.group_nodes);
-        self.holds.extend(piece.holds);
+        self.touches.extend(piece.touches);
         self.whole.extend(piece.whole);
         // Offsets of the next data of each kind. Node indices may be shared with any earlier point of the group.
         let mut next = Block { link: links, factor: factors, local: locals };
@@ -378,8 +377,8 @@ fn per_length_if_even<const D: usize>(grid: &dyn Grid<D>) -> Option<[f64; D]> {
 struct Piece<const D: usize> {
     group_node_start: Vec<usize>,
     group_nodes: Vec<u32>,
-    /// As [`Connectivity::holds`].
-    holds: Vec<bool>,
+    /// As [`Connectivity::touches`].
+    touches: Vec<Touch>,
     whole: Vec<bool>,
     start: Vec<usize>,
     form: Vec<Form>,
@@ -402,15 +401,15 @@ impl<const D: usize> Piece<D> {
     ) -> Result<Self, SupportFailure> {
         let mut piece = Piece::default();
         let even = per_length_if_even(grid);
-        let mut holds: Vec<bool> = Vec::new(); // for each entry of `touched`, true if by more than a sliver
+        let mut touches: Vec<Touch> = Vec::new(); // for each entry of `touched`
         let mut support = Support::default();
         let mut touched: Vec<u32> = Vec::new(); // grid nodes of one group, listed for each point unless equal to those before
         let mut nodes: Vec<u32> = Vec::new();
         for range in groups.windows(2).map(|w| w[0]..w[1]) {
             touched.clear();
-            holds.clear();
+            touches.clear();
             nodes.clear();
-            let mut held_from = 0; // from here on, all entries of `touched` are known to hold
+            let mut firm_from = 0; // from here on, all entries of `touched` are known to be firm
             let size = range.clone().next().map_or(0.0, |p| grid.size(points.cell[p] as usize));
             let mut n_links = 0;
             for p in range.clone() {
@@ -453,18 +452,20 @@ impl<const D: usize> Piece<D> {
                     }
                     piece.cells.extend_from_slice(&support.cells);
                     touched.extend_from_slice(&support.nodes);
-                    holds.resize(touched.len(), false);
-                    held_from = touched.len();
+                    touches.resize(touched.len(), Touch::Sliver);
+                    firm_from = touched.len();
                 }
                 let of_point = touched.len() - support.nodes.len();
-                if of_point < held_from {
-                    let mut all_hold = true;
-                    for (k, holds) in holds[of_point..].iter_mut().enumerate() {
-                        *holds = *holds || !is_sliver(support.value[k], &support.gradient[k], size);
-                        all_hold &= *holds;
+                if of_point < firm_from {
+                    let mut all_firm = true;
+                    for (k, touch) in touches[of_point..].iter_mut().enumerate() {
+                        if *touch < Touch::Firm {
+                            *touch = (*touch).max(Touch::of(support.value[k], &support.gradient[k], size));
+                        }
+                        all_firm &= *touch == Touch::Firm;
                     }
-                    if all_hold {
-                        held_from = of_point;
+                    if all_firm {
+                        firm_from = of_point;
                     }
                 }
                 piece.local_start.push(piece.local.len() + of_point);
@@ -474,10 +475,11 @@ impl<const D: usize> Piece<D> {
             piece.local.extend(touched.iter().map(|n| nodes.partition_point(|m| m < n) as u32));
             let first = piece.group_nodes.len();
             piece.group_nodes.extend_from_slice(&nodes);
-            piece.holds.resize(piece.group_nodes.len(), false);
+            piece.touches.resize(piece.group_nodes.len(), Touch::Sliver);
             let locals = &piece.local[piece.local.len() - touched.len()..];
-            for (&local, &holds) in locals.iter().zip(&holds) {
-                piece.holds[first + local as usize] |= holds;
+            for (&local, &touch) in locals.iter().zip(&touches) {
+                let firmest = &mut piece.touches[first + local as usize];
+                *firmest = (*firmest).max(touch);
             }
             piece.whole.push(n_links == range.len() * nodes.len());
         }

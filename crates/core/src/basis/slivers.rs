@@ -2,18 +2,52 @@
 
 use super::Support;
 use crate::grid::Grid;
+use crate::region::vector::{along, dot, minus};
 
 /// Threshold of value and slope (over a cell) below which a basis function is a sliver, [-]. It is the relative
 /// distance within which points count as lying on grid lines.
 const SLIVER: f64 = 1e-8;
 
-#[inline]
-pub(super) fn is_sliver<const D: usize>(value: f64, gradient: &[f64; D], size: f64) -> bool {
-    value.abs() < SLIVER && gradient.iter().all(|slope| slope.abs() * size < SLIVER)
+/// Threshold of value and slope (over a cell) below which points touch a node weakly, [-].
+const WEAK: f64 = 1e-3;
+
+/// Number of rounds in which the displacement field without the sliver nodes is found.
+const ROUNDS: usize = 10;
+
+/// How firmly the points of a group touch a grid node.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Touch {
+    /// By slivers only.
+    #[default]
+    Sliver,
+    /// Weakly: the node is active unless sliver nodes are next to it.
+    Weak,
+    /// Firmly enough to hold the node in any case.
+    Firm,
+}
+
+impl Touch {
+    /// Returns how firmly a basis function touches its node; `size` is the cell size h.
+    #[inline]
+    pub(super) fn of<const D: usize>(value: f64, gradient: &[f64; D], size: f64) -> Touch {
+        let below =
+            |limit: f64| value.abs() < limit && gradient.iter().all(|slope| slope.abs() * size < limit);
+        if !below(WEAK) {
+            Touch::Firm
+        } else if !below(SLIVER) {
+            Touch::Weak
+        } else {
+            Touch::Sliver
+        }
+    }
 }
 
 /// Grid nodes that points touch only by slivers. Their stiffness would be round-off, and nothing would resist their
 /// motion. They are not active; their small contributions go to the other nodes of the point.
+///
+/// A node that points touch weakly is a sliver node too if a group touches it together with a sliver node: a surface
+/// along a grid line leaves the line here by less and there by more than the threshold, and no ghost penalty supports a
+/// node in a cell with inactive corners.
 #[derive(Default)]
 pub(super) struct Slivers {
     /// For each grid node, true if it is a sliver node; empty if there is none.
@@ -21,17 +55,36 @@ pub(super) struct Slivers {
 }
 
 impl Slivers {
-    /// Finds the sliver nodes. `holds` is true for the nodes that a group touches by more than a sliver.
-    pub(super) fn new(n_nodes: usize, group_nodes: &[u32], holds: &[bool]) -> Slivers {
-        if holds.iter().all(|holds| *holds) {
+    /// Finds the sliver nodes. `touches` says how firmly each group touches each of its nodes; the nodes of group g are
+    /// `group_nodes[starts[g]..starts[g + 1]]`, those of the last group reach to the end.
+    pub(super) fn new(n_nodes: usize, starts: &[usize], group_nodes: &[u32], touches: &[Touch]) -> Slivers {
+        if touches.iter().all(|touch| *touch > Touch::Sliver) {
             return Slivers::default();
         }
-        let mut is_sliver_node = vec![true; n_nodes];
-        for (&node, &holds) in group_nodes.iter().zip(holds) {
-            is_sliver_node[node as usize] &= !holds;
+        let mut firmest = vec![Touch::Sliver; n_nodes];
+        for (&node, &touch) in group_nodes.iter().zip(touches) {
+            firmest[node as usize] = firmest[node as usize].max(touch);
         }
-        let any = group_nodes.iter().any(|node| is_sliver_node[*node as usize]);
-        if any { Slivers { is_sliver_node } } else { Slivers::default() }
+        if group_nodes.iter().all(|node| firmest[*node as usize] > Touch::Sliver) {
+            return Slivers::default();
+        }
+        let ends = starts.iter().skip(1).copied().chain([group_nodes.len()]);
+        let groups: Vec<&[u32]> =
+            starts.iter().zip(ends).map(|(&start, end)| &group_nodes[start..end]).collect();
+        let mut spreads = true;
+        while spreads {
+            spreads = false;
+            for nodes in &groups {
+                if nodes.iter().any(|node| firmest[*node as usize] == Touch::Sliver) {
+                    for node in *nodes {
+                        let touch = &mut firmest[*node as usize];
+                        spreads |= *touch == Touch::Weak;
+                        *touch = if *touch == Touch::Weak { Touch::Sliver } else { *touch };
+                    }
+                }
+            }
+        }
+        Slivers { is_sliver_node: firmest.iter().map(|touch| *touch == Touch::Sliver).collect() }
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -41,6 +94,9 @@ impl Slivers {
     /// Removes sliver nodes from the support of a point and records the node that carries each. A sliver node v moves
     /// with the displacement field of the point, u_v = u_m + (x_v − x_m)·∇u, where m is the node with the largest
     /// value. The remaining basis functions still sum to one and reproduce linear fields.
+    ///
+    /// The field follows from the other nodes alone: ∇u = Σ s_k u_k + Σ s_v (u_m + d_v·∇u) over the other nodes k and
+    /// the sliver nodes v, with the slopes s and d_v = x_v − x_m.
     pub(super) fn fold<const D: usize>(
         &self,
         grid: &dyn Grid<D>,
@@ -56,16 +112,28 @@ impl Slivers {
         let (all, values, slopes) = (nodes.clone(), value.clone(), gradient.clone());
         let most = (0..all.len()).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
         let from = grid.node_position(all[most] as usize);
-        for v in (0..all.len()).filter(|&v| is_sliver_node(all[v])) {
-            carried.push([all[v], all[most]]);
-            let position = grid.node_position(all[v] as usize);
-            for k in (0..all.len()).filter(|&k| !is_sliver_node(all[k])) {
-                let along: f64 = (0..D).map(|d| (position[d] - from[d]) * slopes[k][d]).sum();
-                let weight = along + if k == most { 1.0 } else { 0.0 };
-                value[k] += values[v] * weight;
-                for d in 0..D {
-                    gradient[k][d] += slopes[v][d] * weight;
+        let slivers: Vec<(usize, [f64; D])> = (0..all.len())
+            .filter(|&v| is_sliver_node(all[v]))
+            .map(|v| (v, minus(&grid.node_position(all[v] as usize), &from)))
+            .collect();
+        carried.extend(slivers.iter().map(|(v, _)| [all[*v], all[most]]));
+        for k in (0..all.len()).filter(|&k| !is_sliver_node(all[k])) {
+            let mut start = slopes[k];
+            if k == most {
+                slivers.iter().for_each(|(v, _)| start = along(&start, 1.0, &slopes[*v]));
+            }
+            // The slopes of sliver nodes are small: each round multiplies the error by about a hundredth at most.
+            let mut of_field = start;
+            for _ in 0..ROUNDS {
+                let before = of_field;
+                of_field = start;
+                for (v, way) in &slivers {
+                    of_field = along(&of_field, dot(way, &before), &slopes[*v]);
                 }
+            }
+            gradient[k] = of_field;
+            for (v, way) in &slivers {
+                value[k] += values[*v] * (dot(way, &of_field) + if k == most { 1.0 } else { 0.0 });
             }
         }
         let mut kept = 0;
