@@ -7,7 +7,7 @@ use std::path::Path;
 
 use mpm::deck::build::build;
 use mpm::deck::load::{load, load_text};
-use mpm::model::{Control, Model, PatternReuse, Predictor, StabilisationMode, StiffnessUpdate};
+use mpm::model::{Control, Controlled, Model, PatternReuse, Predictor, StabilisationMode, StiffnessUpdate};
 use mpm::points::Points;
 use mpm::solver::{
     self, Diagnosis, FailedAttempt, Kind, Observer, Reached, SolveError, Step, StepReport, Summary,
@@ -196,7 +196,7 @@ fn a_truss_is_followed_through_its_snap() {
     let (outcome, by_length, _) = run(deck("arch.yaml", &[]));
     outcome.unwrap();
     let mut parts = deck("arch.yaml", &[]);
-    parts.0.stepping.control = Control::Displacement { probe: 0, axis: 1, to: -3.0 };
+    parts.0.stepping.control = Control::Displacement { of: Controlled::Probe(0), axis: 1, to: -3.0 };
     let (outcome, by_apex, _) = run(parts);
     outcome.unwrap();
     let path = |recorder: &Recorder| -> Vec<[f64; 2]> {
@@ -381,7 +381,7 @@ fn the_length_of_the_path_leads_a_cantilever_on() {
 fn a_load_that_does_not_move_the_probe_is_reported_at_once() {
     let bar = BAR.replace("METHOD", "mpm").replace(", LARGEST", "").replace("poisson: 0.3", "poisson: 0");
     let mut parts = text(&bar);
-    parts.0.stepping.control = Control::Displacement { probe: 0, axis: 0, to: 1.0 };
+    parts.0.stepping.control = Control::Displacement { of: Controlled::Probe(0), axis: 0, to: 1.0 };
     let (outcome, recorder, _) = run(parts);
     let error = outcome.unwrap_err();
     println!("{error}: {:?}", recorder.diagnosis);
@@ -391,7 +391,7 @@ fn a_load_that_does_not_move_the_probe_is_reported_at_once() {
 #[test]
 fn the_largest_load_factor_may_be_negative() {
     let mut parts = deck("arch.yaml", &[("steps", "10")]);
-    parts.0.stepping.control = Control::Displacement { probe: 0, axis: 1, to: 0.2 };
+    parts.0.stepping.control = Control::Displacement { of: Controlled::Probe(0), axis: 1, to: 0.2 };
     let (outcome, recorder, _) = run(parts);
     let factors: Vec<f64> = recorder.steps.iter().filter_map(|r| r.factor).collect();
     let least = factors.iter().copied().fold(0.0, f64::min);

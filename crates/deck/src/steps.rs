@@ -42,14 +42,20 @@ pub struct StepsDeck {
 pub enum ControlDeck {
     /// Load control: loads and prescribed displacements follow their curves.
     Load {},
-    /// Displacement control: the displacement of a probe grows in proportion to time; the common factor of all loads
-    /// follows from equilibrium and may decrease.
+    /// Displacement control: the displacement of a probe or a tool grows in proportion to time; the common factor of all
+    /// loads, and of prescribed motions of tools, follows from equilibrium and may decrease.
     Displacement {
-        /// Name of the probe, one of those under `output: {probes: ...}`.
-        probe: String,
+        /// Name of the probe, one of those under `output: {probes: ...}`. Exactly one of `probe` and `tool` is needed.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        probe: Option<String>,
+        /// Name of the tool: the displacement of its reference point is controlled, along an axis that is free or along
+        /// which a motion is prescribed.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schemars(extend("examples" = ["footing"]))]
+        tool: Option<String>,
         /// Axis of the displacement.
         axis: Axis,
-        /// Displacement of the probe at the end of the analysis, [length].
+        /// Displacement at the end of the analysis, [length].
         #[schemars(extend("examples" = [-0.5]))]
         to: f64,
     },

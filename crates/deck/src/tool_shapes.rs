@@ -16,9 +16,10 @@ type Shaped<const D: usize> = Result<Arc<dyn Shape<D>>, ShapeError>;
 
 /// Tools that exist in the plane only, or in space only.
 pub(crate) trait ToolOfDeck<const D: usize> {
-    /// Builds a shape whose frame has its origin at `about`; `triangles` are those of its file. `None` for shapes of another
-    /// number of dimensions.
-    fn tool(shape: &ToolShape, about: &[f64; D], triangles: &[Triangle]) -> Option<Shaped<D>>;
+    /// Builds a shape whose frame has its origin at `about`; `triangles` are those of its file, and `revolved` is true for
+    /// sections of bodies of revolution. `None` for shapes of another number of dimensions.
+    fn tool(shape: &ToolShape, about: &[f64; D], triangles: &[Triangle], revolved: bool)
+    -> Option<Shaped<D>>;
 }
 
 /// A shape that exists in the plane and in space; `None` for others.
@@ -32,9 +33,15 @@ fn shared<const D: usize>(shape: &ToolShape, about: &[f64; D]) -> Option<Shaped<
 }
 
 impl ToolOfDeck<2> for Region<2> {
-    fn tool(shape: &ToolShape, about: &[f64; 2], _: &[Triangle]) -> Option<Shaped<2>> {
+    fn tool(shape: &ToolShape, about: &[f64; 2], _: &[Triangle], revolved: bool) -> Option<Shaped<2>> {
         let corners = |vertices: &[Vec<f64>]| vertices.iter().map(|x| place(x, about)).collect();
+        let section = |corners: Vec<[f64; 2]>| shaped(ClosedPolygon::section(corners, -about[0]));
         Some(match shape {
+            ToolShape::Polygon { vertices } if revolved => section(corners(vertices)),
+            ToolShape::Box { min, max } if revolved && min[0] == 0.0 => {
+                let [low, high]: [[f64; 2]; 2] = [place(min, about), place(max, about)];
+                section(vec![low, [high[0], low[1]], high, [low[0], high[1]]])
+            }
             ToolShape::Circle { center, radius } => shaped(Ball::new(place(center, about), *radius)),
             ToolShape::Polygon { vertices } => shaped(ClosedPolygon::new(corners(vertices))),
             ToolShape::Polyline { vertices, thickness } => shaped(Wall::new(corners(vertices), *thickness)),
@@ -44,7 +51,7 @@ impl ToolOfDeck<2> for Region<2> {
 }
 
 impl ToolOfDeck<3> for Region<3> {
-    fn tool(shape: &ToolShape, about: &[f64; 3], triangles: &[Triangle]) -> Option<Shaped<3>> {
+    fn tool(shape: &ToolShape, about: &[f64; 3], triangles: &[Triangle], _: bool) -> Option<Shaped<3>> {
         let at = |x: &[f64]| place(x, about);
         Some(match shape {
             ToolShape::Sphere { center, radius } => shaped(Ball::new(at(center), *radius)),

@@ -415,6 +415,23 @@ impl ToolDeck {
             || self.motion().iter().any(|(_, _, value)| !value.is_zero())
     }
 
+    /// True if it is free along an axis, or a motion along it is prescribed.
+    pub(crate) fn may_move_along(&self, axis: usize) -> bool {
+        let is_along = |component: FreeDeck| component as usize == axis;
+        let mut motion = self.motion().into_iter();
+        self.free.iter().any(|component| is_along(*component))
+            || motion.any(|(_, component, value)| is_along(component) && !value.is_zero())
+    }
+
+    /// Its curves with their keys: of the motion, the weight and the further loads.
+    pub(crate) fn curves(&self) -> impl Iterator<Item = (String, &LoadCurve)> {
+        let loads = self.loads.iter().enumerate();
+        let of_loads = loads.filter_map(|(k, load)| Some((format!("loads/{k}/curve"), load.curve.as_ref()?)));
+        let named = [("curve", &self.curve), ("weight_curve", &self.weight_curve)];
+        let named = named.into_iter().filter_map(|(key, curve)| Some((key.to_owned(), curve.as_ref()?)));
+        named.chain(of_loads)
+    }
+
     /// The prescribed components of its motion with their keys: the displacements, then the rotation vector.
     pub(crate) fn motion(&self) -> Vec<(String, FreeDeck, Expression)> {
         use FreeDeck::{Rotation, Rx, Ry, Rz, X, Y, Z};
@@ -441,6 +458,11 @@ impl ToolDeck {
 }
 
 impl FreeDeck {
+    /// True for rotations.
+    pub(crate) fn is_rotation(self) -> bool {
+        !matches!(self, FreeDeck::X | FreeDeck::Y | FreeDeck::Z)
+    }
+
     /// Name in decks.
     pub(crate) fn word(self) -> &'static str {
         ["x", "y", "z", "rotation", "rx", "ry", "rz"][self as usize]

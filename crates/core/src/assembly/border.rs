@@ -17,6 +17,10 @@ pub struct Border<const N: usize> {
     pub(crate) corner: Vec<Vec<f64>>,
     /// r.
     pub(crate) residual: Vec<f64>,
+    /// Change of r with the load factor, if that follows from equilibrium.
+    pub(crate) per_factor: Vec<f64>,
+    /// True for each residual that is a force or moment, whose work on its unknown counts in a line search.
+    pub(crate) works: Vec<bool>,
     /// The magnitude that each residual is compared with.
     pub(crate) scale: Vec<f64>,
     /// The first global unknown of the term that is being evaluated.
@@ -32,6 +36,8 @@ impl<const N: usize> Border<N> {
             rows: zeros(),
             corner: vec![vec![0.0; n]; n],
             residual: vec![0.0; n],
+            per_factor: vec![0.0; n],
+            works: vec![false; n],
             scale: vec![0.0; n],
             first: 0,
         }
@@ -57,6 +63,11 @@ impl<const N: usize> Border<N> {
         self.scale[self.first + i] += scale;
     }
 
+    /// Adds to the change of the residual of global equation `i` of the term with the load factor.
+    pub fn add_per_factor(&mut self, i: usize, value: f64) {
+        self.per_factor[self.first + i] += value;
+    }
+
     /// Adds to the change of the internal force on a node with global unknown `j` of the term.
     pub fn add_to_column(&mut self, j: usize, node: usize, component: usize, value: f64) {
         self.columns[self.first + j][node][component] += value;
@@ -70,6 +81,17 @@ impl<const N: usize> Border<N> {
     /// Adds to the change of global equation `i` with global unknown `j`, both of the term.
     pub fn add_to_corner(&mut self, i: usize, j: usize, value: f64) {
         self.corner[self.first + i][self.first + j] += value;
+    }
+
+    /// The residual of global equation `i` of the term is a force or moment, minus the one out of balance on unknown `i`.
+    pub fn count_as_work(&mut self, i: usize) {
+        self.works[self.first + i] = true;
+    }
+
+    /// The work of the forces out of balance of the global equations on increments of the global unknowns, [energy].
+    pub(crate) fn work(&self, increments: &[f64]) -> f64 {
+        let of_each = self.residual.iter().zip(increments).zip(&self.works);
+        of_each.filter(|(_, works)| **works).map(|((r, w), _)| -r * w).sum()
     }
 
     /// Adds B δw to a change of the internal forces.

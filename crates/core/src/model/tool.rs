@@ -199,10 +199,9 @@ impl<const D: usize> Tool<D> {
         pairs.chain([&self.interface]).flatten().all(Interface::is_smooth)
     }
 
-    /// True if a motion is prescribed or a load acts that changes with time.
-    pub fn is_driven(&self) -> bool {
-        let moves = |k: usize| !self.freedom(k).is_free() && !self.freedom(k).is_fixed();
-        !self.loads.is_empty() || Self::components().any(moves)
+    /// True if component `k` of its motion is prescribed and not always 0.
+    pub fn is_driven(&self, k: usize) -> bool {
+        !self.freedom(k).is_free() && !self.freedom(k).is_fixed()
     }
 
     /// The curves of its motion and its loads.
@@ -210,11 +209,11 @@ impl<const D: usize> Tool<D> {
         self.loads.iter().map(|load| &load.curve).chain([&self.curve])
     }
 
-    /// Force and moment of its loads at a time, [force] and [force·length].
-    pub fn load_at(&self, time: f64) -> ([f64; D], [f64; 3]) {
+    /// Force and moment of its loads with a factor for each curve, [force] and [force·length].
+    pub fn load_at(&self, factor: impl Fn(&LoadCurve) -> f64) -> ([f64; D], [f64; 3]) {
         let (mut force, mut moment) = ([0.0; D], [0.0; 3]);
         for load in &self.loads {
-            let factor = load.curve.factor(time);
+            let factor = factor(&load.curve);
             (0..D).for_each(|d| force[d] += factor * load.force[d]);
             (0..3).for_each(|d| moment[d] += factor * load.moment[d]);
         }

@@ -7,8 +7,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::basis::Connectivity;
-use crate::model::{Control, Model};
+use crate::model::{Control, Controlled, Model};
 use crate::points::Points;
+use crate::terms::Terms;
 
 use super::motion::Motion;
 use super::residual::norm;
@@ -32,10 +33,19 @@ impl Path {
     }
 }
 
+/// A motion of the nodes with the global unknowns.
+#[derive(Clone, Copy)]
+pub(super) struct Field<'a, const N: usize> {
+    pub(super) nodes: &'a [[f64; N]],
+    pub(super) globals: &'a [f64],
+}
+
 /// The condition of one step.
 pub(super) enum Condition<const D: usize, const N: usize> {
     /// Σ c·Δd over the nodes is the increment `by`.
     Displacement { weight: Vec<[f64; N]>, by: f64 },
+    /// The global unknown of this number is the increment `by`; `None` if there is no such unknown.
+    Global { number: Option<usize>, by: f64 },
     /// (Δd − c, Δd − c) is the square of `length`, in the product weighted by the volume that each node carries. The
     /// centre c is the motion due to the out-of-balance forces of a fresh grid, without the part that the loads would
     /// cause; it would hide the path when steps are small.
@@ -58,7 +68,7 @@ const NO_INFLUENCE: f64 = 1e-10;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NoPath {
     /// The loads do not change the prescribed displacement.
-    #[error("the loads do not move the probe along its axis")]
+    #[error("the loads do not move the probe or tool along its axis")]
     NoInfluence,
     /// No load factor gives the length of the step.
     #[error("no load factor gives the displacement or path length that the step prescribes")]
@@ -98,11 +108,21 @@ impl<const D: usize, const N: usize> Condition<D, N> {
         links: &Connectivity<D>,
         step: Step,
         path: &Path,
+        terms: &Terms<D, N>,
     ) -> Option<Self> {
         let share = (step.end - step.start) / model.stepping.duration();
         match model.stepping.control {
             Control::Load | Control::StrengthReduction { .. } => None,
-            Control::Displacement { probe, axis, to } => {
+            Control::Displacement { of: Controlled::Tool(tool), axis, to } => {
+                let mut first = 0;
+                let number = terms.iter().find_map(|term| {
+                    let of_term = term.motion_of_tool(tool, axis).map(|number| first + number);
+                    first += term.n_globals();
+                    of_term
+                });
+                Some(Condition::Global { number, by: to * share })
+            }
+            Control::Displacement { of: Controlled::Probe(probe), axis, to } => {
                 let axis = axis.min(D - 1); // decks with any other axis are refused
                 let mut weight = vec![[0.0; N]; links.n_active()];
                 let chosen = model.probes.get(probe).map_or(&[][..], |probe| &probe.points);
@@ -151,12 +171,22 @@ impl<const D: usize, const N: usize> Condition<D, N> {
     /// [`NoPath`].
     pub(super) fn change(
         &mut self,
-        delta_d: &[[f64; N]],
-        of_residual: &[[f64; N]],
-        of_load: &[[f64; N]],
+        so_far: Field<N>,
+        of_residual: Field<N>,
+        of_load: Field<N>,
     ) -> Result<f64, NoPath> {
         let finite = |x: f64| if x.is_finite() { Ok(x) } else { Err(NoPath::NoIntersection) };
+        if let Condition::Global { number, by } = self {
+            let along = |field: &Field<N>| number.and_then(|n| field.globals.get(n)).copied().unwrap_or(0.0);
+            let influence = along(&of_load);
+            if influence == 0.0 {
+                return Err(NoPath::NoInfluence);
+            }
+            return finite((*by - along(&so_far) - along(&of_residual)) / influence);
+        }
+        let (delta_d, of_residual, of_load) = (so_far.nodes, of_residual.nodes, of_load.nodes);
         match self {
+            Condition::Global { .. } => Err(NoPath::NoInfluence),
             Condition::Displacement { weight, by } => {
                 let along = |field: &[[f64; N]]| -> f64 {
                     weight.iter().zip(field).flat_map(|(w, u)| (0..D).map(|d| w[d] * u[d])).sum()
@@ -239,7 +269,7 @@ impl<const D: usize, const N: usize> Condition<D, N> {
         factor: f64,
     ) -> Path {
         match self {
-            Condition::Displacement { .. } => Path { factor, ..Path::default() },
+            Condition::Displacement { .. } | Condition::Global { .. } => Path { factor, ..Path::default() },
             Condition::ArcLength { length, centre, .. } => Path {
                 factor,
                 rate: length.map(|length| length / (step.end - step.start)),

@@ -312,7 +312,8 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let matrix = nalgebra::DMatrix::from_fn(n, n, |i, j| {
             border.corner[i][j] - along(&border.rows[i], &influence[j])
         });
-        let residual = |i: usize| if is_residual { border.residual[i] } else { 0.0 };
+        // Loads that the solution answers change the global equations, too.
+        let residual = |i: usize| if is_residual { border.residual[i] } else { border.per_factor[i] };
         let rhs = nalgebra::DVector::from_fn(n, |i, _| -residual(i) - along(&border.rows[i], delta));
         let change = matrix.lu().solve(&rhs).filter(|change| change.iter().all(|w| w.is_finite()));
         let change: Vec<f64> =

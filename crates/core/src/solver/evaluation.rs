@@ -21,6 +21,11 @@ const MOST_SEARCHES: usize = 3;
 const MOST_SEARCHES_OF_CONTACT: usize = 6;
 /// Fraction of the residual to which an increment must reduce it where bodies touch tools, lest a line search follows.
 const FAST: f64 = 0.1;
+/// First iteration since the last update of multipliers from which on an increment where bodies touch tools is halved until it
+/// does not increase the residual: friction has no potential whose slope would end a cycle between two states.
+const FIRST_BACKTRACK: usize = 8;
+/// Largest number of such halvings.
+const MOST_BACKTRACKS: usize = 5;
 /// First iteration with a line search after a failed attempt.
 const FIRST_SEARCH: usize = 3;
 /// First iteration with a line search otherwise, as a fraction of those allowed, so that iterations that converge are
@@ -92,12 +97,12 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             (false, true) => [MOST_HALVINGS, MOST_SEARCHES],
             (false, false) => [MOST_HALVINGS, MOST_SEARCHES_OF_CONTACT],
         };
-        let (mut halvings, mut searches, mut bracket) = (0, 0, Bracket::default());
+        let (mut halvings, mut searches, mut backtracks, mut bracket) = (0, 0, 0, Bracket::default());
         loop {
             if self.context.model.tools.is_empty() {
                 bracket = Bracket::default(); // Smooth potentials need no more than a secant.
             }
-            self.course.shortened = halvings + searches > 0; // adapts the damping
+            self.course.shortened = halvings + searches + backtracks > 0; // adapts the damping
             let may_shorten = iteration > 0 && !self.unknowns.prescribes && !self.course.is_augmented;
             match self.evaluate_terms(Wanted::Stiffness) {
                 Err(EvaluateError::Point(_) | EvaluateError::Contact(_))
@@ -113,11 +118,19 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             if searches < most_searches
                 && !self.course.is_augmented
                 && self.may_search(iteration, found.residual)
-                && let Some(shorter) =
-                    self.unknowns.secant_fraction(&self.course.out_of_balance, &mut bracket)
+                && let Some(shorter) = self.unknowns.secant_fraction(
+                    &self.course.out_of_balance,
+                    &self.system.sum.system().border,
+                    &mut bracket,
+                )
             {
                 searches += 1;
                 self.unknowns.shorten(shorter);
+                continue;
+            }
+            if backtracks < MOST_BACKTRACKS && may_shorten && self.cycles(iteration, found.residual) {
+                backtracks += 1;
+                self.unknowns.shorten(0.5);
                 continue;
             }
             return Ok(found);
@@ -148,6 +161,14 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         measured.or_larger(system.border.relative_residual(), tolerance)
     }
 
+    /// True if bodies touch tools and an increment of late iterations has led to a larger residual.
+    fn cycles(&self, iteration: usize, residual: f64) -> bool {
+        let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
+        !self.context.model.tools.is_empty()
+            && iteration - self.course.solves_before >= FIRST_BACKTRACK
+            && residual > before.max(self.context.model.newton.tolerance)
+    }
+
     /// True if a line search may shorten the last increment, given the residual it has led to. Where bodies touch tools, any
     /// increment may overshoot.
     fn may_search(&self, iteration: usize, residual: f64) -> bool {
@@ -163,7 +184,8 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let before = self.course.residuals.last().copied().unwrap_or(f64::INFINITY);
         iteration - self.course.solves_before >= first
             && !self.unknowns.prescribes
-            && self.system.sum.system().per_factor().is_none()
+            // Only the first increment changes the quantity that determines the load factor.
+            && (self.system.sum.system().per_factor().is_none() || touches_tools && iteration > 1)
             && (damped || residual > if touches_tools { FAST * before } else { before })
             && residual > newton.tolerance
     }

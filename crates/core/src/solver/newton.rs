@@ -7,7 +7,7 @@ use crate::terms::Augmentation;
 use crate::timing::Phase;
 
 use super::attempt::{Ended, NoIncrement};
-use super::control::{Condition, NoPath};
+use super::control::{Condition, Field, NoPath};
 use super::damping::{self, MORE_ITERATIONS};
 use super::equations::RightHandSide;
 use super::error::{SolveError, locate_failure};
@@ -81,8 +81,9 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     }
 
     pub(super) fn has_reached_constraints(&self) -> bool {
+        let shortened = self.course.shortened;
         self.system.dofs.is_reached(&self.unknowns.delta_d)
-            && self.system.condition.as_ref().is_none_or(|condition| condition.is_met())
+            && self.system.condition.as_ref().is_none_or(|condition| condition.is_met() && !shortened)
     }
 
     /// True if a node has moved farther than a stride, which is infinite except in damped iterations.
@@ -154,7 +155,11 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
                 equations.solve_with_last_factor(place, system, rhs, &mut of_load, eta, timings)?;
             solved.iterations += again.iterations;
             let change = condition
-                .change(&unknowns.delta_d, &unknowns.iterative, &of_load)
+                .change(
+                    Field { nodes: &unknowns.delta_d, globals: &unknowns.globals },
+                    Field { nodes: &unknowns.iterative, globals: &unknowns.iterative_globals },
+                    Field { nodes: &of_load, globals: &globals },
+                )
                 .map_err(|reason| match reason {
                     // The loads had an influence at the start of the step; a smaller step keeps it.
                     NoPath::NoInfluence if !course.solved.is_empty() => NoPath::NoIntersection,

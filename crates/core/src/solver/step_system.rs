@@ -44,8 +44,8 @@ impl<const D: usize, const N: usize> StepSystem<D, N> {
         }
         let begin = |term: &mut Box<dyn Term<D, N>>| term.begin(context, points);
         terms.iter_mut().try_for_each(begin).map_err(|error| SolveError::begin(error, step))?;
+        let condition = Condition::new(model, points, links, step, path, terms);
         let sum = Sum::new(std::mem::take(terms), context, &dofs);
-        let condition = Condition::new(model, points, links, step, path);
         let parts = Parts::new(&lowest, fields.components());
         let parts = parts.of_bodies(points, links, model.bodies.len(), carried);
         Ok(StepSystem { dofs, sum, condition, parts })

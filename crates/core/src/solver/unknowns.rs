@@ -1,6 +1,6 @@
 //! The unknowns of a load step: nodal increments, reactions, load factor and global unknowns, eqs. (28), (30) and (40).
 
-use crate::assembly::System;
+use crate::assembly::{Border, System};
 use crate::dofs::DofMap;
 use crate::linear::LinearError;
 use crate::model::Model;
@@ -135,7 +135,7 @@ impl<const N: usize> Unknowns<N> {
         }
         self.taken = 1.0;
         // Without prescribed motion, which a line search never shortens, this is the work on the unknowns.
-        self.slope = self.slope(out_of_balance);
+        self.slope = self.slope(out_of_balance, &system.border);
         Ok(())
     }
 
@@ -176,16 +176,21 @@ impl<const N: usize> Unknowns<N> {
         self.taken *= part;
     }
 
-    /// The work of a force on the whole last iterative displacement, [energy].
-    pub(super) fn slope(&self, force: &[[f64; N]]) -> f64 {
+    /// The work of the forces out of balance, on the nodes and of the global equations, on the whole last increment, [energy].
+    pub(super) fn slope(&self, force: &[[f64; N]], border: &Border<N>) -> f64 {
         let work = force.iter().flatten().zip(self.iterative.iter().flatten()).map(|(f, u)| f * u);
-        work.sum::<f64>() / self.taken
+        (work.sum::<f64>() + border.work(&self.iterative_globals)) / self.taken
     }
 
     /// The factor on the last increment, as far as it was taken, that leads to where a secant of the slope of the potential
     /// vanishes; `None` if the slope there is small enough or no bracket is known.
-    pub(super) fn secant_fraction(&self, out_of_balance: &[[f64; N]], bracket: &mut Bracket) -> Option<f64> {
-        let (start, slope) = (self.slope, self.slope(out_of_balance));
+    pub(super) fn secant_fraction(
+        &self,
+        out_of_balance: &[[f64; N]],
+        border: &Border<N>,
+        bracket: &mut Bracket,
+    ) -> Option<f64> {
+        let (start, slope) = (self.slope, self.slope(out_of_balance, border));
         if start <= 0.0 || slope.abs() <= FLAT * start {
             return None;
         }

@@ -54,16 +54,16 @@ mod state;
 #[cfg(test)]
 mod tests;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use serde_json::Value;
 
 use crate::assembly::{System, Wanted};
-use crate::model::{Model, Tool};
+use crate::model::{LoadCurve, Model, Tool};
 use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::step::{At, Nodal, StepContext};
-use crate::tool::Shape;
+use crate::tool::{Closest, Shape};
 
 use super::failure::{BeginError, EvaluateError};
 use super::term::{Augmentation, Ledger, Term};
@@ -81,6 +81,8 @@ pub use state::{ContactPoint, PartState, ToolState};
 /// Gap at the start of a step, relative to the size of a cell, above which the straight path of a place tells whether it
 /// has passed through a tool, [-]: nearer places may cut its rounded surface.
 const APART: f64 = 1e-3;
+/// Factor on the penalty of places that many updates have closed slowly.
+const MORE_PENALTY: f64 = 10.0;
 /// Depth below the surface, relative to the size of a cell, to which a straight path may cut a corner of a tool, [-]; what is
 /// thinner than twice this is no obstacle.
 const GRAZING: f64 = 5e-3;
@@ -107,8 +109,9 @@ pub struct Contact<const D: usize> {
     /// The changes by the last update, and the largest error among them.
     changes: Vec<Option<Change<D>>>,
     before: Option<Worst>,
-    /// Time at the end of the present step.
+    /// Time at the end of the present step, and the load factor at the last evaluation if it follows from equilibrium.
     time: f64,
+    factor: f64,
 }
 
 impl<const D: usize> Contact<D> {
@@ -128,6 +131,7 @@ impl<const D: usize> Contact<D> {
             changes: Vec::new(),
             before: None,
             time: 0.0,
+            factor: 0.0,
         }
     }
 
@@ -144,7 +148,7 @@ impl<const D: usize> Contact<D> {
     /// Finds the places of a step and their multipliers.
     fn find(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), ContactError> {
         for (moving, tool) in self.tools.iter_mut().zip(&step.model.tools) {
-            moving.begin(tool, step.model, step.step)?;
+            moving.begin(tool, step.model, step.step, step.factor)?;
         }
         self.is_there.fill(false);
         points.body.iter().for_each(|&body| self.is_there[body as usize] = true);
@@ -158,7 +162,7 @@ impl<const D: usize> Contact<D> {
         self.trials.clear();
         self.changes.clear();
         (self.updates, self.before) = (0, None);
-        self.time = step.step.end;
+        (self.time, self.factor) = (step.step.end, step.factor);
         Ok(())
     }
 
@@ -199,6 +203,9 @@ impl<const D: usize> Contact<D> {
                 }
             }
         }
+        if let Some(place) = self.between(model) {
+            return Err(ContactError::Between { place });
+        }
         if let Some((number, p)) = missed(&self.search(step, points), at.delta_d) {
             let (tool, body) = (&model.tools[number], points.body[p] as usize);
             let position = &points.converged.position[p];
@@ -207,11 +214,37 @@ impl<const D: usize> Contact<D> {
         Ok(())
     }
 
+    /// A corner of a domain from whose centre a part of a tool parts it at the last evaluation.
+    fn between(&self, model: &Model<D>) -> Option<ContactPlace> {
+        let places = || self.candidates.iter().zip(&self.trials);
+        let is_centre = |candidate: &Candidate<D>| candidate.key.corner == candidates::CENTRE;
+        let centres: HashMap<(u32, u32), [f64; D]> = places()
+            .filter(|(candidate, _)| is_centre(candidate))
+            .map(|(candidate, trial)| ((candidate.key.tool, candidate.key.point), trial.position))
+            .collect();
+        let parts = |candidate: &Candidate<D>, corner: &[f64; D], point: u32| {
+            let number = candidate.key.tool;
+            let Some(centre) = centres.get(&(number, point)) else { return false };
+            let (shape, moving) = (model.tools[number as usize].shape.as_ref(), &self.tools[number as usize]);
+            let [from, to] = [centre, corner].map(|x| moving.end.to_tool(x));
+            let is_outside = |found: &Closest<D>| found.gap > -GRAZING * candidate.size;
+            let ends = [from, to].map(|x| shape.closest(x).filter(is_outside));
+            matches!(ends, [Some(a), Some(b)] if dot(&a.normal, &b.normal) < candidates::OTHER_SIDE)
+                && shape.first_contact(from, to).is_some()
+        };
+        let parted = |(candidate, trial): &(&Candidate<D>, &Trial<D>)| {
+            let mut points = candidate.shared_by.iter().chain([&candidate.key.point]);
+            !is_centre(candidate) && points.any(|point| parts(candidate, &trial.position, *point))
+        };
+        places().find(parted).map(|(candidate, _)| candidate.place(model))
+    }
+
     /// The state of all tools at the last evaluation.
     fn states(&self, model: &Model<D>) -> Vec<ToolState<D>> {
         let mut states: Vec<ToolState<D>> = (self.tools.iter().zip(&model.tools))
             .map(|(moving, tool)| {
-                let (load, load_moment) = tool.load_at(self.time);
+                let factor = |curve: &LoadCurve| model.stepping.factor_of(curve, self.time, self.factor);
+                let (load, load_moment) = tool.load_at(factor);
                 let (now, original) = (moving.end.position(), moving.original.position());
                 ToolState {
                     pose: moving.end,
@@ -288,6 +321,12 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         lists.iter().for_each(|nodes| couple(nodes));
     }
 
+    fn motion_of_tool(&self, tool: usize, component: usize) -> Option<usize> {
+        let before = self.tools.iter().take(tool).map(|moving| moving.free.len()).sum::<usize>();
+        let of_tool = self.tools.get(tool)?.free.iter().position(|&k| k == component)?;
+        Some(before + of_tool)
+    }
+
     fn n_globals(&self) -> usize {
         self.tools.iter().map(|moving| moving.free.len()).sum()
     }
@@ -315,7 +354,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         }
         let pairs: Vec<_> = self.candidates.iter().zip(&self.trials).collect();
         evaluation::add(&self.tools, &pairs, wanted, sum);
-        evaluation::add_loads(&model.tools, &self.tools, step.step.end, sum);
+        self.factor = at.factor;
+        evaluation::add_loads(model, &self.tools, (step.step.end, at.factor), at.globals, sum);
         Ok(())
     }
 
@@ -345,19 +385,18 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         let Some(worst) = worst(candidates, &now, &tolerances) else {
             return Ok(Augmentation::Satisfied);
         };
-        let candidate = &candidates[worst.candidate];
-        let tool = candidate.key.tool as usize;
+        let tool = candidates[worst.candidate].key.tool as usize;
         let is_last = *updates >= step.model.tools[tool].control.augmentations;
-        if worst.is_settled(tolerances[tool], before.as_ref(), is_last) {
+        if worst.is_settled(tolerances[tool], before.as_ref(), *updates, is_last) {
             return Ok(Augmentation::Satisfied);
         }
         if is_last {
             return Err(EvaluateError::from(ContactError::NotSettled {
-                place: candidate.place(step.model),
+                place: candidates[worst.named].place(step.model),
                 augmentations: *updates,
                 overlap: worst.overlap,
                 slip: worst.slip,
-                most: tolerances[tool] * candidate.size,
+                most: tolerances[tool] * candidates[worst.named].size,
             }));
         }
         for ((candidate, multiplier), trial) in candidates.iter().zip(multipliers).zip(trials) {
@@ -367,7 +406,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             if let (Some(now), Some(before)) = (now, before)
                 && now.is_slow(before)
             {
-                candidate.penalty = candidate.penalty_if_slow;
+                let more = if *updates < multipliers::MANY { 1.0 } else { MORE_PENALTY };
+                candidate.penalty = candidate.penalty.max(more * candidate.penalty_if_slow);
             }
         }
         *changes = now;
@@ -441,7 +481,9 @@ impl<const D: usize> Contact<D> {
         let mut touches = vec![false; self.tools.len()];
         self.touching().for_each(|(_, candidate, _, _)| touches[candidate.key.tool as usize] = true);
         for ((moving, touches), tool) in self.tools.iter().zip(touches).zip(&model.tools) {
-            if let (Some(&k), false) = (moving.free.first(), touches) {
+            let mut unknowns = moving.free.iter().zip(&moving.follows);
+            let free = unknowns.find(|(_, follows)| !**follows).map(|(k, _)| *k);
+            if let (Some(k), false) = (free, touches) {
                 let component = Tool::<D>::component_name(k);
                 return Err(ContactError::Loose { tool: tool.name.clone(), component });
             }

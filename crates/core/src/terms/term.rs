@@ -89,6 +89,12 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         0
     }
 
+    /// The number, among its global unknowns, of component `component` of the motion of a tool of the model; `None` if that is
+    /// not an unknown of this term.
+    fn motion_of_tool(&self, _tool: usize, _component: usize) -> Option<usize> {
+        None
+    }
+
     /// Adds its force, and if wanted its stiffness, at these unknowns. It may write only the trial state of the points.
     ///
     /// # Errors

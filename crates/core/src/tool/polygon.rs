@@ -8,10 +8,12 @@ use super::shape::Shape;
 use crate::region::vector::{dot, minus};
 use crate::region::{Bounds, Facet, Polygon, Primitive, around, segments_meet};
 
-/// A closed simple polygon. Part k is the edge from corner k to corner k + 1.
+/// A closed simple polygon. Part k is the edge from corner k to corner k + 1; edges on an axis of revolution have no surface.
 #[derive(Debug, Clone)]
 pub struct ClosedPolygon {
     border: Border,
+    /// True for each edge on the axis of revolution.
+    on_axis: Vec<bool>,
 }
 
 impl ClosedPolygon {
@@ -24,9 +26,25 @@ impl ClosedPolygon {
         Ok(Self::of(border::polygon(corners)?))
     }
 
+    /// The section of a body of revolution about the axis x = `axis`, [length]: beyond its edges on the axis follows the mirror
+    /// image.
+    ///
+    /// # Errors
+    /// As [`ClosedPolygon::new`].
+    pub fn section(corners: Vec<[f64; 2]>, axis: f64) -> Result<Self, ShapeError> {
+        Ok(Self::beside(border::polygon(corners)?, |ends| ends.iter().all(|x| x[0] == axis)))
+    }
+
     /// The tool with the shape of a polygon.
     pub fn of(polygon: Polygon) -> Self {
-        ClosedPolygon { border: Border::new(polygon, |_| false) }
+        Self::beside(polygon, |_| false)
+    }
+
+    fn beside(polygon: Polygon, is_axis: impl Fn(&[[f64; 2]; 2]) -> bool) -> Self {
+        let corners = polygon.vertices();
+        let ends = |k: usize| [corners[k], corners[(k + 1) % corners.len()]];
+        let on_axis = (0..corners.len()).map(|k| is_axis(&ends(k))).collect();
+        ClosedPolygon { border: Border::new(polygon, is_axis), on_axis }
     }
 
     /// The polygon.
@@ -49,7 +67,9 @@ impl Shape<2> for ClosedPolygon {
     }
 
     fn pieces(&self, size: f64) -> Option<Vec<Facet<2>>> {
-        Some(self.polygon().facets(size))
+        let mut facets = self.polygon().facets(size);
+        facets.retain(|facet| !self.on_axis[facet.side]);
+        Some(facets)
     }
 }
 

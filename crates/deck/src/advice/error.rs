@@ -68,6 +68,10 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
              `difference`; boxes of points at a curved border reach beyond it by up to half their size",
         ),
         ContactError::Slide { .. } | ContactError::Through { .. } => Some(SMALLER_STEPS),
+        ContactError::Between { .. } => Some(
+            "use smaller cells or more points per cell, so that the corners of domains lie closer together than this part of the \
+             tool is thick, or blunt its edge",
+        ),
         ContactError::NotSettled { .. } => Some(
             "use smaller steps (`steps: {count, smallest}`), smaller cells, or a larger `overlap` of the tool",
         ),

@@ -4,7 +4,7 @@ use super::Builder;
 use crate::initial_stress::initial_factor;
 use crate::region::OfDeck;
 use crate::{ControlDeck, LoadDeck, Reset, StageDeck, StepsDeck};
-use mpm_core::model::{Control, Course, Factors, LoadCurve, Model, Stage, Stepping};
+use mpm_core::model::{Control, Controlled, Course, Factors, LoadCurve, Model, Stage, Stepping};
 use mpm_core::points::Points;
 use mpm_core::region::Region;
 
@@ -34,8 +34,19 @@ where
                 }
                 ControlDeck::Load {} => Control::Load,
                 ControlDeck::ArcLength { length } => Control::ArcLength { length: *length },
-                ControlDeck::Displacement { probe, axis, to } => Control::Displacement {
-                    probe: self.deck.output.probes.iter().position(|p| p.name == *probe).unwrap_or(0),
+                ControlDeck::Displacement { probe, tool, axis, to } => Control::Displacement {
+                    of: match tool {
+                        Some(name) => {
+                            let tool = self.deck.tools.iter().position(|tool| tool.name == *name);
+                            Controlled::Tool(tool.unwrap_or(0))
+                        }
+                        None => {
+                            let mut probes = self.deck.output.probes.iter();
+                            Controlled::Probe(
+                                probes.position(|p| Some(&p.name) == probe.as_ref()).unwrap_or(0),
+                            )
+                        }
+                    },
                     axis: *axis as usize,
                     to: *to,
                 },

@@ -17,7 +17,7 @@ use crate::region::{FromFiles, Given, Groups, OfDeck};
 use crate::span::escape;
 use crate::tool_shapes::ToolOfDeck;
 use crate::tools::{ContactDeck, FreeDeck, FrictionDeck, ToolDeck, ToolPartDeck, ToolShape, Turn};
-use crate::{Expression, Parameter};
+use crate::{Expression, Idealisation, Parameter};
 
 impl<const D: usize> Builder<'_, D>
 where
@@ -56,7 +56,8 @@ where
                 surface?.triangles().to_vec()
             }
         };
-        let mut shape = |about: &[f64; D]| match Region::tool(&deck.shape, about, &triangles)? {
+        let revolved = self.loaded.deck.analysis.idealisation == Idealisation::Axisymmetric;
+        let mut shape = |about: &[f64; D]| match Region::tool(&deck.shape, about, &triangles, revolved)? {
             Ok(shape) => Some(shape),
             Err(error) => {
                 let message = format!("the tool {} has no shape: {error}", quote(&deck.name));
@@ -177,7 +178,7 @@ fn formula(
     value: &Expression,
     parameters: &std::collections::BTreeMap<String, Parameter>,
 ) -> Formula {
-    let is_rotation = !matches!(component, FreeDeck::X | FreeDeck::Y | FreeDeck::Z);
+    let is_rotation = component.is_rotation();
     let in_radians = match value {
         Expression::Number(degrees) if is_rotation => Expression::Number(degrees.to_radians()),
         Expression::Formula(text) if is_rotation => Expression::Formula(format!("({text}) * (pi / 180)")),

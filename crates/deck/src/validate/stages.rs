@@ -91,7 +91,7 @@ impl Check<'_> {
     /// Checks what a stage says about absent bodies.
     fn absent_bodies(&mut self, number: usize, stage: &StageDeck, is_absent: &dyn Fn(&str) -> bool) {
         let deck = self.deck;
-        if let ControlDeck::Displacement { probe, .. } = &stage.steps.control {
+        if let ControlDeck::Displacement { probe: Some(probe), .. } = &stage.steps.control {
             let probe = deck.output.probes.iter().find(|other| other.name == *probe);
             if let Some(probe) = probe.filter(|probe| is_absent(&probe.body)) {
                 let message = format!(

@@ -46,19 +46,21 @@ impl Check<'_> {
         let deck = self.deck;
         match control {
             ControlDeck::Load {} => {}
-            ControlDeck::Displacement { probe, axis, to } => {
+            ControlDeck::Displacement { probe, tool, axis, to } => {
                 if *axis as usize >= deck.dimensions() {
                     self.of_other_dimension(&format!("{pointer}/axis"), "the axis `z`", 3);
                 }
-                let probes: Vec<&str> = deck.output.probes.iter().map(|probe| probe.name.as_str()).collect();
-                if !probes.contains(&probe.as_str()) {
-                    let message = format!("there is no probe {}", quote(probe));
-                    let help = if probes.is_empty() {
-                        "add one: `output: {probes: [{name, body, nearest}]}`".to_owned()
-                    } else {
-                        format!("the probes are {}", list(probes))
-                    };
-                    self.error("D049", &format!("{pointer}/probe"), message, help);
+                match (probe, tool) {
+                    (Some(probe), None) => self.controlled_probe(pointer, probe),
+                    (None, Some(tool)) => self.controlled_tool(pointer, tool, *axis as usize),
+                    (None, None) => {
+                        let message = "displacement control needs something to move";
+                        self.error("D049", pointer, message, "name a `probe` or a `tool`");
+                    }
+                    (Some(_), Some(_)) => {
+                        let message = "displacement control moves either a probe or a tool";
+                        self.error("D049", &format!("{pointer}/tool"), message, "remove `probe` or `tool`");
+                    }
                 }
                 let extent = match &deck.grid {
                     GridDeck::Structured { size, .. } => size.iter().fold(0.0f64, |most, l| most.max(*l)),
@@ -87,6 +89,38 @@ impl Check<'_> {
                     self.error("D049", &format!("{pointer}/to"), message, help);
                 }
             }
+        }
+    }
+
+    fn controlled_probe(&mut self, pointer: &str, probe: &str) {
+        let probes: Vec<&str> = self.deck.output.probes.iter().map(|probe| probe.name.as_str()).collect();
+        if !probes.contains(&probe) {
+            let message = format!("there is no probe {}", quote(probe));
+            let help = if probes.is_empty() {
+                "add one: `output: {probes: [{name, body, nearest}]}`".to_owned()
+            } else {
+                format!("the probes are {}", list(probes))
+            };
+            self.error("D049", &format!("{pointer}/probe"), message, help);
+        }
+    }
+
+    fn controlled_tool(&mut self, pointer: &str, tool: &str, axis: usize) {
+        let deck = self.deck;
+        let Some(found) = deck.tools.iter().find(|other| other.name == tool) else {
+            let message = format!("there is no tool {}", quote(tool));
+            let help = if deck.tools.is_empty() {
+                "add one under `tools`, or control a `probe`".to_owned()
+            } else {
+                format!("the tools are {}", list(deck.tools.iter().map(|tool| tool.name.as_str())))
+            };
+            return self.error("D049", &format!("{pointer}/tool"), message, help);
+        };
+        if !found.may_move_along(axis) {
+            let name = ["x", "y", "z"][axis.min(2)];
+            let message = format!("the tool {} does not move along {name}", quote(tool));
+            let help = format!("let it move: `free: [{name}]` with a load, or `u{name}`");
+            self.error("D049", &format!("{pointer}/axis"), message, help);
         }
     }
 
@@ -208,13 +242,65 @@ impl Check<'_> {
         }
     }
 
+    /// Checks that the motions of tools can share an unknown factor, which is that of the last stage.
+    fn tools_of_common_factor(&mut self, stage: Option<(&StageDeck, [f64; 2])>) {
+        let deck = self.deck;
+        let times = stage.map_or([0.0, deck.end_time()], |(_, times)| times);
+        let stands = |curve: &LoadCurve| stands_still(curve, times);
+        let is_last =
+            stage.is_none_or(|(stage, _)| deck.stages.last().is_some_and(|last| std::ptr::eq(last, stage)));
+        for (number, tool) in deck.tools.iter().enumerate().filter(|(_, tool)| tool.acts()) {
+            let pointer = format!("/tools/{number}");
+            if !is_last {
+                let message = format!(
+                    "the tool {} is moved or loaded, but the load factor of a stage before the last one is unknown",
+                    quote(&tool.name)
+                );
+                let help = "prescribe the load factor of this stage (`control: {type: load}`), or make it the last one";
+                self.error("D049", &pointer, message, help);
+            }
+            for (key, _) in tool.curves().filter(|(_, curve)| !stands(curve)) {
+                let message = format!(
+                    "the tool {} has a curve, but `steps: {{control: ...}}` makes its factor an unknown",
+                    quote(&tool.name)
+                );
+                let help = "remove the curve, or let it stand still";
+                self.error("D049", &format!("{pointer}/{key}"), message, help);
+            }
+            let of_time = |e: &Expression| matches!(e, Expression::Formula(text) if names(text).iter().any(|(_, name)| *name == "time"));
+            let motion = tool.motion();
+            for (key, ..) in motion.iter().filter(|(_, _, value)| of_time(value)) {
+                let message = format!(
+                    "{} of the tool {} depends on `time`, but `steps: {{control: ...}}` makes the load factor an unknown",
+                    quote(key),
+                    quote(&tool.name)
+                );
+                let help = "write it as a number, or as a formula of `factor`";
+                self.error("D049", &format!("{pointer}/{key}"), message, help);
+            }
+            let turns =
+                motion.iter().filter(|(_, component, value)| component.is_rotation() && !value.is_zero());
+            if turns.count() > 1 {
+                let message = format!(
+                    "the tool {} turns about several axes, which an unknown load factor cannot drive",
+                    quote(&tool.name)
+                );
+                let help =
+                    "prescribe one component of `rotation`, or the load factor (`control: {type: load}`)";
+                self.error("D049", &format!("{pointer}/rotation"), message, help);
+            }
+        }
+    }
+
     /// Checks that the loads of an analysis, or of a stage between two times, can share an unknown factor.
     fn common_factor(&mut self, control: &str, stage: Option<(&StageDeck, [f64; 2])>) {
         let deck = self.deck;
         let changes = |name: &str| stage.is_none_or(|(stage, _)| stage.factors.contains_key(name));
         // A load that stands still in a stage takes no part in its unknown factor.
         let stands = |curve: &LoadCurve| stage.is_some_and(|(_, times)| stands_still(curve, times));
-        if deck.loads.iter().filter(|load| changes(load.name())).all(|load| load.magnitude().1) {
+        let is_idle = |load: &LoadDeck| load.magnitude().1;
+        let mut loads = deck.loads.iter().filter(|load| changes(load.name()));
+        if loads.all(is_idle) && !deck.tools.iter().any(crate::ToolDeck::acts) {
             let message = "there is no non-zero load whose factor could be found";
             let help = match stage {
                 None => "add a load under `loads`, or prescribe the load factor (`control: {type: load}`)",
@@ -248,6 +334,7 @@ impl Check<'_> {
                 self.error("D049", &key, message, "write it at load factor 1");
             }
         }
+        self.tools_of_common_factor(stage);
         let moving = deck.boundary_conditions.iter().enumerate();
         for (number, condition) in moving.filter(|(_, c)| changes(&c.name) || c.curve.is_some()) {
             for Displacement { key, value, .. } in condition.displacements() {

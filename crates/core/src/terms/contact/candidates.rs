@@ -6,6 +6,7 @@
 //! | CPDI1 | corners of the domain | the same |
 //! | CPDI2 | the same, once where domains share them | the same |
 //! | MPM | corners of the box x_p ± l_p, or x_p where the point has no box | N_v of the cell of the point, continued |
+//! | all | x_p, so that thin tools meet a place between the corners | as the corners |
 //!
 //! Corners inside the body are places, too: surfaces of the body that have come together may open again. The area of a place is
 //! its share of the side of the domain that lies along the tool, and of boxes its share of the side of a cube of their volume.
@@ -35,12 +36,18 @@ pub(super) const OTHER_SIDE: f64 = -0.5;
 pub(super) const TOUCHING: f64 = 1e-6;
 /// Distance within which corners of domains are shared, relative to the size of a cell, [-].
 const SHARED: f64 = 1e-8;
+/// Largest sine of the angle between the surface of a tool and the edges of a side of a domain that lies along it, [-]: of the
+/// domains around a corner, those that touch the tool with the corner only bear no part of its area.
+const ALONG: f64 = 0.5;
 /// Least area of a place for its penalty if updates close it slowly, relative to a side of its cell, [-].
 const LEAST_AREA: f64 = 0.1;
 /// Parts of the way from a corner to its point at which a cell for it is sought.
 const INWARDS: [f64; 5] = [1e-6, 0.25, 0.5, 0.75, 1.0];
 
-/// A place that keeps its multipliers from step to step: a tool and a corner of the domain of a point.
+/// Number of the place at the position of a point that has corners, too.
+pub(super) const CENTRE: u32 = MAX_CORNERS as u32;
+
+/// A place that keeps its multipliers from step to step: a tool and a corner of the domain of a point, or [`CENTRE`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) struct Key {
     pub(super) tool: u32,
@@ -61,6 +68,8 @@ pub(super) struct Candidate<const D: usize> {
     /// Area that the place stands for, [length²]: per unit thickness in the plane, on the full circle for bodies of
     /// revolution.
     pub(super) area: f64,
+    /// The area if no side of a domain lies along the tool: its share of the most parallel side, [length²].
+    pub(super) area_of_corner: f64,
     /// Size of its cell, [length].
     pub(super) size: f64,
     /// ε, [force/length].
@@ -70,6 +79,8 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) penalty_if_slow: f64,
     /// The closest point at the start of the step, in space.
     pub(super) near: Closest<D>,
+    /// Permanent numbers of the further points whose domains share this corner.
+    pub(super) shared_by: Vec<u32>,
 }
 
 impl<const D: usize> Candidate<D> {
@@ -132,6 +143,9 @@ impl<const D: usize> Search<'_, D> {
         let all: Vec<Result<Candidate<D>, ContactError>> =
             (0..self.points.len()).into_par_iter().with_min_len(PIECE).flat_map_iter(of_point).collect();
         let mut found = self.without_shared(all.into_iter().collect::<Result<_, _>>()?);
+        for candidate in found.iter_mut().filter(|candidate| candidate.area == 0.0) {
+            candidate.area = candidate.area_of_corner;
+        }
         // Corners of domains that are flat along the tool, and bear nothing.
         found.retain(|candidate| candidate.area > 0.0);
         self.set_penalties(&mut found);
@@ -145,7 +159,10 @@ impl<const D: usize> Search<'_, D> {
         let moduli: Vec<f64> =
             model.materials.iter().map(|m| 4.0 * shear_modulus_at_rest(m.law.as_ref())).collect();
         for candidate in candidates {
-            let of_cell = candidate.size.powi(D as i32 - 1) * model.depth(&candidate.start);
+            // Beside the axis of a body of revolution, a place stands for next to no area, but moves a whole cell.
+            let mut in_cell = candidate.start;
+            in_cell[0] = in_cell[0].max(0.5 * candidate.size);
+            let of_cell = candidate.size.powi(D as i32 - 1) * model.depth(&in_cell);
             let penalty = model.tools[candidate.key.tool as usize].control.penalty;
             let of_area = penalty * moduli[model.bodies[candidate.body].material] / candidate.size;
             candidate.penalty = of_area * candidate.area;
@@ -170,14 +187,15 @@ impl<const D: usize> Search<'_, D> {
                 radius = corners.iter().map(|corner| norm(&minus(corner, x))).fold(0.0, f64::max);
             }
             let size = model.grid.size(points.cell[p] as usize);
-            let reach = tool.control.largest_slide * size;
+            let reach = tool.control.largest_slide * size + moving.prescribed_reach(x, radius);
             // A point deep inside a tool is far from its surface, too.
             let limit = if self.has_begun[number] { reach + radius } else { f64::INFINITY };
             let Some(of_point) = moving.start.closest(tool.shape.as_ref(), *x, limit) else { continue };
             if of_point.gap > reach + radius {
                 continue;
             }
-            for (corner, start) in corners.iter().enumerate() {
+            let centre = (corners.len() > 1).then_some((CENTRE as usize, x));
+            for (corner, start) in corners.iter().enumerate().chain(centre) {
                 let Some(near) = moving.start.closest(tool.shape.as_ref(), *start, f64::INFINITY) else {
                     continue;
                 };
@@ -188,25 +206,29 @@ impl<const D: usize> Search<'_, D> {
                     let place = named(model, tool, number, points.id[p], start);
                     return Err(ContactError::Overlap { place, overlap: -near.gap });
                 }
-                let vertex = Vertex::of(points.corners(p), corner);
-                let area = model.depth(x)
-                    * vertex.map_or_else(
-                        || {
-                            let share = model.volume(points, p) / model.depth(x);
-                            share.powf((D - 1) as f64 / D as f64) / (1usize << (D - 1)) as f64
-                        },
-                        |vertex| vertex.area(&near.normal),
-                    );
+                let [area, area_of_corner] = match Vertex::of(points.corners(p), corner) {
+                    None => {
+                        let share = model.volume(points, p) / model.depth(x);
+                        [share.powf((D - 1) as f64 / D as f64) / (1usize << (D - 1)) as f64; 2]
+                    }
+                    Some(vertex) => {
+                        let (area, steepness) = vertex.area(&near.normal);
+                        [if steepness < ALONG { area } else { 0.0 }, area]
+                    }
+                };
+                let depth = model.depth(x);
                 found.push(Candidate {
                     key: Key { tool: k as u32, point: points.id[p], corner: corner as u32 },
                     body: number,
                     start: *start,
                     basis: self.basis(start, x, points.cell[p], body.method),
-                    area,
+                    area: depth * area,
+                    area_of_corner: depth * area_of_corner,
                     size,
                     penalty: 0.0,
                     penalty_if_slow: 0.0,
                     near,
+                    shared_by: Vec::new(),
                 });
             }
         }
@@ -254,31 +276,34 @@ impl<const D: usize> Search<'_, D> {
         if !self.model.bodies.iter().any(|body| body.method == Method::Cpdi2) {
             return all;
         }
+        // Cells of different size share corners, too.
+        let size = all.iter().map(|candidate| candidate.size).fold(f64::INFINITY, f64::min);
         let mut places: HashMap<(u32, usize, [i64; D]), Vec<u32>> = HashMap::new();
         let mut kept: Vec<Candidate<D>> = Vec::with_capacity(all.len());
         for candidate in all {
-            if !is_shared(candidate.body) {
+            if !is_shared(candidate.body) || candidate.key.corner == CENTRE {
                 kept.push(candidate);
                 continue;
             }
-            let width = 1e3 * SHARED * candidate.size;
+            let width = 1e3 * SHARED * size;
             let lattice = |x: &[f64; D]| x.map(|x| (x / width).floor() as i64);
             let at = |key: [i64; D]| (candidate.key.tool, candidate.body, key);
             // A place near the border of a cell of the lattice is entered in all cells around it.
             let near: Vec<[i64; D]> = (0..1usize << D)
                 .map(|k| {
                     let sign = |d: usize| if k >> d & 1 == 1 { 1.0 } else { -1.0 };
-                    lattice(&std::array::from_fn(|d| candidate.start[d] + sign(d) * SHARED * candidate.size))
+                    lattice(&std::array::from_fn(|d| candidate.start[d] + sign(d) * SHARED * size))
                 })
                 .collect();
-            let is_same = |other: &&u32| {
-                norm(&minus(&kept[**other as usize].start, &candidate.start)) <= SHARED * candidate.size
-            };
+            let is_same =
+                |other: &&u32| norm(&minus(&kept[**other as usize].start, &candidate.start)) <= SHARED * size;
             let of_lattice = places.get(&at(lattice(&candidate.start)));
             if let Some(&other) = of_lattice.and_then(|others| others.iter().find(is_same)) {
                 let other = &mut kept[other as usize];
+                other.shared_by.push(other.key.point.max(candidate.key.point));
                 other.key = other.key.min(candidate.key);
                 other.area += candidate.area;
+                other.area_of_corner += candidate.area_of_corner;
                 continue;
             }
             for key in near {
@@ -311,11 +336,13 @@ impl<const D: usize> Vertex<D> {
         Some(Vertex { edges, of_side: if is_box { 1 << (D - 1) } else { D } })
     }
 
-    /// Its share of the side that is most parallel to the surface with this normal, seen along the normal, [length^(D−1)].
-    fn area(&self, normal: &[f64; D]) -> f64 {
+    /// Its share of the side that is most parallel to the surface with this normal, seen along the normal, [length^(D−1)], and
+    /// the largest sine of the angle between an edge of that side and the surface.
+    fn area(&self, normal: &[f64; D]) -> (f64, f64) {
         let slope = |e: &[f64; D]| dot(e, normal).abs() / norm(e);
         let steepest = (0..D).max_by(|&a, &b| slope(&self.edges[a]).total_cmp(&slope(&self.edges[b])));
         let side: Vec<&[f64; D]> = (0..D).filter(|k| Some(*k) != steepest).map(|k| &self.edges[k]).collect();
+        let steepness = side.iter().map(|e| slope(e)).fold(0.0, f64::max);
         let whole = match side[..] {
             [a, b] => {
                 let of_parallelogram = dot(&in_space(normal), &cross(&in_space(a), &in_space(b))).abs();
@@ -324,7 +351,7 @@ impl<const D: usize> Vertex<D> {
             [e] => norm(&along(e, -dot(e, normal), normal)),
             _ => 0.0,
         };
-        whole / self.of_side as f64
+        (whole / self.of_side as f64, steepness)
     }
 }
 
@@ -349,8 +376,8 @@ pub(super) fn corners_of<'a, const D: usize>(
     &buffer[..1 << D]
 }
 
-/// The centre of a body that no candidate stands for and that has come into a tool in the step, or through a part of it: the
-/// number of the tool and of the point.
+/// A point far from a tool at the start of the step that has come so near to it, or through a part of it, that corners of its
+/// domain without a candidate may be inside: the number of the tool and of the point.
 pub(super) fn missed<const D: usize, const N: usize>(
     search: &Search<D>,
     delta_d: &[[f64; N]],
@@ -365,13 +392,22 @@ pub(super) fn missed<const D: usize, const N: usize>(
             (0..D).for_each(|d| end[d] += value * du[d]);
         });
         let size = model.grid.size(points.cell[p] as usize);
+        let mut buffer = [[0.0; D]; MAX_CORNERS];
         model.tools.iter().zip(tools).position(|(tool, moving)| {
             let reach = tool.control.largest_slide * size;
             let path = [moving.start.to_tool(&start), moving.end.to_tool(&end)];
-            tool.interface_with(body).is_some()
-                && norm(&minus(&path[0], &path[1])) > reach
-                && tool.shape.closest_within(path[0], reach).is_none()
-                && tool.shape.first_contact(path[0], path[1]).is_some()
+            if tool.interface_with(body).is_none() || norm(&minus(&path[0], &path[1])) <= reach {
+                return false;
+            }
+            let corners = corners_of(points, p, &mut buffer);
+            let radius = corners.iter().map(|corner| norm(&minus(corner, &start))).fold(0.0, f64::max);
+            let seen = reach + moving.prescribed_reach(&start, radius);
+            let is_seen = |corner: &[f64; D]| {
+                let found = moving.start.closest(tool.shape.as_ref(), *corner, f64::INFINITY);
+                found.is_some_and(|found| found.gap <= seen)
+            };
+            tool.shape.first_contact(path[0], path[1]).is_some() && !is_seen(&start)
+                || tool.shape.closest_within(path[1], radius).is_some() && !corners.iter().all(is_seen)
         })
     };
     let groups = (0..links.n_groups()).into_par_iter();

@@ -52,6 +52,14 @@ pub enum ContactError {
         /// The place.
         place: ContactPlace,
     },
+    /// A part of a tool lies between the centre and a corner of the domain of a point, where no place touches it.
+    #[error(
+        "{place}: a part of the tool lies between this corner of the domain and its centre, where nothing touches it"
+    )]
+    Between {
+        /// The corner.
+        place: ContactPlace,
+    },
     /// The updates of the multipliers have not reached the tolerance.
     #[error(
         "{place}: after {augmentations} updates, the overlap is {overlap:.3e} and the slip of places that stick {slip:.3e}; \
@@ -117,7 +125,10 @@ impl ContactError {
     pub fn may_succeed_if_smaller(&self) -> bool {
         matches!(
             self,
-            ContactError::Slide { .. } | ContactError::Through { .. } | ContactError::NotSettled { .. }
+            ContactError::Slide { .. }
+                | ContactError::Through { .. }
+                | ContactError::Between { .. }
+                | ContactError::NotSettled { .. }
         )
     }
 }

@@ -7,7 +7,7 @@ use super::error::ContactError;
 use super::interface::{Approach, Law, Multiplier, Touch};
 use super::motion::{Moving, in_space};
 use crate::assembly::{System, Wanted};
-use crate::model::{Model, Tool};
+use crate::model::Model;
 use crate::points::PIECE;
 use crate::region::vector::{along, cross, dot, minus, norm, unit};
 
@@ -184,8 +184,10 @@ impl<const D: usize> Balance<'_, D> {
         let arm = norm(&minus(x, &moving.end.position()));
         let nodes = || candidate.basis.nodes().iter().map(|n| *n as usize).zip(candidate.basis.value());
         for (j, &k) in moving.free.iter().enumerate() {
-            let size = norm(force) * if k < D { 1.0 } else { arm };
-            sum.border.add_residual(first + j, self.component(k, force), size);
+            if !moving.follows[j] {
+                let size = norm(force) * if k < D { 1.0 } else { arm };
+                sum.border.add_residual(first + j, self.component(k, force), size);
+            }
             // Column: the tool moves.
             let (at_place, rate) = moving.velocity(k, x);
             let (at_start, _) = moving.velocity(k, &carried);
@@ -193,13 +195,16 @@ impl<const D: usize> Balance<'_, D> {
             for (node, value) in nodes() {
                 (0..D).for_each(|d| sum.border.add_to_column(first + j, node, d, -value * change[d]));
             }
-            for (i, &of_row) in moving.free.iter().enumerate() {
+            for (i, &of_row) in moving.free.iter().enumerate().filter(|(i, _)| !moving.follows[*i]) {
                 let mut corner = self.component(of_row, &change);
                 if of_row >= D && k < D {
                     // The reference point moves.
                     corner -= cross(&in_space(&unit::<D>(k)), &in_space(force))[of_row - D];
                 }
                 sum.border.add_to_corner(first + i, first + j, corner);
+            }
+            if moving.follows[j] {
+                continue;
             }
             // Row: the place moves.
             for d in 0..D {
@@ -215,19 +220,34 @@ impl<const D: usize> Balance<'_, D> {
     }
 }
 
-/// Adds the loads of free tools to their balance.
+/// Adds the loads of free tools to their balance, and the equations of tools that follow the load factor. `globals` are the
+/// increments of the global unknowns.
 pub(super) fn add_loads<const D: usize, const N: usize>(
-    tools: &[Tool<D>],
+    model: &Model<D>,
     moving: &[Moving<D>],
-    time: f64,
+    (time, factor): (f64, f64),
+    globals: &[f64],
     sum: &mut System<N>,
 ) {
+    let stepping = &model.stepping;
     let mut number = 0;
-    for (tool, moving) in tools.iter().zip(moving) {
-        let (force, moment) = tool.load_at(time);
-        for &k in &moving.free {
-            let load = if k < D { force[k] } else { moment[k - D] };
-            sum.border.add_residual(number, -load, load.abs());
+    for (tool, moving) in model.tools.iter().zip(moving) {
+        let component =
+            |k: usize, (force, moment): ([f64; D], [f64; 3])| if k < D { force[k] } else { moment[k - D] };
+        for (&k, &follows) in moving.free.iter().zip(&moving.follows) {
+            if follows {
+                let [by, per_factor, size] = moving.driven(tool, k, stepping, [time, factor]);
+                let increment = globals.get(number).copied().unwrap_or(0.0);
+                sum.border.add_residual(number, increment - by, size.max(increment.abs()));
+                sum.border.add_to_corner(number, number, 1.0);
+                sum.border.add_per_factor(number, -per_factor);
+            } else {
+                let load = component(k, tool.load_at(|curve| stepping.factor_of(curve, time, factor)));
+                let per_factor = component(k, tool.load_at(|curve| stepping.factor_per_unknown(curve)));
+                sum.border.add_residual(number, -load, load.abs());
+                sum.border.count_as_work(number);
+                sum.border.add_per_factor(number, -per_factor);
+            }
             number += 1;
         }
     }

@@ -1,10 +1,13 @@
 //! The motion of a tool in a step.
 
 use super::error::ContactError;
-use crate::model::{Freedom, Model, Tool};
+use crate::model::{Freedom, Model, Stepping, Tool};
 use crate::region::vector::{along, cross, minus, norm};
 use crate::step::Step;
 use crate::tool::{Closest, Increment, Pose, Shape};
+
+/// Change of the load factor, relative to 1 plus its value, over which the derivative of a prescribed motion is formed, [-].
+const NEARBY: f64 = 1e-6;
 
 /// A tool in a step: where it starts, and where the unknowns have moved it.
 #[derive(Debug, Clone)]
@@ -19,8 +22,13 @@ pub(super) struct Moving<const D: usize> {
     pub(super) increment: Increment<D>,
     /// The prescribed part of the motion; free components are zero.
     prescribed: Increment<D>,
-    /// Numbers of the free components: translations, then rotations.
+    /// Numbers of the components that are global unknowns: translations, then rotations. These are the free ones, and where the
+    /// load factor follows from equilibrium the driven ones.
     pub(super) free: Vec<usize>,
+    /// For each of them, true if it is driven: its equation is the prescribed motion, and not the balance of the tool.
+    pub(super) follows: Vec<bool>,
+    /// The prescribed motion at the start of the step, [length] and [rad].
+    before: [f64; 6],
 }
 
 impl<const D: usize> Moving<D> {
@@ -33,20 +41,35 @@ impl<const D: usize> Moving<D> {
             increment: none,
             prescribed: none,
             free: Tool::<D>::components().filter(|&k| tool.freedom(k).is_free()).collect(),
+            follows: Vec::new(),
+            before: [0.0; 6],
         }
     }
 
-    /// Begins a step from the converged pose.
-    pub(super) fn begin(&mut self, tool: &Tool<D>, model: &Model<D>, step: Step) -> Result<(), ContactError> {
+    /// Begins a step from the converged pose; `factor` is the load factor there if it follows from equilibrium.
+    pub(super) fn begin(
+        &mut self,
+        tool: &Tool<D>,
+        model: &Model<D>,
+        step: Step,
+        factor: f64,
+    ) -> Result<(), ContactError> {
         let name = || tool.name.clone();
-        if model.stepping.control.has_unknown_factor() && tool.is_driven() {
+        let is_unknown = model.stepping.control.has_unknown_factor();
+        if is_unknown && !may_follow(tool, model) {
             return Err(ContactError::UnknownFactor { tool: name() });
         }
         let may_move = |k: usize| !model.revolved || k == 1;
         if let Some(k) = Tool::<D>::components().find(|&k| !may_move(k) && !tool.freedom(k).is_fixed()) {
             return Err(ContactError::OffAxis { tool: name(), component: Tool::<D>::component_name(k) });
         }
-        let [before, after] = [values(tool, step.start)?, values(tool, step.end)?];
+        let at = |time: f64| values(tool, model.stepping.factor_of(&tool.curve, time, factor), time);
+        // Where the load factor follows from equilibrium, driven components begin the step at rest, too.
+        let [before, after] = [at(step.start)?, at(step.end)?];
+        let is_driven = |&k: &usize| is_unknown && tool.is_driven(k);
+        self.free = Tool::<D>::components().filter(|k| tool.freedom(*k).is_free() || is_driven(k)).collect();
+        self.follows = self.free.iter().map(is_driven).collect();
+        self.before = before;
         let mut rotation = std::array::from_fn(|k| after[D + k] - before[D + k]);
         if D == 3 && !tool.rotation.iter().any(Freedom::is_free) {
             // The relative rotation of two rotation vectors.
@@ -84,6 +107,12 @@ impl<const D: usize> Moving<D> {
         Some(self.end.in_space(&found))
     }
 
+    /// A bound of the prescribed motion in the step of the tool within a distance of a position, [length].
+    pub(super) fn prescribed_reach(&self, x: &[f64; D], distance: f64) -> f64 {
+        let moved = norm(&self.prescribed.displacement(&self.start, x));
+        moved + norm(&self.prescribed.rotation) * distance
+    }
+
     /// Magnitude of the coordinates of a position in the frame of the tool, [length].
     pub(super) fn extent(&self, x: &[f64; D]) -> f64 {
         norm(&minus(x, &self.start.position()))
@@ -105,14 +134,42 @@ impl<const D: usize> Moving<D> {
         cross(&in_space(&minus(x, &self.end.position())), &in_space(force))
     }
 
+    /// The prescribed increment of component `k` at a load factor that follows from equilibrium, [length] or [rad], its change
+    /// with the factor, and the magnitude of the numbers it is formed from.
+    pub(super) fn driven(
+        &self,
+        tool: &Tool<D>,
+        k: usize,
+        stepping: &Stepping,
+        [time, factor]: [f64; 2],
+    ) -> [f64; 3] {
+        let at = |factor: f64| tool.freedom(k).value(stepping.factor_of(&tool.curve, time, factor), time);
+        let (now, nearby) = (at(factor), NEARBY * (1.0 + factor.abs()));
+        let change = (at(factor + nearby) - at(factor - nearby)) / (2.0 * nearby);
+        [now - self.before[k], change, now.abs() + self.before[k].abs()]
+    }
+
     pub(super) fn commit(&mut self) {
         self.start = self.end;
     }
 }
 
-/// The prescribed components of the motion of a tool since time 0, at a time; 0 for free ones.
-fn values<const D: usize>(tool: &Tool<D>, time: f64) -> Result<[f64; 6], ContactError> {
-    let factor = tool.curve.factor(time);
+/// True if a tool can be driven and loaded by a load factor that follows from equilibrium: its motion is not a formula of time,
+/// it turns about one axis at most, and no later stage would find its curves elsewhere.
+fn may_follow<const D: usize>(tool: &Tool<D>, model: &Model<D>) -> bool {
+    let depends_on_time = |k: &usize| {
+        let freedom = tool.freedom(*k);
+        matches!(freedom, Freedom::Prescribed(formula) if formula.depends_on(1))
+    };
+    let driven: Vec<usize> = Tool::<D>::components().filter(|&k| tool.is_driven(k)).collect();
+    let is_last = model.present.stage + 1 >= model.stages.len();
+    let is_idle = driven.is_empty() && tool.loads.is_empty();
+    is_idle
+        || is_last && !driven.iter().any(depends_on_time) && driven.iter().filter(|k| **k >= D).count() <= 1
+}
+
+/// The prescribed components of the motion of a tool since time 0, at a load factor and a time; 0 for free ones.
+fn values<const D: usize>(tool: &Tool<D>, factor: f64, time: f64) -> Result<[f64; 6], ContactError> {
     let mut values = [0.0; 6];
     for k in Tool::<D>::components() {
         let value = tool.freedom(k).value(factor, time);

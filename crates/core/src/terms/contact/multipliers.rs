@@ -14,8 +14,11 @@ use crate::region::vector::{along, norm};
 const MOST_OF_PLACE: f64 = 1e-3;
 /// Places hinder each other if an update leaves more than this fraction of the error, [-]: it leaves about 1/p_f otherwise.
 const SLOW: f64 = 0.25;
-/// Largest error that the nodes see, relative to the size of a cell, that is accepted where places hinder each other, [-].
+/// Largest error that the nodes see, relative to the size of a cell, that is accepted where places hinder each other, [-];
+/// after `MANY` updates, [`MOST_OF_PLACE`].
 const MOST_WHERE_SLOW: f64 = 1e-4;
+/// Number of updates after which further ones hardly help where places hinder each other.
+pub(super) const MANY: usize = 6;
 
 /// The multipliers that a place has when its forces become multipliers.
 pub(super) fn forces_of<const D: usize>(trial: &Trial<D>, moving: &Moving<D>) -> Multiplier<D> {
@@ -28,12 +31,14 @@ pub(super) fn forces_of<const D: usize>(trial: &Trial<D>, moving: &Moving<D>) ->
 /// Where forces and multipliers differ most.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Worst {
-    /// Index of the candidate.
+    /// Index of the candidate with the largest mean error relative to its tolerance.
     pub(super) candidate: usize,
-    /// Error of the place, and the mean errors around its nodes at the place, relative to the size of a cell, [-].
+    /// Index of the candidate that an error names.
+    pub(super) named: usize,
+    /// Largest error of a place, and largest of the mean errors around nodes at a place, relative to the size of a cell, [-].
     pub(super) place: f64,
     pub(super) mean: f64,
-    /// The changes by an update, over the penalty, [length]: overlap, and slip of places that stick.
+    /// The changes at the named place by an update, over the penalty, [length]: overlap, and slip of places that stick.
     pub(super) overlap: f64,
     pub(super) slip: f64,
 }
@@ -81,7 +86,7 @@ impl<const D: usize> Change<D> {
     }
 }
 
-/// The candidate with the largest error; `None` if no multiplier would change.
+/// The largest errors; `None` if no multiplier would change.
 ///
 /// An update changes the force of a place by ε e. The nodes see ē = Σ N_v ē_v at the place, with their means
 /// ē_v = Σ N_v ε e/Σ N_v ε over the places around them. Both |e| and |ē| must be small.
@@ -110,21 +115,35 @@ pub(super) fn worst<const D: usize>(
             _ => seen,
         })
     };
-    let mut found: Option<Worst> = None;
+    let tolerance = |k: usize| tolerances[candidates[k].key.tool as usize];
+    // The largest mean error relative to its tolerance, and the largest error of a place.
+    let (mut of_means, mut of_places): (Option<Worst>, Option<Worst>) = (None, None);
     for (k, candidate, change) in changing() {
         let now = Worst {
             candidate: k,
+            named: k,
             place: change.size() / candidate.size,
             mean: norm(&seen_by_nodes(candidate)) / candidate.size,
             overlap: change.overlap,
             slip: change.slip,
         };
-        let tolerance = |worst: &Worst| tolerances[candidates[worst.candidate].key.tool as usize];
-        if found.is_none_or(|worst| now.error(tolerance(&now)) > worst.error(tolerance(&worst))) {
-            found = Some(now);
+        let exceeds = |other: Worst| now.mean / tolerance(k) > other.mean / tolerance(other.candidate);
+        if of_means.is_none_or(exceeds) {
+            of_means = Some(now);
+        }
+        if of_places.is_none_or(|other| now.place > other.place) {
+            of_places = Some(now);
         }
     }
-    found
+    let (of_means, of_places) = (of_means?, of_places?);
+    let named = if of_places.place > MOST_OF_PLACE { of_places } else { of_means };
+    Some(Worst {
+        candidate: of_means.candidate,
+        named: named.candidate,
+        place: of_places.place,
+        mean: of_means.mean,
+        ..named
+    })
 }
 
 impl Worst {
@@ -133,12 +152,19 @@ impl Worst {
         (self.place / MOST_OF_PLACE).max(self.mean / tolerance)
     }
 
-    /// True if no further update is needed. `before` is the error before the last update; `is_last` is true if no further
-    /// update is allowed.
-    pub(super) fn is_settled(&self, tolerance: f64, before: Option<&Worst>, is_last: bool) -> bool {
+    /// True if no further update is needed after a number of `updates`. `before` is the error before the last one; `is_last` is
+    /// true if no further update is allowed.
+    pub(super) fn is_settled(
+        &self,
+        tolerance: f64,
+        before: Option<&Worst>,
+        updates: usize,
+        is_last: bool,
+    ) -> bool {
         let helps_little = |before: &Worst| self.error(tolerance) > SLOW * before.error(tolerance);
         let is_slow = is_last || before.is_some_and(helps_little);
-        let accepted = if is_slow { tolerance.max(MOST_WHERE_SLOW) } else { tolerance };
+        let most = if updates < MANY { MOST_WHERE_SLOW } else { MOST_OF_PLACE };
+        let accepted = if is_slow { tolerance.max(most) } else { tolerance };
         self.error(accepted) <= 1.0
     }
 }

@@ -162,10 +162,10 @@ pub fn boxes_on_the_way<const D: usize>(
     let tool = model.tools.get(tool)?;
     let at = |time: &f64| {
         let mut moving = Moving::new(tool);
+        moving.begin(tool, model, Step { index: 1, start: 0.0, end: *time }, 0.0).ok()?;
         if !moving.free.is_empty() {
             return None;
         }
-        moving.begin(tool, model, Step { index: 1, start: 0.0, end: *time }).ok()?;
         at_pose(tool, &moving.end)
     };
     times.iter().map(at).collect()

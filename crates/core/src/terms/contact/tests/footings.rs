@@ -2,17 +2,22 @@
 
 use std::f64::consts::PI;
 
-use super::{Run, run};
+use super::{Run, run, run_model};
 use crate::basis::Method;
 use crate::formula::Formula;
 use crate::grid::Structured;
 use crate::material::Hencky;
-use crate::model::{Builder, Fill, Freedom, Interface, LoadCurve, Tool, ToolLoad};
+use crate::model::{Builder, Control, Controlled, Fill, Freedom, Interface, LoadCurve, Tool, ToolLoad};
 use crate::region::{Ball, Brick};
 use crate::tool::Pose;
 
 /// A rough footing on a block, sinking as prescribed or under a load.
 fn footing(motion: Freedom, load: f64) -> Run<2> {
+    controlled(motion, load, Control::Load, 1)
+}
+
+/// The footing with a step control.
+fn controlled(motion: Freedom, load: f64, control: Control, steps: usize) -> Run<2> {
     let shape = Brick::new([-0.5, 0.0], [0.5, 0.5]).unwrap();
     let mut tool = Tool::new("footing", shape, Pose::new([1.0, 1.0], [0.0; 3]).unwrap());
     tool.interface = Some(Interface::ROUGH);
@@ -24,8 +29,11 @@ fn footing(motion: Freedom, load: f64) -> Run<2> {
         .fix("sides", [true, false], |x| x[0] == 0.0 || x[0] == 2.0)
         .fix("floor", [true, true], |x| x[1] == 0.0)
         .tool(tool)
-        .steps(1);
-    run(builder).unwrap()
+        .steps(steps);
+    let (mut model, points) = builder.build().unwrap();
+    model.stepping.control = control;
+    model.stepping.smallest = 0.01;
+    run_model(&model, points).unwrap()
 }
 
 #[test]
@@ -37,6 +45,44 @@ fn a_footing_sinks_under_a_dead_load_as_far_as_the_load_pushes_it() {
     let tool = &loaded.reports[0].tools[0];
     assert!((tool.force[1] / force - 1.0).abs() < 1e-9, "{} {force}", tool.force[1]);
     assert!((tool.displacement[1] / -0.02 - 1.0).abs() < 1e-5, "{}", tool.displacement[1]);
+}
+
+/// The load factor follows from the displacement of the footing, whether a load or a prescribed motion grows with it.
+#[test]
+fn the_displacement_of_a_footing_determines_its_load_and_its_motion() {
+    let pushed = footing(Freedom::Prescribed(Formula::constant(-0.02)), 0.0);
+    let force = pushed.reports[0].tools[0].force[1];
+    let control = Control::Displacement { of: Controlled::Tool(0), axis: 1, to: -0.02 };
+    let motion = Formula::parse("-0.05 * factor - 0.03 * factor^2", &["factor", "t"]).unwrap();
+    let ways = [(Freedom::Free, -1e5), (Freedom::Prescribed(motion), 0.0)];
+    for (freedom, load) in ways {
+        let run = controlled(freedom, load, control, 1);
+        let (tool, factor) = (&run.reports[0].tools[0], run.reports[0].load_factor.unwrap());
+        assert!((tool.displacement[1] / -0.02 - 1.0).abs() < 1e-9, "{}", tool.displacement[1]);
+        assert!((tool.force[1] / force - 1.0).abs() < 1e-5, "{} {force}", tool.force[1]);
+        if load == 0.0 {
+            assert!((0.05 * factor + 0.03 * factor * factor - 0.02).abs() < 1e-9, "{factor}");
+        } else {
+            assert!((factor * load / tool.force[1] - 1.0).abs() < 1e-8, "{factor} {}", tool.force[1]);
+            assert!((tool.load[1] / tool.force[1] - 1.0).abs() < 1e-8, "{:?}", tool.load);
+        }
+    }
+}
+
+#[test]
+fn a_loaded_and_a_driven_footing_follow_an_arc_length() {
+    let along = |freedom, load| controlled(freedom, load, Control::ArcLength { length: Some(0.02) }, 4);
+    let loaded = along(Freedom::Free, -1e5);
+    let driven = along(Freedom::Prescribed(Formula::constant(-0.1)), 0.0);
+    for report in &loaded.reports {
+        let (tool, factor) = (&report.tools[0], report.load_factor.unwrap());
+        assert!((factor * -1e5 / tool.force[1] - 1.0).abs() < 1e-8, "{factor} {}", tool.force[1]);
+    }
+    let [a, b] = [&loaded, &driven].map(|run| &run.reports.last().unwrap().tools[0]);
+    assert!((a.force[1] / b.force[1] - 1.0).abs() < 1e-3, "{} {}", a.force[1], b.force[1]);
+    assert!((a.displacement[1] / b.displacement[1] - 1.0).abs() < 1e-3, "{:?}", a.displacement);
+    let lengths: Vec<f64> = loaded.reports.iter().map(|report| report.tools[0].displacement[1]).collect();
+    assert!(lengths.is_sorted_by(|a, b| a > b), "{lengths:?}");
 }
 
 /// Errors of the half width and of the share of the load near the middle of a cylinder on a block against Hertz.
