@@ -1,4 +1,4 @@
-"""Makes the pictures of `paraview.md`, `stages.md`, `footing.md`, `slope.md`, `bearing.md`, `triaxial.md` and `report.md`.
+"""Makes the pictures of the pages listed in `PAGES`, and of `report.md`.
 
     python docs/how-to/make_pictures.py target/debug/mpm
 
@@ -21,6 +21,7 @@ IMAGES = HERE.parent / "images"
 # The deck whose results each page shows.
 PAGES = {"paraview.md": "beam", "stages.md": "excavation", "footing.md": "footing_stages"}
 PAGES |= {"slope.md": "slope", "bearing.md": "bearing", "triaxial.md": "triaxial"}
+PAGES |= {"pipe.md": "pipe", "cone.md": "cone", "plough.md": "plough"}
 # What the pictures need besides the results of the deck.
 FURTHER = {"triaxial.md": "element inputs/triaxial.yaml --material clay --path triaxial-drained --confining 100e3 --to 0.2 --steps 40"}
 BLOCK = re.compile(r"<!-- picture: (\S+) -->\n```python\n(.*?)```", re.S)

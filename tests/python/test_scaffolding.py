@@ -14,7 +14,7 @@ import yaml
 from results import Results
 
 EXAMPLES = {"annulus", "beam", "collapse", "column", "excavation", "footing", "footing_stages", "shear"}
-EXAMPLES |= {"bearing", "slope", "triaxial"}
+EXAMPLES |= {"bearing", "cone", "pipe", "plough", "slope", "triaxial"}
 
 
 @pytest.fixture

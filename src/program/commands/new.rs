@@ -59,6 +59,9 @@ const EXAMPLES: &[Example] = &[
     example!(inputs: "slope"),
     example!(inputs: "bearing"),
     example!(inputs: "triaxial"),
+    example!(inputs: "pipe"),
+    example!(inputs: "cone"),
+    example!(inputs: "plough"),
 ];
 
 /// The schema, for editors; the first line of every deck names it.

@@ -2,7 +2,7 @@
 //!
 //! # Equations
 //!
-//! A candidate is a corner x_c of the domain of a point near a tool, carried by the grid with N_v of its cell (see
+//! A candidate is a corner or the centre x_c of the domain of a point near a tool, carried by the grid with N_v of its cell (see
 //! [`candidates`]). It stands for an area A. With the signed distance g of the tool, its outward normal n = ∇g and the
 //! motion s of the candidate relative to the tool in the step,
 //!
@@ -32,13 +32,13 @@
 //! divides the error by about p_f, and costs one linear solve. Gap and slip are at most the tolerance in the end, whatever the
 //! penalty, in the mean over the places around each node. More places may touch than the grid has freedom for; they hinder
 //! each other, and updates only hand forces from one to the other. Where an update leaves more than a quarter of the error,
-//! 10⁻⁴ of a cell is therefore enough, and single places may keep 10⁻³ (see [`multipliers`]). The residual of Newton's method
+//! 10⁻⁴ of a cell is therefore enough, or 10⁻³ after six updates, and single places may keep 10⁻³ (see [`multipliers`]). The residual of Newton's method
 //! holds for the final forces, and [`ToolState::overlap`] gives the overlap that is left.
 //!
 //! # Safeguards
 //!
 //! A place that moves too far along a tool in one step, comes out on its other side or passes through a part of it is an
-//! error that a smaller step may avoid. At the start of the iterations, where the tool has moved and the bodies have not,
+//! error that a smaller step may avoid. So is a part of a tool between the centre of a domain and its corner. At the start of the iterations, where the tool has moved and the bodies have not,
 //! its surface is continued flat. Places that touch without force, such as those of a block on a slope before its first
 //! step, then have their stiffness, which holds the body.
 

@@ -79,9 +79,10 @@ fn on_contact(error: &ContactError) -> Option<&'static str> {
             Some("place the tool so that it touches a body at the start, or prescribe its motion")
         }
         ContactError::NotFinite { .. } => Some("the formula divides by zero or leaves its domain there"),
-        ContactError::UnknownFactor { .. } => {
-            Some("use `control: {type: load}`, or tools that neither move as prescribed nor bear loads")
-        }
+        ContactError::UnknownFactor { .. } => Some(
+            "move the tool by numbers or formulas of `factor`, about one axis at most and in the last stage, or use \
+                 `control: {type: load}`",
+        ),
         ContactError::OffAxis { .. } => Some("in axisymmetry, prescribe motions along y only"),
         _ => None,
     }

@@ -104,8 +104,11 @@ pub enum ContactError {
         /// The time.
         time: f64,
     },
-    /// The load factor is unknown, but the tool is driven by time.
-    #[error("tool `{tool}` moves or is loaded as a function of time, but the load factor is unknown")]
+    /// The load factor is unknown, but the tool cannot follow it.
+    #[error(
+        "tool `{tool}` cannot follow an unknown load factor: it moves with time, turns about several axes, or acts before the \
+         last stage"
+    )]
     UnknownFactor {
         /// Name of the tool.
         tool: String,
