@@ -6,7 +6,7 @@
 //! | CPDI1 | corners of the domain | the same |
 //! | CPDI2 | the same, once where domains share them | the same |
 //! | MPM | corners of the box x_p ± l_p, or x_p where the point has no box | N_v of the cell of the point, continued |
-//! | all | x_p, so that thin tools meet a place between the corners | as the corners |
+//! | all | x_p, so that thin tools meet a place between the corners | S_vp |
 //!
 //! Corners inside the body are places, too: surfaces of the body that have come together may open again. The area of a place is
 //! its share of the side of the domain that lies along the tool, and of boxes its share of the side of a cube of their volume.
@@ -63,8 +63,8 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) body: usize,
     /// Position at the start of the step, [length].
     pub(super) start: [f64; D],
-    /// Active nodes and N_v.
-    pub(super) basis: CellBasis<D>,
+    /// Active nodes and their basis functions there.
+    pub(super) basis: Carriers,
     /// Area that the place stands for, [length²]: per unit thickness in the plane, on the full circle for bodies of
     /// revolution.
     pub(super) area: f64,
@@ -81,6 +81,28 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) near: Closest<D>,
     /// Permanent numbers of the further points whose domains share this corner.
     pub(super) shared_by: Vec<u32>,
+}
+
+/// The active nodes that carry a place, with their basis functions there: N_v, and S_vp at the position of a point.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Carriers {
+    nodes: Vec<u32>,
+    value: Vec<f64>,
+}
+
+impl Carriers {
+    pub(super) fn nodes(&self) -> &[u32] {
+        &self.nodes
+    }
+
+    pub(super) fn value(&self) -> &[f64] {
+        &self.value
+    }
+
+    fn push(&mut self, node: u32, value: f64) {
+        self.nodes.push(node);
+        self.value.push(value);
+    }
 }
 
 impl<const D: usize> Candidate<D> {
@@ -221,7 +243,11 @@ impl<const D: usize> Search<'_, D> {
                     key: Key { tool: k as u32, point: points.id[p], corner: corner as u32 },
                     body: number,
                     start: *start,
-                    basis: self.basis(start, x, points.cell[p], body.method),
+                    basis: if corner == CENTRE as usize {
+                        self.basis_of_point(p)
+                    } else {
+                        self.basis(start, x, points.cell[p], body.method)
+                    },
                     area: depth * area,
                     area_of_corner: depth * area_of_corner,
                     size,
@@ -235,8 +261,22 @@ impl<const D: usize> Search<'_, D> {
         Ok(())
     }
 
+    /// The active nodes that move a point, and S_vp.
+    fn basis_of_point(&self, p: usize) -> Carriers {
+        let links = self.links;
+        // The last group that begins at or before the point.
+        let (mut group, mut beyond) = (0, links.n_groups());
+        while beyond - group > 1 {
+            let middle = usize::midpoint(group, beyond);
+            *(if links.points_of(middle).start <= p { &mut group } else { &mut beyond }) = middle;
+        }
+        let (nodes, mut carriers) = (links.nodes_of(group), Carriers::default());
+        links.for_each_value(p, |local, value| carriers.push(nodes[local], value));
+        carriers
+    }
+
     /// The active nodes that move a corner, and N_v there.
-    fn basis(&self, corner: &[f64; D], x: &[f64; D], cell: u32, method: Method) -> CellBasis<D> {
+    fn basis(&self, corner: &[f64; D], x: &[f64; D], cell: u32, method: Method) -> Carriers {
         let grid = self.model.grid.as_ref();
         let towards = minus(x, corner);
         let inwards = if method == Method::Mpm { &INWARDS[4..] } else { &INWARDS[..] };
@@ -251,17 +291,17 @@ impl<const D: usize> Search<'_, D> {
     }
 
     /// A basis with the numbers of active nodes; `None` if a node is inactive. Nodes with carriers count if `is_last`.
-    fn active(&self, basis: &CellBasis<D>, is_last: bool) -> Option<CellBasis<D>> {
-        let mut active = CellBasis::default();
-        for ((&node, &value), gradient) in basis.nodes().iter().zip(basis.value()).zip(basis.gradient()) {
+    fn active(&self, basis: &CellBasis<D>, is_last: bool) -> Option<Carriers> {
+        let mut active = Carriers::default();
+        for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
             let node = node as usize;
             match self.links.active_number(node) {
-                Some(number) => active.push(number as u32, value, *gradient),
+                Some(number) => active.push(number as u32, value),
                 // A place on the border of the body: nodes beyond have no part in it.
                 None if value == 0.0 => {}
                 None if is_last => {
                     if let Some(number) = self.links.moves_with(node) {
-                        active.push(number as u32, value, *gradient);
+                        active.push(number as u32, value);
                     }
                 }
                 None => return None,
