@@ -441,7 +441,7 @@ const REASONS: &[(Change, &str, &str, &str, &str)] = &[
     (Change::Removed, "cone", "/tools/0/shape/vertices/*", "*", "the tool has fewer corners"),
     (Change::OtherType, "cone", "/tools/0/shape/vertices/3", "nothing", "YAML: a comma may end a list"),
     (Change::Removed, "plough", "/tools/0/shape/polygon/*", "*", "the tool has fewer corners"),
-    (Change::OtherType, "plough", "/tools/0/shape/polygon/9", "nothing", "YAML: a comma may end a list"),
+    (Change::OtherType, "plough", "/tools/0/shape/polygon/15", "nothing", "YAML: a comma may end a list"),
     (Change::Misspelt, "cone", "/tools/0/parts/*", "*", "a part may have any name"),
     (Change::Removed, "triaxial", "/grid/follow", "*", "the grid may stay"),
     (Change::Removed, "triaxial", "/grid/follow/0", "*", "the grid may stay"),
