@@ -178,6 +178,27 @@ pub struct Load<const D: usize> {
     pub curve: LoadCurve,
 }
 
+impl LoadCurve {
+    /// The factor of a tool at a time, [-]. Where the common load factor follows from equilibrium, `unknown` is its value: the
+    /// share that is reached of the change of the curve over the stage.
+    pub fn factor_of_tool(&self, stepping: &Stepping, time: f64, unknown: f64) -> f64 {
+        if stepping.control.has_unknown_factor() {
+            self.factor(stepping.start_time) + unknown * self.factor_per_unknown(stepping)
+        } else {
+            self.factor(time)
+        }
+    }
+
+    /// Change of that factor with the common load factor, [-]; 0 where that does not follow from equilibrium.
+    pub fn factor_per_unknown(&self, stepping: &Stepping) -> f64 {
+        if stepping.control.has_unknown_factor() {
+            self.factor(stepping.end_time) - self.factor(stepping.start_time)
+        } else {
+            0.0
+        }
+    }
+}
+
 impl<const D: usize> Load<D> {
     /// The load factor where the stage begins, and the one that it has at the end if one common factor grows from 0 to 1.
     /// At time 0, nothing is loaded.

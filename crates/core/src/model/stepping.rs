@@ -1,7 +1,5 @@
 //! Division of the loading into load steps, and step control.
 
-use super::LoadCurve;
-
 /// Tolerance for equal times, relative to a requested step, [-].
 pub const SAME_TIME: f64 = 1e-9;
 
@@ -114,25 +112,6 @@ impl Stepping {
     pub fn strength_factor(&self, time: f64) -> Option<f64> {
         let Control::StrengthReduction { from, to } = self.control else { return None };
         Some(from + (to - from) * ((time - self.start_time) / self.duration()))
-    }
-
-    /// Factor of the curve of a tool at a time, [-]. Where the common load factor follows from equilibrium, `unknown` is its
-    /// value: the share that is reached of the change of the curve over the stage.
-    pub fn factor_of(&self, curve: &LoadCurve, time: f64, unknown: f64) -> f64 {
-        if self.control.has_unknown_factor() {
-            curve.factor(self.start_time) + unknown * self.factor_per_unknown(curve)
-        } else {
-            curve.factor(time)
-        }
-    }
-
-    /// Change of that factor with the common load factor, [-]; 0 where that does not follow from equilibrium.
-    pub fn factor_per_unknown(&self, curve: &LoadCurve) -> f64 {
-        if self.control.has_unknown_factor() {
-            curve.factor(self.end_time) - curve.factor(self.start_time)
-        } else {
-            0.0
-        }
     }
 
     /// Duration of all steps, [time].

@@ -243,7 +243,8 @@ impl<const D: usize> Contact<D> {
     fn states(&self, model: &Model<D>) -> Vec<ToolState<D>> {
         let mut states: Vec<ToolState<D>> = (self.tools.iter().zip(&model.tools))
             .map(|(moving, tool)| {
-                let factor = |curve: &LoadCurve| model.stepping.factor_of(curve, self.time, self.factor);
+                let factor =
+                    |curve: &LoadCurve| curve.factor_of_tool(&model.stepping, self.time, self.factor);
                 let (load, load_moment) = tool.load_at(factor);
                 let (now, original) = (moving.end.position(), moving.original.position());
                 ToolState {

@@ -242,8 +242,8 @@ pub(super) fn add_loads<const D: usize, const N: usize>(
                 sum.border.add_to_corner(number, number, 1.0);
                 sum.border.add_per_factor(number, -per_factor);
             } else {
-                let load = component(k, tool.load_at(|curve| stepping.factor_of(curve, time, factor)));
-                let per_factor = component(k, tool.load_at(|curve| stepping.factor_per_unknown(curve)));
+                let load = component(k, tool.load_at(|curve| curve.factor_of_tool(stepping, time, factor)));
+                let per_factor = component(k, tool.load_at(|curve| curve.factor_per_unknown(stepping)));
                 sum.border.add_residual(number, -load, load.abs());
                 sum.border.count_as_work(number);
                 sum.border.add_per_factor(number, -per_factor);

@@ -63,7 +63,7 @@ impl<const D: usize> Moving<D> {
         if let Some(k) = Tool::<D>::components().find(|&k| !may_move(k) && !tool.freedom(k).is_fixed()) {
             return Err(ContactError::OffAxis { tool: name(), component: Tool::<D>::component_name(k) });
         }
-        let at = |time: f64| values(tool, model.stepping.factor_of(&tool.curve, time, factor), time);
+        let at = |time: f64| values(tool, tool.curve.factor_of_tool(&model.stepping, time, factor), time);
         // Where the load factor follows from equilibrium, driven components begin the step at rest, too.
         let [before, after] = [at(step.start)?, at(step.end)?];
         let is_driven = |&k: &usize| is_unknown && tool.is_driven(k);
@@ -143,7 +143,7 @@ impl<const D: usize> Moving<D> {
         stepping: &Stepping,
         [time, factor]: [f64; 2],
     ) -> [f64; 3] {
-        let at = |factor: f64| tool.freedom(k).value(stepping.factor_of(&tool.curve, time, factor), time);
+        let at = |factor: f64| tool.freedom(k).value(tool.curve.factor_of_tool(stepping, time, factor), time);
         let (now, nearby) = (at(factor), NEARBY * (1.0 + factor.abs()));
         let change = (at(factor + nearby) - at(factor - nearby)) / (2.0 * nearby);
         [now - self.before[k], change, now.abs() + self.before[k].abs()]
