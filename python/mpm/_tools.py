@@ -71,7 +71,8 @@ class Tool:
         rotation: Rotation vector since the start, shape (3,), [rad]; in the plane the angle is the last component.
         force: Force of the tool on the bodies, shape (axes,), [force].
         moment: Moment of this force about the reference point, shape (3,), [force·length].
-        overlap: Largest overlap with a body, [length].
+        overlap: Largest overlap with a body that contact forces have left, [length].
+        allowed_overlap: Largest further overlap that the update of boxes has left, [length].
         parts: Its named parts.
         contacts: The places that touch it.
 
@@ -103,6 +104,7 @@ class Tool:
     force: Array
     moment: Array
     overlap: float
+    allowed_overlap: float
     parts: dict[str, ToolPart]
     contacts: Contacts
 
@@ -120,7 +122,7 @@ def _tool(of: dict[str, Any]) -> Tool:
     }
     axes = len(of["position"])
     contacts = Contacts(**{key: _column(key, values, axes) for key, values in of["contacts"].items()})
-    return Tool(**arrays, overlap=of["overlap"], parts=parts, contacts=contacts)
+    return Tool(**arrays, overlap=of["overlap"], allowed_overlap=of["allowed_overlap"], parts=parts, contacts=contacts)
 
 
 def _column(key: str, values: list[Any], axes: int) -> npt.NDArray[Any]:

@@ -23,6 +23,7 @@ fn document<const D: usize>(tool: &Tool<D>, state: &ToolState<D>) -> Value {
         "force": state.force.to_vec(),
         "moment": state.moment,
         "overlap": state.overlap,
+        "allowed_overlap": state.allowed_overlap,
         "parts": Value::Object(parts.collect::<Map<_, _>>()),
         "contacts": contacts(&state.contacts),
     })

@@ -37,6 +37,7 @@ def test_tools_are_those_of_the_history(steps):
         assert np.all(np.array(moments)[:, :2] == 0)
     np.testing.assert_array_equal([len(tool.contacts) for tool in tools], history["plough_contacts"])
     np.testing.assert_array_equal([tool.overlap for tool in tools], history["plough_overlap"])
+    np.testing.assert_array_equal([tool.allowed_overlap for tool in tools], history["plough_allowed_overlap"])
     np.testing.assert_allclose(tools[-1].position, [3.05, 2.8])
     assert tools[-1].rotation.tolist() == [0, 0, 0]
 

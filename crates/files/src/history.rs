@@ -61,7 +61,7 @@ pub fn columns_of_history<const D: usize>(model: &Model<D>) -> Vec<String> {
         columns.extend(turns.iter().map(|axis| format!("{name}_m{axis}")));
         columns.extend(axes.iter().map(|axis| format!("{name}_u{axis}")));
         columns.extend(turns.iter().map(|axis| format!("{name}_turn_{axis}")));
-        columns.extend(["contacts", "overlap"].map(|what| format!("{name}_{what}")));
+        columns.extend(["contacts", "overlap", "allowed_overlap"].map(|what| format!("{name}_{what}")));
         for part in &tool.parts {
             columns.extend(axes.iter().map(|axis| format!("{name}_{}_f{axis}", part.name)));
             columns.extend(turns.iter().map(|axis| format!("{name}_{}_m{axis}", part.name)));
@@ -117,6 +117,7 @@ pub fn row_of_history<const D: usize>(
         row.extend(tool.displacement.map(Entry::from));
         row.extend(tool.rotation[about..].iter().map(|angle| Entry::from(angle.to_degrees())));
         row.extend([Entry::from(tool.contacts.len() as i64), Entry::from(tool.overlap)]);
+        row.push(tool.allowed_overlap.into());
         for part in &tool.parts {
             row.extend(part.force.map(Entry::from));
             row.extend(part.moment[about..].iter().map(|m| Entry::from(*m)));

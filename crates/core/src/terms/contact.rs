@@ -25,6 +25,9 @@
 //!
 //! Free components of the motion of a tool are global unknowns; their equations are the balance of the tool.
 //!
+//! Places whose domains the last update has put into a tool may stay as deep there at first: g is then the distance from this
+//! depth (see [`allowance`]).
+//!
 //! # Augmentation
 //!
 //! Newton's method solves for displacements and free motions at fixed multipliers. Once it has converged, the forces become
@@ -42,6 +45,7 @@
 //! its surface is continued flat. Places that touch without force, such as those of a block on a slope before its first
 //! step, then have their stiffness, which holds the body.
 
+mod allowance;
 mod candidates;
 mod error;
 mod evaluation;
@@ -67,11 +71,12 @@ use crate::tool::{Closest, Shape};
 
 use super::failure::{BeginError, EvaluateError};
 use super::term::{Augmentation, Ledger, Term};
+use allowance::allowance;
 use candidates::{Candidate, Key, Search, missed, named};
 use evaluation::{Trial, Trials};
 use interface::Multiplier;
 use motion::Moving;
-use multipliers::{Change, Worst, forces_of, worst};
+use multipliers::{Change, Kept, Worst, forces_of, worst};
 
 pub use error::{ContactError, ContactPlace};
 pub use interface::Mode;
@@ -91,8 +96,8 @@ const GRAZING: f64 = 5e-3;
 #[derive(Debug, Clone)]
 pub struct Contact<const D: usize> {
     tools: Vec<Moving<D>>,
-    /// Multipliers at the end of the last step in equilibrium, of the places that touched.
-    converged: BTreeMap<Key, Multiplier<D>>,
+    /// What the places that touched at the end of the last step in equilibrium keep.
+    converged: BTreeMap<Key, Kept<D>>,
     /// For each body, true if it has taken part in a step in equilibrium.
     has_begun: Vec<bool>,
     /// For each body, true if it has points in the present step.
@@ -154,10 +159,15 @@ impl<const D: usize> Contact<D> {
         points.body.iter().for_each(|&body| self.is_there[body as usize] = true);
         self.candidates = self.search(step, points).run()?;
         let known = |candidate: &Candidate<D>| self.converged.get(&candidate.key).copied();
-        self.start = self.candidates.iter().map(|c| known(c).unwrap_or_default()).collect();
+        let multiplier = |candidate: &Candidate<D>| known(candidate).map(|kept| kept.multiplier);
+        self.start = self.candidates.iter().map(|c| multiplier(c).unwrap_or_default()).collect();
         self.has_touched = (self.candidates.iter())
             .map(|c| known(c).is_some() || c.near.gap <= candidates::TOUCHING * c.size)
             .collect();
+        for candidate in &mut self.candidates {
+            let motion = self.converged.get(&candidate.key).map_or(0.0, |kept| kept.motion);
+            candidate.allowance = allowance(candidate.near.gap, candidate.size, motion);
+        }
         self.multipliers.clone_from(&self.start);
         self.trials.clear();
         self.changes.clear();
@@ -256,6 +266,7 @@ impl<const D: usize> Contact<D> {
                     load,
                     load_moment,
                     overlap: 0.0,
+                    allowed_overlap: 0.0,
                     slip: 0.0,
                     augmentations: self.updates,
                     contacts: Vec::new(),
@@ -269,6 +280,7 @@ impl<const D: usize> Contact<D> {
             let (position, force) = (trial.position, touch.force());
             let moment = moving.moment(&position, &force);
             state.overlap = state.overlap.max(-touch.gap());
+            state.allowed_overlap = state.allowed_overlap.max(candidate.allowance);
             if touch.mode == Mode::Stick {
                 state.slip = state.slip.max(norm(&touch.slip()));
             }
@@ -445,7 +457,9 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         // Surfaces that have parted transfer no tension any more.
         let touching = self.touching().filter(|(_, _, _, touch)| touch.mode != Mode::Parting);
         let touching = touching.map(|(_, candidate, trial, _)| {
-            (candidate.key, forces_of(trial, &self.tools[candidate.key.tool as usize]))
+            let multiplier = forces_of(trial, &self.tools[candidate.key.tool as usize]);
+            let in_space = minus(&trial.position, &candidate.start);
+            (candidate.key, Kept { multiplier, motion: norm(&trial.slip).max(norm(&in_space)) })
         });
         self.converged = touching.collect();
         self.tools.iter_mut().for_each(Moving::commit);

@@ -79,6 +79,7 @@ fn columns(run: &Run, tool: &ToolDeck) -> Vec<Quantified> {
     for (ending, name, quantity) in [
         ("contacts", "places in contact", Quantity::Number),
         ("overlap", "largest overlap", Quantity::Length),
+        ("allowed_overlap", "largest overlap left by boxes", Quantity::Length),
     ] {
         let column = format!("{}_{ending}", tool.name);
         found.push(Quantified { column, name: name.to_owned(), quantity });

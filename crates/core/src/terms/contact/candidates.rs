@@ -79,6 +79,8 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) penalty_if_slow: f64,
     /// The closest point at the start of the step, in space.
     pub(super) near: Closest<D>,
+    /// Overlap that it may keep in the step, [length]; see [`super::allowance`].
+    pub(super) allowance: f64,
     /// Permanent numbers of the further points whose domains share this corner.
     pub(super) shared_by: Vec<u32>,
 }
@@ -254,6 +256,7 @@ impl<const D: usize> Search<'_, D> {
                     penalty: 0.0,
                     penalty_if_slow: 0.0,
                     near,
+                    allowance: 0.0,
                     shared_by: Vec::new(),
                 });
             }

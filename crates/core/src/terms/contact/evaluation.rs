@@ -59,27 +59,28 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
     ) -> Result<Trial<D>, ContactError> {
         let tool = &self.model.tools[candidate.key.tool as usize];
         let moving = &self.tools[candidate.key.tool as usize];
-        let Candidate { start, near, size, body, .. } = candidate;
+        let Candidate { start, near, allowance, size, body, .. } = candidate;
         let u = candidate.displacement(self.delta_d);
         let position = along(start, 1.0, &u);
         let slip = minus(&u, &moving.increment.displacement(&moving.start, start));
         let apart = Trial { position, slip, touch: None };
         let loaded = multiplier.normal != 0.0;
+        let gap = near.gap + allowance;
         let Some(interface) = tool.interface_with(*body) else { return Ok(apart) };
         // The gap cannot shrink by more than the relative motion.
-        if !loaded && !self.at_rest && near.gap > norm(&slip) {
+        if !loaded && !self.at_rest && gap > norm(&slip) {
             return Ok(apart);
         }
         let normal = moving.end.vector_to_space(&moving.start.vector_to_tool(&near.normal));
         let mut approach = Approach {
-            gap: near.gap + dot(&normal, &slip),
+            gap: gap + dot(&normal, &slip),
             normal,
             normal_derivative: [[0.0; D]; D],
             slip,
             pressure: multiplier.normal,
             shear: moving.end.vector_to_space(&multiplier.shear),
             at_rest: self.at_rest,
-            is_fresh: self.at_rest && !loaded && near.gap <= TOUCHING * size,
+            is_fresh: self.at_rest && !loaded && gap <= TOUCHING * size,
         };
         // At the start of the iterations the tool has moved and the bodies have not: the surface is continued flat,
         // because the place may lie beyond the middle of a thin tool.
@@ -88,12 +89,13 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
             if found.gap < -TOUCHING * size && dot(&found.normal, &normal) < OTHER_SIDE {
                 return Err(ContactError::Through { place: candidate.place(self.model) });
             }
+            let gap = found.gap + allowance;
             // On a flat part, the gap is as precise as the increments: the penalty multiplies its round-off.
             let is_flat = found.normal_derivative == [[0.0; D]; D]
                 && norm(&minus(&found.normal, &normal)) < SAME_NORMAL
-                && (found.gap - approach.gap).abs() <= SAME_NORMAL * (size + found.gap.abs() + norm(start));
+                && (gap - approach.gap).abs() <= SAME_NORMAL * (size + gap.abs() + norm(start));
             if !is_flat {
-                approach.gap = found.gap;
+                approach.gap = gap;
                 approach.normal = found.normal;
                 approach.normal_derivative = found.normal_derivative;
             }

@@ -11,7 +11,7 @@ use crate::region::vector::{along, norm};
 /// Largest error of a single place, relative to the size of a cell, [-]. Places may touch that hinder each other: a cell has
 /// freedom for two on an edge, and the domains of GIMP points leave gaps of this order at the start of a step. Only the mean
 /// error that the nodes see meets the tolerance then.
-const MOST_OF_PLACE: f64 = 1e-3;
+pub(super) const MOST_OF_PLACE: f64 = 1e-3;
 /// Places hinder each other if an update leaves more than this fraction of the error, [-]: it leaves about 1/p_f otherwise.
 const SLOW: f64 = 0.25;
 /// Largest error that the nodes see, relative to the size of a cell, that is accepted where places hinder each other, [-];
@@ -26,6 +26,14 @@ pub(super) fn forces_of<const D: usize>(trial: &Trial<D>, moving: &Moving<D>) ->
         normal: touch.pressure,
         shear: moving.end.vector_to_tool(&touch.shear),
     })
+}
+
+/// What a place that touches keeps for the next step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Kept<const D: usize> {
+    pub(super) multiplier: Multiplier<D>,
+    /// How far it has moved in the step, in space or along the tool, whichever is farther, [length].
+    pub(super) motion: f64,
 }
 
 /// Where forces and multipliers differ most.

@@ -7,23 +7,25 @@ use serde_json::{Value, json};
 use super::candidates::Key;
 use super::interface::Multiplier;
 use super::motion::Moving;
+use super::multipliers::Kept;
 use crate::tool::Pose;
 
-/// Poses, multipliers, and whether each body has begun.
-type State<const D: usize> = (Vec<Pose<D>>, BTreeMap<Key, Multiplier<D>>, Vec<bool>);
+/// Poses, what places keep, and whether each body has begun.
+type State<const D: usize> = (Vec<Pose<D>>, BTreeMap<Key, Kept<D>>, Vec<bool>);
 
 /// The state at the end of the last step in equilibrium.
 pub(super) fn save<const D: usize>(
     tools: &[Moving<D>],
-    converged: &BTreeMap<Key, Multiplier<D>>,
+    converged: &BTreeMap<Key, Kept<D>>,
     has_begun: &[bool],
 ) -> Value {
     let poses: Vec<Vec<f64>> = tools.iter().map(|moving| moving.start.to_numbers()).collect();
     let keys: Vec<[u32; 3]> = converged.keys().map(|key| [key.tool, key.point, key.corner]).collect();
     let forces: Vec<Vec<f64>> = (converged.values())
-        .map(|multiplier| [multiplier.normal].into_iter().chain(multiplier.shear).collect())
+        .map(|Kept { multiplier, .. }| [multiplier.normal].into_iter().chain(multiplier.shear).collect())
         .collect();
-    json!({"poses": poses, "places": keys, "forces": forces, "bodies": has_begun})
+    let motions: Vec<f64> = converged.values().map(|kept| kept.motion).collect();
+    json!({"poses": poses, "places": keys, "forces": forces, "motions": motions, "bodies": has_begun})
 }
 
 /// Restores the state that [`save`] returned, for these numbers of tools and bodies.
@@ -38,23 +40,24 @@ pub(super) fn restore<const D: usize>(
     let poses: Vec<Vec<f64>> = part(saved, "poses")?;
     let keys: Vec<[u32; 3]> = part(saved, "places")?;
     let forces: Vec<Vec<f64>> = part(saved, "forces")?;
+    let motions: Vec<f64> = part(saved, "motions")?;
     let has_begun: Vec<bool> = part(saved, "bodies")?;
     let poses: Option<Vec<Pose<D>>> = poses.iter().map(|numbers| Pose::from_numbers(numbers)).collect();
     let poses = poses.filter(|poses| poses.len() == tools).ok_or("its poses are not those of the tools")?;
-    if keys.len() != forces.len() || has_begun.len() != bodies {
+    if keys.len() != forces.len() || keys.len() != motions.len() || has_begun.len() != bodies {
         return Err("its places are not those of the bodies".to_owned());
     }
     let mut converged = BTreeMap::new();
-    for ([tool, point, corner], force) in keys.into_iter().zip(forces) {
+    for (([tool, point, corner], force), motion) in keys.into_iter().zip(forces).zip(motions) {
         let of_place = match force.split_first() {
             Some((normal, shear)) if force.iter().all(|f| f.is_finite()) => {
                 shear.try_into().ok().map(|shear| Multiplier { normal: *normal, shear })
             }
             _ => None,
         };
-        let is_known = (tool as usize) < tools;
+        let is_known = (tool as usize) < tools && motion >= 0.0;
         let multiplier = of_place.filter(|_| is_known).ok_or("a force on its places is invalid")?;
-        converged.insert(Key { tool, point, corner }, multiplier);
+        converged.insert(Key { tool, point, corner }, Kept { multiplier, motion });
     }
     Ok((poses, converged, has_begun))
 }

@@ -20,8 +20,11 @@ pub struct ToolState<const D: usize> {
     pub load: [f64; D],
     /// Moment of its loads about the reference point, [force·length].
     pub load_moment: [f64; 3],
-    /// Largest overlap with a body, [length]; 0 without.
+    /// Largest overlap with a body that contact forces have left, [length]; 0 without.
     pub overlap: f64,
+    /// Largest further overlap of a place that touches, [length]: the update of boxes has left it, and it ends along the way of
+    /// the place.
+    pub allowed_overlap: f64,
     /// Largest slip in the step of a place that sticks, [length].
     pub slip: f64,
     /// Number of updates of the multipliers in the step, of all tools together.
