@@ -25,7 +25,8 @@ from results import Results
 
 # No analysis may take longer, [s]; all are small.
 MOST_TIME = 300
-# Largest depths below the surface of a tool, relative to a cell. A place in contact: what docs/how-to/tools.md states.
+# Largest depths below the surface of a tool, relative to a cell. A place in contact: what docs/how-to/tools.md states, beyond the
+# overlap that the update of boxes has left and history.csv states.
 MOST_OF_PLACE = 1e-3
 # A point. Its domain reaches about a quarter of a cell around it, so that it is well outside unless a tool enters the domain
 # between its corners.
@@ -34,8 +35,11 @@ MOST_OF_POINT = 1e-2
 # been seen by contact.
 MOST_OF_CORNER = 1e-2
 # A corner of a GIMP box. Contact holds the corners of the box at the start of a step, as the grid moves them; the box at its
-# end has the size of what they have become, but is aligned with the axes. Boxes of half a cell have reached 0.27.
-MOST_OF_BOX = 0.3
+# end has the size of what they have become, but is aligned with the axes, and a place keeps this overlap at first. Boxes of half a
+# cell, whose half diagonal is 0.35 before they stretch, have reached 0.40; their points stay outside.
+MOST_OF_BOX = 0.45
+# The overlap that the update of a box has left in a place in contact. CPDI2 domains have none, since their corners are places.
+MOST_ALLOWED = {"gimp": MOST_OF_BOX, "mpm": MOST_OF_BOX, "cpdi2": 0.0}
 # The straight way of a point from outside to outside, other than around a tip of a tool; in space, where tools are thick,
 # around their edges as well.
 MOST_OF_WAY = 0.05
@@ -481,9 +485,13 @@ class Ways:
 
 
 def depths(analysis, results):
-    """The largest depths in all written steps, relative to a cell: of places in contact, of points, of corners of domains,
-    and of ways of points through the tool; and how far the surface in the files is from that of this file."""
+    """The largest depths in all written steps, relative to a cell: of places in contact, beyond the overlap that they may
+    keep; of this overlap; of points, of corners of domains, and of ways of points through the tool; and how far the surface in
+    the files is from that of this file."""
     found = dict.fromkeys(["touch", "point", "corner", "way"], -1.0) | {"surface": 0.0}
+    history = results.history
+    allowed = dict(zip(history["time"], history["tool_allowed_overlap"] / analysis.h))
+    found["allowed"] = max(allowed.values(), default=0.0)
     ways = Ways(analysis)
     for time, x, corners in steps_of(results):
         found["point"] = max(found["point"], analysis.depth(x, time).max())
@@ -491,7 +499,8 @@ def depths(analysis, results):
         found["way"] = max(found["way"], ways.deepest(analysis.to_tool(x, time)))
     for time, path in results.series("contacts"):
         touching = np.asarray(pyvista.read(path).points)
-        found["touch"] = max(found["touch"], analysis.depth(touching, time).max(initial=-1.0))
+        deepest = analysis.depth(touching, time).max(initial=-1.0)
+        found["touch"] = max(found["touch"], deepest - allowed.get(time, 0.0))
     for time, path in results.series("tools"):
         surface = np.asarray(pyvista.read(path).points)
         found["surface"] = max(found["surface"], np.abs(analysis.depth(surface, time)).max())
@@ -503,7 +512,7 @@ def bounds_of(analysis):
     is_box = analysis.method == "gimp"
     way = MOST_OF_WAY if analysis.n == 2 else MOST_OF_WAY_IN_SPACE
     most = {"touch": MOST_OF_PLACE, "point": MOST_OF_POINT, "corner": MOST_OF_BOX if is_box else MOST_OF_CORNER}
-    return most | {"way": way, "surface": MOST_OF_SURFACE}
+    return most | {"allowed": MOST_ALLOWED[analysis.method], "way": way, "surface": MOST_OF_SURFACE}
 
 
 def study(program, folder, seeds):

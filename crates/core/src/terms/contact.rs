@@ -63,6 +63,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use serde_json::Value;
 
 use crate::assembly::{System, Wanted};
+use crate::basis::Method;
 use crate::model::{LoadCurve, Model, Tool};
 use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
@@ -164,7 +165,9 @@ impl<const D: usize> Contact<D> {
         self.has_touched = (self.candidates.iter())
             .map(|c| known(c).is_some() || c.near.gap <= candidates::TOUCHING * c.size)
             .collect();
-        for candidate in &mut self.candidates {
+        // Corners of CPDI2 domains stay where contact has put them.
+        let moves_with_corners = |body: usize| step.model.bodies[body].method == Method::Cpdi2;
+        for candidate in self.candidates.iter_mut().filter(|candidate| !moves_with_corners(candidate.body)) {
             let motion = self.converged.get(&candidate.key).map_or(0.0, |kept| kept.motion);
             candidate.allowance = allowance(candidate.near.gap, candidate.size, motion);
         }

@@ -1,7 +1,7 @@
 //! Overlap that places may keep in a step.
 //!
-//! The boxes of GIMP and of standard points keep their sides along the axes, whatever the corners do, and a torn domain is
-//! replaced: the corner of the new domain may lie inside a tool although the old one has touched it. A step that took all of
+//! The boxes of GIMP and of standard points keep their sides along the axes, whatever the corners do, and CPDI1 domains stay
+//! parallelograms: the corner of the new domain may lie inside a tool although the old one has touched it. A step that took all of
 //! this overlap back would begin far from equilibrium, and forces would depend on the size of steps. A place therefore starts
 //! with what overlap it has, and loses it along its way.
 
