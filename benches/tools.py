@@ -9,6 +9,7 @@ table for each study; `--finest 2` stops after the second grid of each. All stud
     hertz     cylinders and spheres pressed onto a block: half width and pressure of Hertz
     slope     a block on an inclined plane with friction, and a block that is dragged
     cylinder  a circle pressed into a slab, then slid, turned or rolled
+    rolling   a circle that rolls with creep: the tangential force of Carter (1926)
     footing   a strip footing on clay as a tool, and held by nodes
     pipe      full flow around a buried pipe, beside the bounds of Randolph and Houlsby (1984)
     cost      CPU time of analyses with a tool and with boundary conditions in its place
@@ -241,6 +242,60 @@ def cylinder(program, folder, finest):
     print_table("A circle, R = 0.5, pressed 0.02 into a slab, then moved", headings, cylinder_rows(program, folder, finest))
 
 
+# Rolling contact
+
+
+ROLLING_A = 0.04  # half width of Hertz; the circle has radius 1
+ROLLING_MU = 0.3
+ROLLING_MODULUS = 1e6 / (1 - 0.4999**2)
+
+
+def rolling_deck(h, way, rotation, side=1.0, fine=2 * ROLLING_A):
+    """The slab, with cells of size h below the way of the circle."""
+    cells, ratio = soils.widening(fine, side, h)
+    columns = (f"{{to: {-fine}, cells: {cells}, ratio: {1 / ratio!r}}}, "
+               f"{{to: {fine + way!r}, cells: {round((2 * fine + way) / h)}}}, {{to: {side + way!r}, cells: {cells}, ratio: {ratio!r}}}")
+    above = 4 * h
+    rows = f"{{to: {-fine}, cells: {cells}, ratio: {1 / ratio!r}}}, {{to: {above!r}, cells: {round((fine + above) / h)}}}"
+    return filled(decks.ROLLING, COLUMNS=columns, ROWS=rows, LEFT=-side, RIGHT=side + way, WIDTH=2 * side + way, SIDE=side,
+                  HEIGHT=side + above, ROTATION=rotation)
+
+
+def rolling_rows(program, folder, finest):
+    load = math.pi * ROLLING_MODULUS * ROLLING_A**2 / 4
+    for method, count, shares in [("gimp", 4, (0.25, 0.5, 0.75)), ("cpdi2", 4, (0.5,)), ("gimp", 8, (0.5,))][: 3 if finest > 1 else 1]:
+        h, way = ROLLING_A / count, 12 * ROLLING_A
+        settings = {"method": method, "load": load, "way": way, "mu": ROLLING_MU, "steps": 2 * round(way / h)}
+        free, why = tried(program, folder, rolling_deck(h, way, decks.FREE_TO_TURN), **settings)
+        if free is None:
+            yield [method, f"a/{count}", "free to turn", why]
+            continue
+        # The last half of the way.
+        rows = [row for row in free.rows if row["roller_fx"] and float(row["time"]) >= 1.5]
+        half = {name: [float(row[f"roller_{name}"]) for row in rows] for name in ("fx", "mz", "turn_z", "ux")}
+        turned, moved = (half[name][-1] - half[name][0] for name in ("turn_z", "ux"))
+        per_way = -math.radians(turned) / moved
+        most, moment = (max(map(abs, half[name])) / (ROLLING_MU * load) for name in ("fx", "mz"))
+        yield [method, f"a/{count}", "free to turn", f"{1 - per_way:.2e}", f"{most:.4f} at most", 0, "–", f"{moment:.0e}", *free.cost]
+        for share in shares:
+            creep = share * ROLLING_MU * ROLLING_A
+            turn = math.degrees(way * (per_way - creep))
+            found, why = tried(program, folder, rolling_deck(h, way, decks.TURNED), turn=turn, **settings)
+            if found is None:
+                yield [method, f"a/{count}", f"{share}", why]
+                continue
+            exact = 1 - (1 - share) ** 2
+            last = found.column("roller_fx")[-1] / (ROLLING_MU * load)
+            yield [method, f"a/{count}", f"{share}", f"{1 - per_way + creep:.2e}", last, exact, 100 * (last / exact - 1),
+                   found.column("roller_mz")[-1] / (ROLLING_MU * load), *found.cost]
+
+
+def rolling(program, folder, finest):
+    headings = ["method", "h", "creep beyond free rolling × R/(μa)", "1 − ωR/v", "Q/(μP)", "Carter", "error %", "M/(μPR)", "steps",
+                "cuts", "CPU s"]
+    print_table("A circle that rolls on a slab by 12a, a = R/25, ν = 0.4999", headings, rolling_rows(program, folder, finest))
+
+
 # Strip footing
 
 
@@ -391,7 +446,7 @@ def cost(program, folder, finest):
     print_table("CPU time without set-up and output, best of three", headings, cost_rows(program, folder, finest))
 
 
-STUDIES = {"platen": platen, "hertz": hertz, "slope": slope, "cylinder": cylinder, "footing": footing, "pipe": pipe, "cost": cost}
+STUDIES = {"platen": platen, "hertz": hertz, "slope": slope, "cylinder": cylinder, "rolling": rolling, "footing": footing, "pipe": pipe, "cost": cost}
 
 
 def main():

@@ -164,6 +164,33 @@ MOTIONS = {
     "rolled by 0.2, free to turn": 'ux: "0.2 * max(time - 1, 0)", free: [rotation]',
 }
 
+# A circle of radius 1 that carries a load, pressed onto a slab without change of volume until time 1, and then rolled along it
+# by `way`; the grid is fine along the way.
+ROLLING = """
+version: 1
+parameters: {n: 2, method: gimp, mu: 0.3, load: 1, way: 1, turn: 0, steps: 40}
+grid: {type: structured, origin: [LEFT, -SIDE], size: [WIDTH, HEIGHT], spacing: [[COLUMNS], [ROWS]]}
+materials:
+  rubber: {model: hencky, young: 1e6, poisson: 0.4999}
+bodies:
+  - {name: slab, material: rubber, method: "${method}", points_per_cell: "${n}", volumetric: mean-dilatation,
+     shape: {type: box, min: [LEFT, -SIDE], max: [RIGHT, 0]}}
+boundary_conditions:
+  - {name: left, nodes: {x: LEFT}, fix: [x]}
+  - {name: right, nodes: {x: RIGHT}, fix: [x]}
+  - {name: base, nodes: {y: -SIDE}, fix: [x, y]}
+tools:
+  - {name: roller, shape: {type: circle, center: [0, 1], radius: 1}, friction: "${mu}", ux: "${way} * max(time - 1, 0)",
+     ROTATION, loads: [{force: [0, "${-load}"], curve: [[0, 0], [1, 1], [2, 1]]}]}
+solver: {max_iterations: 40}
+stages:
+  - {name: press, steps: {count: 4, end_time: 1}}
+  - {name: roll, steps: {count: "${steps}", end_time: 1}}
+output: {every: 0}
+"""
+FREE_TO_TURN = "free: [y, rotation]"
+TURNED = 'free: [y], rotation: "${-turn} * max(time - 1, 0)"'
+
 # The ground under a strip footing of half width 1 of `locking.py`, with a tool or with the displacements of nodes.
 GROUND = locking.GROUND.rstrip("\n").replace("every: 0}", "half: 1}")
 TOOL = """

@@ -21,4 +21,4 @@ pub use contact::{
 pub use failure::{BeginError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost};
 pub use sum::{Sum, Terms, of_model, restore};
 pub use surface::Surfaces;
-pub use term::{Augmentation, FURTHER, Ledger, NamedForce, SurfaceReaction, Term};
+pub use term::{Augmentation, FURTHER, Ledger, NamedForce, Response, SurfaceReaction, Term};

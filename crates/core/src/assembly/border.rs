@@ -23,6 +23,9 @@ pub struct Border<const N: usize> {
     pub(crate) works: Vec<bool>,
     /// The magnitude that each residual is compared with.
     pub(crate) scale: Vec<f64>,
+    /// Stiffness that the solver adds to the diagonal of C where the equations alone may leave a global unknown undetermined; it
+    /// changes the way to the solution only.
+    pub(crate) support: Vec<f64>,
     /// The first global unknown of the term that is being evaluated.
     pub(crate) first: usize,
 }
@@ -39,6 +42,7 @@ impl<const N: usize> Border<N> {
             per_factor: vec![0.0; n],
             works: vec![false; n],
             scale: vec![0.0; n],
+            support: vec![0.0; n],
             first: 0,
         }
     }
@@ -81,6 +85,12 @@ impl<const N: usize> Border<N> {
     /// Adds to the change of global equation `i` with global unknown `j`, both of the term.
     pub fn add_to_corner(&mut self, i: usize, j: usize, value: f64) {
         self.corner[self.first + i][self.first + j] += value;
+    }
+
+    /// Adds to the stiffness with which the solver holds global unknown `i` of the term in an iteration, because the equations may
+    /// leave it undetermined.
+    pub fn add_support(&mut self, i: usize, stiffness: f64) {
+        self.support[self.first + i] += stiffness;
     }
 
     /// The residual of global equation `i` of the term is a force or moment, minus the one out of balance on unknown `i`.

@@ -100,11 +100,6 @@ impl Interface {
 
     /// An interface on which the surfaces stick as long as they touch, and part freely.
     pub const ROUGH: Interface = Interface { shear: Shear::Rough, tension_cut_off: 0.0 };
-
-    /// True if it transfers no shear.
-    pub fn is_smooth(&self) -> bool {
-        self.shear == Shear::Coulomb { friction: 0.0, adhesion: 0.0 }
-    }
 }
 
 /// Control of the contact of a tool.
@@ -191,12 +186,6 @@ impl<const D: usize> Tool<D> {
     pub fn interface_with(&self, body: usize) -> Option<Interface> {
         let listed = self.pairs.iter().find(|(number, _)| *number == body);
         listed.map_or(self.interface, |(_, interface)| *interface)
-    }
-
-    /// True if it transfers no shear to any body.
-    pub fn is_smooth(&self) -> bool {
-        let pairs = self.pairs.iter().map(|(_, interface)| interface);
-        pairs.chain([&self.interface]).flatten().all(Interface::is_smooth)
     }
 
     /// True if component `k` of its motion is prescribed and not always 0.

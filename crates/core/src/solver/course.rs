@@ -17,6 +17,8 @@ pub(super) struct Course<const N: usize> {
     /// The role of round-off in the last residual.
     pub(super) round_off: RoundOff,
     pub(super) solved: Vec<Solved>,
+    /// True if the present layout of the system has a factor.
+    pub(super) has_factor: bool,
     /// Out-of-balance force of the last evaluation, [force].
     pub(super) out_of_balance: Nodal<N>,
     /// Internal force of the state that the step starts from.
@@ -30,6 +32,9 @@ pub(super) struct Course<const N: usize> {
     pub(super) most_solves: usize,
     /// True if no increment has followed the last update of multipliers.
     pub(super) is_augmented: bool,
+    /// True if multipliers were updated along the last increment, and along any increment.
+    pub(super) is_augmented_along: bool,
+    pub(super) was_augmented_along: bool,
 }
 
 impl<const N: usize> Course<N> {
@@ -38,6 +43,7 @@ impl<const N: usize> Course<N> {
             residuals: Vec::new(),
             round_off: RoundOff::NoMatter,
             solved: Vec::new(),
+            has_factor: false,
             out_of_balance: Vec::new(),
             f_int_start: Vec::new(),
             shortened: false,
@@ -45,6 +51,8 @@ impl<const N: usize> Course<N> {
             solves_before: 0,
             most_solves: 0,
             is_augmented: false,
+            is_augmented_along: false,
+            was_augmented_along: false,
         }
     }
 

@@ -30,7 +30,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             tries += 1;
             let Unknowns { rhs, iterative, .. } = &mut *unknowns;
             iterative.clone_from(&prescribed);
-            let rhs = RightHandSide { forces: rhs, is_residual: true };
+            let rhs = RightHandSide { forces: rhs, globals: None };
             let solved = equations.solve(place, system, rhs, iterative, tolerance, timings);
             match solved {
                 Ok((solved, globals)) if solved.factorisation.is_definite() => break (solved, globals),
@@ -57,7 +57,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let system = sum.system_mut();
         unknowns.begin_iteration(system, dofs, &course.out_of_balance);
         let Unknowns { rhs, iterative, .. } = unknowns;
-        let rhs = RightHandSide { forces: rhs, is_residual: true };
+        let rhs = RightHandSide { forces: rhs, globals: None };
         let (place, tolerance) = (context.place(dofs), context.model.newton.tolerance);
         let (solved, _) = equations.solve(place, system, rhs, iterative, tolerance, &mut summary.timings)?;
         let at_rest = AT_REST * smallest_cell(context.model, context.links);

@@ -48,8 +48,8 @@ pub(super) struct Place<'a, const D: usize, const N: usize = D> {
 pub(super) struct RightHandSide<'a, const N: usize> {
     /// Forces on the unknowns, zero elsewhere, [force].
     pub forces: &'a [[f64; N]],
-    /// True if the global equations have their residual on the right-hand side, rather than 0.
-    pub is_residual: bool,
+    /// Residuals of the global equations; `None` for those of the last evaluation.
+    pub globals: Option<&'a [f64]>,
 }
 
 impl<const D: usize> StepContext<'_, D> {
@@ -260,7 +260,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let mut motion = delta.to_vec();
         let mut solved = self.solve_nodes(place, system, rhs.forces, &mut motion, tolerance)?;
         let border = std::mem::take(&mut system.border);
-        let globals = self.solve_border(place, system, &border, (&mut motion, rhs.is_residual));
+        let globals = self.solve_border(place, system, &border, (&mut motion, rhs.globals));
         system.border = border;
         let (iterations, globals) = globals?;
         solved.iterations += iterations;
@@ -294,7 +294,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         place: Place<D, N>,
         system: &mut System<N>,
         border: &Border<N>,
-        (delta, is_residual): (&mut [[f64; N]], bool),
+        (delta, residuals): (&mut [[f64; N]], Option<&[f64]>),
     ) -> Result<(usize, Vec<f64>), LinearError> {
         let n = border.len();
         let (mut iterations, mut influence) = (0, Vec::with_capacity(n));
@@ -310,11 +310,11 @@ impl<const D: usize, const N: usize> Equations<D, N> {
             row.as_flattened().iter().zip(field.as_flattened()).map(|(a, u)| a * u).sum()
         };
         let matrix = nalgebra::DMatrix::from_fn(n, n, |i, j| {
-            border.corner[i][j] - along(&border.rows[i], &influence[j])
+            let support = if i == j { border.support[i] } else { 0.0 };
+            border.corner[i][j] + support - along(&border.rows[i], &influence[j])
         });
-        // Loads that the solution answers change the global equations, too.
-        let residual = |i: usize| if is_residual { border.residual[i] } else { border.per_factor[i] };
-        let rhs = nalgebra::DVector::from_fn(n, |i, _| -residual(i) - along(&border.rows[i], delta));
+        let residual = residuals.unwrap_or(&border.residual);
+        let rhs = nalgebra::DVector::from_fn(n, |i, _| -residual[i] - along(&border.rows[i], delta));
         let change = matrix.lu().solve(&rhs).filter(|change| change.iter().all(|w| w.is_finite()));
         let change: Vec<f64> =
             change.ok_or(LinearError::Singular { unknown: None })?.iter().copied().collect();

@@ -109,7 +109,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
                     if may_shorten && halvings < most_halvings =>
                 {
                     halvings += 1;
-                    self.unknowns.shorten(0.5);
+                    self.shorten(0.5);
                     continue;
                 }
                 outcome => outcome?,
@@ -125,16 +125,24 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
                 )
             {
                 searches += 1;
-                self.unknowns.shorten(shorter);
+                self.shorten(shorter);
                 continue;
             }
             if backtracks < MOST_BACKTRACKS && may_shorten && self.cycles(iteration, found.residual) {
                 backtracks += 1;
-                self.unknowns.shorten(0.5);
+                self.shorten(0.5);
                 continue;
             }
             return Ok(found);
         }
+    }
+
+    /// Reduces the last iterative increment to this fraction of what was taken of it.
+    fn shorten(&mut self, part: f64) {
+        if std::mem::take(&mut self.course.is_augmented_along) {
+            self.system.sum.withdraw_augmentation();
+        }
+        self.unknowns.shorten(part);
     }
 
     /// Evaluates all terms at Δd (trial stresses and strains, f_int, f_ext and, if wanted, K), moves forces on ties, and forms
@@ -144,6 +152,10 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         summary.evaluations += 1;
         let evaluate = || system.sum.evaluate(context, points, unknowns.at(), wanted);
         summary.timings.measure(Phase::Assembly, evaluate)?;
+        if wanted == Wanted::Stiffness && system.sum.outgrows(context, &system.dofs) {
+            self.is_laid_out_anew = true;
+            return self.evaluate_terms(wanted);
+        }
         system.sum.system_mut().condense(&system.dofs);
         course.out_of_balance = unknowns.balance(system.sum.system());
         Ok(())

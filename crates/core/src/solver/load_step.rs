@@ -35,6 +35,8 @@ pub(super) struct LoadStep<'a, const D: usize, const N: usize> {
     pub(super) stride: f64,
     /// True if the last iterative increment was a prediction.
     pub(super) is_predicted: bool,
+    /// True if the system was laid out anew since the equations were prepared for it.
+    pub(super) is_laid_out_anew: bool,
     pub(super) equations: &'a mut Equations<D, N>,
     pub(super) summary: &'a mut Summary,
     pub(super) observer: &'a mut dyn Observer<D>,
@@ -137,6 +139,7 @@ impl<'a, const D: usize, const N: usize> LoadStep<'a, D, N> {
             effort: Effort::Usual,
             stride,
             is_predicted: false,
+            is_laid_out_anew: false,
             equations,
             summary,
             observer,

@@ -1,7 +1,7 @@
 //! Newton iterations to equilibrium within one load step: eqs. (26), (28), (30) and (40).
 
 use crate::linear::Solved;
-use crate::step::{StepContext, displacement};
+use crate::step::{At, StepContext, displacement};
 use crate::stress::Mechanics;
 use crate::terms::Augmentation;
 use crate::timing::Phase;
@@ -16,6 +16,9 @@ use super::residual::{RoundOff, norm};
 use super::step_system::StepSystem;
 use super::unknowns::Unknowns;
 use super::update;
+
+/// Largest number of updates of multipliers along an increment.
+const MOST_UPDATES: usize = 4;
 
 impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     /// Iterates with Newton's method until the residual of eq. (40) meets the tolerance and multipliers are final; then the
@@ -57,7 +60,9 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         Ok(outcome)
     }
 
+    /// Prepares the equations for the layout of the system.
     fn prepare_equations(&mut self) -> Result<(), SolveError> {
+        (self.is_laid_out_anew, self.course.has_factor) = (false, false);
         let LoadStep { context, system, equations, summary, .. } = self;
         let place = context.place(&system.dofs);
         let prepared =
@@ -93,8 +98,11 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
 
     /// Adds an increment δd to Δd: that of Newton's method, or a damped one.
     fn increment(&mut self) -> Result<(), SolveError> {
+        if self.is_laid_out_anew {
+            self.prepare_equations()?;
+        }
         self.is_predicted = self.unknowns.predicted.is_some();
-        self.course.is_augmented = false;
+        (self.course.is_augmented, self.course.is_augmented_along) = (false, false);
         let solved = if self.is_damped() { self.damped_step() } else { self.newton_step() };
         let step = self.context.step;
         let solved = solved.map_err(|obstacle| match obstacle {
@@ -136,9 +144,16 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let may_reuse_factor = (effort.may_keep_stiffness(newton) || equations.is_iterative())
             && course.falls_fast()
             && !unknowns.prescribes
-            && !course.solved.is_empty();
+            && course.has_factor;
+        // Near the solution, the state of all places may stand. Once is enough: places that hinder each other would change theirs
+        // again and again.
+        let is_smooth = condition.is_none()
+            && !equations.is_iterative()
+            && !unknowns.prescribes
+            && !course.was_augmented_along
+            && course.falls_fast();
         let Unknowns { rhs, iterative, .. } = &mut *unknowns;
-        let rhs = RightHandSide { forces: rhs, is_residual: true };
+        let rhs = RightHandSide { forces: rhs, globals: None };
         let reused = may_reuse_factor
             .then(|| equations.solve_with_last_factor(place, system, rhs, iterative, eta, timings));
         // If the last factor fails, a fresh one is formed.
@@ -146,11 +161,14 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             Some(Ok(solved)) => solved,
             _ => equations.solve(place, system, rhs, iterative, eta, timings)?,
         };
+        course.has_factor = true;
         (unknowns.iterative_globals, unknowns.iterative_factor) = (globals, 0.0);
         if let (Some(unit), Some(condition)) = (system.per_factor().cloned(), condition) {
             let (mut rhs, mut of_load) = (unit, vec![[0.0; N]; unknowns.rhs.len()]);
             dofs.on_unknowns(&mut rhs);
-            let rhs = RightHandSide { forces: &rhs, is_residual: false };
+            // Loads that the solution answers change the global equations, too.
+            let of_globals = system.border.per_factor.clone();
+            let rhs = RightHandSide { forces: &rhs, globals: Some(&of_globals) };
             let (again, globals) =
                 equations.solve_with_last_factor(place, system, rhs, &mut of_load, eta, timings)?;
             solved.iterations += again.iterations;
@@ -168,8 +186,35 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
                 .map_err(NoIncrement::Path)?;
             unknowns.add_response(change, &of_load, &globals);
         }
-        timings.measure(Phase::Solve, || unknowns.advance(system, dofs, &course.out_of_balance))?; // (30)
+        if is_smooth {
+            self.augment_along(eta)?;
+        }
+        let LoadStep { system: StepSystem { dofs, sum, .. }, unknowns, course, summary, .. } = self;
+        let advance = || unknowns.advance(sum.system_mut(), dofs, &course.out_of_balance); // (30)
+        summary.timings.measure(Phase::Solve, advance)?;
         Ok(Some(solved))
+    }
+
+    /// Updates multipliers along the iterative increment δd while that changes it, so that both solve the linearised equations.
+    fn augment_along(&mut self, eta: f64) -> Result<(), NoIncrement> {
+        let LoadStep { context, system: StepSystem { dofs, sum, .. }, unknowns, .. } = self;
+        let LoadStep { equations, summary, course, .. } = self;
+        let place = context.place(dofs);
+        for update in 0..MOST_UPDATES {
+            let Unknowns { iterative, iterative_globals: globals, .. } = &mut *unknowns;
+            let increment = At { delta_d: iterative, globals, factor: 0.0 };
+            let Some(mut added) = sum.augment_along(increment, update) else { break };
+            (course.is_augmented_along, course.was_augmented_along) = (true, true);
+            dofs.condense(&mut added.force);
+            dofs.on_unknowns(&mut added.force);
+            let rhs = RightHandSide { forces: &added.force, globals: Some(&added.globals) };
+            let (system, timings) = (sum.system_mut(), &mut summary.timings);
+            let mut more = vec![[0.0; N]; iterative.len()];
+            let (_, of_globals) =
+                equations.solve_with_last_factor(place, system, rhs, &mut more, eta, timings)?;
+            unknowns.add_to_increment(1.0, &more, &of_globals);
+        }
+        Ok(())
     }
 
     /// Ends the iterations: checks the path and the stability, frees the matrices, and moves the points with the grid
@@ -181,6 +226,9 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             return Err(SolveError::NoPath { step: step.index, reason: NoPath::Reversed });
         }
         let mut is_final = is_balanced;
+        if self.is_laid_out_anew {
+            self.prepare_equations()?;
+        }
         if is_balanced
             && self.is_damped()
             && let Err(error) = self.check_stability()

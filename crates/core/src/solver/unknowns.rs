@@ -141,13 +141,17 @@ impl<const N: usize> Unknowns<N> {
 
     /// Adds the response to a change of the load factor, given the responses to a unit change.
     pub(super) fn add_response(&mut self, change: f64, of_load: &[[f64; N]], globals: &[f64]) {
-        for (delta, of_load) in self.iterative.iter_mut().flatten().zip(of_load.iter().flatten()) {
-            *delta += change * of_load;
-        }
-        for (delta, of_load) in self.iterative_globals.iter_mut().zip(globals) {
-            *delta += change * of_load;
-        }
+        self.add_to_increment(change, of_load, globals);
         self.iterative_factor = change;
+    }
+
+    /// Adds a multiple of a motion to the iterative increment.
+    pub(super) fn add_to_increment(&mut self, factor: f64, nodes: &[[f64; N]], globals: &[f64]) {
+        let add = |sum: &mut [f64], more: &[f64]| {
+            sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += factor * more);
+        };
+        add(self.iterative.as_flattened_mut(), nodes.as_flattened());
+        add(&mut self.iterative_globals, globals);
     }
 
     /// Resets Δd and the reactions; the load factor stays.

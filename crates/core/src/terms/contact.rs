@@ -38,6 +38,9 @@
 //! 10⁻⁴ of a cell is therefore enough, or 10⁻³ after six updates, and single places may keep 10⁻³ (see [`multipliers`]). The residual of Newton's method
 //! holds for the final forces, and [`ToolState::overlap`] gives the overlap that is left.
 //!
+//! Near the solution the multipliers are updated along an increment of Newton's method, once in a step and without a change of
+//! state (see [`along`]): most steps then need no update afterwards, and no more solves than a step without contact.
+//!
 //! # Safeguards
 //!
 //! A place that moves too far along a tool in one step, comes out on its other side or passes through a part of it is an
@@ -46,59 +49,56 @@
 //! step, then have their stiffness, which holds the body.
 
 mod allowance;
+mod along;
 mod candidates;
 mod error;
 mod evaluation;
+mod finding;
 mod interface;
 mod motion;
 mod multipliers;
+mod safeguards;
 mod saved;
+mod search;
 mod start;
 mod state;
 #[cfg(test)]
 mod tests;
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap};
 
 use serde_json::Value;
 
 use crate::assembly::{System, Wanted};
-use crate::basis::Method;
 use crate::model::{LoadCurve, Model, Tool};
 use crate::points::Points;
 use crate::region::vector::{along, dot, minus, norm};
 use crate::step::{At, Nodal, StepContext};
-use crate::tool::{Closest, Shape};
 
 use super::failure::{BeginError, EvaluateError};
-use super::term::{Augmentation, Ledger, Term};
-use allowance::allowance;
-use candidates::{Candidate, Key, Search, missed, named};
-use evaluation::{Trial, Trials};
+use super::term::{Augmentation, Ledger, Response, Term};
+use along::{Followed, followed};
+use candidates::{Candidate, Key};
+use evaluation::{Trial, Trials, first_unknowns};
 use interface::Multiplier;
 use motion::Moving;
 use multipliers::{Change, Kept, Worst, forces_of, worst};
+use search::Found;
 
 pub use error::{ContactError, ContactPlace};
 pub use interface::Mode;
 pub use start::{StartOverlap, boxes_on_the_way, overlaps_at_start};
 pub use state::{ContactPoint, PartState, ToolState};
 
-/// Gap at the start of a step, relative to the size of a cell, above which the straight path of a place tells whether it
-/// has passed through a tool, [-]: nearer places may cut its rounded surface.
-const APART: f64 = 1e-3;
 /// Factor on the penalty of places that many updates have closed slowly.
 const MORE_PENALTY: f64 = 10.0;
-/// Depth below the surface, relative to the size of a cell, to which a straight path may cut a corner of a tool, [-]; what is
-/// thinner than twice this is no obstacle.
-const GRAZING: f64 = 5e-3;
 
 /// The rigid tools of a model and their contact with the bodies.
 #[derive(Debug, Clone)]
 pub struct Contact<const D: usize> {
     tools: Vec<Moving<D>>,
     /// What the places that touched at the end of the last step in equilibrium keep.
-    converged: BTreeMap<Key, Kept<D>>,
+    converged: HashMap<Key, Kept<D>>,
     /// For each body, true if it has taken part in a step in equilibrium.
     has_begun: Vec<bool>,
     /// For each body, true if it has points in the present step.
@@ -106,10 +106,25 @@ pub struct Contact<const D: usize> {
     /// The places that may touch a tool in the present step, their multipliers at its start, whether they have touched
     /// before, the present multipliers, and the places at the last evaluation.
     candidates: Vec<Candidate<D>>,
+    /// For each tool, the distance beyond which places under a flat part of its surface sleep, [length]; true if they have woken
+    /// since the system was laid out.
+    awake: Vec<f64>,
+    has_woken: bool,
+    /// Working space of the search.
+    pieces: Vec<Found<D>>,
     start: Vec<Multiplier<D>>,
     has_touched: Vec<bool>,
     multipliers: Vec<Multiplier<D>>,
     trials: Vec<Trial<D>>,
+    /// The multipliers before the updates along an increment, and the largest error at the last of these.
+    before_increment: Vec<Multiplier<D>>,
+    worst_along: Option<Worst>,
+    /// The tolerance of each tool, relative to the size of a cell, [-].
+    tolerances: Vec<f64>,
+    /// True if the last evaluation was at the start of the iterations.
+    at_rest: bool,
+    /// True while no place in the step has slid with friction, or stuck to a curved surface.
+    is_symmetric: bool,
     /// Number of updates of the multipliers in the present step.
     updates: usize,
     /// The changes by the last update, and the largest error among them.
@@ -125,14 +140,22 @@ impl<const D: usize> Contact<D> {
     pub fn new(model: &Model<D>) -> Self {
         Contact {
             tools: model.tools.iter().map(Moving::new).collect(),
-            converged: BTreeMap::new(),
+            converged: HashMap::new(),
             has_begun: vec![false; model.bodies.len()],
             is_there: vec![false; model.bodies.len()],
             candidates: Vec::new(),
+            awake: Vec::new(),
+            has_woken: false,
+            pieces: Vec::new(),
             start: Vec::new(),
             has_touched: Vec::new(),
             multipliers: Vec::new(),
             trials: Vec::new(),
+            before_increment: Vec::new(),
+            worst_along: None,
+            tolerances: model.tools.iter().map(|tool| tool.control.tolerance).collect(),
+            at_rest: true,
+            is_symmetric: true,
             updates: 0,
             changes: Vec::new(),
             before: None,
@@ -146,110 +169,27 @@ impl<const D: usize> Contact<D> {
         Contact::new(model).states(model)
     }
 
-    fn search<'a>(&'a self, step: &StepContext<'a, D>, points: &'a Points<D>) -> Search<'a, D> {
-        let StepContext { model, links, .. } = *step;
-        Search { model, points, links, tools: &self.tools, has_begun: &self.has_begun }
-    }
-
-    /// Finds the places of a step and their multipliers.
-    fn find(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), ContactError> {
-        for (moving, tool) in self.tools.iter_mut().zip(&step.model.tools) {
-            moving.begin(tool, step.model, step.step, step.factor)?;
-        }
-        self.is_there.fill(false);
-        points.body.iter().for_each(|&body| self.is_there[body as usize] = true);
-        self.candidates = self.search(step, points).run()?;
-        let known = |candidate: &Candidate<D>| self.converged.get(&candidate.key).copied();
-        let multiplier = |candidate: &Candidate<D>| known(candidate).map(|kept| kept.multiplier);
-        self.start = self.candidates.iter().map(|c| multiplier(c).unwrap_or_default()).collect();
-        self.has_touched = (self.candidates.iter())
-            .map(|c| known(c).is_some() || c.near.gap <= candidates::TOUCHING * c.size)
-            .collect();
-        // Corners of CPDI2 domains stay where contact has put them.
-        let moves_with_corners = |body: usize| step.model.bodies[body].method == Method::Cpdi2;
-        for candidate in self.candidates.iter_mut().filter(|candidate| !moves_with_corners(candidate.body)) {
-            let motion = self.converged.get(&candidate.key).map_or(0.0, |kept| kept.motion);
-            candidate.allowance = allowance(candidate.near.gap, candidate.size, motion);
-        }
-        self.multipliers.clone_from(&self.start);
-        self.trials.clear();
-        self.changes.clear();
-        (self.updates, self.before) = (0, None);
-        (self.time, self.factor) = (step.step.end, step.factor);
-        Ok(())
-    }
-
     /// The places that touch a tool at the last evaluation.
     fn touching(&self) -> impl Iterator<Item = (usize, &Candidate<D>, &Trial<D>, &interface::Touch<D>)> {
         let pairs = self.candidates.iter().zip(&self.trials).enumerate();
-        pairs.filter_map(|(k, (candidate, trial))| Some((k, candidate, trial, trial.touch.as_ref()?)))
+        pairs.filter_map(|(k, (candidate, trial))| Some((k, candidate, trial, trial.touch.as_deref()?)))
     }
 
-    /// Checks how far places have moved relative to the tools in a step whose iterations have converged.
-    fn check_motion<const N: usize>(
-        &self,
-        step: &StepContext<D>,
-        points: &Points<D>,
-        at: At<N>,
-    ) -> Result<(), ContactError> {
-        let model = step.model;
-        for (candidate, Trial { position, slip, touch }) in self.candidates.iter().zip(&self.trials) {
+    /// All places at the linearised end of an increment; `None` if one changes its state on the way, or if the equations are not
+    /// those of the state in which the increment begins.
+    fn followed<const N: usize>(&self, increment: At<N>) -> Option<Vec<Followed<D>>> {
+        if self.at_rest {
+            return None;
+        }
+        let first = first_unknowns(&self.tools);
+        let of_place = |k: usize| {
+            let (candidate, trial) = (&self.candidates[k], &self.trials[k]);
             let number = candidate.key.tool as usize;
-            let (tool, moving) = (&model.tools[number], &self.tools[number]);
-            let (motion, most) = (norm(slip), tool.control.largest_slide * candidate.size);
-            if touch.is_some() && motion > most {
-                return Err(ContactError::Slide { place: candidate.place(model), motion, most });
-            }
-            let gap = candidate.near.gap;
-            let may_have_passed = if gap > APART * candidate.size {
-                motion > gap
-            } else {
-                // A place that has touched may cut a rounded surface when it leaves.
-                candidate.has_turned(tool.shape.as_ref(), moving, position)
-            };
-            if touch.is_none() && may_have_passed {
-                // From outside: round-off may put a place that touches on either side of the surface.
-                let start = along(&candidate.start, APART * candidate.size, &candidate.near.normal);
-                let path = [moving.start.to_tool(&start), moving.end.to_tool(position)];
-                if depth_of_passage(tool.shape.as_ref(), path) > GRAZING * candidate.size {
-                    return Err(ContactError::Through { place: candidate.place(model) });
-                }
-            }
-        }
-        if let Some(place) = self.between(model) {
-            return Err(ContactError::Between { place });
-        }
-        if let Some((number, p)) = missed(&self.search(step, points), at.delta_d) {
-            let (tool, body) = (&model.tools[number], points.body[p] as usize);
-            let position = &points.converged.position[p];
-            return Err(ContactError::Through { place: named(model, tool, body, points.id[p], position) });
-        }
-        Ok(())
-    }
-
-    /// A corner of a domain from whose centre a part of a tool parts it at the last evaluation.
-    fn between(&self, model: &Model<D>) -> Option<ContactPlace> {
-        let places = || self.candidates.iter().zip(&self.trials);
-        let is_centre = |candidate: &Candidate<D>| candidate.key.corner == candidates::CENTRE;
-        let centres: HashMap<(u32, u32), [f64; D]> = places()
-            .filter(|(candidate, _)| is_centre(candidate))
-            .map(|(candidate, trial)| ((candidate.key.tool, candidate.key.point), trial.position))
-            .collect();
-        let parts = |candidate: &Candidate<D>, corner: &[f64; D], point: u32| {
-            let number = candidate.key.tool;
-            let Some(centre) = centres.get(&(number, point)) else { return false };
-            let (shape, moving) = (model.tools[number as usize].shape.as_ref(), &self.tools[number as usize]);
-            let [from, to] = [centre, corner].map(|x| moving.end.to_tool(x));
-            let is_outside = |found: &Closest<D>| found.gap > -GRAZING * candidate.size;
-            let ends = [from, to].map(|x| shape.closest(x).filter(is_outside));
-            matches!(ends, [Some(a), Some(b)] if dot(&a.normal, &b.normal) < candidates::OTHER_SIDE)
-                && shape.first_contact(from, to).is_some()
+            let motions = increment.globals.get(first[number]..).unwrap_or_default();
+            let increments = (increment.delta_d, motions);
+            followed(candidate, &self.multipliers[k], trial, &self.tools[number], increments)
         };
-        let parted = |(candidate, trial): &(&Candidate<D>, &Trial<D>)| {
-            let mut points = candidate.shared_by.iter().chain([&candidate.key.point]);
-            !is_centre(candidate) && points.any(|point| parts(candidate, &trial.position, *point))
-        };
-        places().find(parted).map(|(candidate, _)| candidate.place(model))
+        (0..self.trials.len()).map(of_place).collect()
     }
 
     /// The state of all tools at the last evaluation.
@@ -314,8 +254,8 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         "tool contact"
     }
 
-    fn is_symmetric(&self, step: &StepContext<D>) -> bool {
-        step.model.tools.iter().all(Tool::is_smooth)
+    fn is_symmetric(&self, _: &StepContext<D>) -> bool {
+        self.is_symmetric
     }
 
     fn may_hold(&self) -> bool {
@@ -327,14 +267,28 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     }
 
     fn couples(&self, couple: &mut dyn FnMut(&[u32])) {
-        let sorted = |candidate: &Candidate<D>| {
-            let mut nodes = candidate.basis.nodes().to_vec();
-            nodes.sort_unstable();
-            nodes.dedup();
-            nodes
-        };
-        let lists: BTreeSet<Vec<u32>> = self.candidates.iter().map(sorted).collect();
+        let mut lists = BTreeSet::new();
+        let mut last: Option<&Candidate<D>> = None;
+        for candidate in &self.candidates {
+            let nodes = candidate.basis.iter().map(|(node, _)| node as u32);
+            if last.is_some_and(|last| last.basis.iter().map(|(node, _)| node as u32).eq(nodes.clone())) {
+                continue;
+            }
+            let mut list: Vec<u32> = nodes.collect();
+            list.sort_unstable();
+            list.dedup();
+            lists.insert(list);
+            last = Some(candidate);
+        }
         lists.iter().for_each(|nodes| couple(nodes));
+    }
+
+    fn outgrows(&self) -> bool {
+        self.has_woken
+    }
+
+    fn forget_layout(&mut self) {
+        self.has_woken = false;
     }
 
     fn motion_of_tool(&self, tool: usize, component: usize) -> Option<usize> {
@@ -350,7 +304,7 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
     fn evaluate(
         &mut self,
         step: &StepContext<D>,
-        _: &mut Points<D>,
+        points: &mut Points<D>,
         at: At<N>,
         wanted: Wanted,
         sum: &mut System<N>,
@@ -361,10 +315,14 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             moving.place(own);
             free = rest;
         }
+        self.wake(step, points, at)?;
         let at_rest = at.delta_d.iter().flatten().all(|u| *u == 0.0) && at.globals.iter().all(|w| *w == 0.0);
         let model = step.model;
         let trials = Trials { model, tools: &self.tools, delta_d: at.delta_d, at_rest };
-        self.trials = trials.all(&self.candidates, &self.multipliers, &self.has_touched)?;
+        self.at_rest = at_rest;
+        trials.all(&self.candidates, &self.multipliers, &self.has_touched, &mut self.trials)?;
+        let is_symmetric = self.touching().all(|(.., touch)| touch.is_symmetric());
+        self.is_symmetric &= is_symmetric;
         if at_rest {
             self.check_that_free_tools_touch(model)?;
         }
@@ -395,10 +353,10 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         at: At<N>,
     ) -> Result<Augmentation, EvaluateError> {
         self.check_motion(step, points, at)?;
-        let Contact { updates, before, changes, candidates, multipliers, trials, tools, .. } = self;
-        let tolerances: Vec<f64> = step.model.tools.iter().map(|tool| tool.control.tolerance).collect();
+        let Contact { updates, before, changes, candidates, multipliers, trials, tools, tolerances, .. } =
+            self;
         let now = Change::of_update(candidates, multipliers, trials, tools);
-        let Some(worst) = worst(candidates, &now, &tolerances) else {
+        let Some(worst) = worst(candidates, &now, tolerances) else {
             return Ok(Augmentation::Satisfied);
         };
         let tool = candidates[worst.candidate].key.tool as usize;
@@ -432,12 +390,53 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         Ok(Augmentation::Updated)
     }
 
+    fn augment_along(&mut self, increment: At<N>, update: usize, added: &mut Response<N>) -> Augmentation {
+        let Some(followed) = self.followed(increment) else { return Augmentation::Satisfied };
+        let changes: Vec<Option<Change<D>>> = followed.iter().map(|followed| followed.change).collect();
+        let worst = worst(&self.candidates, &changes, &self.tolerances);
+        let before = if update == 0 { None } else { self.worst_along };
+        let helps = |worst: &Worst| {
+            let tool = self.candidates[worst.candidate].key.tool as usize;
+            worst.is_worth_it(self.tolerances[tool], before.as_ref())
+        };
+        if !worst.as_ref().is_some_and(helps) {
+            return Augmentation::Satisfied;
+        }
+        self.worst_along = worst;
+        let first = first_unknowns(&self.tools);
+        for ((candidate, trial), Followed { force, .. }) in
+            self.candidates.iter().zip(&self.trials).zip(&followed)
+        {
+            if *force == [0.0; D] {
+                continue;
+            }
+            for (node, value) in candidate.basis.iter() {
+                (0..D).for_each(|d| added.force[node][d] += value * force[d]);
+            }
+            let number = candidate.key.tool as usize;
+            let moving = &self.tools[number];
+            for (j, &k) in moving.free.iter().enumerate().filter(|(j, _)| !moving.follows[*j]) {
+                added.add_residual(first[number] + j, moving.component(k, &trial.position, force));
+            }
+        }
+        let now = followed.into_iter().map(|followed| followed.multiplier).collect();
+        let before = std::mem::replace(&mut self.multipliers, now);
+        if update == 0 {
+            self.before_increment = before;
+        }
+        Augmentation::Updated
+    }
+
+    fn withdraw_augmentation(&mut self) {
+        self.multipliers.clone_from(&self.before_increment);
+    }
+
     fn force_at_start(&self, force: &mut Nodal<N>) {
         for (candidate, multiplier) in self.candidates.iter().zip(&self.start) {
             let shear = self.tools[candidate.key.tool as usize].start.vector_to_space(&multiplier.shear);
             let of_place = along(&shear, multiplier.normal, &candidate.near.normal);
-            for (&node, value) in candidate.basis.nodes().iter().zip(candidate.basis.value()) {
-                (0..D).for_each(|d| force[node as usize][d] += value * of_place[d]);
+            for (node, value) in candidate.basis.iter() {
+                (0..D).for_each(|d| force[node][d] += value * of_place[d]);
             }
         }
     }
@@ -479,33 +478,6 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             (moving.start, moving.end) = (pose, pose);
         }
         (self.converged, self.has_begun) = (converged, has_begun);
-        Ok(())
-    }
-}
-
-/// Distance from the surface, [length], half way between the ends of the part of a straight path that lies inside a tool, in
-/// the frame of the tool; 0 if the path does not meet it.
-fn depth_of_passage<const D: usize>(shape: &dyn Shape<D>, [from, to]: [[f64; D]; 2]) -> f64 {
-    let (Some(first), Some(last)) = (shape.first_contact(from, to), shape.first_contact(to, from)) else {
-        return 0.0;
-    };
-    let middle = along(&from, 0.5 * (first + 1.0 - last), &minus(&to, &from));
-    shape.closest(middle).map_or(0.0, |found| found.gap.abs())
-}
-
-impl<const D: usize> Contact<D> {
-    /// Checks that every tool with free components touches a body.
-    fn check_that_free_tools_touch(&self, model: &Model<D>) -> Result<(), ContactError> {
-        let mut touches = vec![false; self.tools.len()];
-        self.touching().for_each(|(_, candidate, _, _)| touches[candidate.key.tool as usize] = true);
-        for ((moving, touches), tool) in self.tools.iter().zip(touches).zip(&model.tools) {
-            let mut unknowns = moving.free.iter().zip(&moving.follows);
-            let free = unknowns.find(|(_, follows)| !**follows).map(|(k, _)| *k);
-            if let (Some(k), false) = (free, touches) {
-                let component = Tool::<D>::component_name(k);
-                return Err(ContactError::Loose { tool: tool.name.clone(), component });
-            }
-        }
         Ok(())
     }
 }

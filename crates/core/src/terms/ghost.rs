@@ -208,6 +208,10 @@ impl<const D: usize, const N: usize> Term<D, N> for Ghost {
         (0..self.n_faces()).for_each(|face| couple(self.nodes_of(face)));
     }
 
+    fn forget_layout(&mut self) {
+        self.places.clear();
+    }
+
     fn evaluate(
         &mut self,
         _: &StepContext<D>,

@@ -296,6 +296,10 @@ impl<const D: usize, const N: usize, M: Mechanics<D>> Term<D, N> for MaterialPoi
         ledger
     }
 
+    fn forget_layout(&mut self) {
+        self.batches.clear();
+    }
+
     fn conclude(&mut self) {
         self.batched = Vec::new();
         if size_of_val(self.start.as_slice()) > KEPT {

@@ -18,7 +18,7 @@ use super::failure::{BeginError, EvaluateError};
 use super::ghost::Ghost;
 use super::material_points::MaterialPoints;
 use super::surface::Surfaces;
-use super::term::{Augmentation, Ledger, NamedForce, SurfaceReaction, Term};
+use super::term::{Augmentation, Ledger, NamedForce, Response, SurfaceReaction, Term};
 
 /// The terms of a model, in the order in which they are added up.
 pub type Terms<const D: usize, const N: usize = D> = Vec<Box<dyn Term<D, N>>>;
@@ -64,17 +64,34 @@ pub struct Sum<const D: usize, const N: usize = D> {
 impl<const D: usize, const N: usize> Sum<D, N> {
     /// Sets up the system of a step; the terms must have begun it.
     pub fn new(terms: Terms<D, N>, step: &StepContext<D>, dofs: &DofMap<N>) -> Self {
+        let system = Sum::laid_out(&terms, step, dofs);
+        Sum { terms, system }
+    }
+
+    fn laid_out(terms: &Terms<D, N>, step: &StepContext<D>, dofs: &DofMap<N>) -> System<N> {
         let symmetric = terms.iter().all(|term| term.is_symmetric(step));
         let of_terms = |couple: &mut dyn FnMut(&[u32])| terms.iter().for_each(|term| term.couples(couple));
         let globals = terms.iter().map(|term| term.n_globals()).sum();
-        let system = System::new(
+        System::new(
             step.links,
             symmetric,
             &|group| terms.iter().any(|term| term.couples_group(group)),
             &|couple| with_ties(dofs, step.links, &of_terms, couple),
             globals,
-        );
-        Sum { terms, system }
+        )
+    }
+
+    /// Lays out the system anew if its stiffness has ceased to be symmetric at the last evaluation, or if terms couple further
+    /// nodes; true if it has.
+    pub fn outgrows(&mut self, step: &StepContext<D>, dofs: &DofMap<N>) -> bool {
+        let is_symmetric = || self.terms.iter().all(|term| term.is_symmetric(step));
+        let outgrown =
+            self.system.is_symmetric() && !is_symmetric() || self.terms.iter().any(|term| term.outgrows());
+        if outgrown {
+            self.terms.iter_mut().for_each(|term| term.forget_layout());
+            self.system = Sum::laid_out(&self.terms, step, dofs);
+        }
+        outgrown
     }
 
     /// The sum of the terms of a model whose loads are finite.
@@ -138,6 +155,26 @@ impl<const D: usize, const N: usize> Sum<D, N> {
             }
         }
         Ok(outcome)
+    }
+
+    /// Updates the multipliers of all terms along an increment, after so many updates along it; returns what this adds to the equations if any has changed.
+    pub fn augment_along(&mut self, increment: At<N>, update: usize) -> Option<Response<N>> {
+        let (n_nodes, n_globals) = (increment.delta_d.len(), increment.globals.len());
+        let mut added = Response { force: vec![[0.0; N]; n_nodes], globals: vec![0.0; n_globals], first: 0 };
+        let mut outcome = Augmentation::Satisfied;
+        for term in &mut self.terms {
+            let (own, next) = of_term(term.as_ref(), increment, added.first);
+            if term.augment_along(own, update, &mut added) == Augmentation::Updated {
+                outcome = Augmentation::Updated;
+            }
+            added.first = next;
+        }
+        (outcome == Augmentation::Updated).then_some(added)
+    }
+
+    /// Takes back the updates of multipliers along the last increment.
+    pub fn withdraw_augmentation(&mut self) {
+        self.terms.iter_mut().for_each(|term| term.withdraw_augmentation());
     }
 
     /// The sum of all terms in the last evaluation.

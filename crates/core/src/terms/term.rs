@@ -47,7 +47,8 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Name in errors and checkpoints.
     fn name(&self) -> &'static str;
 
-    /// True if its stiffness is symmetric.
+    /// True if its stiffness is symmetric. That may cease to be so at an evaluation: the system of the step is then laid out
+    /// anew.
     fn is_symmetric(&self, step: &StepContext<D>) -> bool;
 
     /// True if it may hold parts of the bodies that no boundary condition holds. Only the stiffness shows if it does.
@@ -69,6 +70,11 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// Calls `couple` with each list of active nodes, ascending, that it couples with each other in this step, in
     /// addition to nodes that share a point.
     fn couples(&self, _couple: &mut dyn FnMut(&[u32])) {}
+
+    /// True if it couples further nodes since the system was laid out, as [`couples`](Term::couples) now says.
+    fn outgrows(&self) -> bool {
+        false
+    }
 
     /// Adds constraints on the active nodes of a step: prescribed values of a further field, or ties. The numbers of
     /// its conditions start at [`FURTHER`]; their reactions are not reported.
@@ -122,6 +128,16 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Ok(Augmentation::Satisfied)
     }
 
+    /// Updates multipliers to those at the end of an increment from the unknowns of the last evaluation, in linearised equations,
+    /// where that is possible without a change of state; adds what this changes in the equations. The increment and the update
+    /// then solve them together. `_update` counts the updates along this increment before.
+    fn augment_along(&mut self, _increment: At<N>, _update: usize, _added: &mut Response<N>) -> Augmentation {
+        Augmentation::Satisfied
+    }
+
+    /// Takes back the updates along the last increment, which is going to be shortened.
+    fn withdraw_augmentation(&mut self) {}
+
     /// Adds the external force of the state that the step starts from to `force` on the active nodes, [force].
     fn force_at_start(&self, _force: &mut Nodal<N>) {}
 
@@ -163,6 +179,9 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         0
     }
 
+    /// The system was laid out anew: places of blocks are void.
+    fn forget_layout(&mut self) {}
+
     /// Frees memory that only further evaluations of the step would need.
     fn conclude(&mut self) {}
 
@@ -180,6 +199,24 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     /// The reason why it cannot be restored.
     fn restore(&mut self, _saved: &serde_json::Value) -> Result<(), String> {
         Err("it has no state to restore".to_owned())
+    }
+}
+
+/// What a change of multipliers adds to the equations.
+#[derive(Debug, Clone)]
+pub struct Response<const N: usize> {
+    /// The external force on the active nodes, [force].
+    pub force: Nodal<N>,
+    /// The residuals of the global equations of all terms.
+    pub globals: Vec<f64>,
+    /// The first global unknown of the term that is being asked.
+    pub(crate) first: usize,
+}
+
+impl<const N: usize> Response<N> {
+    /// Adds to the residual of global equation `i` of the term.
+    pub fn add_residual(&mut self, i: usize, residual: f64) {
+        self.globals[self.first + i] += residual;
     }
 }
 

@@ -49,6 +49,10 @@ impl<const D: usize> Shape<D> for HalfSpace<D> {
         crosses.then(|| if from == to { 0.0 } else { from / (from - to) })
     }
 
+    fn has_edges(&self) -> bool {
+        false
+    }
+
     fn pieces(&self, _: f64) -> Option<Vec<Facet<D>>> {
         None
     }

@@ -29,6 +29,10 @@ impl<const D: usize> Shape<D> for Ball<D> {
         crossing_of(self, path)
     }
 
+    fn has_edges(&self) -> bool {
+        false
+    }
+
     fn pieces(&self, size: f64) -> Option<Vec<Facet<D>>> {
         // The facets of a sphere are those of an octahedron, stretched by up to √6 / (π/2) in the middle of its faces.
         let stretched = if D == 3 { 6f64.sqrt() / FRAC_PI_2 } else { 1.0 };

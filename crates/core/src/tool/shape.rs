@@ -28,6 +28,11 @@ pub trait Shape<const D: usize>: Debug + Send + Sync {
     /// `None` if it extends to infinity.
     fn pieces(&self, size: f64) -> Option<Vec<Facet<D>>>;
 
+    /// True if the surface has edges, corners or ends, with which it may enter a domain between its corners.
+    fn has_edges(&self) -> bool {
+        true
+    }
+
     /// The closest point of the surface. `None` only if a coordinate is not finite, or so large that round-off hides the
     /// shape or its square overflows.
     ///

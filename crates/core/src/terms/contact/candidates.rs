@@ -14,18 +14,17 @@
 //! A corner on the border of cells belongs to the cell towards its point. Where a node of its cell is inactive, the next
 //! cell towards the point is taken, and its basis is continued to the corner.
 
-use std::collections::HashMap;
-
 use rayon::prelude::*;
 
-use super::error::{ContactError, ContactPlace};
-use super::motion::{Moving, in_space};
-use crate::basis::{Connectivity, Method};
+use super::error::ContactPlace;
+use super::motion::Moving;
+use super::search::{Near, Search};
+use crate::basis::Method;
 use crate::grid::{CellBasis, MAX_CORNERS};
 use crate::material::shear_modulus_at_rest;
 use crate::model::{Model, Tool};
-use crate::points::{PIECE, Points};
-use crate::region::vector::{along, cross, dot, minus, norm};
+use crate::points::Points;
+use crate::region::vector::{along, dot, minus, norm};
 use crate::tool::{Closest, Shape};
 
 /// Cosine of the angle between the normals of a place at the start of a step and now, inside the tool, beyond which it has
@@ -34,11 +33,6 @@ pub(super) const OTHER_SIDE: f64 = -0.5;
 
 /// Overlap or gap at the start of a step within which surfaces count as touching, relative to the size of a cell, [-].
 pub(super) const TOUCHING: f64 = 1e-6;
-/// Distance within which corners of domains are shared, relative to the size of a cell, [-].
-const SHARED: f64 = 1e-8;
-/// Largest sine of the angle between the surface of a tool and the edges of a side of a domain that lies along it, [-]: of the
-/// domains around a corner, those that touch the tool with the corner only bear no part of its area.
-const ALONG: f64 = 0.5;
 /// Least area of a place for its penalty if updates close it slowly, relative to a side of its cell, [-].
 const LEAST_AREA: f64 = 0.1;
 /// Parts of the way from a corner to its point at which a cell for it is sought.
@@ -65,13 +59,17 @@ pub(super) struct Candidate<const D: usize> {
     pub(super) start: [f64; D],
     /// Active nodes and their basis functions there.
     pub(super) basis: Carriers,
+    /// True if the surface of the tool is flat over all its domains.
+    pub(super) is_flat: bool,
+    /// Its largest motion if no node moves farther than 1, [-].
+    pub(super) reach: f64,
     /// Area that the place stands for, [length²]: per unit thickness in the plane, on the full circle for bodies of
     /// revolution.
     pub(super) area: f64,
-    /// The area if no side of a domain lies along the tool: its share of the most parallel side, [length²].
-    pub(super) area_of_corner: f64,
     /// Size of its cell, [length].
     pub(super) size: f64,
+    /// Stiffness of the cell below it, ε/p_f, [force/length].
+    pub(super) stiffness: f64,
     /// ε, [force/length].
     pub(super) penalty: f64,
     /// ε once updates have closed the place slowly: places that stand for next to nothing have too little otherwise,
@@ -87,23 +85,21 @@ pub(super) struct Candidate<const D: usize> {
 
 /// The active nodes that carry a place, with their basis functions there: N_v, and S_vp at the position of a point.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Carriers {
-    nodes: Vec<u32>,
-    value: Vec<f64>,
-}
+pub(super) struct Carriers(Vec<(u32, f64)>);
 
 impl Carriers {
-    pub(super) fn nodes(&self) -> &[u32] {
-        &self.nodes
-    }
-
-    pub(super) fn value(&self) -> &[f64] {
-        &self.value
+    /// Each node with its basis function.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, f64)> + Clone {
+        self.0.iter().map(|&(node, value)| (node as usize, value))
     }
 
     fn push(&mut self, node: u32, value: f64) {
-        self.nodes.push(node);
-        self.value.push(value);
+        self.0.push((node, value));
+    }
+
+    /// The largest motion of the place if no node moves farther than 1.
+    fn reach(&self) -> f64 {
+        self.0.iter().map(|(_, value)| value.abs()).sum()
     }
 }
 
@@ -111,10 +107,15 @@ impl<const D: usize> Candidate<D> {
     /// Its displacement in the step, [length].
     pub(super) fn displacement<const N: usize>(&self, delta_d: &[[f64; N]]) -> [f64; D] {
         let mut u = [0.0; D];
-        for (&node, value) in self.basis.nodes().iter().zip(self.basis.value()) {
-            (0..D).for_each(|d| u[d] += value * delta_d[node as usize][d]);
+        for (node, value) in self.basis.iter() {
+            (0..D).for_each(|d| u[d] += value * delta_d[node][d]);
         }
         u
+    }
+
+    /// True if the surface of the tool is flat over its domains, and farther than this motion relative to the tool, [length].
+    pub(super) fn is_beyond(&self, motion: f64) -> bool {
+        self.is_flat && self.near.gap > motion.max(TOUCHING * self.size)
     }
 
     /// True if it is on another side of the tool than at the start of the step.
@@ -142,126 +143,47 @@ pub(super) fn named<const D: usize>(
     ContactPlace { tool: tool.name.clone(), body, point, position: position.to_vec() }
 }
 
-/// The search for candidates at the start of a step.
-pub(super) struct Search<'a, const D: usize> {
-    pub(super) model: &'a Model<D>,
-    pub(super) points: &'a Points<D>,
-    pub(super) links: &'a Connectivity<D>,
-    pub(super) tools: &'a [Moving<D>],
-    /// For each body, true if it has taken part in a step before: it may then overlap tools by what the motion of its
-    /// domains has left.
-    pub(super) has_begun: &'a [bool],
-}
-
 impl<const D: usize> Search<'_, D> {
-    /// The candidates, in the order of the points.
-    ///
-    /// # Errors
-    /// [`ContactError::Overlap`] for a body that begins inside a tool.
-    pub(super) fn run(&self) -> Result<Vec<Candidate<D>>, ContactError> {
-        let of_point = |p: usize| {
-            let mut found = Vec::new();
-            let outcome = self.near_point(p, &mut found);
-            outcome.err().map(Err).into_iter().chain(found.into_iter().map(Ok))
-        };
-        let all: Vec<Result<Candidate<D>, ContactError>> =
-            (0..self.points.len()).into_par_iter().with_min_len(PIECE).flat_map_iter(of_point).collect();
-        let mut found = self.without_shared(all.into_iter().collect::<Result<_, _>>()?);
-        for candidate in found.iter_mut().filter(|candidate| candidate.area == 0.0) {
-            candidate.area = candidate.area_of_corner;
-        }
-        // Corners of domains that are flat along the tool, and bear nothing.
-        found.retain(|candidate| candidate.area > 0.0);
-        self.set_penalties(&mut found);
-        Ok(found)
+    /// Shear moduli of the materials at rest times 4, [stress]: the stiffness of a half space under a strip is between this and
+    /// half of it, also for nearly incompressible bodies.
+    pub(super) fn moduli(&self) -> Vec<f64> {
+        self.model.materials.iter().map(|m| 4.0 * shear_modulus_at_rest(m.law.as_ref())).collect()
     }
 
-    /// Sets the penalties by the stiffness of a cell below the area of a place.
-    fn set_penalties(&self, candidates: &mut [Candidate<D>]) {
-        let model = self.model;
-        // 4G: the stiffness of a half space under a strip is between it and half of it, also for nearly incompressible bodies.
-        let moduli: Vec<f64> =
-            model.materials.iter().map(|m| 4.0 * shear_modulus_at_rest(m.law.as_ref())).collect();
-        for candidate in candidates {
-            // Beside the axis of a body of revolution, a place stands for next to no area, but moves a whole cell.
-            let mut in_cell = candidate.start;
-            in_cell[0] = in_cell[0].max(0.5 * candidate.size);
-            let of_cell = candidate.size.powi(D as i32 - 1) * model.depth(&in_cell);
-            let penalty = model.tools[candidate.key.tool as usize].control.penalty;
-            let of_area = penalty * moduli[model.bodies[candidate.body].material] / candidate.size;
-            candidate.penalty = of_area * candidate.area;
-            candidate.penalty_if_slow = of_area * candidate.area.max(LEAST_AREA * of_cell);
-        }
-    }
-
-    fn near_point(&self, p: usize, found: &mut Vec<Candidate<D>>) -> Result<(), ContactError> {
+    /// The candidate of a place. Its penalty follows from the stiffness of a cell below its area.
+    pub(super) fn candidate(&self, place: Near<D>, moduli: &[f64]) -> Candidate<D> {
         let Search { model, points, .. } = *self;
+        let Near { p, key, start, size, closest: near, is_flat, area, area_of_corner, shared_by } = place;
+        let area = if area == 0.0 { area_of_corner } else { area };
         let number = points.body[p] as usize;
         let body = &model.bodies[number];
-        let x = &points.converged.position[p];
-        let mut buffer = [[0.0; D]; MAX_CORNERS];
-        let mut corners: &[[f64; D]] = &[];
-        let mut radius = 0.0;
-        for (k, (tool, moving)) in model.tools.iter().zip(self.tools).enumerate() {
-            if tool.interface_with(number).is_none() {
-                continue;
-            }
-            if corners.is_empty() {
-                corners = corners_of(points, p, &mut buffer);
-                radius = corners.iter().map(|corner| norm(&minus(corner, x))).fold(0.0, f64::max);
-            }
-            let size = model.grid.size(points.cell[p] as usize);
-            let reach = tool.control.largest_slide * size + moving.prescribed_reach(x, radius);
-            // A point deep inside a tool is far from its surface, too.
-            let limit = if self.has_begun[number] { reach + radius } else { f64::INFINITY };
-            let Some(of_point) = moving.start.closest(tool.shape.as_ref(), *x, limit) else { continue };
-            if of_point.gap > reach + radius {
-                continue;
-            }
-            let centre = (corners.len() > 1).then_some((CENTRE as usize, x));
-            for (corner, start) in corners.iter().enumerate().chain(centre) {
-                let Some(near) = moving.start.closest(tool.shape.as_ref(), *start, f64::INFINITY) else {
-                    continue;
-                };
-                if near.gap > reach {
-                    continue;
-                }
-                if near.gap < -TOUCHING * size && !self.has_begun[number] {
-                    let place = named(model, tool, number, points.id[p], start);
-                    return Err(ContactError::Overlap { place, overlap: -near.gap });
-                }
-                let [area, area_of_corner] = match Vertex::of(points.corners(p), corner) {
-                    None => {
-                        let share = model.volume(points, p) / model.depth(x);
-                        [share.powf((D - 1) as f64 / D as f64) / (1usize << (D - 1)) as f64; 2]
-                    }
-                    Some(vertex) => {
-                        let (area, steepness) = vertex.area(&near.normal);
-                        [if steepness < ALONG { area } else { 0.0 }, area]
-                    }
-                };
-                let depth = model.depth(x);
-                found.push(Candidate {
-                    key: Key { tool: k as u32, point: points.id[p], corner: corner as u32 },
-                    body: number,
-                    start: *start,
-                    basis: if corner == CENTRE as usize {
-                        self.basis_of_point(p)
-                    } else {
-                        self.basis(start, x, points.cell[p], body.method)
-                    },
-                    area: depth * area,
-                    area_of_corner: depth * area_of_corner,
-                    size,
-                    penalty: 0.0,
-                    penalty_if_slow: 0.0,
-                    near,
-                    allowance: 0.0,
-                    shared_by: Vec::new(),
-                });
-            }
+        let basis = if key.corner == CENTRE {
+            self.basis_of_point(p)
+        } else {
+            self.basis(&start, &points.converged.position[p], points.cell[p], body.method)
+        };
+        // Beside the axis of a body of revolution, a place stands for next to no area, but moves a whole cell.
+        let mut in_cell = start;
+        in_cell[0] = in_cell[0].max(0.5 * size);
+        let of_cell = size.powi(D as i32 - 1) * model.depth(&in_cell);
+        let of_cell_below = moduli[body.material] / size;
+        let of_area = model.tools[key.tool as usize].control.penalty * of_cell_below;
+        Candidate {
+            key,
+            body: number,
+            start,
+            is_flat,
+            reach: basis.reach(),
+            basis,
+            area,
+            size,
+            stiffness: of_cell_below * area,
+            penalty: of_area * area,
+            penalty_if_slow: of_area * area.max(LEAST_AREA * of_cell),
+            near,
+            allowance: 0.0,
+            shared_by,
         }
-        Ok(())
     }
 
     /// The active nodes that move a point, and S_vp.
@@ -295,7 +217,7 @@ impl<const D: usize> Search<'_, D> {
 
     /// A basis with the numbers of active nodes; `None` if a node is inactive. Nodes with carriers count if `is_last`.
     fn active(&self, basis: &CellBasis<D>, is_last: bool) -> Option<Carriers> {
-        let mut active = Carriers::default();
+        let mut active = Carriers(Vec::with_capacity(basis.nodes().len()));
         for (&node, &value) in basis.nodes().iter().zip(basis.value()) {
             let node = node as usize;
             match self.links.active_number(node) {
@@ -311,90 +233,6 @@ impl<const D: usize> Search<'_, D> {
             }
         }
         Some(active)
-    }
-
-    /// Joins the corners that domains share.
-    fn without_shared(&self, all: Vec<Candidate<D>>) -> Vec<Candidate<D>> {
-        let is_shared = |body: usize| self.model.bodies[body].method == Method::Cpdi2;
-        if !self.model.bodies.iter().any(|body| body.method == Method::Cpdi2) {
-            return all;
-        }
-        // Cells of different size share corners, too.
-        let size = all.iter().map(|candidate| candidate.size).fold(f64::INFINITY, f64::min);
-        let mut places: HashMap<(u32, usize, [i64; D]), Vec<u32>> = HashMap::new();
-        let mut kept: Vec<Candidate<D>> = Vec::with_capacity(all.len());
-        for candidate in all {
-            if !is_shared(candidate.body) || candidate.key.corner == CENTRE {
-                kept.push(candidate);
-                continue;
-            }
-            let width = 1e3 * SHARED * size;
-            let lattice = |x: &[f64; D]| x.map(|x| (x / width).floor() as i64);
-            let at = |key: [i64; D]| (candidate.key.tool, candidate.body, key);
-            // A place near the border of a cell of the lattice is entered in all cells around it.
-            let near: Vec<[i64; D]> = (0..1usize << D)
-                .map(|k| {
-                    let sign = |d: usize| if k >> d & 1 == 1 { 1.0 } else { -1.0 };
-                    lattice(&std::array::from_fn(|d| candidate.start[d] + sign(d) * SHARED * size))
-                })
-                .collect();
-            let is_same =
-                |other: &&u32| norm(&minus(&kept[**other as usize].start, &candidate.start)) <= SHARED * size;
-            let of_lattice = places.get(&at(lattice(&candidate.start)));
-            if let Some(&other) = of_lattice.and_then(|others| others.iter().find(is_same)) {
-                let other = &mut kept[other as usize];
-                other.shared_by.push(other.key.point.max(candidate.key.point));
-                other.key = other.key.min(candidate.key);
-                other.area += candidate.area;
-                other.area_of_corner += candidate.area_of_corner;
-                continue;
-            }
-            for key in near {
-                let entries = places.entry(at(key)).or_default();
-                if entries.last() != Some(&(kept.len() as u32)) {
-                    entries.push(kept.len() as u32);
-                }
-            }
-            kept.push(candidate);
-        }
-        kept
-    }
-}
-
-/// A corner of a domain given by corners, and the edges that meet there.
-struct Vertex<const D: usize> {
-    /// From the corner to those at the other ends of its edges, [length].
-    edges: [[f64; D]; D],
-    /// Number of corners of each side of the domain.
-    of_side: usize,
-}
-
-impl<const D: usize> Vertex<D> {
-    /// `None` for a point whose domain is not given by corners.
-    fn of(corners: &[[f64; D]], corner: usize) -> Option<Self> {
-        let start = corners.get(corner)?;
-        let is_box = corners.len() == 1 << D;
-        let other = |k: usize| if is_box { corner ^ 1 << k } else { k + usize::from(k >= corner) };
-        let edges = std::array::from_fn(|k| minus(&corners[other(k)], start));
-        Some(Vertex { edges, of_side: if is_box { 1 << (D - 1) } else { D } })
-    }
-
-    /// Its share of the side that is most parallel to the surface with this normal, seen along the normal, [length^(D−1)], and
-    /// the largest sine of the angle between an edge of that side and the surface.
-    fn area(&self, normal: &[f64; D]) -> (f64, f64) {
-        let slope = |e: &[f64; D]| dot(e, normal).abs() / norm(e);
-        let steepest = (0..D).max_by(|&a, &b| slope(&self.edges[a]).total_cmp(&slope(&self.edges[b])));
-        let side: Vec<&[f64; D]> = (0..D).filter(|k| Some(*k) != steepest).map(|k| &self.edges[k]).collect();
-        let steepness = side.iter().map(|e| slope(e)).fold(0.0, f64::max);
-        let whole = match side[..] {
-            [a, b] => {
-                let of_parallelogram = dot(&in_space(normal), &cross(&in_space(a), &in_space(b))).abs();
-                if self.of_side == D { 0.5 * of_parallelogram } else { of_parallelogram }
-            }
-            [e] => norm(&along(e, -dot(e, normal), normal)),
-            _ => 0.0,
-        };
-        (whole / self.of_side as f64, steepness)
     }
 }
 
@@ -426,6 +264,19 @@ pub(super) fn missed<const D: usize, const N: usize>(
     delta_d: &[[f64; N]],
 ) -> Option<(usize, usize)> {
     let Search { model, points, links, tools, .. } = *search;
+    let farthest =
+        delta_d.iter().map(|u| norm(&std::array::from_fn::<f64, D, _>(|d| u[d]))).fold(0.0, f64::max);
+    let is_slow = |(tool, moving): (&Tool<D>, &Moving<D>)| {
+        moving.translation().is_some_and(|of_tool| {
+            let least =
+                points.cell.iter().map(|&cell| model.grid.size(cell as usize)).fold(f64::INFINITY, f64::min);
+            farthest + of_tool <= tool.control.largest_slide * least
+        })
+    };
+    // No point moves farther than the nodes.
+    if model.tools.iter().zip(tools).all(is_slow) {
+        return None;
+    }
     let enters = |(nodes, p): (&[u32], usize)| {
         let body = points.body[p] as usize;
         let start = points.converged.position[p];

@@ -15,14 +15,23 @@ use crate::region::vector::{along, cross, dot, minus, norm, unit};
 const SAME_NORMAL: f64 = 1e-12;
 
 /// A place at trial unknowns.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Trial<const D: usize> {
-    /// Position, [length].
+    /// Position, [length]; where it cannot have come to the tool and no part of the tool can lie within its domain, that at the
+    /// start of the step.
     pub(super) position: [f64; D],
-    /// Motion relative to the tool since the start of the step, [length].
+    /// Motion relative to the tool since the start of the step, [length]; in the same case 0.
     pub(super) slip: [f64; D],
-    /// The force, if it touches the tool.
-    pub(super) touch: Option<Touch<D>>,
+    /// The force, if it touches the tool. Most places are open.
+    pub(super) touch: Option<Box<Touch<D>>>,
+    /// True if it has come out on another side of the tool.
+    passes_through: bool,
+}
+
+impl<const D: usize> Trial<D> {
+    fn open(position: [f64; D], slip: [f64; D]) -> Self {
+        Trial { position, slip, touch: None, passes_through: false }
+    }
 }
 
 /// The unknowns of a step as contact sees them.
@@ -35,7 +44,7 @@ pub(super) struct Trials<'a, const D: usize, const N: usize> {
 }
 
 impl<const D: usize, const N: usize> Trials<'_, D, N> {
-    /// All candidates at these unknowns.
+    /// Writes all candidates at these unknowns.
     ///
     /// # Errors
     /// The first place that has come out on another side of a tool.
@@ -44,32 +53,42 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
         candidates: &[Candidate<D>],
         multipliers: &[Multiplier<D>],
         has_touched: &[bool],
-    ) -> Result<Vec<Trial<D>>, ContactError> {
-        let of_candidate = |k: usize| self.one(&candidates[k], &multipliers[k], has_touched[k]);
-        let all: Vec<_> =
-            (0..candidates.len()).into_par_iter().with_min_len(PIECE).map(of_candidate).collect();
-        all.into_iter().collect()
+        trials: &mut Vec<Trial<D>>,
+    ) -> Result<(), ContactError> {
+        let nodes = self.delta_d.iter().map(|u| norm(&std::array::from_fn::<f64, D, _>(|d| u[d])));
+        let farthest = nodes.fold(0.0, f64::max);
+        let of_tools: Vec<f64> =
+            self.tools.iter().map(|moving| moving.translation().unwrap_or(f64::INFINITY)).collect();
+        let of_candidate = |k: usize| {
+            let candidate = &candidates[k];
+            let motion = candidate.reach * farthest + of_tools[candidate.key.tool as usize];
+            if multipliers[k].normal == 0.0 && candidate.is_beyond(motion) {
+                return Trial::open(candidate.start, [0.0; D]);
+            }
+            self.one(candidate, &multipliers[k], has_touched[k])
+        };
+        let all = (0..candidates.len()).into_par_iter().with_min_len(PIECE);
+        all.map(of_candidate).collect_into_vec(trials);
+        match trials.iter().position(|trial| trial.passes_through) {
+            Some(k) => Err(ContactError::Through { place: candidates[k].place(self.model) }),
+            None => Ok(()),
+        }
     }
 
-    fn one(
-        &self,
-        candidate: &Candidate<D>,
-        multiplier: &Multiplier<D>,
-        has_touched: bool,
-    ) -> Result<Trial<D>, ContactError> {
+    fn one(&self, candidate: &Candidate<D>, multiplier: &Multiplier<D>, has_touched: bool) -> Trial<D> {
         let tool = &self.model.tools[candidate.key.tool as usize];
         let moving = &self.tools[candidate.key.tool as usize];
         let Candidate { start, near, allowance, size, body, .. } = candidate;
         let u = candidate.displacement(self.delta_d);
         let position = along(start, 1.0, &u);
         let slip = minus(&u, &moving.increment.displacement(&moving.start, start));
-        let apart = Trial { position, slip, touch: None };
+        let apart = Trial::open(position, slip);
         let loaded = multiplier.normal != 0.0;
         let gap = near.gap + allowance;
-        let Some(interface) = tool.interface_with(*body) else { return Ok(apart) };
+        let Some(interface) = tool.interface_with(*body) else { return apart };
         // The gap cannot shrink by more than the relative motion.
         if !loaded && !self.at_rest && gap > norm(&slip) {
-            return Ok(apart);
+            return apart;
         }
         let normal = moving.end.vector_to_space(&moving.start.vector_to_tool(&near.normal));
         let mut approach = Approach {
@@ -85,9 +104,9 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
         // At the start of the iterations the tool has moved and the bodies have not: the surface is continued flat,
         // because the place may lie beyond the middle of a thin tool.
         if !self.at_rest {
-            let Some(found) = moving.closest(tool.shape.as_ref(), start, &slip) else { return Ok(apart) };
+            let Some(found) = moving.closest(tool.shape.as_ref(), start, &slip) else { return apart };
             if found.gap < -TOUCHING * size && dot(&found.normal, &normal) < OTHER_SIDE {
-                return Err(ContactError::Through { place: candidate.place(self.model) });
+                return Trial { passes_through: true, ..apart };
             }
             let gap = found.gap + allowance;
             // On a flat part, the gap is as precise as the increments: the penalty multiplies its round-off.
@@ -101,8 +120,18 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
             }
         }
         let law = Law::new(&interface, candidate.area, candidate.penalty, has_touched);
-        Ok(Trial { touch: Touch::new(approach, law), ..apart })
+        Trial { touch: Touch::new(approach, law).map(Box::new), ..apart }
     }
+}
+
+/// The first unknown motion of each tool among those of all.
+pub(super) fn first_unknowns<const D: usize>(tools: &[Moving<D>]) -> Vec<usize> {
+    let first = |next: &mut usize, tool: &Moving<D>| {
+        let first = *next;
+        *next += tool.free.len();
+        Some(first)
+    };
+    tools.iter().scan(0, first).collect()
 }
 
 /// Adds the forces of places on the nodes and on the tools, with their derivatives if wanted.
@@ -112,21 +141,16 @@ pub(super) fn add<const D: usize, const N: usize>(
     wanted: Wanted,
     sum: &mut System<N>,
 ) {
-    let first: Vec<usize> = tools
-        .iter()
-        .scan(0, |next, tool| {
-            let first = *next;
-            *next += tool.free.len();
-            Some(first)
-        })
-        .collect();
+    let first = first_unknowns(tools);
+    if wanted == Wanted::Stiffness {
+        support_sliding(tools, pairs, &first, sum);
+    }
     for (candidate, trial) in pairs {
         let Some(touch) = &trial.touch else { continue };
         let tool = candidate.key.tool as usize;
         let force = touch.force();
-        let nodes = candidate.basis.nodes().iter().map(|node| *node as usize);
         let round_off = touch.round_off(tools[tool].extent(&candidate.start));
-        for (node, value) in nodes.clone().zip(candidate.basis.value()) {
+        for (node, value) in candidate.basis.iter() {
             sum.add_holding(node, &force.map(|f| value * f));
             sum.add_round_off(node, value.abs() * round_off);
         }
@@ -143,17 +167,41 @@ pub(super) fn add<const D: usize, const N: usize>(
     }
 }
 
+/// Supports the unknown motions of tools all of whose places slide, by the stiffness of the cells below: friction then resists no
+/// further motion along the surface, until one of them sticks.
+fn support_sliding<const D: usize, const N: usize>(
+    tools: &[Moving<D>],
+    pairs: &[(&Candidate<D>, &Trial<D>)],
+    first: &[usize],
+    sum: &mut System<N>,
+) {
+    let mut holds = vec![false; tools.len()];
+    let touching = || {
+        let touching =
+            pairs.iter().filter_map(|pair| Some((pair.0, pair.1.touch.as_deref()?, &pair.1.position)));
+        touching.map(|(candidate, touch, x)| (candidate, touch, x, candidate.key.tool as usize))
+    };
+    touching().for_each(|(_, touch, _, tool)| holds[tool] |= !touch.slides_with_friction());
+    for (candidate, touch, x, tool) in touching().filter(|(.., tool)| !holds[*tool]) {
+        let moving = &tools[tool];
+        for (j, &k) in moving.free.iter().enumerate().filter(|(j, _)| !moving.follows[*j]) {
+            let (v, _) = moving.velocity(k, x);
+            let across = along(&v, -dot(&touch.normal(), &v), &touch.normal());
+            sum.border.add_support(first[tool] + j, candidate.stiffness * dot(&across, &across));
+        }
+    }
+}
+
 /// Adds −N_v N_w ∂f/∂x to the blocks of the nodes.
 fn add_stiffness<const D: usize, const N: usize>(
     candidate: &Candidate<D>,
     by_position: &[[f64; D]; D],
     sum: &mut System<N>,
 ) {
-    let basis = || candidate.basis.nodes().iter().zip(candidate.basis.value());
-    for (&row, of_row) in basis() {
-        for (&column, of_column) in basis() {
+    for (row, of_row) in candidate.basis.iter() {
+        for (column, of_column) in candidate.basis.iter() {
             // A symmetric system stores the lower triangle only.
-            if let Some(place) = sum.place(row as usize, column as usize) {
+            if let Some(place) = sum.place(row, column) {
                 let weight = -of_row * of_column;
                 let block: [[f64; D]; D] =
                     std::array::from_fn(|i| std::array::from_fn(|j| weight * by_position[j][i]));
@@ -175,16 +223,15 @@ struct Balance<'a, const D: usize> {
 }
 
 impl<const D: usize> Balance<'_, D> {
-    /// Component `k` of a force, or of its moment about the reference point.
     fn component(&self, k: usize, force: &[f64; D]) -> f64 {
-        if k < D { force[k] } else { self.moving.moment(&self.trial.position, force)[k - D] }
+        self.moving.component(k, &self.trial.position, force)
     }
 
     fn add<const N: usize>(&self, touch: &Touch<D>, sum: &mut System<N>) {
         let Balance { moving, first, candidate, trial, force, by_position } = self;
         let (x, carried) = (&trial.position, minus(&trial.position, &trial.slip));
         let arm = norm(&minus(x, &moving.end.position()));
-        let nodes = || candidate.basis.nodes().iter().map(|n| *n as usize).zip(candidate.basis.value());
+        let nodes = || candidate.basis.iter();
         for (j, &k) in moving.free.iter().enumerate() {
             if !moving.follows[j] {
                 let size = norm(force) * if k < D { 1.0 } else { arm };

@@ -13,7 +13,7 @@
 //! states without equilibrium, and the iterations without a limit.
 
 use crate::model::{Interface, Shear};
-use crate::region::vector::{along, dot, norm};
+use crate::region::vector::{along, dot, minus, norm};
 
 use super::motion::turn;
 
@@ -51,6 +51,18 @@ pub enum Mode {
     Parting,
 }
 
+/// What an update of the multipliers adds.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Added<const D: usize> {
+    /// The multipliers after the update; the shear is in the axes of space.
+    pub(super) multiplier: Multiplier<D>,
+    /// The force on the body, [force].
+    pub(super) force: [f64; D],
+    /// The changes of the multipliers over the penalty, [length].
+    pub(super) overlap: f64,
+    pub(super) slip: [f64; D],
+}
+
 /// The law of an interface, in forces at one place.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Law {
@@ -79,10 +91,10 @@ impl Law {
         self.friction == 0.0 && self.adhesion == 0.0
     }
 
-    /// True if the multipliers are those of a place that transfers pressure and sticks.
-    fn has_stuck<const D: usize>(&self, approach: &Approach<D>) -> bool {
-        let most = self.most_shear(approach.pressure).0;
-        approach.pressure > 0.0 && norm(&approach.shear) < (1.0 - SLIDES) * most
+    /// True if these are the multipliers of a place that transfers pressure and sticks.
+    pub(super) fn has_stuck<const D: usize>(&self, multiplier: &Multiplier<D>) -> bool {
+        let most = self.most_shear(multiplier.normal).0;
+        multiplier.normal > 0.0 && norm(&multiplier.shear) < (1.0 - SLIDES) * most
     }
 
     /// L, [force], and its derivative with respect to the pressure, [-].
@@ -123,6 +135,12 @@ pub(super) struct Approach<const D: usize> {
     /// True at the start of the iterations: places that have not slid in the step before then stick, whatever the shear, so
     /// that they hold the body.
     pub(super) at_rest: bool,
+}
+
+impl<const D: usize> Approach<D> {
+    fn multiplier(&self) -> Multiplier<D> {
+        Multiplier { normal: self.pressure, shear: self.shear }
+    }
 }
 
 /// The force at a place that touches a tool.
@@ -169,7 +187,7 @@ impl<const D: usize> Touch<D> {
         let n = &approach.normal;
         let tangential = along(&w, -dot(n, &w), n);
         let (size, most) = (norm(&tangential), law.most_shear(pressure).0);
-        let sticks = approach.is_fresh || approach.at_rest && law.has_stuck(&approach);
+        let sticks = approach.is_fresh || approach.at_rest && law.has_stuck(&approach.multiplier());
         if size > most && !sticks {
             let direction = tangential.map(|w| w / size);
             touch.shear = direction.map(|e| most * e);
@@ -192,6 +210,17 @@ impl<const D: usize> Touch<D> {
     pub(super) fn round_off(&self, coordinates: f64) -> f64 {
         let is_flat = self.approach.normal_derivative == [[0.0; D]; D];
         if is_flat { 0.0 } else { OF_CLOSEST * f64::EPSILON * self.law.penalty * coordinates }
+    }
+
+    /// True if the derivative of the force with the position is symmetric: without friction, and where a flat surface sticks.
+    pub(super) fn is_symmetric(&self) -> bool {
+        let is_flat = self.approach.normal_derivative == [[0.0; D]; D];
+        self.law.is_smooth() || is_flat && self.sliding.is_none() && self.mode == Mode::Stick
+    }
+
+    /// True if friction acts and the surfaces slide.
+    pub(super) fn slides_with_friction(&self) -> bool {
+        self.sliding.is_some() && self.mode == Mode::Slip
     }
 
     pub(super) fn normal(&self) -> [f64; D] {
@@ -235,6 +264,39 @@ impl<const D: usize> Touch<D> {
         };
         df = along(&df, 1.0, &dt);
         df
+    }
+
+    /// An update of these multipliers, λ ← p and λ_t ← t, at the linearised end of an increment with these motions of the place
+    /// relative to the tool, as [`Touch::change`] takes them; `None` if the place opens, begins to slide, stops or turns back.
+    pub(super) fn update_along(
+        &self,
+        now: &Multiplier<D>,
+        relative: &[f64; D],
+        slipping: &[f64; D],
+    ) -> Option<Added<D>> {
+        let Touch { approach, law, .. } = self;
+        let n = &approach.normal;
+        let pressure = now.normal - law.penalty * (approach.gap + dot(n, relative));
+        if self.mode == Mode::Parting || pressure <= -law.tension {
+            return None;
+        }
+        let more = pressure - now.normal;
+        let w = along(&now.shear, -law.penalty, &along(&approach.slip, 1.0, slipping));
+        let tangential = along(&w, -dot(n, &w), n);
+        let (most, slope) = law.most_shear(pressure);
+        let (shear, change) = match &self.sliding {
+            _ if law.is_smooth() => ([0.0; D], [0.0; D]),
+            None if norm(&tangential) > most => return None,
+            None => (tangential, minus(&tangential, &now.shear)),
+            Some((_, e)) if dot(e, &tangential) < most => return None,
+            Some((_, e)) => (e.map(|e| most * e), e.map(|e| slope * more * e)),
+        };
+        Some(Added {
+            multiplier: Multiplier { normal: pressure, shear },
+            force: along(&change, more, n),
+            overlap: more / law.penalty,
+            slip: minus(&shear, &now.shear).map(|t| t / law.penalty),
+        })
     }
 }
 

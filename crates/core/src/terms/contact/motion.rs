@@ -109,8 +109,16 @@ impl<const D: usize> Moving<D> {
 
     /// A bound of the prescribed motion in the step of the tool within a distance of a position, [length].
     pub(super) fn prescribed_reach(&self, x: &[f64; D], distance: f64) -> f64 {
+        if self.prescribed.rotation == [0.0; 3] {
+            return norm(&self.prescribed.translation);
+        }
         let moved = norm(&self.prescribed.displacement(&self.start, x));
         moved + norm(&self.prescribed.rotation) * distance
+    }
+
+    /// The distance over which the tool has moved since the start of the step, [length]; `None` if it has turned.
+    pub(super) fn translation(&self) -> Option<f64> {
+        (self.increment.rotation == [0.0; 3]).then(|| norm(&self.increment.translation))
     }
 
     /// Magnitude of the coordinates of a position in the frame of the tool, [length].
@@ -127,6 +135,11 @@ impl<const D: usize> Moving<D> {
         let arm = minus(x, &self.end.position());
         let rate = self.increment.rotation_rate(k - D);
         (self.increment.rotation_derivative(&arm)[k - D], rate)
+    }
+
+    /// Component `k` of a force at a position, or of its moment about the reference point.
+    pub(super) fn component(&self, k: usize, x: &[f64; D], force: &[f64; D]) -> f64 {
+        if k < D { force[k] } else { self.moment(x, force)[k - D] }
     }
 
     /// Moment of a force at a position about the reference point, [force·length].

@@ -1,6 +1,6 @@
 //! The multipliers of the augmented Lagrangian: the forces that hold when gaps and slips vanish.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 use super::candidates::Candidate;
 use super::evaluation::Trial;
@@ -22,7 +22,7 @@ pub(super) const MANY: usize = 6;
 
 /// The multipliers that a place has when its forces become multipliers.
 pub(super) fn forces_of<const D: usize>(trial: &Trial<D>, moving: &Moving<D>) -> Multiplier<D> {
-    trial.touch.map_or_else(Multiplier::default, |touch| Multiplier {
+    trial.touch.as_ref().map_or_else(Multiplier::default, |touch| Multiplier {
         normal: touch.pressure,
         shear: moving.end.vector_to_tool(&touch.shear),
     })
@@ -61,6 +61,11 @@ pub(super) struct Change<const D: usize> {
 }
 
 impl<const D: usize> Change<D> {
+    /// The changes by the pressure and the shear, both over the penalty, [length].
+    pub(super) fn new(overlap: f64, shear: &[f64; D], normal: &[f64; D]) -> Self {
+        Change { overlap, slip: norm(shear), vector: along(shear, overlap, normal) }
+    }
+
     /// The changes by an update of all multipliers; `None` for places that are open and stay so.
     pub(super) fn of_update(
         candidates: &[Candidate<D>],
@@ -77,9 +82,8 @@ impl<const D: usize> Change<D> {
             let overlap = (now.normal - multiplier.normal) / candidate.penalty;
             let shear = along(&now.shear, -1.0, &multiplier.shear).map(|t| t / candidate.penalty);
             // A place that has opened has no normal any more; that at the start serves as well.
-            let normal = trial.touch.map_or(candidate.near.normal, |touch| touch.normal());
-            let vector = along(&moving.end.vector_to_space(&shear), overlap, &normal);
-            Some(Change { overlap, slip: norm(&shear), vector })
+            let normal = trial.touch.as_ref().map_or(candidate.near.normal, |touch| touch.normal());
+            Some(Change::new(overlap, &moving.end.vector_to_space(&shear), &normal))
         };
         candidates.iter().zip(multipliers).zip(trials).map(of_place).collect()
     }
@@ -107,9 +111,9 @@ pub(super) fn worst<const D: usize>(
         let all = candidates.iter().zip(changes).enumerate();
         all.filter_map(|(k, (candidate, change))| Some((k, candidate, change.as_ref()?)))
     };
-    let mut of_nodes: BTreeMap<(u32, u32), ([f64; D], f64)> = BTreeMap::new();
+    let mut of_nodes: HashMap<(u32, usize), ([f64; D], f64)> = HashMap::new();
     for (_, candidate, change) in changing() {
-        for (&node, value) in candidate.basis.nodes().iter().zip(candidate.basis.value()) {
+        for (node, value) in candidate.basis.iter() {
             let weight = value.abs() * candidate.penalty;
             let (sum, total) = of_nodes.entry((candidate.key.tool, node)).or_insert(([0.0; D], 0.0));
             *sum = along(sum, weight, &change.vector);
@@ -117,10 +121,11 @@ pub(super) fn worst<const D: usize>(
         }
     }
     let seen_by_nodes = |candidate: &Candidate<D>| {
-        let nodes = candidate.basis.nodes().iter().zip(candidate.basis.value());
-        nodes.fold([0.0; D], |seen, (node, value)| match of_nodes.get(&(candidate.key.tool, *node)) {
-            Some((sum, total)) if *total > 0.0 => along(&seen, value.abs() / total, sum),
-            _ => seen,
+        candidate.basis.iter().fold([0.0; D], |seen, (node, value)| {
+            match of_nodes.get(&(candidate.key.tool, node)) {
+                Some((sum, total)) if *total > 0.0 => along(&seen, value.abs() / total, sum),
+                _ => seen,
+            }
         })
     };
     let tolerance = |k: usize| tolerances[candidates[k].key.tool as usize];
@@ -155,6 +160,12 @@ pub(super) fn worst<const D: usize>(
 }
 
 impl Worst {
+    /// True if an update that follows one with the error `before` helps.
+    pub(super) fn is_worth_it(&self, tolerance: f64, before: Option<&Worst>) -> bool {
+        let falls = |before: &Worst| self.place <= SLOW * before.place;
+        self.mean > tolerance && before.is_none_or(falls)
+    }
+
     /// Error relative to what is tolerated, [-].
     fn error(&self, tolerance: f64) -> f64 {
         (self.place / MOST_OF_PLACE).max(self.mean / tolerance)

@@ -1,6 +1,6 @@
 //! The state of contact in checkpoints.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 use serde_json::{Value, json};
 
@@ -11,20 +11,23 @@ use super::multipliers::Kept;
 use crate::tool::Pose;
 
 /// Poses, what places keep, and whether each body has begun.
-type State<const D: usize> = (Vec<Pose<D>>, BTreeMap<Key, Kept<D>>, Vec<bool>);
+type State<const D: usize> = (Vec<Pose<D>>, HashMap<Key, Kept<D>>, Vec<bool>);
 
 /// The state at the end of the last step in equilibrium.
 pub(super) fn save<const D: usize>(
     tools: &[Moving<D>],
-    converged: &BTreeMap<Key, Kept<D>>,
+    converged: &HashMap<Key, Kept<D>>,
     has_begun: &[bool],
 ) -> Value {
     let poses: Vec<Vec<f64>> = tools.iter().map(|moving| moving.start.to_numbers()).collect();
-    let keys: Vec<[u32; 3]> = converged.keys().map(|key| [key.tool, key.point, key.corner]).collect();
-    let forces: Vec<Vec<f64>> = (converged.values())
+    let mut places: Vec<(&Key, &Kept<D>)> = converged.iter().collect();
+    places.sort_by_key(|(key, _)| **key);
+    let keys: Vec<[u32; 3]> = places.iter().map(|(key, _)| [key.tool, key.point, key.corner]).collect();
+    let kept = || places.iter().map(|(_, kept)| *kept);
+    let forces: Vec<Vec<f64>> = kept()
         .map(|Kept { multiplier, .. }| [multiplier.normal].into_iter().chain(multiplier.shear).collect())
         .collect();
-    let motions: Vec<f64> = converged.values().map(|kept| kept.motion).collect();
+    let motions: Vec<f64> = kept().map(|kept| kept.motion).collect();
     json!({"poses": poses, "places": keys, "forces": forces, "motions": motions, "bodies": has_begun})
 }
 
@@ -47,7 +50,7 @@ pub(super) fn restore<const D: usize>(
     if keys.len() != forces.len() || keys.len() != motions.len() || has_begun.len() != bodies {
         return Err("its places are not those of the bodies".to_owned());
     }
-    let mut converged = BTreeMap::new();
+    let mut converged = HashMap::new();
     for (([tool, point, corner], force), motion) in keys.into_iter().zip(forces).zip(motions) {
         let of_place = match force.split_first() {
             Some((normal, shear)) if force.iter().all(|f| f.is_finite()) => {

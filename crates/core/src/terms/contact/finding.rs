@@ -1,0 +1,130 @@
+//! The places of a step: those that are awake at its start, and all of them once the grid has moved far.
+
+use std::collections::HashMap;
+
+use super::Contact;
+use super::allowance::allowance;
+use super::candidates::{self, Candidate, Key};
+use super::error::ContactError;
+use super::interface::{Law, Multiplier};
+use super::motion::Moving;
+use super::multipliers::Kept;
+use super::search::Search;
+use crate::basis::Method;
+use crate::model::Model;
+use crate::points::Points;
+use crate::region::vector::norm;
+use crate::step::{At, StepContext, displacement};
+
+/// Distance from a flat surface beyond which places sleep, in cells, and in motions of the tool in the step.
+const AWAKE: f64 = 0.1;
+const AWAKE_AFTER: f64 = 10.0;
+
+impl<const D: usize> Contact<D> {
+    pub(super) fn search<'a>(&'a self, step: &StepContext<'a, D>, points: &'a Points<D>) -> Search<'a, D> {
+        let StepContext { model, links, .. } = *step;
+        let (tools, has_begun, awake) = (&self.tools, &self.has_begun, &self.awake);
+        Search { model, points, links, tools, has_begun, awake }
+    }
+
+    /// Finds the places of a step and their multipliers.
+    pub(super) fn find(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), ContactError> {
+        for (moving, tool) in self.tools.iter_mut().zip(&step.model.tools) {
+            moving.begin(tool, step.model, step.step, step.factor)?;
+        }
+        self.is_there.fill(false);
+        points.body.iter().for_each(|&body| self.is_there[body as usize] = true);
+        let smallest = points.cell.iter().map(|&cell| step.model.grid.size(cell as usize));
+        let smallest = smallest.fold(f64::INFINITY, f64::min);
+        let awake =
+            |moving: &Moving<D>| moving.translation().map(|u| (AWAKE * smallest).max(AWAKE_AFTER * u));
+        self.awake = self.tools.iter().map(|moving| awake(moving).unwrap_or(f64::INFINITY)).collect();
+        self.has_woken = false;
+        self.find_places(step, points)?;
+        self.is_symmetric = self.begins_symmetric(step.model);
+        self.multipliers.clone_from(&self.start);
+        self.trials.clear();
+        self.changes.clear();
+        (self.updates, self.before) = (0, None);
+        (self.time, self.factor) = (step.step.end, step.factor);
+        Ok(())
+    }
+
+    /// Finds the places that are awake, with what they have kept.
+    fn find_places(&mut self, step: &StepContext<D>, points: &Points<D>) -> Result<(), ContactError> {
+        let (mut pieces, mut candidates) =
+            (std::mem::take(&mut self.pieces), std::mem::take(&mut self.candidates));
+        let found = self.search(step, points).run(&mut pieces, &mut candidates);
+        (self.pieces, self.candidates) = (pieces, candidates);
+        found?;
+        let kept: Vec<Option<Kept<D>>> =
+            self.candidates.iter().map(|candidate| self.converged.get(&candidate.key).copied()).collect();
+        self.start =
+            kept.iter().map(|kept| kept.map_or_else(Multiplier::default, |kept| kept.multiplier)).collect();
+        let touches = |candidate: &Candidate<D>| candidate.near.gap <= candidates::TOUCHING * candidate.size;
+        self.has_touched = (self.candidates.iter().zip(&kept))
+            .map(|(candidate, kept)| kept.is_some() || touches(candidate))
+            .collect();
+        for (candidate, kept) in self.candidates.iter_mut().zip(&kept) {
+            // Corners of CPDI2 domains stay where contact has put them.
+            if step.model.bodies[candidate.body].method != Method::Cpdi2 {
+                let motion = kept.map_or(0.0, |kept| kept.motion);
+                candidate.allowance = allowance(candidate.near.gap, candidate.size, motion);
+            }
+        }
+        Ok(())
+    }
+
+    /// Wakes the sleeping places if nodes have moved so far that one may touch.
+    pub(super) fn wake<const N: usize>(
+        &mut self,
+        step: &StepContext<D>,
+        points: &Points<D>,
+        at: At<N>,
+    ) -> Result<(), ContactError> {
+        let farthest = displacement::<D, N>(at.delta_d).iter().map(norm).fold(0.0, f64::max);
+        let most = (1 << D) as f64 * farthest;
+        let sleeps_on = |(moving, awake): (&Moving<D>, &f64)| {
+            *awake == f64::INFINITY || moving.translation().is_some_and(|of_tool| most + of_tool <= *awake)
+        };
+        if self.tools.iter().zip(&self.awake).all(sleeps_on) {
+            return Ok(());
+        }
+        self.awake.fill(f64::INFINITY);
+        let known: HashMap<Key, usize> =
+            self.candidates.iter().enumerate().map(|(k, candidate)| (candidate.key, k)).collect();
+        let penalties: Vec<f64> = self.candidates.iter().map(|candidate| candidate.penalty).collect();
+        self.find_places(step, points)?;
+        let number = |candidate: &Candidate<D>| known.get(&candidate.key).copied();
+        for candidate in &mut self.candidates {
+            if let Some(k) = number(candidate) {
+                candidate.penalty = candidate.penalty.max(penalties[k]);
+            }
+        }
+        let all = |old: &[Multiplier<D>]| -> Vec<Multiplier<D>> {
+            let of_old = |candidate: &Candidate<D>| number(candidate).and_then(|k| old.get(k).copied());
+            self.candidates.iter().map(|candidate| of_old(candidate).unwrap_or_default()).collect()
+        };
+        let (multipliers, before) = (all(&self.multipliers), all(&self.before_increment));
+        (self.multipliers, self.before_increment) = (multipliers, before);
+        self.changes.clear();
+        self.has_woken = true;
+        Ok(())
+    }
+
+    /// True if, at the start of a step, places with friction only stick to flat surfaces.
+    fn begins_symmetric(&self, model: &Model<D>) -> bool {
+        let of_place = |k: usize| {
+            let candidate = &self.candidates[k];
+            let Some(interface) = model.tools[candidate.key.tool as usize].interface_with(candidate.body)
+            else {
+                return true;
+            };
+            let law = Law::new(&interface, candidate.area, candidate.penalty, self.has_touched[k]);
+            let is_flat = candidate.near.normal_derivative == [[0.0; D]; D];
+            let is_free = self.start[k] == Multiplier::default();
+            law.is_smooth() || is_free || is_flat && law.has_stuck(&self.start[k])
+        };
+        (0..self.candidates.len()).all(of_place)
+    }
+}

@@ -1,0 +1,114 @@
+//! Checks of a step: how far places have moved, and whether a tool has come between them.
+
+use std::collections::HashMap;
+
+use super::Contact;
+use super::candidates::{self, Candidate, missed, named};
+use super::error::{ContactError, ContactPlace};
+use super::evaluation::Trial;
+use crate::model::{Model, Tool};
+use crate::points::Points;
+use crate::region::vector::{along, dot, minus, norm};
+use crate::step::{At, StepContext};
+use crate::tool::{Closest, Shape};
+
+/// Gap at the start of a step, relative to the size of a cell, above which the straight path of a place tells whether it
+/// has passed through a tool, [-]: nearer places may cut its rounded surface.
+const APART: f64 = 1e-3;
+/// Depth below the surface, relative to the size of a cell, to which a straight path may cut a corner of a tool, [-]; what is
+/// thinner than twice this is no obstacle.
+const GRAZING: f64 = 5e-3;
+
+impl<const D: usize> Contact<D> {
+    /// Checks how far places have moved relative to the tools in a step whose iterations have converged.
+    pub(super) fn check_motion<const N: usize>(
+        &self,
+        step: &StepContext<D>,
+        points: &Points<D>,
+        at: At<N>,
+    ) -> Result<(), ContactError> {
+        let model = step.model;
+        for (candidate, Trial { position, slip, touch, .. }) in self.candidates.iter().zip(&self.trials) {
+            let number = candidate.key.tool as usize;
+            let (tool, moving) = (&model.tools[number], &self.tools[number]);
+            let (motion, most) = (norm(slip), tool.control.largest_slide * candidate.size);
+            if touch.is_some() && motion > most {
+                return Err(ContactError::Slide { place: candidate.place(model), motion, most });
+            }
+            let gap = candidate.near.gap;
+            let may_have_passed = if gap > APART * candidate.size {
+                motion > gap
+            } else {
+                // A place that has touched may cut a rounded surface when it leaves.
+                candidate.has_turned(tool.shape.as_ref(), moving, position)
+            };
+            if touch.is_none() && may_have_passed {
+                // From outside: round-off may put a place that touches on either side of the surface.
+                let start = along(&candidate.start, APART * candidate.size, &candidate.near.normal);
+                let path = [moving.start.to_tool(&start), moving.end.to_tool(position)];
+                if depth_of_passage(tool.shape.as_ref(), path) > GRAZING * candidate.size {
+                    return Err(ContactError::Through { place: candidate.place(model) });
+                }
+            }
+        }
+        if let Some(place) = self.between(model) {
+            return Err(ContactError::Between { place });
+        }
+        if let Some((number, p)) = missed(&self.search(step, points), at.delta_d) {
+            let (tool, body) = (&model.tools[number], points.body[p] as usize);
+            let position = &points.converged.position[p];
+            return Err(ContactError::Through { place: named(model, tool, body, points.id[p], position) });
+        }
+        Ok(())
+    }
+
+    /// A corner of a domain from whose centre a part of a tool parts it at the last evaluation.
+    fn between(&self, model: &Model<D>) -> Option<ContactPlace> {
+        let places = || self.candidates.iter().zip(&self.trials);
+        let is_centre = |candidate: &Candidate<D>| candidate.key.corner == candidates::CENTRE;
+        let centres: HashMap<(u32, u32), [f64; D]> = places()
+            .filter(|(candidate, _)| is_centre(candidate))
+            .map(|(candidate, trial)| ((candidate.key.tool, candidate.key.point), trial.position))
+            .collect();
+        let parts = |candidate: &Candidate<D>, corner: &[f64; D], point: u32| {
+            let number = candidate.key.tool;
+            let Some(centre) = centres.get(&(number, point)) else { return false };
+            let (shape, moving) = (model.tools[number as usize].shape.as_ref(), &self.tools[number as usize]);
+            let [from, to] = [centre, corner].map(|x| moving.end.to_tool(x));
+            let is_outside = |found: &Closest<D>| found.gap > -GRAZING * candidate.size;
+            let ends = [from, to].map(|x| shape.closest(x).filter(is_outside));
+            matches!(ends, [Some(a), Some(b)] if dot(&a.normal, &b.normal) < candidates::OTHER_SIDE)
+                && shape.first_contact(from, to).is_some()
+        };
+        let parted = |(candidate, trial): &(&Candidate<D>, &Trial<D>)| {
+            let mut points = candidate.shared_by.iter().chain([&candidate.key.point]);
+            !is_centre(candidate) && points.any(|point| parts(candidate, &trial.position, *point))
+        };
+        places().find(parted).map(|(candidate, _)| candidate.place(model))
+    }
+
+    /// Checks that every tool with free components touches a body.
+    pub(super) fn check_that_free_tools_touch(&self, model: &Model<D>) -> Result<(), ContactError> {
+        let mut touches = vec![false; self.tools.len()];
+        self.touching().for_each(|(_, candidate, _, _)| touches[candidate.key.tool as usize] = true);
+        for ((moving, touches), tool) in self.tools.iter().zip(touches).zip(&model.tools) {
+            let mut unknowns = moving.free.iter().zip(&moving.follows);
+            let free = unknowns.find(|(_, follows)| !**follows).map(|(k, _)| *k);
+            if let (Some(k), false) = (free, touches) {
+                let component = Tool::<D>::component_name(k);
+                return Err(ContactError::Loose { tool: tool.name.clone(), component });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Distance from the surface, [length], half way between the ends of the part of a straight path that lies inside a tool, in
+/// the frame of the tool; 0 if the path does not meet it.
+fn depth_of_passage<const D: usize>(shape: &dyn Shape<D>, [from, to]: [[f64; D]; 2]) -> f64 {
+    let (Some(first), Some(last)) = (shape.first_contact(from, to), shape.first_contact(to, from)) else {
+        return 0.0;
+    };
+    let middle = along(&from, 0.5 * (first + 1.0 - last), &minus(&to, &from));
+    shape.closest(middle).map_or(0.0, |found| found.gap.abs())
+}

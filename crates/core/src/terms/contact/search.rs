@@ -1,0 +1,338 @@
+//! The search for the places that may touch a tool in a step.
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+
+use super::candidates::{CENTRE, Candidate, Key, TOUCHING, corners_of, named};
+use super::error::ContactError;
+use super::motion::{Moving, in_space};
+use crate::basis::{Connectivity, Method};
+use crate::grid::MAX_CORNERS;
+use crate::model::Model;
+use crate::points::{PIECE, Points};
+use crate::region::vector::{along, cross, dot, minus, norm};
+use crate::tool::Closest;
+
+/// Distance within which corners of domains are shared, relative to the size of a cell, [-].
+const SHARED: f64 = 1e-8;
+/// Largest sine of the angle between the surface of a tool and the edges of a side of a domain that lies along it, [-]: of the
+/// domains around a corner, those that touch the tool with the corner only bear no part of its area.
+const ALONG: f64 = 0.5;
+/// Cosine of the angle between normals within which the surface of a tool without edges is flat over a domain, [-]: its radius
+/// is then many times the size of the domain.
+const FLAT: f64 = 0.99;
+/// Distance for which the search looks farther, so that it can pass over the next points, in cells.
+const AHEAD: f64 = 4.0;
+
+/// The search for candidates at the start of a step.
+pub(super) struct Search<'a, const D: usize> {
+    pub(super) model: &'a Model<D>,
+    pub(super) points: &'a Points<D>,
+    pub(super) links: &'a Connectivity<D>,
+    pub(super) tools: &'a [Moving<D>],
+    /// For each body, true if it has taken part in a step before: it may then overlap tools by what the motion of its
+    /// domains has left.
+    pub(super) has_begun: &'a [bool],
+    /// For each tool, the distance from its surface beyond which places under a flat part sleep in the step, [length].
+    pub(super) awake: &'a [f64],
+}
+
+/// A place near a tool.
+#[derive(Debug, Clone)]
+pub(super) struct Near<const D: usize> {
+    /// The point to whose domain it belongs.
+    pub(super) p: usize,
+    pub(super) key: Key,
+    pub(super) start: [f64; D],
+    /// Size of its cell, [length].
+    pub(super) size: f64,
+    pub(super) closest: Closest<D>,
+    /// True if the surface of the tool is flat over all domains that it belongs to.
+    pub(super) is_flat: bool,
+    pub(super) area: f64,
+    pub(super) area_of_corner: f64,
+    pub(super) shared_by: Vec<u32>,
+}
+
+impl<const D: usize> Near<D> {
+    /// The place, which bears nothing afterwards.
+    fn take(&mut self) -> Near<D> {
+        let place = self.clone();
+        (self.area, self.area_of_corner) = (0.0, 0.0);
+        place
+    }
+
+    /// Joins the same corner of a further domain.
+    fn join(&mut self, other: Self) {
+        self.shared_by.push(self.key.point.max(other.key.point));
+        self.key = self.key.min(other.key);
+        self.is_flat &= other.is_flat;
+        self.area += other.area;
+        self.area_of_corner += other.area_of_corner;
+    }
+}
+
+/// A point near a tool.
+struct OfPoint<'a, const D: usize> {
+    p: usize,
+    tool: usize,
+    corners: &'a [[f64; D]],
+    /// Size of its cell, and how far a place may come in the step, [length].
+    size: f64,
+    reach: f64,
+}
+
+/// A position outside a tool, with a lower bound of its distance, [length]; negative if it is inside.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Far<const D: usize> {
+    from: [f64; D],
+    distance: f64,
+}
+
+/// What the search has found in a piece of the points.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Found<const D: usize> {
+    places: Vec<Near<D>>,
+    candidates: Vec<Candidate<D>>,
+    error: Option<ContactError>,
+    /// For each tool.
+    far: Vec<Option<Far<D>>>,
+}
+
+impl<const D: usize> Search<'_, D> {
+    /// Finds the candidates, in the order of the points.
+    ///
+    /// # Errors
+    /// [`ContactError::Overlap`] for a body that begins inside a tool.
+    pub(super) fn run(
+        &self,
+        pieces: &mut Vec<Found<D>>,
+        candidates: &mut Vec<Candidate<D>>,
+    ) -> Result<(), ContactError> {
+        pieces.resize_with(self.points.len().div_ceil(PIECE), Found::default);
+        let in_piece = |(piece, found): (usize, &mut Found<D>)| {
+            let points = piece * PIECE..((piece + 1) * PIECE).min(self.points.len());
+            found.far.clear();
+            found.far.resize(self.tools.len(), None);
+            found.places.clear();
+            let mut near = points.map(|p| self.near_point(p, &mut found.far, &mut found.places));
+            found.error = near.find_map(Result::err);
+        };
+        pieces.par_iter_mut().enumerate().for_each(in_piece);
+        if let Some(error) = pieces.iter_mut().find_map(|found| found.error.take()) {
+            return Err(error);
+        }
+        self.join_shared(pieces);
+        let moduli = self.moduli();
+        // Corners of domains that are flat along the tool bear nothing.
+        let bears = |place: &Near<D>| place.area.max(place.area_of_corner) > 0.0;
+        let link = |found: &mut Found<D>| {
+            let places = found.places.drain(..).filter(bears);
+            found.candidates.extend(places.map(|place| self.candidate(place, &moduli)));
+        };
+        pieces.par_iter_mut().for_each(link);
+        candidates.clear();
+        pieces.iter_mut().for_each(|found| candidates.append(&mut found.candidates));
+        Ok(())
+    }
+
+    /// Adds the places of a point; `far` bounds the distance of each tool from a position nearby.
+    fn near_point(
+        &self,
+        p: usize,
+        far: &mut [Option<Far<D>>],
+        found: &mut Vec<Near<D>>,
+    ) -> Result<(), ContactError> {
+        let Search { model, points, .. } = *self;
+        let number = points.body[p] as usize;
+        let x = &points.converged.position[p];
+        let mut buffer = [[0.0; D]; MAX_CORNERS];
+        let mut corners: &[[f64; D]] = &[];
+        let mut radius = 0.0;
+        for (k, (tool, moving)) in model.tools.iter().zip(self.tools).enumerate() {
+            if tool.interface_with(number).is_none() {
+                continue;
+            }
+            if corners.is_empty() {
+                corners = corners_of(points, p, &mut buffer);
+                radius = corners.iter().map(|corner| norm(&minus(corner, x))).fold(0.0, f64::max);
+            }
+            let size = model.grid.size(points.cell[p] as usize);
+            let reach = tool.control.largest_slide * size + moving.prescribed_reach(x, radius);
+            if far[k].is_some_and(|far| far.distance - norm(&minus(x, &far.from)) > reach + radius) {
+                continue;
+            }
+            // A point deep inside a tool is far from its surface, too.
+            let limit = if self.has_begun[number] { reach + radius + AHEAD * size } else { f64::INFINITY };
+            let of_point = moving.start.closest(tool.shape.as_ref(), *x, limit);
+            let distance = of_point.as_ref().map_or(limit, |found| found.gap);
+            far[k] = Some(Far { from: *x, distance });
+            let begins = !self.has_begun[number];
+            let is_near =
+                |near: &Closest<D>| near.gap <= reach + radius && (begins || near.gap >= -reach - radius);
+            if let Some(near) = of_point.filter(is_near) {
+                self.near_tool(&OfPoint { p, tool: k, corners, size, reach }, near, found)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the places of a point that a tool may reach, given the closest point of its centre.
+    fn near_tool(
+        &self,
+        of: &OfPoint<D>,
+        near: Closest<D>,
+        found: &mut Vec<Near<D>>,
+    ) -> Result<(), ContactError> {
+        let Search { model, points, .. } = *self;
+        let (tool, moving) = (&model.tools[of.tool], &self.tools[of.tool]);
+        let at_start = |x: &[f64; D]| moving.start.closest(tool.shape.as_ref(), *x, f64::INFINITY);
+        let mut of_corners = [None; MAX_CORNERS];
+        of_corners.iter_mut().zip(of.corners).for_each(|(found, corner)| *found = at_start(corner));
+        let of_corners = &of_corners[..of.corners.len()];
+        let is_parallel = |found: &Closest<D>| dot(&found.normal, &near.normal) > FLAT;
+        let is_flat =
+            !tool.shape.has_edges() && of_corners.iter().all(|found| found.as_ref().is_some_and(is_parallel));
+        let asleep = if is_flat { self.awake[of.tool] } else { f64::INFINITY };
+        for (corner, (start, of_corner)) in of.corners.iter().zip(of_corners).enumerate() {
+            if let Some(of_corner) = of_corner.as_ref().filter(|found| found.gap <= asleep) {
+                self.add_place(of, (corner, is_flat), *start, *of_corner, found)?;
+            }
+        }
+        // Where the surface is flat over the domain, it meets the corners first.
+        if of.corners.len() > 1 && !is_flat {
+            let centre = points.converged.position[of.p];
+            self.add_place(of, (CENTRE as usize, false), centre, near, found)?;
+        }
+        Ok(())
+    }
+
+    /// Adds a place if the tool may reach it.
+    fn add_place(
+        &self,
+        &OfPoint { p, tool, corners: _, size, reach }: &OfPoint<D>,
+        (corner, is_flat): (usize, bool),
+        start: [f64; D],
+        near: Closest<D>,
+        found: &mut Vec<Near<D>>,
+    ) -> Result<(), ContactError> {
+        let Search { model, points, .. } = *self;
+        let (number, x) = (points.body[p] as usize, &points.converged.position[p]);
+        if near.gap > reach {
+            return Ok(());
+        }
+        if near.gap < -TOUCHING * size && !self.has_begun[number] {
+            let place = named(model, &model.tools[tool], number, points.id[p], &start);
+            return Err(ContactError::Overlap { place, overlap: -near.gap });
+        }
+        let [area, area_of_corner] = match Vertex::of(points.corners(p), corner) {
+            None => {
+                let share = model.volume(points, p) / model.depth(x);
+                [share.powf((D - 1) as f64 / D as f64) / (1usize << (D - 1)) as f64; 2]
+            }
+            Some(vertex) => {
+                let (area, steepness) = vertex.area(&near.normal);
+                [if steepness < ALONG { area } else { 0.0 }, area]
+            }
+        };
+        let depth = model.depth(x);
+        found.push(Near {
+            p,
+            key: Key { tool: tool as u32, point: points.id[p], corner: corner as u32 },
+            start,
+            size,
+            closest: near,
+            is_flat,
+            area: depth * area,
+            area_of_corner: depth * area_of_corner,
+            shared_by: Vec::new(),
+        });
+        Ok(())
+    }
+
+    /// Joins the corners that domains share; the first of them keeps what the others bear.
+    fn join_shared(&self, pieces: &mut [Found<D>]) {
+        let is_shared = |body: usize| self.model.bodies[body].method == Method::Cpdi2;
+        if !self.model.bodies.iter().any(|body| body.method == Method::Cpdi2) {
+            return;
+        }
+        // Cells of different size share corners, too.
+        let places = pieces.iter().flat_map(|found| &found.places);
+        let size = places.map(|place| place.size).fold(f64::INFINITY, f64::min);
+        let width = 1e3 * SHARED * size;
+        let lattice = |x: &[f64; D]| x.map(|x| (x / width).floor() as i64);
+        // The last entry in each cell of a lattice, and for each entry the place and the entry before it in the same cell.
+        let mut last: HashMap<(u32, usize, [i64; D]), usize> = HashMap::new();
+        let mut entries: Vec<([usize; 2], Option<usize>)> = Vec::new();
+        for piece in 0..pieces.len() {
+            for k in 0..pieces[piece].places.len() {
+                let place = &pieces[piece].places[k];
+                let (start, number, tool) = (place.start, self.points.body[place.p] as usize, place.key.tool);
+                if !is_shared(number) || place.key.corner == CENTRE {
+                    continue;
+                }
+                let mut entry = last.get(&(tool, number, lattice(&start))).copied();
+                let same = loop {
+                    let Some(([i, j], before)) = entry.map(|entry| entries[entry]) else { break None };
+                    if norm(&minus(&pieces[i].places[j].start, &start)) <= SHARED * size {
+                        break Some([i, j]);
+                    }
+                    entry = before;
+                };
+                if let Some([i, j]) = same {
+                    let joined = pieces[piece].places[k].take();
+                    pieces[i].places[j].join(joined);
+                    continue;
+                }
+                // A place near the border of a cell of the lattice is entered in all cells around it.
+                let mut cell_before = None;
+                for corner in 0..1usize << D {
+                    let sign = |d: usize| if corner >> d & 1 == 1 { 1.0 } else { -1.0 };
+                    let cell = lattice(&std::array::from_fn(|d| start[d] + sign(d) * SHARED * size));
+                    if cell_before.replace(cell) != Some(cell) {
+                        let before = last.insert((tool, number, cell), entries.len());
+                        entries.push(([piece, k], before));
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A corner of a domain given by corners, and the edges that meet there.
+struct Vertex<const D: usize> {
+    /// From the corner to those at the other ends of its edges, [length].
+    edges: [[f64; D]; D],
+    /// Number of corners of each side of the domain.
+    of_side: usize,
+}
+
+impl<const D: usize> Vertex<D> {
+    /// `None` for a point whose domain is not given by corners.
+    fn of(corners: &[[f64; D]], corner: usize) -> Option<Self> {
+        let start = corners.get(corner)?;
+        let is_box = corners.len() == 1 << D;
+        let other = |k: usize| if is_box { corner ^ 1 << k } else { k + usize::from(k >= corner) };
+        let edges = std::array::from_fn(|k| minus(&corners[other(k)], start));
+        Some(Vertex { edges, of_side: if is_box { 1 << (D - 1) } else { D } })
+    }
+
+    /// Its share of the side that is most parallel to the surface with this normal, seen along the normal, [length^(D−1)], and
+    /// the largest sine of the angle between an edge of that side and the surface.
+    fn area(&self, normal: &[f64; D]) -> (f64, f64) {
+        let slope = |e: &[f64; D]| dot(e, normal).abs() / norm(e);
+        let steepest = (0..D).max_by(|&a, &b| slope(&self.edges[a]).total_cmp(&slope(&self.edges[b])));
+        let side: Vec<&[f64; D]> = (0..D).filter(|k| Some(*k) != steepest).map(|k| &self.edges[k]).collect();
+        let steepness = side.iter().map(|e| slope(e)).fold(0.0, f64::max);
+        let whole = match side[..] {
+            [a, b] => {
+                let of_parallelogram = dot(&in_space(normal), &cross(&in_space(a), &in_space(b))).abs();
+                if self.of_side == D { 0.5 * of_parallelogram } else { of_parallelogram }
+            }
+            [e] => norm(&along(e, -dot(e, normal), normal)),
+            _ => 0.0,
+        };
+        (whole / self.of_side as f64, steepness)
+    }
+}
