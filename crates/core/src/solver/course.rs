@@ -1,6 +1,6 @@
 //! The course of the iterations of a step, and the forecast that follows from it.
 
-use crate::linear::Solved;
+use crate::linear::{LinearError, Solved};
 
 use super::forcing::Forcing;
 use super::residual::RoundOff;
@@ -17,6 +17,9 @@ pub(super) struct Course<const N: usize> {
     /// The role of round-off in the last residual.
     pub(super) round_off: RoundOff,
     pub(super) solved: Vec<Solved>,
+    /// Number of increments with support, and the last failure without.
+    pub(super) supported: usize,
+    pub(super) singular: Option<LinearError>,
     /// True if the present layout of the system has a factor.
     pub(super) has_factor: bool,
     /// Out-of-balance force of the last evaluation, [force].
@@ -43,6 +46,8 @@ impl<const N: usize> Course<N> {
             residuals: Vec::new(),
             round_off: RoundOff::NoMatter,
             solved: Vec::new(),
+            supported: 0,
+            singular: None,
             has_factor: false,
             out_of_balance: Vec::new(),
             f_int_start: Vec::new(),

@@ -1,6 +1,6 @@
 //! Newton iterations to equilibrium within one load step: eqs. (26), (28), (30) and (40).
 
-use crate::linear::Solved;
+use crate::linear::{LinearError, Solved};
 use crate::step::{At, StepContext, displacement};
 use crate::stress::Mechanics;
 use crate::terms::Augmentation;
@@ -17,6 +17,8 @@ use super::step_system::StepSystem;
 use super::unknowns::Unknowns;
 use super::update;
 
+/// Largest number of increments with support in an attempt: a body that slides for more of them does not come to rest.
+const MOST_SUPPORTED: usize = 8;
 /// Largest number of updates of multipliers along an increment.
 const MOST_UPDATES: usize = 4;
 
@@ -103,7 +105,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         }
         self.is_predicted = self.unknowns.predicted.is_some();
         (self.course.is_augmented, self.course.is_augmented_along) = (false, false);
-        let solved = if self.is_damped() { self.damped_step() } else { self.newton_step() };
+        let solved = if self.is_damped() { self.damped_step() } else { self.supported_step() };
         let step = self.context.step;
         let solved = solved.map_err(|obstacle| match obstacle {
             NoIncrement::Linear(error) => {
@@ -116,6 +118,21 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             self.course.solved.push(solved);
         }
         Ok(())
+    }
+
+    /// An increment of Newton's method; where bodies are held by friction alone and all places slide, with their support.
+    fn supported_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
+        let may_support = self.course.supported < MOST_SUPPORTED;
+        match self.newton_step() {
+            Err(NoIncrement::Linear(error @ LinearError::Singular { .. }))
+                if may_support && self.system.sum.support() =>
+            {
+                self.course.supported += 1;
+                (self.course.singular, self.course.has_factor) = (Some(error), false);
+                self.newton_step()
+            }
+            outcome => outcome,
+        }
     }
 
     /// Solves eq. (26), K δd = f_ext − f_int on the free degrees of freedom, adds δd to Δd by eq. (30), and updates the
@@ -146,11 +163,12 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && !unknowns.prescribes
             && course.has_factor;
         // Near the solution, the state of all places may stand. Once is enough: places that hinder each other would change theirs
-        // again and again.
+        // again and again. After a failed attempt, updates wait for equilibrium.
         let is_smooth = condition.is_none()
             && !equations.is_iterative()
             && !unknowns.prescribes
             && !course.was_augmented_along
+            && !summary.pace.is_careful()
             && course.falls_fast();
         let Unknowns { rhs, iterative, .. } = &mut *unknowns;
         let rhs = RightHandSide { forces: rhs, globals: None };
@@ -254,6 +272,9 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
 
     fn without_equilibrium(&self) -> SolveError {
         let StepContext { model, links, step, .. } = self.context;
+        if let Some(error) = self.course.singular {
+            return SolveError::linear(error, self.context.place(&self.system.dofs), step);
+        }
         let residuals = self.course.residuals.clone();
         let out_of_balance = displacement(&self.course.out_of_balance);
         if self.course.round_off == RoundOff::Forbids {

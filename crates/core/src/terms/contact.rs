@@ -427,6 +427,13 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         Augmentation::Updated
     }
 
+    /// Friction resists no further motion of places that slide.
+    fn support(&self, sum: &mut System<N>) -> bool {
+        let sliding = || self.touching().filter(|(.., touch)| touch.slides_with_friction());
+        sliding().for_each(|(_, candidate, _, touch)| evaluation::support(candidate, &touch.normal(), sum));
+        sliding().next().is_some()
+    }
+
     fn withdraw_augmentation(&mut self) {
         self.multipliers.clone_from(&self.before_increment);
     }

@@ -172,6 +172,12 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         (outcome == Augmentation::Updated).then_some(added)
     }
 
+    /// Supports the last stiffness where terms leave bodies without resistance; true if there is such a place.
+    pub fn support(&mut self) -> bool {
+        let Sum { terms, system } = self;
+        terms.iter().fold(false, |supports, term| term.support(system) || supports)
+    }
+
     /// Takes back the updates of multipliers along the last increment.
     pub fn withdraw_augmentation(&mut self) {
         self.terms.iter_mut().for_each(|term| term.withdraw_augmentation());

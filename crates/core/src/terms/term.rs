@@ -135,6 +135,12 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
         Augmentation::Satisfied
     }
 
+    /// Adds a stiffness, at the last evaluation, to what the state of the term leaves without resistance; true if there is such.
+    /// It changes the way to the solution only.
+    fn support(&self, _sum: &mut System<N>) -> bool {
+        false
+    }
+
     /// Takes back the updates along the last increment, which is going to be shortened.
     fn withdraw_augmentation(&mut self) {}
 

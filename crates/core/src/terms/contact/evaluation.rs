@@ -192,6 +192,19 @@ fn support_sliding<const D: usize, const N: usize>(
     }
 }
 
+/// Supports a place along the surface with this normal, by the stiffness of the cell below.
+pub(super) fn support<const D: usize, const N: usize>(
+    candidate: &Candidate<D>,
+    normal: &[f64; D],
+    sum: &mut System<N>,
+) {
+    let by_position: [[f64; D]; D] = std::array::from_fn(|j| {
+        let e: [f64; D] = unit(j);
+        along(&e, -normal[j], normal).map(|e| -candidate.stiffness * e)
+    });
+    add_stiffness(candidate, &by_position, sum);
+}
+
 /// Adds −N_v N_w ∂f/∂x to the blocks of the nodes.
 fn add_stiffness<const D: usize, const N: usize>(
     candidate: &Candidate<D>,
