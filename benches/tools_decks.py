@@ -218,16 +218,17 @@ def elastic(deck):
     return deck.replace(CLAY, ELASTIC)
 
 
-# A layer of five cells under a plate, a tool or held by nodes: a tenth of the points lie along the plate.
+# A layer under a plate, a tool or held by nodes. Five cells high, a tenth of the points touch the plate; ten cells high, a
+# tenth of them have candidates.
 LAYER = """
 version: 1
-parameters: {method: gimp, n: 2, steps: 20, cells: 400}
-grid: {type: structured, origin: [0, 0], size: ["${cells}", 7], spacing: 1}
+parameters: {method: gimp, n: 2, steps: 20, cells: 400, high: 5}
+grid: {type: structured, origin: [0, 0], size: ["${cells}", "${high+2}"], spacing: 1}
 materials:
   rubber: {model: hencky, young: 1e6, poisson: 0.3}
 bodies:
   - {name: layer, material: rubber, method: "${method}", points_per_cell: "${n}",
-     shape: {type: box, min: [0, 0], max: ["${cells}", 5]}}
+     shape: {type: box, min: [0, 0], max: ["${cells}", "${high}"]}}
 boundary_conditions:
   - {name: base, nodes: {y: 0}, fix: [x, y]}
   - {name: left, nodes: {x: 0}, fix: [x]}
@@ -236,8 +237,8 @@ PLATE
 steps: {count: "${steps}"}
 output: {every: 0}
 """
-PLATE_AS_TOOL = "tools: [{name: plate, shape: {type: half-space, point: [0, 5], normal: [0, -1]}, uy: -0.02, friction: FRICTION}]"
-PLATE_BY_NODES = '  - {name: plate, nodes: {box: {min: [0, 5], max: ["${cells}", 5]}}, FIXuy: -0.02}'
+PLATE_AS_TOOL = 'tools: [{name: plate, shape: {type: half-space, point: [0, "${high}"], normal: [0, -1]}, uy: -0.02, friction: FRICTION}]'
+PLATE_BY_NODES = '  - {name: plate, nodes: {box: {min: [0, "${high}"], max: ["${cells}", "${high}"]}}, FIXuy: -0.02}'
 
 # Half of a ring of clay around a pipe of radius 1, on a mesh whose inner nodes lie on the pipe. The pipe sinks so little
 # that shapes stay as they are.
