@@ -175,7 +175,7 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     /// Supports the last stiffness where terms leave bodies without resistance; true if there is such a place.
     pub fn support(&mut self) -> bool {
         let Sum { terms, system } = self;
-        terms.iter().fold(false, |supports, term| term.support(system) || supports)
+        terms.iter().filter(|term| term.support(system)).count() > 0
     }
 
     /// Takes back the updates of multipliers along the last increment.

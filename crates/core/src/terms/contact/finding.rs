@@ -4,12 +4,11 @@ use std::collections::HashMap;
 
 use super::Contact;
 use super::allowance::allowance;
-use super::candidates::{self, Candidate, Key};
+use super::candidates::{self, Candidate, Key, Search};
 use super::error::ContactError;
 use super::interface::{Law, Multiplier};
 use super::motion::Moving;
 use super::multipliers::Kept;
-use super::search::Search;
 use crate::basis::Method;
 use crate::model::Model;
 use crate::points::Points;

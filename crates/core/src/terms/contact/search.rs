@@ -4,13 +4,12 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::candidates::{CENTRE, Candidate, Key, TOUCHING, corners_of, named};
+use super::candidates::{CENTRE, Candidate, Key, Near, Search, TOUCHING, corners_of, named};
 use super::error::ContactError;
-use super::motion::{Moving, in_space};
-use crate::basis::{Connectivity, Method};
+use super::motion::in_space;
+use crate::basis::Method;
 use crate::grid::MAX_CORNERS;
-use crate::model::Model;
-use crate::points::{PIECE, Points};
+use crate::points::PIECE;
 use crate::region::vector::{along, cross, dot, minus, norm};
 use crate::tool::Closest;
 
@@ -24,54 +23,6 @@ const ALONG: f64 = 0.5;
 const FLAT: f64 = 0.99;
 /// Distance for which the search looks farther, so that it can pass over the next points, in cells.
 const AHEAD: f64 = 4.0;
-
-/// The search for candidates at the start of a step.
-pub(super) struct Search<'a, const D: usize> {
-    pub(super) model: &'a Model<D>,
-    pub(super) points: &'a Points<D>,
-    pub(super) links: &'a Connectivity<D>,
-    pub(super) tools: &'a [Moving<D>],
-    /// For each body, true if it has taken part in a step before: it may then overlap tools by what the motion of its
-    /// domains has left.
-    pub(super) has_begun: &'a [bool],
-    /// For each tool, the distance from its surface beyond which places under a flat part sleep in the step, [length].
-    pub(super) awake: &'a [f64],
-}
-
-/// A place near a tool.
-#[derive(Debug, Clone)]
-pub(super) struct Near<const D: usize> {
-    /// The point to whose domain it belongs.
-    pub(super) p: usize,
-    pub(super) key: Key,
-    pub(super) start: [f64; D],
-    /// Size of its cell, [length].
-    pub(super) size: f64,
-    pub(super) closest: Closest<D>,
-    /// True if the surface of the tool is flat over all domains that it belongs to.
-    pub(super) is_flat: bool,
-    pub(super) area: f64,
-    pub(super) area_of_corner: f64,
-    pub(super) shared_by: Vec<u32>,
-}
-
-impl<const D: usize> Near<D> {
-    /// The place, which bears nothing afterwards.
-    fn take(&mut self) -> Near<D> {
-        let place = self.clone();
-        (self.area, self.area_of_corner) = (0.0, 0.0);
-        place
-    }
-
-    /// Joins the same corner of a further domain.
-    fn join(&mut self, other: Self) {
-        self.shared_by.push(self.key.point.max(other.key.point));
-        self.key = self.key.min(other.key);
-        self.is_flat &= other.is_flat;
-        self.area += other.area;
-        self.area_of_corner += other.area_of_corner;
-    }
-}
 
 /// A point near a tool.
 struct OfPoint<'a, const D: usize> {
