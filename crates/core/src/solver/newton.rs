@@ -164,7 +164,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             && course.has_factor;
         // Near the solution, the state of all places may stand. Once is enough: places that hinder each other would change theirs
         // again and again. After a failed attempt, updates wait for equilibrium.
-        let is_smooth = condition.is_none()
+        let may_augment = condition.is_none()
             && !equations.is_iterative()
             && !unknowns.prescribes
             && !course.was_augmented_along
@@ -204,7 +204,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
                 .map_err(NoIncrement::Path)?;
             unknowns.add_response(change, &of_load, &globals);
         }
-        if is_smooth {
+        if may_augment {
             self.augment_along(eta)?;
         }
         let LoadStep { system: StepSystem { dofs, sum, .. }, unknowns, course, summary, .. } = self;
@@ -244,7 +244,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
             return Err(SolveError::NoPath { step: step.index, reason: NoPath::Reversed });
         }
         let mut is_final = is_balanced;
-        if self.is_laid_out_anew {
+        if self.is_laid_out_anew && is_balanced && self.is_damped() {
             self.prepare_equations()?;
         }
         if is_balanced

@@ -106,16 +106,18 @@ pub struct Contact<const D: usize> {
     /// The places that may touch a tool in the present step, their multipliers at its start, whether they have touched
     /// before, the present multipliers, and the places at the last evaluation.
     candidates: Vec<Candidate<D>>,
+    start: Vec<Multiplier<D>>,
+    has_touched: Vec<bool>,
+    multipliers: Vec<Multiplier<D>>,
+    trials: Vec<Trial<D>>,
     /// For each tool, the distance beyond which places under a flat part of its surface sleep, [length]; true if they have woken
     /// since the system was laid out.
     awake: Vec<f64>,
     has_woken: bool,
     /// Working space of the search.
     pieces: Vec<Found<D>>,
-    start: Vec<Multiplier<D>>,
-    has_touched: Vec<bool>,
-    multipliers: Vec<Multiplier<D>>,
-    trials: Vec<Trial<D>>,
+    /// Size of the smallest cell that holds a point, [length].
+    smallest: f64,
     /// The multipliers before the updates along an increment, and the largest error at the last of these.
     before_increment: Vec<Multiplier<D>>,
     worst_along: Option<Worst>,
@@ -147,6 +149,7 @@ impl<const D: usize> Contact<D> {
             awake: Vec::new(),
             has_woken: false,
             pieces: Vec::new(),
+            smallest: f64::INFINITY,
             start: Vec::new(),
             has_touched: Vec::new(),
             multipliers: Vec::new(),
@@ -410,8 +413,9 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
             if *force == [0.0; D] {
                 continue;
             }
+            let of_nodes = added.force_mut();
             for (node, value) in candidate.basis.iter() {
-                (0..D).for_each(|d| added.force[node][d] += value * force[d]);
+                (0..D).for_each(|d| of_nodes[node][d] += value * force[d]);
             }
             let number = candidate.key.tool as usize;
             let moving = &self.tools[number];

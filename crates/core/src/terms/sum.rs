@@ -157,10 +157,11 @@ impl<const D: usize, const N: usize> Sum<D, N> {
         Ok(outcome)
     }
 
-    /// Updates the multipliers of all terms along an increment, after so many updates along it; returns what this adds to the equations if any has changed.
+    /// Updates the multipliers of all terms along an increment, after so many updates along it; returns what this adds to the
+    /// equations if any has changed.
     pub fn augment_along(&mut self, increment: At<N>, update: usize) -> Option<Response<N>> {
         let (n_nodes, n_globals) = (increment.delta_d.len(), increment.globals.len());
-        let mut added = Response { force: vec![[0.0; N]; n_nodes], globals: vec![0.0; n_globals], first: 0 };
+        let mut added = Response::new(n_nodes, n_globals);
         let mut outcome = Augmentation::Satisfied;
         for term in &mut self.terms {
             let (own, next) = of_term(term.as_ref(), increment, added.first);
@@ -175,7 +176,11 @@ impl<const D: usize, const N: usize> Sum<D, N> {
     /// Supports the last stiffness where terms leave bodies without resistance; true if there is such a place.
     pub fn support(&mut self) -> bool {
         let Sum { terms, system } = self;
-        terms.iter().filter(|term| term.support(system)).count() > 0
+        let mut supports = false;
+        for term in terms {
+            supports |= term.support(system);
+        }
+        supports
     }
 
     /// Takes back the updates of multipliers along the last increment.

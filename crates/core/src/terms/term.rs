@@ -211,15 +211,27 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
 /// What a change of multipliers adds to the equations.
 #[derive(Debug, Clone)]
 pub struct Response<const N: usize> {
-    /// The external force on the active nodes, [force].
-    pub force: Nodal<N>,
+    n_nodes: usize,
+    /// The external force on the active nodes, [force]; empty until it is asked for.
+    pub(crate) force: Nodal<N>,
     /// The residuals of the global equations of all terms.
-    pub globals: Vec<f64>,
+    pub(crate) globals: Vec<f64>,
     /// The first global unknown of the term that is being asked.
     pub(crate) first: usize,
 }
 
 impl<const N: usize> Response<N> {
+    /// Nothing, for this number of active nodes and global unknowns.
+    pub(crate) fn new(n_nodes: usize, n_globals: usize) -> Self {
+        Response { n_nodes, force: Vec::new(), globals: vec![0.0; n_globals], first: 0 }
+    }
+
+    /// The external force on the active nodes, [force], to add to.
+    pub fn force_mut(&mut self) -> &mut [[f64; N]] {
+        self.force.resize(self.n_nodes, [0.0; N]);
+        &mut self.force
+    }
+
     /// Adds to the residual of global equation `i` of the term.
     pub fn add_residual(&mut self, i: usize, residual: f64) {
         self.globals[self.first + i] += residual;

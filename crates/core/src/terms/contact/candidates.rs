@@ -6,7 +6,7 @@
 //! | CPDI1 | corners of the domain | the same |
 //! | CPDI2 | the same, once where domains share them | the same |
 //! | MPM | corners of the box x_p ± l_p, or x_p where the point has no box | N_v of the cell of the point, continued |
-//! | all | x_p, so that thin tools meet a place between the corners | S_vp |
+//! | all | x_p, so that thin tools meet a place between the corners; not below a flat surface without edges | S_vp |
 //!
 //! Corners inside the body are places, too: surfaces of the body that have come together may open again. The area of a place is
 //! its share of the side of the domain that lies along the tool, and of boxes its share of the side of a cube of their volume.
@@ -17,7 +17,7 @@
 use rayon::prelude::*;
 
 use super::error::ContactPlace;
-use super::motion::Moving;
+use super::motion::{Moving, farthest};
 use crate::basis::{Connectivity, Method};
 use crate::grid::{CellBasis, MAX_CORNERS};
 use crate::material::shear_modulus_at_rest;
@@ -153,6 +153,8 @@ pub(super) struct Search<'a, const D: usize> {
     pub(super) has_begun: &'a [bool],
     /// For each tool, the distance from its surface beyond which places under a flat part sleep in the step, [length].
     pub(super) awake: &'a [f64],
+    /// Size of the smallest cell that holds a point, [length].
+    pub(super) smallest: f64,
 }
 
 /// A place near a tool.
@@ -310,15 +312,11 @@ pub(super) fn missed<const D: usize, const N: usize>(
     search: &Search<D>,
     delta_d: &[[f64; N]],
 ) -> Option<(usize, usize)> {
-    let Search { model, points, links, tools, .. } = *search;
-    let farthest =
-        delta_d.iter().map(|u| norm(&std::array::from_fn::<f64, D, _>(|d| u[d]))).fold(0.0, f64::max);
+    let Search { model, points, links, tools, smallest, .. } = *search;
+    let farthest = farthest::<D, N>(delta_d);
     let is_slow = |(tool, moving): (&Tool<D>, &Moving<D>)| {
-        moving.translation().is_some_and(|of_tool| {
-            let least =
-                points.cell.iter().map(|&cell| model.grid.size(cell as usize)).fold(f64::INFINITY, f64::min);
-            farthest + of_tool <= tool.control.largest_slide * least
-        })
+        let most = tool.control.largest_slide * smallest;
+        moving.translation().is_some_and(|of_tool| farthest + of_tool <= most)
     };
     // No point moves farther than the nodes.
     if model.tools.iter().zip(tools).all(is_slow) {

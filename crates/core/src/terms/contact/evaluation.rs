@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::candidates::{Candidate, OTHER_SIDE, TOUCHING};
 use super::error::ContactError;
 use super::interface::{Approach, Law, Multiplier, Touch};
-use super::motion::{Moving, in_space};
+use super::motion::{Moving, farthest, in_space};
 use crate::assembly::{System, Wanted};
 use crate::model::Model;
 use crate::points::PIECE;
@@ -55,8 +55,7 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
         has_touched: &[bool],
         trials: &mut Vec<Trial<D>>,
     ) -> Result<(), ContactError> {
-        let nodes = self.delta_d.iter().map(|u| norm(&std::array::from_fn::<f64, D, _>(|d| u[d])));
-        let farthest = nodes.fold(0.0, f64::max);
+        let farthest = farthest::<D, N>(self.delta_d);
         let of_tools: Vec<f64> =
             self.tools.iter().map(|moving| moving.translation().unwrap_or(f64::INFINITY)).collect();
         let of_candidate = |k: usize| {

@@ -7,23 +7,23 @@ use super::allowance::allowance;
 use super::candidates::{self, Candidate, Key, Search};
 use super::error::ContactError;
 use super::interface::{Law, Multiplier};
-use super::motion::Moving;
+use super::motion::{Moving, farthest};
 use super::multipliers::Kept;
 use crate::basis::Method;
 use crate::model::Model;
 use crate::points::Points;
-use crate::region::vector::norm;
-use crate::step::{At, StepContext, displacement};
+use crate::step::{At, StepContext};
 
 /// Distance from a flat surface beyond which places sleep, in cells, and in motions of the tool in the step.
 const AWAKE: f64 = 0.1;
 const AWAKE_AFTER: f64 = 10.0;
 
 impl<const D: usize> Contact<D> {
+    /// The search for the places of a step.
     pub(super) fn search<'a>(&'a self, step: &StepContext<'a, D>, points: &'a Points<D>) -> Search<'a, D> {
         let StepContext { model, links, .. } = *step;
-        let (tools, has_begun, awake) = (&self.tools, &self.has_begun, &self.awake);
-        Search { model, points, links, tools, has_begun, awake }
+        let Contact { tools, has_begun, awake, smallest, .. } = self;
+        Search { model, points, links, tools, has_begun, awake, smallest: *smallest }
     }
 
     /// Finds the places of a step and their multipliers.
@@ -33,10 +33,10 @@ impl<const D: usize> Contact<D> {
         }
         self.is_there.fill(false);
         points.body.iter().for_each(|&body| self.is_there[body as usize] = true);
-        let smallest = points.cell.iter().map(|&cell| step.model.grid.size(cell as usize));
-        let smallest = smallest.fold(f64::INFINITY, f64::min);
-        let awake =
-            |moving: &Moving<D>| moving.translation().map(|u| (AWAKE * smallest).max(AWAKE_AFTER * u));
+        let sizes = points.cell.iter().map(|&cell| step.model.grid.size(cell as usize));
+        self.smallest = sizes.fold(f64::INFINITY, f64::min);
+        let nearest = AWAKE * self.smallest;
+        let awake = |moving: &Moving<D>| moving.translation().map(|u| nearest.max(AWAKE_AFTER * u));
         self.awake = self.tools.iter().map(|moving| awake(moving).unwrap_or(f64::INFINITY)).collect();
         self.has_woken = false;
         self.find_places(step, points)?;
@@ -81,8 +81,8 @@ impl<const D: usize> Contact<D> {
         points: &Points<D>,
         at: At<N>,
     ) -> Result<(), ContactError> {
-        let farthest = displacement::<D, N>(at.delta_d).iter().map(norm).fold(0.0, f64::max);
-        let most = (1 << D) as f64 * farthest;
+        // A basis that is continued beyond its cell by half of its width at most multiplies the motion by this factor.
+        let most = (1 << D) as f64 * farthest::<D, N>(at.delta_d);
         let sleeps_on = |(moving, awake): (&Moving<D>, &f64)| {
             *awake == f64::INFINITY || moving.translation().is_some_and(|of_tool| most + of_tool <= *awake)
         };

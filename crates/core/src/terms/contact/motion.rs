@@ -3,7 +3,7 @@
 use super::error::ContactError;
 use crate::model::{Freedom, Model, Stepping, Tool};
 use crate::region::vector::{along, cross, minus, norm};
-use crate::step::Step;
+use crate::step::{Step, displacement};
 use crate::tool::{Closest, Increment, Pose, Shape};
 
 /// Change of the load factor, relative to 1 plus its value, over which the derivative of a prescribed motion is formed, [-].
@@ -201,6 +201,11 @@ fn values<const D: usize>(tool: &Tool<D>, factor: f64, time: f64) -> Result<[f64
         values[k] = value;
     }
     Ok(values)
+}
+
+/// The largest displacement of a node, [length].
+pub(super) fn farthest<const D: usize, const N: usize>(delta_d: &[[f64; N]]) -> f64 {
+    displacement::<D, N>(delta_d).iter().map(norm).fold(0.0, f64::max)
 }
 
 /// A vector with three components.
