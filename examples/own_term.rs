@@ -17,7 +17,7 @@ use mpm::model::{BuildError, Builder, Fill, Model};
 use mpm::points::Points;
 use mpm::solver::{Silent, Stepper, Summary};
 use mpm::step::{At, StepContext};
-use mpm::terms::{BeginError, EvaluateError, Ledger, NamedForce, Term};
+use mpm::terms::{BeginError, EvaluateError, Ledger, NamedForce, Saved, Term};
 
 /// A wall. Points x with normal·x < offset are behind it; it pushes them back with a force per volume of `stiffness`
 /// times their distance from the wall.
@@ -120,8 +120,8 @@ impl Term<2> for Wall {
     }
 
     // A checkpoint has to know the energy from which the account begins.
-    fn save(&self) -> Option<serde_json::Value> {
-        Some(serde_json::json!(self.at_start))
+    fn save(&self) -> Option<Saved> {
+        Some(serde_json::json!(self.at_start).into())
     }
 
     fn restore(&mut self, saved: &serde_json::Value) -> Result<(), String> {

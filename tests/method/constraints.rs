@@ -9,7 +9,7 @@ use mpm::points::Points;
 use mpm::solver::{Fields, Kernels, Observer, Silent, SolveError, StepReport, Stepper, Summary};
 use mpm::step::{At, StepContext};
 use mpm::stress::PlaneStrain;
-use mpm::terms::{BeginError, EvaluateError, FURTHER, Term};
+use mpm::terms::{BeginError, EvaluateError, FURTHER, Saved, Term};
 
 /// A block of 2 m × 2 m on a grid of 3 m × 3 m, under its own weight.
 const BLOCK: &str = "
@@ -304,8 +304,8 @@ impl Term<2> for Lid {
         self.elongation.clone_from(&self.trial);
     }
 
-    fn save(&self) -> Option<serde_json::Value> {
-        Some(serde_json::json!([self.moved, self.elongation.iter().sum::<f64>()]))
+    fn save(&self) -> Option<Saved> {
+        Some(serde_json::json!([self.moved, self.elongation.iter().sum::<f64>()]).into())
     }
 }
 
@@ -329,7 +329,7 @@ fn a_lid_of_ties_and_one_of_springs_on_a_plate_press_alike() {
     let mut last = Last(None);
     let terms: Vec<Box<dyn Term<2>>> = vec![Lid::new(force, Some(spring))];
     let summary = Stepper::new(&model, &mut points).with_terms(terms).unwrap().run(&mut last).unwrap();
-    let (moved, elongation): ([f64; 2], f64) = serde_json::from_value(summary.terms["lid"].clone()).unwrap();
+    let (moved, elongation): ([f64; 2], f64) = serde_json::from_value(summary.terms["lid"].value()).unwrap();
     // The equation of the plate: the springs carry the force.
     assert!((spring * elongation / force + 1.0).abs() < 1e-9, "{elongation:e}");
     let sprung = last.0.unwrap();
@@ -413,8 +413,8 @@ impl Term<2, 3> for Conduction {
         Ok(())
     }
 
-    fn save(&self) -> Option<serde_json::Value> {
-        Some(serde_json::json!(self.at_end))
+    fn save(&self) -> Option<Saved> {
+        Some(serde_json::json!(self.at_end).into())
     }
 }
 
@@ -438,7 +438,7 @@ fn a_further_field_is_solved_beside_the_displacement() {
         let moved = farthest(&report.grid.delta_d, &alone.grid.delta_d);
         let size = farthest(&alone.grid.delta_d, &vec![[0.0; 2]; alone.grid.delta_d.len()]);
         assert!(moved < 1e-9 * size, "{unit:e}: {moved:e}");
-        let found: Vec<(f64, f64)> = serde_json::from_value(summary.terms["conduction"].clone()).unwrap();
+        let found: Vec<(f64, f64)> = serde_json::from_value(summary.terms["conduction"].value()).unwrap();
         assert_eq!(found.len(), report.grid.delta_d.len());
         for (y, value) in found {
             assert!((value / unit - (1.0 + y)).abs() < 1e-9, "{unit:e}: {value:e} at {y}");

@@ -10,6 +10,7 @@ mod failure;
 pub mod ghost;
 pub mod held_material;
 pub mod material_points;
+mod saved;
 mod sum;
 pub mod surface;
 mod term;
@@ -19,6 +20,7 @@ pub use contact::{
     boxes_on_the_way, overlaps_at_start,
 };
 pub use failure::{BeginError, EvaluateError, LawFailure, LoadNotFinite, PointFailure, SurfaceLost};
+pub use saved::Saved;
 pub use sum::{Sum, Terms, of_model, restore};
 pub use surface::Surfaces;
 pub use term::{Augmentation, FURTHER, Ledger, NamedForce, Response, SurfaceReaction, Term};

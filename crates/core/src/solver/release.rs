@@ -2,8 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use serde_json::Value;
-
 use crate::assembly::Wanted;
 use crate::basis::{Connectivity, Method};
 use crate::dofs::DofMap;
@@ -11,7 +9,7 @@ use crate::model::Model;
 use crate::points::Points;
 use crate::step::{At, Step, StepContext};
 use crate::stress::Mechanics;
-use crate::terms::{Sum, of_model, restore};
+use crate::terms::{Saved, Sum, of_model, restore};
 
 use super::error::{SolveError, locate_failure};
 
@@ -24,7 +22,7 @@ pub(super) fn balancing_forces<const D: usize, M: Mechanics<D>>(
     model: &Model<D>,
     points: &mut Points<D>,
     step: Step,
-    saved: &BTreeMap<String, Value>,
+    saved: &BTreeMap<String, Saved>,
 ) -> Result<Vec<(u32, [f64; D])>, SolveError> {
     let methods: Vec<Method> = model.bodies.iter().map(|body| body.method).collect();
     let links = Connectivity::default()

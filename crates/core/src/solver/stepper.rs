@@ -2,8 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use serde_json::Value;
-
 use crate::basis::Connectivity;
 use crate::equilibrium::StepReport;
 use crate::linear::Backend;
@@ -12,7 +10,7 @@ use crate::points::Points;
 use crate::quality::{Code, Location, Measures, Warning};
 use crate::step::Step;
 use crate::stress::Mechanics;
-use crate::terms::{Terms, of_model, restore};
+use crate::terms::{Saved, Terms, of_model, restore};
 use crate::timing::{Phase, Timings};
 
 use super::Solvable;
@@ -74,7 +72,7 @@ pub struct Kernels<const D: usize, const N: usize = D> {
 type StepFunction<const D: usize, const N: usize> =
     fn(&mut Stepper<'_, D, N>, &mut dyn Observer<D>) -> Result<bool, SolveError>;
 type BalancingFunction<const D: usize> =
-    fn(&Model<D>, &mut Points<D>, Step, &BTreeMap<String, Value>) -> Result<Vec<(u32, [f64; D])>, SolveError>;
+    fn(&Model<D>, &mut Points<D>, Step, &BTreeMap<String, Saved>) -> Result<Vec<(u32, [f64; D])>, SolveError>;
 
 impl<const D: usize, const N: usize> Kernels<D, N> {
     /// The code for a kind of mechanics.

@@ -11,6 +11,7 @@ use crate::model::{Factors, Model};
 use crate::points::{Points, Split};
 use crate::quality::{BalanceSoFar, Quality, Warning};
 use crate::step::Step;
+use crate::terms::Saved;
 use crate::timing::Timings;
 
 use super::control::Path;
@@ -73,7 +74,7 @@ pub struct Summary {
     pub largest_load_factor: Option<f64>,
     /// The saved states of the terms of equilibrium by their names, [`crate::terms::Term::save`].
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub terms: BTreeMap<String, serde_json::Value>,
+    pub terms: BTreeMap<String, Saved>,
     /// The probable cause of the failure; `None` unless the run has failed.
     pub diagnosis: Option<Diagnosis>,
     /// Largest number of faces stabilised in a step.

@@ -65,8 +65,9 @@ mod state;
 #[cfg(test)]
 mod tests;
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeSet;
 
+use rustc_hash::FxHashMap;
 use serde_json::Value;
 
 use crate::assembly::{System, Wanted};
@@ -76,6 +77,7 @@ use crate::region::vector::{along, dot, minus, norm};
 use crate::step::{At, Nodal, StepContext};
 
 use super::failure::{BeginError, EvaluateError};
+use super::saved::Saved;
 use super::term::{Augmentation, Ledger, Response, Term};
 use along::{Followed, followed};
 use candidates::{Candidate, Key};
@@ -98,7 +100,7 @@ const MORE_PENALTY: f64 = 10.0;
 pub struct Contact<const D: usize> {
     tools: Vec<Moving<D>>,
     /// What the places that touched at the end of the last step in equilibrium keep.
-    converged: HashMap<Key, Kept<D>>,
+    converged: FxHashMap<Key, Kept<D>>,
     /// For each body, true if it has taken part in a step in equilibrium.
     has_begun: Vec<bool>,
     /// For each body, true if it has points in the present step.
@@ -142,7 +144,7 @@ impl<const D: usize> Contact<D> {
     pub fn new(model: &Model<D>) -> Self {
         Contact {
             tools: model.tools.iter().map(Moving::new).collect(),
-            converged: HashMap::new(),
+            converged: FxHashMap::default(),
             has_begun: vec![false; model.bodies.len()],
             is_there: vec![false; model.bodies.len()],
             candidates: Vec::new(),
@@ -479,8 +481,10 @@ impl<const D: usize, const N: usize> Term<D, N> for Contact<D> {
         self.has_begun.iter_mut().zip(&self.is_there).for_each(|(begun, there)| *begun = *there);
     }
 
-    fn save(&self) -> Option<Value> {
-        Some(saved::save(&self.tools, &self.converged, &self.has_begun))
+    fn save(&self) -> Option<Saved> {
+        let poses: Vec<_> = self.tools.iter().map(|moving| moving.start).collect();
+        let (converged, has_begun) = (self.converged.clone(), self.has_begun.clone());
+        Some(Saved::new(move || saved::save(&poses, &converged, &has_begun)))
     }
 
     fn restore(&mut self, saved: &Value) -> Result<(), String> {

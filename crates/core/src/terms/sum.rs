@@ -2,8 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use serde_json::Value;
-
 use crate::assembly::{System, Wanted, with_ties};
 use crate::dofs::DofMap;
 use crate::model::Model;
@@ -17,6 +15,7 @@ use super::external_force::ExternalForces;
 use super::failure::{BeginError, EvaluateError};
 use super::ghost::Ghost;
 use super::material_points::MaterialPoints;
+use super::saved::Saved;
 use super::surface::Surfaces;
 use super::term::{Augmentation, Ledger, NamedForce, Response, SurfaceReaction, Term};
 
@@ -45,11 +44,11 @@ pub fn of_model<const D: usize, const N: usize, M: Mechanics<D>>(model: &Model<D
 /// The name of a term that does not accept its state, and the reason.
 pub fn restore<const D: usize, const N: usize>(
     terms: &mut Terms<D, N>,
-    saved: &BTreeMap<String, Value>,
+    saved: &BTreeMap<String, Saved>,
 ) -> Result<(), (&'static str, String)> {
     for term in terms {
         if let Some(saved) = saved.get(term.name()) {
-            term.restore(saved).map_err(|reason| (term.name(), reason))?;
+            term.restore(&saved.value()).map_err(|reason| (term.name(), reason))?;
         }
     }
     Ok(())

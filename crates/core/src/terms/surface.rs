@@ -16,6 +16,7 @@ use crate::step::{At, Nodal, StepContext};
 use crate::surface::{Carried, SurfaceFields, centre, unit};
 
 use super::failure::{BeginError, EvaluateError, SurfaceLost};
+use super::saved::Saved;
 use super::term::{SurfaceReaction, Term};
 use condition::Condition;
 use load::SurfaceLoad;
@@ -194,10 +195,10 @@ impl<const D: usize, const N: usize> Term<D, N> for Surfaces<D> {
         self.conditions.iter_mut().for_each(Condition::commit);
     }
 
-    fn save(&self) -> Option<Value> {
+    fn save(&self) -> Option<Saved> {
         let surfaces: Vec<Value> = self.carried.iter().map(Carried::save).collect();
         let conditions: Vec<Value> = self.conditions.iter().map(Condition::save).collect();
-        Some(json!({"surfaces": surfaces, "conditions": conditions}))
+        Some(json!({"surfaces": surfaces, "conditions": conditions}).into())
     }
 
     fn restore(&mut self, saved: &Value) -> Result<(), String> {

@@ -8,6 +8,7 @@ use crate::surface::SurfaceFields;
 
 use super::contact::ToolState;
 use super::failure::{BeginError, EvaluateError};
+use super::saved::Saved;
 use crate::dofs::{ConstraintError, Constraints};
 
 /// A force on the bodies with the name under which it is reported.
@@ -195,7 +196,7 @@ pub trait Term<const D: usize, const N: usize = D>: Send {
     fn commit(&mut self) {}
 
     /// The state that a checkpoint must store in addition to the points; `None` if there is none.
-    fn save(&self) -> Option<serde_json::Value> {
+    fn save(&self) -> Option<Saved> {
         None
     }
 

@@ -171,6 +171,9 @@ impl<const D: usize> Increment<D> {
     /// Displacement over the motion of the point of the tool that is at `x` before it, [length]. Its round-off is relative to
     /// it, not to the position.
     pub fn displacement(&self, start: &Pose<D>, x: &[f64; D]) -> [f64; D] {
+        if self.rotation_vector() == [0.0; 3] {
+            return self.translation;
+        }
         let arm = minus(x, &start.position);
         let arm = std::array::from_fn(|d| if d < D { arm[d % D] } else { 0.0 });
         let turned = turning(&self.rotation_vector(), &arm);

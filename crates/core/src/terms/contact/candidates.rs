@@ -96,6 +96,11 @@ impl Carriers {
         self.0.push((node, value));
     }
 
+    /// True if these are the same nodes in the same order.
+    pub(super) fn has_same_nodes(&self, other: &Self) -> bool {
+        self.0.len() == other.0.len() && self.0.iter().zip(&other.0).all(|(a, b)| a.0 == b.0)
+    }
+
     /// The largest motion of the place if no node moves farther than 1.
     fn reach(&self) -> f64 {
         self.0.iter().map(|(_, value)| value.abs()).sum()
@@ -115,6 +120,11 @@ impl<const D: usize> Candidate<D> {
     /// True if the surface of the tool is flat over its domains, and farther than this motion relative to the tool, [length].
     pub(super) fn is_beyond(&self, motion: f64) -> bool {
         self.is_flat && self.near.gap > motion.max(TOUCHING * self.size)
+    }
+
+    /// True if the surface of the tool is a plane: it is flat, and nowhere bent.
+    pub(super) fn is_at_plane(&self) -> bool {
+        self.is_flat && self.near.normal_derivative == [[0.0; D]; D]
     }
 
     /// True if it is on another side of the tool than at the start of the step.
@@ -306,6 +316,15 @@ pub(super) fn corners_of<'a, const D: usize>(
     &buffer[..1 << D]
 }
 
+/// Distance of the farthest corner of the domain of a point from its position, in the converged state, [length].
+pub(super) fn radius_of<const D: usize>(points: &Points<D>, p: usize) -> f64 {
+    let from_centre = |corner| norm(&minus(corner, &points.converged.position[p]));
+    match points.corners(p) {
+        [] => norm(&points.half_lengths(p)),
+        corners => corners.iter().map(from_centre).fold(0.0, f64::max),
+    }
+}
+
 /// A point far from a tool at the start of the step that has come so near to it, or through a part of it, that corners of its
 /// domain without a candidate may be inside: the number of the tool and of the point.
 pub(super) fn missed<const D: usize, const N: usize>(
@@ -338,8 +357,7 @@ pub(super) fn missed<const D: usize, const N: usize>(
             if tool.interface_with(body).is_none() || norm(&minus(&path[0], &path[1])) <= reach {
                 return false;
             }
-            let corners = corners_of(points, p, &mut buffer);
-            let radius = corners.iter().map(|corner| norm(&minus(corner, &start))).fold(0.0, f64::max);
+            let (corners, radius) = (corners_of(points, p, &mut buffer), radius_of(points, p));
             let seen = reach + moving.prescribed_reach(&start, radius);
             let is_seen = |corner: &[f64; D]| {
                 let found = moving.start.closest(tool.shape.as_ref(), *corner, f64::INFINITY);

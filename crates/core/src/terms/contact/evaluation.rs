@@ -101,8 +101,8 @@ impl<const D: usize, const N: usize> Trials<'_, D, N> {
             is_fresh: self.at_rest && !loaded && gap <= TOUCHING * size,
         };
         // At the start of the iterations the tool has moved and the bodies have not: the surface is continued flat,
-        // because the place may lie beyond the middle of a thin tool.
-        if !self.at_rest {
+        // because the place may lie beyond the middle of a thin tool. A plane is flat everywhere.
+        if !self.at_rest && !candidate.is_at_plane() {
             let Some(found) = moving.closest(tool.shape.as_ref(), start, &slip) else { return apart };
             if found.gap < -TOUCHING * size && dot(&found.normal, &normal) < OTHER_SIDE {
                 return Trial { passes_through: true, ..apart };
@@ -144,6 +144,8 @@ pub(super) fn add<const D: usize, const N: usize>(
     if wanted == Wanted::Stiffness {
         support_sliding(tools, pairs, &first, sum);
     }
+    // Neighbours have the same nodes: their blocks are sought once.
+    let mut last: Option<(&Candidate<D>, Vec<Option<usize>>)> = None;
     for (candidate, trial) in pairs {
         let Some(touch) = &trial.touch else { continue };
         let tool = candidate.key.tool as usize;
@@ -160,7 +162,10 @@ pub(super) fn add<const D: usize, const N: usize>(
         // `[j][i]`: change of the force f_i with the position x_j.
         let by_position: [[f64; D]; D] = std::array::from_fn(|j| touch.change(&unit(j), &unit(j), &[0.0; 3]));
         if wanted == Wanted::Stiffness {
-            add_stiffness(candidate, &by_position, sum);
+            let known = last.take().filter(|(last, _)| last.basis.has_same_nodes(&candidate.basis));
+            let places = known.map_or_else(|| places_of(candidate, sum), |(_, places)| places);
+            add_stiffness(candidate, &by_position, &places, sum);
+            last = Some((candidate, places));
         }
         Balance { moving, first: first[tool], candidate, trial, force, by_position }.add(touch, sum);
     }
@@ -201,24 +206,32 @@ pub(super) fn support<const D: usize, const N: usize>(
         let e: [f64; D] = unit(j);
         along(&e, -normal[j], normal).map(|e| -candidate.stiffness * e)
     });
-    add_stiffness(candidate, &by_position, sum);
+    add_stiffness(candidate, &by_position, &places_of(candidate, sum), sum);
+}
+
+/// The places in the system of the pairs of nodes of a candidate, row by row; a symmetric system stores the lower triangle only.
+fn places_of<const D: usize, const N: usize>(
+    candidate: &Candidate<D>,
+    sum: &System<N>,
+) -> Vec<Option<usize>> {
+    let nodes = || candidate.basis.iter().map(|(node, _)| node);
+    nodes().flat_map(|row| nodes().map(move |column| sum.place(row, column))).collect()
 }
 
 /// Adds −N_v N_w ∂f/∂x to the blocks of the nodes.
 fn add_stiffness<const D: usize, const N: usize>(
     candidate: &Candidate<D>,
     by_position: &[[f64; D]; D],
+    places: &[Option<usize>],
     sum: &mut System<N>,
 ) {
-    for (row, of_row) in candidate.basis.iter() {
-        for (column, of_column) in candidate.basis.iter() {
-            // A symmetric system stores the lower triangle only.
-            if let Some(place) = sum.place(row, column) {
-                let weight = -of_row * of_column;
-                let block: [[f64; D]; D] =
-                    std::array::from_fn(|i| std::array::from_fn(|j| weight * by_position[j][i]));
-                sum.add_displacement_block(place, &block);
-            }
+    let values = || candidate.basis.iter().map(|(_, value)| value);
+    let pairs = values().flat_map(|of_row| values().map(move |of_column| of_row * of_column));
+    for (product, place) in pairs.zip(places) {
+        if let Some(place) = *place {
+            let block: [[f64; D]; D] =
+                std::array::from_fn(|i| std::array::from_fn(|j| -product * by_position[j][i]));
+            sum.add_displacement_block(place, &block);
         }
     }
 }

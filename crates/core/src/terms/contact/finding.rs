@@ -1,6 +1,6 @@
 //! The places of a step: those that are awake at its start, and all of them once the grid has moved far.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use super::Contact;
 use super::allowance::allowance;
@@ -90,7 +90,7 @@ impl<const D: usize> Contact<D> {
             return Ok(());
         }
         self.awake.fill(f64::INFINITY);
-        let known: HashMap<Key, usize> =
+        let known: FxHashMap<Key, usize> =
             self.candidates.iter().enumerate().map(|(k, candidate)| (candidate.key, k)).collect();
         let penalties: Vec<f64> = self.candidates.iter().map(|candidate| candidate.penalty).collect();
         self.find_places(step, points)?;

@@ -1,6 +1,6 @@
 //! The multipliers of the augmented Lagrangian: the forces that hold when gaps and slips vanish.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use super::candidates::Candidate;
 use super::evaluation::Trial;
@@ -98,6 +98,44 @@ impl<const D: usize> Change<D> {
     }
 }
 
+/// Numbers of the pairs of a tool and a node that carries places at it.
+struct NodeNumbers {
+    /// For each place, where its numbers begin in `numbers`; neighbours with the same nodes share them.
+    first: Vec<usize>,
+    numbers: Vec<usize>,
+    n: usize,
+}
+
+impl NodeNumbers {
+    fn new<'a, const D: usize>(places: impl Iterator<Item = &'a Candidate<D>>) -> Self {
+        let (mut first, mut numbers) = (Vec::new(), Vec::new());
+        let mut known: FxHashMap<(u32, usize), usize> = FxHashMap::default();
+        let mut last: Option<(&Candidate<D>, usize)> = None;
+        for place in places {
+            let tool = place.key.tool;
+            let same =
+                last.filter(|(last, _)| last.key.tool == tool && last.basis.has_same_nodes(&place.basis));
+            let begin = same.map_or(numbers.len(), |(_, begin)| begin);
+            if same.is_none() {
+                let nodes = place.basis.iter().map(|(node, _)| (tool, node));
+                let next = |key| {
+                    let n = known.len();
+                    *known.entry(key).or_insert(n)
+                };
+                numbers.extend(nodes.map(next));
+            }
+            first.push(begin);
+            last = Some((place, begin));
+        }
+        NodeNumbers { first, numbers, n: known.len() }
+    }
+
+    /// The numbers of the nodes of a place, in their order, and of those of later places.
+    fn of_place(&self, place: usize) -> &[usize] {
+        &self.numbers[self.first[place]..]
+    }
+}
+
 /// The largest errors; `None` if no multiplier would change.
 ///
 /// An update changes the force of a place by ε e. The nodes see ē = Σ N_v ē_v at the place, with their means
@@ -111,32 +149,32 @@ pub(super) fn worst<const D: usize>(
         let all = candidates.iter().zip(changes).enumerate();
         all.filter_map(|(k, (candidate, change))| Some((k, candidate, change.as_ref()?)))
     };
-    let mut of_nodes: HashMap<(u32, usize), ([f64; D], f64)> = HashMap::new();
-    for (_, candidate, change) in changing() {
-        for (node, value) in candidate.basis.iter() {
+    let numbers = NodeNumbers::new(changing().map(|(_, candidate, _)| candidate));
+    let mut of_nodes = vec![([0.0; D], 0.0); numbers.n];
+    for (i, (_, candidate, change)) in changing().enumerate() {
+        for ((_, value), &node) in candidate.basis.iter().zip(numbers.of_place(i)) {
             let weight = value.abs() * candidate.penalty;
-            let (sum, total) = of_nodes.entry((candidate.key.tool, node)).or_insert(([0.0; D], 0.0));
+            let (sum, total) = &mut of_nodes[node];
             *sum = along(sum, weight, &change.vector);
             *total += weight;
         }
     }
-    let seen_by_nodes = |candidate: &Candidate<D>| {
-        candidate.basis.iter().fold([0.0; D], |seen, (node, value)| {
-            match of_nodes.get(&(candidate.key.tool, node)) {
-                Some((sum, total)) if *total > 0.0 => along(&seen, value.abs() / total, sum),
-                _ => seen,
-            }
+    let seen_by_nodes = |i: usize, candidate: &Candidate<D>| {
+        let nodes = candidate.basis.iter().zip(numbers.of_place(i));
+        nodes.fold([0.0; D], |seen, ((_, value), &node)| match &of_nodes[node] {
+            (sum, total) if *total > 0.0 => along(&seen, value.abs() / total, sum),
+            _ => seen,
         })
     };
     let tolerance = |k: usize| tolerances[candidates[k].key.tool as usize];
     // The largest mean error relative to its tolerance, and the largest error of a place.
     let (mut of_means, mut of_places): (Option<Worst>, Option<Worst>) = (None, None);
-    for (k, candidate, change) in changing() {
+    for (i, (k, candidate, change)) in changing().enumerate() {
         let now = Worst {
             candidate: k,
             named: k,
             place: change.size() / candidate.size,
-            mean: norm(&seen_by_nodes(candidate)) / candidate.size,
+            mean: norm(&seen_by_nodes(i, candidate)) / candidate.size,
             overlap: change.overlap,
             slip: change.slip,
         };

@@ -1,6 +1,6 @@
 //! Checks of a step: how far places have moved, and whether a tool has come between them.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use super::Contact;
 use super::candidates::{self, Candidate, missed, named};
@@ -36,13 +36,15 @@ impl<const D: usize> Contact<D> {
                 return Err(ContactError::Slide { place: candidate.place(model), motion, most });
             }
             let gap = candidate.near.gap;
-            let may_have_passed = if gap > APART * candidate.size {
-                motion > gap
-            } else {
-                // A place that has touched may cut a rounded surface when it leaves.
-                candidate.has_turned(tool.shape.as_ref(), moving, position)
+            let may_have_passed = || {
+                if gap > APART * candidate.size {
+                    motion > gap
+                } else {
+                    // A place that has touched may cut a rounded surface when it leaves.
+                    candidate.has_turned(tool.shape.as_ref(), moving, position)
+                }
             };
-            if touch.is_none() && may_have_passed {
+            if touch.is_none() && may_have_passed() {
                 // From outside: round-off may put a place that touches on either side of the surface.
                 let start = along(&candidate.start, APART * candidate.size, &candidate.near.normal);
                 let path = [moving.start.to_tool(&start), moving.end.to_tool(position)];
@@ -66,7 +68,7 @@ impl<const D: usize> Contact<D> {
     fn between(&self, model: &Model<D>) -> Option<ContactPlace> {
         let places = || self.candidates.iter().zip(&self.trials);
         let is_centre = |candidate: &Candidate<D>| candidate.key.corner == candidates::CENTRE;
-        let centres: HashMap<(u32, u32), [f64; D]> = places()
+        let centres: FxHashMap<(u32, u32), [f64; D]> = places()
             .filter(|(candidate, _)| is_centre(candidate))
             .map(|(candidate, trial)| ((candidate.key.tool, candidate.key.point), trial.position))
             .collect();

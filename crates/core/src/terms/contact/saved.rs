@@ -1,32 +1,29 @@
 //! The state of contact in checkpoints.
 
-use std::collections::HashMap;
-
+use rustc_hash::FxHashMap;
 use serde_json::{Value, json};
 
 use super::candidates::Key;
 use super::interface::Multiplier;
-use super::motion::Moving;
 use super::multipliers::Kept;
 use crate::tool::Pose;
 
 /// Poses, what places keep, and whether each body has begun.
-type State<const D: usize> = (Vec<Pose<D>>, HashMap<Key, Kept<D>>, Vec<bool>);
+type State<const D: usize> = (Vec<Pose<D>>, FxHashMap<Key, Kept<D>>, Vec<bool>);
 
 /// The state at the end of the last step in equilibrium.
 pub(super) fn save<const D: usize>(
-    tools: &[Moving<D>],
-    converged: &HashMap<Key, Kept<D>>,
+    poses: &[Pose<D>],
+    converged: &FxHashMap<Key, Kept<D>>,
     has_begun: &[bool],
 ) -> Value {
-    let poses: Vec<Vec<f64>> = tools.iter().map(|moving| moving.start.to_numbers()).collect();
+    let poses: Vec<Vec<f64>> = poses.iter().map(Pose::to_numbers).collect();
     let mut places: Vec<(&Key, &Kept<D>)> = converged.iter().collect();
     places.sort_by_key(|(key, _)| **key);
-    let keys: Vec<[u32; 3]> = places.iter().map(|(key, _)| [key.tool, key.point, key.corner]).collect();
+    let keys: Vec<u32> = places.iter().flat_map(|(key, _)| [key.tool, key.point, key.corner]).collect();
     let kept = || places.iter().map(|(_, kept)| *kept);
-    let forces: Vec<Vec<f64>> = kept()
-        .map(|Kept { multiplier, .. }| [multiplier.normal].into_iter().chain(multiplier.shear).collect())
-        .collect();
+    let forces: Vec<f64> =
+        kept().flat_map(|kept| [kept.multiplier.normal].into_iter().chain(kept.multiplier.shear)).collect();
     let motions: Vec<f64> = kept().map(|kept| kept.motion).collect();
     json!({"poses": poses, "places": keys, "forces": forces, "motions": motions, "bodies": has_begun})
 }
@@ -41,26 +38,25 @@ pub(super) fn restore<const D: usize>(
         serde_json::from_value(saved[key].clone()).map_err(|error| error.to_string())
     }
     let poses: Vec<Vec<f64>> = part(saved, "poses")?;
-    let keys: Vec<[u32; 3]> = part(saved, "places")?;
-    let forces: Vec<Vec<f64>> = part(saved, "forces")?;
+    let keys: Vec<u32> = part(saved, "places")?;
+    let forces: Vec<f64> = part(saved, "forces")?;
     let motions: Vec<f64> = part(saved, "motions")?;
     let has_begun: Vec<bool> = part(saved, "bodies")?;
     let poses: Option<Vec<Pose<D>>> = poses.iter().map(|numbers| Pose::from_numbers(numbers)).collect();
     let poses = poses.filter(|poses| poses.len() == tools).ok_or("its poses are not those of the tools")?;
-    if keys.len() != forces.len() || keys.len() != motions.len() || has_begun.len() != bodies {
+    let n = motions.len();
+    if keys.len() != 3 * n || forces.len() != (1 + D) * n || has_begun.len() != bodies {
         return Err("its places are not those of the bodies".to_owned());
     }
-    let mut converged = HashMap::new();
-    for (([tool, point, corner], force), motion) in keys.into_iter().zip(forces).zip(motions) {
-        let of_place = match force.split_first() {
-            Some((normal, shear)) if force.iter().all(|f| f.is_finite()) => {
-                shear.try_into().ok().map(|shear| Multiplier { normal: *normal, shear })
-            }
-            _ => None,
-        };
-        let is_known = (tool as usize) < tools && motion >= 0.0;
-        let multiplier = of_place.filter(|_| is_known).ok_or("a force on its places is invalid")?;
-        converged.insert(Key { tool, point, corner }, Kept { multiplier, motion });
+    let mut converged = FxHashMap::default();
+    for ((key, force), motion) in keys.chunks_exact(3).zip(forces.chunks_exact(1 + D)).zip(motions) {
+        let key = Key { tool: key[0], point: key[1], corner: key[2] };
+        let multiplier = Multiplier { normal: force[0], shear: std::array::from_fn(|d| force[1 + d]) };
+        let is_known = (key.tool as usize) < tools && motion >= 0.0;
+        if !is_known || !force.iter().all(|f| f.is_finite()) {
+            return Err("a force on its places is invalid".to_owned());
+        }
+        converged.insert(key, Kept { multiplier, motion });
     }
     Ok((poses, converged, has_begun))
 }

@@ -1,10 +1,9 @@
 //! The search for the places that may touch a tool in a step.
 
-use std::collections::HashMap;
-
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
-use super::candidates::{CENTRE, Candidate, Key, Near, Search, TOUCHING, corners_of, named};
+use super::candidates::{CENTRE, Candidate, Key, Near, Search, TOUCHING, corners_of, named, radius_of};
 use super::error::ContactError;
 use super::motion::in_space;
 use crate::basis::Method;
@@ -99,17 +98,11 @@ impl<const D: usize> Search<'_, D> {
         let number = points.body[p] as usize;
         let x = &points.converged.position[p];
         let mut buffer = [[0.0; D]; MAX_CORNERS];
-        let mut corners: &[[f64; D]] = &[];
-        let mut radius = 0.0;
+        let (radius, size) = (radius_of(points, p), model.grid.size(points.cell[p] as usize));
         for (k, (tool, moving)) in model.tools.iter().zip(self.tools).enumerate() {
             if tool.interface_with(number).is_none() {
                 continue;
             }
-            if corners.is_empty() {
-                corners = corners_of(points, p, &mut buffer);
-                radius = corners.iter().map(|corner| norm(&minus(corner, x))).fold(0.0, f64::max);
-            }
-            let size = model.grid.size(points.cell[p] as usize);
             let reach = tool.control.largest_slide * size + moving.prescribed_reach(x, radius);
             if far[k].is_some_and(|far| far.distance - norm(&minus(x, &far.from)) > reach + radius) {
                 continue;
@@ -123,6 +116,7 @@ impl<const D: usize> Search<'_, D> {
             let is_near =
                 |near: &Closest<D>| near.gap <= reach + radius && (begins || near.gap >= -reach - radius);
             if let Some(near) = of_point.filter(is_near) {
+                let corners = corners_of(points, p, &mut buffer);
                 self.near_tool(&OfPoint { p, tool: k, corners, size, reach }, near, found)?;
             }
         }
@@ -214,7 +208,7 @@ impl<const D: usize> Search<'_, D> {
         let width = 1e3 * SHARED * size;
         let lattice = |x: &[f64; D]| x.map(|x| (x / width).floor() as i64);
         // The last entry in each cell of a lattice, and for each entry the place and the entry before it in the same cell.
-        let mut last: HashMap<(u32, usize, [i64; D]), usize> = HashMap::new();
+        let mut last: FxHashMap<(u32, usize, [i64; D]), usize> = FxHashMap::default();
         let mut entries: Vec<([usize; 2], Option<usize>)> = Vec::new();
         for piece in 0..pieces.len() {
             for k in 0..pieces[piece].places.len() {
