@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Axis;
+use super::{Axis, yes};
 
 /// Division of the loading into load steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -105,10 +105,6 @@ fn unit_time() -> f64 {
 
 fn thousandth() -> f64 {
     1e-3
-}
-
-fn yes() -> bool {
-    true
 }
 
 fn whole() -> f64 {
