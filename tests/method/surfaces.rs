@@ -176,3 +176,22 @@ solver: {{tolerance: 1e-12}}
         }
     }
 }
+
+/// A dead pressure on a flat side is a traction, to the last bit, and one that follows it is none once the side turns.
+#[test]
+fn a_dead_pressure_is_a_traction_against_the_original_normal() {
+    let shear = "stages:
+  - {name: shear, steps: {count: 2}, factors: {side: 1, up: 1}}";
+    let side = |load: &str| {
+        let load = format!(
+            "  - {{name: side, surface: end, {load}}}\n  - {{name: up, type: body-force, bodies: [bar], force: [0, 3e3]}}"
+        );
+        let deck = bar("gimp", "", "", &load, shear).replace("  - {name: cap", "# - {name: cap");
+        run(&deck).points.array(PointArray::Displacement).values
+    };
+    let traction = side("type: traction, traction: [-20e3*(1 + y), 0]");
+    assert_eq!(side("type: pressure, pressure: 20e3*(1 + y), follows: false"), traction);
+    let following = side("type: pressure, pressure: 20e3*(1 + y)");
+    let most = following.iter().zip(&traction).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
+    assert!(most > 1e-5, "{most:e}");
+}

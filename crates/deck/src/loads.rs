@@ -12,7 +12,7 @@ use super::gates::{Builds, Checks, Ties};
 use super::per_axis::array;
 use super::quoting::quote;
 use super::span::escape;
-use super::{Expression, Expressions, Vector, one};
+use super::{Expression, Expressions, Vector, one, yes};
 
 /// Load factor over time as a table of [time, factor] pairs, linear in between; times increase and cover the analysis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -103,8 +103,8 @@ pub enum LoadDeck {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         curve: Option<LoadCurve>,
     },
-    /// A pressure that follows a surface: it acts against the present normal on the present area. Give either `pressure`
-    /// or `hydrostatic`.
+    /// A pressure on a surface. It follows the surface, unless `follows: false` is given: it acts against the present normal on
+    /// the present area. Give either `pressure` or `hydrostatic`.
     Pressure {
         /// Name, unique among the loads.
         name: String,
@@ -117,6 +117,9 @@ pub enum LoadDeck {
         /// Pressure of a liquid at rest.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         hydrostatic: Option<HydrostaticDeck>,
+        /// If false, `pressure` is a dead load: it acts against the original normal on the original area.
+        #[serde(default = "yes", skip_serializing_if = "Clone::clone")]
+        follows: bool,
         /// Named intermediate values, in any order, for use in `pressure`.
         #[serde(rename = "where", default, skip_serializing_if = "BTreeMap::is_empty")]
         intermediate: BTreeMap<String, Expression>,
@@ -242,8 +245,14 @@ impl LoadDeck {
                 }
                 check.formulas_at_places(pointer, ("traction", traction), false, intermediate);
             }
-            LoadDeck::Pressure { surface, pressure, hydrostatic, intermediate, .. } => {
+            LoadDeck::Pressure { surface, pressure, hydrostatic, follows, intermediate, .. } => {
                 check.surface(&at("surface"), surface);
+                if hydrostatic.is_some() && !follows {
+                    let message =
+                        format!("the pressure {} of a liquid follows its surface", quote(self.name()));
+                    let help = "remove `follows`, or write the pressure as a formula";
+                    check.error_at_key("D020", &at("follows"), message, help);
+                }
                 if pressure.is_some() == hydrostatic.is_some() {
                     let message = format!("the load {} needs exactly one pressure", quote(self.name()));
                     check.error_at_key("D020", pointer, message, "give either `pressure` or `hydrostatic`");
@@ -281,7 +290,7 @@ impl LoadDeck {
                 let traction = formula.map_err(|faults| builder.faulty_formulas(pointer, faults)).ok()?;
                 Some(Action::Traction { surface: builder.surface_number(surface), traction })
             }
-            LoadDeck::Pressure { surface, pressure, hydrostatic, intermediate, .. } => {
+            LoadDeck::Pressure { surface, pressure, hydrostatic, follows, intermediate, .. } => {
                 let surface = builder.surface_number(surface);
                 if let Some(HydrostaticDeck { level, unit_weight }) = *hydrostatic {
                     let pressure = Pressure::Hydrostatic { level, unit_weight };
@@ -290,7 +299,8 @@ impl LoadDeck {
                 let parts = ("pressure", pressure.as_slice());
                 let formula = at_places::<D, 1>(parts, intermediate, builder.parameters());
                 let formula = formula.map_err(|faults| builder.faulty_formulas(pointer, faults)).ok()?;
-                Some(Action::Pressure { surface, pressure: Pressure::Given(formula) })
+                let pressure = if *follows { Pressure::Given(formula) } else { Pressure::Dead(formula) };
+                Some(Action::Pressure { surface, pressure })
             }
         }
     }

@@ -70,7 +70,7 @@ pub enum Action<const D: usize> {
         /// The force.
         traction: VectorFormula<D>,
     },
-    /// Pressure on a surface, [stress], which acts on its present area along its present normal.
+    /// Pressure on a surface, [stress].
     Pressure {
         /// Index of the surface.
         surface: usize,
@@ -89,11 +89,13 @@ impl<const D: usize> Action<D> {
     }
 }
 
-/// A pressure on a surface, [stress].
+/// A pressure on a surface, [stress]. Unless it is dead, it acts on the present area along the present normal.
 #[derive(Debug, Clone)]
 pub enum Pressure<const D: usize> {
     /// A formula of the position at the start of the step, of the original position, and of the load factor.
     Given(VectorFormula<D, 1>),
+    /// The same, along the original normal on the original area.
+    Dead(VectorFormula<D, 1>),
     /// The load factor times `unit_weight` max(`level` − y, 0) at the present position, y along the last axis.
     Hydrostatic {
         /// Coordinate of the free surface along the last axis, [length].

@@ -1,6 +1,7 @@
 //! Tractions and pressures on a surface.
 //!
-//! A traction t keeps its direction and refers to the original area: f_v = Σ N_v t A. A pressure p follows the surface,
+//! A traction t keeps its direction and refers to the original area: f_v = Σ N_v t A. So does a dead pressure,
+//! f_v = −Σ N_v p n₀ A. Any other pressure p follows the surface,
 //!
 //! f_v = −Σ N_v p n a,
 //!
@@ -71,7 +72,7 @@ impl<const D: usize> Values<D> {
             Action::Pressure { pressure: Pressure::Hydrostatic { level, unit_weight }, .. } => {
                 Ok(Values::Hydrostatic([*level, factor * unit_weight]))
             }
-            Action::Pressure { pressure: Pressure::Given(formula), surface } => {
+            Action::Pressure { pressure: Pressure::Given(formula) | Pressure::Dead(formula), surface } => {
                 let surface = &model.surfaces[*surface];
                 let mut values = Vec::with_capacity(places.len());
                 for (x, original) in places.iter().zip(&surface.samples) {
@@ -85,6 +86,13 @@ impl<const D: usize> Values<D> {
                         factor,
                     )?;
                     values.push(value);
+                }
+                if !follows(&load.action) {
+                    let force = |(sample, pressure): (usize, &f64)| {
+                        let depth = model.mean_depth(&surface.facet(sample));
+                        surface.original_area(sample).map(|a| -pressure * depth * a)
+                    };
+                    return Ok(Values::Dead(values.iter().enumerate().map(force).collect()));
                 }
                 Ok(Values::Pressure(values))
             }
@@ -142,7 +150,7 @@ impl<const D: usize> SurfaceLoad<D> {
 
     /// True if the force depends on the displacements.
     pub(super) fn follows(&self, model: &Model<D>) -> bool {
-        matches!(model.loads[self.number].action, Action::Pressure { .. })
+        follows(&model.loads[self.number].action)
     }
 
     /// Begins a step, and adds the force at its start to `start`; without force unless the body `is_there`.
@@ -236,6 +244,11 @@ impl<const D: usize> SurfaceLoad<D> {
     pub(super) fn add_resultant(&self, sum: &mut [[f64; D]]) {
         (0..D).for_each(|d| sum[self.number][d] += self.resultant[d]);
     }
+}
+
+/// True if a load follows the surface.
+fn follows<const D: usize>(action: &Action<D>) -> bool {
+    matches!(action, Action::Pressure { pressure: Pressure::Given(_) | Pressure::Hydrostatic { .. }, .. })
 }
 
 /// Adds −∂f_v/∂Δd_w of a pressure on a sample to the stiffness.
