@@ -5,7 +5,7 @@ use std::sync::Arc;
 use mpm_core::region::surface::Triangle;
 use mpm_core::region::{Ball, Brick, Frustum, Region};
 use mpm_core::tool::{
-    ClosedPolygon, Extrusion, HalfSpace, Revolution, Shape, ShapeError, TriangulatedSurface, Wall,
+    ClosedPolygon, Extrusion, HalfSpace, Revolution, Section, Shape, ShapeError, TriangulatedSurface, Wall,
 };
 
 use super::per_axis::array;
@@ -36,7 +36,7 @@ impl ToolOfDeck<2> for Region<2> {
     fn tool(shape: &ToolShape, about: &[f64; 2], _: &[Triangle], revolved: bool) -> Option<Shaped<2>> {
         let corners = |vertices: &[Vec<f64>]| vertices.iter().map(|x| place(x, about)).collect();
         let section = |corners: Vec<[f64; 2]>| shaped(ClosedPolygon::section(corners, -about[0]));
-        Some(match shape {
+        let found = match shape {
             ToolShape::Polygon { vertices } if revolved => section(corners(vertices)),
             ToolShape::Box { min, max } if revolved && min[0] == 0.0 => {
                 let [low, high]: [[f64; 2]; 2] = [place(min, about), place(max, about)];
@@ -45,8 +45,11 @@ impl ToolOfDeck<2> for Region<2> {
             ToolShape::Circle { center, radius } => shaped(Ball::new(place(center, about), *radius)),
             ToolShape::Polygon { vertices } => shaped(ClosedPolygon::new(corners(vertices))),
             ToolShape::Polyline { vertices, thickness } => shaped(Wall::new(corners(vertices), *thickness)),
-            _ => return shared(shape, about),
-        })
+            _ => shared(shape, about)?,
+        };
+        let is_section = revolved && !matches!(shape, ToolShape::HalfSpace { .. });
+        let revolve = |half| Arc::new(Section::new(half, -about[0])) as Arc<dyn Shape<2>>;
+        Some(if is_section { found.map(revolve) } else { found })
     }
 }
 

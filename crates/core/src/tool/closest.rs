@@ -78,6 +78,24 @@ impl<const D: usize> Closest<D> {
     }
 }
 
+/// The closest point in the section (r, h) of a body of revolution for a position on its axis. Inside a tip, all of a circle is as
+/// close, and symmetry leaves the way along the axis. `touching` is round-off, [length].
+pub(super) fn on_axis(
+    x: &[f64; 2],
+    touching: f64,
+    search: impl Fn(&[f64; 2]) -> Option<Closest<2>>,
+) -> Option<Closest<2>> {
+    let found = search(x)?;
+    let axial = found.normal[1];
+    if found.gap > 0.0 || axial == 0.0 {
+        return Some(found);
+    }
+    let along_axis = Closest::on_plane(x, found.gap / axial.abs(), [0.0, axial.signum()], found.part);
+    // Elsewhere the closest part of the surface does not reach the axis.
+    let is_tip = search(&along_axis.point).is_some_and(|tip| tip.gap.abs() <= 1e3 * touching);
+    Some(if is_tip { along_axis } else { found })
+}
+
 /// The pairs of indices of a matrix, row by row.
 pub(super) fn indices<const D: usize>() -> impl Iterator<Item = (usize, usize)> {
     (0..D).flat_map(|i| (0..D).map(move |j| (i, j)))

@@ -11,6 +11,7 @@
 //! | [`Brick`](crate::region::Brick) | rectangle | box | closed form |
 //! | [`ClosedPolygon`] | simple polygon | – | bounding box tree over the edges |
 //! | [`Wall`] | polyline with a thickness | – | bounding box tree over the segments |
+//! | [`Section`] | section of a body of revolution | – | that of the shape on the side of the axis, or of its mirror image |
 //! | [`Frustum`](crate::region::Frustum) | – | cylinder, cone, truncated cone | section (r, h) |
 //! | [`Revolution`] | – | body of revolution: penetrometer, spudcan, open pile | polygon as the section (r, h) |
 //! | [`Extrusion`] | – | extruded polygon | polygon and height |
@@ -26,6 +27,7 @@
 //! | at a corner, around the centre of a ball | ∂n/∂x = (I − n⊗n)/g | the same without e |
 //! | on a parallel surface at a distance h | g − h, the same n and ∂n/∂x | |
 //! | body of revolution | section in (r, h), and ∂n/∂x gains (n_r/r) e_θ⊗e_θ | curvature of the parallels |
+//! | inside a tip, on the axis of revolution | g along the axis, ∂n/∂x = 0 | symmetry |
 //! | beyond the border of an end with gaps a, b | g² = a² + b², g n = a∇a + b∇b | derivative of this for ∂n/∂x |
 //! | sign at edges and corners of triangles | sign of (x − p) · Σ α_f n_f, with the angles α_f | Bærentzen and Aanæs, *IEEE Trans. Vis. Comput. Graph.* 11 (2005) 243 |
 //! | sign at corners of polygons | sign of (x − p) · (n₁ + n₂) | the same in the plane |
@@ -49,6 +51,7 @@ mod pose;
 mod primitives;
 mod revolution;
 mod rotation;
+mod section;
 mod segments;
 mod shape;
 #[cfg(test)]
@@ -64,6 +67,7 @@ pub use outline::Outline;
 pub use polygon::ClosedPolygon;
 pub use pose::{Increment, Pose, first_contact};
 pub use revolution::Revolution;
+pub use section::Section;
 pub use shape::Shape;
 pub use triangulated::TriangulatedSurface;
 pub use wall::Wall;

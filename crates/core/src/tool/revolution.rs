@@ -1,7 +1,7 @@
 //! Bodies of revolution.
 
 use super::border::{self, Border};
-use super::closest::{Closest, TOUCHING, indices};
+use super::closest::{Closest, TOUCHING, indices, on_axis};
 use super::error::ShapeError;
 use super::segments::right_normal;
 use super::shape::{Shape, largest};
@@ -57,12 +57,14 @@ impl Axis {
         &self,
         x: &[f64; 3],
         touching: f64,
-        of_section: impl FnOnce(&[f64; 2]) -> Option<Closest<2>>,
+        of_section: impl Fn(&[f64; 2]) -> Option<Closest<2>>,
     ) -> Option<Closest<3>> {
         let (height, across) = self.split(x);
         let radius = norm(&across);
         let outwards = if radius > touching { across.map(|x| x / radius) } else { frame(&self.direction)[0] };
-        let found = of_section(&[radius, height])?;
+        let section = [radius, height];
+        let found =
+            if radius > touching { of_section(&section) } else { on_axis(&section, touching, of_section) }?;
         let in_space = |[r, h]: [f64; 2]| along(&outwards.map(|e| r * e), h, &self.direction);
         // The circles around the axis have the curvature n_r / r; beside the axis n_r = r ∂n_r/∂r.
         let [[rr, rh], [_, hh]] = found.normal_derivative;

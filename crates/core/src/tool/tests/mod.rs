@@ -163,3 +163,58 @@ fn extrusions_along_every_axis() {
         check(&extrusion, &|x| prism.contains(x), Check::around(&extrusion));
     }
 }
+
+/// A section gives what the same body of revolution gives in space, on both sides of the axis and on it.
+#[test]
+fn a_section_is_a_body_of_revolution() {
+    for corners in [penetrometer(), hollow_foot(), with_cavity()] {
+        let body = Revolution::new([0.0; 3], [0.0, 1.0, 0.0], corners.clone()).unwrap();
+        let half =
+            ClosedPolygon::section(corners.iter().map(|x| [x[0] - 0.7, x[1]]).collect(), -0.7).unwrap();
+        let section = Section::new(std::sync::Arc::new(half), -0.7);
+        let mut random = Random(3);
+        for k in 0..3000 {
+            let mut draw = || {
+                let [x, y] = random.inside(&[[-2.0, -1.5], [2.0, 3.5]]);
+                if k % 5 == 0 { [0.0, y] } else { [x, y] }
+            };
+            let [from, to] = [draw(), draw()];
+            let (a, b) = (
+                section.closest([from[0] - 0.7, from[1]]).unwrap(),
+                body.closest([from[0], from[1], 0.0]).unwrap(),
+            );
+            assert!((a.gap - b.gap).abs() < 1e-12, "{from:?} {a:?} {b:?}");
+            // On the axis, the direction towards a circle around it is arbitrary.
+            if from[0] != 0.0 || a.normal[0] == 0.0 {
+                assert!(norm(&minus(&a.normal, &[b.normal[0], b.normal[1]])) < 1e-9, "{from:?} {a:?} {b:?}");
+            }
+            let (s, t) = (
+                section.first_contact([from[0] - 0.7, from[1]], [to[0] - 0.7, to[1]]),
+                body.first_contact([from[0], from[1], 0.0], [to[0], to[1], 0.0]),
+            );
+            match (s, t) {
+                (Some(s), Some(t)) => assert!((s - t).abs() < 1e-6, "{from:?} {to:?} {s} {t}"),
+                (s, t) => assert_eq!(s, t, "{from:?} {to:?}"),
+            }
+        }
+    }
+}
+
+/// On its axis, a tip pushes along the axis, at its end and inside.
+#[test]
+fn tips_push_along_their_axis() {
+    let half = ClosedPolygon::section(penetrometer(), 0.0).unwrap();
+    let section = Section::new(std::sync::Arc::new(half), 0.0);
+    let cone = Frustum::new([0.0; 3], [0.0, 0.9, 0.0], [0.0, 0.5]).unwrap();
+    for depth in [0.0, 1e-9, 1e-3, 0.1] {
+        let found = section.closest([0.0, depth]).unwrap();
+        assert!((found.gap + depth).abs() < 1e-14 && found.normal == [0.0, -1.0], "{depth} {found:?}");
+        let found = cone.closest([0.0, depth, 0.0]).unwrap();
+        assert!((found.gap + depth).abs() < 1e-14 && found.normal == [0.0, -1.0, 0.0], "{depth} {found:?}");
+    }
+    // Beside the axis, on both sides of it, the closest face pushes.
+    let [right, left] = [0.01, -0.01].map(|x| section.closest([x, 0.1]).unwrap());
+    assert!(
+        right.normal[0] > 0.8 && left.normal == [-right.normal[0], right.normal[1]] && left.gap == right.gap
+    );
+}
