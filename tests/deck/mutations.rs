@@ -483,7 +483,6 @@ const REASONS: &[(Change, &str, &str, &str, &str)] = &[
         "a motion or a force may point either way",
     ),
     (Change::OtherSign, "bearing", "/parameters/settlement", "*", "a motion or a force may point either way"),
-    (Change::OtherSign, "cone", "/parameters/r", "*", "the cone may stand on the other side of the axis"),
     (Change::OtherSign, "pipe", "/tools/0/shape/center/1", "*", "a note says that the tool is far away"),
     (Change::OtherSign, "pipe", "/tools/0/adhesion", "*", "zero has no sign"),
     (Change::OtherSign, "plough", "/tools/0/adhesion", "*", "zero has no sign"),

@@ -382,6 +382,23 @@ impl ToolShape {
         }
     }
 
+    /// True if it is no section of a body of revolution about x = 0: neither beside the axis nor symmetric about it.
+    pub(crate) fn is_lopsided(&self) -> bool {
+        match self {
+            ToolShape::Box { min, max } => {
+                min.first() < Some(&0.0) && min.first() != max.first().map(|x| -x).as_ref()
+            }
+            ToolShape::Circle { center, radius } => {
+                center.first().is_some_and(|x| *x != 0.0 && x - radius < 0.0)
+            }
+            ToolShape::Polygon { vertices } | ToolShape::Polyline { vertices, .. } => {
+                let has = |x: f64, y: f64| vertices.iter().any(|corner| corner[..] == [x, y]);
+                vertices.iter().any(|corner| matches!(corner[..], [x, y] if x < 0.0 && !has(-x, y)))
+            }
+            _ => false,
+        }
+    }
+
     /// Path of its file, if it has one.
     pub(crate) fn file(&self) -> Option<&str> {
         match self {

@@ -29,6 +29,12 @@ impl Check<'_> {
             self.interfaces_of_tool(&pointer, tool);
             self.parts_of_tool(&pointer, tool);
             self.curve(&format!("{pointer}/curve"), tool.curve.as_ref());
+            if tool.curve.is_some() && tool.motion().is_empty() {
+                let message =
+                    format!("`curve` belongs to a prescribed motion, and {} has none", quote(&tool.name));
+                let help = "remove it; weight and loads have curves of their own";
+                self.error("D068", &format!("{pointer}/curve"), message, help);
+            }
         }
         self.columns_of_tools();
     }
@@ -131,6 +137,14 @@ impl Check<'_> {
             let message = format!("the tool {} cannot move along `{}`", quote(&tool.name), component.word());
             self.error("D068", &at, message, help);
         }
+        if tool.shape.is_lopsided() {
+            let message = format!(
+                "the section of the tool {} is not symmetric about the axis x = 0",
+                quote(&tool.name)
+            );
+            let help = "give the part at x ≥ 0, or a section that is symmetric about the axis";
+            self.error("D068", &format!("{pointer}/shape"), message, help);
+        }
         if tool.turned.is_some() {
             let message = "a body of revolution cannot be turned".to_owned();
             self.error("D068", &format!("{pointer}/turned"), message, help);
@@ -207,7 +221,16 @@ impl Check<'_> {
     fn interfaces_of_tool(&mut self, pointer: &str, tool: &ToolDeck) {
         let mut first: BTreeMap<&str, usize> = BTreeMap::new();
         for (index, name) in tool.bodies.iter().flatten().enumerate() {
-            self.body(&format!("{pointer}/bodies/{index}"), name);
+            let at = format!("{pointer}/bodies/{index}");
+            self.body(&at, name);
+            if tool.bodies.iter().any(|bodies| bodies[..index.min(1000)].contains(name)) {
+                let message = format!("the body {} is listed twice", quote(name));
+                self.error("D017", &at, message, "remove one of the two");
+            }
+        }
+        if tool.bodies.as_ref().is_some_and(Vec::is_empty) {
+            let help = "remove `bodies` to let the tool touch all of them";
+            self.error("D015", &format!("{pointer}/bodies"), "this tool touches no body", help);
         }
         for (index, contact) in tool.contacts.iter().enumerate() {
             let at = format!("{pointer}/contacts/{index}/body");
