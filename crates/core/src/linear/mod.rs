@@ -109,6 +109,9 @@ pub enum LinearError {
         /// An unknown involved in the singular motion, if known.
         unknown: Option<usize>,
     },
+    /// The matrix is regular, and a global unknown stays undetermined.
+    #[error("a global unknown is undetermined")]
+    Undetermined,
     /// The factor does not fit into memory.
     #[error("out of memory")]
     OutOfMemory {

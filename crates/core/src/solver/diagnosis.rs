@@ -42,6 +42,8 @@ const TOO_FAR_APART: f64 = 1e12;
 pub enum Kind {
     /// A part of the bodies can move or turn freely.
     RigidBodyMode,
+    /// Nothing resists a free motion of a tool.
+    FreeTool,
     /// A cell holds hardly any material.
     SmallCutCell,
     /// The load is beyond what the bodies can carry.
@@ -85,6 +87,7 @@ impl Kind {
     pub fn words(self) -> &'static str {
         match self {
             Kind::RigidBodyMode => "a rigid-body mode is free",
+            Kind::FreeTool => "the bodies do not resist a free motion of a tool",
             Kind::SmallCutCell => "a cell that holds hardly any material",
             Kind::PlasticCollapse => {
                 "plastic collapse: the load is probably beyond what the bodies can carry"
@@ -374,6 +377,7 @@ fn kind_of<const D: usize>(failed: &FailedAttempt<D>, found: &Found) -> Kind {
     let collapse = if is_small_step { Kind::PlasticCollapse } else { Kind::LargeSteps };
     match &failed.error {
         SolveError::Unheld { .. } => Kind::RigidBodyMode,
+        SolveError::Singular { tools, .. } if !tools.is_empty() => Kind::FreeTool,
         SolveError::NotConverged { .. } | SolveError::Singular { .. } if found.spread > TOO_FAR_APART => {
             Kind::BadScaling
         }

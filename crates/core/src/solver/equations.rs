@@ -199,7 +199,11 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         timings.measure(Phase::Factorise, || system.reduce(place.dofs));
         if self.method == Method::Iterative {
             match self.factorise_and_solve(place, system, rhs, delta, tolerance, timings) {
-                Err(error @ (LinearError::Singular { .. } | LinearError::NotConverged { .. })) => {
+                Err(
+                    error @ (LinearError::Singular { .. }
+                    | LinearError::Undetermined
+                    | LinearError::NotConverged { .. }),
+                ) => {
                     let turn =
                         timings.measure(Phase::Analyse, || self.prepare_with(Method::Direct, place, system));
                     turn.map_err(|_| error)?;
@@ -316,8 +320,7 @@ impl<const D: usize, const N: usize> Equations<D, N> {
         let residual = residuals.unwrap_or(&border.residual);
         let rhs = nalgebra::DVector::from_fn(n, |i, _| -residual[i] - along(&border.rows[i], delta));
         let change = matrix.lu().solve(&rhs).filter(|change| change.iter().all(|w| w.is_finite()));
-        let change: Vec<f64> =
-            change.ok_or(LinearError::Singular { unknown: None })?.iter().copied().collect();
+        let change: Vec<f64> = change.ok_or(LinearError::Undetermined)?.iter().copied().collect();
         for (z, w) in influence.iter().zip(&change) {
             for (delta, z) in delta.as_flattened_mut().iter_mut().zip(z.as_flattened()) {
                 *delta -= z * w;

@@ -10,7 +10,7 @@ use crate::domain::Collapsed;
 use crate::linear::LinearError;
 use crate::material::shear_modulus_at_rest;
 use crate::memory::in_words;
-use crate::model::{GridMotionError, Model};
+use crate::model::{GridMotionError, Model, Tool};
 use crate::points::{Points, coordinates};
 use crate::stress::PointError;
 use crate::terms::{
@@ -151,10 +151,12 @@ pub enum SolveError {
         error: Collapsed,
     },
     /// The stiffness is singular.
-    #[error("step {step}: the stiffness is singular{}", at_node(node))]
+    #[error("step {step}: the stiffness is singular{}{}", at_node(node), free_tools(tools))]
     Singular {
         /// Number of the step.
         step: usize,
+        /// The tools whose free motion nothing resists; empty if a motion of the bodies is the cause.
+        tools: Vec<String>,
         /// A motion without stiffness, if known: the position of a node, [length], and the axis.
         node: Option<(Vec<f64>, usize)>,
     },
@@ -312,6 +314,15 @@ fn of_size(needed: &Option<u64>) -> String {
 
 fn at_point(place: &Option<PointPlace>) -> String {
     place.as_ref().map_or(String::new(), |place| format!(" at {place}"))
+}
+
+fn free_tools(tools: &[String]) -> String {
+    let names: Vec<String> = tools.iter().map(|name| format!("`{name}`")).collect();
+    match &names[..] {
+        [] => String::new(),
+        [name] => format!(": nothing resists a free motion of the tool {name}"),
+        _ => format!(": nothing resists a free motion of one of the tools {}", names.join(", ")),
+    }
 }
 
 fn at_node(node: &Option<(Vec<f64>, usize)>) -> String {
@@ -490,7 +501,13 @@ impl SolveError {
                 let node = unknown.and_then(|u| at.dofs.place_of(u)).map(|(node, axis)| {
                     (at.model.grid.node_position(at.links.active_nodes()[node] as usize).to_vec(), axis)
                 });
-                SolveError::Singular { step, node }
+                SolveError::Singular { step, tools: Vec::new(), node }
+            }
+            LinearError::Undetermined => {
+                let components = Tool::<D>::components;
+                let is_free = |tool: &&Tool<D>| components().any(|k| tool.freedom(k).is_free());
+                let tools = at.model.tools.iter().filter(is_free).map(|tool| tool.name.clone()).collect();
+                SolveError::Singular { step, tools, node: None }
             }
         }
     }

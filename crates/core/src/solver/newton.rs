@@ -124,7 +124,7 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
     fn supported_step(&mut self) -> Result<Option<Solved>, NoIncrement> {
         let may_support = self.course.supported < MOST_SUPPORTED;
         match self.newton_step() {
-            Err(NoIncrement::Linear(error @ LinearError::Singular { .. }))
+            Err(NoIncrement::Linear(error @ (LinearError::Singular { .. } | LinearError::Undetermined)))
                 if may_support && self.system.sum.support() =>
             {
                 self.course.supported += 1;

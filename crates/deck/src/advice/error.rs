@@ -30,6 +30,10 @@ pub fn on_error(error: &SolveError) -> Option<&'static str> {
         SolveError::Collapsed { .. } => {
             Some("use `domain_update: corners`, or more load steps with `diagonal-incremental`")
         }
+        SolveError::Singular { tools, .. } if !tools.is_empty() => Some(
+            "place and load the tool so that bodies resist all of its free components, by friction where it turns or slides, or \
+             prescribe some of them",
+        ),
         SolveError::Singular { .. } => Some(
             "check that boundary conditions hold every body; if a cell holds hardly any material, move or refine the grid, \
              or use more points per cell or another method",

@@ -34,6 +34,10 @@ pub fn on_failure(diagnosis: &Diagnosis) -> String {
 fn advice(kind: Kind, of: &Circumstances) -> &'static str {
     match kind {
         Kind::RigidBodyMode => "hold every part of the bodies along every axis and against rotation",
+        Kind::FreeTool => {
+            "place and load the tool so that bodies resist all of its free components, by friction where it turns or slides, or \
+             prescribe some of them"
+        }
         Kind::SmallCutCell if of.is_stabilised => {
             "use a larger `stabilisation: {parameter}`, more points per cell, or another grid"
         }

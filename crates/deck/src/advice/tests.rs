@@ -51,10 +51,11 @@ const CODES: [Code; 17] = {
     ]
 };
 
-const KINDS: [Kind; 15] = {
+const KINDS: [Kind; 16] = {
     use Kind::*;
     [
         RigidBodyMode,
+        FreeTool,
         SmallCutCell,
         PlasticCollapse,
         Instability,
