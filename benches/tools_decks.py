@@ -257,7 +257,6 @@ boundary_conditions:
 tools:
   - {name: pipe, shape: {type: circle, center: [0, 0], radius: 1}, uy: "${-to}", friction: "${friction}",
      adhesion: "${adhesion}", tension_cut_off: 1e9, penalty: "${penalty}"}
-solver: {max_iterations: 60}
 steps: {count: "${steps}"}
 output: {every: 0}
 """

@@ -189,7 +189,7 @@ where
             tools,
             initial_imbalance: is_stressed(deck).then_some(deck.analysis.initial_imbalance),
             stepping,
-            newton: deck.solver.newton(),
+            newton: deck.solver.newton(!deck.tools.is_empty()),
             probes,
             stages: Vec::new(),
             present: Present::default(),

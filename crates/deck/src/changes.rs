@@ -250,7 +250,7 @@ mod tests {
         let mut other = old.clone();
         other.title = None;
         other.steps.as_mut().unwrap().count = 200;
-        other.solver.max_iterations = 7;
+        other.solver.max_iterations = Some(7);
         other.output.every = 3;
         assert!(changes(&old, &other, 0.5).is_empty());
         other.steps.as_mut().unwrap().end_time = 2.0;

@@ -384,6 +384,9 @@ fn yes() -> bool {
     true
 }
 
+/// Default of `max_iterations` with tools.
+const MOST_WITH_TOOLS: usize = 60;
+
 /// Control of the Newton iterations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -391,9 +394,11 @@ pub struct SolverDeck {
     /// Largest relative out-of-balance force, eq. (40), of a converged step, [-].
     #[schemars(extend("exclusiveMinimum" = 0.0, "exclusiveMaximum" = 1.0, "examples" = [1e-9]))]
     pub tolerance: f64,
-    /// Largest number of linear solves in a step.
-    #[schemars(range(min = 1, max = 1000))]
-    pub max_iterations: u32,
+    /// Largest number of linear solves in a step; by default 20, and 60 with tools, whose places open, close, stick and slide on
+    /// the way.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 1000), extend("examples" = [40]))]
+    pub max_iterations: Option<u32>,
     /// Solver for the linear equations of the iterations.
     pub linear: LinearChoice,
     /// Starting point of the iterations of a step under prescribed loads.
@@ -406,16 +411,18 @@ pub struct SolverDeck {
 
 impl Default for SolverDeck {
     fn default() -> Self {
-        let Newton { tolerance, max_iterations, linear, predictor, tangent, pattern } = Newton::default();
-        SolverDeck { tolerance, max_iterations: max_iterations as u32, linear, predictor, tangent, pattern }
+        let Newton { tolerance, linear, predictor, tangent, pattern, .. } = Newton::default();
+        SolverDeck { tolerance, max_iterations: None, linear, predictor, tangent, pattern }
     }
 }
 
 impl SolverDeck {
     /// The control of the iterations of a model.
-    pub(crate) fn newton(&self) -> Newton {
+    pub(crate) fn newton(&self, has_tools: bool) -> Newton {
         let SolverDeck { tolerance, max_iterations, linear, predictor, tangent, pattern } = *self;
-        Newton { tolerance, max_iterations: max_iterations as usize, linear, predictor, tangent, pattern }
+        let usual = if has_tools { MOST_WITH_TOOLS } else { Newton::default().max_iterations };
+        let max_iterations = max_iterations.map_or(usual, |most| most as usize);
+        Newton { tolerance, max_iterations, linear, predictor, tangent, pattern }
     }
 }
 

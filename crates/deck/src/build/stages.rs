@@ -109,7 +109,7 @@ where
             model.stages.push(Stage {
                 name: stage.name.clone(),
                 stepping,
-                newton: stage.solver.as_ref().unwrap_or(&deck.solver).newton(),
+                newton: stage.solver.as_ref().unwrap_or(&deck.solver).newton(!deck.tools.is_empty()),
                 every: stage.every.map(|every| every as usize),
                 loads,
                 boundary_conditions,
