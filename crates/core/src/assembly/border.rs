@@ -23,6 +23,8 @@ pub struct Border<const N: usize> {
     pub(crate) works: Vec<bool>,
     /// The magnitude that each residual is compared with.
     pub(crate) scale: Vec<f64>,
+    /// Round-off of each residual beyond that of its sum.
+    pub(crate) round_off: Vec<f64>,
     /// Stiffness that the solver adds to the diagonal of C where the equations alone may leave a global unknown undetermined; it
     /// changes the way to the solution only.
     pub(crate) support: Vec<f64>,
@@ -42,6 +44,7 @@ impl<const N: usize> Border<N> {
             per_factor: vec![0.0; n],
             works: vec![false; n],
             scale: vec![0.0; n],
+            round_off: vec![0.0; n],
             support: vec![0.0; n],
             first: 0,
         }
@@ -65,6 +68,11 @@ impl<const N: usize> Border<N> {
     pub fn add_residual(&mut self, i: usize, residual: f64, scale: f64) {
         self.residual[self.first + i] += residual;
         self.scale[self.first + i] += scale;
+    }
+
+    /// Adds to the round-off of the residual of global equation `i` of the term.
+    pub fn add_round_off(&mut self, i: usize, round_off: f64) {
+        self.round_off[self.first + i] += round_off;
     }
 
     /// Adds to the change of the residual of global equation `i` of the term with the load factor.
@@ -113,13 +121,16 @@ impl<const N: usize> Border<N> {
         }
     }
 
+    /// Each residual relative to its magnitude, [-], and true if it is round-off.
+    pub(crate) fn relative_residuals(&self) -> impl Iterator<Item = (f64, bool)> {
+        let terms = self.residual.iter().zip(&self.scale).zip(&self.round_off);
+        terms.map(|((r, scale), round_off)| {
+            (if *r == 0.0 { 0.0 } else { r.abs() / scale }, r.abs() <= *round_off)
+        })
+    }
+
     /// The largest residual relative to its magnitude, [-].
     pub(crate) fn relative_residual(&self) -> f64 {
-        let relative = |(r, scale): (&f64, &f64)| if *r == 0.0 { 0.0 } else { r.abs() / scale };
-        self.residual
-            .iter()
-            .zip(&self.scale)
-            .map(relative)
-            .fold(0.0, |a, b| if a >= b || f64::is_nan(a) { a } else { b })
+        self.relative_residuals().fold(0.0, |a, (b, _)| if a >= b || f64::is_nan(a) { a } else { b })
     }
 }

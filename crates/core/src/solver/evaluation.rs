@@ -115,6 +115,10 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
                 outcome => outcome?,
             }
             let found = self.residual_by_parts();
+            // Round-off alone tells nothing about the length of an increment.
+            if found.residual <= self.context.model.newton.tolerance {
+                return Ok(found);
+            }
             if searches < most_searches
                 && !self.course.is_augmented
                 && self.may_search(iteration, found.residual)
@@ -170,7 +174,10 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         let forces = unknowns.forces(&self.course.out_of_balance, system);
         let tolerance = model.newton.tolerance;
         let measured = forces.measure(&self.system.parts, tolerance, &at);
-        measured.or_larger(system.border.relative_residual(), tolerance)
+        let of_globals = system.border.relative_residuals();
+        of_globals.fold(measured, |measured, of_global| {
+            measured.and(Measured::of_global(of_global, tolerance), tolerance)
+        })
     }
 
     /// True if bodies touch tools and an increment of late iterations has led to a larger residual.

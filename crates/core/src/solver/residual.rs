@@ -129,10 +129,29 @@ pub(super) struct Measured {
 }
 
 impl Measured {
-    /// The larger of this residual and another that is not due to round-off.
-    pub(super) fn or_larger(self, residual: f64, tolerance: f64) -> Measured {
-        let round_off = if residual > tolerance { RoundOff::NoMatter } else { self.round_off };
-        Measured { residual: largest(self.residual, residual), round_off }
+    /// A residual of one global equation, which may be round-off.
+    pub(super) fn of_global((residual, is_round_off): (f64, bool), tolerance: f64) -> Measured {
+        let round_off = match residual {
+            _ if !is_round_off || residual <= tolerance => RoundOff::NoMatter,
+            _ if residual > MOST_OF_ROUND_OFF => RoundOff::Forbids,
+            _ => RoundOff::Limits,
+        };
+        Measured { residual, round_off }
+    }
+
+    /// This and further equations together.
+    pub(super) fn and(self, other: Measured, tolerance: f64) -> Measured {
+        let is_open = |measured: &Measured| measured.residual > tolerance || measured.residual.is_nan();
+        let round_off = match (is_open(&self), is_open(&other)) {
+            (_, false) => self.round_off,
+            (false, true) => other.round_off,
+            (true, true) => match [self.round_off, other.round_off] {
+                [RoundOff::NoMatter, _] | [_, RoundOff::NoMatter] => RoundOff::NoMatter,
+                [RoundOff::Forbids, _] | [_, RoundOff::Forbids] => RoundOff::Forbids,
+                [RoundOff::OfNothing, last] | [last, _] => last,
+            },
+        };
+        Measured { residual: largest(self.residual, other.residual), round_off }
     }
 }
 
@@ -234,7 +253,7 @@ impl<const N: usize> Forces<'_, N> {
     ) -> Measured {
         let further = self.of_further_fields(parts, at.system.internal_force()).fold(0.0, largest);
         let measured = self.measure_displacement(parts, tolerance, at);
-        measured.or_larger(further, tolerance)
+        measured.and(Measured { residual: further, round_off: RoundOff::NoMatter }, tolerance)
     }
 
     fn measure_displacement<const D: usize>(

@@ -261,6 +261,8 @@ impl<const D: usize> Balance<'_, D> {
             if !moving.follows[j] {
                 let size = norm(force) * if k < D { 1.0 } else { arm };
                 sum.border.add_residual(first + j, self.component(k, force), size);
+                let round_off = touch.round_off(moving.extent(&candidate.start));
+                sum.border.add_round_off(first + j, round_off * if k < D { 1.0 } else { arm });
             }
             // Column: the tool moves.
             let (at_place, rate) = moving.velocity(k, x);
