@@ -275,6 +275,10 @@ impl<const D: usize, const N: usize> LoadStep<'_, D, N> {
         if let Some(error) = self.course.singular {
             return SolveError::linear(error, self.context.place(&self.system.dofs), step);
         }
+        let is_path_missed = self.system.condition.as_ref().is_some_and(|condition| !condition.is_met());
+        if is_path_missed && self.course.is_equilibrium(model.newton.tolerance) {
+            return SolveError::NoPath { step: step.index, reason: NoPath::NoIntersection };
+        }
         let residuals = self.course.residuals.clone();
         let out_of_balance = displacement(&self.course.out_of_balance);
         if self.course.round_off == RoundOff::Forbids {
