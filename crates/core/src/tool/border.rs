@@ -5,11 +5,15 @@ use super::error::ShapeError;
 use super::features::Place;
 use super::segments::{Segments, right_normal};
 use super::shape::largest;
-use crate::region::vector::{along, dot, norm};
+use crate::region::vector::{along, dot, minus, norm};
 use crate::region::{Bounds, Polygon, Primitive};
 
 /// Below this sine, the side of a pseudonormal is left to the exact test: round-off could decide.
 pub(super) const UNSURE: f64 = 1e-6;
+/// Distance from a corner, relative to the length of an edge, within which two faces may be equally near, [-].
+const NEAR_CORNER: f64 = 1e-2;
+/// Difference of the distances from two faces, relative to that from their corner, within which they are equally near, [-].
+const EQUAL: f64 = 1e-9;
 
 /// The edges of a polygon; those on the axis are left out of a section.
 #[derive(Debug, Clone)]
@@ -33,6 +37,34 @@ pub(super) fn polygon(corners: Vec<[f64; 2]>) -> Result<Polygon, ShapeError> {
         return Err(ShapeError::ZeroEdge { edge });
     }
     Ok(Polygon::new(corners)?)
+}
+
+/// The direction in the middle of two normals with this sum; `None` if they are opposite.
+fn middle(sum: &[f64; 2]) -> Option<[f64; 2]> {
+    let size = norm(sum);
+    (size > UNSURE).then(|| sum.map(|n| n / size))
+}
+
+/// The corner between two equally near faces of a polygon, for a position at it or inside: symmetry leaves the way along the
+/// middle of both. `ends` are those of the edge on which the closest point was `found`.
+fn between_faces(
+    x: &[f64; 2],
+    found: &Closest<2>,
+    ends: &[[f64; 2]; 2],
+    pseudonormals: &[[f64; 2]; 2],
+    touching: f64,
+) -> Option<Closest<2>> {
+    if found.gap > 0.0 {
+        return None;
+    }
+    let near = NEAR_CORNER * norm(&minus(&ends[1], &ends[0]));
+    ends.iter().zip(pseudonormals).find_map(|(corner, sum)| {
+        let from_corner = minus(x, corner);
+        let (distance, other) = (norm(&from_corner), minus(sum, &found.normal));
+        let is_tie = (dot(&from_corner, &other) - found.gap).abs() <= EQUAL * distance + touching;
+        let normal = middle(sum).filter(|_| is_tie && distance <= near.max(touching))?;
+        Some(Closest::on_plane(x, 0.0 - distance, normal, found.part))
+    })
 }
 
 impl Border {
@@ -68,14 +100,17 @@ impl Border {
         let (feature, item, edge) = self.edges.nearest(x, limit).found?;
         let part = self.numbers[edge as usize];
         let normal = self.edges.normal(item).map(|x| self.orientation * x);
+        let pseudonormals = &self.pseudonormals[edge as usize];
+        let touching = TOUCHING * largest(&self.edges.bounds());
         let Place::Corner(end) = feature.place else {
-            return Some(Closest::on_plane(x, dot(&feature.offset, &normal), normal, part));
+            let found = Closest::on_plane(x, dot(&feature.offset, &normal), normal, part);
+            return between_faces(x, &found, self.edges.ends(item), pseudonormals, touching).or(Some(found));
         };
         let distance = norm(&feature.offset);
-        if distance <= TOUCHING * largest(&self.edges.bounds()) {
-            return Some(Closest::at_corner(x, normal, part));
+        if distance <= touching {
+            return Some(Closest::at_corner(x, middle(&pseudonormals[end]).unwrap_or(normal), part));
         }
-        let height = dot(&feature.offset, &self.pseudonormals[edge as usize][end]);
+        let height = dot(&feature.offset, &pseudonormals[end]);
         let is_sure = height.abs() > UNSURE * distance;
         let outside = if is_sure { height > 0.0 } else { !self.polygon.contains(x) };
         Some(Closest::on_corner(x, &feature.offset, outside, None, part))

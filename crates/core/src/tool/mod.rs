@@ -27,6 +27,7 @@
 //! | at a corner, around the centre of a ball | ∂n/∂x = (I − n⊗n)/g | the same without e |
 //! | on a parallel surface at a distance h | g − h, the same n and ∂n/∂x | |
 //! | body of revolution | section in (r, h), and ∂n/∂x gains (n_r/r) e_θ⊗e_θ | curvature of the parallels |
+//! | inside a corner of a polygon, in the middle of its faces | g to the corner, ∂n/∂x = 0 | symmetry |
 //! | inside a tip, on the axis of revolution | g along the axis, ∂n/∂x = 0 | symmetry |
 //! | beyond the border of an end with gaps a, b | g² = a² + b², g n = a∇a + b∇b | derivative of this for ∂n/∂x |
 //! | sign at edges and corners of triangles | sign of (x − p) · Σ α_f n_f, with the angles α_f | Bærentzen and Aanæs, *IEEE Trans. Vis. Comput. Graph.* 11 (2005) 243 |
@@ -37,7 +38,8 @@
 //! | closest feature | branch and bound over boxes, near boxes first | |
 //!
 //! Outside a convex edge or corner the gap is that of the rounded parallel surface, so the normal is continuous there;
-//! inside, the normal is that of the closest part and jumps across the medial axis.
+//! inside, the normal is that of the closest part and jumps across the medial axis. On it, beside a corner of a polygon, the
+//! closest point is the corner, and the normal that in the middle of both faces.
 
 mod border;
 mod closest;

@@ -39,6 +39,11 @@ impl Segments {
         nearest
     }
 
+    /// Ends of a segment, by its index in the order of the tree.
+    pub(super) fn ends(&self, item: usize) -> &[[f64; 2]; 2] {
+        &self.ends[item]
+    }
+
     /// Unit normal of a segment, by its index in the order of the tree.
     pub(super) fn normal(&self, item: usize) -> [f64; 2] {
         self.normals[item]

@@ -218,3 +218,32 @@ fn tips_push_along_their_axis() {
         right.normal[0] > 0.8 && left.normal == [-right.normal[0], right.normal[1]] && left.gap == right.gap
     );
 }
+
+/// Between its faces, a wedge pushes along their middle, at its edge and inside; beside it, the closest face pushes.
+#[test]
+fn wedges_push_along_their_middle() {
+    for (rise, turned) in [(0.5, false), (1.0, true), (2.0, false)] {
+        let mut corners =
+            vec![[0.3, 0.1], [0.8, 0.1 + 0.5 * rise], [0.8, 3.0], [-0.2, 3.0], [-0.2, 0.1 + 0.5 * rise]];
+        if turned {
+            corners.reverse();
+        }
+        let wedge = ClosedPolygon::new(corners.clone()).unwrap();
+        let roof = Extrusion::new(corners, 1, [0.0, 2.0]).unwrap();
+        for depth in [0.0, 1e-9, 1e-6, 1e-3] {
+            let found = wedge.closest([0.3, 0.1 + depth]).unwrap();
+            assert!(
+                (found.gap + depth).abs() < 1e-15 && (found.normal[1] + 1.0).abs() < 1e-15,
+                "{depth} {found:?}"
+            );
+            assert!(found.normal[0].abs() < 1e-12 && found.normal_derivative == [[0.0; 2]; 2]);
+            let found = roof.closest([0.3, 1.0, 0.1 + depth]).unwrap();
+            assert!(
+                (found.gap + depth).abs() < 1e-15 && (found.normal[2] + 1.0).abs() < 1e-15,
+                "{depth} {found:?}"
+            );
+        }
+        let [left, right] = [-1e-4, 1e-4].map(|x| wedge.closest([0.3 + x, 0.101]).unwrap());
+        assert!(left.normal[0] < -0.4 && right.normal[0] > 0.4 && (left.gap - right.gap).abs() < 1e-15);
+    }
+}
