@@ -63,7 +63,8 @@ fn between_faces(
         let (distance, other) = (norm(&from_corner), minus(sum, &found.normal));
         let is_tie = (dot(&from_corner, &other) - found.gap).abs() <= EQUAL * distance + touching;
         let normal = middle(sum).filter(|_| is_tie && distance <= near.max(touching))?;
-        Some(Closest::on_plane(x, 0.0 - distance, normal, found.part))
+        // Along the middle; where both faces lie on one line, the gap stays as it is.
+        Some(Closest::on_plane(x, found.gap / dot(&normal, &found.normal), normal, found.part))
     })
 }
 

@@ -247,3 +247,17 @@ fn wedges_push_along_their_middle() {
         assert!(left.normal[0] < -0.4 && right.normal[0] > 0.4 && (left.gap - right.gap).abs() < 1e-15);
     }
 }
+
+/// A corner on a straight side is none: the gap beside it is that of the side.
+#[test]
+fn corners_on_straight_sides_change_nothing() {
+    let square = ClosedPolygon::new(vec![[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]).unwrap();
+    let divided =
+        ClosedPolygon::new(vec![[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]).unwrap();
+    for beside in [-9e-3, -1e-6, 0.0, 1e-6, 9e-3] {
+        for depth in [0.0, 1e-9, 1e-4] {
+            let [a, b] = [&square, &divided].map(|shape| shape.closest([1.0 + beside, depth]).unwrap());
+            assert_eq!((a.gap, a.normal, a.point), (b.gap, b.normal, b.point), "{beside} {depth}");
+        }
+    }
+}
